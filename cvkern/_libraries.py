@@ -1,0 +1,194 @@
+"""What cvkern asks of the array libraries of its callers, one class each.
+
+A library is known by the module of its arrays' type, and imported only when such an array comes.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import numpy as np
+
+CUDA, CUDA_MANAGED = 2, 13  # device types of DLPack
+
+
+class NumPy:
+    """NumPy, and whatever NumPy can read: lists, pictures, CPU arrays of unknown libraries."""
+
+    writable = True
+
+    def dtype(self, array: Any) -> np.dtype:
+        """Return the NumPy dtype of `array`."""
+        return array.dtype
+
+    def stream(self, device: str) -> int | None:
+        """Return the caller's current CUDA stream, or None where the library has none."""
+        return None
+
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Return `array` in C order, native byte order and `dtype`: itself, if it is so already."""
+        return np.ascontiguousarray(array, dtype)
+
+    def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+        """Allocate an uninitialised array on `device`."""
+        return np.empty(shape, dtype)
+
+    def finish(self, array: Any) -> Any:
+        """Make the library's own array of one that a kernel set filled."""
+        return array
+
+
+class Torch(NumPy):
+    """PyTorch tensors."""
+
+    def __init__(self) -> None:
+        self._torch = importlib.import_module("torch")
+
+    def dtype(self, array: Any) -> np.dtype:
+        """Return the NumPy dtype of `array`; bfloat16, which NumPy lacks, counts as float32."""
+        name = str(array.dtype).removeprefix("torch.")
+        return np.dtype("float32" if name == "bfloat16" else name)
+
+    def stream(self, device: str) -> int | None:
+        """Return the current stream of this thread."""
+        return self._torch.cuda.current_stream(device).cuda_stream
+
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Convert on the tensor's own device."""
+        if array.requires_grad:
+            raise TypeError("tensors must not require grad, got one that does: call .detach()")
+        return array.to(getattr(self._torch, dtype.name)).contiguous()
+
+    def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+        """Allocate with PyTorch's caching allocator."""
+        return self._torch.empty(shape, dtype=getattr(self._torch, dtype.name), device=device)
+
+
+class CuPy(NumPy):
+    """CuPy arrays."""
+
+    def __init__(self) -> None:
+        self._cupy = importlib.import_module("cupy")
+
+    def stream(self, device: str) -> int | None:
+        """Return the current stream of this thread."""
+        with self._cupy.cuda.Device(_index(device)):
+            return self._cupy.cuda.get_current_stream().ptr
+
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Convert on the array's own device."""
+        with array.device:
+            return self._cupy.ascontiguousarray(array, dtype)
+
+    def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+        """Allocate from CuPy's memory pool."""
+        with self._cupy.cuda.Device(_index(device)):
+            return self._cupy.empty(shape, dtype)
+
+
+class Warp(NumPy):
+    """Warp arrays."""
+
+    def __init__(self) -> None:
+        self._warp = importlib.import_module("warp")
+
+    def dtype(self, array: Any) -> np.dtype:
+        """Return the dtype of scalar arrays; vectors and matrices are no images."""
+        if self._warp.types.type_is_vector(array.dtype) or self._warp.types.type_is_matrix(
+            array.dtype
+        ):
+            raise TypeError(f"Warp arrays must hold scalars, got {array.dtype.__name__}")
+        return np.dtype(self._warp.dtype_to_numpy(array.dtype))
+
+    def stream(self, device: str) -> int | None:
+        """Return Warp's current stream of the device."""
+        return self._warp.get_stream(device).cuda_stream
+
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Convert on the array's own device."""
+        wanted = self._carried(dtype)
+        if array.dtype is not wanted:
+            cast = self._warp.empty(array.shape, dtype=wanted, device=array.device)
+            self._warp.utils.array_cast(array.contiguous(), cast)
+            return cast
+        return array if array.is_contiguous else array.contiguous()
+
+    def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+        """Allocate with Warp."""
+        return self._warp.empty(shape, dtype=self._carried(dtype), device=device)
+
+    def _carried(self, dtype: np.dtype) -> Any:
+        return self._warp.bool if dtype == np.bool_ else self._warp.dtype_from_numpy(dtype)
+
+
+class Jax(NumPy):
+    """JAX arrays: immutable, so that results are made elsewhere and handed over by DLPack."""
+
+    writable = False
+
+    def __init__(self) -> None:
+        self._numpy = importlib.import_module("jax.numpy")
+
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Convert on the array's own device; JAX arrays are contiguous."""
+        return array.astype(dtype)
+
+    def finish(self, array: Any) -> Any:
+        """Hand the memory over, without a copy where JAX takes it."""
+        return self._numpy.from_dlpack(array)
+
+
+class Other(NumPy):
+    """CUDA arrays of any other library that speaks DLPack or ``__cuda_array_interface__``.
+
+    Their results are Warp arrays, which speak both.
+    """
+
+    writable = False
+
+    def dtype(self, array: Any) -> np.dtype:
+        """Read the dtype off the interface."""
+        return np.dtype(array.__cuda_array_interface__["typestr"])
+
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Refuse what only the library itself could convert."""
+        interface = array.__cuda_array_interface__
+        if np.dtype(interface["typestr"]) != dtype or interface.get("strides") is not None:
+            raise TypeError(
+                f"CUDA arrays of {type(array).__module__} must be contiguous {dtype.name}, "
+                f"got {interface['typestr']} with strides {interface.get('strides')}"
+            )
+        return array
+
+
+_CLASSES = {"torch": Torch, "cupy": CuPy, "warp": Warp, "jax": Jax, "jaxlib": Jax}
+_known: dict[str, NumPy] = {"numpy": NumPy()}
+
+
+def library(array: Any) -> NumPy:
+    """Return the library that `array` belongs to."""
+    name = "numpy"
+    if not isinstance(array, np.ndarray):
+        module = type(array).__module__.partition(".")[0]
+        if module in _CLASSES:
+            name = module
+        elif hasattr(array, "__cuda_array_interface__"):
+            name = "other"
+    if name not in _known:
+        _known[name] = _CLASSES.get(name, Other)()
+    return _known[name]
+
+
+def device(array: Any) -> str:
+    """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
+    if isinstance(array, np.ndarray):
+        return "cpu"
+    if hasattr(array, "__dlpack_device__"):
+        kind, index = array.__dlpack_device__()
+        return f"cuda:{int(index)}" if kind in (CUDA, CUDA_MANAGED) else "cpu"
+    return "cuda:0" if hasattr(array, "__cuda_array_interface__") else "cpu"
+
+
+def _index(device: str) -> int:
+    return int(device.partition(":")[2] or 0)

@@ -1,0 +1,177 @@
+"""Which kernel set runs a call, on which device, and how arrays cross into it and back.
+
+This is the only module that knows there is more than one kernel framework.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import threading
+from contextvars import ContextVar
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cvkern import _libraries
+
+KERNEL_SETS = ("warp", "taichi")
+
+_chosen: ContextVar[tuple[str, str] | None] = ContextVar("cvkern", default=None)
+
+
+class use:
+    """Choose the kernel set, and the device of NumPy work, for the calls that follow.
+
+    A statement holds until the next one in this thread (or asyncio task), ``with`` for its block.
+    The environment variables ``CVKERN_BACKEND`` and ``CVKERN_DEVICE`` set the defaults.
+
+    Parameters
+    ----------
+    backend : {'warp', 'taichi'}, optional
+        The kernel set; unchanged when omitted.
+    device : str, optional
+        ``"cpu"``, ``"cuda"`` or ``"cuda:N"``: where NumPy arrays are computed. Arrays that live
+        on a GPU are computed there in any case. Unchanged when omitted.
+
+    Raises
+    ------
+    ValueError
+        If either is unknown. A device that is not there is found out by the first call.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> with cvkern.use(backend="taichi"):
+    ...     cvkern.gaussian(np.ones((2, 3)), 1.0).shape
+    (2, 3)
+    """
+
+    def __init__(self, backend: str | None = None, device: str | None = None):
+        old_backend, old_device = _choice()
+        self._token = _chosen.set(_checked(backend or old_backend, device or old_device))
+
+    def __enter__(self) -> use:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        _chosen.reset(self._token)
+
+
+def _choice() -> tuple[str, str]:
+    chosen = _chosen.get()
+    if chosen is None:
+        backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
+        chosen = _checked(backend or "warp", device or "cpu")
+    return chosen
+
+
+def _checked(backend: str, device: str) -> tuple[str, str]:
+    if backend not in KERNEL_SETS:
+        raise ValueError(f"backend must be one of {KERNEL_SETS}, got {backend!r}")
+    if not re.fullmatch(r"cpu|cuda(:\d+)?", device):
+        raise ValueError(f"device must be 'cpu', 'cuda' or 'cuda:N', got {device!r}")
+    return backend, "cuda:0" if device == "cuda" else device
+
+
+class Runtime:
+    """One kernel set on one device, for the arrays of one library.
+
+    ``rt.FAMILY.PRIMITIVE(...)`` launches a kernel: attribute access imports
+    ``cvkern.kernels.<set>.<family>`` on first use. Static tools see the Warp set;
+    ``tests/test_parity.py`` holds the other to the same signatures.
+    """
+
+    if TYPE_CHECKING:
+        from cvkern.kernels.warp import edges, filters
+
+    def __init__(self, name: str, device: str, library: _libraries.NumPy):
+        self.name, self.device, self.library = name, device, library
+        self.set = importlib.import_module(f"cvkern.kernels.{name}")
+
+    def __getattr__(self, family: str) -> Any:
+        if family.startswith("_"):
+            raise AttributeError(family)
+        module = importlib.import_module(f"cvkern.kernels.{self.name}.{family}")
+        setattr(self, family, module)
+        return module
+
+    def adopt(self, array: Any, dtype: Any = np.float32) -> Any:
+        """View `array` for kernels, as a contiguous array of `dtype`; a copy only where it must.
+
+        The view of an input is for reading only: it may be the caller's own memory.
+        """
+        dtype, library = np.dtype(dtype), _libraries.library(array)
+        ready = library.contiguous(array, dtype)
+        if ready is not array and _tape.buffers is not None and self.device != "cpu":
+            raise ValueError(
+                f"captured arrays must be contiguous and {dtype.name} on a GPU, "
+                f"got {library.dtype(array).name}"
+            )
+        if self.device == "cpu":
+            ready = np.asarray(ready)
+        return self.set.adopt(ready, self.device)
+
+    def empty(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
+        """Allocate a result, in the caller's library where that can be written to."""
+        if _tape.replayed is not None:
+            return next(_tape.replayed)
+        dtype = np.dtype(dtype)
+        if self.device == "cpu":
+            result = (self.library if self.library.writable else _NUMPY).empty(shape, dtype, "cpu")
+        elif self.library.writable and self.library is not _NUMPY:
+            result = self.library.empty(shape, dtype, self.device)
+        else:
+            result = self.set.empty(shape, dtype, self.device)
+        if _tape.buffers is not None:
+            _tape.buffers.append(result)
+        return result
+
+    def scratch(self, name: str, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
+        """Return kernel memory that stays valid until this thread asks for `name` again."""
+        return self.set.scratch(name, shape, np.dtype(dtype), self.device)
+
+    def release(self, result: Any) -> Any:
+        """Return what :meth:`empty` gave, once kernels have filled it, as the caller's array."""
+        if self.library is _NUMPY:
+            return result if isinstance(result, np.ndarray) else self.to_numpy(result)
+        return self.library.finish(result)
+
+    def to_numpy(self, array: Any) -> np.ndarray:
+        """Wait for a kernel array and bring it to the host."""
+        if _tape.buffers is not None:
+            raise ValueError("captured functions must not depend on values on the host")
+        return self.set.to_numpy(array)
+
+
+class _Tape(threading.local):
+    """The results of a captured call: recorded by its rehearsal, filled again by its replays."""
+
+    buffers: list[Any] | None = None
+    replayed: Any = None
+
+
+_tape = _Tape()
+_NUMPY = _libraries.library(np.empty(0))
+_runtimes: dict[tuple[str, str, _libraries.NumPy], Runtime] = {}
+
+
+def runtime(*arrays: Any) -> Runtime:
+    """Return the chosen kernel set, ready on the device and the stream of `arrays`."""
+    name, device = _choice()
+    library = _NUMPY
+    given = [(_libraries.library(a), _libraries.device(a)) for a in arrays if a is not None]
+    foreign = [(lib, where) for lib, where in given if lib is not _NUMPY]
+    if foreign:
+        library, device = foreign[0]
+        places = sorted({where for _, where in foreign})
+        if len(places) > 1:
+            raise ValueError(f"arrays must be on one device, got {', '.join(places)}")
+    key = (name, device, library)
+    rt = _runtimes.get(key)
+    if rt is None:
+        rt = _runtimes.setdefault(key, Runtime(name, device, library))
+    rt.set.start(device, library.stream(device) if device != "cpu" else None)
+    return rt

@@ -1,0 +1,111 @@
+"""Argument checks shared by every public function: one rule, one sentence, one place."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import Any, TypeVar
+
+import numpy as np
+
+from cvkern import _libraries
+
+E = TypeVar("E", bound=IntEnum)
+
+# Kernels index bytes with 32 bits: 2^29 elements of four bytes.
+MAX_ELEMENTS = 2**29
+
+
+def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image") -> Any:
+    """Return `image` as an array of real values with one of the ranks, and no empty axis."""
+    library = _libraries.library(image)
+    if not hasattr(image, "shape"):
+        image = np.asarray(image)
+    dtype = library.dtype(image)
+    if dtype.kind not in "biuf":
+        raise TypeError(f"{name} must hold real numbers, got dtype {dtype}")
+    shape = tuple(image.shape)
+    if len(shape) not in ndim:
+        want = " or ".join(f"{n}-D" for n in ndim)
+        raise ValueError(f"{name} must be {want}, got shape {shape}")
+    if 0 in shape:
+        raise ValueError(f"{name} must not be empty, got shape {shape}")
+    if math.prod(shape) > MAX_ELEMENTS:
+        raise ValueError(f"{name} must have at most {MAX_ELEMENTS} elements, got shape {shape}")
+    return image
+
+
+def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
+    """Return the axis that is not filtered, counted from the front, or None."""
+    if (len(shape) == 3) != (channel_axis is not None):
+        raise ValueError(
+            f"channel_axis must be given for 3-D images and for no others, "
+            f"got {channel_axis} for shape {tuple(shape)}"
+        )
+    if channel_axis is None:
+        return None
+    if not -3 <= channel_axis < 3:
+        raise ValueError(f"channel_axis must be in [-3, 3), got {channel_axis}")
+    return channel_axis % 3
+
+
+def check_code(value: str, codes: type[E], name: str) -> E:
+    """Return the member of `codes` called `value` (the code that kernels switch on)."""
+    names = tuple(code.name.lower() for code in codes)
+    if value not in names:
+        raise ValueError(f"{name} must be one of {names}, got {value!r}")
+    return codes[value.upper()]
+
+
+def check_choice(value: str, choices: Sequence[str], name: str) -> str:
+    """Return `value` if it is one of `choices`."""
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {tuple(choices)}, got {value!r}")
+    return value
+
+
+def check_number(
+    value: float, name: str, *, low: float = -math.inf, finite: bool = True
+) -> float:
+    """Return `value` as a float of at least `low`."""
+    number = float(value)
+    if math.isnan(number) or (finite and math.isinf(number)) or number < low:
+        rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
+        raise ValueError(f"{name} must be {rule}, got {value}")
+    return number
+
+
+def check_integer(value: int, name: str, low: int, high: int) -> int:
+    """Return `value` as an int in [low, high]."""
+    number = operator.index(value)
+    if not low <= number <= high:
+        raise ValueError(f"{name} must be in [{low}, {high}], got {value}")
+    return number
+
+
+def check_pair(value: Any, name: str) -> tuple[Any, Any]:
+    """Return `value` twice, or the two values that it is: down the rows, along the columns."""
+    if np.ndim(value) == 0:
+        return value, value
+    values = tuple(value)
+    if len(values) != 2:
+        raise ValueError(f"{name} must be one number or two, got {len(values)}")
+    return values[0], values[1]
+
+
+def check_out(out: Any, image: Any, dtype: Any) -> None:
+    """Refuse an `out` that is not an array like `image`, of `dtype`, and apart from it."""
+    if out is None:
+        return
+    if _libraries.library(out) is not _libraries.library(image) or isinstance(out, (list, tuple)):
+        raise TypeError(f"out must be an array like the image, got {type(out).__name__}")
+    if tuple(out.shape) != tuple(image.shape):
+        raise ValueError(f"out must have shape {tuple(image.shape)}, got {tuple(out.shape)}")
+    if _libraries.library(out).dtype(out) != np.dtype(dtype):
+        raise TypeError(f"out must be {np.dtype(dtype)}, got {out.dtype}")
+    if isinstance(out, np.ndarray) and not (out.flags.c_contiguous and out.flags.writeable):
+        raise ValueError("out must be contiguous and writeable, got an array that is not")
+    if isinstance(out, np.ndarray) and np.may_share_memory(out, image):
+        raise ValueError("out must not share memory with the image, got one that does")

@@ -1,0 +1,56 @@
+"""The Taichi kernel set: arrays here, primitives in the modules of this folder.
+
+Arrays are NumPy's on the CPU. On CUDA they are Warp's, which bring memory and DLPack without
+torch; Taichi is handed their addresses. Modules of this folder must not use
+``from __future__ import annotations``: Taichi reads annotations as objects.
+"""
+
+import os
+import warnings
+from typing import Any
+
+import numpy as np
+
+# Both are read by Taichi: no banner on import, no request to its version server on start.
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)  # locale.getdefaultlocale
+    import taichi  # noqa: F401  (before the modules of this folder do)
+
+from ._launch import start, synchronize
+
+__all__ = ["adopt", "empty", "scratch", "start", "to_numpy"]
+
+
+def adopt(array: Any, device: str) -> Any:
+    """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
+    if device == "cpu":
+        host = np.asarray(array)
+        # Whatever address and strides NumPy calls contiguous, Taichi reads it in place.
+        return host.view(np.uint8) if host.dtype == np.bool_ else np.require(host, None, "CA")
+    from . import _cuda
+
+    return _cuda.adopt(array)
+
+
+def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+    """Allocate an uninitialised array."""
+    if device == "cpu":
+        return np.empty(shape, dtype)
+    from . import _cuda
+
+    return _cuda.empty(shape, dtype)
+
+
+def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+    """Return memory that stays valid until this thread asks for `name` again."""
+    return empty(shape, np.dtype(np.uint8 if dtype == np.bool_ else dtype), device)
+
+
+def to_numpy(array: Any) -> np.ndarray:
+    """Wait for the kernels that fill `array`, then bring it to the host (itself on the CPU)."""
+    if isinstance(array, np.ndarray):
+        return array
+    synchronize()
+    return array.numpy()

@@ -1,0 +1,62 @@
+"""Device arrays for Taichi's CUDA kernels: Warp's, seen by Taichi as addresses.
+
+Taichi and Warp both work in the primary context of the first GPU. Taichi's launcher takes any
+address of that GPU's memory as it is, so a NumPy header that carries one is all it needs.
+"""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+DEVICE = "cuda:0"  # Taichi drives the first GPU that CUDA shows
+
+
+def adopt(array: Any) -> wp.array:
+    """View a contiguous array of the device, bool as uint8; copy one of the host."""
+    wp.init()
+    if isinstance(array, np.ndarray):
+        host = array.view(np.uint8) if array.dtype == np.bool_ else array
+        return wp.array(host, dtype=wp.dtype_from_numpy(host.dtype), device=DEVICE)
+    if isinstance(array, wp.array):
+        return array.view(wp.uint8) if array.dtype is wp.bool else array
+    if hasattr(array, "at"):  # JAX: its DLPack also orders the streams
+        return adopt(wp.from_dlpack(array))
+    return _view(array, DEVICE)
+
+
+def empty(shape: tuple[int, ...], dtype: np.dtype) -> wp.array:
+    """Allocate an uninitialised array."""
+    wp.init()
+    scalar = wp.bool if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
+    return wp.empty(shape, dtype=scalar, device=DEVICE)
+
+
+def header(array: wp.array) -> np.ndarray:
+    """Return a NumPy array with the address of `array`, for Taichi alone to read and write."""
+    dtype = np.dtype(wp.dtype_to_numpy(array.dtype))
+    if array.size == 0:
+        return np.empty(tuple(array.shape), dtype)
+    return np.asarray(_Interface(array, dtype))
+
+
+class _Interface:
+    """NumPy's array interface of a contiguous Warp array, which it keeps alive."""
+
+    def __init__(self, array: wp.array, dtype: np.dtype) -> None:
+        self.array = array
+        self.__array_interface__ = {
+            "version": 3,
+            "shape": tuple(array.shape),
+            "typestr": dtype.str,
+            "data": (array.ptr, False),
+        }
+
+
+def _view(owner: Any, device: str) -> wp.array:
+    face = owner.__cuda_array_interface__
+    dtype = np.dtype(face["typestr"])
+    scalar = wp.uint8 if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
+    view = wp.array(ptr=face["data"][0], dtype=scalar, shape=face["shape"], device=device)
+    view.owner = owner  # keeps the memory alive
+    return view

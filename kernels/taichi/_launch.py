@@ -1,0 +1,157 @@
+"""Taichi's one program: how it starts, and the one gate through which every primitive launches."""
+
+import contextlib
+import functools
+import io
+import os
+import threading
+from collections.abc import Callable
+from typing import Any, ParamSpec
+
+import numpy as np
+import taichi as ti
+
+P = ParamSpec("P")
+
+# Taichi compiles and launches on one thread at a time.
+_lock = threading.RLock()
+
+
+class _Program:
+    """The Taichi program that runs our kernels."""
+
+    device = ""
+    handle: Any = None
+    process = 0
+
+
+class _Caller(threading.local):
+    """What the calling thread works on: its device, and there its CUDA stream if it has one."""
+
+    device = ""
+    stream: int | None = None
+
+
+_program = _Program()
+_caller = _Caller()
+_LEGACY = (0, 1)  # names of CUDA's default stream, the only one that Taichi launches on
+
+
+def start(device: str, stream: int | None = None) -> None:
+    """Initialise Taichi on `device`, order this thread's launches with the CUDA stream `stream`.
+
+    A process holds one Taichi program at a time: a change of device starts it anew.
+    ``CVKERN_NUM_THREADS`` sets the threads of the CPU, by default the cores that we may use.
+
+    Raises
+    ------
+    ValueError
+        If Taichi cannot drive `device` here; of several GPUs it drives the first.
+    RuntimeError
+        If other code in this process has a Taichi program: starting ours would destroy its
+        fields. Also in a forked child of a process that started Taichi.
+    """
+    arch = {"cpu": ti.cpu, "cuda": ti.cuda, "cuda:0": ti.cuda}.get(device)
+    if arch is None or not ti.lang.misc.is_arch_supported(arch):
+        raise ValueError(f"device must be one that Taichi can drive here, got {device!r}")
+    _check_process()
+    with _lock:
+        _caller.device, _caller.stream = device.partition(":")[0], stream
+        _switch(_caller.device, arch)
+
+
+def primitive(launch: Callable[P, None]) -> Callable[P, None]:
+    """Make a launcher safe to call from any thread, and in order with the caller's CUDA stream."""
+
+    @functools.wraps(launch)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> None:
+        _check_process()
+        with _lock:
+            if not _caller.device:  # a thread that has not called start()
+                _caller.device = _program.device
+            _switch(_caller.device, ti.cpu if _caller.device == "cpu" else ti.cuda)
+            if _caller.device == "cpu":
+                launch(*args, **kwargs)
+            else:
+                _launch_on_cuda(launch, args, kwargs)
+
+    return guarded
+
+
+def scratch(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
+    """Allocate what a primitive needs while it runs, in the form that kernels take."""
+    if _caller.device == "cpu":
+        return np.empty(shape, dtype)
+    from . import _cuda
+
+    return _cuda.header(_cuda.empty(shape, np.dtype(dtype)))
+
+
+def synchronize() -> None:
+    """Wait for every launch so far."""
+    _check_process()
+    with _lock:
+        ti.sync()
+
+
+def _switch(device: str, arch: Any) -> None:
+    """Have our program run on `device`: another thread, or other code, may have changed it."""
+    current = ti.lang.impl.get_runtime().prog
+    if current is not None and current is not _program.handle:
+        raise RuntimeError(
+            "Taichi is in use by other code in this process, and holds one program at a time: "
+            "call taichi.reset() when that code has finished, or use the 'warp' backend"
+        )
+    if current is not None and device == _program.device:
+        return
+    environment = os.environ.pop("TI_ARCH", None)  # it would override `arch`
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            ti.init(
+                arch=arch,
+                enable_fallback=False,
+                default_fp=ti.f32,
+                default_ip=ti.i32,
+                fast_math=False,
+                offline_cache=True,
+                cpu_max_num_threads=_threads(),
+                log_level=ti.ERROR,
+            )
+    finally:
+        if environment is not None:
+            os.environ["TI_ARCH"] = environment
+    _program.device = device
+    _program.handle = ti.lang.impl.get_runtime().prog
+    _program.process = os.getpid()
+
+
+def _launch_on_cuda(launch: Callable[..., None], args: tuple, kwargs: dict[str, Any]) -> None:
+    import warp as wp
+
+    from . import _cuda
+
+    def seen(value: Any) -> Any:
+        return _cuda.header(value) if isinstance(value, wp.array) else value
+
+    if _caller.stream is not None and _caller.stream not in _LEGACY:
+        wp.synchronize_stream(wp.Stream(_cuda.DEVICE, cuda_stream=_caller.stream))
+    launch(*map(seen, args), **{name: seen(value) for name, value in kwargs.items()})
+    if _caller.stream not in _LEGACY:
+        ti.sync()
+
+
+def _check_process() -> None:
+    """Refuse a fork: it has the state of its parent's Taichi, and none of its threads."""
+    if _program.process not in (0, os.getpid()):
+        raise RuntimeError(
+            "Taichi cannot run in a forked process: start workers with the 'spawn' method"
+        )
+
+
+def _threads() -> int:
+    asked = os.environ.get("CVKERN_NUM_THREADS")
+    if asked:
+        return max(1, int(asked))
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

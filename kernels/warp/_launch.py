@@ -1,0 +1,152 @@
+"""How kernels are launched: on the caller's stream on CUDA, in slabs of rows on CPU threads.
+
+Also the scratch memory of primitives, kept for each thread and stream.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from typing import Any
+
+import warp as wp
+
+# A slab smaller than this is done sooner by one thread than handed to another.
+_SLAB_ELEMENTS = 1 << 16
+
+
+class _ThreadState(threading.local):
+    """What the launches of one Python thread share: their stream and their scratch memory."""
+
+    stream: wp.Stream | None = None
+
+    def __init__(self) -> None:
+        self.scratch: dict[tuple[str, str, int], wp.array] = {}
+
+
+_thread = _ThreadState()
+_lock = threading.Lock()
+_loaded: set[tuple[str, str]] = set()
+_pool: ThreadPoolExecutor | None = None
+
+
+def cpu_threads() -> int:
+    """Return how many threads CPU kernels use: ``CVKERN_NUM_THREADS``, or the cores we may use."""
+    asked = os.environ.get("CVKERN_NUM_THREADS")
+    if asked:
+        return max(1, int(asked))
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def set_stream(stream: wp.Stream | None) -> None:
+    """Send this thread's CUDA launches to `stream`."""
+    _thread.stream = stream
+
+
+def current_stream(device: wp.Device) -> wp.Stream:
+    """Return the stream that this thread's launches on `device` go to."""
+    stream = _thread.stream
+    return stream if stream is not None and stream.device == device else device.stream
+
+
+@contextlib.contextmanager
+def own_scratch(scratch: dict[tuple[str, str, int], wp.array]) -> Iterator[None]:
+    """Use `scratch` for the block: a CUDA graph keeps the addresses it was recorded with."""
+    shared, _thread.scratch = _thread.scratch, scratch
+    try:
+        yield
+    finally:
+        _thread.scratch = shared
+
+
+def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
+    """Return uninitialised memory that stays valid until this thread asks for `name` again."""
+    stream = current_stream(device).cuda_stream if device.is_cuda else 0
+    key = (name, str(device), stream or 0)
+    count = math.prod(shape) * wp.types.type_size_in_bytes(dtype)
+    block = _thread.scratch.get(key)
+    if block is None or block.size < count:
+        block = wp.empty(count, dtype=wp.uint8, device=device)
+        if device.is_cuda:  # the allocation is ordered on another stream than its users
+            wp.synchronize_stream(device.stream)
+        _thread.scratch[key] = block
+    return wp.array(ptr=block.ptr, dtype=dtype, shape=shape, device=device)
+
+
+def launch(
+    kernel: wp.Kernel, dim: int | tuple[int, ...], inputs: Sequence[Any], outputs: Sequence[Any]
+) -> None:
+    """Launch `kernel` once, on the device of its first output."""
+    device = outputs[0].device
+    load(kernel, device)
+    stream = current_stream(device) if device.is_cuda else None
+    wp.launch(kernel, dim, inputs, outputs, device=device, stream=stream, record_tape=False)
+
+
+def slabs(rows: int, elements: int) -> int:
+    """Return into how many slabs the CPU cuts `rows` rows of `elements` elements in all."""
+    return max(1, min(cpu_threads(), rows, elements // _SLAB_ELEMENTS))
+
+
+def launch_slabs(
+    kernel: wp.Kernel, rows: int, count: int, inputs: Sequence[Any], outputs: Sequence[Any]
+) -> None:
+    """Launch a CPU kernel over rows cut into `count` slabs, each on a thread of its own.
+
+    The kernel runs one thread a slab; its first three arguments are the slab, its first row and
+    the row behind its last.
+    """
+    device = outputs[0].device
+    load(kernel, device)
+    bounds = [rows * i // count for i in range(count + 1)]
+
+    def run(slab: int) -> None:
+        wp.launch(
+            kernel,
+            1,
+            [slab, bounds[slab], bounds[slab + 1], *inputs],
+            outputs,
+            device=device,
+            record_tape=False,
+        )
+
+    others = [_threads().submit(run, slab) for slab in range(1, count)]
+    run(0)
+    wait(others)
+    for other in others:
+        other.result()
+
+
+def load(kernel: wp.Kernel, device: wp.Device) -> None:
+    """Compile and load the module of `kernel`; Warp must not do that on two threads at once."""
+    key = (kernel.module.name, str(device))
+    if key not in _loaded:
+        with _lock:
+            if key not in _loaded:
+                kernel.module.load(device)
+                _loaded.add(key)
+
+
+def _threads() -> ThreadPoolExecutor:
+    global _pool
+    if _pool is None:
+        with _lock:
+            if _pool is None:
+                _pool = ThreadPoolExecutor(max(1, cpu_threads()), thread_name_prefix="cvkern")
+    return _pool
+
+
+def _after_fork() -> None:
+    """Forget the parent's threads and locks: a forked child has none of the threads."""
+    global _pool, _lock
+    _pool, _lock = None, threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)

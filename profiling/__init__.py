@@ -1,0 +1,1 @@
+"""Check, then time, every operation of cvkern beside its peers: ``python -m profiling --help``."""

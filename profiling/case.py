@@ -1,0 +1,126 @@
+"""What a case states: its inputs, its call, its oracle, its peers, and the work it cannot avoid."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .arrays import fields
+
+Shape = tuple[int, int]
+SIZES: dict[str, Shape] = {"1080p": (1080, 1920), "4K": (2160, 3840), "8192": (8192, 8192)}
+TOY: Shape = (96, 128)
+MARGIN = 16  # pixels at the border, which a peer may treat otherwise
+MARGIN = 16  # pixels at the border, which a peer may treat otherwise
+
+
+class CheckFailedError(Exception):
+    """An answer is not the oracle's; nothing of that case is timed."""
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A call of another library, made the way its users make it."""
+
+    name: str
+    module: str  # imported when the case runs; the peer is absent where that fails
+    call: Callable[[Any, Any], Any]  # (module, array) -> answer
+    device: str = "cpu"
+    note: str = ""  # what it computes otherwise than the case
+
+
+def ndimage_peers(call: Callable[[Any, Any, Any], Any]) -> tuple[Peer, Peer]:
+    """Give SciPy, and CuPy that mirrors it, as peers: `call` is (ndimage, array, NumPy or CuPy)."""
+    return (
+        Peer("SciPy", "scipy.ndimage", lambda m, x: call(m, x, np)),
+        Peer(
+            "CuPy",
+            "cupyx.scipy.ndimage",
+            lambda m, x: call(m, x, importlib.import_module("cupy")),
+            "cuda",
+        ),
+    )
+
+
+def skimage_peers(
+    module: str, call: Callable[[Any, Any], Any], note: str = ""
+) -> tuple[Peer, Peer]:
+    """Give scikit-image's `module`, and cuCIM that mirrors it, as peers."""
+    return (
+        Peer("scikit-image", f"skimage.{module}", call, "cpu", note),
+        Peer("cuCIM", f"cucim.skimage.{module}", call, "cuda", note),
+    )
+
+
+def kornia_peers(call: Callable[[Any, Any], Any], note: str = "") -> tuple[Peer, Peer]:
+    """Give kornia-rs as a peer on either device: its functions go where the image lies."""
+    one, two = (Peer("kornia-rs", "kornia_rs.imgproc", call, d, note) for d in ("cpu", "cuda"))
+    return one, two
+
+
+@dataclass(frozen=True)
+class Case:
+    """One operation on one kind of image."""
+
+    name: str
+    title: str
+    image: Callable[[Shape, np.random.Generator], np.ndarray]
+    call: Callable[[Any], Any]  # the public function of cvkern, as a user calls it
+    oracle: Callable[[np.ndarray], Any]  # the right answer, by a library that is not cvkern
+    oracle_name: str
+    difference: Callable[[Any, Any], float]  # (answer, right answer), as tuples of host arrays
+    tolerance: float
+    bytes_per_pixel: int  # each input read once, each output written once
+    operations_per_pixel: float
+    peers: tuple[Peer, ...] = ()
+    captures: bool = True  # False where the size of the answer hangs on the data
+
+    def compare(self, answer: Any, right: tuple[np.ndarray, ...]) -> float:
+        """Return how far a peer's answer is from the right one, away from the border."""
+        inner = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
+        ours, theirs = (tuple(a[inner] for a in f) for f in (fields(answer), right))
+        return float(self.difference(ours, theirs))
+
+    def check(self, answer: Any, right: tuple[np.ndarray, ...]) -> float:
+        """Return how far cvkern's answer is from the right one; raise where that is too far."""
+        ours = fields(answer)
+        found = float(self.difference(ours, right)) if len(ours) == len(right) else np.inf
+        if not found <= self.tolerance:
+            raise CheckFailedError(
+                f"{self.name}: difference from {self.oracle_name} must be <= {self.tolerance:g}, "
+                f"got {found:g}"
+            )
+        return found
+
+
+def relative(ours: tuple[np.ndarray, ...], theirs: tuple[np.ndarray, ...]) -> float:
+    """Largest absolute difference over the largest right value, the worst of all fields."""
+    worst = 0.0
+    for a, b in zip(ours, theirs, strict=False):
+        if a.shape != b.shape:
+            return np.inf
+        gap = np.abs(a.astype(np.float64) - b.astype(np.float64)).max(initial=0.0)
+        worst = max(worst, gap / max(float(np.abs(b).max(initial=0.0)), 1e-30), key=_nan_is_most)
+    return worst
+
+
+def disagreeing(ours: tuple[np.ndarray, ...], theirs: tuple[np.ndarray, ...]) -> float:
+    """Share of the pixels that differ; masks of 0/255 count as masks of 0/1."""
+    (a,), (b,) = ours, theirs
+    if a.shape != b.shape:
+        return np.inf
+    return float(np.mean((a != 0) != (b != 0)))
+
+
+def unequal(ours: tuple[np.ndarray, ...], theirs: tuple[np.ndarray, ...]) -> float:
+    """Share of the elements that are not equal."""
+    (a,), (b,) = ours, theirs
+    return float(np.mean(a != b)) if a.shape == b.shape else np.inf
+
+
+def _nan_is_most(value: float) -> float:
+    return np.inf if np.isnan(value) else value

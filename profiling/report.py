@@ -1,0 +1,197 @@
+"""Turn profiling/results/*.json into the README's tables and plot: ``python -m profiling.report``.
+
+``--check`` writes nothing and exits with 1 where the README is not what the results say.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from .record import ROOT, write_text
+
+BEGIN, END = "<!-- profiling:begin -->", "<!-- profiling:end -->"
+PLOT = "ratios.svg"
+FASTER, SLOWER, OTHER = "#2f6db3", "#d97a1f", "#5f6368"
+KERNELS = {"warp": "Warp", "taichi": "Taichi"}
+
+Result = dict[str, Any]
+
+
+def read_results(folder: Path) -> dict[str, list[Result]]:
+    """Read the runs, oldest first, as rows of each device: a later run replaces the same row."""
+    runs = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]
+    devices: dict[str, dict[tuple[str, str], Result]] = {}
+    for run in sorted((run for run in runs if not run["toy"]), key=lambda run: run["date"]):
+        name = run["device"]["name"]
+        if run["device"]["kind"] == "cpu":
+            name += f", {run['host']['cores']} cores"
+        rows = devices.setdefault(f"{name}, {KERNELS[run['backend']]} kernels", {})
+        for result in run["results"]:
+            rows[result["case"], result["size"]] = result | {
+                "commit": run["commit"],
+                "date": run["date"][:10],
+            }
+        for failure in run["failures"]:  # an answer now known to be wrong keeps no old time
+            rows.pop((failure["case"], failure["size"]), None)
+    return {name: list(rows.values()) for name, rows in sorted(devices.items()) if rows}
+
+
+def timed(result: Result) -> list[Result]:
+    return [one for one in result["contenders"] if one["status"] == "timed"]
+
+
+def peers(result: Result) -> list[Result]:
+    """Give the peers that were timed, the fastest first."""
+    others = (one for one in timed(result) if not one["name"].startswith("cvkern"))
+    return sorted(others, key=lambda one: one["median_s"])
+
+
+def section(devices: dict[str, list[Result]], plot: str) -> str:
+    """Write the Markdown between the markers."""
+    if not devices:
+        return "No results yet."
+    parts = [
+        "Medians in milliseconds. The peers of a row ran in turns with cvkern, in the same "
+        "process; cvkern's answer was checked against another library's before it was timed.",
+        f"![Time of each peer over the time of cvkern]({plot})",
+    ]
+    for name, rows in devices.items():
+        parts += [f"**{name}**", _table(rows), *_notes(rows)]
+    return "\n\n".join(parts)
+
+
+def _table(rows: list[Result]) -> str:
+    graphs = any(one["name"] == "cvkern, graph" for row in rows for one in timed(row))
+    head = ["operation", "size", "cvkern", *["as a graph"] * graphs, "fastest peer", "cvkern is"]
+    lines = [head, ["---", "---", *["---:"] * (len(head) - 2)]]
+    for row in rows:
+        times = {one["name"]: f"{one['median_s'] * 1e3:.3g}" for one in timed(row)}
+        line = [row["title"], row["size"], times["cvkern"]]
+        if graphs:
+            line.append(times.get("cvkern, graph", ""))
+        if best := next(iter(peers(row)), None):
+            line += [f"{times[best['name']]} ({best['name']})", in_words(best["ratio"])]
+        else:
+            line += ["none", ""]
+        lines.append(line)
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def in_words(ratio: float) -> str:
+    """Say a ratio of times so that nobody has to ask which way it goes."""
+    return f"{ratio:.2f} x faster" if ratio >= 1 else f"{1 / ratio:.2f} x slower"
+
+
+def _notes(rows: list[Result]) -> list[str]:
+    commits = sorted({f"{row['commit']} ({row['date']})" for row in rows})
+    missing = {
+        f"{one['name']} ({one['status']})"
+        for row in rows
+        for one in row["contenders"]
+        if one["status"] != "timed"
+    }
+    said = {f"{one['name']}: {one['note']}" for row in rows for one in timed(row) if "note" in one}
+    notes = [
+        f"Measured at {', '.join(commits)}.",
+        *([f"Differs: {'; '.join(sorted(said))}."] if said else []),
+        *([f"Not timed: {', '.join(sorted(missing))}."] if missing else []),
+    ]
+    return [" ".join(notes)]
+
+
+def draw(devices: dict[str, list[Result]]) -> str:
+    """Draw the ratios as an SVG: a bar to the fastest peer, a dot for each of the others."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    devices = {name: [row for row in rows if peers(row)] for name, rows in devices.items()}
+    counts = [len(rows) for rows in devices.values()]
+    # A fixed salt and no date: the same results give the same file.
+    with matplotlib.rc_context({"svg.hashsalt": "cvkern", "font.size": 9}):
+        figure = Figure(figsize=(9, 1.0 + 0.8 * len(counts) + 0.26 * sum(counts)))
+        panels = figure.subplots(len(counts), 1, squeeze=False, height_ratios=counts)[:, 0]
+        for panel, (name, rows) in zip(panels, devices.items(), strict=True):
+            _panel(panel, name, rows)
+        panels[-1].set_xlabel("time of the peer / time of cvkern (log scale; right of 1: faster)")
+        figure.tight_layout()
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()
+
+
+def _panel(panel: Any, name: str, rows: list[Result]) -> None:
+    from matplotlib.ticker import LogLocator
+
+    for y, row in enumerate(rows):
+        for i, peer in enumerate(peers(row)):
+            ratio = peer["ratio"]
+            if i:
+                panel.plot(ratio, y, "o", color=OTHER, markersize=4, markeredgecolor="white")
+                continue
+            panel.barh(y, ratio - 1, left=1, height=0.6, color=FASTER if ratio >= 1 else SLOWER)
+            panel.annotate(
+                peer["name"],
+                (ratio, y),
+                (4 if ratio >= 1 else -4, 0),
+                textcoords="offset points",
+                ha="left" if ratio >= 1 else "right",
+                va="center",
+                fontsize=7,
+            )
+    panel.set_xscale("log")
+    low, high = panel.get_xlim()
+    panel.set_xlim(min(low, 0.5) / 1.5, max(high, 2.0) * 1.5)
+    panel.set_yticks(range(len(rows)), [f"{row['case']}  {row['size']}" for row in rows])
+    panel.set_ylim(len(rows) - 0.4, -0.6)
+    panel.axvline(1, color="black", linewidth=0.8)
+    panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    panel.xaxis.set_major_formatter("{x:g}")
+    panel.xaxis.set_minor_formatter("")
+    panel.grid(axis="x", color="#e3e5e8", linewidth=0.6)
+    panel.set_axisbelow(True)
+    panel.spines[["top", "right", "left"]].set_visible(False)
+    panel.tick_params(axis="y", length=0)
+    panel.set_title(name, loc="left", fontsize=10)
+
+
+def main(command: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python -m profiling.report", description=__doc__)
+    parser.add_argument("--readme", type=Path, default=ROOT / "README.md")
+    parser.add_argument("--results", type=Path, default=ROOT / "profiling" / "results")
+    parser.add_argument("--check", action="store_true", help="only say whether it is up to date")
+    args = parser.parse_args(command)
+
+    devices = read_results(args.results)
+    plot = args.results / PLOT
+    try:
+        before = args.readme.read_text(encoding="utf-8")
+        link = plot.resolve().relative_to(args.readme.resolve().parent).as_posix()
+        after = replace(before, section(devices, link))
+    except (OSError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    if args.check:
+        stale = before != after or (bool(devices) and not plot.is_file())
+        print(f"{args.readme.name} is {'stale: python -m profiling.report' if stale else 'right'}")
+        return int(stale)
+    if devices:
+        write_text(plot, draw(devices))
+    write_text(args.readme, after)
+    return 0
+
+
+def replace(text: str, new: str) -> str:
+    """Put `new` between the markers of `text`."""
+    begin, end = text.find(BEGIN), text.find(END)
+    if not 0 <= begin < end:
+        raise ValueError(f"README must hold {BEGIN} and, behind it, {END}")
+    return f"{text[: begin + len(BEGIN)]}\n{new}\n{text[end:]}"
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,220 @@
+"""Every case runs on both kernel sets, a wrong answer stops it, the report says what was measured."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+import cvkern
+from profiling import __main__ as program
+from profiling import arrays, record, report
+from profiling.case import TOY, CheckFailedError, Peer, relative
+from profiling.cases import CASES
+from profiling.clock import HostClock, copy_bandwidth
+from profiling.runner import Bench
+
+pytest.importorskip("cv2")
+pytest.importorskip("skimage")
+
+
+def bench(backend="warp", seed=0):
+    return Bench("cpu", backend, HostClock(), np.random.default_rng(seed), 1e10, toy=True)
+
+
+@pytest.mark.parametrize("set_name", ["warp", "taichi"])
+@pytest.mark.parametrize("name", CASES)
+def test_every_case_runs_and_is_right(name, set_name):
+    pytest.importorskip(set_name)
+    with cvkern.use(backend=set_name, device="cpu"):
+        result = bench(set_name).run(CASES[name], TOY)
+    ours, *peers = result["contenders"]
+    assert ours["name"] == "cvkern"
+    assert ours["difference"] <= CASES[name].tolerance
+    assert ours["median_s"] > 0
+    assert [peer["name"] for peer in peers if peer["status"] == "failed"] == []
+    json.dumps(result, allow_nan=False)
+
+
+def _one_pixel(mask):
+    mask[40, 50] = ~mask[40, 50]
+    return mask
+
+
+WRONG = {
+    "another sigma": ("gaussian", lambda x: cvkern.gaussian(x, 2.01)),
+    "another border": ("gaussian", lambda x: cvkern.gaussian(x, 2.0, mode="nearest")),
+    "NaN": ("gaussian", lambda x: np.full_like(x, np.nan)),
+    "another shape": ("gaussian", lambda x: cvkern.gaussian(x, 2.0)[1:]),
+    "a field missing": ("gradient_sobel", lambda x: tuple(np.gradient(x))),
+    "one pixel": ("canny_l1_noise", lambda x: _one_pixel(CASES["canny_l1_noise"].call(x))),
+    "one value": ("median", lambda x: cvkern.median(x, 2, mode="mirror")),
+    "other thresholds": ("canny_gaussian_noise", lambda x: cvkern.canny(x, 2.0, 0.019, 0.04)),
+    "whole pixels": ("subpixel_edges", lambda x: (np.argwhere(cvkern.canny(x, 2.0, 0.02, 0.04)),)),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_a_wrong_answer_is_not_timed(fault):
+    name, call = WRONG[fault]
+    case = dataclasses.replace(CASES[name], call=call)
+    with cvkern.use(backend="warp", device="cpu"), pytest.raises(CheckFailedError, match=name):
+        bench().run(case, TOY)
+
+
+def test_a_peer_that_is_absent_or_fails_is_recorded():
+    case = dataclasses.replace(
+        CASES["box"],
+        peers=(
+            Peer("absent", "no_such_library", lambda m, x: x),
+            Peer("broken", "numpy", lambda m, x: m.no_such_function(x)),
+            Peer("wrong shape", "numpy", lambda m, x: x[1:]),
+            Peer("other", "numpy", lambda m, x: x, note="does nothing"),
+            Peer("elsewhere", "numpy", lambda m, x: x, "cuda"),
+        ),
+    )
+    with cvkern.use(backend="warp", device="cpu"):
+        _, *peers = bench().run(case, TOY)["contenders"]
+    said = {peer["name"]: (peer["status"], peer.get("reason", "")) for peer in peers}
+    assert said["absent"][0] == "absent"
+    assert "no_such_library" in said["absent"][1]
+    assert said["broken"][0] == "failed"
+    assert said["wrong shape"][0] == "failed"
+    assert said["other"][0] == "timed"
+    assert "elsewhere" not in said
+    assert not next(peer for peer in peers if peer["name"] == "other")["same"]
+
+
+def test_photograph_fills_any_size_without_seams():
+    rng = np.random.default_rng(3)
+    photo = arrays.photograph_uint8((700, 1300), rng).astype(int)
+    assert photo.shape == (700, 1300)
+    camera = arrays.photograph_uint8((512, 512), np.random.default_rng(3)).astype(int)
+    # Mirrored, not wrapped: no jump that the picture itself does not have.
+    assert np.abs(np.diff(photo, axis=1)).mean() < 1.2 * np.abs(np.diff(camera, axis=1)).mean()
+
+
+def test_relative_difference_of_nan_is_infinite():
+    right = (np.ones((2, 2)),)
+    assert relative((np.array([[1.0, np.nan], [1.0, 1.0]]),), right) == np.inf
+    assert relative((np.ones((2, 3)),), right) == np.inf
+    assert relative(right, right) == 0
+
+
+def test_copy_bandwidth_is_measured():
+    assert copy_bandwidth(HostClock(), 1 << 20) > 0
+
+
+def test_program_writes_a_whole_result(tmp_path, capsys):
+    path = tmp_path / "result.json"
+    command = ["--toy", "--case", "box", "median", "--seed", "1", "--json", str(path)]
+    assert program.main(command) == 0
+    result = json.loads(path.read_text())
+    assert [r["case"] for r in result["results"]] == ["box", "median"]
+    assert result["command"] == "python -m profiling --toy --case box median --seed 1"
+    assert {"date", "commit", "versions", "device", "host", "backend", "seed"} <= set(result)
+    assert str(tmp_path) not in path.read_text()
+    assert "OpenCV" in capsys.readouterr().out
+
+
+def test_program_says_what_failed(tmp_path, monkeypatch, capsys):
+    wrong = dataclasses.replace(CASES["box"], call=lambda x: x)
+    monkeypatch.setitem(program.CASES, "box", wrong)
+    path = tmp_path / "result.json"
+    assert program.main(["--toy", "--case", "box", "--json", str(path)]) == 1
+    result = json.loads(path.read_text())
+    assert result["results"] == []
+    assert "uniform_filter" in result["failures"][0]["reason"]
+    assert "not timed" in capsys.readouterr().out
+
+
+def test_a_result_that_cannot_be_written_leaves_the_old_one(tmp_path):
+    path = tmp_path / "result.json"
+    path.write_text("old")
+    with pytest.raises(ValueError, match="JSON"):
+        record.write_json(path, {"value": float("nan")})
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def _contender(name, ms, ratio, **more):
+    return {"name": name, "status": "timed", "median_s": ms / 1e3, "ratio": ratio} | more
+
+
+def _run(date="2026-01-02T00:00:00+00:00", ms=2.0, **more):
+    row = {"case": "box", "title": "Mean of 9 x 9", "size": "1080p"}
+    contenders = [
+        _contender("cvkern", ms, 1.0),
+        _contender("SciPy", 8.0, 8.0 / ms),
+        _contender("OpenCV", 1.0, 1.0 / ms, note="in float64"),
+        {"name": "kornia-rs", "status": "absent", "reason": "ModuleNotFoundError"},
+    ]
+    return {
+        "date": date,
+        "commit": "abc",
+        "toy": False,
+        "backend": "warp",
+        "device": {"kind": "cpu", "name": "A CPU"},
+        "host": {"cores": 2},
+        "results": [row | {"contenders": contenders}],
+        "failures": [],
+    } | more
+
+
+@pytest.fixture
+def project(tmp_path):
+    """A README with markers, and one result."""
+    results = tmp_path / "profiling" / "results"
+    results.mkdir(parents=True)
+    (tmp_path / "README.md").write_text(f"# head\n{report.BEGIN}\n{report.END}\ntail\n")
+    (results / "cpu.json").write_text(json.dumps(_run()))
+    return tmp_path
+
+
+def _report(project, *more):
+    places = ["--readme", project / "README.md", "--results", project / "profiling" / "results"]
+    return report.main([*map(str, places), *more])
+
+
+def test_report_writes_table_and_plot(project):
+    pytest.importorskip("matplotlib")
+    assert _report(project, "--check") == 1
+    assert _report(project) == 0
+    assert _report(project, "--check") == 0
+    text = (project / "README.md").read_text()
+    assert text.startswith("# head\n")
+    assert text.endswith("\ntail\n")
+    assert "A CPU, 2 cores, Warp kernels" in text
+    assert "| Mean of 9 x 9 | 1080p | 2 | 1 (OpenCV) | 2.00 x slower |" in text
+    assert "OpenCV: in float64" in text
+    assert "kornia-rs (absent)" in text
+    assert "(profiling/results/ratios.svg)" in text
+    plot = (project / "profiling" / "results" / report.PLOT).read_text()
+    assert report.SLOWER in plot
+    assert report.FASTER not in plot
+    _report(project)
+    assert (project / "profiling" / "results" / report.PLOT).read_text() == plot
+
+
+def test_report_shows_the_latest_run_and_no_toy(project):
+    results = project / "profiling" / "results"
+    (results / "a.json").write_text(json.dumps(_run("2026-03-04T00:00:00+00:00", ms=0.5)))
+    (results / "b.json").write_text(json.dumps(_run("2026-05-06T00:00:00+00:00", toy=True)))
+    text = report.section(report.read_results(results), "ratios.svg")
+    assert "2.00 x faster" in text
+    assert "slower" not in text
+
+
+def test_report_drops_what_a_later_check_found_wrong(project):
+    results = project / "profiling" / "results"
+    failure = {"case": "box", "size": "1080p", "reason": "wrong"}
+    later = _run("2026-03-04T00:00:00+00:00", results=[], failures=[failure])
+    (results / "later.json").write_text(json.dumps(later))
+    assert report.read_results(results) == {}
+
+
+def test_report_needs_its_markers(project, capsys):
+    (project / "README.md").write_text("no markers")
+    assert _report(project) == 2
+    assert report.BEGIN in capsys.readouterr().err
+    assert (project / "README.md").read_text() == "no markers"
