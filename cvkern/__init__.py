@@ -1,6 +1,7 @@
 """Classical computer vision and radiance fields as data-parallel kernels."""
 
 from cvkern._runtime import use
+from cvkern.edges import SubpixelEdges, canny, subpixel_edges
 from cvkern.filters import (
     Gradient,
     box,
@@ -14,13 +15,16 @@ from cvkern.filters import (
 
 __all__ = [
     "Gradient",
+    "SubpixelEdges",
     "box",
+    "canny",
     "correlate_separable",
     "gaussian",
     "gradient",
     "median",
     "scharr",
     "sobel",
+    "subpixel_edges",
     "use",
 ]
 __version__ = "0.1.0"
