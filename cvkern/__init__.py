@@ -1,23 +1,18 @@
 """Classical computer vision and radiance fields as data-parallel kernels."""
 
+from cvkern._capture import capture
 from cvkern._runtime import use
 from cvkern.edges import SubpixelEdges, canny, subpixel_edges
-from cvkern.filters import (
-    Gradient,
-    box,
-    correlate_separable,
-    gaussian,
-    gradient,
-    median,
-    scharr,
-    sobel,
-)
+from cvkern.filters import box, correlate_separable, gaussian
+from cvkern.gradients import Gradient, gradient, scharr, sobel
+from cvkern.rank import median
 
 __all__ = [
     "Gradient",
     "SubpixelEdges",
     "box",
     "canny",
+    "capture",
     "correlate_separable",
     "gaussian",
     "gradient",

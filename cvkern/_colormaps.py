@@ -15,7 +15,6 @@ import numpy as np
 # between the points, so equal steps of value look like equal steps of tone. Chroma is an upper
 # bound: what the display cannot show is brought to its border.
 CONTROL_POINTS = {
-    "gray": ((0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0)),
     "sequential": (  # ink, violet, rose, amber, cream
         (0.0, 0.16, 0.06, 275.0),
         (0.30, 0.40, 0.17, 300.0),
@@ -33,13 +32,15 @@ CONTROL_POINTS = {
     ),
     "cyclic": ((0.0, 0.74, 0.15, 25.0), (1.0, 0.74, 0.15, 385.0)),  # once round the hues
 }
-COLORMAPS = tuple(CONTROL_POINTS)
+COLORMAPS = (*CONTROL_POINTS, "gray")
 STEPS = 1024
 
 
 @cache
 def table(name: str) -> np.ndarray:
     """Return the colours of a map, uint8 of shape (1024, 3), from its low to its high end."""
+    if name == "gray":  # a byte for a byte: what an image viewer shows
+        return np.repeat(np.linspace(0, 255, STEPS).round().astype(np.uint8)[:, None], 3, axis=1)
     place, lightness, chroma, hue = np.array(CONTROL_POINTS[name]).T
     t = (np.arange(STEPS) + (0.5 if name == "cyclic" else 0.0)) / (
         STEPS if name == "cyclic" else STEPS - 1

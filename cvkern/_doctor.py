@@ -48,13 +48,15 @@ def examine(backend: str, device: str, timeout: float = 600.0) -> Finding:
     finding = Finding(backend, device)
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
-        finding = Finding(**json.loads(done.stdout.splitlines()[-1]))
     except subprocess.TimeoutExpired:
         finding.wrong["process"] = f"no answer within {timeout:g} s"
-    except (IndexError, ValueError, TypeError):
+        return finding
+    try:
+        return Finding(**json.loads(done.stdout.splitlines()[-1]))
+    except (IndexError, ValueError, TypeError):  # it died before, or while, it spoke
         said = done.stderr.strip().splitlines()
         finding.wrong["process"] = said[-1] if said else f"ended with code {done.returncode}"
-    return finding
+        return finding
 
 
 def folder_size(folder: str) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from pathlib import Path
 from typing import Any
@@ -40,13 +41,18 @@ KEYED = ("1", "L", "P", "RGB")  # modes in which one colour may stand for "trans
 
 def decode(file: Path) -> tuple[np.ndarray, int]:
     """Return the pixels as they lie in the file, (H, W) or (H, W, C), and its orientation tag."""
+    for name in ("PIL", "tifffile"):  # what they log is for those who ask, not for stderr
+        logger = logging.getLogger(name)
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
     with file.open("rb") as stream:
         tiff = stream.read(4) in TIFF_SIGNATURES
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # readers warn of odd metadata, which nobody sees here
         if tiff:
             return _decode_tiff(file)
-        image, orientation = _decode_pillow(file)
+        deep = _png.is_deep_colour(file)
+        image, orientation = _png.read(file) if deep else _decode_pillow(file)
     return _plain(image), orientation
 
 
@@ -85,11 +91,13 @@ def encode(file: Path, image: np.ndarray) -> None:
 def _decode_pillow(file: Path) -> tuple[np.ndarray, int]:
     import imageio.v3 as iio
 
-    with iio.imopen(file, "r", plugin="pillow") as reader:
+    try:
+        reader: Any = iio.imopen(file, "r", plugin="pillow")
+    except OSError:
+        raise ValueError("it has no format that Pillow knows") from None
+    with reader:
         header: dict[str, Any] = reader.metadata(index=0, exclude_applied=False)
         orientation = header.get("Orientation", 1)
-        if _png.is_deep_colour(file):
-            return _png.read(file), orientation
         mode = header["mode"]
         if mode not in MODES:
             raise ValueError(f"pixels of kind {mode} are not supported")

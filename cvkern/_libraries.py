@@ -17,6 +17,7 @@ class NumPy:
     """NumPy, and whatever NumPy can read: lists, pictures, CPU arrays of unknown libraries."""
 
     writable = True
+    module: Any = np
 
     def dtype(self, array: Any) -> np.dtype:
         """Return the NumPy dtype of `array`."""
@@ -38,12 +39,29 @@ class NumPy:
         """Make the library's own array of one that a kernel set filled."""
         return array
 
+    def view(self, array: Any, dtype: np.dtype) -> Any:
+        """Read the bits of a contiguous array as another dtype of the same size."""
+        return array.view(dtype)
+
+    def swap(self, array: Any) -> Any:
+        """Exchange the last two axes of a 3-D array."""
+        return array.swapaxes(1, 2)
+
+    def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
+        """Return the sorted distinct values of `array` and `extra`, and where each stands."""
+        flat = array.reshape(-1)
+        last = self.module.full_like(flat[:1], extra)
+        values, ranks = self.module.unique(
+            self.module.concatenate((flat, last)), return_inverse=True
+        )
+        return values, ranks[:-1].reshape(array.shape), int(ranks[-1])
+
 
 class Torch(NumPy):
     """PyTorch tensors."""
 
     def __init__(self) -> None:
-        self._torch = importlib.import_module("torch")
+        self.module = importlib.import_module("torch")
 
     def dtype(self, array: Any) -> np.dtype:
         """Return the NumPy dtype of `array`; bfloat16, which NumPy lacks, counts as float32."""
@@ -52,74 +70,90 @@ class Torch(NumPy):
 
     def stream(self, device: str) -> int | None:
         """Return the current stream of this thread."""
-        return self._torch.cuda.current_stream(device).cuda_stream
+        return self.module.cuda.current_stream(device).cuda_stream
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
         """Convert on the tensor's own device."""
         if array.requires_grad:
             raise TypeError("tensors must not require grad, got one that does: call .detach()")
-        return array.to(getattr(self._torch, dtype.name)).contiguous()
+        return array.to(getattr(self.module, dtype.name)).contiguous()
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate with PyTorch's caching allocator."""
-        return self._torch.empty(shape, dtype=getattr(self._torch, dtype.name), device=device)
+        return self.module.empty(shape, dtype=getattr(self.module, dtype.name), device=device)
+
+    def view(self, array: Any, dtype: np.dtype) -> Any:
+        """Read the bits of a contiguous tensor as another dtype of the same size."""
+        return array.view(getattr(self.module, dtype.name))
 
 
 class CuPy(NumPy):
     """CuPy arrays."""
 
     def __init__(self) -> None:
-        self._cupy = importlib.import_module("cupy")
+        self.module = importlib.import_module("cupy")
 
     def stream(self, device: str) -> int | None:
         """Return the current stream of this thread."""
-        with self._cupy.cuda.Device(_index(device)):
-            return self._cupy.cuda.get_current_stream().ptr
+        with self.module.cuda.Device(_index(device)):
+            return self.module.cuda.get_current_stream().ptr
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
         """Convert on the array's own device."""
         with array.device:
-            return self._cupy.ascontiguousarray(array, dtype)
+            return self.module.ascontiguousarray(array, dtype)
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate from CuPy's memory pool."""
-        with self._cupy.cuda.Device(_index(device)):
-            return self._cupy.empty(shape, dtype)
+        with self.module.cuda.Device(_index(device)):
+            return self.module.empty(shape, dtype)
 
 
 class Warp(NumPy):
     """Warp arrays."""
 
     def __init__(self) -> None:
-        self._warp = importlib.import_module("warp")
+        self.module = importlib.import_module("warp")
 
     def dtype(self, array: Any) -> np.dtype:
         """Return the dtype of scalar arrays; vectors and matrices are no images."""
-        if self._warp.types.type_is_vector(array.dtype) or self._warp.types.type_is_matrix(
+        if self.module.types.type_is_vector(array.dtype) or self.module.types.type_is_matrix(
             array.dtype
         ):
             raise TypeError(f"Warp arrays must hold scalars, got {array.dtype.__name__}")
-        return np.dtype(self._warp.dtype_to_numpy(array.dtype))
+        return np.dtype(self.module.dtype_to_numpy(array.dtype))
 
     def stream(self, device: str) -> int | None:
         """Return Warp's current stream of the device."""
-        return self._warp.get_stream(device).cuda_stream
+        return self.module.get_stream(device).cuda_stream
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
         """Convert on the array's own device."""
         wanted = self._carried(dtype)
         if array.dtype is not wanted:
-            cast = self._warp.empty(array.shape, dtype=wanted, device=array.device)
-            self._warp.utils.array_cast(array.contiguous(), cast)
+            cast = self.module.empty(array.shape, dtype=wanted, device=array.device)
+            self.module.utils.array_cast(array.contiguous(), cast)
             return cast
         return array if array.is_contiguous else array.contiguous()
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate with Warp."""
-        return self._warp.empty(shape, dtype=self._carried(dtype), device=device)
+        return self.module.empty(shape, dtype=self._carried(dtype), device=device)
+
+    def view(self, array: Any, dtype: np.dtype) -> Any:
+        """Read the bits of an array as another dtype of the same size."""
+        return array.view(self._carried(dtype))
+
+    def swap(self, array: Any) -> Any:
+        """Exchange the last two axes of a 3-D array."""
+        return array.transpose((0, 2, 1))
+
+    def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
+        """Refuse: Warp has no sorted search for such values."""
+        raise TypeError(f"Warp arrays must be of at most 32 bits, signed, got {array.dtype}")
 
     def _carried(self, dtype: np.dtype) -> Any:
-        return self._warp.bool if dtype == np.bool_ else self._warp.dtype_from_numpy(dtype)
+        return self.module.bool if dtype == np.bool_ else self.module.dtype_from_numpy(dtype)
 
 
 class Jax(NumPy):
@@ -128,7 +162,7 @@ class Jax(NumPy):
     writable = False
 
     def __init__(self) -> None:
-        self._numpy = importlib.import_module("jax.numpy")
+        self.module = importlib.import_module("jax.numpy")
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
         """Convert on the array's own device; JAX arrays are contiguous."""
@@ -136,7 +170,7 @@ class Jax(NumPy):
 
     def finish(self, array: Any) -> Any:
         """Hand the memory over, without a copy where JAX takes it."""
-        return self._numpy.from_dlpack(array)
+        return self.module.from_dlpack(array)
 
 
 class Other(NumPy):

@@ -15,7 +15,7 @@ import numpy as np
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {2: 3, 4: 2, 6: 4}  # by colour type: RGB, grey + alpha, RGB + alpha
-SUB, UP, AVERAGE, PAETH = 1, 2, 3, 4
+SUB, UP, AVERAGE, CLOSEST = 1, 2, 3, 4  # what a row filter subtracts from a pixel
 
 
 def is_deep_colour(path: Path) -> bool:
@@ -25,8 +25,8 @@ def is_deep_colour(path: Path) -> bool:
     return head[:8] == SIGNATURE and len(head) == 26 and head[24] == 16 and head[25] in CHANNELS
 
 
-def read(path: Path) -> np.ndarray:
-    """Decode the file into uint16 of shape (H, W, C), C in 2, 3, 4.
+def read(path: Path) -> tuple[np.ndarray, int]:
+    """Return the pixels, uint16 of shape (H, W, C) with C in 2, 3, 4, and the EXIF orientation.
 
     Raises
     ------
@@ -38,11 +38,12 @@ def read(path: Path) -> np.ndarray:
     if interlaced:
         raise ValueError("interlaced PNG of 16 bits a channel is not supported")
     step = 2 * CHANNELS[colour]  # bytes of a pixel
-    try:
-        raw = zlib.decompress(chunks.get(b"IDAT", b""))
+    size = height * (1 + width * step)
+    try:  # no more than the header says: a small file could hold gigabytes
+        raw = zlib.decompressobj().decompress(chunks.get(b"IDAT", b""), max(size, 1))
     except zlib.error as error:
         raise ValueError(str(error)) from None
-    if len(raw) != height * (1 + width * step):
+    if len(raw) != size:
         raise ValueError("the pixel data are incomplete")
     rows = np.frombuffer(raw, np.uint8).reshape(height, 1 + width * step)
     pixels = _unfilter(rows[:, 0], rows[:, 1:].reshape(height, width, step))
@@ -51,7 +52,7 @@ def read(path: Path) -> np.ndarray:
         key = np.frombuffer(chunks[b"tRNS"], ">u2")
         alpha = np.where((image == key).all(axis=-1), np.uint16(0), np.uint16(65535))
         image = np.dstack((image, alpha))
-    return image
+    return image, _orientation(chunks.get(b"eXIf", b""))
 
 
 def write(path: Path, image: np.ndarray) -> None:
@@ -64,6 +65,16 @@ def write(path: Path, image: np.ndarray) -> None:
     header = struct.pack(">IIBBBBB", width, height, 16, colour, 0, 0, 0)
     parts = [(b"IHDR", header), (b"IDAT", zlib.compress(filtered.tobytes(), 6)), (b"IEND", b"")]
     path.write_bytes(SIGNATURE + b"".join(_chunk(name, data) for name, data in parts))
+
+
+def _orientation(exif: bytes) -> int:
+    if not exif:
+        return 1
+    from PIL import Image  # comes with imageio
+
+    tags = Image.Exif()
+    tags.load(exif)
+    return tags.get(274, 1)
 
 
 def _chunk(name: bytes, data: bytes) -> bytes:
@@ -105,11 +116,11 @@ def _unfilter(kinds: np.ndarray, filtered: np.ndarray) -> np.ndarray:
         left, up, corner = (flat[at - back :: stride][:count] for back in (1, width + 1, width + 2))
         guess = left + up - corner
         to_left, to_up, to_corner = abs(guess - left), abs(guess - up), abs(guess - corner)
-        paeth = np.where(to_up <= to_corner, up, corner)
-        paeth = np.where((to_left <= to_up) & (to_left <= to_corner), left, paeth)
+        closest = np.where(to_up <= to_corner, up, corner)
+        closest = np.where((to_left <= to_up) & (to_left <= to_corner), left, closest)
         added = np.select(
-            [kind == SUB, kind == UP, kind == AVERAGE, kind == PAETH],
-            [left, up, (left + up) >> 1, paeth],
+            [kind == SUB, kind == UP, kind == AVERAGE, kind == CLOSEST],
+            [left, up, (left + up) >> 1, closest],
             np.int16(0),
         )
         begin = first * width + (t - first)

@@ -5,10 +5,12 @@ This is the only module that knows there is more than one kernel framework.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import re
 import threading
+from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +19,7 @@ import numpy as np
 from cvkern import _libraries
 
 KERNEL_SETS = ("warp", "taichi")
+_MAX_CONSTANTS = 256
 
 _chosen: ContextVar[tuple[str, str] | None] = ContextVar("cvkern", default=None)
 
@@ -85,11 +88,12 @@ class Runtime:
     """
 
     if TYPE_CHECKING:
-        from cvkern.kernels.warp import edges, filters
+        from cvkern.kernels.warp import edges, filters, gradients, rank
 
     def __init__(self, name: str, device: str, library: _libraries.NumPy):
         self.name, self.device, self.library = name, device, library
         self.set = importlib.import_module(f"cvkern.kernels.{name}")
+        self._constants: dict[Any, Any] = {}
 
     def __getattr__(self, family: str) -> Any:
         if family.startswith("_"):
@@ -114,10 +118,25 @@ class Runtime:
             ready = np.asarray(ready)
         return self.set.adopt(ready, self.device)
 
+    def constant(self, array: np.ndarray) -> Any:
+        """View a small host array that never changes, moved to the device once."""
+        key = (array.dtype.char, array.shape, array.tobytes())
+        if key not in self._constants:
+            if len(self._constants) >= _MAX_CONSTANTS:
+                self._constants.pop(next(iter(self._constants)))
+            self._constants[key] = self.set.adopt(array, self.device)
+        return self._constants[key]
+
     def empty(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate a result, in the caller's library where that can be written to."""
         if _tape.replayed is not None:
             return next(_tape.replayed)
+        if _tape.buffers is not None and self.device != "cpu":
+            if self.library is _NUMPY or not self.library.writable:
+                raise ValueError(
+                    "captured arrays must be of a library that can write to them on a GPU, "
+                    f"got {type(self.library).__name__}"
+                )
         dtype = np.dtype(dtype)
         if self.device == "cpu":
             result = (self.library if self.library.writable else _NUMPY).empty(shape, dtype, "cpu")
@@ -141,9 +160,14 @@ class Runtime:
 
     def to_numpy(self, array: Any) -> np.ndarray:
         """Wait for a kernel array and bring it to the host."""
-        if _tape.buffers is not None:
-            raise ValueError("captured functions must not depend on values on the host")
+        refuse_capture("a value needed on the host")
         return self.set.to_numpy(array)
+
+
+def refuse_capture(name: str) -> None:
+    """Raise inside :func:`capture` for what is not all done by kernels."""
+    if _tape.buffers is not None:
+        raise ValueError(f"captured functions must be kernels alone, got {name}")
 
 
 class _Tape(threading.local):
@@ -154,6 +178,25 @@ class _Tape(threading.local):
 
 
 _tape = _Tape()
+
+
+@contextlib.contextmanager
+def taped(buffers: list[Any], *, replay: bool = False) -> Iterator[None]:
+    """Keep the results that the block allocates in `buffers`, or hand those out again."""
+    before = _tape.buffers, _tape.replayed
+    _tape.buffers, _tape.replayed = buffers, iter(buffers) if replay else None
+    try:
+        yield
+    finally:
+        _tape.buffers, _tape.replayed = before
+
+
+def pinned() -> Callable[[], use]:
+    """Return what brings back, as a context, the kernel set and device chosen now."""
+    backend, device = _choice()
+    return lambda: use(backend, device)
+
+
 _NUMPY = _libraries.library(np.empty(0))
 _runtimes: dict[tuple[str, str, _libraries.NumPy], Runtime] = {}
 

@@ -66,9 +66,7 @@ def check_choice(value: str, choices: Sequence[str], name: str) -> str:
     return value
 
 
-def check_number(
-    value: float, name: str, *, low: float = -math.inf, finite: bool = True
-) -> float:
+def check_number(value: float, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
     """Return `value` as a float of at least `low`."""
     number = float(value)
     if math.isnan(number) or (finite and math.isinf(number)) or number < low:

@@ -10,7 +10,7 @@ import numpy as np
 from cvkern._libraries import library
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_code, check_image, check_number
-from cvkern.filters import derivatives
+from cvkern.gradients import derivatives
 from cvkern.kernels.codes import Border, Norm, Thinning
 
 OPERATORS = ("gaussian", "sobel")
@@ -210,8 +210,10 @@ def _canny(
     shape = tuple(image.shape)
     states = rt.scratch("canny.states", shape, np.uint8)
     dy = dx = None
-    if operator == "sobel" and sigma == 0 and dtype == np.uint8 and not use_quantiles:
-        limits = _measures(low, high, length, integral=float(cval).is_integer())
+    # Sums of uint8 are exact in any order.
+    exact = dtype == np.uint8 and (border != Border.CONSTANT or cval in range(256))
+    if operator == "sobel" and sigma == 0 and exact and not use_quantiles:
+        limits = _measures(low, high, length, integral=True)
         rt.edges.thin_sobel(rt.adopt(image, np.uint8), border, cval, length, *limits, states)
     else:
         dy, dx = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
@@ -244,9 +246,7 @@ def _thresholds(
     return low, high
 
 
-def _measures(
-    low: float, high: float, norm: Norm, integral: bool = False
-) -> tuple[float, float]:
+def _measures(low: float, high: float, norm: Norm, integral: bool = False) -> tuple[float, float]:
     """Return the limits for what kernels compare: the length itself, or its square.
 
     An integer exceeds a limit exactly when it exceeds its floor, which float32 holds exactly up to

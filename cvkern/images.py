@@ -138,8 +138,10 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     channels = np.moveaxis(array, channel_axis, 0)
     if len(channels) not in (3, 4):
         raise ValueError(f"image must have 3 or 4 channels, got shape {array.shape}")
-    parts = (np.float32(w) * c.astype(np.float32) for w, c in zip(LUMA, channels[:3], strict=True))
-    return sum(parts, np.float32(0.0))
+    red, green, blue = (
+        np.float32(w) * c for w, c in zip(LUMA, channels[:3].astype(np.float32), strict=True)
+    )
+    return red + green + blue
 
 
 def apply_colormap(

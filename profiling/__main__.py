@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from rich.table import Table
 import cvkern
 
 from . import clock, record
-from .case import SIZES, TOY, CheckFailedError
+from .case import SIZES, TOY
 from .cases import CASES
 from .runner import Bench
 
@@ -38,23 +39,33 @@ def main(command: list[str] | None = None) -> int:
             args.device, args.backend, timer, np.random.default_rng(seed), bandwidth, args.toy
         )
         console.print(f"copy {bandwidth / 1e9:.0f} GB/s, seed {seed}")
-        results, failures = [], []
-        for name in args.case:
-            for size, shape in sizes.items():
-                console.print(f"[dim]{name} {size}[/]")
-                try:
-                    results.append({"size": size} | bench.run(CASES[name], shape))
-                except CheckFailedError as error:
-                    failures.append({"case": name, "size": size, "reason": str(error)})
-                    console.print(f"[red]{error}[/]")
-    console.print(table(results))
-    for failure in failures:
-        console.print(f"[red]not timed: {failure['reason']} ({failure['size']})[/]")
-    if args.json:
         whole = record.surroundings(args.device, command)
         whole["device"]["copy_gb_per_s"] = bandwidth / 1e9
         whole |= {"backend": args.backend, "toy": args.toy, "seed": str(seed)}
-        record.write_json(args.json, whole | {"results": results, "failures": failures})
+        results, failures = [], []
+        for name, size in itertools.product(args.case, sizes):
+            console.print(f"[dim]{name} {size}[/]")
+            try:
+                results.append({"size": size} | bench.run(CASES[name], sizes[size]))
+            except Exception as error:  # one case that fails must not cost the others
+                reason = " ".join(f"{type(error).__name__}: {error}".split())
+                failures.append({"case": name, "size": size, "reason": reason})
+                console.print(reason, style="red", markup=False)
+            if args.json:  # after each case: a run that is cut short keeps what it has
+                record.write_json(args.json, whole | {"results": results, "failures": failures})
+    console.print(table(results))
+    for name, reason in sorted(
+        {
+            (one["name"], one["reason"])
+            for result in results
+            for one in result["contenders"]
+            if one["status"] != "timed"
+        }
+    ):
+        console.print(f"{name}: {reason}", style="dim", markup=False)
+    for failure in failures:
+        said = f"not timed: {failure['case']} {failure['size']}: {failure['reason']}"
+        console.print(said, style="red", markup=False)
     return 1 if failures else 0
 
 
@@ -69,7 +80,7 @@ def table(results: list[dict[str, Any]]) -> Table:
         for i, one in enumerate(result["contenders"]):
             where = (result["case"], result["size"]) if i == 0 else ("", "")
             if one["status"] != "timed":
-                shown.add_row(*where, one["name"], one["status"], one["reason"][:48], style="dim")
+                shown.add_row(*where, one["name"], one["status"], style="dim")
                 continue
             low, high = one["quartiles_s"]
             style = "yellow" if one["ratio"] < 1 and i else ""

@@ -33,6 +33,12 @@ class Peer:
     note: str = ""  # what it computes otherwise than the case
 
 
+def in_float64(call: Callable[[Any, Any, Any], Any]) -> Callable[[np.ndarray], Any]:
+    """Make an oracle of SciPy: `call` is (ndimage, array, NumPy)."""
+    ndimage = importlib.import_module("scipy.ndimage")
+    return lambda image: call(ndimage, image.astype(np.float64), np)
+
+
 def ndimage_peers(call: Callable[[Any, Any, Any], Any]) -> tuple[Peer, Peer]:
     """Give SciPy, and CuPy that mirrors it, as peers: `call` is (ndimage, array, NumPy or CuPy)."""
     return (
@@ -77,7 +83,7 @@ class Case:
     bytes_per_pixel: int  # each input read once, each output written once
     operations_per_pixel: float
     peers: tuple[Peer, ...] = ()
-    captures: bool = True  # False where the size of the answer hangs on the data
+    captures: bool = True  # False for what cvkern.capture refuses
 
     def compare(self, answer: Any, right: tuple[np.ndarray, ...]) -> float:
         """Return how far a peer's answer is from the right one, away from the border."""
@@ -98,14 +104,14 @@ class Case:
 
 
 def relative(ours: tuple[np.ndarray, ...], theirs: tuple[np.ndarray, ...]) -> float:
-    """Largest absolute difference over the largest right value, the worst of all fields."""
-    worst = 0.0
+    """Largest absolute difference over the largest right value, of the worst field; or NaN."""
+    worst = [0.0]
     for a, b in zip(ours, theirs, strict=False):
         if a.shape != b.shape:
             return np.inf
-        gap = np.abs(a.astype(np.float64) - b.astype(np.float64)).max(initial=0.0)
-        worst = max(worst, gap / max(float(np.abs(b).max(initial=0.0)), 1e-30), key=_nan_is_most)
-    return worst
+        gap = np.abs(a.astype(np.float64) - b).max(initial=0.0)
+        worst.append(gap / max(np.abs(b).max(initial=0.0), np.finfo(np.float32).tiny))
+    return float(np.max(worst))
 
 
 def disagreeing(ours: tuple[np.ndarray, ...], theirs: tuple[np.ndarray, ...]) -> float:
@@ -120,7 +126,3 @@ def unequal(ours: tuple[np.ndarray, ...], theirs: tuple[np.ndarray, ...]) -> flo
     """Share of the elements that are not equal."""
     (a,), (b,) = ours, theirs
     return float(np.mean(a != b)) if a.shape == b.shape else np.inf
-
-
-def _nan_is_most(value: float) -> float:
-    return np.inf if np.isnan(value) else value

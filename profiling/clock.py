@@ -40,6 +40,7 @@ class CudaClock(HostClock):
 
     def __init__(self) -> None:
         self._warp: Any = importlib.import_module("warp")
+        self._warp.config.log_level = self._warp.LOG_ERROR
         self._warp.init()
         self._device = self._warp.get_device("cuda")
         # The legacy default stream: torch and CuPy use it unless told otherwise.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import importlib
 import importlib.metadata
@@ -9,7 +10,6 @@ import json
 import os
 import platform
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -116,9 +116,8 @@ def _gpu_name() -> str:
 
 def _threads() -> dict[str, int]:
     threads = {"cvkern": int(os.environ.get("CVKERN_NUM_THREADS") or cores())}
-    for name, ask in (("cv2", "getNumThreads"), ("torch", "get_num_threads")):
-        if name in sys.modules:
-            threads[name] = getattr(sys.modules[name], ask)()
+    with contextlib.suppress(ImportError):
+        threads["cv2"] = importlib.import_module("cv2").getNumThreads()
     return threads
 
 

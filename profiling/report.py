@@ -95,10 +95,15 @@ def _notes(rows: list[Result]) -> list[str]:
         for one in row["contenders"]
         if one["status"] != "timed"
     }
-    said = {f"{one['name']}: {one['note']}" for row in rows for one in timed(row) if "note" in one}
+    said = {
+        f"{one['name']} in {row['case']} ({one['note']})"
+        for row in rows
+        for one in timed(row)
+        if "note" in one
+    }
     notes = [
         f"Measured at {', '.join(commits)}.",
-        *([f"Differs: {'; '.join(sorted(said))}."] if said else []),
+        *([f"Not quite the same: {', '.join(sorted(said))}."] if said else []),
         *([f"Not timed: {', '.join(sorted(missing))}."] if missing else []),
     ]
     return [" ".join(notes)]
@@ -109,13 +114,14 @@ def draw(devices: dict[str, list[Result]]) -> str:
     import matplotlib
     from matplotlib.figure import Figure
 
-    devices = {name: [row for row in rows if peers(row)] for name, rows in devices.items()}
-    counts = [len(rows) for rows in devices.values()]
+    compared = {name: [row for row in rows if peers(row)] for name, rows in devices.items()}
+    shown = {name: rows for name, rows in compared.items() if rows}
+    counts = [len(rows) for rows in shown.values()]
     # A fixed salt and no date: the same results give the same file.
     with matplotlib.rc_context({"svg.hashsalt": "cvkern", "font.size": 9}):
         figure = Figure(figsize=(9, 1.0 + 0.8 * len(counts) + 0.26 * sum(counts)))
         panels = figure.subplots(len(counts), 1, squeeze=False, height_ratios=counts)[:, 0]
-        for panel, (name, rows) in zip(panels, devices.items(), strict=True):
+        for panel, (name, rows) in zip(panels, shown.items(), strict=True):
             _panel(panel, name, rows)
         panels[-1].set_xlabel("time of the peer / time of cvkern (log scale; right of 1: faster)")
         figure.tight_layout()
@@ -134,14 +140,13 @@ def _panel(panel: Any, name: str, rows: list[Result]) -> None:
                 panel.plot(ratio, y, "o", color=OTHER, markersize=4, markeredgecolor="white")
                 continue
             panel.barh(y, ratio - 1, left=1, height=0.6, color=FASTER if ratio >= 1 else SLOWER)
-            panel.annotate(
-                peer["name"],
-                (ratio, y),
-                (4 if ratio >= 1 else -4, 0),
-                textcoords="offset points",
-                ha="left" if ratio >= 1 else "right",
+            panel.text(
+                1.01,
+                y,
+                f"{peer['name']}  {ratio:.2f}",
+                transform=panel.get_yaxis_transform(),
                 va="center",
-                fontsize=7,
+                fontsize=8,
             )
     panel.set_xscale("log")
     low, high = panel.get_xlim()

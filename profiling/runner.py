@@ -6,7 +6,7 @@ import importlib
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -35,7 +35,7 @@ class Contender:
     """One way to compute the case, ready to be called on each of the inputs in turn."""
 
     name: str
-    calls: list[partial[Any]]
+    calls: Sequence[Callable[[], Any]]
     about: dict[str, Any]
     samples: list[float] = field(default_factory=list)
     spent: float = 0.0
@@ -78,10 +78,15 @@ class Bench:
         images = [case.image(shape, self.rng) for _ in range(sets)]
         right = fields(case.oracle(images[0]))
 
-        ours = self._cvkern(case, images, right)
+        array_type = carrier() if self.device == "cuda" else "numpy"
+        arrays = [load(image, array_type, self.device) for image in images]
+        ours = self._cvkern(case, arrays, right)
+        ours.about["arrays"] = array_type
         contenders, missing = [ours], []
         if self.device == "cuda" and case.captures:
-            self._add(contenders, missing, "cvkern, graph", lambda: self._graph(case, ours, right))
+            self._add(
+                contenders, missing, "cvkern, graph", lambda: self._graph(case, arrays, right)
+            )
         for peer in case.peers:
             if peer.device == self.device:
                 self._add(
@@ -105,24 +110,19 @@ class Bench:
             "contenders": [self._record(c, moved, base) for c in contenders] + missing,
         }
 
-    def _cvkern(self, case: Case, images: list[np.ndarray], right: Answer) -> Contender:
-        array_type = carrier() if self.device == "cuda" else "numpy"
-        arrays = [load(image, array_type, self.device) for image in images]
+    def _cvkern(self, case: Case, arrays: list[Any], right: Answer) -> Contender:
         contender = Contender("cvkern", [partial(case.call, a) for a in arrays], {})
         answer = self._first(contender)  # compiles, or loads what an earlier run compiled
-        contender.about |= {"arrays": array_type, "difference": case.check(answer, right)}
+        contender.about["difference"] = case.check(answer, right)
         return contender
 
-    def _graph(self, case: Case, ours: Contender, right: Answer) -> Contender:
-        """Give the replay of the captured call, on each input; its answer must be the same."""
+    def _graph(self, case: Case, arrays: list[Any], right: Answer) -> Contender:
+        """Give the captured call, one for each input: its replay must be right as well."""
         begin = time.perf_counter()
-        replays = [cvkern.capture(case.call, *call.args) for call in ours.calls]
-        contender = Contender("cvkern, graph", replays, {})
+        contender = Contender("cvkern, graph", [cvkern.capture(case.call, a) for a in arrays], {})
+        contender.about["capture_s"] = time.perf_counter() - begin
         answer = self._first(contender)
-        contender.about |= {
-            "capture_s": time.perf_counter() - begin,
-            "difference": case.check(answer, right),
-        }
+        contender.about["difference"] = case.check(answer, right)
         return contender
 
     def _peer(self, case: Case, peer: Peer, images: list[np.ndarray], right: Answer) -> Contender:

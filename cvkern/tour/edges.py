@@ -68,7 +68,8 @@ def _orientation(clock: Clock) -> Figure:
         "Round a cup the hues run once through the circle; the two sides of a thin line have "
         "opposite hues.",
         "gradient = cvkern.gradient(luma(photo), sigma=2)\n"
-        'apply_colormap(gradient.orientation, "cyclic")',
+        'colours = apply_colormap(gradient.orientation, "cyclic")\n'
+        "# shown darker where gradient.magnitude is small",
         (
             Panel("edges-orientation-photograph", photo, "The photograph, `skimage.data.coffee()`"),
             Panel("edges-orientation", shown, "Orientation as hue, magnitude as brightness"),

@@ -180,8 +180,8 @@ TEMPLATE = """<!doctype html>
 <main id="top">
 <header class="title">
 <h1>A tour of cvkern</h1>
-<p class="lead">Every picture on this page was computed on this machine, by the call that stands
-beside it, from photographs that come with scikit-image.</p>
+<p class="lead">Every result on this page was computed on this machine, by the call that stands
+below it, from photographs that come with scikit-image.</p>
 <dl>{{facts}}</dl>
 </header>
 {{body}}

@@ -5,8 +5,10 @@ torch; Taichi is handed their addresses. Modules of this folder must not use
 ``from __future__ import annotations``: Taichi reads annotations as objects.
 """
 
+import contextlib
 import os
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -20,14 +22,13 @@ with warnings.catch_warnings():
 
 from ._launch import start, synchronize
 
-__all__ = ["adopt", "empty", "scratch", "start", "to_numpy"]
+__all__ = ["adopt", "empty", "own_scratch", "record", "scratch", "start", "to_numpy"]
 
 
 def adopt(array: Any, device: str) -> Any:
     """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
     if device == "cpu":
         host = np.asarray(array)
-        # Whatever address and strides NumPy calls contiguous, Taichi reads it in place.
         return host.view(np.uint8) if host.dtype == np.bool_ else np.require(host, None, "CA")
     from . import _cuda
 
@@ -54,3 +55,13 @@ def to_numpy(array: Any) -> np.ndarray:
         return array
     synchronize()
     return array.numpy()
+
+
+def own_scratch(scratch: dict[Any, Any]) -> contextlib.AbstractContextManager[None]:
+    """Keep scratch apart for the block: Taichi's is allocated anew each time, so it is apart."""
+    return contextlib.nullcontext()
+
+
+def record(call: Callable[[], None], device: str) -> Callable[[], None]:
+    """Return what repeats the launches of `call`: Taichi has no graphs, so the call itself."""
+    return call

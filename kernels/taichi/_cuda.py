@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+wp.config.log_level = wp.LOG_ERROR
+wp.init()
+
 DEVICE = "cuda:0"  # Taichi drives the first GPU that CUDA shows
 
 
 def adopt(array: Any) -> wp.array:
     """View a contiguous array of the device, bool as uint8; copy one of the host."""
-    wp.init()
     if isinstance(array, np.ndarray):
         host = array.view(np.uint8) if array.dtype == np.bool_ else array
         return wp.array(host, dtype=wp.dtype_from_numpy(host.dtype), device=DEVICE)
@@ -22,12 +24,21 @@ def adopt(array: Any) -> wp.array:
         return array.view(wp.uint8) if array.dtype is wp.bool else array
     if hasattr(array, "at"):  # JAX: its DLPack also orders the streams
         return adopt(wp.from_dlpack(array))
-    return _view(array, DEVICE)
+    return view(array)
+
+
+def view(owner: Any, device: str = DEVICE) -> wp.array:
+    """View the memory of any library's contiguous array, bool as uint8."""
+    face = owner.__cuda_array_interface__
+    dtype = np.dtype(face["typestr"])
+    scalar = wp.uint8 if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
+    array = wp.array(ptr=face["data"][0], dtype=scalar, shape=face["shape"], device=device)
+    array.owner = owner  # keeps the memory alive
+    return array
 
 
 def empty(shape: tuple[int, ...], dtype: np.dtype) -> wp.array:
     """Allocate an uninitialised array."""
-    wp.init()
     scalar = wp.bool if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
     return wp.empty(shape, dtype=scalar, device=DEVICE)
 
@@ -51,12 +62,3 @@ class _Interface:
             "typestr": dtype.str,
             "data": (array.ptr, False),
         }
-
-
-def _view(owner: Any, device: str) -> wp.array:
-    face = owner.__cuda_array_interface__
-    dtype = np.dtype(face["typestr"])
-    scalar = wp.uint8 if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
-    view = wp.array(ptr=face["data"][0], dtype=scalar, shape=face["shape"], device=device)
-    view.owner = owner  # keeps the memory alive
-    return view

@@ -6,6 +6,7 @@ import io
 import os
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, ParamSpec
 
 import numpy as np
@@ -104,9 +105,19 @@ def _switch(device: str, arch: Any) -> None:
         )
     if current is not None and device == _program.device:
         return
+    # On a thread of its own, because Taichi makes the thread that it starts on flush denormal
+    # numbers to zero, and NumPy's arithmetic with it. Its kernels do so on their threads.
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(_initialise, arch).result()
+    _program.device = device
+    _program.handle = ti.lang.impl.get_runtime().prog
+    _program.process = os.getpid()
+
+
+def _initialise(arch: Any) -> None:
     environment = os.environ.pop("TI_ARCH", None)  # it would override `arch`
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()):  # "Starting on arch=..."
             ti.init(
                 arch=arch,
                 enable_fallback=False,
@@ -120,9 +131,7 @@ def _switch(device: str, arch: Any) -> None:
     finally:
         if environment is not None:
             os.environ["TI_ARCH"] = environment
-    _program.device = device
-    _program.handle = ti.lang.impl.get_runtime().prog
-    _program.process = os.getpid()
+    ti.sync()  # builds what Taichi builds on the thread it started on alone
 
 
 def _launch_on_cuda(launch: Callable[..., None], args: tuple, kwargs: dict[str, Any]) -> None:

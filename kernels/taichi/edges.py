@@ -5,9 +5,9 @@ import taichi as ti
 
 from ..codes import SECTOR_HIGH, SECTOR_LOW, SECTOR_ONE, Edge, Norm, Thinning
 from ._borders import border_index
-from ._gradients import gradient_angle, squared_magnitude
 from ._hysteresis import keep, plant, unite
 from ._launch import primitive, scratch
+from ._polar import gradient_angle, squared_magnitude
 from ._rounding import product, quotient, root
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
@@ -69,7 +69,7 @@ def _length(
     """Return the length of the gradient at a pixel; 0 outside the image."""
     m = _measure(dy, dx, y, x, norm, zero)
     if norm == Norm.L2:
-        m = root(m)
+        m = root(m, zero)
     return m
 
 
@@ -268,7 +268,7 @@ def _gather_edges(
                     points[n, 0] = y + (offset if along_rows else 0.0)
                     points[n, 1] = x + (0.0 if along_rows else offset)
                     orientation[n] = gradient_angle(dy[y, x], dx[y, x], zero)
-                    strength[n] = root(peak[1])
+                    strength[n] = root(peak[1], zero)
                     n += 1
 
 

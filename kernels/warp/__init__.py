@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,8 +20,7 @@ def start(device: str, stream: int | None) -> None:
     """Initialise Warp, check that `device` exists, send this thread's launches to `stream`."""
     global _process
     if not _process:
-        wp.config.log_level = wp.LOG_ERROR
-        wp.init()
+        _initialise()
         _process = os.getpid()
     if device == "cpu":
         _launch.set_stream(None)
@@ -40,6 +41,24 @@ def start(device: str, stream: int | None) -> None:
     _launch.set_stream(_streams[key])
 
 
+def _initialise() -> None:
+    """Start Warp without its notice, native and on stderr, that a machine has no GPU."""
+    wp.config.log_level = wp.LOG_ERROR
+    with tempfile.TemporaryFile() as said:
+        stderr = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+        said.seek(0)
+        lines = said.read().splitlines(keepends=True)
+    kept = b"".join(line for line in lines if b"NVIDIA CUDA driver" not in line)
+    if kept:
+        os.write(2, kept)
+
+
 def adopt(array: Any, device: str) -> wp.array:
     """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
     if isinstance(array, np.ndarray):
@@ -47,7 +66,9 @@ def adopt(array: Any, device: str) -> wp.array:
             array = array.view(np.uint8)
         if device == "cpu":
             return _view(array, array.ctypes.data, array.dtype, array.shape, device)
-        return wp.array(array, dtype=wp.dtype_from_numpy(array.dtype), device=device)
+        moved = wp.array(array, dtype=wp.dtype_from_numpy(array.dtype), device=device)
+        wp.synchronize_stream(moved.device.stream)  # the kernels may run on another stream
+        return moved
     if isinstance(array, wp.array):
         if array.dtype is not wp.bool:
             return array
@@ -74,6 +95,24 @@ def to_numpy(array: wp.array) -> np.ndarray:
     if array.device.is_cuda:
         wp.synchronize_stream(_launch.current_stream(array.device))
     return array.numpy()
+
+
+own_scratch = _launch.own_scratch
+
+
+def record(call: Callable[[], None], device: str) -> Callable[[], None]:
+    """Return what repeats the launches of `call`: one launch of a graph on CUDA."""
+    if device == "cpu":
+        return call
+    stream = wp.Stream(device)  # the legacy default stream, where torch works, cannot record
+    with _launch.only_stream(stream), wp.ScopedCapture(stream=stream) as captured:
+        call()
+
+    def launch_graph() -> None:
+        wp.capture_launch(captured.graph, stream=_launch.current_stream(stream.device))
+
+    launch_graph.call = call  # pyright: ignore  (keeps alive the memory that the graph addresses)
+    return launch_graph
 
 
 def _view(owner: Any, address: int, dtype: Any, shape: tuple[int, ...], device: str) -> wp.array:

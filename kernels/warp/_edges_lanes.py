@@ -76,9 +76,7 @@ def thin_sobel(
                 keep(line_lanes, slab, slot, x, dy, dx, norm, Thinning.SECTORS)
             seal(lines, slab, slot, columns)
         if y > first:
-            thin_row(
-                line_lanes, slab, y - 1, stored, norm, Thinning.SECTORS, low, high, states
-            )
+            thin_row(line_lanes, slab, y - 1, stored, norm, Thinning.SECTORS, low, high, states)
 
 
 @wp.kernel

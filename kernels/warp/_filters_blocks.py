@@ -2,7 +2,6 @@
 
 import warp as wp
 
-from ._angles import atan2
 from ._borders import border_index
 from ._launch import launch
 
@@ -21,8 +20,6 @@ def load4(src: wp.array[float], offset: int) -> wp.vec4: ...
     *reinterpret_cast<float4*>(dst.data + offset) = make_float4(v[0], v[1], v[2], v[3]);
 """)
 def store4(dst: wp.array[float], offset: int, v: wp.vec4): ...
-
-
 
 
 @wp.kernel
@@ -154,56 +151,6 @@ def rows1(
             v = src[plane, y, x * step + channel]
         acc += taps[t] * v
     dst[plane, y, column] = acc
-
-
-@wp.kernel
-def polar(
-    dy: wp.array[float],
-    dx: wp.array[float],
-    # outputs
-    magnitude: wp.array[float],
-    orientation: wp.array[float],
-):
-    i = wp.tid()
-    y = dy[i]
-    x = dx[i]
-    magnitude[i] = wp.sqrt(x * x + y * y)
-    orientation[i] = atan2(y, x)
-
-
-@wp.kernel
-def median(
-    src: wp.array3d[int],  # (P, H, W step)
-    radius: int,
-    step: int,
-    low: int,
-    bits: int,
-    border: int,
-    cval: int,
-    # outputs
-    dst: wp.array3d[int],
-):
-    # The value of rank r is the largest v with at most r window values below v: bit by bit.
-    plane, row, column = wp.tid()
-    pixel = column // step
-    channel = column - pixel * step
-    size = 2 * radius + 1
-    found = low
-    for b in range(bits):
-        middle = found + (1 << (bits - 1 - b))
-        below = int(0)
-        for t in range(size):
-            y = border_index(row + t - radius, src.shape[1], border)
-            for u in range(size):
-                x = border_index(pixel + u - radius, src.shape[2] // step, border)
-                value = cval
-                if y >= 0 and x >= 0:
-                    value = src[plane, y, x * step + channel]
-                if value < middle:
-                    below += 1
-        if below <= size * size // 2:
-            found = middle
-    dst[plane, row, column] = found
 
 
 def correlate_columns(

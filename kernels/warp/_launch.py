@@ -23,9 +23,11 @@ class _ThreadState(threading.local):
     """What the launches of one Python thread share: their stream and their scratch memory."""
 
     stream: wp.Stream | None = None
+    fixed: bool = False  # whether the stream stays whatever the callers' arrays say
 
     def __init__(self) -> None:
-        self.scratch: dict[tuple[str, str, int], wp.array] = {}
+        self.streams_scratch: dict[tuple[str, str, int], wp.array] = {}
+        self.scratch = self.streams_scratch
 
 
 _thread = _ThreadState()
@@ -46,7 +48,19 @@ def cpu_threads() -> int:
 
 def set_stream(stream: wp.Stream | None) -> None:
     """Send this thread's CUDA launches to `stream`."""
-    _thread.stream = stream
+    if not _thread.fixed:
+        _thread.stream = stream
+
+
+@contextlib.contextmanager
+def only_stream(stream: wp.Stream) -> Iterator[None]:
+    """Send the launches of the block to `stream`, whatever :func:`set_stream` is told."""
+    before = _thread.stream
+    _thread.stream, _thread.fixed = stream, True
+    try:
+        yield
+    finally:
+        _thread.stream, _thread.fixed = before, False
 
 
 def current_stream(device: wp.Device) -> wp.Stream:
@@ -67,8 +81,9 @@ def own_scratch(scratch: dict[tuple[str, str, int], wp.array]) -> Iterator[None]
 
 def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
     """Return uninitialised memory that stays valid until this thread asks for `name` again."""
-    stream = current_stream(device).cuda_stream if device.is_cuda else 0
-    key = (name, str(device), stream or 0)
+    shared = _thread.scratch is _thread.streams_scratch
+    stream = current_stream(device).cuda_stream or 0 if device.is_cuda and shared else 0
+    key = (name, str(device), stream)
     count = math.prod(shape) * wp.types.type_size_in_bytes(dtype)
     block = _thread.scratch.get(key)
     if block is None or block.size < count:

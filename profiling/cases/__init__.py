@@ -1,6 +1,7 @@
 """The cases, by name; a family has the same file name here as in cvkern."""
 
 from ..case import Case
-from . import edges, filters
+from . import edges, filters, gradients, rank
 
-CASES: dict[str, Case] = {case.name: case for case in (*filters.CASES, *edges.CASES)}
+FAMILIES = (filters, gradients, rank, edges)
+CASES: dict[str, Case] = {case.name: case for family in FAMILIES for case in family.CASES}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy.ndimage
-import scipy.spatial
+from scipy.spatial import KDTree
 
 import cvkern
 
@@ -20,7 +20,7 @@ SOBEL_GAIN = 8  # skimage thresholds scipy.ndimage.sobel of the smoothed image
 
 # float32 and float64 decide otherwise only where two numbers agree within 1e-6, but one decision
 # may let a whole chain of weak pixels in or out. A wrong rule moves far more pixels than this.
-FLIPPED = 2e-3
+FLIPPED = 1e-3
 NEAR = 0.01  # pixels: how close two edge points must lie to be the same one
 
 Pair = tuple[np.ndarray, np.ndarray]
@@ -28,8 +28,8 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 def _slopes(image: np.ndarray) -> Pair:
     x = image.astype(np.float64)
-    dy, dx = (scipy.ndimage.gaussian_filter(x, SIGMA, order=o) for o in ((1, 0), (0, 1)))
-    return dy, dx
+    smooth: Any = scipy.ndimage.gaussian_filter
+    return smooth(x, SIGMA, order=(1, 0)), smooth(x, SIGMA, order=(0, 1))
 
 
 def _thinned(dy: np.ndarray, dx: np.ndarray) -> np.ndarray:
@@ -61,7 +61,8 @@ def _thinned(dy: np.ndarray, dx: np.ndarray) -> np.ndarray:
 def _canny(image: np.ndarray) -> np.ndarray:
     """Canny by SciPy, in float64."""
     ridge = _thinned(*_slopes(image))
-    labels, count = scipy.ndimage.label(ridge > SOFT_LOW, structure=np.ones((3, 3)))
+    labelled: Any = scipy.ndimage.label(ridge > SOFT_LOW, structure=np.ones((3, 3)))
+    labels, count = labelled
     strong = np.zeros(count + 1, bool)
     strong[labels[ridge > SOFT_HIGH]] = True
     strong[0] = False
@@ -89,7 +90,7 @@ def _unmatched(ours: tuple[np.ndarray, ...], theirs: tuple[np.ndarray, ...]) -> 
     sets = ours[0], theirs[0]
     if min(map(len, sets)) == 0:
         return float(len(sets[0]) != len(sets[1]))
-    trees = [scipy.spatial.cKDTree(points) for points in sets]
+    trees = [KDTree(points) for points in sets]
     gaps = [trees[1 - i].query(sets[i])[0] for i in (0, 1)]
     return float(np.mean(~(np.concatenate(gaps) <= NEAR)))
 

@@ -14,7 +14,6 @@ def _measure(dy, dx, norm):
 
 def thin(dy, dx, norm, rule, low, high):
     """Keep the maxima along the gradient, in the arithmetic of the dtype of `dy`."""
-    height, width = dy.shape
     m = np.pad(_measure(dy, dx, norm), 1)
     states = np.full(dy.shape, Edge.NONE, np.uint8)
     for y, x in np.argwhere(m[1:-1, 1:-1] > dy.dtype.type(low)):
@@ -51,26 +50,27 @@ def _tops_line(near, gy, gx, norm):
 
 def hysteresis(states):
     """Keep the components that hold a strong pixel."""
-    labels, _ = ndi.label(states != Edge.NONE, _EIGHT)
+    labels = np.zeros(states.shape, np.int32)
+    ndi.label(states != Edge.NONE, _EIGHT, output=labels)
     return np.isin(labels, np.unique(labels[states == Edge.STRONG])) & (labels > 0)
 
 
 def subpixel_edges(dy, dx, mask):
-    """Points (row, column), gradient (dy, dx) and squared length of the accepted pixels."""
+    """Accepted pixels (N, 2), their points (N, 2), and how much a point magnifies an error.
+
+    That is of a relative error of the logarithms: their size by their second difference.
+    """
     m = np.pad(_measure(dy, dx, Norm.L2), 1)
-    points, gradients, squares = [], [], []
+    pixels, points, magnified = [], [], []
     for y, x in np.argwhere(mask):
         near = m[y : y + 3, x : x + 3]
-        rows = abs(dy[y, x]) > abs(dx[y, x])
-        before, here, after = near[:, 1] if rows else near[1]
+        along_rows = abs(dy[y, x]) > abs(dx[y, x])
+        before, here, after = (near[:, 1] if along_rows else near[1, :]).tolist()
         if 0 < before < here >= after > 0:
-            a, b, c = np.log(np.float64([before, here, after]))
+            a, b, c = np.log(np.array([before, here, after], np.float64))
             offset = 0.5 * (a - c) / (a - 2 * b + c)
-            points.append((y + offset, x) if rows else (y, x + offset))
-            gradients.append((dy[y, x], dx[y, x]))
-            squares.append(here)
-    return (
-        np.array(points).reshape(-1, 2),
-        np.array(gradients, dy.dtype).reshape(-1, 2),
-        np.array(squares, dy.dtype),
-    )
+            pixels.append((y, x))
+            points.append((y + offset, x) if along_rows else (y, x + offset))
+            magnified.append((abs(a) + 2 * abs(b) + abs(c)) / abs(a - 2 * b + c))
+    n = len(pixels)
+    return np.array(pixels, int).reshape(n, 2), np.array(points).reshape(n, 2), np.array(magnified)

@@ -7,6 +7,8 @@ import taichi as ti
 from ..codes import ATAN
 from ._rounding import product, quotient
 
+_HIGHEST, *_LOWER = reversed(ATAN)
+
 
 @ti.func
 def gradient_angle(dy: ti.f32, dx: ti.f32, zero: ti.i32) -> ti.f32:
@@ -17,9 +19,9 @@ def gradient_angle(dy: ti.f32, dx: ti.f32, zero: ti.i32) -> ti.f32:
     if ti.max(ax, ay) > 0.0:
         a = quotient(ti.min(ax, ay), ti.max(ax, ay), zero)
     s = a * a
-    r = ti.cast(ATAN[len(ATAN) - 1], ti.f32)
-    for k in ti.static(range(len(ATAN) - 2, -1, -1)):
-        r = product(r, s, zero) + ATAN[k]
+    r = ti.cast(_HIGHEST, ti.f32)
+    for coefficient in ti.static(_LOWER):
+        r = product(r, s, zero) + coefficient
     r = product(r, a, zero)
     if ay > ax:
         r = ti.cast(math.pi / 2.0, ti.f32) - r

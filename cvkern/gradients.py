@@ -1,0 +1,196 @@
+"""First derivatives of images.
+
+Derivatives are float32 sums in one order of operations, so that they, and what is made of them,
+have the same bits on every device.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime, runtime
+from cvkern._validate import check_choice, check_code, check_image, check_number
+from cvkern.filters import frozen_taps, gaussian_taps, separable
+from cvkern.kernels.codes import Border
+
+OPERATORS = ("gaussian", "sobel", "scharr")
+
+# Smoothing halves of the 3 x 3 operators; the other half is the difference (-1, 0, 1).
+_SMOOTH = {"sobel": (1.0, 2.0, 1.0), "scharr": (3.0, 10.0, 3.0)}
+_DIFFERENCE = (-1.0, 0.0, 1.0)
+
+
+class Gradient(NamedTuple):
+    """First derivatives of an image, and their polar form."""
+
+    dy: Any
+    """Derivative down the rows, (H, W) float32."""
+    dx: Any
+    """Derivative along the columns, (H, W) float32."""
+    magnitude: Any
+    """``sqrt(dy^2 + dx^2)``, (H, W) float32."""
+    orientation: Any
+    """``atan2(dy, dx)``, radians in (-pi, pi], (H, W) float32."""
+
+
+def sobel(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: float = 0.0) -> Any:
+    """Find edges by the Sobel operator.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    axis : {0, 1}, optional
+        Differentiate along this axis. When omitted, both derivatives are combined:
+        ``sqrt((dy^2 + dx^2) / 2)``.
+    mode, cval
+        As in :func:`gaussian`.
+
+    Returns
+    -------
+    array of shape (H, W), float32
+        In units of `image`: a weighted mean of differences across two pixels.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If `image` is empty or not 2-D, or `axis` or `mode` is unknown.
+
+    Notes
+    -----
+    Equal to :func:`skimage.filters.sobel` of the floating-point image; integers are not rescaled.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.sobel([[0, 0, 4, 4]] * 3, axis=1)[1]
+    array([0., 4., 4., 0.], dtype=float32)
+    """
+    return _edge_strength(image, "sobel", axis, mode, cval)
+
+
+def scharr(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: float = 0.0) -> Any:
+    """Find edges by the Scharr operator, which favours no direction.
+
+    Parameters, results and errors are those of :func:`sobel`; equal to
+    :func:`skimage.filters.scharr` of the floating-point image.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.scharr([[0, 0, 4, 4]] * 3, axis=1)[1]
+    array([0., 4., 4., 0.], dtype=float32)
+    """
+    return _edge_strength(image, "scharr", axis, mode, cval)
+
+
+def gradient(
+    image: Any,
+    *,
+    sigma: float = 1.0,
+    operator: str = "gaussian",
+    mode: str = "reflect",
+    cval: float = 0.0,
+) -> Gradient:
+    """Differentiate an image.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    sigma : float, default 1.0
+        Standard deviation of the Gaussian, in pixels. 0 smooths nothing, and is not possible with
+        the operator 'gaussian'.
+    operator : {'gaussian', 'sobel', 'scharr'}, default 'gaussian'
+        'gaussian' convolves with the derivatives of the Gaussian: in units of `image` per pixel.
+        'sobel' and 'scharr' smooth with the Gaussian, then apply the integer 3 x 3 kernels of
+        :func:`cv2.Sobel` and :func:`cv2.Scharr`, with their gains of 8 and 32.
+    mode, cval
+        As in :func:`gaussian`.
+
+    Returns
+    -------
+    Gradient
+        Named tuple of `dy`, `dx`, `magnitude` and `orientation`, each (H, W) float32.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If `image` is empty or not 2-D, `sigma` is negative or not finite, or 0 with the operator
+        'gaussian', or `operator` or `mode` is unknown.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> ramp = [[0, 1, 2, 3, 4]] * 3
+    >>> g = cvkern.gradient(ramp, sigma=0, operator="sobel")
+    >>> g.dx[1], g.orientation[1, 2]
+    (array([4., 8., 8., 8., 4.], dtype=float32), np.float32(0.0))
+    """
+    image = check_image(image)
+    rt = runtime(image)
+    results = Gradient(*(rt.empty(tuple(image.shape)) for _ in Gradient._fields))
+    dy, dx, magnitude, orientation = (rt.adopt(a) for a in results)
+    derivatives(rt, image, sigma, operator, mode, cval, dy, dx)
+    rt.gradients.polar(dy, dx, magnitude, orientation)
+    return Gradient(*(rt.release(a) for a in results))
+
+
+def derivatives(
+    rt: Runtime,
+    image: Any,
+    sigma: float,
+    operator: str,
+    mode: str,
+    cval: float,
+    dy: Any,
+    dx: Any,
+) -> None:
+    """Fill the kernel arrays `dy` and `dx` as :func:`gradient` says."""
+    border = check_code(mode, Border, "mode")
+    cval = check_number(cval, "cval")
+    sigma = check_number(sigma, "sigma", low=0)
+    check_choice(operator, OPERATORS, "operator")
+    planes = (1, *image.shape)
+    src = rt.adopt(image).reshape(planes)
+    if operator == "gaussian":
+        if sigma == 0:
+            raise ValueError("sigma must be > 0 with the operator 'gaussian', got 0")
+        smooth, slope = gaussian_taps(sigma), gaussian_taps(sigma, 1)
+    else:
+        smooth, slope = frozen_taps(_SMOOTH[operator]), frozen_taps(_DIFFERENCE)
+        if sigma > 0:
+            taps = rt.constant(gaussian_taps(sigma))
+            blurred = rt.scratch("derivatives.blurred", planes)
+            rt.filters.correlate_separable(src, taps, taps, 1, border, cval, blurred)
+            src = blurred
+    smooth, slope = rt.constant(smooth), rt.constant(slope)
+    rt.filters.correlate_separable(src, slope, smooth, 1, border, cval, dy.reshape(planes))
+    rt.filters.correlate_separable(src, smooth, slope, 1, border, cval, dx.reshape(planes))
+
+
+def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
+    if axis not in (None, 0, 1):
+        raise ValueError(f"axis must be 0, 1 or None, got {axis}")
+    smooth, slope = np.array(_SMOOTH[operator]), np.array(_DIFFERENCE)
+    smooth, slope = frozen_taps(smooth / smooth.sum()), frozen_taps(slope)
+    if axis is not None:
+        return separable(image, [slope, smooth] if axis == 0 else [smooth, slope], mode, cval)
+    image = check_image(image)
+    border = check_code(mode, Border, "mode")
+    cval = check_number(cval, "cval")
+    rt = runtime(image)
+    result = rt.empty(tuple(image.shape))
+    dy, dx = (rt.scratch(f"edge_strength.{name}", (1, *image.shape)) for name in ("dy", "dx"))
+    src = rt.adopt(image).reshape(dy.shape)
+    smooth, slope = rt.constant(smooth), rt.constant(slope)
+    rt.filters.correlate_separable(src, slope, smooth, 1, border, cval, dy)
+    rt.filters.correlate_separable(src, smooth, slope, 1, border, cval, dx)
+    rt.gradients.root_mean_square(dy, dx, rt.adopt(result).reshape(dy.shape))
+    return rt.release(result)

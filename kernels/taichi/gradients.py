@@ -1,0 +1,48 @@
+"""Lengths and angles of gradients in Taichi; one thread per element."""
+
+import numpy as np
+import taichi as ti
+
+from ._launch import primitive
+from ._polar import gradient_angle, squared_magnitude
+from ._rounding import root
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+
+
+@ti.kernel
+def _polar(
+    dy: f32_1,
+    dx: f32_1,
+    zero: ti.i32,
+    # outputs
+    magnitude: f32_1,
+    orientation: f32_1,
+):
+    for i in dy:
+        magnitude[i] = root(squared_magnitude(dy[i], dx[i], zero), zero)
+        orientation[i] = gradient_angle(dy[i], dx[i], zero)
+
+
+@primitive
+def polar(dy: np.ndarray, dx: np.ndarray, magnitude: np.ndarray, orientation: np.ndarray) -> None:
+    """Length and angle of each (dy, dx)."""
+    _polar(dy.reshape(-1), dx.reshape(-1), 0, magnitude.reshape(-1), orientation.reshape(-1))
+
+
+@ti.kernel
+def _root_mean_square(
+    dy: f32_1,
+    dx: f32_1,
+    zero: ti.i32,
+    # outputs
+    dst: f32_1,
+):
+    for i in dy:
+        dst[i] = root(squared_magnitude(dy[i], dx[i], zero) * 0.5, zero)
+
+
+@primitive
+def root_mean_square(dy: np.ndarray, dx: np.ndarray, dst: np.ndarray) -> None:
+    """``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
+    _root_mean_square(dy.reshape(-1), dx.reshape(-1), 0, dst.reshape(-1))

@@ -1,0 +1,74 @@
+"""Every public function of an image, called with nothing but an image, and images to call it on."""
+
+import numpy as np
+
+import cvkern
+from cvkern.kernels.codes import Border
+
+MODES = [border.name.lower() for border in Border]
+
+CALLS = {
+    "gaussian": lambda x: cvkern.gaussian(x, 1.5),
+    "derivative": lambda x: cvkern.gaussian(x, (1.0, 2.0), order=(0, 1)),
+    "correlate_separable": lambda x: cvkern.correlate_separable(x, ([1, -2, 0.5], [0.25, 3, 1])),
+    "box": lambda x: cvkern.box(x, (1, 3)),
+    "median": lambda x: cvkern.median(x, 2),
+    "sobel": cvkern.sobel,
+    "scharr": lambda x: cvkern.scharr(x, axis=1),
+    "gradient": lambda x: cvkern.gradient(x, sigma=1.5),
+    "gradient_sobel": lambda x: cvkern.gradient(x, sigma=0, operator="sobel"),
+    "canny": lambda x: cvkern.canny(x, 1.5, use_quantiles=True, low_threshold=0.5),
+    "canny_sobel": lambda x: cvkern.canny(x, 0, 100, 200, operator="sobel"),
+    "subpixel_edges": lambda x: cvkern.subpixel_edges(x, 1.5, 2, 4),
+}
+
+DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
+          "float16", "float32", "float64"]  # fmt: skip
+
+
+def fields(answer):
+    """Return the arrays of a result, be it one or a named tuple."""
+    return answer if isinstance(answer, tuple) else (answer,)
+
+
+def noise(*shape, dtype="float32", seed=0):
+    """Return uniform values: over [0, 1) for floats, from small ones on over the range else."""
+    rng, dtype = np.random.default_rng(seed), np.dtype(dtype)
+    if dtype.kind == "f":
+        return rng.random(shape).astype(dtype)
+    if dtype.kind == "b":
+        return rng.random(shape) < 0.5
+    info = np.iinfo(dtype)
+    return rng.integers(info.min, info.max, shape, dtype, endpoint=True)
+
+
+def blobs(*shape, seed=0):
+    """Return a uint8 picture of soft blobs on noise: edges long and short, flat parts, ties."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    picture = rng.normal(100, 4, shape)
+    for _ in range(1 + shape[0] * shape[1] // 400):
+        cy, cx, r = rng.uniform(0, shape[0]), rng.uniform(0, shape[1]), rng.uniform(3, 15)
+        distance = np.hypot(y - cy, x - cx)
+        picture += rng.uniform(-90, 90) / (1 + np.exp(2 * (distance - r)))
+    picture[: shape[0] // 8] = 255
+    return picture.clip(0, 255).astype(np.uint8)
+
+
+def layouts(image, folder):
+    """Yield (name, array) with the values of a 2-D image, differently laid out in memory."""
+    yield "reversed", image[::-1, ::-1].copy()[::-1, ::-1]
+    yield "strided", np.repeat(np.repeat(image, 2, 0), 3, 1)[::2, ::3]
+    yield "fortran", np.asfortranarray(image)
+    yield "transposed", np.ascontiguousarray(image.T).T
+    yield "swapped", image.astype(image.dtype.newbyteorder())
+    frozen = image.copy()
+    frozen.flags.writeable = False
+    yield "read-only", frozen
+    unaligned = np.zeros(image.nbytes + 1, np.uint8)[1:].view(image.dtype).reshape(image.shape)
+    unaligned[...] = image
+    yield "unaligned", unaligned
+    mapped = np.memmap(folder / "image", image.dtype, "w+", shape=image.shape)
+    mapped[...] = image
+    mapped.flush()
+    yield "memmap", np.memmap(folder / "image", image.dtype, "r", shape=image.shape)

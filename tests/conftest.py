@@ -1,0 +1,30 @@
+"""What all tests share: the kernel sets, and property tests that draw the same examples always."""
+
+import os
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+import cvkern
+from cvkern._runtime import KERNEL_SETS
+
+# JAX looks for a GPU on import otherwise, and takes most of its memory.
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+
+settings.register_profile(
+    "cvkern",
+    derandomize=True,
+    database=None,
+    deadline=None,  # the first example compiles kernels
+    max_examples=25,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+settings.load_profile("cvkern")
+
+
+@pytest.fixture(params=KERNEL_SETS)
+def backend(request):
+    """Run the test once per kernel set."""
+    with cvkern.use(backend=request.param):
+        yield request.param

@@ -1,0 +1,324 @@
+"""Every primitive of every kernel set against an oracle, and the sets against each other.
+
+Kernels do float32 arithmetic in a stated order, so NumPy doing the same must give the same bits.
+"""
+
+import importlib
+
+import numpy as np
+import pytest
+import scipy.ndimage as ndi
+from reference import edges as edges_reference
+from reference import filters as filters_reference
+from reference import gradients as gradients_reference
+from reference import rank as rank_reference
+
+from cvkern._runtime import KERNEL_SETS
+from cvkern.kernels.codes import Border, Edge, Norm, Thinning
+
+F32, I32, U8 = np.float32, np.int32, np.uint8
+
+
+class Primitives:
+    """The primitives of one kernel set on one device, from NumPy to NumPy."""
+
+    def __init__(self, name, device):
+        self._package = importlib.import_module(f"cvkern.kernels.{name}")
+        self._device = device
+        try:
+            self.start()
+        except ValueError as absent:
+            pytest.skip(str(absent))
+
+    def start(self):
+        self._package.start(self._device, None)
+
+    def __call__(self, primitive, *arguments, out):
+        """Call "FAMILY.NAME" with inputs, then with outputs of these (shape, dtype)."""
+        family, name = primitive.split(".")
+        function = getattr(importlib.import_module(f"{self._package.__name__}.{family}"), name)
+        self.start()
+        inputs = [self._adopt(a) if isinstance(a, np.ndarray) else a for a in arguments]
+        results = [np.full(shape, 77, dtype) for shape, dtype in out]
+        carried = [self._adopt(r) for r in results]
+        function(*inputs, *carried)
+        if self._device != "cpu":
+            results = [self._package.to_numpy(c) for c in carried]
+        return results if len(results) > 1 else results[0]
+
+    def _adopt(self, array):
+        return self._package.adopt(np.ascontiguousarray(array), self._device)
+
+
+@pytest.fixture(params=["cpu", "cuda:0"], scope="module")
+def device(request):
+    return request.param
+
+
+@pytest.fixture(params=KERNEL_SETS, scope="module")
+def kernels(request, device):
+    return Primitives(request.param, device)
+
+
+@pytest.fixture(scope="module")
+def all_kernels(device):
+    return [Primitives(name, device) for name in KERNEL_SETS]
+
+
+def noise(*shape, seed=0):
+    return np.random.default_rng(seed).normal(size=shape).astype(F32)
+
+
+def waves(height, width, seed=0):
+    """Smooth gradients in every direction, with flat parts and ties."""
+    values = ndi.gaussian_filter(noise(height, width, seed=seed).astype(float), 2.0) * 50
+    values[: height // 4] = 0
+    values[:, : width // 5] = np.round(values[:, : width // 5])
+    dy, dx = np.gradient(values) if min(values.shape) > 1 else (values, -values)
+    return np.asarray(dy, F32), np.asarray(dx, F32)
+
+
+# ------------------------------------------------------------------- filters, gradients, ranks
+
+SEPARABLE = [
+    # shape (P, H, W), step, radii (rows, columns)
+    ((1, 1, 1), 1, (1, 2)),
+    ((1, 1, 9), 1, (3, 1)),
+    ((1, 7, 1), 1, (1, 9)),
+    ((2, 5, 6), 3, (7, 8)),
+    ((1, 33, 41), 1, (2, 0)),
+    ((3, 17, 70), 2, (4, 4)),
+]
+
+
+@pytest.mark.parametrize("border", Border)
+@pytest.mark.parametrize(("shape", "step", "radii"), SEPARABLE)
+def test_correlate_separable(kernels, shape, step, radii, border):
+    src = noise(*shape[:2], shape[2] * step)
+    taps_y, taps_x = (noise(2 * r + 1, seed=r + 1) for r in radii)
+    options = step, border, 0.3
+    got = kernels(
+        "filters.correlate_separable", src, taps_y, taps_x, *options, out=[(src.shape, F32)]
+    )
+
+    planes = src.astype(float).reshape(*shape, step)
+    mode = border.name.lower()
+    want = ndi.correlate1d(planes, taps_y.astype(float), 1, mode=mode, cval=0.3)
+    want = ndi.correlate1d(want, taps_x.astype(float), 2, mode=mode, cval=0.3)
+    # Every product and sum is rounded: at most (taps + 1) 2^-24 of the sum of their sizes.
+    size = (np.abs(taps_y).sum() * np.abs(taps_x).sum()) * max(1, np.abs(src).max())
+    assert np.abs(got - want.reshape(src.shape)).max() <= 2 * (sum(radii) + 4) * 2**-23 * size
+
+    bits = filters_reference.correlate_separable(src, taps_y, taps_x, *options)
+    np.testing.assert_array_equal(got, bits)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (37, 29)])
+def test_polar(kernels, shape):
+    dy, dx = noise(*shape), noise(*shape, seed=1)
+    dy[:, ::7] = 0
+    dx[::5] = 0
+    dy[0, 0], dx[-1, -1] = -0.0, -2.5
+    magnitude, orientation = kernels("gradients.polar", dy, dx, out=[(shape, F32)] * 2)
+    np.testing.assert_array_equal(magnitude, np.sqrt(dx * dx + dy * dy))
+    np.testing.assert_array_equal(orientation, gradients_reference.orientation(dy, dx))
+    want = np.arctan2(dy.astype(float), dx.astype(float))
+    turn = np.abs(orientation - want)
+    # 1.4e-7 of the fit, and half a unit in the last place of pi (1.2e-7) for each of two sums
+    assert np.minimum(turn, 2 * np.pi - turn).max() < 5e-7
+
+
+def test_polar_at_the_axes(kernels):
+    dy = np.array([[0, 1, 0, -1, 0, 2, -2, -2, 2, -0.0]], F32)
+    dx = np.array([[1, 0, -1, 0, 0, 2, 2, -2, -2, -3]], F32)
+    _, orientation = kernels("gradients.polar", dy, dx, out=[(dy.shape, F32)] * 2)
+    turns = [0, 1, 2, -1, 0, 0.5, -0.5, -1.5, 1.5, 2]
+    np.testing.assert_allclose(orientation[0], np.multiply(turns, np.pi / 2), atol=5e-7)
+
+
+def test_square_roots_and_quotients_are_rounded_to_nearest(kernels):
+    shape = (512, 512)
+    rng = np.random.default_rng(3)
+    dx = rng.uniform(1, 4, shape).astype(F32)
+    magnitude, orientation = kernels(
+        "gradients.polar", np.zeros(shape, F32), dx, out=[(shape, F32)] * 2
+    )
+    np.testing.assert_array_equal(magnitude, dx)  # the root of a rounded square
+    dy = rng.uniform(1, 4, shape).astype(F32)
+    magnitude, orientation = kernels("gradients.polar", dy, dx, out=[(shape, F32)] * 2)
+    np.testing.assert_array_equal(magnitude, np.sqrt(dx * dx + dy * dy))
+    np.testing.assert_array_equal(orientation, gradients_reference.orientation(dy, dx))
+
+
+MEDIAN = [
+    # dtype of the values, low, bits
+    (np.uint8, 0, 8),
+    (np.int16, -(2**15), 16),
+    (np.int32, -(2**31), 32),
+]
+
+
+@pytest.mark.parametrize("border", Border)
+@pytest.mark.parametrize(("dtype", "low", "bits"), MEDIAN)
+@pytest.mark.parametrize(
+    ("shape", "step", "radius"),
+    [((1, 1, 1), 1, 1), ((1, 9, 1), 1, 2), ((1, 12, 37), 1, 1), ((2, 11, 8), 3, 7)],
+)
+def test_median(kernels, shape, step, radius, dtype, low, bits, border):
+    info = np.iinfo(dtype)
+    shape = (*shape[:2], shape[2] * step)
+    src = np.random.default_rng(1).integers(info.min, info.max, shape, I32, endpoint=True)
+    src[0, 0, 0], src[-1, -1, -1] = info.min, info.max
+    cval = 99
+    given = radius, step, low, bits, border, cval
+    got = kernels("rank.median", src, *given, out=[(shape, I32)])
+    np.testing.assert_array_equal(got, rank_reference.median(src, radius, step, border, cval))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (1, 37, 29)])
+def test_root_mean_square(kernels, shape):
+    dy, dx = noise(*shape), noise(*shape, seed=1)
+    got = kernels("gradients.root_mean_square", dy, dx, out=[(shape, F32)])
+    np.testing.assert_array_equal(got, np.sqrt((dx * dx + dy * dy) * F32(0.5)))
+    np.testing.assert_allclose(got, np.hypot(dy, dx, dtype=float) / np.sqrt(2), rtol=2e-7)
+
+
+def test_turn_negative_orders_floats(kernels):
+    values = np.concatenate([noise(500) * 1e3, noise(500) * 1e-3, [0.0, np.inf, -np.inf]])
+    values = values.astype(F32).reshape(1, 17, 59)
+    keys = kernels("rank.turn_negative", values.view(I32), out=[(values.shape, I32)])
+    order = np.argsort(values, axis=None, kind="stable")
+    np.testing.assert_array_equal(np.argsort(keys, axis=None, kind="stable"), order)
+    back = kernels("rank.turn_negative", keys, out=[(values.shape, I32)])
+    np.testing.assert_array_equal(back.view(F32), values)
+
+
+# ------------------------------------------------------------------------------------ edges
+
+
+@pytest.mark.parametrize("rule", Thinning)
+@pytest.mark.parametrize("norm", Norm)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 30), (30, 1), (2, 2), (41, 57)])
+def test_thin(kernels, shape, norm, rule):
+    for dy, dx in (waves(*shape), (noise(*shape), noise(*shape, seed=1))):
+        square = norm == Norm.L2
+        low, high = (0.25, 1.0) if square else (0.5, 1.3)
+        got = kernels("edges.thin", dy, dx, norm, rule, low, high, out=[(shape, U8)])
+        want = edges_reference.thin(dy, dx, norm, rule, low, high)
+        np.testing.assert_array_equal(got, want)
+
+
+@pytest.mark.parametrize("l2", [False, True])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (40, 1), (48, 65)])
+def test_thin_sobel_and_hysteresis_are_canny(kernels, shape, l2):
+    cv2 = pytest.importorskip("cv2")
+    image = np.random.default_rng(5).integers(0, 256, shape, U8, endpoint=False)
+    smooth = ndi.uniform_filter(image, 3)
+    for src in (image, smooth):
+        low, high = 60, 150
+        limits = (float(low**2), float(high**2)) if l2 else (float(low), float(high))
+        norm = Norm.L2 if l2 else Norm.L1
+        given = Border.NEAREST, 0.0, norm, *limits
+        states = kernels("edges.thin_sobel", src, *given, out=[(shape, U8)])
+        mask = kernels("edges.hysteresis", states, out=[(shape, U8)])
+        want = cv2.Canny(src, low, high, L2gradient=l2) if min(shape) > 1 else None
+        if want is not None:
+            np.testing.assert_array_equal(mask * 255, want)
+
+
+@pytest.mark.parametrize("border", Border)
+def test_thin_sobel_differentiates_by_its_border(kernels, border):
+    src = np.random.default_rng(6).integers(0, 256, (13, 18), U8, endpoint=False)
+    mode = {"mode": border.name.lower(), "cval": 40.0}
+    operator = np.outer([-1, 0, 1], [1, 2, 1])
+    dy = ndi.correlate(src.astype(F32), operator, **mode)
+    dx = ndi.correlate(src.astype(F32), operator.T, **mode)
+    want = edges_reference.thin(dy, dx, Norm.L1, Thinning.SECTORS, 90.0, 300.0)
+    given = border, 40.0, Norm.L1, 90.0, 300.0
+    got = kernels("edges.thin_sobel", src, *given, out=[(src.shape, U8)])
+    np.testing.assert_array_equal(got, want)
+
+
+def spiral(size):
+    """One weak line, a pixel wide, that winds from a strong corner to the middle."""
+    states = np.zeros((size, size), U8)
+    y, x, step = 0, 0, (0, 1)
+    states[0, 0] = Edge.STRONG
+    for length in [size - 1, *np.repeat(np.arange(size - 1, 1, -2), 2)]:
+        for _ in range(length):
+            y, x = y + step[0], x + step[1]
+            states[y, x] = Edge.WEAK
+        step = (step[1], -step[0])
+    return states
+
+
+@pytest.mark.parametrize("density", [0.1, 0.35, 0.6, 1.0])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 64), (64, 1), (70, 90)])
+def test_hysteresis(kernels, shape, density):
+    rng = np.random.default_rng(7)
+    states = np.where(rng.random(shape) < density, Edge.WEAK, Edge.NONE).astype(U8)
+    states[(rng.random(shape) < 0.02) & (states > 0)] = Edge.STRONG
+    got = kernels("edges.hysteresis", states, out=[(shape, U8)])
+    np.testing.assert_array_equal(got, edges_reference.hysteresis(states))
+
+
+@pytest.mark.parametrize("corner", [Edge.STRONG, Edge.WEAK])
+def test_hysteresis_follows_a_long_line(kernels, corner):
+    for states in (spiral(65), spiral(65)[::-1], spiral(65)[:, ::-1].T):
+        states = np.where(states == Edge.STRONG, corner, states).astype(U8)
+        got = kernels("edges.hysteresis", states, out=[(states.shape, U8)])
+        np.testing.assert_array_equal(got, (states > 0) & (corner == Edge.STRONG))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 20), (20, 1), (45, 61)])
+def test_subpixel_edges(kernels, shape):
+    dy, dx = waves(*shape, seed=8)
+    mask = (np.random.default_rng(8).random(shape) < 0.8).astype(U8)
+    pixels, points, magnified = edges_reference.subpixel_edges(dy, dx, mask)
+    counts = kernels("edges.count_edges", dy, dx, mask, out=[(shape[:1], I32)])
+    np.testing.assert_array_equal(counts, np.bincount(pixels[:, 0], minlength=shape[0]))
+
+    n = len(pixels)
+    starts = (np.cumsum(counts) - counts).astype(I32)
+    out = [((n, 2), F32), ((n,), F32), ((n,), F32)]
+    got, orientation, strength = kernels("edges.gather_edges", dy, dx, mask, starts, out=out)
+    # Each logarithm within two units in the last place, then the sum with the coordinate.
+    error = np.abs(got - points).max(1, initial=0)
+    assert np.all(error <= 2**-22 * magnified + 2**-24 * max(shape))
+    y, x = pixels.T
+    np.testing.assert_array_equal(strength, np.sqrt(dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]))
+    np.testing.assert_array_equal(orientation, gradients_reference.orientation(dy[y, x], dx[y, x]))
+
+
+# ---------------------------------------------------------------- the sets against each other
+
+
+def test_the_sets_give_equal_bits(all_kernels):
+    shape = (97, 131)
+    image, other = noise(*shape), noise(*shape, seed=1)
+    dy, dx = waves(*shape)
+    taps = noise(9, seed=2)
+    states = np.random.default_rng(9).integers(0, 3, shape, U8)
+    octets = np.random.default_rng(9).integers(0, 256, shape, U8)
+    integers = octets.astype(I32)[None]
+    planes = image[None]
+
+    def results(kernels):
+        separable = taps, taps[:5], 1, Border.MIRROR, 0.0
+        yield kernels("filters.correlate_separable", planes, *separable, out=[(planes.shape, F32)])
+        yield from kernels("gradients.polar", image, other, out=[(shape, F32)] * 2)
+        ranks = 2, 1, 0, 8, Border.WRAP, 0
+        yield kernels("rank.median", integers, *ranks, out=[(integers.shape, I32)])
+        for norm in Norm:
+            for rule in Thinning:
+                given = norm, rule, 0.4, 0.9
+                yield kernels("edges.thin", dy, dx, *given, out=[(shape, U8)])
+            given = Border.REFLECT, 0.0, norm, 100.0, 400.0
+            yield kernels("edges.thin_sobel", octets, *given, out=[(shape, U8)])
+        yield kernels("edges.hysteresis", states, out=[(shape, U8)])
+        yield kernels("edges.count_edges", dy, dx, states, out=[(shape[:1], I32)])
+
+    first, *others = [list(results(kernels)) for kernels in all_kernels]
+    for found in others:
+        for a, b in zip(first, found, strict=True):
+            np.testing.assert_array_equal(a, b)
