@@ -102,8 +102,8 @@ class Runtime:
         setattr(self, family, module)
         return module
 
-    def adopt(self, array: Any, dtype: Any = np.float32) -> Any:
-        """View `array` for kernels, as a contiguous array of `dtype`; a copy only where it must.
+    def adopt(self, array: Any, dtype: Any = np.float32, shape: Any = None) -> Any:
+        """View `array` for kernels, contiguous, of `dtype` and `shape`; a copy only where it must.
 
         The view of an input is for reading only: it may be the caller's own memory.
         """
@@ -116,6 +116,8 @@ class Runtime:
             )
         if self.device == "cpu":
             ready = np.asarray(ready)
+        if shape is not None:
+            ready = ready.reshape(shape)
         return self.set.adopt(ready, self.device)
 
     def constant(self, array: np.ndarray) -> Any:

@@ -217,21 +217,20 @@ def separable(
     rt = runtime(image)
     shape = tuple(image.shape)
     result = rt.empty(shape) if out is None else out
-    src, dst = rt.adopt(image), rt.adopt(result)
     down, along = (rt.constant(t) for t in taps)
     if axis == 1:
-        # The columns are not where a step leads: each axis by itself, the other left alone.
+        # A step between columns would not stay in its row: each axis by itself.
         height, channels, width = shape
-        alone = rt.constant(_ALONE)
         middle = rt.scratch("separable.middle", (1, height, channels * width))
-        src, dst = src.reshape(middle.shape), dst.reshape((1, height * channels, width))
+        alone = rt.constant(_ALONE)
+        src, dst = rt.adopt(image, shape=middle.shape), (1, height * channels, width)
         rt.filters.correlate_separable(src, down, alone, 1, border, cval, middle)
         rt.filters.correlate_separable(
-            middle.reshape(dst.shape), alone, along, 1, border, cval, dst
+            middle.reshape(dst), alone, along, 1, border, cval, rt.adopt(result, shape=dst)
         )
     else:
         planes, step = image_layout(shape, axis)
-        src, dst = src.reshape(planes), dst.reshape(planes)
+        src, dst = rt.adopt(image, shape=planes), rt.adopt(result, shape=planes)
         rt.filters.correlate_separable(src, down, along, step, border, cval, dst)
     return result if out is not None else rt.release(result)
 

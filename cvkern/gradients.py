@@ -12,7 +12,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_code, check_image, check_number
-from cvkern.filters import frozen_taps, gaussian_taps, separable
+from cvkern.filters import frozen_taps, gaussian_taps
 from cvkern.kernels.codes import Border
 
 OPERATORS = ("gaussian", "sobel", "scharr")
@@ -157,8 +157,7 @@ def derivatives(
     cval = check_number(cval, "cval")
     sigma = check_number(sigma, "sigma", low=0)
     check_choice(operator, OPERATORS, "operator")
-    planes = (1, *image.shape)
-    src = rt.adopt(image).reshape(planes)
+    src = rt.adopt(image)
     if operator == "gaussian":
         if sigma == 0:
             raise ValueError("sigma must be > 0 with the operator 'gaussian', got 0")
@@ -166,31 +165,64 @@ def derivatives(
     else:
         smooth, slope = frozen_taps(_SMOOTH[operator]), frozen_taps(_DIFFERENCE)
         if sigma > 0:
+            planes = (1, *image.shape)
             taps = rt.constant(gaussian_taps(sigma))
             blurred = rt.scratch("derivatives.blurred", planes)
-            rt.filters.correlate_separable(src, taps, taps, 1, border, cval, blurred)
-            src = blurred
-    smooth, slope = rt.constant(smooth), rt.constant(slope)
-    rt.filters.correlate_separable(src, slope, smooth, 1, border, cval, dy.reshape(planes))
-    rt.filters.correlate_separable(src, smooth, slope, 1, border, cval, dx.reshape(planes))
+            rt.filters.correlate_separable(
+                src.reshape(planes), taps, taps, 1, border, cval, blurred
+            )
+            src = blurred.reshape(tuple(image.shape))
+    _differentiate(rt, src, smooth, slope, border, cval, dy, dx)
+
+
+def _differentiate(
+    rt: Runtime,
+    src: Any,
+    smooth: np.ndarray,
+    slope: np.ndarray,
+    border: Border,
+    cval: float,
+    dy: Any,
+    dx: Any,
+) -> None:
+    """Differentiate as if the image went on as `border` says, with `cval` in every direction."""
+    beside = [_weighted(cval, taps) for taps in (smooth, slope)]
+    rt.gradients.differentiate(
+        src, rt.constant(smooth), rt.constant(slope), border, cval, *beside, dy, dx
+    )
+
+
+def _weighted(value: float, taps: np.ndarray) -> float:
+    """Return what the taps make of a constant, in the arithmetic of the kernels."""
+    total = np.float32(0)
+    for tap in taps:
+        total += tap * np.float32(value)
+    return float(total)
 
 
 def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
     if axis not in (None, 0, 1):
         raise ValueError(f"axis must be 0, 1 or None, got {axis}")
-    smooth, slope = np.array(_SMOOTH[operator]), np.array(_DIFFERENCE)
-    smooth, slope = frozen_taps(smooth / smooth.sum()), frozen_taps(slope)
-    if axis is not None:
-        return separable(image, [slope, smooth] if axis == 0 else [smooth, slope], mode, cval)
     image = check_image(image)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
+    smooth = np.array(_SMOOTH[operator])
     rt = runtime(image)
-    result = rt.empty(tuple(image.shape))
-    dy, dx = (rt.scratch(f"edge_strength.{name}", (1, *image.shape)) for name in ("dy", "dx"))
-    src = rt.adopt(image).reshape(dy.shape)
-    smooth, slope = rt.constant(smooth), rt.constant(slope)
-    rt.filters.correlate_separable(src, slope, smooth, 1, border, cval, dy)
-    rt.filters.correlate_separable(src, smooth, slope, 1, border, cval, dx)
-    rt.gradients.root_mean_square(dy, dx, rt.adopt(result).reshape(dy.shape))
+    shape = tuple(image.shape)
+    result = rt.empty(shape)
+    dst = rt.adopt(result)
+    dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
+    dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
+    _differentiate(
+        rt,
+        rt.adopt(image),
+        frozen_taps(smooth / smooth.sum()),
+        frozen_taps(_DIFFERENCE),
+        border,
+        cval,
+        dy,
+        dx,
+    )
+    if axis is None:
+        rt.gradients.root_mean_square(dy, dx, dst)
     return rt.release(result)

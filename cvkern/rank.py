@@ -89,7 +89,7 @@ def median(
         floats = lib.view(lib.contiguous(image, np.dtype(np.float32)), np.dtype(np.int32))
         bits = int(np.float32(cval).view(np.int32))
         outside = bits ^ 0x7FFFFFFF if bits < 0 else bits
-        keys = _median_of_keys(floats, radius, axis, -(2**31), 32, border, outside, turn=True)
+        keys = _median_of_keys(floats, radius, axis, -(2**31), 32, border, outside, floats=True)
         result = lib.contiguous(lib.view(keys, np.dtype(np.float32)), dtype)
     else:
         # Wider dtypes by the rank of each value among all that stand in the image.
@@ -133,20 +133,19 @@ def _median_of_keys(
     bits: int,
     border: Border,
     cval: int,
-    turn: bool = False,
+    floats: bool = False,
 ) -> Any:
-    """Return the median of int32 keys, an int32 array of the caller's library."""
+    """Return the median of int32 keys, or of floats by their bits, as int32 of the library."""
     rt = runtime(keys)
     shape = tuple(keys.shape)
     planes, step = image_layout(shape, axis)
     src = rt.adopt(keys, np.int32).reshape(planes)
     result = rt.empty(shape, np.int32)
     dst = rt.adopt(result, np.int32).reshape(planes)
-    if turn:
-        turned = rt.scratch("median.turned", planes, np.int32)
-        rt.rank.turn_negative(src, turned)
-        src = turned
+    if floats:
+        bits_of_floats, src = src, rt.scratch("median.keys", planes, np.int32)
+        rt.rank.keys_of_floats(bits_of_floats, src)
     rt.rank.median(src, radius, step, low, bits, border, cval, dst)
-    if turn:
-        rt.rank.turn_negative(dst, dst)
+    if floats:
+        rt.rank.floats_of_keys(dst, dst)
     return rt.release(result)

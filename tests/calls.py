@@ -50,7 +50,7 @@ def blobs(*shape, seed=0):
     for _ in range(1 + shape[0] * shape[1] // 400):
         cy, cx, r = rng.uniform(0, shape[0]), rng.uniform(0, shape[1]), rng.uniform(3, 15)
         distance = np.hypot(y - cy, x - cx)
-        picture += rng.uniform(-90, 90) / (1 + np.exp(2 * (distance - r)))
+        picture += rng.uniform(-45, 45) * (1 - np.tanh(distance - r))
     picture[: shape[0] // 8] = 255
     return picture.clip(0, 255).astype(np.uint8)
 

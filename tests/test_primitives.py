@@ -183,14 +183,40 @@ def test_root_mean_square(kernels, shape):
     np.testing.assert_allclose(got, np.hypot(dy, dx, dtype=float) / np.sqrt(2), rtol=2e-7)
 
 
-def test_turn_negative_orders_floats(kernels):
+def test_keys_order_floats(kernels):
     values = np.concatenate([noise(500) * 1e3, noise(500) * 1e-3, [0.0, np.inf, -np.inf]])
     values = values.astype(F32).reshape(1, 17, 59)
-    keys = kernels("rank.turn_negative", values.view(I32), out=[(values.shape, I32)])
+    keys = kernels("rank.keys_of_floats", values.view(I32), out=[(values.shape, I32)])
     order = np.argsort(values, axis=None, kind="stable")
     np.testing.assert_array_equal(np.argsort(keys, axis=None, kind="stable"), order)
-    back = kernels("rank.turn_negative", keys, out=[(values.shape, I32)])
+    back = kernels("rank.floats_of_keys", keys, out=[(values.shape, I32)])
     np.testing.assert_array_equal(back.view(F32), values)
+
+
+def test_nan_of_either_sign_is_above_infinity(kernels):
+    values = np.array([-np.nan, np.nan, np.inf, -1], F32)
+    keys = kernels("rank.keys_of_floats", values.view(I32), out=[(values.shape, I32)])
+    assert keys[0] == keys[1] > keys[2] > 0 > keys[3]
+    assert np.isnan(
+        kernels("rank.floats_of_keys", keys, out=[(keys.shape, I32)]).view(F32)[:2]
+    ).all()
+
+
+@pytest.mark.parametrize("border", Border)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (9, 3), (37, 70)])
+def test_differentiate(kernels, shape, border):
+    src, smooth, slope = noise(*shape), noise(7, seed=1), noise(7, seed=2)
+    beside = F32(0.6), F32(-0.2)
+    got = kernels(
+        "gradients.differentiate", src, smooth, slope, border, 0.3, *map(float, beside),
+        out=[(shape, F32)] * 2,
+    )  # fmt: skip
+    for result, (down, along), cval in zip(
+        got, ((slope, smooth), (smooth, slope)), beside[::-1], strict=True
+    ):
+        middle = filters_reference.correlate(src, down, 0, border, F32(0.3))
+        want = filters_reference.correlate(middle, along, 1, border, cval)
+        np.testing.assert_array_equal(result, want)
 
 
 # ------------------------------------------------------------------------------------ edges

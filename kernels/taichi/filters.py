@@ -12,7 +12,7 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 
 
 @ti.kernel
-def _correlate_down(
+def correlate_down(
     src: f32_3,  # (planes, rows, row length)
     taps: f32_1,
     border: ti.i32,
@@ -33,7 +33,7 @@ def _correlate_down(
 
 
 @ti.kernel
-def _correlate_along(
+def correlate_along(
     src: f32_3,  # (planes, rows, columns * step)
     taps: f32_1,
     step: ti.i32,
@@ -67,5 +67,5 @@ def correlate_separable(
 ) -> None:
     """Correlate down the rows, then along the columns; one thread per element and pass."""
     down = scratch(src.shape, np.float32)
-    _correlate_down(src, taps_y, border, cval, 0, down)
-    _correlate_along(down, taps_x, step, border, cval, 0, dst)
+    correlate_down(src, taps_y, border, cval, 0, down)
+    correlate_along(down, taps_x, step, border, cval, 0, dst)

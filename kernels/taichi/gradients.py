@@ -1,13 +1,35 @@
-"""Lengths and angles of gradients in Taichi; one thread per element."""
+"""Gradients, their lengths and angles, in Taichi; one thread per element."""
 
 import numpy as np
 import taichi as ti
 
-from ._launch import primitive
+from ._launch import primitive, scratch
 from ._polar import gradient_angle, squared_magnitude
 from ._rounding import root
+from .filters import correlate_along, correlate_down
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+
+
+@primitive
+def differentiate(
+    src: np.ndarray,
+    smooth: np.ndarray,
+    slope: np.ndarray,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    dy: np.ndarray,
+    dx: np.ndarray,
+) -> None:
+    """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
+    planes = (1, *src.shape)
+    down = scratch(planes, np.float32)
+    correlate_down(src.reshape(planes), slope, border, cval, 0, down)
+    correlate_along(down, smooth, 1, border, cval_slope, 0, dy.reshape(planes))
+    correlate_down(src.reshape(planes), smooth, border, cval, 0, down)
+    correlate_along(down, slope, 1, border, cval_smooth, 0, dx.reshape(planes))
 
 
 @ti.kernel

@@ -61,17 +61,35 @@ def median(
 
 
 @ti.kernel
-def _turn_negative(
-    src: i32_1,
+def _keys_of_floats(
+    bits: i32_1,
     # outputs
-    dst: i32_1,
+    keys: i32_1,
 ):
-    for i in src:
-        v = src[i]
-        dst[i] = v ^ 0x7FFFFFFF if v < 0 else v
+    for i in bits:
+        b = bits[i]
+        if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN: above infinity, whatever its sign
+            b = 0x7FC00000
+        keys[i] = b ^ 0x7FFFFFFF if b < 0 else b
 
 
 @primitive
-def turn_negative(src: np.ndarray, dst: np.ndarray) -> None:
-    """Turn round the bits below the sign of negative integers; one thread per element."""
-    _turn_negative(src.reshape(-1), dst.reshape(-1))
+def keys_of_floats(bits: np.ndarray, keys: np.ndarray) -> None:
+    """Order the bits of floats as integers: those of negative ones turned round below the sign."""
+    _keys_of_floats(bits.reshape(-1), keys.reshape(-1))
+
+
+@ti.kernel
+def _floats_of_keys(
+    keys: i32_1,
+    # outputs
+    bits: i32_1,
+):
+    for i in keys:
+        bits[i] = keys[i] ^ 0x7FFFFFFF if keys[i] < 0 else keys[i]
+
+
+@primitive
+def floats_of_keys(keys: np.ndarray, bits: np.ndarray) -> None:
+    """Undo `keys_of_floats`."""
+    _floats_of_keys(keys.reshape(-1), bits.reshape(-1))

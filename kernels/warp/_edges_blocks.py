@@ -7,23 +7,25 @@ from ._borders import border_index
 from ._thinning import compared, is_maximum_between, is_maximum_in_sector, measure
 
 # Without fused multiply-add a gradient has the same bits on every device.
-wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
 ROWS = 8
 STRIP = wp.constant(ROWS)  # rows that one thread walks down
 vec5 = wp.types.vector(5, wp.float32)
+vec5i = wp.types.vector(5, wp.int32)
 
 
 @wp.func
-def five_pixels(src: wp.array2d[wp.uint8], y: int, x: int, border: int, cval: float) -> vec5:
-    """The pixels from x - 2 to x + 2 of row `y`, by `border` outside the image."""
+def five_pixels(
+    src: wp.array2d[wp.uint8], y: int, columns: vec5i, border: int, cval: float
+) -> vec5:
+    """The pixels of row `y` in five columns, by `border` outside the image."""
     v = vec5(cval)
     i = border_index(y, src.shape[0], border)
     if i >= 0:
         for k in range(5):
-            j = border_index(x + k - 2, src.shape[1], border)
-            if j >= 0:
-                v[k] = float(src[i, j])
+            if columns[k] >= 0:
+                v[k] = float(src[i, columns[k]])
     return v
 
 
@@ -75,15 +77,18 @@ def thin_sobel(
     height = src.shape[0]
     width = src.shape[1]
     top = strip * STRIP
-    a = five_pixels(src, top - 2, x, border, cval)
-    b = five_pixels(src, top - 1, x, border, cval)
+    columns = vec5i()
+    for k in range(5):
+        columns[k] = border_index(x + k - 2, width, border)
+    a = five_pixels(src, top - 2, columns, border, cval)
+    b = five_pixels(src, top - 1, columns, border, cval)
     above = wp.vec3()
     here = wp.vec3()
     dy_here = float(0.0)
     dx_here = float(0.0)
     for t in range(STRIP + 2):
         y = top + t - 1
-        c = five_pixels(src, y + 1, x, border, cval)
+        c = five_pixels(src, y + 1, columns, border, cval)
         total = a + b + b + c
         difference = c - a
         a = b
@@ -149,50 +154,84 @@ def thin(
 @wp.kernel
 def plant(
     states: wp.array2d[wp.uint8],  # (H, W)
+    words: wp.array[wp.uint64],  # the same bytes, eight at a time
     # outputs
     parents: wp.array[int],  # (H W + 1,)
     mask: wp.array2d[wp.uint8],  # (H, W)
 ):
-    y, x = wp.tid()
-    state = int(states[y, x])
-    mask[y, x] = wp.uint8(state // 2)
-    if state == Edge.WEAK:
-        label = y * states.shape[1] + x + 1
-        parent = label
-        for i in range(-1, 2):
-            for j in range(-1, 2):
-                if is_state(states, y + i, x + j, Edge.STRONG):
-                    parent = 0
-        parents[label] = parent
+    # One thread takes eight pixels, most of which are no edges.
+    first = wp.tid() * 8
+    word = eight(states, words, first)
+    for k in range(8):
+        state = int((word >> wp.uint64(8 * k)) & wp.uint64(255))
+        i = first + k
+        if i < states.shape[0] * states.shape[1]:
+            y = i // states.shape[1]
+            x = i - y * states.shape[1]
+            mask[y, x] = wp.uint8(state // 2)
+            if state == Edge.WEAK:
+                parent = i + 1
+                for dy in range(-1, 2):
+                    for dx in range(-1, 2):
+                        if is_state(states, y + dy, x + dx, Edge.STRONG):
+                            parent = 0
+                parents[i + 1] = parent
 
 
 @wp.kernel
 def merge(
     states: wp.array2d[wp.uint8],  # (H, W)
+    words: wp.array[wp.uint64],
     # outputs
     parents: wp.array[int],  # (H W + 1,)
 ):
-    y, x = wp.tid()
-    if int(states[y, x]) == Edge.WEAK:
-        width = states.shape[1]
-        label = y * width + x + 1
-        if is_state(states, y, x - 1, Edge.WEAK):
-            unite(parents, label, label - 1)
-        for j in range(-1, 2):
-            if is_state(states, y - 1, x + j, Edge.WEAK):
-                unite(parents, label, label - width + j)
+    first = wp.tid() * 8
+    word = eight(states, words, first)
+    width = states.shape[1]
+    if word != wp.uint64(0):
+        for k in range(8):
+            if int((word >> wp.uint64(8 * k)) & wp.uint64(255)) == Edge.WEAK:
+                i = first + k
+                y = i // width
+                x = i - y * width
+                if is_state(states, y, x - 1, Edge.WEAK):
+                    unite(parents, i + 1, i)
+                for dx in range(-1, 2):
+                    if is_state(states, y - 1, x + dx, Edge.WEAK):
+                        unite(parents, i + 1, i + 1 - width + dx)
 
 
 @wp.kernel
 def select(
     states: wp.array2d[wp.uint8],  # (H, W)
+    words: wp.array[wp.uint64],
     parents: wp.array[int],  # (H W + 1,)
     # outputs
     mask: wp.array2d[wp.uint8],  # (H, W)
 ):
-    y, x = wp.tid()
-    if int(states[y, x]) == Edge.WEAK and root(parents, y * states.shape[1] + x + 1) == 0:
-        mask[y, x] = wp.uint8(1)
+    first = wp.tid() * 8
+    word = eight(states, words, first)
+    if word != wp.uint64(0):
+        for k in range(8):
+            if int((word >> wp.uint64(8 * k)) & wp.uint64(255)) == Edge.WEAK:
+                if root(parents, first + k + 1) == 0:
+                    y = (first + k) // states.shape[1]
+                    mask[y, first + k - y * states.shape[1]] = wp.uint8(1)
+
+
+@wp.func
+def eight(states: wp.array2d[wp.uint8], words: wp.array[wp.uint64], first: int) -> wp.uint64:
+    """States of the pixels from `first` on in one word; NONE behind the last."""
+    if first // 8 < words.shape[0]:
+        return words[first // 8]
+    word = wp.uint64(0)
+    for k in range(8):
+        i = first + k
+        if i < states.shape[0] * states.shape[1]:
+            y = i // states.shape[1]
+            state = states[y, i - y * states.shape[1]]
+            word = word | (wp.uint64(state) << wp.uint64(8 * k))
+    return word
 
 
 @wp.func

@@ -6,82 +6,108 @@ from ._borders import border_index
 from ._launch import launch
 
 # Without fused multiply-add a sum has the same bits on every device.
-wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+
+
+TALL, WIDE = wp.constant(8), wp.constant(32)  # threads of a block: 256 in all
 
 
 @wp.func_native("""
     const float4 v = *reinterpret_cast<const float4*>(src.data + offset);
     return wp::vec4(v.x, v.y, v.z, v.w);
 """)
-def load4(src: wp.array[float], offset: int) -> wp.vec4: ...
+def load4(src: wp.array3d[float], offset: int) -> wp.vec4: ...
 
 
 @wp.func_native("""
     *reinterpret_cast<float4*>(dst.data + offset) = make_float4(v[0], v[1], v[2], v[3]);
 """)
-def store4(dst: wp.array[float], offset: int, v: wp.vec4): ...
+def store4(dst: wp.array3d[float], offset: int, v: wp.vec4): ...
+
+
+@wp.func
+def four_of_row(
+    src: wp.array3d[float], plane: int, y: int, x: int, border: int, cval: float
+) -> wp.vec4:
+    """Elements x to x + 3 of row `y`, by `border` outside the image."""
+    i = border_index(y, src.shape[1], border)
+    if i < 0:
+        return wp.vec4(cval)
+    return load4(src, (plane * src.shape[1] + i) * src.shape[2] + x)
 
 
 @wp.kernel
 def columns4(
-    src: wp.array[float],  # (P H N,), N a multiple of 4
-    taps: wp.array[float],  # (2 r + 1,)
-    height: int,
-    quads: int,  # N / 4
+    src: wp.array3d[float],  # (P, H, N), N a multiple of 4
+    taps: wp.array[float],  # (2 r + 1,), r > 0
     border: int,
     cval: float,
     # outputs
-    dst: wp.array[float],
+    dst: wp.array3d[float],
 ):
-    # One thread makes 4 rows of 4 columns: each element read serves 4 sums.
-    plane, strip, quad = wp.tid()
+    # One thread makes 4 rows of 4 columns: each 16-byte load serves 4 sums. A block makes
+    # 4 TALL rows of 4 WIDE columns, whose rows it finds again in its cache.
+    tile_y, tile_x, down, across = wp.tid()
+    height = src.shape[1]
+    columns = src.shape[2]
+    tiles = (height + 4 * TALL - 1) // (4 * TALL)
+    plane = tile_y // tiles
+    y = ((tile_y - plane * tiles) * TALL + down) * 4
+    x = (tile_x * WIDE + across) * 4
+    if y >= height or x >= columns:
+        return
     n = taps.shape[0]
-    pitch = quads * 4
-    top = strip * 4
-    base = plane * height * pitch + quad * 4
-    a = wp.vec4()
-    b = wp.vec4()
-    c = wp.vec4()
+    top = y - n // 2
+    v = four_of_row(src, plane, top, x, border, cval)
+    a = taps[0] * v
+    v = four_of_row(src, plane, top + 1, x, border, cval)
+    a += taps[1] * v
+    b = taps[0] * v
+    v = four_of_row(src, plane, top + 2, x, border, cval)
+    a += taps[2] * v
+    b += taps[1] * v
+    c = taps[0] * v
     d = wp.vec4()
-    for t in range(n + 3):
-        y = border_index(top + t - n // 2, height, border)
-        v = wp.vec4(cval)
-        if y >= 0:
-            v = load4(src, base + y * pitch)
-        if t < n:
-            a += taps[t] * v
-        if t >= 1 and t <= n:
-            b += taps[t - 1] * v
-        if t >= 2 and t <= n + 1:
-            c += taps[t - 2] * v
-        if t >= 3:
-            d += taps[t - 3] * v
-    here = base + top * pitch
+    for t in range(3, n):
+        v = four_of_row(src, plane, top + t, x, border, cval)
+        a += taps[t] * v
+        b += taps[t - 1] * v
+        c += taps[t - 2] * v
+        d += taps[t - 3] * v
+    v = four_of_row(src, plane, top + n, x, border, cval)
+    b += taps[n - 1] * v
+    c += taps[n - 2] * v
+    d += taps[n - 3] * v
+    v = four_of_row(src, plane, top + n + 1, x, border, cval)
+    c += taps[n - 1] * v
+    d += taps[n - 2] * v
+    v = four_of_row(src, plane, top + n + 2, x, border, cval)
+    d += taps[n - 1] * v
+    here = (plane * height + y) * columns + x
     store4(dst, here, a)
-    if top + 1 < height:
-        store4(dst, here + pitch, b)
-    if top + 2 < height:
-        store4(dst, here + 2 * pitch, c)
-    if top + 3 < height:
-        store4(dst, here + 3 * pitch, d)
+    if y + 1 < height:
+        store4(dst, here + columns, b)
+    if y + 2 < height:
+        store4(dst, here + 2 * columns, c)
+    if y + 3 < height:
+        store4(dst, here + 3 * columns, d)
 
 
 @wp.kernel
 def rows4(
-    src: wp.array[float],  # (R N,), N a multiple of 4
+    src: wp.array3d[float],  # (P, H, N), N a multiple of 4
     taps: wp.array[float],  # (2 r + 1,)
-    quads: int,  # N / 4
     border: int,
     cval: float,
     # outputs
-    dst: wp.array[float],
+    dst: wp.array3d[float],
 ):
     # One thread makes 4 neighbours of a row: each 16-byte load serves all of them.
-    row, quad = wp.tid()
+    plane, y, quad = wp.tid()
     n = taps.shape[0]
-    columns = quads * 4
+    columns = src.shape[2]
     x = quad * 4
-    base = row * columns
+    base = (plane * src.shape[1] + y) * columns
     reach = (n // 2 + 3) // 4 * 4
     skipped = reach - n // 2  # elements loaded before the first tap of output 0
     acc = wp.vec4()
@@ -95,18 +121,18 @@ def rows4(
                 i = border_index(at + e, columns, border)
                 v[e] = cval
                 if i >= 0:
-                    v[e] = src[base + i]
+                    v[e] = src[plane, y, i]
         first = 4 * j - skipped
         if first >= 3 and first + 3 < n:
             for e in range(4):
                 for k in range(4):
-                    acc[k] += taps[first + e - k] * v[e]
+                    acc[k] = acc[k] + taps[first + e - k] * v[e]
         else:
             for e in range(4):
                 for k in range(4):
                     t = first + e - k
-                    if t >= 0 and t < n:
-                        acc[k] += taps[t] * v[e]
+                    w = taps[wp.clamp(t, 0, n - 1)]
+                    acc[k] = wp.where(t >= 0 and t < n, acc[k] + w * v[e], acc[k])
     store4(dst, base + x, acc)
 
 
@@ -158,14 +184,9 @@ def correlate_columns(
 ) -> None:
     """Correlate a (P, H, N) array down its rows."""
     planes, height, columns = src.shape
-    if _in_quads(src, dst):
-        flat = (src.size,)
-        launch(
-            columns4,
-            (planes, -(-height // 4), columns // 4),
-            [src.reshape(flat), taps, height, columns // 4, border, cval],
-            [dst.reshape(flat)],
-        )
+    if taps.shape[0] > 1 and _in_quads(src, dst):
+        tiles = (planes * -(-height // (4 * TALL)), -(-columns // (4 * WIDE)))
+        launch(columns4, (*tiles, TALL, WIDE), [src, taps, border, cval], [dst])
     else:
         launch(columns1, src.shape, [src, taps, border, cval], [dst])
 
@@ -176,13 +197,7 @@ def correlate_rows(
     """Correlate a (P, H, W step) array along its columns."""
     planes, height, columns = src.shape
     if step == 1 and _in_quads(src, dst):
-        flat = (src.size,)
-        launch(
-            rows4,
-            (planes * height, columns // 4),
-            [src.reshape(flat), taps, columns // 4, border, cval],
-            [dst.reshape(flat)],
-        )
+        launch(rows4, (planes, height, columns // 4), [src, taps, border, cval], [dst])
     else:
         launch(rows1, src.shape, [src, taps, step, border, cval], [dst])
 

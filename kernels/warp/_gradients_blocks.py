@@ -5,7 +5,7 @@ import warp as wp
 from ._angles import atan2
 
 # Without fused multiply-add a sum has the same bits on every device.
-wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
 
 @wp.kernel

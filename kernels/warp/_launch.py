@@ -17,6 +17,7 @@ import warp as wp
 
 # A slab smaller than this is done sooner by one thread than handed to another.
 _SLAB_ELEMENTS = 1 << 16
+_MAX_COMMANDS = 512
 
 
 class _ThreadState(threading.local):
@@ -28,6 +29,7 @@ class _ThreadState(threading.local):
     def __init__(self) -> None:
         self.streams_scratch: dict[tuple[str, str, int], wp.array] = {}
         self.scratch = self.streams_scratch
+        self.commands: dict[Any, wp.Launch] = {}
 
 
 _thread = _ThreadState()
@@ -100,8 +102,7 @@ def launch(
     """Launch `kernel` once, on the device of its first output."""
     device = outputs[0].device
     load(kernel, device)
-    stream = current_stream(device) if device.is_cuda else None
-    wp.launch(kernel, dim, inputs, outputs, device=device, stream=stream, record_tape=False)
+    _send(kernel, dim, (*inputs, *outputs), device)
 
 
 def slabs(rows: int, elements: int) -> int:
@@ -122,20 +123,31 @@ def launch_slabs(
     bounds = [rows * i // count for i in range(count + 1)]
 
     def run(slab: int) -> None:
-        wp.launch(
-            kernel,
-            1,
-            [slab, bounds[slab], bounds[slab + 1], *inputs],
-            outputs,
-            device=device,
-            record_tape=False,
-        )
+        _send(kernel, 1, (slab, bounds[slab], bounds[slab + 1], *inputs, *outputs), device)
 
     others = [_threads().submit(run, slab) for slab in range(1, count)]
     run(0)
     wait(others)
     for other in others:
         other.result()
+
+
+def _send(
+    kernel: wp.Kernel, dim: int | tuple[int, ...], arguments: Sequence[Any], device: wp.Device
+) -> None:
+    """Launch through a command that this thread keeps, which spares most of Warp's Python."""
+    key = (kernel, dim, device.alias)
+    command = _thread.commands.get(key)
+    if command is None:
+        if len(_thread.commands) >= _MAX_COMMANDS:
+            _thread.commands.clear()
+        command = wp.launch(kernel, dim, arguments, device=device, record_cmd=True)
+        _thread.commands[key] = command
+    for i, argument in enumerate(arguments):
+        # A descriptor in place of the array: the command must not keep the memory alive.
+        value = argument.__ctype__() if isinstance(argument, wp.array) else argument
+        command.set_param_at_index_from_ctype(i, value)
+    command.launch(current_stream(device) if device.is_cuda else None)
 
 
 def load(kernel: wp.Kernel, device: wp.Device) -> None:

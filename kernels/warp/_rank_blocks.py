@@ -43,13 +43,23 @@ def median(
 
 
 @wp.kernel
-def turn_negative(
-    src: wp.array[int],
+def keys_of_floats(
+    bits: wp.array[int],
     # outputs
-    dst: wp.array[int],
+    keys: wp.array[int],
 ):
     i = wp.tid()
-    v = src[i]
-    if v < 0:
-        v = v ^ 0x7FFFFFFF
-    dst[i] = v
+    b = bits[i]
+    if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN: above infinity, whatever its sign
+        b = 0x7FC00000
+    keys[i] = wp.where(b < 0, b ^ 0x7FFFFFFF, b)
+
+
+@wp.kernel
+def floats_of_keys(
+    keys: wp.array[int],
+    # outputs
+    bits: wp.array[int],
+):
+    i = wp.tid()
+    bits[i] = wp.where(keys[i] < 0, keys[i] ^ 0x7FFFFFFF, keys[i])

@@ -51,16 +51,17 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
     """Keep strong pixels, and the weak ones connected with them."""
     height, width = states.shape
     size = height * width
+    words = wp.array(ptr=states.ptr, dtype=wp.uint64, shape=(size // 8,), device=states.device)
     if states.device.is_cuda:
         parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
-        launch(blocks.plant, states.shape, [states], [parents, mask])
-        launch(blocks.merge, states.shape, [states], [parents])
-        launch(blocks.select, states.shape, [states, parents], [mask])
+        eights = -(-size // 8)
+        launch(blocks.plant, eights, [states, words], [parents, mask])
+        launch(blocks.merge, eights, [states, words], [parents])
+        launch(blocks.select, eights, [states, words, parents], [mask])
         return
     mask.zero_()
     count = slabs(height, size)
     flat_states, flat_mask = states.reshape((size,)), mask.reshape((size,))
-    words = wp.array(ptr=states.ptr, dtype=wp.uint64, shape=(size // 8,), device=states.device)
     # A pixel is pushed once: the stack of a slab needs no more room than the slab has pixels.
     stack = scratch("hysteresis.stack", (size,), wp.int32, states.device)
     launch_slabs(

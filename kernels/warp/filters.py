@@ -37,8 +37,8 @@ def correlate_separable(
         rows,
         count,
         [
-            wide_src,
             vectors(wide_src, f32_lanes),
+            wide_src.shape[1],
             height,
             columns,
             taps_y,

@@ -40,7 +40,13 @@ def median(
     unpad(wide_dst, dst)
 
 
-def turn_negative(src: wp.array, dst: wp.array) -> None:
-    """Turn round the bits below the sign of negative integers; one thread an element."""
-    flat = (src.size,)
-    launch(blocks.turn_negative, flat, [src.reshape(flat)], [dst.reshape(flat)])
+def keys_of_floats(bits: wp.array, keys: wp.array) -> None:
+    """Order the bits of floats as integers: those of negative ones turned round below the sign."""
+    flat = (bits.size,)
+    launch(blocks.keys_of_floats, flat, [bits.reshape(flat)], [keys.reshape(flat)])
+
+
+def floats_of_keys(keys: wp.array, bits: wp.array) -> None:
+    """Undo `keys_of_floats`."""
+    flat = (keys.size,)
+    launch(blocks.floats_of_keys, flat, [keys.reshape(flat)], [bits.reshape(flat)])

@@ -16,7 +16,7 @@ _PAD: dict[int, Any] = {
 }
 
 
-def _correlate(src, taps, axis, border, cval):
+def correlate(src, taps, axis, border, cval):
     """Correlate one axis, tap by tap from the first, in the dtype of `src`."""
     n, r = src.shape[axis], len(taps) // 2
     width = [(r, r) if a == axis else (0, 0) for a in range(src.ndim)]
@@ -31,5 +31,5 @@ def _correlate(src, taps, axis, border, cval):
 def correlate_separable(src, taps_y, taps_x, step, border, cval):
     """Correlate the rows, then the columns of (P, H, W * step), in the dtype of `src`."""
     pixels = src.reshape(*src.shape[:2], -1, step)
-    down = _correlate(pixels, taps_y, 1, border, src.dtype.type(cval))
-    return _correlate(down, taps_x, 2, border, src.dtype.type(cval)).reshape(src.shape)
+    down = correlate(pixels, taps_y, 1, border, src.dtype.type(cval))
+    return correlate(down, taps_x, 2, border, src.dtype.type(cval)).reshape(src.shape)

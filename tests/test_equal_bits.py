@@ -1,0 +1,133 @@
+"""The kernel sets give the same bits: results are equal, not similar."""
+
+import cv2
+import numpy as np
+import pytest
+import skimage.data
+from calls import CALLS, DTYPES, MODES, blobs, fields, noise
+from hypothesis import given
+from hypothesis import strategies as st
+
+import cvkern
+from cvkern._runtime import KERNEL_SETS
+
+shapes = st.tuples(st.integers(1, 40), st.integers(1, 70))
+dtypes = st.sampled_from(DTYPES)
+modes = st.sampled_from(MODES)
+cvals = st.floats(-10, 10, width=32)
+seeds = st.integers(0, 2**16)
+# Of what is computed, only squares of numbers below 1e-19 fall out of float32's normal range.
+scales = st.sampled_from([1.0, 255.0, 1e-9, 1e6, -3.7e12])
+
+
+def assert_equal_bits(call):
+    """Run `call` under each kernel set; compare every bit of every array it returns."""
+    answers = []
+    for name in KERNEL_SETS:
+        with cvkern.use(backend=name):
+            answers.append(fields(call()))
+    first, *others = answers
+    for answer in others:
+        for a, b in zip(first, answer, strict=True):
+            assert a.dtype == b.dtype
+            assert a.shape == b.shape
+            np.testing.assert_array_equal(a.view(f"u{a.itemsize}"), b.view(f"u{b.itemsize}"))
+    return first
+
+
+def image_of(shape, dtype, scale, seed):
+    image = noise(*shape, dtype=dtype, seed=seed)
+    if image.dtype in (np.float32, np.float64):
+        image = (image - 0.5) * image.dtype.type(scale)
+    return image
+
+
+@given(shapes, dtypes, scales, seeds, st.tuples(st.floats(0, 6), st.floats(0, 6)),
+       st.integers(0, 3), modes, cvals)  # fmt: skip
+def test_gaussian(shape, dtype, scale, seed, sigma, order, mode, cval):
+    image = image_of(shape, dtype, scale, seed)
+    assert_equal_bits(lambda: cvkern.gaussian(image, sigma, order=order, mode=mode, cval=cval))
+
+
+@given(shapes, st.integers(1, 5), st.sampled_from([0, 1, 2]), seeds, modes, cvals)
+def test_gaussian_of_channels(shape, channels, axis, seed, mode, cval):
+    image = np.moveaxis(noise(channels, *shape, seed=seed), 0, axis)
+    options = {"mode": mode, "cval": cval, "channel_axis": axis}
+    assert_equal_bits(lambda: cvkern.gaussian(image, 1.7, **options))
+    assert_equal_bits(lambda: cvkern.box(image, (2, 5), **options))
+
+
+@given(shapes, st.integers(0, 12), st.integers(0, 40), seeds, modes, cvals)
+def test_correlate_separable(shape, down, along, seed, mode, cval):
+    rng = np.random.default_rng(seed)
+    taps = rng.normal(size=2 * down + 1), rng.normal(size=2 * along + 1)
+    image = noise(*shape, seed=seed)
+    assert_equal_bits(lambda: cvkern.correlate_separable(image, taps, mode=mode, cval=cval))
+
+
+@given(shapes, dtypes, scales, seeds, st.sampled_from([
+    ("gaussian", 1.0), ("gaussian", 3.3), ("sobel", 0), ("sobel", 1.4), ("scharr", 0),
+    ("scharr", 2.2)]), modes, cvals)  # fmt: skip
+def test_gradient(shape, dtype, scale, seed, operator, mode, cval):
+    image = image_of(shape, dtype, scale, seed)
+    name, sigma = operator
+    options = {"operator": name, "sigma": sigma, "mode": mode, "cval": cval}
+    assert_equal_bits(lambda: cvkern.gradient(image, **options))
+    for call in (cvkern.sobel, cvkern.scharr):
+        assert_equal_bits(lambda: call(image, mode=mode, cval=cval))  # noqa: B023
+
+
+@given(shapes, st.sampled_from(["uint8", "int16", "float32"]), seeds,
+       st.sampled_from(["gaussian", "sobel"]), st.sampled_from(["l1", "l2"]),
+       st.sampled_from([0, 0.8, 2.0]), modes,
+       st.tuples(st.floats(0, 150), st.floats(0, 150)))  # fmt: skip
+def test_canny(shape, dtype, seed, operator, norm, sigma, mode, limits):
+    image, (low, high) = blobs(*shape, seed=seed).astype(dtype), sorted(limits)
+    options = {"operator": operator, "norm": norm, "mode": mode, "cval": 99}
+    sigma = max(sigma, 0.5) if operator == "gaussian" else sigma
+    assert_equal_bits(lambda: cvkern.canny(image, sigma, low, high, **options))
+
+
+@given(shapes, dtypes, scales, seeds, st.integers(1, 4), modes)
+def test_median(shape, dtype, scale, seed, radius, mode):
+    image = image_of(shape, dtype, scale, seed)
+    assert_equal_bits(lambda: cvkern.median(image, radius, mode=mode, cval=1))
+
+
+@pytest.mark.parametrize("name", sorted(set(CALLS) - {"subpixel_edges"}))
+def test_a_photograph(name):
+    """Large enough for several threads in either set."""
+    camera = cv2.resize(skimage.data.camera(), (701, 487))
+    results = assert_equal_bits(lambda: CALLS[name](camera))
+    assert all(a.any() for a in results)
+
+
+def test_subpixel_edges_are_equal_but_for_the_logarithm():
+    """The same points; offsets within what two logarithms, each right to a few units, allow."""
+    camera = skimage.data.camera()[:200, :300]
+    answers = []
+    for name in KERNEL_SETS:
+        with cvkern.use(backend=name):
+            answers.append(cvkern.subpixel_edges(camera, 1.5, 2, 4))
+    first, second = answers
+    assert len(first.points) == len(second.points) > 500
+    np.testing.assert_allclose(first.points, second.points, rtol=0, atol=1e-3)
+    np.testing.assert_array_equal(first.orientation, second.orientation)
+    np.testing.assert_array_equal(first.strength, second.strength)
+
+
+@pytest.mark.parametrize("name", ["gaussian", "gradient", "median", "canny"])
+def test_the_same_bits_from_run_to_run(name, backend):
+    image = blobs(487, 301)
+    first = fields(CALLS[name](image))
+    for _ in range(3):
+        for a, b in zip(first, fields(CALLS[name](image)), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("scale", [1e-22, 1e-30, 1e-38])
+def test_numbers_too_small_for_float32(scale):
+    """Where a square, or a product with a tap, is below the normal range."""
+    image = (noise(20, 40) * scale).astype(np.float32)
+    for call in (CALLS["gaussian"], CALLS["derivative"], CALLS["sobel"], CALLS["gradient"]):
+        assert_equal_bits(lambda: call(image))  # noqa: B023

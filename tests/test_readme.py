@@ -1,0 +1,124 @@
+"""The README says what is so: commands, examples, names, links, the table of what exists."""
+
+import doctest
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import cvkern
+from cvkern import cli, images
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+DOCUMENTS = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+EXAMPLES = [body for language, body in BLOCK.findall(README) if language == "python"]
+
+
+def command(*arguments):
+    """Ask the script of CI for a command of the README."""
+    script = ROOT / ".ci" / "readme_commands.py"
+    call = [sys.executable, str(script), *arguments]
+    return subprocess.run(call, capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize(
+    ("name", "extra", "end"), [("tour", "demo", "cvkern tour"), ("tests", "test", "-m pytest")]
+)
+def test_commands(name, extra, end):
+    said = command(name)
+    assert said.returncode == 0
+    assert said.stdout.startswith("python3 -m venv ")
+    assert f'pip install ".[{extra}]"' in said.stdout
+    assert said.stdout.endswith(f"{end}\n")
+
+
+@pytest.mark.parametrize("arguments", [(), ("nothing",), ("tour", "tests")])
+def test_no_such_command(arguments):
+    said = command(*arguments)
+    assert said.returncode == 1
+    assert "NAME must be one of ('tour', 'tests')" in said.stderr
+
+
+def test_ci_runs_what_pre_commit_runs():
+    hooks = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    entries = re.findall(r"entry: (.+)", hooks)
+    assert len(entries) == 4
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert [e for e in entries if f'"{e}"' not in script] == []
+
+
+def test_examples():
+    """In order, in one namespace, as a reader types them; that of torch only where torch is."""
+    assert len(EXAMPLES) >= 5
+    parser, names, said = doctest.DocTestParser(), {}, []
+    runner = doctest.DocTestRunner(verbose=False)
+    for example in EXAMPLES:
+        if "import torch" in example and importlib.util.find_spec("torch") is None:
+            continue
+        test = parser.get_doctest(example, names, "README", "README.md", 0)
+        assert test.examples
+        assert runner.run(test, out=said.append, clear_globs=False).failed == 0, "".join(said)
+        names = test.globs
+
+
+def test_names():
+    named = set(re.findall(r"\bcvkern((?:\.\w+)+)", README))
+    assert len(named) > 5
+    for path in named:
+        found = cvkern
+        for name in path.strip(".").split("."):
+            assert hasattr(found, name), f"cvkern{path}"
+            found = getattr(found, name)
+
+
+def quoted(text):
+    return re.findall(r"`(\w+)`", text)
+
+
+def test_table_is_complete():
+    section = README.split("## What exists\n")[1].split("\n### ")[0]
+    rows = [line for line in section.splitlines() if line.startswith("| `")]
+    assert sorted(n for row in rows for n in quoted(row.split("|")[1])) == sorted(cvkern.__all__)
+    about_images = section.split("`cvkern.images`")[1].split("\n\n")[0]
+    assert set(quoted(about_images)) == set(images.__all__)
+    about_commands = section.split("The command `cvkern`:")[1]
+    for name in quoted(about_commands):
+        assert callable(getattr(cli, name))
+    assert len(set(quoted(about_commands))) == len(cli.app.registered_commands)
+
+
+def slug(heading):
+    """Return the anchor that a Markdown page gives a heading."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_links(document):
+    text = (ROOT / document).read_text(encoding="utf-8")
+    for link in re.findall(r"\]\(([^)]+)\)", text):
+        if link.startswith("https://"):
+            continue
+        file, _, anchor = link.partition("#")
+        assert (ROOT / (file or document)).is_file(), link
+        if anchor:
+            target = (ROOT / (file or document)).read_text(encoding="utf-8")
+            headings = re.findall(r"^#+ (.+)$", target, re.MULTILINE)
+            assert anchor in map(slug, headings), link
+
+
+def test_recipe_names_files_that_exist():
+    recipe = README.split("### Add a primitive\n")[1].split("\n## ")[0]
+    files = re.findall(r"`((?:kernels|cvkern|tests|profiling)/[\w/.]+\.py)`", recipe)
+    files = [file.replace("NAME", "edges") for file in files]
+    assert len(files) > 8
+    assert [file for file in files if not (ROOT / file).is_file()] == []
+
+
+def test_changelog_has_this_version():
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.search(rf"^## \[{re.escape(cvkern.__version__)}\]", changelog, re.MULTILINE)
