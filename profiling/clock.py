@@ -44,7 +44,7 @@ class CudaClock(HostClock):
         self._warp.init()
         self._device = self._warp.get_device("cuda")
         # The legacy default stream: torch and CuPy use it unless told otherwise.
-        self._stream = self._device.null_stream
+        self._stream = self._warp.Stream(self._device, cuda_stream=0)
         self._begin, self._end = (
             self._warp.Event(self._device, enable_timing=True) for _ in range(2)
         )

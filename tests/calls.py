@@ -1,5 +1,9 @@
 """Every public function of an image, called with nothing but an image, and images to call it on."""
 
+import importlib
+import inspect
+import pkgutil
+
 import numpy as np
 
 import cvkern
@@ -29,6 +33,18 @@ DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64"
 def fields(answer):
     """Return the arrays of a result, be it one or a named tuple."""
     return answer if isinstance(answer, tuple) else (answer,)
+
+
+def primitives(kernel_set):
+    """Yield (module, name, function) of each primitive of a kernel set."""
+    package = importlib.import_module(f"cvkern.kernels.{kernel_set}")
+    for info in pkgutil.iter_modules(package.__path__):
+        if info.name.startswith("_"):
+            continue
+        module = importlib.import_module(f"{package.__name__}.{info.name}")
+        for name, function in inspect.getmembers(module, inspect.isfunction):
+            if function.__module__ == module.__name__ and not name.startswith("_"):
+                yield module, name, function
 
 
 def noise(*shape, dtype="float32", seed=0):

@@ -18,6 +18,7 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # locale.getdefaultlocale
+    warnings.simplefilter("ignore", SyntaxWarning)  # escapes in its docstrings
     import taichi  # noqa: F401  (before the modules of this folder do)
 
 from ._launch import start, synchronize

@@ -9,23 +9,56 @@ from ._thinning import compared, is_maximum_between, is_maximum_in_sector, measu
 # Without fused multiply-add a gradient has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
-ROWS = 8
-STRIP = wp.constant(ROWS)  # rows that one thread walks down
-vec5 = wp.types.vector(5, wp.float32)
-vec5i = wp.types.vector(5, wp.int32)
+ROWS = 16  # rows that one thread walks down: more than Warp unrolls
+STRIP = wp.constant(ROWS)
+QUAD = 4  # columns that one thread takes
+vec6 = wp.types.vector(6, wp.float32)
+vec8 = wp.types.vector(8, wp.float32)
+
+
+@wp.func_native("""
+    return *reinterpret_cast<const unsigned int*>(src.data + offset);
+""")
+def load_word(src: wp.array2d[wp.uint8], offset: int) -> wp.uint32: ...
+
+
+@wp.func_native("""
+    *reinterpret_cast<unsigned int*>(dst.data + offset) = word;
+""")
+def store_word(dst: wp.array2d[wp.uint8], offset: int, word: wp.uint32): ...
 
 
 @wp.func
-def five_pixels(
-    src: wp.array2d[wp.uint8], y: int, columns: vec5i, border: int, cval: float
-) -> vec5:
-    """The pixels of row `y` in five columns, by `border` outside the image."""
-    v = vec5(cval)
+def byte_of(word: wp.uint32, k: int) -> float:
+    """Byte `k` of a word."""
+    return float((word >> wp.uint32(8 * k)) & wp.uint32(255))
+
+
+@wp.func
+def eight_pixels(
+    src: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, border: int, cval: float
+) -> vec8:
+    """The pixels from x - 2 to x + 5 of row `y`, by `border` outside the image."""
+    v = vec8(cval)
     i = border_index(y, src.shape[0], border)
     if i >= 0:
-        for k in range(5):
-            if columns[k] >= 0:
-                v[k] = float(src[i, columns[k]])
+        width = src.shape[1]
+        if in_words and x >= 4 and x + 8 <= width:
+            at = i * width + x
+            before = load_word(src, at - 4)
+            here = load_word(src, at)
+            after = load_word(src, at + 4)
+            v[0] = byte_of(before, 2)
+            v[1] = byte_of(before, 3)
+            for k in range(4):
+                v[2 + k] = byte_of(here, k)
+            v[6] = byte_of(after, 0)
+            v[7] = byte_of(after, 1)
+        else:
+            for k in range(8):
+                j = border_index(x + k - 2, width, border)
+                if j >= 0:
+                    v[k] = float(src[i, j])
     return v
 
 
@@ -33,37 +66,50 @@ def five_pixels(
 def state_of(
     dy: float,
     dx: float,
-    above: wp.vec3,
-    here: wp.vec3,
-    below: wp.vec3,
+    above: vec6,
+    here: vec6,
+    below: vec6,
+    k: int,
     norm: int,
     rule: int,
     low: float,
     high: float,
-) -> wp.uint8:
-    """Classify a pixel by what surrounds it."""
+) -> wp.uint32:
+    """Classify the pixel in column `k` + 1 of three rows of gradient lengths."""
     m = measure(dy, dx, norm)
     if not m > low:
-        return wp.uint8(0)
+        return wp.uint32(0)
     kept = bool(False)
     if rule == Thinning.SECTORS:
         kept = is_maximum_in_sector(
-            dy, dx, above[0], above[1], above[2], here[0], here[1], here[2],
-            below[0], below[1], below[2],
+            dy, dx, above[k], above[k + 1], above[k + 2], here[k], here[k + 1], here[k + 2],
+            below[k], below[k + 1], below[k + 2],
         )  # fmt: skip
     else:
         kept = is_maximum_between(
-            dy, dx, above[0], above[1], above[2], here[0], here[1], here[2],
-            below[0], below[1], below[2],
+            dy, dx, above[k], above[k + 1], above[k + 2], here[k], here[k + 1], here[k + 2],
+            below[k], below[k + 1], below[k + 2],
         )  # fmt: skip
     if not kept:
-        return wp.uint8(0)
-    return wp.uint8(wp.where(m > high, 2, 1))
+        return wp.uint32(0)
+    return wp.uint32(wp.where(m > high, 2, 1))
+
+
+@wp.func
+def write_states(states: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, word: wp.uint32):
+    """Store the states of four pixels, or of those of them that lie in the image."""
+    if in_words:
+        store_word(states, y * states.shape[1] + x, word)
+    else:
+        for k in range(QUAD):
+            if x + k < states.shape[1]:
+                states[y, x + k] = wp.uint8((word >> wp.uint32(8 * k)) & wp.uint32(255))
 
 
 @wp.kernel
 def thin_sobel(
     src: wp.array2d[wp.uint8],  # (H, W)
+    in_words: bool,  # whether rows fall into aligned words
     border: int,
     cval: float,
     norm: int,
@@ -72,49 +118,55 @@ def thin_sobel(
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
-    # One thread walks down a strip: three rows of pixels, then three of gradients, in registers.
-    strip, x = wp.tid()
+    # One thread walks down a strip of four columns, with three rows of pixels and three of
+    # gradient lengths in registers.
+    strip, quad = wp.tid()
+    x = quad * QUAD
+    top = strip * STRIP
     height = src.shape[0]
     width = src.shape[1]
-    top = strip * STRIP
-    columns = vec5i()
-    for k in range(5):
-        columns[k] = border_index(x + k - 2, width, border)
-    a = five_pixels(src, top - 2, columns, border, cval)
-    b = five_pixels(src, top - 1, columns, border, cval)
-    above = wp.vec3()
-    here = wp.vec3()
-    dy_here = float(0.0)
-    dx_here = float(0.0)
+    a = eight_pixels(src, top - 2, x, in_words, border, cval)
+    b = eight_pixels(src, top - 1, x, in_words, border, cval)
+    above = vec6()
+    here = vec6()
+    dy_here = vec6()
+    dx_here = vec6()
     for t in range(STRIP + 2):
         y = top + t - 1
-        c = five_pixels(src, y + 1, columns, border, cval)
+        c = eight_pixels(src, y + 1, x, in_words, border, cval)
         total = a + b + b + c
         difference = c - a
         a = b
         b = c
-        below = wp.vec3()
-        dy = wp.vec3()
-        dx = wp.vec3()
-        for k in range(3):
+        below = vec6()
+        dy = vec6()
+        dx = vec6()
+        for k in range(6):
             dx[k] = total[k + 2] - total[k]
             dy[k] = difference[k] + difference[k + 1] + difference[k + 1] + difference[k + 2]
-            if y >= 0 and y < height and x + k >= 1 and x + k <= width:
-                below[k] = measure(dy[k], dx[k], norm)
+            below[k] = measure(dy[k], dx[k], norm)
+            if y < 0 or y >= height or x + k < 1 or x + k > width:
+                below[k] = 0.0
         if t >= 2 and y - 1 < height:
-            states[y - 1, x] = state_of(
-                dy_here, dx_here, above, here, below, norm, Thinning.SECTORS, low, high
-            )
+            word = wp.uint32(0)
+            for k in range(QUAD):
+                state = state_of(
+                    dy_here[k + 1], dx_here[k + 1], above, here, below, k, norm,
+                    Thinning.SECTORS, low, high,
+                )  # fmt: skip
+                word = word | (state << wp.uint32(8 * k))
+            write_states(states, y - 1, x, in_words, word)
         above = here
         here = below
-        dy_here = dy[1]
-        dx_here = dx[1]
+        dy_here = dy
+        dx_here = dx
 
 
 @wp.kernel
 def thin(
     dy: wp.array2d[float],  # (H, W)
     dx: wp.array2d[float],  # (H, W)
+    in_words: bool,
     norm: int,
     rule: int,
     low: float,
@@ -122,27 +174,39 @@ def thin(
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
-    # One thread walks down a strip with three rows of gradient lengths in registers.
-    strip, x = wp.tid()
+    # As thin_sobel, with given gradients.
+    strip, quad = wp.tid()
+    x = quad * QUAD
+    top = strip * STRIP
     height = dy.shape[0]
     width = dy.shape[1]
-    top = strip * STRIP
-    above = wp.vec3()
-    here = wp.vec3()
+    above = vec6()
+    here = vec6()
+    dy_here = vec6()
+    dx_here = vec6()
     for t in range(STRIP + 2):
         y = top + t - 1
-        below = wp.vec3()
+        below = vec6()
+        down = vec6()
+        along = vec6()
         if y >= 0 and y < height:
-            for k in range(3):
+            for k in range(6):
                 if x + k >= 1 and x + k <= width:
-                    m = measure(dy[y, x + k - 1], dx[y, x + k - 1], norm)
-                    below[k] = compared(m, norm, rule)
+                    down[k] = dy[y, x + k - 1]
+                    along[k] = dx[y, x + k - 1]
+                    below[k] = compared(measure(down[k], along[k], norm), norm, rule)
         if t >= 2 and y - 1 < height:
-            states[y - 1, x] = state_of(
-                dy[y - 1, x], dx[y - 1, x], above, here, below, norm, rule, low, high
-            )
+            word = wp.uint32(0)
+            for k in range(QUAD):
+                state = state_of(
+                    dy_here[k + 1], dx_here[k + 1], above, here, below, k, norm, rule, low, high
+                )
+                word = word | (state << wp.uint32(8 * k))
+            write_states(states, y - 1, x, in_words, word)
         above = here
         here = below
+        dy_here = down
+        dx_here = along
 
 
 # Hysteresis. Pixel i has label i + 1; label 0 stands for all that is strong. Parents are smaller
@@ -153,101 +217,106 @@ def thin(
 
 @wp.kernel
 def plant(
-    states: wp.array2d[wp.uint8],  # (H, W)
+    states: wp.array[wp.uint8],  # (H W,)
     words: wp.array[wp.uint64],  # the same bytes, eight at a time
     # outputs
     parents: wp.array[int],  # (H W + 1,)
-    mask: wp.array2d[wp.uint8],  # (H, W)
+    mask: wp.array[wp.uint8],  # (H W,)
+    mask_words: wp.array[wp.uint64],
 ):
-    # One thread takes eight pixels, most of which are no edges.
-    first = wp.tid() * 8
-    word = eight(states, words, first)
-    for k in range(8):
-        state = int((word >> wp.uint64(8 * k)) & wp.uint64(255))
-        i = first + k
-        if i < states.shape[0] * states.shape[1]:
-            y = i // states.shape[1]
-            x = i - y * states.shape[1]
-            mask[y, x] = wp.uint8(state // 2)
-            if state == Edge.WEAK:
-                parent = i + 1
-                for dy in range(-1, 2):
-                    for dx in range(-1, 2):
-                        if is_state(states, y + dy, x + dx, Edge.STRONG):
-                            parent = 0
-                parents[i + 1] = parent
+    # One thread takes eight pixels, which mostly are no edges.
+    i = wp.tid()
+    if i == 0:
+        parents[0] = 0
+    if i < words.shape[0]:
+        word = words[i]
+        mask_words[i] = (word >> wp.uint64(1)) & wp.uint64(0x0101010101010101)
+        if word != wp.uint64(0):
+            for k in range(8):
+                parents[8 * i + k + 1] = 8 * i + k + 1
+    else:
+        for k in range(8 * i, wp.min(8 * i + 8, states.shape[0])):
+            mask[k] = wp.uint8(int(states[k]) // 2)
+            parents[k + 1] = k + 1
 
 
 @wp.kernel
 def merge(
-    states: wp.array2d[wp.uint8],  # (H, W)
-    words: wp.array[wp.uint64],
+    states: wp.array[wp.uint8],  # (H W,)
+    width: int,
     # outputs
     parents: wp.array[int],  # (H W + 1,)
 ):
-    first = wp.tid() * 8
-    word = eight(states, words, first)
-    width = states.shape[1]
-    if word != wp.uint64(0):
-        for k in range(8):
-            if int((word >> wp.uint64(8 * k)) & wp.uint64(255)) == Edge.WEAK:
-                i = first + k
-                y = i // width
-                x = i - y * width
-                if is_state(states, y, x - 1, Edge.WEAK):
-                    unite(parents, i + 1, i)
-                for dx in range(-1, 2):
-                    if is_state(states, y - 1, x + dx, Edge.WEAK):
-                        unite(parents, i + 1, i + 1 - width + dx)
+    # One thread a pixel. Of the neighbours before it, those that are neighbours of each other are
+    # united by their own threads.
+    i = wp.tid()
+    if int(states[i]) == Edge.WEAK:
+        x = i % width
+        label = i + 1
+        if touches_strong(states, width, i, x):
+            unite(parents, label, 0)
+        if is_weak(states, width, i - width, x):
+            unite(parents, label, label - width)
+        else:
+            if is_weak(states, width, i - 1, x - 1):
+                unite(parents, label, label - 1)
+            elif is_weak(states, width, i - width - 1, x - 1):
+                unite(parents, label, label - width - 1)
+            if is_weak(states, width, i - width + 1, x + 1):
+                unite(parents, label, label - width + 1)
 
 
 @wp.kernel
 def select(
-    states: wp.array2d[wp.uint8],  # (H, W)
-    words: wp.array[wp.uint64],
+    states: wp.array[wp.uint8],  # (H W,)
     parents: wp.array[int],  # (H W + 1,)
     # outputs
-    mask: wp.array2d[wp.uint8],  # (H, W)
+    mask: wp.array[wp.uint8],  # (H W,)
 ):
-    first = wp.tid() * 8
-    word = eight(states, words, first)
-    if word != wp.uint64(0):
-        for k in range(8):
-            if int((word >> wp.uint64(8 * k)) & wp.uint64(255)) == Edge.WEAK:
-                if root(parents, first + k + 1) == 0:
-                    y = (first + k) // states.shape[1]
-                    mask[y, first + k - y * states.shape[1]] = wp.uint8(1)
+    i = wp.tid()
+    if int(states[i]) == Edge.WEAK:
+        at = i + 1
+        while at != parents[at]:
+            at = parents[at]
+        if at == 0:
+            mask[i] = wp.uint8(1)
 
 
 @wp.func
-def eight(states: wp.array2d[wp.uint8], words: wp.array[wp.uint64], first: int) -> wp.uint64:
-    """States of the pixels from `first` on in one word; NONE behind the last."""
-    if first // 8 < words.shape[0]:
-        return words[first // 8]
-    word = wp.uint64(0)
-    for k in range(8):
-        i = first + k
-        if i < states.shape[0] * states.shape[1]:
-            y = i // states.shape[1]
-            state = states[y, i - y * states.shape[1]]
-            word = word | (wp.uint64(state) << wp.uint64(8 * k))
-    return word
-
-
-@wp.func
-def is_state(states: wp.array2d[wp.uint8], y: int, x: int, state: int) -> bool:
-    """Tell whether (y, x) lies in the image and has `state`."""
-    if y < 0 or x < 0 or y >= states.shape[0] or x >= states.shape[1]:
+def is_weak(states: wp.array[wp.uint8], width: int, i: int, x: int) -> bool:
+    """Tell whether pixel `i`, in column `x`, lies in the image and is weak."""
+    if i < 0 or x < 0 or x >= width:
         return False
-    return int(states[y, x]) == state
+    return int(states[i]) == Edge.WEAK
+
+
+@wp.func
+def touches_strong(states: wp.array[wp.uint8], width: int, i: int, x: int) -> bool:
+    """Tell whether one of the eight neighbours of pixel `i`, in column `x`, is strong."""
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            j = i + dy * width + dx
+            if x + dx >= 0 and x + dx < width and j >= 0 and j < states.shape[0]:
+                if int(states[j]) == Edge.STRONG:
+                    return True
+    return False
 
 
 @wp.func
 def root(parents: wp.array[int], label: int) -> int:
-    """Follow the parents of `label` up."""
+    """Follow the parents of `label` up, and let each label passed skip the next.
+
+    Only labels that are no longer roots are written, and only with one of their ancestors, so
+    that no union of another thread is lost.
+    """
     at = label
-    while at != 0 and parents[at] != at:
-        at = parents[at]
+    parent = parents[at]
+    while parent != at:
+        above = parents[parent]
+        if above != parent:
+            parents[at] = above
+        at = parent
+        parent = above
     return at
 
 

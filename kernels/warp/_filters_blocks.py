@@ -9,7 +9,9 @@ from ._launch import launch
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
 
-TALL, WIDE = wp.constant(8), wp.constant(32)  # threads of a block: 256 in all
+BLOCK = 256  # threads of a block, unless a launch says otherwise
+TALL, WIDE = wp.constant(8), wp.constant(32)  # their arrangement in columns4
+vec7 = wp.types.vector(7, wp.float32)
 
 
 @wp.func_native("""
@@ -20,70 +22,134 @@ def load4(src: wp.array3d[float], offset: int) -> wp.vec4: ...
 
 
 @wp.func_native("""
+    return src.data[offset];
+""")
+def load1(src: wp.array3d[float], offset: int) -> float: ...
+
+
+@wp.func_native("""
     *reinterpret_cast<float4*>(dst.data + offset) = make_float4(v[0], v[1], v[2], v[3]);
 """)
 def store4(dst: wp.array3d[float], offset: int, v: wp.vec4): ...
 
 
 @wp.func
-def four_of_row(
-    src: wp.array3d[float], plane: int, y: int, x: int, border: int, cval: float
-) -> wp.vec4:
-    """Elements x to x + 3 of row `y`, by `border` outside the image."""
+def quad_of_row(src: wp.array3d[float], base: int, y: int, border: int, cval: float) -> wp.vec4:
+    """Four elements of row `y`, whose row 0 stands at `base`, by `border` outside the image."""
     i = border_index(y, src.shape[1], border)
+    v = load4(src, base + wp.max(i, 0) * src.shape[2])
     if i < 0:
-        return wp.vec4(cval)
-    return load4(src, (plane * src.shape[1] + i) * src.shape[2] + x)
+        v = wp.vec4(cval)
+    return v
+
+
+@wp.func
+def quad_of_columns(src: wp.array3d[float], base: int, x: int, border: int, cval: float) -> wp.vec4:
+    """Elements x to x + 3 of the row at `base`, by `border` outside the image."""
+    columns = src.shape[2]
+    if x >= 0 and x < columns:
+        return load4(src, base + x)
+    v = wp.vec4(cval)
+    for e in range(4):
+        i = border_index(x + e, columns, border)
+        if i >= 0:
+            v[e] = load1(src, base + i)
+    return v
+
+
+@wp.func
+def seven_taps(taps: wp.array[float], t: int) -> vec7:
+    """Taps t - 3 to t + 3; any value for those that do not exist."""
+    w = vec7()
+    for i in range(7):
+        w[i] = taps[wp.clamp(t + i - 3, 0, taps.shape[0] - 1)]
+    return w
+
+
+# Both passes go through a 4 x 4 pattern: four elements in a row reach the four sums of a thread,
+# element e the sum k by tap t + e - k, where t = 4 j - skipped in step j. In the first and in the
+# last steps some of these taps do not exist.
+
+
+@wp.func
+def add_all(
+    acc: wp.vec4, w: vec7, v0: wp.vec4, v1: wp.vec4, v2: wp.vec4, v3: wp.vec4, k: int
+) -> wp.vec4:
+    """Add four elements to sum `k`."""
+    return (((acc + w[3 - k] * v0) + w[4 - k] * v1) + w[5 - k] * v2) + w[6 - k] * v3
+
+
+@wp.func
+def add_existing(
+    acc: wp.vec4,
+    w: vec7,
+    v0: wp.vec4,
+    v1: wp.vec4,
+    v2: wp.vec4,
+    v3: wp.vec4,
+    k: int,
+    t: int,
+    n: int,
+) -> wp.vec4:
+    """Add those of four elements to sum `k` whose taps exist."""
+    total = acc
+    if t - k >= 0 and t - k < n:
+        total += w[3 - k] * v0
+    if t + 1 - k >= 0 and t + 1 - k < n:
+        total += w[4 - k] * v1
+    if t + 2 - k >= 0 and t + 2 - k < n:
+        total += w[5 - k] * v2
+    if t + 3 - k >= 0 and t + 3 - k < n:
+        total += w[6 - k] * v3
+    return total
 
 
 @wp.kernel
 def columns4(
     src: wp.array3d[float],  # (P, H, N), N a multiple of 4
-    taps: wp.array[float],  # (2 r + 1,), r > 0
+    taps: wp.array[float],  # (2 r + 1,)
     border: int,
     cval: float,
     # outputs
     dst: wp.array3d[float],
 ):
-    # One thread makes 4 rows of 4 columns: each 16-byte load serves 4 sums. A block makes
-    # 4 TALL rows of 4 WIDE columns, whose rows it finds again in its cache.
-    tile_y, tile_x, down, across = wp.tid()
+    # One thread makes 4 rows of 4 columns. A block makes 4 TALL rows of 4 WIDE columns, so that
+    # it finds the rows that its threads share in its cache.
+    tile, thread = wp.tid()
     height = src.shape[1]
     columns = src.shape[2]
-    tiles = (height + 4 * TALL - 1) // (4 * TALL)
-    plane = tile_y // tiles
-    y = ((tile_y - plane * tiles) * TALL + down) * 4
-    x = (tile_x * WIDE + across) * 4
+    tiles_x = (columns + 4 * WIDE - 1) // (4 * WIDE)
+    tiles_y = (height + 4 * TALL - 1) // (4 * TALL)
+    tile_y = tile // tiles_x
+    plane = tile_y // tiles_y
+    y = ((tile_y - plane * tiles_y) * TALL + thread // WIDE) * 4
+    x = ((tile - tile_y * tiles_x) * WIDE + thread % WIDE) * 4
     if y >= height or x >= columns:
         return
     n = taps.shape[0]
-    top = y - n // 2
-    v = four_of_row(src, plane, top, x, border, cval)
-    a = taps[0] * v
-    v = four_of_row(src, plane, top + 1, x, border, cval)
-    a += taps[1] * v
-    b = taps[0] * v
-    v = four_of_row(src, plane, top + 2, x, border, cval)
-    a += taps[2] * v
-    b += taps[1] * v
-    c = taps[0] * v
+    base = plane * height * columns + x
+    a = wp.vec4()
+    b = wp.vec4()
+    c = wp.vec4()
     d = wp.vec4()
-    for t in range(3, n):
-        v = four_of_row(src, plane, top + t, x, border, cval)
-        a += taps[t] * v
-        b += taps[t - 1] * v
-        c += taps[t - 2] * v
-        d += taps[t - 3] * v
-    v = four_of_row(src, plane, top + n, x, border, cval)
-    b += taps[n - 1] * v
-    c += taps[n - 2] * v
-    d += taps[n - 3] * v
-    v = four_of_row(src, plane, top + n + 1, x, border, cval)
-    c += taps[n - 1] * v
-    d += taps[n - 2] * v
-    v = four_of_row(src, plane, top + n + 2, x, border, cval)
-    d += taps[n - 1] * v
-    here = (plane * height + y) * columns + x
+    for j in range((n + 6) // 4):
+        t = 4 * j
+        v0 = quad_of_row(src, base, y + t - n // 2, border, cval)
+        v1 = quad_of_row(src, base, y + t - n // 2 + 1, border, cval)
+        v2 = quad_of_row(src, base, y + t - n // 2 + 2, border, cval)
+        v3 = quad_of_row(src, base, y + t - n // 2 + 3, border, cval)
+        w = seven_taps(taps, t)
+        if t >= 3 and t + 3 < n:
+            a = add_all(a, w, v0, v1, v2, v3, 0)
+            b = add_all(b, w, v0, v1, v2, v3, 1)
+            c = add_all(c, w, v0, v1, v2, v3, 2)
+            d = add_all(d, w, v0, v1, v2, v3, 3)
+        else:
+            a = add_existing(a, w, v0, v1, v2, v3, 0, t, n)
+            b = add_existing(b, w, v0, v1, v2, v3, 1, t, n)
+            c = add_existing(c, w, v0, v1, v2, v3, 2, t, n)
+            d = add_existing(d, w, v0, v1, v2, v3, 3, t, n)
+    here = base + y * columns
     store4(dst, here, a)
     if y + 1 < height:
         store4(dst, here + columns, b)
@@ -102,38 +168,50 @@ def rows4(
     # outputs
     dst: wp.array3d[float],
 ):
-    # One thread makes 4 neighbours of a row: each 16-byte load serves all of them.
-    plane, y, quad = wp.tid()
-    n = taps.shape[0]
+    # One thread makes 4 columns of 4 rows, which share the taps.
+    group, quad = wp.tid()
     columns = src.shape[2]
+    rows = src.shape[0] * src.shape[1]
     x = quad * 4
-    base = (plane * src.shape[1] + y) * columns
+    last = rows - 1
+    base0 = 4 * group * columns
+    base1 = wp.min(4 * group + 1, last) * columns
+    base2 = wp.min(4 * group + 2, last) * columns
+    base3 = wp.min(4 * group + 3, last) * columns
+    n = taps.shape[0]
     reach = (n // 2 + 3) // 4 * 4
-    skipped = reach - n // 2  # elements loaded before the first tap of output 0
-    acc = wp.vec4()
+    skipped = reach - n // 2  # elements loaded before the first tap of sum 0
+    a = wp.vec4()
+    b = wp.vec4()
+    c = wp.vec4()
+    d = wp.vec4()
     for j in range(reach // 2 + 1):
         at = x - reach + 4 * j
-        v = wp.vec4()
-        if at >= 0 and at < columns:
-            v = load4(src, base + at)
-        else:
-            for e in range(4):
-                i = border_index(at + e, columns, border)
-                v[e] = cval
-                if i >= 0:
-                    v[e] = src[plane, y, i]
-        first = 4 * j - skipped
-        if first >= 3 and first + 3 < n:
+        v0 = quad_of_columns(src, base0, at, border, cval)
+        v1 = quad_of_columns(src, base1, at, border, cval)
+        v2 = quad_of_columns(src, base2, at, border, cval)
+        v3 = quad_of_columns(src, base3, at, border, cval)
+        t = 4 * j - skipped
+        w = seven_taps(taps, t)
+        if t >= 3 and t + 3 < n:
             for e in range(4):
                 for k in range(4):
-                    acc[k] = acc[k] + taps[first + e - k] * v[e]
+                    a[k] = a[k] + w[3 + e - k] * v0[e]
+                    b[k] = b[k] + w[3 + e - k] * v1[e]
+                    c[k] = c[k] + w[3 + e - k] * v2[e]
+                    d[k] = d[k] + w[3 + e - k] * v3[e]
         else:
             for e in range(4):
                 for k in range(4):
-                    t = first + e - k
-                    w = taps[wp.clamp(t, 0, n - 1)]
-                    acc[k] = wp.where(t >= 0 and t < n, acc[k] + w * v[e], acc[k])
-    store4(dst, base + x, acc)
+                    if t + e - k >= 0 and t + e - k < n:
+                        a[k] = a[k] + w[3 + e - k] * v0[e]
+                        b[k] = b[k] + w[3 + e - k] * v1[e]
+                        c[k] = c[k] + w[3 + e - k] * v2[e]
+                        d[k] = d[k] + w[3 + e - k] * v3[e]
+    store4(dst, base0 + x, a)
+    store4(dst, base1 + x, b)
+    store4(dst, base2 + x, c)
+    store4(dst, base3 + x, d)
 
 
 @wp.kernel
@@ -184,9 +262,9 @@ def correlate_columns(
 ) -> None:
     """Correlate a (P, H, N) array down its rows."""
     planes, height, columns = src.shape
-    if taps.shape[0] > 1 and _in_quads(src, dst):
-        tiles = (planes * -(-height // (4 * TALL)), -(-columns // (4 * WIDE)))
-        launch(columns4, (*tiles, TALL, WIDE), [src, taps, border, cval], [dst])
+    if _in_quads(src, dst):
+        tiles = planes * -(-height // (4 * TALL)) * -(-columns // (4 * WIDE))
+        launch(columns4, (tiles, BLOCK), [src, taps, border, cval], [dst])
     else:
         launch(columns1, src.shape, [src, taps, border, cval], [dst])
 
@@ -197,7 +275,8 @@ def correlate_rows(
     """Correlate a (P, H, W step) array along its columns."""
     planes, height, columns = src.shape
     if step == 1 and _in_quads(src, dst):
-        launch(rows4, (planes, height, columns // 4), [src, taps, border, cval], [dst])
+        groups = -(-planes * height // 4)
+        launch(rows4, (groups, columns // 4), [src, taps, border, cval], [dst])
     else:
         launch(rows1, src.shape, [src, taps, step, border, cval], [dst])
 

@@ -20,7 +20,12 @@ def thin_sobel(
 ) -> None:
     """Sobel, suppression of all but maxima, and both thresholds, of a uint8 image."""
     if src.device.is_cuda:
-        launch(blocks.thin_sobel, _strips(src), [src, border, cval, norm, low, high], [states])
+        launch(
+            blocks.thin_sobel,
+            _strips(src),
+            [src, _in_words(src, states), border, cval, norm, low, high],
+            [states],
+        )
         return
     wide_src = padded(src, "thin.src")
     _thin_slabs(
@@ -36,7 +41,12 @@ def thin(
 ) -> None:
     """Suppression of all but maxima of a gradient, and both thresholds."""
     if dy.device.is_cuda:
-        launch(blocks.thin, _strips(dy), [dy, dx, norm, rule, low, high], [states])
+        launch(
+            blocks.thin,
+            _strips(dy),
+            [dy, dx, _in_words(states), norm, rule, low, high],
+            [states],
+        )
         return
     wide_dy, wide_dx = padded(dy, "thin.dy"), padded(dx, "thin.dx")
     _thin_slabs(
@@ -51,32 +61,31 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
     """Keep strong pixels, and the weak ones connected with them."""
     height, width = states.shape
     size = height * width
-    words = wp.array(ptr=states.ptr, dtype=wp.uint64, shape=(size // 8,), device=states.device)
+    states, mask = states.reshape((size,)), mask.reshape((size,))
+    words, mask_words = _words(states, mask)
     if states.device.is_cuda:
         parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
-        eights = -(-size // 8)
-        launch(blocks.plant, eights, [states, words], [parents, mask])
-        launch(blocks.merge, eights, [states, words], [parents])
-        launch(blocks.select, eights, [states, words, parents], [mask])
+        launch(blocks.plant, -(-size // 8), [states, words], [parents, mask, mask_words])
+        launch(blocks.merge, size, [states, width], [parents])
+        launch(blocks.select, size, [states, parents], [mask])
         return
     mask.zero_()
     count = slabs(height, size)
-    flat_states, flat_mask = states.reshape((size,)), mask.reshape((size,))
     # A pixel is pushed once: the stack of a slab needs no more room than the slab has pixels.
     stack = scratch("hysteresis.stack", (size,), wp.int32, states.device)
     launch_slabs(
         lanes.flood_slab,
         height,
         count,
-        [flat_states, words, width, stack],
-        [flat_mask],
+        [states, words, width, stack],
+        [mask],
     )
     if count > 1:
         launch(
             lanes.flood_seams,
             1,
-            [count, flat_states, width, stack],
-            [flat_mask],
+            [count, states, width, stack],
+            [mask],
         )
 
 
@@ -104,7 +113,18 @@ def gather_edges(
 
 
 def _strips(image: wp.array) -> tuple[int, int]:
-    return -(-image.shape[0] // blocks.ROWS), image.shape[1]
+    return -(-image.shape[0] // blocks.ROWS), -(-image.shape[1] // blocks.QUAD)
+
+
+def _in_words(*images: wp.array) -> bool:
+    """Tell whether every row of the images falls into aligned words of four bytes."""
+    return all(a.shape[1] % 4 == 0 and a.ptr % 4 == 0 for a in images)
+
+
+def _words(*flats: wp.array) -> list[wp.array]:
+    """View bytes eight at a time, as far as they go; none if they are not aligned."""
+    count = flats[0].size // 8 if all(a.ptr % 8 == 0 for a in flats) else 0
+    return [wp.array(ptr=a.ptr, dtype=wp.uint64, shape=(count,), device=a.device) for a in flats]
 
 
 def _thin_slabs(

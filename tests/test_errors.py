@@ -1,0 +1,317 @@
+"""Every error of the public API: it names the argument, the rule and the value; nothing is done."""
+
+import numpy as np
+import pytest
+import warp
+from calls import primitives
+
+import cvkern
+from cvkern._validate import MAX_ELEMENTS
+
+BORDERS = "('reflect', 'constant', 'nearest', 'mirror', 'wrap')"
+FLAT, DEEP = np.zeros((4, 5)), np.zeros((4, 5, 3))
+HUGE = np.broadcast_to(np.uint8(0), (2**15, 2**15))
+
+# Functions of an image, by the ranks they take.
+FLAT_ONLY = ["sobel", "scharr", "gradient", "canny", "subpixel_edges"]
+FLAT_OR_DEEP = ["gaussian", "box", "median"]
+FILTERS = {name: getattr(cvkern, name) for name in FLAT_OR_DEEP}
+FILTERS["correlate_separable"] = lambda x, **options: cvkern.correlate_separable(x, [1], **options)
+EVERY = {**FILTERS, **{name: getattr(cvkern, name) for name in FLAT_ONLY}}
+
+
+@pytest.fixture(autouse=True)
+def _no_kernel_runs(monkeypatch):
+    """Checks are written once, above the kernel sets: one set shows that they come first."""
+
+    def launched(*args, **options):
+        raise AssertionError("a kernel was launched")
+
+    for module, name, _ in primitives("warp"):
+        monkeypatch.setattr(module, name, launched)
+    with cvkern.use(backend="warp", device="cpu"):
+        for name in EVERY:
+            with pytest.raises(AssertionError, match="a kernel was launched"):
+                EVERY[name](FLAT)  # or the tests below would show nothing
+        yield
+
+
+def refused(error, message, function, *args, **options):
+    with pytest.raises(error) as info:
+        function(*args, **options)
+    assert str(info.value) == message
+
+
+# --- images --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_images(name):
+    function = EVERY[name]
+    ranks = "2-D or 3-D" if name in FILTERS else "2-D"
+    for image, shape in ((5, "()"), ([1, 2], "(2,)"), (np.zeros((1, 1, 1, 1)), "(1, 1, 1, 1)")):
+        refused(ValueError, f"image must be {ranks}, got shape {shape}", function, image)
+    for shape in ((0, 5), (5, 0), (0, 0)):
+        refused(
+            ValueError, f"image must not be empty, got shape {shape}", function, np.zeros(shape)
+        )
+    for image in (FLAT.astype(complex), FLAT.astype("M8[s]"), FLAT.astype(object), FLAT.astype(str)):
+        message = f"image must hold real numbers, got dtype {image.dtype}"
+        refused(TypeError, message, function, image)
+    refused(TypeError, "image must hold real numbers, got dtype object", function, None)
+    message = f"image must have at most {MAX_ELEMENTS} elements, got shape (32768, 32768)"
+    refused(ValueError, message, function, HUGE)
+
+
+@pytest.mark.parametrize("name", FLAT_ONLY)
+def test_images_with_channels(name):
+    refused(ValueError, "image must be 2-D, got shape (4, 5, 3)", EVERY[name], DEEP)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_channel_axis(name):
+    function = FILTERS[name]
+    rule = "channel_axis must be given for 3-D images and for no others"
+    refused(ValueError, f"{rule}, got None for shape (4, 5, 3)", function, DEEP)
+    refused(ValueError, f"{rule}, got 0 for shape (4, 5)", function, FLAT, channel_axis=0)
+    for axis in (3, -4):
+        message = f"channel_axis must be in [-3, 3), got {axis}"
+        refused(ValueError, message, function, DEEP, channel_axis=axis)
+
+
+# --- options that many share ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_mode_and_cval(name):
+    function = EVERY[name]
+    for mode in ("edge", "Reflect", "", 3, None):
+        refused(
+            ValueError, f"mode must be one of {BORDERS}, got {mode!r}", function, FLAT, mode=mode
+        )
+    for cval in (np.nan, np.inf, -np.inf):
+        refused(ValueError, f"cval must be finite, got {cval}", function, FLAT, cval=cval)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_out(name):
+    function = FILTERS[name]
+    dtype = np.float64 if name == "median" else np.float32
+    for wrong in (np.int16, np.float16, np.float32 if name == "median" else np.float64):
+        out = np.full(FLAT.shape, 7, wrong)
+        message = f"out must be {np.dtype(dtype)}, got {np.dtype(wrong)}"
+        refused(TypeError, message, function, FLAT, out=out)
+        assert (out == 7).all()
+    for shape in ((5, 4), (4, 5, 1), (20,)):
+        message = f"out must have shape (4, 5), got {shape}"
+        refused(ValueError, message, function, FLAT, out=np.zeros(shape, dtype))
+    refused(
+        TypeError, "out must be an array like the image, got list", function, FLAT, out=[[0.0] * 5]
+    )
+    torch = pytest.importorskip("torch")
+    out = torch.zeros((4, 5))
+    refused(TypeError, "out must be an array like the image, got Tensor", function, FLAT, out=out)
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_out_in_memory(name):
+    function = FILTERS[name]
+    image = np.zeros((4, 5), np.float32)
+    frozen = np.zeros_like(image)
+    frozen.flags.writeable = False
+    for out in (np.zeros((5, 4), np.float32).T, np.zeros((4, 10), np.float32)[:, ::2], frozen):
+        message = "out must be contiguous and writeable, got an array that is not"
+        refused(ValueError, message, function, image, out=out)
+    whole = np.arange(50, dtype=np.float32)
+    shared = whole[10:30].reshape(4, 5)
+    for out in (shared, whole[20:40].reshape(4, 5)):
+        message = "out must not share memory with the image, got one that does"
+        refused(ValueError, message, function, shared, out=out)
+    np.testing.assert_array_equal(whole, np.arange(50))
+
+
+@pytest.mark.parametrize("name", ["gaussian", "gradient", "canny", "subpixel_edges"])
+def test_sigma(name):
+    function = EVERY[name]
+    for sigma in (-1, -0.5, np.nan, np.inf, -np.inf):
+        message = f"sigma must be >= 0 and finite, got {sigma}"
+        refused(ValueError, message, function, FLAT, sigma=sigma)
+    if name != "gaussian":
+        message = "sigma must be > 0 with the operator 'gaussian', got 0"
+        refused(ValueError, message, function, FLAT, sigma=0)
+
+
+# --- one function at a time ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sigma": (1, -2)}, "sigma must be >= 0 and finite, got -2"),
+        ({"sigma": (1, 2, 3)}, "sigma must be one number or two, got 3"),
+        ({"sigma": ()}, "sigma must be one number or two, got 0"),
+        ({"order": -1}, "order must be in [0, 32], got -1"),
+        ({"order": (0, 33)}, "order must be in [0, 32], got 33"),
+        ({"order": (0, 1, 2)}, "order must be one number or two, got 3"),
+        ({"truncate": -1}, "truncate must be >= 0 and finite, got -1"),
+        ({"truncate": np.nan}, "truncate must be >= 0 and finite, got nan"),
+        ({"truncate": np.inf}, "truncate must be >= 0 and finite, got inf"),
+    ],
+)
+def test_gaussian(options, message):
+    refused(ValueError, message, cvkern.gaussian, FLAT, **options)
+
+
+@pytest.mark.parametrize(
+    ("taps", "message"),
+    [
+        ([1, 2], "taps must be 1-D and of odd length, got shape (2,)"),
+        (([1], [1, 2, 3, 4]), "taps must be 1-D and of odd length, got shape (4,)"),
+        (([1], []), "taps must be 1-D and of odd length, got shape (0,)"),
+        ([[[1]], [[1]]], "taps must be 1-D and of odd length, got shape (1, 1)"),
+        ([[1], [1], [1]], "taps must be one kernel or two, got 3"),
+        (([1],), "taps must be one kernel or two, got 1"),
+        ([np.nan], "taps must be finite, got [nan]"),
+        (([1], [1, np.inf, 1]), "taps must be finite, got [ 1. inf  1.]"),
+    ],
+)
+def test_correlate_separable(taps, message):
+    refused(ValueError, message, cvkern.correlate_separable, FLAT, taps)
+
+
+def test_radius():
+    for radius in (-1, 2**20 + 1, (0, -1)):
+        wrong = np.ravel(radius)[-1]
+        message = f"radius must be in [0, 1048576], got {wrong}"
+        refused(ValueError, message, cvkern.box, FLAT, radius)
+    refused(ValueError, "radius must be one number or two, got 3", cvkern.box, FLAT, (1, 1, 1))
+    for radius in (-1, 0, 8):
+        message = f"radius must be in [1, 7], got {radius}"
+        refused(ValueError, message, cvkern.median, FLAT, radius)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "cval"),
+    [("uint8", -1), ("uint8", 256), ("uint8", 0.5), ("int8", -129), ("bool", 2), ("int64", 1e19)],
+)
+def test_cval_of_median(dtype, cval):
+    message = f"cval must be a value of {dtype}, got {float(cval)}"
+    refused(ValueError, message, cvkern.median, FLAT.astype(dtype), cval=cval)
+
+
+@pytest.mark.parametrize("name", ["sobel", "scharr"])
+def test_axis(name):
+    for axis in (2, -1, 0.5):
+        message = f"axis must be 0, 1 or None, got {axis}"
+        refused(ValueError, message, EVERY[name], FLAT, axis=axis)
+
+
+def test_operator_and_norm():
+    message = "operator must be one of ('gaussian', 'sobel', 'scharr'), got 'prewitt'"
+    refused(ValueError, message, cvkern.gradient, FLAT, operator="prewitt")
+    message = "operator must be one of ('gaussian', 'sobel'), got 'scharr'"
+    refused(ValueError, message, cvkern.canny, FLAT, operator="scharr")
+    message = "norm must be one of ('l1', 'l2'), got 'L2'"
+    refused(ValueError, message, cvkern.canny, FLAT, norm="L2")
+
+
+@pytest.mark.parametrize("name", ["canny", "subpixel_edges"])
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"low_threshold": -1}, "low_threshold must be >= 0, got -1"),
+        ({"low_threshold": np.nan}, "low_threshold must be >= 0, got nan"),
+        ({"high_threshold": -0.5}, "high_threshold must be >= 0, got -0.5"),
+        ({"high_threshold": np.nan}, "high_threshold must be >= 0, got nan"),
+        (
+            {"low_threshold": 5, "high_threshold": 2.5},
+            "low_threshold must be <= high_threshold, got 5 > 2.5",
+        ),
+        (
+            {"high_threshold": 1.5, "use_quantiles": True},
+            "high_threshold must be a quantile in [0, 1], got 1.5",
+        ),
+        (
+            {"low_threshold": 0.9, "high_threshold": 0.5, "use_quantiles": True},
+            "low_threshold must be <= high_threshold, got 0.9 > 0.5",
+        ),
+    ],
+)
+def test_thresholds(name, options, message):
+    refused(ValueError, message, EVERY[name], FLAT, **options)
+
+
+# --- values of a wrong type ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("function", "options"),
+    [
+        (cvkern.gaussian, {"sigma": "a"}),
+        (cvkern.gaussian, {"sigma": None}),
+        (cvkern.gradient, {"sigma": (1, 2)}),
+        (cvkern.gaussian, {"truncate": "wide"}),
+        (cvkern.gaussian, {"order": 1.5}),
+        (cvkern.gaussian, {"cval": None}),
+        (cvkern.gaussian, {"cval": 1e300}),
+        (cvkern.gaussian, {"sigma": 1e30}),
+        (cvkern.box, {"radius": 1.0}),
+        (cvkern.median, {"radius": (1, 1)}),
+        (cvkern.median, {"cval": "x"}),
+        (cvkern.canny, {"low_threshold": "a"}),
+        (cvkern.canny, {"high_threshold": [1]}),
+        (cvkern.gaussian, {"image": DEEP, "channel_axis": 1.5}),
+        (cvkern.gaussian, {"image": DEEP, "channel_axis": "last"}),
+        (cvkern.correlate_separable, {"taps": 5}),
+        (cvkern.correlate_separable, {"taps": []}),
+        (cvkern.correlate_separable, {"taps": ["a"]}),
+        (cvkern.correlate_separable, {"taps": [1j]}),
+        (cvkern.correlate_separable, {"taps": [1e300]}),
+        (cvkern.gaussian, {"image": [[1, 2], [3]]}),
+    ],
+)
+def test_wrong_types_are_named(function, options):
+    options = {"image": FLAT, **options}
+    name = list(options)[-1] if len(options) > 1 else "image"
+    with pytest.raises((TypeError, ValueError), match=rf"^{name} must .*, got "):
+        function(**options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"backend": "cuda"}, "backend must be one of ('warp', 'taichi'), got 'cuda'"),
+        ({"backend": "Warp"}, "backend must be one of ('warp', 'taichi'), got 'Warp'"),
+        ({"backend": ""}, "backend must be one of ('warp', 'taichi'), got ''"),
+        ({"device": "gpu"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'gpu'"),
+        ({"device": "cuda:"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'cuda:'"),
+        ({"device": "cuda:-1"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'cuda:-1'"),
+        ({"device": ""}, "device must be 'cpu', 'cuda' or 'cuda:N', got ''"),
+    ],
+)
+def test_use(options, message):
+    refused(ValueError, message, cvkern.use, **options)
+
+
+def test_use_of_a_wrong_type():
+    for options in ({"backend": 3}, {"device": 3}):
+        with pytest.raises((TypeError, ValueError), match=rf"^{next(iter(options))} must .*got 3"):
+            cvkern.use(**options)
+
+
+def test_tensors_that_require_grad():
+    torch = pytest.importorskip("torch")
+    image = torch.zeros((4, 5), requires_grad=True)
+    message = "tensors must not require grad, got one that does: call .detach()"
+    for function in EVERY.values():
+        refused(TypeError, message, function, image)
+
+
+def test_warp_arrays_of_vectors():
+    image = warp.zeros((4, 5), dtype=warp.vec3, device="cpu")
+    with pytest.raises(TypeError, match=r"^Warp arrays must hold scalars, got vec3"):
+        cvkern.gaussian(image)
+
+
+def test_a_path_where_an_image_belongs():
+    refused(TypeError, "image must hold real numbers, got dtype <U11", cvkern.canny, "picture.png")
