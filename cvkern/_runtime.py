@@ -54,7 +54,12 @@ class use:
 
     def __init__(self, backend: str | None = None, device: str | None = None):
         old_backend, old_device = _choice()
-        self._token = _chosen.set(_checked(backend or old_backend, device or old_device))
+        self._token = _chosen.set(
+            _checked(
+                old_backend if backend is None else backend,
+                old_device if device is None else device,
+            )
+        )
 
     def __enter__(self) -> use:
         return self
@@ -74,7 +79,7 @@ def _choice() -> tuple[str, str]:
 def _checked(backend: str, device: str) -> tuple[str, str]:
     if backend not in KERNEL_SETS:
         raise ValueError(f"backend must be one of {KERNEL_SETS}, got {backend!r}")
-    if not re.fullmatch(r"cpu|cuda(:\d+)?", device):
+    if not isinstance(device, str) or not re.fullmatch(r"cpu|cuda(:\d+)?", device):
         raise ValueError(f"device must be 'cpu', 'cuda' or 'cuda:N', got {device!r}")
     return backend, "cuda:0" if device == "cuda" else device
 
@@ -91,6 +96,9 @@ class Runtime:
         from cvkern.kernels.warp import edges, filters, gradients, rank
 
     def __init__(self, name: str, device: str, library: _libraries.NumPy):
+        threads = os.environ.get("CVKERN_NUM_THREADS") or "1"
+        if not threads.isdecimal() or int(threads) < 1:
+            raise ValueError(f"CVKERN_NUM_THREADS must be an integer >= 1, got {threads!r}")
         self.name, self.device, self.library = name, device, library
         self.set = importlib.import_module(f"cvkern.kernels.{name}")
         self._constants: dict[Any, Any] = {}

@@ -16,13 +16,17 @@ E = TypeVar("E", bound=IntEnum)
 
 # Kernels index bytes with 32 bits: 2^29 elements of four bytes.
 MAX_ELEMENTS = 2**29
+_FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image") -> Any:
     """Return `image` as an array of real values with one of the ranks, and no empty axis."""
     library = _libraries.library(image)
     if not hasattr(image, "shape"):
-        image = np.asarray(image)
+        try:
+            image = np.asarray(image)
+        except ValueError as error:
+            raise ValueError(f"{name} must be rectangular, got rows that differ: {error}") from None
     dtype = library.dtype(image)
     if dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {dtype}")
@@ -46,9 +50,7 @@ def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int 
         )
     if channel_axis is None:
         return None
-    if not -3 <= channel_axis < 3:
-        raise ValueError(f"channel_axis must be in [-3, 3), got {channel_axis}")
-    return channel_axis % 3
+    return check_integer(channel_axis, "channel_axis", -3, 2) % 3
 
 
 def check_code(value: str, codes: type[E], name: str) -> E:
@@ -66,18 +68,26 @@ def check_choice(value: str, choices: Sequence[str], name: str) -> str:
     return value
 
 
-def check_number(value: float, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
-    """Return `value` as a float of at least `low`."""
-    number = float(value)
-    if math.isnan(number) or (finite and math.isinf(number)) or number < low:
+def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
+    """Return `value` as a float of at least `low`, finite in float32 unless told otherwise."""
+    try:
+        number = float(value) if np.ndim(value) == 0 else None
+    except (TypeError, ValueError):
+        number = None
+    if number is None:
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    if math.isnan(number) or number < low or (finite and abs(number) > _FLOAT32_MAX):
         rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
         raise ValueError(f"{name} must be {rule}, got {value}")
     return number
 
 
-def check_integer(value: int, name: str, low: int, high: int) -> int:
+def check_integer(value: Any, name: str, low: int, high: int) -> int:
     """Return `value` as an int in [low, high]."""
-    number = operator.index(value)
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} must be an integer, got {value!r}") from None
     if not low <= number <= high:
         raise ValueError(f"{name} must be in [{low}, {high}], got {value}")
     return number

@@ -164,8 +164,8 @@ def subpixel_edges(
     >>> import cvkern
     >>> step = np.tile([0, 0, 0, 0, 0.25, 1, 1, 1, 1, 1], (5, 1))
     >>> cvkern.subpixel_edges(step, 1.5).points[:2].round(2)
-    array([[0.  , 4.25],
-           [1.  , 4.25]], dtype=float32)
+    array([[0.  , 4.27],
+           [1.  , 4.27]], dtype=float32)
     """
     image = check_image(image)
     rt = runtime(image)

@@ -24,6 +24,8 @@ from cvkern._validate import (
 )
 from cvkern.kernels.codes import Border
 
+MAX_RADIUS = 2**20
+
 
 def gaussian(
     image: Any,
@@ -81,11 +83,13 @@ def gaussian(
     >>> import cvkern
     >>> step = np.repeat([[0, 0, 0, 1, 1, 1]], 2, axis=0)
     >>> cvkern.gaussian(step, 1.0).round(2)[0]
-    array([0.01, 0.06, 0.3 , 0.7 , 0.94, 0.99], dtype=float32)
+    array([0.  , 0.06, 0.3 , 0.7 , 0.94, 1.  ], dtype=float32)
     """
     sigmas = [check_number(s, "sigma", low=0) for s in check_pair(sigma, "sigma")]
     orders = [check_integer(o, "order", 0, 32) for o in check_pair(order, "order")]
     truncate = check_number(truncate, "truncate", low=0)
+    for s in sigmas:
+        check_radius(truncate * s)
     taps = [gaussian_taps(s, o, truncate) for s, o in zip(sigmas, orders, strict=True)]
     return separable(image, taps, mode, cval, channel_axis, out)
 
@@ -96,7 +100,7 @@ def gaussian_taps(sigma: float, order: int = 0, truncate: float = 4.0) -> np.nda
 
     Derivatives follow from ``g' = -x / sigma^2 g``: g times a polynomial of degree `order`.
     """
-    if sigma == 0:
+    if sigma <= 1e-15:  # nothing to smooth, as scipy.ndimage has it
         return frozen_taps([1.0])
     radius = int(truncate * sigma + 0.5)
     x = np.arange(-radius, radius + 1, dtype=np.float64)
@@ -107,6 +111,12 @@ def gaussian_taps(sigma: float, order: int = 0, truncate: float = 4.0) -> np.nda
         polynomial = polynomial.deriv() - polynomial * np.polynomial.Polynomial([0, sigma**-2])
     # Correlation runs the other way round than the convolution: x becomes -x.
     return frozen_taps(polynomial(-x) * density)
+
+
+def check_radius(radius: float) -> None:
+    """Refuse a Gaussian so wide that its kernel alone would fill the memory."""
+    if radius > MAX_RADIUS:
+        raise ValueError(f"sigma must reach at most {MAX_RADIUS} pixels, got {radius:g}")
 
 
 def correlate_separable(
@@ -152,10 +162,13 @@ def correlate_separable(
     >>> cvkern.correlate_separable([[0, 0, 1, 1]], ([1], [-1, 0, 1]))
     array([[0., 1., 1., 0.]], dtype=float32)
     """
-    pair = (taps, taps) if np.ndim(taps[0]) == 0 else tuple(taps)
-    if len(pair) != 2:
-        raise ValueError(f"taps must be one kernel or two, got {len(pair)}")
-    return separable(image, [_check_taps(t) for t in pair], mode, cval, channel_axis, out)
+    try:
+        kernels = [taps, taps] if all(np.ndim(t) == 0 for t in taps) else list(taps)
+    except TypeError:
+        raise TypeError(f"taps must be a sequence, got {taps!r}") from None
+    if len(kernels) != 2:
+        raise ValueError(f"taps must be one kernel or two, got {len(kernels)}")
+    return separable(image, [_check_taps(t) for t in kernels], mode, cval, channel_axis, out)
 
 
 def box(
@@ -195,7 +208,7 @@ def box(
     >>> cvkern.box([[0, 0, 3, 0, 0]], (0, 1))
     array([[0., 1., 1., 1., 0.]], dtype=float32)
     """
-    radii = [check_integer(r, "radius", 0, 2**20) for r in check_pair(radius, "radius")]
+    radii = [check_integer(r, "radius", 0, MAX_RADIUS) for r in check_pair(radius, "radius")]
     taps = [frozen_taps(np.full(2 * r + 1, 1 / (2 * r + 1))) for r in radii]
     return separable(image, taps, mode, cval, channel_axis, out)
 
@@ -248,10 +261,13 @@ def image_layout(
 
 
 def _check_taps(taps: Any) -> np.ndarray:
-    kernel = np.asarray(taps, np.float64)
+    try:
+        kernel = np.asarray(taps, np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"taps must be real numbers, got {taps!r}") from None
     if kernel.ndim != 1 or kernel.size % 2 == 0:
         raise ValueError(f"taps must be 1-D and of odd length, got shape {kernel.shape}")
-    if not np.isfinite(kernel).all():
+    if not (np.abs(kernel) <= np.finfo(np.float32).max).all():
         raise ValueError(f"taps must be finite, got {kernel}")
     return frozen_taps(kernel)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_code, check_image, check_number
-from cvkern.filters import frozen_taps, gaussian_taps
+from cvkern.filters import check_radius, frozen_taps, gaussian_taps
 from cvkern.kernels.codes import Border
 
 OPERATORS = ("gaussian", "sobel", "scharr")
@@ -76,8 +76,26 @@ def sobel(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: f
 def scharr(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: float = 0.0) -> Any:
     """Find edges by the Scharr operator, which favours no direction.
 
-    Parameters, results and errors are those of :func:`sobel`; equal to
-    :func:`skimage.filters.scharr` of the floating-point image.
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    axis, mode, cval
+        As in :func:`sobel`.
+
+    Returns
+    -------
+    array of shape (H, W), float32
+        In units of `image`: a weighted mean of differences across two pixels.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`sobel`.
+
+    Notes
+    -----
+    Equal to :func:`skimage.filters.scharr` of the floating-point image; integers are not rescaled.
 
     Examples
     --------
@@ -156,6 +174,7 @@ def derivatives(
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
     sigma = check_number(sigma, "sigma", low=0)
+    check_radius(4 * sigma)
     check_choice(operator, OPERATORS, "operator")
     src = rt.adopt(image)
     if operator == "gaussian":
@@ -202,7 +221,7 @@ def _weighted(value: float, taps: np.ndarray) -> float:
 
 def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
     if axis not in (None, 0, 1):
-        raise ValueError(f"axis must be 0, 1 or None, got {axis}")
+        raise ValueError(f"axis must be 0, 1 or None, got {axis!r}")
     image = check_image(image)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")

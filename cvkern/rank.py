@@ -118,10 +118,13 @@ _INTEGERS = {
 
 def _value(cval: float, dtype: np.dtype) -> float:
     """Return `cval` if the dtype can hold it."""
-    if dtype.kind != "f":
+    if dtype.kind == "f":
+        fits = abs(cval) <= np.finfo(dtype).max
+    else:
         limits = (0, 1) if dtype.kind == "b" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
-        if cval != int(cval) or not limits[0] <= cval <= limits[1]:
-            raise ValueError(f"cval must be a value of {dtype}, got {cval}")
+        fits = cval == int(cval) and limits[0] <= cval <= limits[1]
+    if not fits:
+        raise ValueError(f"cval must be a value of {dtype}, got {cval}")
     return cval
 
 

@@ -3,6 +3,7 @@
 import importlib
 import inspect
 import pkgutil
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def primitives(kernel_set):
                 yield module, name, function
 
 
-def noise(*shape, dtype="float32", seed=0):
+def noise(*shape: int, dtype: Any = "float32", seed: int = 0) -> np.ndarray:
     """Return uniform values: over [0, 1) for floats, from small ones on over the range else."""
     rng, dtype = np.random.default_rng(seed), np.dtype(dtype)
     if dtype.kind == "f":
@@ -58,7 +59,7 @@ def noise(*shape, dtype="float32", seed=0):
     return rng.integers(info.min, info.max, shape, dtype, endpoint=True)
 
 
-def blobs(*shape, seed=0):
+def blobs(*shape: int, seed: int = 0) -> np.ndarray:
     """Return a uint8 picture of soft blobs on noise: edges long and short, flat parts, ties."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[: shape[0], : shape[1]]

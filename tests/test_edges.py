@@ -1,5 +1,7 @@
 """Canny against OpenCV, a float64 Canny and scikit-image, and what holds for any edge."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -77,9 +79,7 @@ def test_every_threshold_is_opencvs(backend, low, high, norm):
 )
 def test_any_blobs_are_opencvs(backend, shape, limits, norm, seed):
     image, (low, high) = blobs(*shape, seed=seed), sorted(limits)
-    np.testing.assert_array_equal(
-        as_opencv(image, low, high, norm), opencv(image, low, high, norm)
-    )
+    np.testing.assert_array_equal(as_opencv(image, low, high, norm), opencv(image, low, high, norm))
 
 
 @pytest.mark.parametrize("threads", ["1", "2", "3", "7"])
@@ -154,7 +154,7 @@ def test_thresholds_by_quantiles(backend):
     assert got.any()
     g = cvkern.gradient(image, sigma=1.0, operator="sobel")
     low, high = np.quantile(np.abs(g.dy) + np.abs(g.dx), [0.5, 0.8])
-    options = {"operator": "sobel", "norm": "l1"}
+    options: dict[str, Any] = {"operator": "sobel", "norm": "l1"}
     got = cvkern.canny(image, 1.0, 0.5, 0.8, use_quantiles=True, **options)
     np.testing.assert_array_equal(got, cvkern.canny(image, 1.0, low, high, **options))
 
@@ -253,7 +253,8 @@ def test_nan_hides_the_edges_of_its_window_only(backend):
 @pytest.mark.parametrize("dtype", ["uint8", "float32", "float64"])
 def test_layout_does_not_matter(backend, dtype, tmp_path):
     image = blobs(30, 37).astype(dtype)
-    for options in ({"operator": "sobel", "sigma": 0}, {"sigma": 1.2}):
+    choices: list[dict[str, Any]] = [{"operator": "sobel", "sigma": 0}, {"sigma": 1.2}]
+    for options in choices:
         want = cvkern.canny(image, low_threshold=5, high_threshold=10, **options)
         points = cvkern.subpixel_edges(image, 1.2, 5, 10)
         assert want.any()

@@ -1,5 +1,7 @@
 """Every error of the public API: it names the argument, the rule and the value; nothing is done."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import warp
@@ -55,7 +57,12 @@ def test_images(name):
         refused(
             ValueError, f"image must not be empty, got shape {shape}", function, np.zeros(shape)
         )
-    for image in (FLAT.astype(complex), FLAT.astype("M8[s]"), FLAT.astype(object), FLAT.astype(str)):
+    for image in (
+        FLAT.astype(complex),
+        FLAT.astype("M8[s]"),
+        FLAT.astype(object),
+        FLAT.astype(str),
+    ):
         message = f"image must hold real numbers, got dtype {image.dtype}"
         refused(TypeError, message, function, image)
     refused(TypeError, "image must hold real numbers, got dtype object", function, None)
@@ -294,7 +301,8 @@ def test_use(options, message):
 
 
 def test_use_of_a_wrong_type():
-    for options in ({"backend": 3}, {"device": 3}):
+    wrong: list[dict[str, Any]] = [{"backend": 3}, {"device": 3}]
+    for options in wrong:
         with pytest.raises((TypeError, ValueError), match=rf"^{next(iter(options))} must .*got 3"):
             cvkern.use(**options)
 

@@ -1,5 +1,7 @@
 """Linear filters against SciPy, and the properties of their kinds."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.ndimage as ndi
@@ -108,7 +110,7 @@ def test_one_kernel_serves_both_axes(backend):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_box_is_scipys(backend, shape, radius, mode):
     image = noise(*shape)
-    size = 2 * np.broadcast_to(radius, 2) + 1
+    size: Any = 2 * np.broadcast_to(radius, 2) + 1
     got = cvkern.box(image, radius, mode=mode, cval=4.0)
     want = ndi.uniform_filter(image.astype(float), size, mode=mode, cval=4.0)
     assert_within(got, want, separable_error(image, *(np.ones(n) / n for n in size), cval=4.0))

@@ -25,7 +25,7 @@ PAD: dict[str, Any] = {
 
 def reference(image, radius, mode="reflect", cval=0):
     """Sort each window (SciPy knows neither bool nor float16, and rounds 64-bit integers)."""
-    fill = {"constant_values": cval} if mode == "constant" else {}
+    fill: dict[str, Any] = {"constant_values": cval} if mode == "constant" else {}
     wide = np.pad(image, radius, **PAD[mode], **fill)
     size = 2 * radius + 1
     windows = np.lib.stride_tricks.sliding_window_view(wide, (size, size))

@@ -41,7 +41,7 @@ def test_discs_are_found_within_a_twentieth_of_a_pixel(backend, radius, sigma):
     for centre in ((30, 30), (30.5, 29.75), (29.6, 30.31)):
         image = disc((60, 60), centre, radius)
         edges = cvkern.subpixel_edges(image, sigma, 0.02, 0.05)
-        y, x = (edges.points - np.float32(centre)).T.astype(float)
+        y, x = (edges.points - np.asarray(centre, np.float32)).T.astype(float)
         bias = (sigma**2 + PIXEL) / (2 * radius)
         assert np.abs(np.hypot(y, x) - (radius - bias)).max() < 0.05
         # All the way round; where points on rows give way to points on columns, one is missing.
@@ -66,8 +66,7 @@ def test_points_are_edges_of_canny_in_raster_order(backend):
         key = gradient.magnitude[y, x].item(), gradient.orientation[y, x].item()
         index[key] = (y, x)
     pixels = [
-        index[key]
-        for key in zip(edges.strength.tolist(), edges.orientation.tolist(), strict=True)
+        index[key] for key in zip(edges.strength.tolist(), edges.orientation.tolist(), strict=True)
     ]
     assert pixels == sorted(pixels)
     moved = np.abs(edges.points - np.array(pixels))

@@ -115,6 +115,11 @@ def _switch(device: str, arch: Any) -> None:
 
 
 def _initialise(arch: Any) -> None:
+    if _program.device == "cuda":
+        import warp as wp
+
+        with wp.ScopedDevice("cuda:0"):  # Taichi frees what it has in the context of this thread
+            ti.reset()
     environment = os.environ.pop("TI_ARCH", None)  # it would override `arch`
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # "Starting on arch=..."
@@ -160,7 +165,7 @@ def _check_process() -> None:
 def _threads() -> int:
     asked = os.environ.get("CVKERN_NUM_THREADS")
     if asked:
-        return max(1, int(asked))
+        return int(asked)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -14,14 +15,17 @@ from . import _launch
 
 _streams: dict[tuple[str, int], wp.Stream] = {}
 _process = 0
+_lock = threading.Lock()
 
 
 def start(device: str, stream: int | None) -> None:
     """Initialise Warp, check that `device` exists, send this thread's launches to `stream`."""
     global _process
     if not _process:
-        _initialise()
-        _process = os.getpid()
+        with _lock:
+            if not _process:
+                _initialise()
+                _process = os.getpid()
     if device == "cpu":
         _launch.set_stream(None)
         return

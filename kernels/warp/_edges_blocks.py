@@ -9,7 +9,7 @@ from ._thinning import compared, is_maximum_between, is_maximum_in_sector, measu
 # Without fused multiply-add a gradient has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
-ROWS = 16  # rows that one thread walks down: more than Warp unrolls
+ROWS = 8  # rows that one thread walks down
 STRIP = wp.constant(ROWS)
 QUAD = 4  # columns that one thread takes
 vec6 = wp.types.vector(6, wp.float32)

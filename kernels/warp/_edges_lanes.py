@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ..codes import Border, Edge, Norm, Thinning
+from ..codes import Edge, Thinning
 from ._borders import border_index
 from ._lanes import LANES, f32_lanes, u8_lanes
 from ._thinning import compared, is_maximum_between, is_maximum_in_sector, measure

@@ -59,20 +59,23 @@ def quad_of_columns(src: wp.array3d[float], base: int, x: int, border: int, cval
 
 @wp.func
 def seven_taps(taps: wp.array[float], t: int) -> vec7:
-    """Taps t - 3 to t + 3; any value for those that do not exist."""
+    """Taps t - 3 to t + 3; 0 for those that do not exist."""
     w = vec7()
     for i in range(7):
-        w[i] = taps[wp.clamp(t + i - 3, 0, taps.shape[0] - 1)]
+        at = t + i - 3
+        if at >= 0 and at < taps.shape[0]:
+            w[i] = taps[at]
     return w
 
 
 # Both passes go through a 4 x 4 pattern: four elements in a row reach the four sums of a thread,
-# element e the sum k by tap t + e - k, where t = 4 j - skipped in step j. In the first and in the
-# last steps some of these taps do not exist.
+# element e the sum k by tap t + e - k, where t = 4 j - skipped in step j. Adding 0 times an element
+# changes no bit, unless the element is infinite or not a number: a sum that is not a number is
+# made again from the taps that exist.
 
 
 @wp.func
-def add_all(
+def add_four(
     acc: wp.vec4, w: vec7, v0: wp.vec4, v1: wp.vec4, v2: wp.vec4, v3: wp.vec4, k: int
 ) -> wp.vec4:
     """Add four elements to sum `k`."""
@@ -80,28 +83,37 @@ def add_all(
 
 
 @wp.func
-def add_existing(
-    acc: wp.vec4,
-    w: vec7,
-    v0: wp.vec4,
-    v1: wp.vec4,
-    v2: wp.vec4,
-    v3: wp.vec4,
-    k: int,
-    t: int,
-    n: int,
+def sum_down(
+    src: wp.array3d[float], base: int, y: int, taps: wp.array[float], border: int, cval: float
 ) -> wp.vec4:
-    """Add those of four elements to sum `k` whose taps exist."""
-    total = acc
-    if t - k >= 0 and t - k < n:
-        total += w[3 - k] * v0
-    if t + 1 - k >= 0 and t + 1 - k < n:
-        total += w[4 - k] * v1
-    if t + 2 - k >= 0 and t + 2 - k < n:
-        total += w[5 - k] * v2
-    if t + 3 - k >= 0 and t + 3 - k < n:
-        total += w[6 - k] * v3
-    return total
+    """Weigh the rows round row `y`."""
+    acc = wp.vec4()
+    for t in range(taps.shape[0]):
+        acc += taps[t] * quad_of_row(src, base, y + t - taps.shape[0] // 2, border, cval)
+    return acc
+
+
+@wp.func
+def sum_along(
+    src: wp.array3d[float], base: int, x: int, taps: wp.array[float], border: int, cval: float
+) -> wp.vec4:
+    """Weigh the columns round columns x to x + 3."""
+    acc = wp.vec4()
+    for k in range(4):
+        for t in range(taps.shape[0]):
+            i = border_index(x + k + t - taps.shape[0] // 2, src.shape[2], border)
+            v = cval
+            if i >= 0:
+                v = load1(src, base + i)
+            acc[k] = acc[k] + taps[t] * v
+    return acc
+
+
+@wp.func
+def has_nan(v: wp.vec4) -> bool:
+    """Tell whether an element is not a number."""
+    total = v[0] + v[1] + v[2] + v[3]
+    return total != total
 
 
 @wp.kernel
@@ -128,27 +140,39 @@ def columns4(
         return
     n = taps.shape[0]
     base = plane * height * columns + x
+    steps = (n + 6) // 4
+    first = y - n // 2
+    inside = first >= 0 and first + 4 * steps <= height
     a = wp.vec4()
     b = wp.vec4()
     c = wp.vec4()
     d = wp.vec4()
-    for j in range((n + 6) // 4):
-        t = 4 * j
-        v0 = quad_of_row(src, base, y + t - n // 2, border, cval)
-        v1 = quad_of_row(src, base, y + t - n // 2 + 1, border, cval)
-        v2 = quad_of_row(src, base, y + t - n // 2 + 2, border, cval)
-        v3 = quad_of_row(src, base, y + t - n // 2 + 3, border, cval)
-        w = seven_taps(taps, t)
-        if t >= 3 and t + 3 < n:
-            a = add_all(a, w, v0, v1, v2, v3, 0)
-            b = add_all(b, w, v0, v1, v2, v3, 1)
-            c = add_all(c, w, v0, v1, v2, v3, 2)
-            d = add_all(d, w, v0, v1, v2, v3, 3)
+    for j in range(steps):
+        at = first + 4 * j
+        v0 = wp.vec4()
+        v1 = wp.vec4()
+        v2 = wp.vec4()
+        v3 = wp.vec4()
+        if inside:
+            v0 = load4(src, base + at * columns)
+            v1 = load4(src, base + (at + 1) * columns)
+            v2 = load4(src, base + (at + 2) * columns)
+            v3 = load4(src, base + (at + 3) * columns)
         else:
-            a = add_existing(a, w, v0, v1, v2, v3, 0, t, n)
-            b = add_existing(b, w, v0, v1, v2, v3, 1, t, n)
-            c = add_existing(c, w, v0, v1, v2, v3, 2, t, n)
-            d = add_existing(d, w, v0, v1, v2, v3, 3, t, n)
+            v0 = quad_of_row(src, base, at, border, cval)
+            v1 = quad_of_row(src, base, at + 1, border, cval)
+            v2 = quad_of_row(src, base, at + 2, border, cval)
+            v3 = quad_of_row(src, base, at + 3, border, cval)
+        w = seven_taps(taps, 4 * j)
+        a = add_four(a, w, v0, v1, v2, v3, 0)
+        b = add_four(b, w, v0, v1, v2, v3, 1)
+        c = add_four(c, w, v0, v1, v2, v3, 2)
+        d = add_four(d, w, v0, v1, v2, v3, 3)
+    if has_nan(a + b + c + d):
+        a = sum_down(src, base, y, taps, border, cval)
+        b = sum_down(src, base, y + 1, taps, border, cval)
+        c = sum_down(src, base, y + 2, taps, border, cval)
+        d = sum_down(src, base, y + 3, taps, border, cval)
     here = base + y * columns
     store4(dst, here, a)
     if y + 1 < height:
@@ -193,21 +217,17 @@ def rows4(
         v3 = quad_of_columns(src, base3, at, border, cval)
         t = 4 * j - skipped
         w = seven_taps(taps, t)
-        if t >= 3 and t + 3 < n:
-            for e in range(4):
-                for k in range(4):
-                    a[k] = a[k] + w[3 + e - k] * v0[e]
-                    b[k] = b[k] + w[3 + e - k] * v1[e]
-                    c[k] = c[k] + w[3 + e - k] * v2[e]
-                    d[k] = d[k] + w[3 + e - k] * v3[e]
-        else:
-            for e in range(4):
-                for k in range(4):
-                    if t + e - k >= 0 and t + e - k < n:
-                        a[k] = a[k] + w[3 + e - k] * v0[e]
-                        b[k] = b[k] + w[3 + e - k] * v1[e]
-                        c[k] = c[k] + w[3 + e - k] * v2[e]
-                        d[k] = d[k] + w[3 + e - k] * v3[e]
+        for e in range(4):
+            for k in range(4):
+                a[k] = a[k] + w[3 + e - k] * v0[e]
+                b[k] = b[k] + w[3 + e - k] * v1[e]
+                c[k] = c[k] + w[3 + e - k] * v2[e]
+                d[k] = d[k] + w[3 + e - k] * v3[e]
+    if has_nan(a + b + c + d):
+        a = sum_along(src, base0, x, taps, border, cval)
+        b = sum_along(src, base1, x, taps, border, cval)
+        c = sum_along(src, base2, x, taps, border, cval)
+        d = sum_along(src, base3, x, taps, border, cval)
     store4(dst, base0 + x, a)
     store4(dst, base1 + x, b)
     store4(dst, base2 + x, c)

@@ -42,7 +42,7 @@ def cpu_threads() -> int:
     """Return how many threads CPU kernels use: ``CVKERN_NUM_THREADS``, or the cores we may use."""
     asked = os.environ.get("CVKERN_NUM_THREADS")
     if asked:
-        return max(1, int(asked))
+        return int(asked)
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -156,7 +156,8 @@ def load(kernel: wp.Kernel, device: wp.Device) -> None:
     if key not in _loaded:
         with _lock:
             if key not in _loaded:
-                kernel.module.load(device)
+                # The variant that launches will ask for, or every slab would load it again.
+                kernel.module.load(device, 1 if device.is_cpu else None)
                 _loaded.add(key)
 
 

@@ -6,7 +6,7 @@ A line of scratch holds one row between the passes; pixel 0 stands at element `m
 import warp as wp
 
 from ._borders import border_index
-from ._lanes import LANES, f32_lanes
+from ._lanes import f32_lanes
 
 
 @wp.func

@@ -11,13 +11,13 @@ HIGH = wp.constant(SECTOR_HIGH)
 
 @wp.func
 def measure(dy: float, dx: float, norm: int) -> float:
-    """Gradient length that thresholds are compared with; its square for L2."""
+    """Return the gradient length that thresholds are compared with; its square for L2."""
     return wp.where(norm == Norm.L1, wp.abs(dx) + wp.abs(dy), dx * dx + dy * dy)
 
 
 @wp.func
 def compared(m: float, norm: int, rule: int) -> float:
-    """What neighbours are compared by: interpolation needs the length itself, not its square."""
+    """Return what neighbours are compared by: to interpolate, the length, not its square."""
     return wp.where(norm == Norm.L2 and rule == Thinning.INTERPOLATED, wp.sqrt(m), m)
 
 

@@ -33,8 +33,19 @@ def median(
         lanes.median,
         rows,
         count,
-        [wide_src, height, columns, radius, step, low, bits, border, cval]
-        + [window, vectors(window, i32_lanes)],
+        [
+            wide_src,
+            height,
+            columns,
+            radius,
+            step,
+            low,
+            bits,
+            border,
+            cval,
+            window,
+            vectors(window, i32_lanes),
+        ],
         [vectors(wide_dst, i32_lanes)],
     )
     unpad(wide_dst, dst)

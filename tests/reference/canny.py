@@ -1,13 +1,14 @@
 """Canny's edge detector in float64: what must be an edge, and what may be one."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.ndimage as ndi
 
-from .rounding import U, gaussian_error
+from .rounding import U, gaussian_error, gaussian_kernel
 
 _EIGHT = np.ones((3, 3), int)
+_SLOPES: Any = (1, 0), (0, 1)
 
 
 class Edges(NamedTuple):
@@ -15,6 +16,19 @@ class Edges(NamedTuple):
 
     certain: np.ndarray
     possible: np.ndarray
+
+
+def slopes(image, sigma, mode="reflect", cval=0.0):
+    """Differentiate by the derivatives of a Gaussian; return dy and dx.
+
+    A constant border goes on in every direction (in SciPy, one axis does not see past the other).
+    """
+    image = np.asarray(image, float)
+    margin = len(gaussian_kernel(sigma)) // 2 if mode == "constant" else 0
+    wide = np.pad(image, margin, constant_values=cval)
+    inner = tuple(slice(margin, margin + n) for n in image.shape)
+    options: dict[str, Any] = {"mode": "nearest" if margin else mode}
+    return [ndi.gaussian_filter(wide, sigma, order, **options)[inner] for order in _SLOPES]
 
 
 def _neighbour(m, dy, dx):
@@ -25,7 +39,8 @@ def _neighbour(m, dy, dx):
 
 
 def _hysteresis(weak, strong):
-    labels, _ = ndi.label(weak, _EIGHT)
+    labelled: Any = ndi.label(weak, _EIGHT)
+    labels = labelled[0]
     return np.isin(labels, np.unique(labels[strong & weak])) & weak
 
 
@@ -37,9 +52,7 @@ def canny(image, sigma, low, high, norm="l2", mode="reflect", cval=0.0):
     to the other, bounds the answer.
     """
     image = np.asarray(image, float)
-    options = {"mode": mode, "cval": cval}
-    dy = ndi.gaussian_filter(image, sigma, (1, 0), **options)
-    dx = ndi.gaussian_filter(image, sigma, (0, 1), **options)
+    dy, dx = slopes(image, sigma, mode, cval)
     m = np.hypot(dy, dx) if norm == "l2" else np.abs(dy) + np.abs(dx)
     e = gaussian_error(image, sigma, (0, 1), cval=cval)
 

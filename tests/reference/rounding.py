@@ -1,5 +1,7 @@
 """How far float32 sums may be from exact ones."""
 
+from typing import Any
+
 import numpy as np
 import scipy.ndimage as ndi
 
@@ -27,7 +29,7 @@ def gaussian_kernel(sigma, order=0, truncate=4.0):
     return ndi.gaussian_filter1d(impulse, sigma, order=order, truncate=truncate, mode="constant")
 
 
-def gaussian_error(image, sigma, order=0, truncate=4.0, cval=0.0):
+def gaussian_error(image, sigma: Any, order: Any = 0, truncate=4.0, cval=0.0):
     """Bound the error of a Gaussian; `sigma` and `order` are one number or two."""
     sigmas, orders = np.broadcast_to(sigma, 2), np.broadcast_to(order, 2)
     kernels = [gaussian_kernel(s, o, truncate) for s, o in zip(sigmas, orders, strict=True)]

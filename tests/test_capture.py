@@ -1,0 +1,78 @@
+"""Captured calls: repeated on what their arrays hold by then, into the same memory."""
+
+import numpy as np
+import pytest
+from calls import CALLS, blobs, fields, noise
+
+import cvkern
+
+KERNELS_ALONE = ["gaussian", "derivative", "correlate_separable", "box", "sobel", "scharr",
+                 "gradient", "gradient_sobel", "canny_sobel"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KERNELS_ALONE)
+@pytest.mark.parametrize("dtype", ["uint8", "float32"])
+def test_a_replay_follows_its_input(backend, name, dtype):
+    frame = blobs(25, 41).astype(dtype)
+    replay = cvkern.capture(CALLS[name], frame)
+    first = replay()
+    for seed in (1, 2):
+        frame[...] = blobs(25, 41, seed=seed)
+        got = replay()
+        for a, b, c in zip(fields(got), fields(first), fields(CALLS[name](frame)), strict=True):
+            assert a is b
+            np.testing.assert_array_equal(a, c)
+
+
+def test_calls_between_replays_do_not_disturb_them(backend):
+    small, large = blobs(20, 30), blobs(130, 170)
+    replay = cvkern.capture(cvkern.canny, small, 1.5, 3, 8)
+    want_small, want_large = cvkern.canny(small, 1.5, 3, 8), cvkern.canny(large, 1.5, 3, 8)
+    for _ in range(3):
+        between = cvkern.canny(large, 1.5, 3, 8)
+        np.testing.assert_array_equal(replay(), want_small)
+        np.testing.assert_array_equal(between, want_large)
+
+
+def test_two_captures_keep_apart(backend):
+    frames = [noise(20, 30, seed=seed) for seed in (1, 2)]
+    replays = [cvkern.capture(cvkern.gaussian, frame, 1.5) for frame in frames]
+    for replay, frame in zip(replays, frames, strict=True):
+        np.testing.assert_array_equal(replay(), cvkern.gaussian(frame, 1.5))
+    np.testing.assert_array_equal(replays[0](), cvkern.gaussian(frames[0], 1.5))
+
+
+def test_out_and_chains_of_functions(backend):
+    frame, out = noise(20, 30), np.zeros((20, 30), np.float32)
+    replay = cvkern.capture(cvkern.gaussian, frame, 1.0, out=out)
+    assert replay() is out
+
+    def chain(x):
+        return cvkern.sobel(cvkern.box(x, 1))
+
+    replay = cvkern.capture(chain, frame)
+    frame[...] = noise(20, 30, seed=5)
+    np.testing.assert_array_equal(replay(), chain(frame))
+
+
+def test_a_replay_keeps_the_kernel_set_of_its_capture():
+    frame = blobs(20, 30)
+    with cvkern.use("taichi"):
+        replay = cvkern.capture(cvkern.canny, frame)
+    with cvkern.use("warp"):
+        np.testing.assert_array_equal(replay(), cvkern.canny(frame))
+
+
+@pytest.mark.parametrize("name", ["median", "subpixel_edges", "canny"])
+def test_what_is_not_kernels_alone_is_refused(backend, name):
+    image = blobs(20, 30)
+    with pytest.raises(ValueError, match=r"^captured functions must be kernels alone, got "):
+        cvkern.capture(CALLS[name], image)
+    for field in fields(CALLS[name](image)):  # and nothing of the attempt is left
+        assert field.size
+
+
+def test_errors_are_those_of_the_function(backend):
+    with pytest.raises(ValueError, match=r"^sigma must be >= 0 and finite, got -1$"):
+        cvkern.capture(cvkern.gaussian, np.zeros((3, 4)), -1)
+    np.testing.assert_allclose(cvkern.gaussian(np.ones((3, 4))), 1, rtol=1e-6)
