@@ -62,11 +62,14 @@ class Torch(NumPy):
 
     def __init__(self) -> None:
         self.module = importlib.import_module("torch")
+        self._dtypes: dict[Any, Any] = {}  # torch's of NumPy's, and NumPy's of torch's
 
     def dtype(self, array: Any) -> np.dtype:
         """Return the NumPy dtype of `array`; bfloat16, which NumPy lacks, counts as float32."""
-        name = str(array.dtype).removeprefix("torch.")
-        return np.dtype("float32" if name == "bfloat16" else name)
+        if array.dtype not in self._dtypes:
+            name = str(array.dtype).removeprefix("torch.")
+            self._dtypes[array.dtype] = np.dtype("float32" if name == "bfloat16" else name)
+        return self._dtypes[array.dtype]
 
     def stream(self, device: str) -> int | None:
         """Return the current stream of this thread."""
@@ -76,15 +79,20 @@ class Torch(NumPy):
         """Convert on the tensor's own device."""
         if array.requires_grad:
             raise TypeError("tensors must not require grad, got one that does: call .detach()")
-        return array.to(getattr(self.module, dtype.name)).contiguous()
+        return array.to(self._dtype(dtype)).contiguous()
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate with PyTorch's caching allocator."""
-        return self.module.empty(shape, dtype=getattr(self.module, dtype.name), device=device)
+        return self.module.empty(shape, dtype=self._dtype(dtype), device=device)
 
     def view(self, array: Any, dtype: np.dtype) -> Any:
         """Read the bits of a contiguous tensor as another dtype of the same size."""
-        return array.view(getattr(self.module, dtype.name))
+        return array.view(self._dtype(dtype))
+
+    def _dtype(self, dtype: np.dtype) -> Any:
+        if dtype not in self._dtypes:
+            self._dtypes[dtype] = getattr(self.module, dtype.name)
+        return self._dtypes[dtype]
 
 
 class CuPy(NumPy):

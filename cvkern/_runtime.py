@@ -141,16 +141,16 @@ class Runtime:
         """Allocate a result, in the caller's library where that can be written to."""
         if _tape.replayed is not None:
             return next(_tape.replayed)
-        if _tape.buffers is not None and self.device != "cpu":
-            if self.library is _NUMPY or not self.library.writable:
-                raise ValueError(
-                    "captured arrays must be of a library that can write to them on a GPU, "
-                    f"got {type(self.library).__name__}"
-                )
+        ours = self.library is _NUMPY or not self.library.writable  # on a GPU
+        if _tape.buffers is not None and self.device != "cpu" and ours:
+            raise ValueError(
+                "captured arrays must be of a library that can write to them on a GPU, "
+                f"got {type(self.library).__name__}"
+            )
         dtype = np.dtype(dtype)
         if self.device == "cpu":
             result = (self.library if self.library.writable else _NUMPY).empty(shape, dtype, "cpu")
-        elif self.library.writable and self.library is not _NUMPY:
+        elif not ours:
             result = self.library.empty(shape, dtype, self.device)
         else:
             result = self.set.empty(shape, dtype, self.device)

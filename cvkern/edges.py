@@ -10,6 +10,7 @@ import numpy as np
 from cvkern._libraries import library
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_code, check_image, check_number
+from cvkern.filters import NO_SIGMA
 from cvkern.gradients import derivatives
 from cvkern.kernels.codes import Border, Norm, Thinning
 
@@ -212,7 +213,7 @@ def _canny(
     dy = dx = None
     # Sums of uint8 are exact in any order.
     exact = dtype == np.uint8 and (border != Border.CONSTANT or cval in range(256))
-    if operator == "sobel" and sigma == 0 and exact and not use_quantiles:
+    if operator == "sobel" and sigma <= NO_SIGMA and exact and not use_quantiles:
         limits = _measures(low, high, length, integral=True)
         rt.edges.thin_sobel(rt.adopt(image, np.uint8), border, cval, length, *limits, states)
     else:

@@ -25,6 +25,7 @@ from cvkern._validate import (
 from cvkern.kernels.codes import Border
 
 MAX_RADIUS = 2**20
+NO_SIGMA = 1e-15  # up to here there is nothing to smooth, as scipy.ndimage has it
 
 
 def gaussian(
@@ -100,7 +101,7 @@ def gaussian_taps(sigma: float, order: int = 0, truncate: float = 4.0) -> np.nda
 
     Derivatives follow from ``g' = -x / sigma^2 g``: g times a polynomial of degree `order`.
     """
-    if sigma <= 1e-15:  # nothing to smooth, as scipy.ndimage has it
+    if sigma <= NO_SIGMA:
         return frozen_taps([1.0])
     radius = int(truncate * sigma + 0.5)
     x = np.arange(-radius, radius + 1, dtype=np.float64)

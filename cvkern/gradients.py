@@ -12,7 +12,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_code, check_image, check_number
-from cvkern.filters import check_radius, frozen_taps, gaussian_taps
+from cvkern.filters import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
 from cvkern.kernels.codes import Border
 
 OPERATORS = ("gaussian", "sobel", "scharr")
@@ -154,9 +154,7 @@ def gradient(
     image = check_image(image)
     rt = runtime(image)
     results = Gradient(*(rt.empty(tuple(image.shape)) for _ in Gradient._fields))
-    dy, dx, magnitude, orientation = (rt.adopt(a) for a in results)
-    derivatives(rt, image, sigma, operator, mode, cval, dy, dx)
-    rt.gradients.polar(dy, dx, magnitude, orientation)
+    derivatives(rt, image, sigma, operator, mode, cval, *(rt.adopt(a) for a in results))
     return Gradient(*(rt.release(a) for a in results))
 
 
@@ -167,10 +165,9 @@ def derivatives(
     operator: str,
     mode: str,
     cval: float,
-    dy: Any,
-    dx: Any,
+    *outputs: Any,
 ) -> None:
-    """Fill the kernel arrays `dy` and `dx` as :func:`gradient` says."""
+    """Fill kernel arrays as :func:`gradient` says: dy and dx, or all four."""
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
     sigma = check_number(sigma, "sigma", low=0)
@@ -178,12 +175,12 @@ def derivatives(
     check_choice(operator, OPERATORS, "operator")
     src = rt.adopt(image)
     if operator == "gaussian":
-        if sigma == 0:
-            raise ValueError("sigma must be > 0 with the operator 'gaussian', got 0")
+        if sigma <= NO_SIGMA:
+            raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
         smooth, slope = gaussian_taps(sigma), gaussian_taps(sigma, 1)
     else:
         smooth, slope = frozen_taps(_SMOOTH[operator]), frozen_taps(_DIFFERENCE)
-        if sigma > 0:
+        if sigma > NO_SIGMA:
             planes = (1, *image.shape)
             taps = rt.constant(gaussian_taps(sigma))
             blurred = rt.scratch("derivatives.blurred", planes)
@@ -191,7 +188,7 @@ def derivatives(
                 src.reshape(planes), taps, taps, 1, border, cval, blurred
             )
             src = blurred.reshape(tuple(image.shape))
-    _differentiate(rt, src, smooth, slope, border, cval, dy, dx)
+    _differentiate(rt, src, smooth, slope, border, cval, *outputs)
 
 
 def _differentiate(
@@ -201,14 +198,13 @@ def _differentiate(
     slope: np.ndarray,
     border: Border,
     cval: float,
-    dy: Any,
-    dx: Any,
+    *outputs: Any,
 ) -> None:
     """Differentiate as if the image went on as `border` says, with `cval` in every direction."""
     beside = [_weighted(cval, taps) for taps in (smooth, slope)]
-    rt.gradients.differentiate(
-        src, rt.constant(smooth), rt.constant(slope), border, cval, *beside, dy, dx
-    )
+    family = rt.gradients
+    primitive = family.differentiate if len(outputs) == 2 else family.differentiate_polar
+    primitive(src, rt.constant(smooth), rt.constant(slope), border, cval, *beside, *outputs)
 
 
 def _weighted(value: float, taps: np.ndarray) -> float:

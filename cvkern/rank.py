@@ -119,7 +119,7 @@ _INTEGERS = {
 def _value(cval: float, dtype: np.dtype) -> float:
     """Return `cval` if the dtype can hold it."""
     if dtype.kind == "f":
-        fits = abs(cval) <= np.finfo(dtype).max
+        fits = abs(cval) <= float(np.finfo(dtype).max)
     else:
         limits = (0, 1) if dtype.kind == "b" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
         fits = cval == int(cval) and limits[0] <= cval <= limits[1]

@@ -5,6 +5,7 @@ import pytest
 from calls import CALLS, blobs, fields, noise
 
 import cvkern
+from cvkern._runtime import runtime
 
 KERNELS_ALONE = ["gaussian", "derivative", "correlate_separable", "box", "sobel", "scharr",
                  "gradient", "gradient_sobel", "canny_sobel"]  # fmt: skip
@@ -56,11 +57,18 @@ def test_out_and_chains_of_functions(backend):
 
 
 def test_a_replay_keeps_the_kernel_set_of_its_capture():
-    frame = blobs(20, 30)
+    frame, used = blobs(20, 30), []
+
+    def find_edges(x):
+        used.append(runtime().name)
+        return cvkern.canny(x)
+
     with cvkern.use("taichi"):
-        replay = cvkern.capture(cvkern.canny, frame)
+        replay = cvkern.capture(find_edges, frame)
     with cvkern.use("warp"):
         np.testing.assert_array_equal(replay(), cvkern.canny(frame))
+        assert runtime().name == "warp"
+    assert set(used) == {"taichi"}
 
 
 @pytest.mark.parametrize("name", ["median", "subpixel_edges", "canny"])

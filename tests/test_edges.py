@@ -145,6 +145,17 @@ def test_gaussian_canny_of_noise(backend, shape, sigma, limits, norm, mode, seed
     assert not (got & ~want.possible).any()
 
 
+@pytest.mark.parametrize("norm", NORMS)
+def test_of_two_equal_maxima_the_first_is_kept(backend, norm):
+    """Beside a step between two columns both have the same gradient, bit for bit."""
+    step = np.repeat([0.0, 1.0], 8)[None].repeat(9, 0)
+    for image in (step, step[:, ::-1], step.T, step[:, ::-1].T):
+        got = cvkern.canny(image, 1.3, norm=norm, mode="nearest")
+        want = np.zeros_like(got)
+        want[(slice(None), 7) if image.shape == step.shape else 7] = True
+        np.testing.assert_array_equal(got, want)
+
+
 def test_thresholds_by_quantiles(backend):
     image = blobs(40, 60)
     length = cvkern.gradient(image, sigma=1.5).magnitude
@@ -162,16 +173,20 @@ def test_thresholds_by_quantiles(backend):
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_default_thresholds_follow_the_dtype(backend, dtype):
     full = 1 if np.dtype(dtype).kind in "bf" else np.iinfo(dtype).max
-    image = (blobs(30, 40) > 128) * np.asarray(full, dtype)
-    assert image.dtype == dtype
+    values = noise(60, 80, dtype="float64")  # about as steep, under this blur, as the thresholds
+    image = values < 0.5 if dtype == "bool" else (values * full).astype(dtype)
     for operator, gain in (("gaussian", 8), ("sobel", 1)):
-        got = cvkern.canny(image, 1.0, operator=operator)
-        explicit = cvkern.canny(image, 1.0, 0.1 * full / gain, 0.2 * full / gain, operator=operator)
-        np.testing.assert_array_equal(got, explicit)
-        assert 0 < got.sum() < got.size / 3
+        low, high = 0.1 * full / gain, 0.2 * full / gain
+        options: dict[str, Any] = {"operator": operator}
+        got = cvkern.canny(image, 2.0, **options)
+        np.testing.assert_array_equal(got, cvkern.canny(image, 2.0, low, high, **options))
+        # Others would give other edges.
+        for other in ((0.9 * low, high), (low, 0.9 * high), (1.1 * low, high), (low, 1.1 * high)):
+            assert (cvkern.canny(image, 2.0, *other, **options) != got).any()
     # Missing ones alone: the high default is never below the low threshold given.
-    alone = cvkern.canny(image, 1.0, 0.5 * full)
-    np.testing.assert_array_equal(alone, cvkern.canny(image, 1.0, 0.5 * full, 0.5 * full))
+    alone = cvkern.canny(image, 1.0, 0.05 * full)
+    np.testing.assert_array_equal(alone, cvkern.canny(image, 1.0, 0.05 * full, 0.05 * full))
+    assert alone.any()
 
 
 @pytest.mark.parametrize("name", ["camera", "coins"])

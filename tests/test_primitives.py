@@ -113,41 +113,40 @@ def test_correlate_separable(kernels, shape, step, radii, border):
     np.testing.assert_array_equal(got, bits)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (37, 29)])
-def test_polar(kernels, shape):
-    dy, dx = noise(*shape), noise(*shape, seed=1)
-    dy[:, ::7] = 0
-    dx[::5] = 0
-    dy[0, 0], dx[-1, -1] = -0.0, -2.5
-    magnitude, orientation = kernels("gradients.polar", dy, dx, out=[(shape, F32)] * 2)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (37, 29), (20, 130)])
+def test_differentiate_polar(kernels, shape):
+    src = np.round(noise(*shape) * 2)  # with flat parts, where derivatives are 0
+    taps = np.array([1, 2, 1], F32), np.array([-1, 0, 1], F32)
+    dy, dx, magnitude, orientation = kernels(
+        "gradients.differentiate_polar", src, *taps, Border.NEAREST, 0.0, 0.0, 0.0,
+        out=[(shape, F32)] * 4,
+    )  # fmt: skip
+    down = ndi.correlate1d(src, taps[1], 0, mode="nearest")
+    np.testing.assert_array_equal(dy, ndi.correlate1d(down, taps[0], 1, mode="nearest"))
     np.testing.assert_array_equal(magnitude, np.sqrt(dx * dx + dy * dy))
     np.testing.assert_array_equal(orientation, gradients_reference.orientation(dy, dx))
     want = np.arctan2(dy.astype(float), dx.astype(float))
-    turn = np.abs(orientation - want)
-    # 1.4e-7 of the fit, and half a unit in the last place of pi (1.2e-7) for each of two sums
-    assert np.minimum(turn, 2 * np.pi - turn).max() < 5e-7
+    # The fit is within 1.4e-7 of the arc tangent; the sums with pi round once more.
+    np.testing.assert_allclose(orientation, want, atol=4e-7, rtol=0)
 
 
-def test_polar_at_the_axes(kernels):
-    dy = np.array([[0, 1, 0, -1, 0, 2, -2, -2, 2, -0.0]], F32)
-    dx = np.array([[1, 0, -1, 0, 0, 2, 2, -2, -2, -3]], F32)
-    _, orientation = kernels("gradients.polar", dy, dx, out=[(dy.shape, F32)] * 2)
-    turns = [0, 1, 2, -1, 0, 0.5, -0.5, -1.5, 1.5, 2]
-    np.testing.assert_allclose(orientation[0], np.multiply(turns, np.pi / 2), atol=5e-7)
-
-
-def test_square_roots_and_quotients_are_rounded_to_nearest(kernels):
-    shape = (512, 512)
-    rng = np.random.default_rng(3)
-    dx = rng.uniform(1, 4, shape).astype(F32)
-    magnitude, orientation = kernels(
-        "gradients.polar", np.zeros(shape, F32), dx, out=[(shape, F32)] * 2
-    )
-    np.testing.assert_array_equal(magnitude, dx)  # the root of a rounded square
-    dy = rng.uniform(1, 4, shape).astype(F32)
-    magnitude, orientation = kernels("gradients.polar", dy, dx, out=[(shape, F32)] * 2)
-    np.testing.assert_array_equal(magnitude, np.sqrt(dx * dx + dy * dy))
-    np.testing.assert_array_equal(orientation, gradients_reference.orientation(dy, dx))
+def test_orientation_at_the_axes(kernels):
+    # From the middle of a cross on, every derivative is a multiple of the two arms.
+    for dy, dx, turns in [
+        (0, 1, 0),
+        (1, 0, 1),
+        (0, -1, 2),
+        (-1, 0, -1),
+        (2, 2, 0.5),
+        (-2, -2, -1.5),
+    ]:
+        src = np.zeros((3, 3), F32)
+        src[1, 2], src[2, 1] = dx, dy
+        *_, orientation = kernels(
+            "gradients.differentiate_polar", src, np.array([0, 1, 0], F32),
+            np.array([-1, 0, 1], F32), Border.NEAREST, 0.0, 0.0, 0.0, out=[(src.shape, F32)] * 4,
+        )  # fmt: skip
+        np.testing.assert_allclose(orientation[1, 1], turns * np.pi / 2, atol=5e-7)
 
 
 MEDIAN = [
@@ -332,7 +331,8 @@ def test_the_sets_give_equal_bits(all_kernels):
     def results(kernels):
         separable = taps, taps[:5], 1, Border.MIRROR, 0.0
         yield kernels("filters.correlate_separable", planes, *separable, out=[(planes.shape, F32)])
-        yield from kernels("gradients.polar", image, other, out=[(shape, F32)] * 2)
+        pair = taps, other[0, :9], Border.REFLECT, 0.0, 0.0, 0.0
+        yield from kernels("gradients.differentiate_polar", image, *pair, out=[(shape, F32)] * 4)
         ranks = 2, 1, 0, 8, Border.WRAP, 0
         yield kernels("rank.median", integers, *ranks, out=[(integers.shape, I32)])
         for norm in Norm:

@@ -31,7 +31,7 @@ def run(code, **environment):
         env={**clean, **environment},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=60,
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -98,14 +98,18 @@ def test_the_environment_sets_the_defaults():
     [
         ("CVKERN_BACKEND", "cuda", "backend must be one of ('warp', 'taichi'), got 'cuda'"),
         ("CVKERN_DEVICE", "gpu", "device must be 'cpu', 'cuda' or 'cuda:N', got 'gpu'"),
+        ("CVKERN_NUM_THREADS", "0", "CVKERN_NUM_THREADS must be an integer >= 1, got '0'"),
+        ("CVKERN_NUM_THREADS", "-2", "CVKERN_NUM_THREADS must be an integer >= 1, got '-2'"),
+        ("CVKERN_NUM_THREADS", "two", "CVKERN_NUM_THREADS must be an integer >= 1, got 'two'"),
     ],
 )
-def test_the_environment_is_checked(monkeypatch, name, value, message):
-    monkeypatch.setenv(name, value)
-    with ThreadPoolExecutor(1) as pool:  # a thread that has chosen nothing
-        error = pool.submit(cvkern.gaussian, np.zeros((2, 2))).exception()
-    assert isinstance(error, ValueError)
-    assert str(error) == message
+def test_the_environment_is_checked(name, value, message):
+    code = (
+        "import cvkern\n"
+        "try:\n    cvkern.gaussian([[1.0, 2.0]])\n"
+        "except ValueError as error:\n    print(error)"
+    )
+    assert run(code, **{name: value}) == message
 
 
 def test_a_device_that_is_not_there(backend):
@@ -266,11 +270,12 @@ print([zlib.crc32(a.tobytes()) for a in answers])
 
 @pytest.mark.parametrize("name", KERNEL_SETS)
 def test_the_number_of_threads_changes_no_bit(name):
-    few, many = (
-        run(THREADS, CVKERN_BACKEND=name, CVKERN_NUM_THREADS=count) for count in ("1", "5")
+    """In fresh processes, whose threads all come to load the same modules first."""
+    alone, *others = (
+        run(THREADS, CVKERN_BACKEND=name, CVKERN_NUM_THREADS=count) for count in ("1", "3", "5")
     )
-    assert few == many
-    assert "[" in few
+    assert "[" in alone
+    assert others == [alone, alone]
 
 
 FORK = """

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-# Both are read by Taichi: no banner on import, no request to its version server on start.
+# Read by Taichi: no banner on import, no request to its version server on start.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
+os.environ.setdefault("TI_LOG_LEVEL", "error")  # it remarks on a stdout that is no terminal
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # locale.getdefaultlocale
     warnings.simplefilter("ignore", SyntaxWarning)  # escapes in its docstrings

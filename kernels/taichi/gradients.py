@@ -6,7 +6,7 @@ import taichi as ti
 from ._launch import primitive, scratch
 from ._polar import gradient_angle, squared_magnitude
 from ._rounding import root
-from .filters import correlate_along, correlate_down
+from ._separable import correlate_along, correlate_down
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 
@@ -47,8 +47,21 @@ def _polar(
 
 
 @primitive
-def polar(dy: np.ndarray, dx: np.ndarray, magnitude: np.ndarray, orientation: np.ndarray) -> None:
-    """Length and angle of each (dy, dx)."""
+def differentiate_polar(
+    src: np.ndarray,
+    smooth: np.ndarray,
+    slope: np.ndarray,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    dy: np.ndarray,
+    dx: np.ndarray,
+    magnitude: np.ndarray,
+    orientation: np.ndarray,
+) -> None:
+    """Differentiate, and give the length and the angle of each (dy, dx) as well."""
+    differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, dy, dx)
     _polar(dy.reshape(-1), dx.reshape(-1), 0, magnitude.reshape(-1), orientation.reshape(-1))
 
 

@@ -30,7 +30,7 @@ def store_word(dst: wp.array2d[wp.uint8], offset: int, word: wp.uint32): ...
 
 @wp.func
 def byte_of(word: wp.uint32, k: int) -> float:
-    """Byte `k` of a word."""
+    """Return byte `k` of a word."""
     return float((word >> wp.uint32(8 * k)) & wp.uint32(255))
 
 
@@ -38,7 +38,7 @@ def byte_of(word: wp.uint32, k: int) -> float:
 def eight_pixels(
     src: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, border: int, cval: float
 ) -> vec8:
-    """The pixels from x - 2 to x + 5 of row `y`, by `border` outside the image."""
+    """Return the pixels from x - 2 to x + 5 of row `y`, by `border` outside the image."""
     v = vec8(cval)
     i = border_index(y, src.shape[0], border)
     if i >= 0:

@@ -2,9 +2,9 @@
 
 import warp as wp
 
-from ._angles import atan2
-from ._lanes import LANES, f32_lanes
-from ._separable import fill_margins, sum_along, sum_down
+from ._angles import polar_row
+from ._lanes import LANES, WIDE, f32_lanes, f32_wide
+from ._separable import both_down, fill_margins, sum_along
 
 # Without fused multiply-add a sum has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -27,50 +27,43 @@ def differentiate(
     # scratch
     smoothed: wp.array2d[float],  # (slabs, r + N + r)
     smoothed_lanes: wp.array2d[f32_lanes],
+    smoothed_wide: wp.array2d[f32_wide],
     sloped: wp.array2d[float],  # (slabs, r + N + r)
     sloped_lanes: wp.array2d[f32_lanes],
+    sloped_wide: wp.array2d[f32_wide],
     # outputs
-    dy: wp.array2d[f32_lanes],  # (H, N)
-    dx: wp.array2d[f32_lanes],  # (H, N)
+    dy: wp.array2d[f32_wide],  # (H, N)
+    dx: wp.array2d[f32_wide],  # (H, N)
+    dy_rows: wp.array2d[float],  # the same
+    dx_rows: wp.array2d[float],
+    magnitude: wp.array2d[float],  # (H, N), or None
+    orientation: wp.array2d[float],  # (H, N), or None
 ):
-    height = src.shape[0]
     margin = smooth.shape[0] // 2
-    count = (stored + LANES - 1) // LANES
     for y in range(first, last):
-        for lane in range(count):
+        for lane in range((stored + LANES - 1) // LANES):
             x = wp.min(lane * LANES, stored - LANES)
-            smoothed_lanes[slab, margin + x] = sum_down(src, 0, y, height, x, smooth, border, cval)
-            sloped_lanes[slab, margin + x] = sum_down(src, 0, y, height, x, slope, border, cval)
+            both_down(
+                src,
+                y,
+                x,
+                margin + x,
+                slab,
+                smooth,
+                slope,
+                border,
+                cval,
+                smoothed_lanes,
+                sloped_lanes,
+            )
         fill_margins(smoothed, slab, margin, columns, 1, border, cval_smooth)
         fill_margins(sloped, slab, margin, columns, 1, border, cval_slope)
-        for lane in range(count):
-            x = wp.min(lane * LANES, stored - LANES)
-            dy[y, x] = sum_along(sloped_lanes, slab, x, 1, smooth)
-            dx[y, x] = sum_along(smoothed_lanes, slab, x, 1, slope)
-
-
-@wp.kernel
-def polar(
-    slab: int,
-    first: int,
-    last: int,
-    dy: wp.array2d[f32_lanes],  # (1, N)
-    dx: wp.array2d[f32_lanes],
-    # outputs
-    magnitude: wp.array2d[f32_lanes],
-    orientation: wp.array2d[f32_lanes],
-):
-    for lane in range(first, last):
-        i = wp.min(lane * LANES, dy.shape[1] - 1)
-        y = dy[0, i]
-        x = dx[0, i]
-        length = f32_lanes()
-        angle = f32_lanes()
-        for k in range(LANES):
-            length[k] = wp.sqrt(x[k] * x[k] + y[k] * y[k])
-            angle[k] = atan2(y[k], x[k])
-        magnitude[0, i] = length
-        orientation[0, i] = angle
+        for lane in range((stored + WIDE - 1) // WIDE):
+            x = wp.min(lane * WIDE, stored - WIDE)
+            dy[y, x] = sum_along(sloped_wide, slab, x, 1, smooth)
+            dx[y, x] = sum_along(smoothed_wide, slab, x, 1, slope)
+        if magnitude:
+            polar_row(y, dy_rows, dx_rows, magnitude, orientation)
 
 
 @wp.kernel

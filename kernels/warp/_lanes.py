@@ -10,31 +10,27 @@ from typing import Any
 
 import warp as wp
 
-from ._launch import scratch
+from ._launch import scratch, view
 
 LANES = 32
+WIDE = 64
 f32_lanes = wp.types.vector(LANES, wp.float32)
 i32_lanes = wp.types.vector(LANES, wp.int32)
-u8_lanes = wp.types.vector(LANES, wp.uint8)
+f32_wide = wp.types.vector(WIDE, wp.float32)
 
 
 def vectors(array: wp.array, dtype: Any) -> wp.array:
-    """View a contiguous array of at least LANES columns as the vectors that start at each pixel."""
-    return wp.array(
-        ptr=array.ptr,
-        dtype=dtype,
-        shape=(*array.shape[:-1], array.shape[-1] - LANES + 1),
-        strides=array.strides,
-        device=array.device,
-    )
+    """View a contiguous array as the vectors of `dtype` that start at each pixel of its rows."""
+    shape = (*array.shape[:-1], array.shape[-1] - dtype._length_ + 1)
+    return view(array, dtype, shape, array.strides)
 
 
-def padded(array: wp.array, name: str) -> wp.array:
-    """Return a 2-D `array`, copied to scratch rows of LANES columns if it has fewer."""
+def padded(array: wp.array, name: str, width: int = LANES) -> wp.array:
+    """Return a 2-D `array`, copied to scratch rows of `width` columns if it has fewer."""
     rows, columns = array.shape
-    if columns >= LANES:
+    if columns >= width:
         return array
-    wide = scratch(name, (rows, LANES), array.dtype, array.device)
+    wide = scratch(name, (rows, width), array.dtype, array.device)
     wide.numpy()[:, :columns] = array.numpy()
     return wide
 

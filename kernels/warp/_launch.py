@@ -18,6 +18,7 @@ import warp as wp
 # A slab smaller than this is done sooner by one thread than handed to another.
 _SLAB_ELEMENTS = 1 << 16
 _MAX_COMMANDS = 512
+_MAX_VIEWS = 16
 
 
 class _ThreadState(threading.local):
@@ -93,7 +94,22 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
         if device.is_cuda:  # the allocation is ordered on another stream than its users
             wp.synchronize_stream(device.stream)
         _thread.scratch[key] = block
-    return wp.array(ptr=block.ptr, dtype=dtype, shape=shape, device=device)
+    return view(block, dtype, shape)
+
+
+def view(
+    array: wp.array, dtype: Any, shape: tuple[int, ...], strides: tuple[int, ...] | None = None
+) -> wp.array:
+    """See the memory of `array` otherwise; the view is kept with it, as making one takes time."""
+    views = array.__dict__.setdefault("views", {})
+    key = (dtype, shape)
+    if key not in views:
+        if len(views) >= _MAX_VIEWS:
+            views.clear()
+        views[key] = wp.array(
+            ptr=array.ptr, dtype=dtype, shape=shape, strides=strides, device=array.device
+        )
+    return views[key]
 
 
 def launch(
@@ -136,7 +152,7 @@ def _send(
     kernel: wp.Kernel, dim: int | tuple[int, ...], arguments: Sequence[Any], device: wp.Device
 ) -> None:
     """Launch through a command that this thread keeps, which spares most of Warp's Python."""
-    key = (kernel, dim, device.alias)
+    key = (kernel, dim, device.alias, arguments[-1] is None)
     command = _thread.commands.get(key)
     if command is None:
         if len(_thread.commands) >= _MAX_COMMANDS:
@@ -145,8 +161,9 @@ def _send(
         _thread.commands[key] = command
     for i, argument in enumerate(arguments):
         # A descriptor in place of the array: the command must not keep the memory alive.
-        value = argument.__ctype__() if isinstance(argument, wp.array) else argument
-        command.set_param_at_index_from_ctype(i, value)
+        if argument is not None:
+            value = argument.__ctype__() if isinstance(argument, wp.array) else argument
+            command.set_param_at_index_from_ctype(i, value)
     command.launch(current_stream(device) if device.is_cuda else None)
 
 

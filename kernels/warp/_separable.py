@@ -6,7 +6,7 @@ A line of scratch holds one row between the passes; pixel 0 stands at element `m
 import warp as wp
 
 from ._borders import border_index
-from ._lanes import f32_lanes
+from ._lanes import f32_lanes, f32_wide
 
 
 @wp.func
@@ -30,21 +30,84 @@ def sum_down(
     else:
         for t in range(n):
             i = border_index(first + t, height, border)
+            v = f32_lanes(cval)
             if i >= 0:
-                acc += taps[t] * src[top + i, x]
-            else:
-                acc += f32_lanes(taps[t] * cval)
+                v = src[top + i, x]
+            acc += taps[t] * v
     return acc
 
 
 @wp.func
+def pair_down(
+    src: wp.array2d[f32_lanes],  # (P H, N)
+    row: int,  # of the array
+    x: int,
+    taps: wp.array[float],
+    # outputs
+    line: wp.array2d[f32_lanes],
+    first_line: int,
+    at: int,
+):
+    """Weigh the rows round `row` and the next, all inside the plane: each is read once for both."""
+    n = taps.shape[0]
+    top = row - n // 2
+    v = src[top, x]
+    a = taps[0] * v
+    b = f32_lanes(0.0)
+    for t in range(1, n):
+        v = src[top + t, x]
+        a += taps[t] * v
+        b += taps[t - 1] * v
+    b += taps[n - 1] * src[top + n, x]
+    line[first_line, at] = a
+    line[first_line + 1, at] = b
+
+
+@wp.func
+def both_down(
+    src: wp.array2d[f32_lanes],  # (H, N)
+    y: int,
+    x: int,
+    at: int,
+    slab: int,
+    smooth: wp.array[float],
+    slope: wp.array[float],
+    border: int,
+    cval: float,
+    # outputs
+    smoothed: wp.array2d[f32_lanes],
+    sloped: wp.array2d[f32_lanes],
+):
+    """Weigh the rows round row `y` by two kernels of one length: each row is read once for both."""
+    n = smooth.shape[0]
+    first = y - n // 2
+    a = f32_lanes(0.0)
+    b = f32_lanes(0.0)
+    if first >= 0 and first + n <= src.shape[0]:
+        for t in range(n):
+            v = src[first + t, x]
+            a += smooth[t] * v
+            b += slope[t] * v
+    else:
+        for t in range(n):
+            i = border_index(first + t, src.shape[0], border)
+            v = f32_lanes(cval)
+            if i >= 0:
+                v = src[i, x]
+            a += smooth[t] * v
+            b += slope[t] * v
+    smoothed[slab, at] = a
+    sloped[slab, at] = b
+
+
+@wp.func
 def sum_along(
-    line: wp.array2d[f32_lanes], slab: int, x: int, step: int, taps: wp.array[float]
-) -> f32_lanes:
+    line: wp.array2d[f32_wide], row: int, x: int, step: int, taps: wp.array[float]
+) -> f32_wide:
     """Weigh the pixels round the vector at `x` of a line by the taps."""
-    acc = f32_lanes(0.0)
+    acc = f32_wide(0.0)
     for t in range(taps.shape[0]):
-        acc += taps[t] * line[slab, x + t * step]
+        acc += taps[t] * line[row, x + t * step]
     return acc
 
 

@@ -1,7 +1,7 @@
 """Thinning, hysteresis and sub-pixel edge points, in Warp.
 
-On the CPU, thinning runs over lanes and hysteresis is a flood fill in each slab of rows; on CUDA a
-thread thins a strip of a column, and hysteresis is a union-find over all pixels at once.
+On the CPU, thinning goes row by row and hysteresis is a flood fill, both in slabs of rows; on CUDA
+a thread thins a strip of columns, and hysteresis is a union-find over all pixels at once.
 """
 
 from typing import Any
@@ -9,10 +9,9 @@ from typing import Any
 import warp as wp
 
 from . import _edges_blocks as blocks
-from . import _edges_lanes as lanes
 from . import _edges_points as edge_points
-from ._lanes import f32_lanes, padded, u8_lanes, unpad, vectors
-from ._launch import launch, launch_slabs, scratch, slabs
+from . import _edges_rows as rows
+from ._launch import launch, launch_slabs, scratch, slabs, view
 
 
 def thin_sobel(
@@ -27,12 +26,13 @@ def thin_sobel(
             [states],
         )
         return
-    wide_src = padded(src, "thin.src")
-    _thin_slabs(
-        lanes.thin_sobel,
-        [vectors(wide_src, u8_lanes), wide_src.shape[1], src.shape[1], border, cval],
-        [norm, low, high],
-        states,
+    lines = _lines(src, sums=1, differences=1, dy=3, dx=3, measures=3)
+    launch_slabs(
+        rows.thin_sobel,
+        src.shape[0],
+        slabs(src.shape[0], src.size),
+        [src, border, cval, norm, low, high, *lines],
+        [states],
     )
 
 
@@ -48,12 +48,12 @@ def thin(
             [states],
         )
         return
-    wide_dy, wide_dx = padded(dy, "thin.dy"), padded(dx, "thin.dx")
-    _thin_slabs(
-        lanes.thin,
-        [vectors(wide_dy, f32_lanes), vectors(wide_dx, f32_lanes), wide_dy.shape[1], dy.shape[1]],
-        [norm, rule, low, high],
-        states,
+    launch_slabs(
+        rows.thin,
+        dy.shape[0],
+        slabs(dy.shape[0], dy.size),
+        [dy, dx, norm, rule, low, high, *_lines(dy, measures=3)],
+        [states],
     )
 
 
@@ -61,32 +61,27 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
     """Keep strong pixels, and the weak ones connected with them."""
     height, width = states.shape
     size = height * width
-    states, mask = states.reshape((size,)), mask.reshape((size,))
-    words, mask_words = _words(states, mask)
+    states, mask = (view(a, wp.uint8, (size,)) for a in (states, mask))
+    words, mask_words = _blocks(wp.uint64, states, mask)
     if states.device.is_cuda:
         parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
         launch(blocks.plant, -(-size // 8), [states, words], [parents, mask, mask_words])
         launch(blocks.merge, size, [states, width], [parents])
         launch(blocks.select, size, [states, parents], [mask])
         return
-    mask.zero_()
     count = slabs(height, size)
     # A pixel is pushed once: the stack of a slab needs no more room than the slab has pixels.
-    stack = scratch("hysteresis.stack", (size,), wp.int32, states.device)
+    stack = scratch("hysteresis.stack", (size,), wp.vec2i, states.device)
+    state_blocks, mask_blocks = _blocks(rows.u64_block, states, mask)
     launch_slabs(
-        lanes.flood_slab,
+        rows.flood_slab,
         height,
         count,
-        [states, words, width, stack],
-        [mask],
+        [states, words, state_blocks, width, stack],
+        [mask, mask_blocks],
     )
     if count > 1:
-        launch(
-            lanes.flood_seams,
-            1,
-            [count, states, width, stack],
-            [mask],
-        )
+        launch(rows.flood_seams, 1, [count, states, width, stack], [mask])
 
 
 def count_edges(dy: wp.array, dx: wp.array, mask: wp.array, counts: wp.array) -> None:
@@ -121,26 +116,18 @@ def _in_words(*images: wp.array) -> bool:
     return all(a.shape[1] % 4 == 0 and a.ptr % 4 == 0 for a in images)
 
 
-def _words(*flats: wp.array) -> list[wp.array]:
-    """View bytes eight at a time, as far as they go; none if they are not aligned."""
-    count = flats[0].size // 8 if all(a.ptr % 8 == 0 for a in flats) else 0
-    return [wp.array(ptr=a.ptr, dtype=wp.uint64, shape=(count,), device=a.device) for a in flats]
+def _blocks(dtype: Any, *flats: wp.array) -> list[wp.array]:
+    """View bytes a `dtype` at a time, as far as they go; none if they are not aligned."""
+    size = wp.types.type_size_in_bytes(dtype)
+    count = flats[0].size // size if all(a.ptr % 8 == 0 for a in flats) else 0
+    return [view(a, dtype, (count,)) for a in flats]
 
 
-def _thin_slabs(
-    kernel: wp.Kernel, image: list[Any], parameters: list[Any], states: wp.array
-) -> None:
-    """Run a thinning kernel of the CPU with its scratch lines."""
-    height = states.shape[0]
-    wide = padded(states, "thin.states")
-    count = slabs(height, states.size)
-    shape = (count, lanes.LINES, wide.shape[1] + 2)
-    lines = scratch("thin.lines", shape, wp.float32, states.device)
-    launch_slabs(
-        kernel,
-        height,
-        count,
-        [*image, *parameters, lines, vectors(lines, f32_lanes)],
-        [vectors(wide, u8_lanes)],
-    )
-    unpad(wide, states)
+def _lines(image: wp.array, **counts: int) -> list[wp.array]:
+    """Scratch lines for each slab of `image`, with a margin of one pixel."""
+    height, width = image.shape
+    count = slabs(height, image.size)
+    return [
+        scratch(f"thin.{name}", (n * count, width + 2), wp.float32, image.device)
+        for name, n in counts.items()
+    ]

@@ -4,7 +4,7 @@ import warp as wp
 
 from . import _filters_blocks as blocks
 from . import _filters_lanes as lanes
-from ._lanes import f32_lanes, padded, unpad, vectors
+from ._lanes import WIDE, f32_lanes, f32_wide, padded, unpad, vectors
 from ._launch import launch_slabs, scratch, slabs
 
 
@@ -26,11 +26,11 @@ def correlate_separable(
         blocks.correlate_rows(middle, taps_x, step, border, cval, dst)
         return
     src, dst = src.reshape((rows, columns)), dst.reshape((rows, columns))
-    wide_src, wide_dst = padded(src, "correlate.src"), padded(dst, "correlate.dst")
+    wide_src, wide_dst = (padded(a, f"correlate.{i}", WIDE) for i, a in enumerate((src, dst)))
     count = slabs(rows, src.size)
     margin = taps_x.shape[0] // 2 * step
     line = scratch(
-        "correlate.line", (count, wide_src.shape[1] + 2 * margin), wp.float32, dst.device
+        "correlate.line", (2 * count, wide_src.shape[1] + 2 * margin), wp.float32, dst.device
     )
     launch_slabs(
         lanes.correlate_separable,
@@ -48,7 +48,8 @@ def correlate_separable(
             cval,
             line,
             vectors(line, f32_lanes),
+            vectors(line, f32_wide),
         ],
-        [vectors(wide_dst, f32_lanes)],
+        [vectors(wide_dst, f32_wide)],
     )
     unpad(wide_dst, dst)

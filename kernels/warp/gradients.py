@@ -5,7 +5,7 @@ import warp as wp
 from . import _filters_blocks as filter_blocks
 from . import _gradients_blocks as blocks
 from . import _gradients_lanes as lanes
-from ._lanes import LANES, f32_lanes, padded, unpad, vectors
+from ._lanes import LANES, WIDE, f32_lanes, f32_wide, padded, unpad, vectors
 from ._launch import launch, launch_slabs, scratch, slabs
 
 
@@ -21,7 +21,41 @@ def differentiate(
     dx: wp.array,
 ) -> None:
     """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
+    _differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, [dy, dx])
+
+
+def differentiate_polar(
+    src: wp.array,
+    smooth: wp.array,
+    slope: wp.array,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    dy: wp.array,
+    dx: wp.array,
+    magnitude: wp.array,
+    orientation: wp.array,
+) -> None:
+    """Differentiate, and give the length and the angle of each (dy, dx) as well."""
+    outputs = [dy, dx, magnitude, orientation]
+    _differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, outputs)
+
+
+def _differentiate(
+    src: wp.array,
+    smooth: wp.array,
+    slope: wp.array,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    outputs: list[wp.array],
+) -> None:
+    """Fill dy and dx, and magnitude and orientation where they are given."""
+    polar = len(outputs) == 4
     if src.device.is_cuda:
+        dy, dx = outputs[:2]
         planes = (1, *src.shape)
         middle = scratch("differentiate.middle", planes, wp.float32, src.device)
         image = src.reshape(planes)
@@ -29,11 +63,12 @@ def differentiate(
         filter_blocks.correlate_rows(middle, smooth, 1, border, cval_slope, dy.reshape(planes))
         filter_blocks.correlate_columns(image, smooth, border, cval, middle)
         filter_blocks.correlate_rows(middle, slope, 1, border, cval_smooth, dx.reshape(planes))
+        if polar:
+            launch(blocks.polar, dy.size, _flat(dy, dx), _flat(*outputs[2:]))
         return
     height, columns = src.shape
-    wide_src, wide_dy, wide_dx = (
-        padded(a, f"differentiate.{i}") for i, a in enumerate((src, dy, dx))
-    )
+    wide_src = padded(src, "differentiate.src", WIDE)
+    wide = [padded(a, f"differentiate.{i}", WIDE) for i, a in enumerate(outputs)]
     count = slabs(height, src.size)
     stored = wide_src.shape[1]
     line = (count, stored + smooth.shape[0] - 1)
@@ -55,38 +90,32 @@ def differentiate(
             cval_slope,
             smoothed,
             vectors(smoothed, f32_lanes),
+            vectors(smoothed, f32_wide),
             sloped,
             vectors(sloped, f32_lanes),
+            vectors(sloped, f32_wide),
         ],
-        [vectors(wide_dy, f32_lanes), vectors(wide_dx, f32_lanes)],
+        [*(vectors(a, f32_wide) for a in wide[:2]), *(wide if polar else [*wide, None, None])],
     )
-    unpad(wide_dy, dy)
-    unpad(wide_dx, dx)
-
-
-def polar(dy: wp.array, dx: wp.array, magnitude: wp.array, orientation: wp.array) -> None:
-    """Length and angle of each (dy, dx)."""
-    _each(blocks.polar, lanes.polar, [dy, dx], [magnitude, orientation])
+    for a, b in zip(wide, outputs, strict=True):
+        unpad(a, b)
 
 
 def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
     """``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
-    _each(blocks.root_mean_square, lanes.root_mean_square, [dy, dx], [dst])
-
-
-def _each(
-    on_cuda: wp.Kernel, on_cpu: wp.Kernel, inputs: list[wp.array], outputs: list[wp.array]
-) -> None:
-    """Launch a kernel that takes each element by itself."""
-    size = inputs[0].size
-    if inputs[0].device.is_cuda:
-        flat = (size,)
-        launch(on_cuda, size, [a.reshape(flat) for a in inputs], [a.reshape(flat) for a in outputs])
+    size = dy.size
+    if dy.device.is_cuda:
+        launch(blocks.root_mean_square, size, _flat(dy, dx), _flat(dst))
         return
-    given = [a.reshape((1, size)) for a in (*inputs, *outputs)]
-    wide = [padded(a, f"each.{i}") for i, a in enumerate(given)]
+    given = [a.reshape((1, size)) for a in (dy, dx, dst)]
+    wide = [padded(a, f"root_mean_square.{i}") for i, a in enumerate(given)]
     views = [vectors(a, f32_lanes) for a in wide]
-    n = len(inputs)
-    launch_slabs(on_cpu, -(-size // LANES), slabs(size, size), views[:n], views[n:])
-    for a, b in zip(wide[n:], given[n:], strict=True):
-        unpad(a, b)
+    lanes_of_all = -(-size // LANES)
+    launch_slabs(
+        lanes.root_mean_square, lanes_of_all, slabs(lanes_of_all, size), views[:2], views[2:]
+    )
+    unpad(wide[2], given[2])
+
+
+def _flat(*arrays: wp.array) -> list[wp.array]:
+    return [a.reshape((a.size,)) for a in arrays]
