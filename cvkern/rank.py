@@ -80,6 +80,8 @@ def median(
     if axis == 1:  # rare: the channels behind the columns, and back
         swapped = median(lib.swap(image), radius, mode=mode, cval=cval, channel_axis=2)
         result = lib.contiguous(lib.swap(swapped), dtype)
+    elif dtype == np.uint8:
+        result = _median_of_keys(image, radius, axis, 0, 8, border, int(cval), carrier=dtype)
     elif dtype in _INTEGERS:
         low, bits = _INTEGERS[dtype]
         keys = _median_of_keys(image, radius, axis, low, bits, border, int(cval))
@@ -103,11 +105,10 @@ def median(
 
 
 # The least value of a dtype, and the bits that its values differ in.
-_INTEGERS = {
+_INTEGERS = {  # carried as int32
     np.dtype(name): (low, bits)
     for name, low, bits in (
         ("bool", 0, 1),
-        ("uint8", 0, 8),
         ("int8", -(2**7), 8),
         ("uint16", 0, 16),
         ("int16", -(2**15), 16),
@@ -136,15 +137,17 @@ def _median_of_keys(
     bits: int,
     border: Border,
     cval: int,
+    *,
+    carrier: Any = np.int32,
     floats: bool = False,
 ) -> Any:
-    """Return the median of int32 keys, or of floats by their bits, as int32 of the library."""
+    """Return the median of integers, or of floats by their bits, in the dtype of `carrier`."""
     rt = runtime(keys)
     shape = tuple(keys.shape)
     planes, step = image_layout(shape, axis)
-    src = rt.adopt(keys, np.int32).reshape(planes)
-    result = rt.empty(shape, np.int32)
-    dst = rt.adopt(result, np.int32).reshape(planes)
+    src = rt.adopt(keys, carrier, planes)
+    result = rt.empty(shape, carrier)
+    dst = rt.adopt(result, carrier, planes)
     if floats:
         bits_of_floats, src = src, rt.scratch("median.keys", planes, np.int32)
         rt.rank.keys_of_floats(bits_of_floats, src)

@@ -7,12 +7,12 @@ from ._borders import border_index
 from ._launch import primitive
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
-i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
+any_3 = ti.types.ndarray(ndim=3)  # u8 or i32
 
 
 @ti.kernel
 def _median(
-    src: i32_3,  # (planes, rows, columns * step)
+    src: any_3,  # (planes, rows, columns * step)
     radius: ti.i32,
     step: ti.i32,
     low: ti.i32,
@@ -20,7 +20,7 @@ def _median(
     border: ti.i32,
     cval: ti.i32,
     # outputs
-    dst: i32_3,
+    dst: any_3,
 ):
     for p, y, i in dst:
         x = i // step
@@ -37,7 +37,7 @@ def _median(
                     jx = border_index(x + tx, src.shape[2] // step, border)
                     v = cval
                     if jy >= 0 and jx >= 0:
-                        v = src[p, jy, i + (jx - x) * step]
+                        v = ti.cast(src[p, jy, i + (jx - x) * step], ti.i32)
                     if v < middle:
                         smaller += 1
             if smaller <= rank:
@@ -56,7 +56,7 @@ def median(
     cval: int,
     dst: np.ndarray,
 ) -> None:
-    """Take the median of each square window by bisection of its value; one thread per element."""
+    """Median of each square window of uint8 or int32, by bisection; one thread per element."""
     _median(src, radius, step, low, bits, border, cval, dst)
 
 

@@ -44,6 +44,16 @@ def quad_of_row(src: wp.array3d[float], base: int, y: int, border: int, cval: fl
 
 
 @wp.func
+def row_of(
+    src: wp.array3d[float], inside: bool, base: int, y: int, border: int, cval: float
+) -> wp.vec4:
+    """As `quad_of_row`, of which nothing is needed where all rows are known to be inside."""
+    if inside:
+        return load4(src, base + y * src.shape[2])
+    return quad_of_row(src, base, y, border, cval)
+
+
+@wp.func
 def quad_of_columns(src: wp.array3d[float], base: int, x: int, border: int, cval: float) -> wp.vec4:
     """Elements x to x + 3 of the row at `base`, by `border` outside the image."""
     columns = src.shape[2]
@@ -58,14 +68,15 @@ def quad_of_columns(src: wp.array3d[float], base: int, x: int, border: int, cval
 
 
 @wp.func
-def seven_taps(taps: wp.array[float], t: int) -> vec7:
-    """Taps t - 3 to t + 3; 0 for those that do not exist."""
-    w = vec7()
-    for i in range(7):
-        at = t + i - 3
-        if at >= 0 and at < taps.shape[0]:
-            w[i] = taps[at]
-    return w
+def next_taps(w: vec7, taps: wp.array[float], t: int) -> vec7:
+    """Taps t - 3 to t + 3, 0 for those that do not exist, from those of t - 4."""
+    v = vec7()
+    for i in range(3):
+        v[i] = w[i + 4]
+    for i in range(4):
+        if t + i >= 0 and t + i < taps.shape[0]:
+            v[i + 3] = taps[t + i]
+    return v
 
 
 # Both passes go through a 4 x 4 pattern: four elements in a row reach the four sums of a thread,
@@ -147,27 +158,27 @@ def columns4(
     b = wp.vec4()
     c = wp.vec4()
     d = wp.vec4()
+    w = vec7()
+    v0 = row_of(src, inside, base, first, border, cval)
+    v1 = row_of(src, inside, base, first + 1, border, cval)
+    v2 = row_of(src, inside, base, first + 2, border, cval)
+    v3 = row_of(src, inside, base, first + 3, border, cval)
     for j in range(steps):
-        at = first + 4 * j
-        v0 = wp.vec4()
-        v1 = wp.vec4()
-        v2 = wp.vec4()
-        v3 = wp.vec4()
-        if inside:
-            v0 = load4(src, base + at * columns)
-            v1 = load4(src, base + (at + 1) * columns)
-            v2 = load4(src, base + (at + 2) * columns)
-            v3 = load4(src, base + (at + 3) * columns)
-        else:
-            v0 = quad_of_row(src, base, at, border, cval)
-            v1 = quad_of_row(src, base, at + 1, border, cval)
-            v2 = quad_of_row(src, base, at + 2, border, cval)
-            v3 = quad_of_row(src, base, at + 3, border, cval)
-        w = seven_taps(taps, 4 * j)
+        # What the next step needs is on its way while this one counts.
+        at = first + 4 * wp.min(j + 1, steps - 1)
+        u0 = row_of(src, inside, base, at, border, cval)
+        u1 = row_of(src, inside, base, at + 1, border, cval)
+        u2 = row_of(src, inside, base, at + 2, border, cval)
+        u3 = row_of(src, inside, base, at + 3, border, cval)
+        w = next_taps(w, taps, 4 * j)
         a = add_four(a, w, v0, v1, v2, v3, 0)
         b = add_four(b, w, v0, v1, v2, v3, 1)
         c = add_four(c, w, v0, v1, v2, v3, 2)
         d = add_four(d, w, v0, v1, v2, v3, 3)
+        v0 = u0
+        v1 = u1
+        v2 = u2
+        v3 = u3
     if has_nan(a + b + c + d):
         a = sum_down(src, base, y, taps, border, cval)
         b = sum_down(src, base, y + 1, taps, border, cval)
@@ -205,24 +216,33 @@ def rows4(
     n = taps.shape[0]
     reach = (n // 2 + 3) // 4 * 4
     skipped = reach - n // 2  # elements loaded before the first tap of sum 0
+    w = vec7()
     a = wp.vec4()
     b = wp.vec4()
     c = wp.vec4()
     d = wp.vec4()
-    for j in range(reach // 2 + 1):
-        at = x - reach + 4 * j
-        v0 = quad_of_columns(src, base0, at, border, cval)
-        v1 = quad_of_columns(src, base1, at, border, cval)
-        v2 = quad_of_columns(src, base2, at, border, cval)
-        v3 = quad_of_columns(src, base3, at, border, cval)
-        t = 4 * j - skipped
-        w = seven_taps(taps, t)
+    steps = reach // 2 + 1
+    v0 = quad_of_columns(src, base0, x - reach, border, cval)
+    v1 = quad_of_columns(src, base1, x - reach, border, cval)
+    v2 = quad_of_columns(src, base2, x - reach, border, cval)
+    v3 = quad_of_columns(src, base3, x - reach, border, cval)
+    for j in range(steps):
+        at = x - reach + 4 * wp.min(j + 1, steps - 1)
+        u0 = quad_of_columns(src, base0, at, border, cval)
+        u1 = quad_of_columns(src, base1, at, border, cval)
+        u2 = quad_of_columns(src, base2, at, border, cval)
+        u3 = quad_of_columns(src, base3, at, border, cval)
+        w = next_taps(w, taps, 4 * j - skipped)
         for e in range(4):
             for k in range(4):
                 a[k] = a[k] + w[3 + e - k] * v0[e]
                 b[k] = b[k] + w[3 + e - k] * v1[e]
                 c[k] = c[k] + w[3 + e - k] * v2[e]
                 d[k] = d[k] + w[3 + e - k] * v3[e]
+        v0 = u0
+        v1 = u1
+        v2 = u2
+        v3 = u3
     if has_nan(a + b + c + d):
         a = sum_along(src, base0, x, taps, border, cval)
         b = sum_along(src, base1, x, taps, border, cval)

@@ -15,7 +15,6 @@ from ._launch import scratch, view
 LANES = 32
 WIDE = 64
 f32_lanes = wp.types.vector(LANES, wp.float32)
-i32_lanes = wp.types.vector(LANES, wp.int32)
 f32_wide = wp.types.vector(WIDE, wp.float32)
 
 

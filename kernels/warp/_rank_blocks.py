@@ -1,5 +1,7 @@
 """The median on CUDA, one thread an element."""
 
+from typing import Any
+
 import warp as wp
 
 from ._borders import border_index
@@ -7,39 +9,55 @@ from ._borders import border_index
 wp.set_module_options({"enable_backward": False})
 
 
-@wp.kernel
-def median(
-    src: wp.array3d[int],  # (P, H, W step)
-    radius: int,
-    step: int,
-    low: int,
-    bits: int,
-    border: int,
-    cval: int,
-    # outputs
-    dst: wp.array3d[int],
-):
-    # The value of rank r is the largest v with at most r window values below v: bit by bit.
-    plane, row, column = wp.tid()
-    pixel = column // step
-    channel = column - pixel * step
-    size = 2 * radius + 1
-    found = low
-    for b in range(bits):
-        middle = found + (1 << (bits - 1 - b))
-        below = int(0)
-        for t in range(size):
-            y = border_index(row + t - radius, src.shape[1], border)
-            for u in range(size):
-                x = border_index(pixel + u - radius, src.shape[2] // step, border)
-                value = cval
-                if y >= 0 and x >= 0:
-                    value = src[plane, y, x * step + channel]
-                if value < middle:
-                    below += 1
-        if below <= size * size // 2:
-            found = middle
-    dst[plane, row, column] = found
+def _median(scalar: Any) -> wp.Kernel:
+    """Return the kernel for values of one type."""
+
+    @wp.kernel
+    def median(
+        src: wp.array3d[scalar],  # (P, H, W step)
+        radius: int,
+        step: int,
+        low: int,
+        bits: int,
+        border: int,
+        cval: int,
+        # outputs
+        dst: wp.array3d[scalar],
+    ):
+        # The value of rank r is the largest v with at most r window values below v: bit by bit.
+        plane, row, column = wp.tid()
+        height = src.shape[1]
+        width = src.shape[2] // step
+        pixel = column // step
+        channel = column - pixel * step
+        size = 2 * radius + 1
+        inside = row >= radius and row + radius < height
+        inside = inside and pixel >= radius and pixel + radius < width
+        found = low
+        for b in range(bits):
+            middle = found + (1 << (bits - 1 - b))
+            below = int(0)
+            for t in range(-radius, radius + 1):
+                for u in range(-radius, radius + 1):
+                    value = cval
+                    if inside:
+                        value = int(src[plane, row + t, column + u * step])
+                    else:
+                        y = border_index(row + t, height, border)
+                        x = border_index(pixel + u, width, border)
+                        if y >= 0 and x >= 0:
+                            value = int(src[plane, y, x * step + channel])
+                    if value < middle:
+                        below += 1
+            if below <= size * size // 2:
+                found = middle
+        dst[plane, row, column] = scalar(found)
+
+    return median
+
+
+median_of_bytes = _median(wp.uint8)
+median_of_integers = _median(wp.int32)
 
 
 @wp.kernel

@@ -3,9 +3,8 @@
 import warp as wp
 
 from . import _rank_blocks as blocks
-from . import _rank_lanes as lanes
-from ._lanes import i32_lanes, padded, unpad, vectors
-from ._launch import launch, launch_slabs, scratch, slabs
+from . import _rank_rows as rows
+from ._launch import launch, launch_slabs, scratch, slabs, view
 
 
 def median(
@@ -18,37 +17,27 @@ def median(
     cval: int,
     dst: wp.array,
 ) -> None:
-    """Median of each square window by bisection of the values."""
-    planes, height, columns = src.shape
-    rows = planes * height
+    """Median of each square window of uint8 or int32, by bisection of the values."""
+    of_bytes = src.dtype is wp.uint8
+    parameters = [radius, step, low, bits, border, cval]
     if dst.device.is_cuda:
-        launch(blocks.median, src.shape, [src, radius, step, low, bits, border, cval], [dst])
+        kernel = blocks.median_of_bytes if of_bytes else blocks.median_of_integers
+        launch(kernel, src.shape, [src, *parameters], [dst])
         return
-    src, dst = src.reshape((rows, columns)), dst.reshape((rows, columns))
-    wide_src, wide_dst = padded(src, "median.src"), padded(dst, "median.dst")
-    count = slabs(rows, src.size * (2 * radius + 1) ** 2)
-    shape = (count, 2 * radius + 1, wide_src.shape[1] + 2 * radius * step)
-    window = scratch("median.window", shape, wp.int32, dst.device)
+    planes, height, columns = src.shape
+    flat = (planes * height, columns)
+    size = 2 * radius + 1
+    count = slabs(flat[0], src.size * size**2)
+    # Pixels are taken 64 at a time, whose windows reach so far behind the last of a row.
+    lines = (count * size, columns + 2 * radius * step + 64)
+    window = scratch("median.window", lines, src.dtype, dst.device)
     launch_slabs(
-        lanes.median,
-        rows,
+        rows.median_of_bytes if of_bytes else rows.median_of_integers,
+        flat[0],
         count,
-        [
-            wide_src,
-            height,
-            columns,
-            radius,
-            step,
-            low,
-            bits,
-            border,
-            cval,
-            window,
-            vectors(window, i32_lanes),
-        ],
-        [vectors(wide_dst, i32_lanes)],
+        [view(src, src.dtype, flat), height, *parameters, window],
+        [view(dst, dst.dtype, flat)],
     )
-    unpad(wide_dst, dst)
 
 
 def keys_of_floats(bits: wp.array, keys: wp.array) -> None:
