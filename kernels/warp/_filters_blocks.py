@@ -9,7 +9,7 @@ from ._launch import launch
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
 
-BLOCK = 256  # threads of a block, unless a launch says otherwise
+BLOCK = wp.constant(256)  # threads of a block, unless a launch says otherwise
 TALL, WIDE = wp.constant(8), wp.constant(32)  # their arrangement in columns4
 vec7 = wp.types.vector(7, wp.float32)
 
@@ -54,14 +54,11 @@ def row_of(
 
 
 @wp.func
-def quad_of_columns(src: wp.array3d[float], base: int, x: int, border: int, cval: float) -> wp.vec4:
-    """Elements x to x + 3 of the row at `base`, by `border` outside the image."""
-    columns = src.shape[2]
-    if x >= 0 and x < columns:
-        return load4(src, base + x)
+def quad_outside(src: wp.array3d[float], base: int, x: int, border: int, cval: float) -> wp.vec4:
+    """Return what `border` gives the elements x to x + 3 of the row at `base`, all outside."""
     v = wp.vec4(cval)
     for e in range(4):
-        i = border_index(x + e, columns, border)
+        i = border_index(x + e, src.shape[2], border)
         if i >= 0:
             v[e] = load1(src, base + i)
     return v
@@ -73,9 +70,13 @@ def next_taps(w: vec7, taps: wp.array[float], t: int) -> vec7:
     v = vec7()
     for i in range(3):
         v[i] = w[i + 4]
-    for i in range(4):
-        if t + i >= 0 and t + i < taps.shape[0]:
+    if t >= 0 and t + 3 < taps.shape[0]:
+        for i in range(4):
             v[i + 3] = taps[t + i]
+    else:
+        for i in range(4):
+            if t + i >= 0 and t + i < taps.shape[0]:
+                v[i + 3] = taps[t + i]
     return v
 
 
@@ -138,7 +139,8 @@ def columns4(
 ):
     # One thread makes 4 rows of 4 columns. A block makes 4 TALL rows of 4 WIDE columns, so that
     # it finds the rows that its threads share in its cache.
-    tile, thread = wp.tid()
+    tile = wp.tid() // BLOCK
+    thread = wp.tid() % BLOCK
     height = src.shape[1]
     columns = src.shape[2]
     tiles_x = (columns + 4 * WIDE - 1) // (4 * WIDE)
@@ -204,8 +206,10 @@ def rows4(
     dst: wp.array3d[float],
 ):
     # One thread makes 4 columns of 4 rows, which share the taps.
-    group, quad = wp.tid()
     columns = src.shape[2]
+    quads = columns // 4
+    group = wp.tid() // quads
+    quad = wp.tid() - group * quads
     rows = src.shape[0] * src.shape[1]
     x = quad * 4
     last = rows - 1
@@ -221,17 +225,22 @@ def rows4(
     b = wp.vec4()
     c = wp.vec4()
     d = wp.vec4()
-    steps = reach // 2 + 1
-    v0 = quad_of_columns(src, base0, x - reach, border, cval)
-    v1 = quad_of_columns(src, base1, x - reach, border, cval)
-    v2 = quad_of_columns(src, base2, x - reach, border, cval)
-    v3 = quad_of_columns(src, base3, x - reach, border, cval)
-    for j in range(steps):
-        at = x - reach + 4 * wp.min(j + 1, steps - 1)
-        u0 = quad_of_columns(src, base0, at, border, cval)
-        u1 = quad_of_columns(src, base1, at, border, cval)
-        u2 = quad_of_columns(src, base2, at, border, cval)
-        u3 = quad_of_columns(src, base3, at, border, cval)
+    for j in range(reach // 2 + 1):
+        at = x - reach + 4 * j
+        v0 = wp.vec4()
+        v1 = wp.vec4()
+        v2 = wp.vec4()
+        v3 = wp.vec4()
+        if at >= 0 and at < columns:
+            v0 = load4(src, base0 + at)
+            v1 = load4(src, base1 + at)
+            v2 = load4(src, base2 + at)
+            v3 = load4(src, base3 + at)
+        else:
+            v0 = quad_outside(src, base0, at, border, cval)
+            v1 = quad_outside(src, base1, at, border, cval)
+            v2 = quad_outside(src, base2, at, border, cval)
+            v3 = quad_outside(src, base3, at, border, cval)
         w = next_taps(w, taps, 4 * j - skipped)
         for e in range(4):
             for k in range(4):
@@ -239,10 +248,6 @@ def rows4(
                 b[k] = b[k] + w[3 + e - k] * v1[e]
                 c[k] = c[k] + w[3 + e - k] * v2[e]
                 d[k] = d[k] + w[3 + e - k] * v3[e]
-        v0 = u0
-        v1 = u1
-        v2 = u2
-        v3 = u3
     if has_nan(a + b + c + d):
         a = sum_along(src, base0, x, taps, border, cval)
         b = sum_along(src, base1, x, taps, border, cval)
@@ -304,7 +309,7 @@ def correlate_columns(
     planes, height, columns = src.shape
     if _in_quads(src, dst):
         tiles = planes * -(-height // (4 * TALL)) * -(-columns // (4 * WIDE))
-        launch(columns4, (tiles, BLOCK), [src, taps, border, cval], [dst])
+        launch(columns4, tiles * BLOCK, [src, taps, border, cval], [dst])
     else:
         launch(columns1, src.shape, [src, taps, border, cval], [dst])
 
@@ -316,7 +321,7 @@ def correlate_rows(
     planes, height, columns = src.shape
     if step == 1 and _in_quads(src, dst):
         groups = -(-planes * height // 4)
-        launch(rows4, (groups, columns // 4), [src, taps, border, cval], [dst])
+        launch(rows4, groups * (columns // 4), [src, taps, border, cval], [dst])
     else:
         launch(rows1, src.shape, [src, taps, step, border, cval], [dst])
 
