@@ -203,7 +203,7 @@ def _differentiate(
     """Differentiate as if the image went on as `border` says, with `cval` in every direction."""
     beside = [_weighted(cval, taps) for taps in (smooth, slope)]
     family = rt.gradients
-    primitive = family.differentiate if len(outputs) == 2 else family.differentiate_polar
+    primitive: Any = family.differentiate if len(outputs) == 2 else family.differentiate_polar
     primitive(src, rt.constant(smooth), rt.constant(slope), border, cval, *beside, *outputs)
 
 
