@@ -14,10 +14,6 @@ from ._borders import border_index
 # Without fused multiply-add a gradient has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-BLOCK = wp.constant(64)  # bytes that hysteresis passes over at once where nothing is strong
-u64_block = wp.types.vector(8, wp.uint64)
-STRONG_BITS = wp.constant(wp.uint64(0x0202020202020202))
-
 # Scratch of each slab is lines of W + 2 floats: pixel x stands at x + 1, between margins of one.
 # Of rows y - 1, y and y + 1 a slab holds row r in line r mod 3.
 
@@ -272,43 +268,77 @@ def thin(
                 thin_between(slab, y - 1, y - 1, 0, dy, dx, measures, norm, low, high, states)
 
 
+@wp.func_native("""
+    // Keep all that is 8-connected, between pixels start and stop, with a pixel from first to last
+    // whose state is at least `least`.
+    const unsigned char* state = states.data;
+    unsigned char* kept = mask.data;
+    wp::vec_t<2, int>* const bottom = stack.data + room;  // of pixels and their columns
+    for (int i = first; i < last; ++i) {
+        unsigned long long eight = 0;
+        while (i + 8 <= last) {  // pass over what has no such state
+            __builtin_memcpy(&eight, state + i, 8);
+            if (eight & (least == 2 ? 0x0202020202020202ull : 0x0303030303030303ull)) break;
+            i += 8;
+        }
+        if (i == last) break;
+        if (state[i] < least || kept[i]) continue;
+        wp::vec_t<2, int>* top = bottom;
+        kept[i] = 1;
+        *top++ = wp::vec_t<2, int>(i, i % width);
+        while (top > bottom) {
+            const wp::vec_t<2, int> pixel = *--top;
+            const int x = pixel[1], left = x > 0 ? -1 : 0, right = x + 1 < width ? 1 : 0;
+            for (int row = pixel[0] - width; row <= pixel[0] + width; row += width) {
+                if (row - x < start || row - x >= stop) continue;
+                for (int dx = left; dx <= right; ++dx) {
+                    // Without a branch, which nothing could predict.
+                    const unsigned char next = (state[row + dx] != 0) & (kept[row + dx] == 0);
+                    kept[row + dx] |= next;
+                    *top = wp::vec_t<2, int>(row + dx, x + dx);
+                    top += next;
+                }
+            }
+        }
+    }
+""")
+def flood(
+    first: int,
+    last: int,
+    least: int,
+    start: int,
+    stop: int,
+    states: wp.array[wp.uint8],
+    width: int,
+    room: int,
+    stack: wp.array[wp.vec2i],
+    mask: wp.array[wp.uint8],
+): ...
+
+
+@wp.func_native("""
+    __builtin_memset(mask.data + start, 0, stop - start);
+""")
+def forget(start: int, stop: int, mask: wp.array[wp.uint8]): ...
+
+
 @wp.kernel
 def flood_slab(
     slab: int,
     first: int,
     last: int,
     states: wp.array[wp.uint8],  # (H W,)
-    words: wp.array[wp.uint64],  # the same bytes, eight at a time, as far as they go
-    blocks: wp.array[u64_block],  # the same bytes, 64 at a time, as far as they go
     width: int,
     # scratch
-    stack: wp.array[wp.vec2i],  # (H W,): a slab's part is as large as the slab
+    stack: wp.array[wp.vec2i],  # (H W + slabs,): a slab's part is one larger than the slab
     # outputs
     mask: wp.array[wp.uint8],  # (H W,)
-    mask_blocks: wp.array[u64_block],
 ):
     # Keep what is connected with a strong pixel within the slab.
     start = first * width
     stop = last * width
-    inner = wp.min((start + BLOCK - 1) // BLOCK, blocks.shape[0])
-    outer = wp.max(wp.min(stop // BLOCK, blocks.shape[0]), inner)
-    for i in range(start, wp.min(BLOCK * inner, stop)):
-        mask[i] = wp.uint8(0)
-    for i in range(inner, outer):
-        mask_blocks[i] = u64_block()
-    for i in range(wp.max(BLOCK * outer, start), stop):
-        mask[i] = wp.uint8(0)
-    for b in range(start // BLOCK, (stop + BLOCK - 1) // BLOCK):
-        strong = wp.uint64(1)
-        if b < blocks.shape[0]:
-            v = blocks[b]
-            strong = (v[0] | v[1] | v[2] | v[3] | v[4] | v[5] | v[6] | v[7]) & STRONG_BITS
-        if strong != wp.uint64(0):
-            for word in range(8 * b, 8 * b + 8):
-                if word >= words.shape[0] or (words[word] & STRONG_BITS) != wp.uint64(0):
-                    for i in range(wp.max(8 * word, start), wp.min(8 * word + 8, stop)):
-                        if int(states[i]) == Edge.STRONG and mask[i] == wp.uint8(0):
-                            flood(i, start, stop, states, width, stack, mask)
+    forget(start, stop, mask)
+    flood(start, stop, Edge.STRONG, start, stop, states, width, start + slab, stack, mask)
 
 
 @wp.kernel
@@ -317,7 +347,7 @@ def flood_seams(
     states: wp.array[wp.uint8],  # (H W,)
     width: int,
     # scratch
-    stack: wp.array[wp.vec2i],  # (H W,)
+    stack: wp.array[wp.vec2i],  # (H W + slabs,)
     # outputs
     mask: wp.array[wp.uint8],  # (H W,)
 ):
@@ -332,34 +362,4 @@ def flood_seams(
                 for step in range(wp.max(-1, -x), wp.min(2, width - x)):
                     j = other + step
                     if states[j] != wp.uint8(0) and mask[j] == wp.uint8(0):
-                        flood(j, 0, mask.shape[0], states, width, stack, mask)
-
-
-@wp.func
-def flood(
-    seed: int,
-    start: int,
-    stop: int,
-    states: wp.array[wp.uint8],
-    width: int,
-    stack: wp.array[wp.vec2i],  # pixel and column
-    mask: wp.array[wp.uint8],
-):
-    """Keep all that is 8-connected with `seed` between pixels `start` and `stop`."""
-    mask[seed] = wp.uint8(1)
-    stack[start] = wp.vec2i(seed, seed % width)
-    top = int(start + 1)
-    while top > start:
-        top -= 1
-        i = stack[top][0]
-        x = stack[top][1]
-        for dy in range(-1, 2):
-            row = i + dy * width
-            if row - x >= start and row - x < stop:
-                for dx in range(-1, 2):
-                    j = row + dx
-                    if x + dx >= 0 and x + dx < width:
-                        if states[j] != wp.uint8(0) and mask[j] == wp.uint8(0):
-                            mask[j] = wp.uint8(1)
-                            stack[top] = wp.vec2i(j, x + dx)
-                            top += 1
+                        flood(j, j + 1, Edge.WEAK, 0, mask.shape[0], states, width, 0, stack, mask)

@@ -4,8 +4,6 @@ On the CPU, thinning goes row by row and hysteresis is a flood fill, both in sla
 a thread thins a strip of columns, and hysteresis is a union-find over all pixels at once.
 """
 
-from typing import Any
-
 import warp as wp
 
 from . import _edges_blocks as blocks
@@ -62,24 +60,17 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
     height, width = states.shape
     size = height * width
     states, mask = (view(a, wp.uint8, (size,)) for a in (states, mask))
-    words, mask_words = _blocks(wp.uint64, states, mask)
     if states.device.is_cuda:
+        words, mask_words = _words(states, mask)
         parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
         launch(blocks.plant, -(-size // 8), [states, words], [parents, mask, mask_words])
         launch(blocks.merge, size, [states, width], [parents])
         launch(blocks.select, size, [states, parents], [mask])
         return
     count = slabs(height, size)
-    # A pixel is pushed once: the stack of a slab needs no more room than the slab has pixels.
-    stack = scratch("hysteresis.stack", (size,), wp.vec2i, states.device)
-    state_blocks, mask_blocks = _blocks(rows.u64_block, states, mask)
-    launch_slabs(
-        rows.flood_slab,
-        height,
-        count,
-        [states, words, state_blocks, width, stack],
-        [mask, mask_blocks],
-    )
+    # A pixel is pushed once, and one place above the last is written to.
+    stack = scratch("hysteresis.stack", (size + count,), wp.vec2i, states.device)
+    launch_slabs(rows.flood_slab, height, count, [states, width, stack], [mask])
     if count > 1:
         launch(rows.flood_seams, 1, [count, states, width, stack], [mask])
 
@@ -116,11 +107,10 @@ def _in_words(*images: wp.array) -> bool:
     return all(a.shape[1] % 4 == 0 and a.ptr % 4 == 0 for a in images)
 
 
-def _blocks(dtype: Any, *flats: wp.array) -> list[wp.array]:
-    """View bytes a `dtype` at a time, as far as they go; none if they are not aligned."""
-    size = wp.types.type_size_in_bytes(dtype)
-    count = flats[0].size // size if all(a.ptr % 8 == 0 for a in flats) else 0
-    return [view(a, dtype, (count,)) for a in flats]
+def _words(*flats: wp.array) -> list[wp.array]:
+    """View bytes eight at a time, as far as they go; none if they are not aligned."""
+    count = flats[0].size // 8 if all(a.ptr % 8 == 0 for a in flats) else 0
+    return [view(a, wp.uint64, (count,)) for a in flats]
 
 
 def _lines(image: wp.array, **counts: int) -> list[wp.array]:
