@@ -129,7 +129,7 @@ def slabs(rows: int, elements: int) -> int:
 def launch_slabs(
     kernel: wp.Kernel, rows: int, count: int, inputs: Sequence[Any], outputs: Sequence[Any]
 ) -> None:
-    """Launch a CPU kernel over rows cut into `count` slabs, each on a thread of its own.
+    """Launch a CPU kernel over rows cut into `count` slabs; each thread takes the next one left.
 
     The kernel runs one thread a slab; its first three arguments are the slab, its first row and
     the row behind its last.
@@ -137,12 +137,14 @@ def launch_slabs(
     device = outputs[0].device
     load(kernel, device)
     bounds = [rows * i // count for i in range(count + 1)]
+    left = iter(range(count))
 
-    def run(slab: int) -> None:
-        _send(kernel, 1, (slab, bounds[slab], bounds[slab + 1], *inputs, *outputs), device)
+    def work() -> None:
+        for slab in left:
+            _send(kernel, 1, (slab, bounds[slab], bounds[slab + 1], *inputs, *outputs), device)
 
-    others = [_threads().submit(run, slab) for slab in range(1, count)]
-    run(0)
+    others = [_threads().submit(work) for _ in range(min(cpu_threads(), count) - 1)]
+    work()
     wait(others)
     for other in others:
         other.result()

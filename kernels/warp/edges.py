@@ -68,6 +68,8 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
         launch(blocks.select, size, [states, parents], [mask])
         return
     count = slabs(height, size)
+    if count > 1:  # edges gather in parts of an image: smaller slabs keep the threads busy alike
+        count = min(4 * count, height)
     # A pixel is pushed once, and one place above the last is written to.
     stack = scratch("hysteresis.stack", (size + count,), wp.vec2i, states.device)
     launch_slabs(rows.flood_slab, height, count, [states, width, stack], [mask])
