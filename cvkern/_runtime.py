@@ -12,6 +12,7 @@ import re
 import threading
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -72,8 +73,13 @@ def _choice() -> tuple[str, str]:
     chosen = _chosen.get()
     if chosen is None:
         backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
-        chosen = _checked(backend or "warp", device or "cpu")
+        chosen = _default(backend or "warp", device or "cpu")
     return chosen
+
+
+@lru_cache(maxsize=8)
+def _default(backend: str, device: str) -> tuple[str, str]:
+    return _checked(backend, device)
 
 
 def _checked(backend: str, device: str) -> tuple[str, str]:

@@ -70,16 +70,20 @@ def check_choice(value: str, choices: Sequence[str], name: str) -> str:
 
 def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
     """Return `value` as a float of at least `low`, finite in float32 unless told otherwise."""
-    try:
-        number = float(value) if np.ndim(value) == 0 else None
-    except (TypeError, ValueError):
-        number = None
-    if number is None:
-        raise TypeError(f"{name} must be a number, got {value!r}")
+    number = float(value) if isinstance(value, (int, float)) else _as_float(value, name)
     if math.isnan(number) or number < low or (finite and abs(number) > _FLOAT32_MAX):
         rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
         raise ValueError(f"{name} must be {rule}, got {value}")
     return number
+
+
+def _as_float(value: Any, name: str) -> float:
+    try:
+        if np.ndim(value) == 0:
+            return float(value)
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(f"{name} must be a number, got {value!r}")
 
 
 def check_integer(value: Any, name: str, low: int, high: int) -> int:
@@ -95,7 +99,7 @@ def check_integer(value: Any, name: str, low: int, high: int) -> int:
 
 def check_pair(value: Any, name: str) -> tuple[Any, Any]:
     """Return `value` twice, or the two values that it is: down the rows, along the columns."""
-    if np.ndim(value) == 0:
+    if isinstance(value, (int, float)) or np.ndim(value) == 0:
         return value, value
     values = tuple(value)
     if len(values) != 2:
