@@ -44,7 +44,12 @@ def assert_polar(gradient):
 def test_edge_strength_is_scikit_images(backend, name, shape, axis, mode):
     image = noise(*shape)
     got = getattr(cvkern, name)(image, axis=axis, mode=mode, cval=0.7)
-    want = getattr(skimage.filters, name)(image.astype(float), axis=axis, mode=mode, cval=0.7)
+    oracle = getattr(skimage.filters, name)
+    if mode == "constant":  # scikit-image before 0.26 does not pass cval on
+        padded = np.pad(image.astype(float), 1, constant_values=0.7)
+        want = oracle(padded, axis=axis)[1:-1, 1:-1]
+    else:
+        want = oracle(image.astype(float), axis=axis, mode=mode)
     assert got.dtype == np.float32
     smooth = np.divide(SMOOTH[name], np.sum(SMOOTH[name]))
     # The root mean square of two derivatives moves as far as they do, but for its own rounding.
