@@ -6,7 +6,7 @@ import warp as wp
 
 from ._borders import border_index
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options({"enable_backward": False, "max_unroll": 32})
 
 
 def _median(scalar: Any) -> wp.Kernel:
@@ -56,8 +56,52 @@ def _median(scalar: Any) -> wp.Kernel:
     return median
 
 
-median_of_bytes = _median(wp.uint8)
-median_of_integers = _median(wp.int32)
+def _small_median(scalar: Any, radius: int) -> wp.Kernel:
+    """Return the kernel for values of one type and windows that stay in registers."""
+    side = 2 * radius + 1
+    count = side * side
+    registers = wp.types.vector(count, wp.int32)
+
+    @wp.kernel
+    def median(
+        src: wp.array3d[scalar],  # (P, H, W step)
+        step: int,
+        low: int,
+        bits: int,
+        border: int,
+        cval: int,
+        # outputs
+        dst: wp.array3d[scalar],
+    ):
+        plane, row, column = wp.tid()
+        pixel = column // step
+        channel = column - pixel * step
+        window = registers(cval)
+        for t in range(side):
+            y = border_index(row + t - radius, src.shape[1], border)
+            for u in range(side):
+                x = border_index(pixel + u - radius, src.shape[2] // step, border)
+                if y >= 0 and x >= 0:
+                    window[t * side + u] = int(src[plane, y, x * step + channel])
+        found = low
+        for b in range(bits):
+            middle = found + (1 << (bits - 1 - b))
+            below = int(0)
+            for k in range(count):
+                below += wp.where(window[k] < middle, 1, 0)
+            if below <= count // 2:
+                found = middle
+        dst[plane, row, column] = scalar(found)
+
+    return median
+
+
+medians = {scalar: _median(scalar) for scalar in (wp.uint8, wp.int32)}
+small_medians = {
+    (scalar, radius): _small_median(scalar, radius)
+    for scalar in (wp.uint8, wp.int32)
+    for radius in (1, 2)
+}
 
 
 @wp.kernel

@@ -124,5 +124,4 @@ def _median(scalar: Any, c_type: str) -> wp.Kernel:
     return median
 
 
-median_of_bytes = _median(wp.uint8, "unsigned char")
-median_of_integers = _median(wp.int32, "int")
+medians = {wp.uint8: _median(wp.uint8, "unsigned char"), wp.int32: _median(wp.int32, "int")}

@@ -18,11 +18,13 @@ def median(
     dst: wp.array,
 ) -> None:
     """Median of each square window of uint8 or int32, by bisection of the values."""
-    of_bytes = src.dtype is wp.uint8
-    parameters = [radius, step, low, bits, border, cval]
+    parameters = [step, low, bits, border, cval]
     if dst.device.is_cuda:
-        kernel = blocks.median_of_bytes if of_bytes else blocks.median_of_integers
-        launch(kernel, src.shape, [src, *parameters], [dst])
+        small = blocks.small_medians.get((src.dtype, radius))
+        if small is not None:
+            launch(small, src.shape, [src, *parameters], [dst])
+        else:
+            launch(blocks.medians[src.dtype], src.shape, [src, radius, *parameters], [dst])
         return
     planes, height, columns = src.shape
     flat = (planes * height, columns)
@@ -32,10 +34,10 @@ def median(
     lines = (count * size, columns + 2 * radius * step + 64)
     window = scratch("median.window", lines, src.dtype, dst.device)
     launch_slabs(
-        rows.median_of_bytes if of_bytes else rows.median_of_integers,
+        rows.medians[src.dtype],
         flat[0],
         count,
-        [view(src, src.dtype, flat), height, *parameters, window],
+        [view(src, src.dtype, flat), height, radius, *parameters, window],
         [view(dst, dst.dtype, flat)],
     )
 
