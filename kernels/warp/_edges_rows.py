@@ -72,7 +72,7 @@ def sobel_row(
 
 
 @wp.func_native("""
-    // What neighbours are compared by; 0 in the margins, outside the image.
+    // What neighbours are compared by; 0 in the margins, outside the image. Norm.L1 is 0.
     #pragma clang fp contract(off)
     const int pitch = measures.shape[1];
     const float* down = dy.data + (size_t)row * dy.shape[1] + margin;

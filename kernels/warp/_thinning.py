@@ -1,4 +1,4 @@
-"""Non-maximum suppression of one pixel, shared by the CPU and the CUDA kernels."""
+"""Non-maximum suppression of one pixel; _edges_rows.py has it in C for the CPU."""
 
 import warp as wp
 
