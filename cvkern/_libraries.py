@@ -39,6 +39,10 @@ class NumPy:
         """Make the library's own array of one that a kernel set filled."""
         return array
 
+    def fill(self, out: Any, values: Any) -> None:
+        """Copy `values` into an array of the library."""
+        out[...] = values
+
     def view(self, array: Any, dtype: np.dtype) -> Any:
         """Read the bits of a contiguous array as another dtype of the same size."""
         return array.view(dtype)
@@ -147,6 +151,10 @@ class Warp(NumPy):
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate with Warp."""
         return self.module.empty(shape, dtype=self._carried(dtype), device=device)
+
+    def fill(self, out: Any, values: Any) -> None:
+        """Copy `values` into a Warp array."""
+        self.module.copy(out, values)
 
     def view(self, array: Any, dtype: np.dtype) -> Any:
         """Read the bits of an array as another dtype of the same size."""

@@ -143,8 +143,13 @@ class Runtime:
             self._constants[key] = self.set.adopt(array, self.device)
         return self._constants[key]
 
-    def empty(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
-        """Allocate a result, in the caller's library where that can be written to."""
+    def empty(self, shape: tuple[int, ...], dtype: Any = np.float32, out: Any = None) -> Any:
+        """Allocate a result, in the caller's library where that can be written to.
+
+        It is `out` itself where kernels reach that: not NumPy's memory from a GPU.
+        """
+        if out is not None and (self.library is not _NUMPY or self.device == "cpu"):
+            return out
         if _tape.replayed is not None:
             return next(_tape.replayed)
         ours = self.library is _NUMPY or not self.library.writable  # on a GPU
@@ -168,8 +173,12 @@ class Runtime:
         """Return kernel memory that stays valid until this thread asks for `name` again."""
         return self.set.scratch(name, shape, np.dtype(dtype), self.device)
 
-    def release(self, result: Any) -> Any:
+    def release(self, result: Any, out: Any = None) -> Any:
         """Return what :meth:`empty` gave, once kernels have filled it, as the caller's array."""
+        if out is not None:
+            if result is not out:
+                self.library.fill(out, self.release(result))
+            return out
         if self.library is _NUMPY:
             return result if isinstance(result, np.ndarray) else self.to_numpy(result)
         return self.library.finish(result)

@@ -111,13 +111,29 @@ def check_out(out: Any, image: Any, dtype: Any) -> None:
     """Refuse an `out` that is not an array like `image`, of `dtype`, and apart from it."""
     if out is None:
         return
-    if _libraries.library(out) is not _libraries.library(image) or isinstance(out, (list, tuple)):
+    library = _libraries.library(out)
+    if library is not _libraries.library(image) or isinstance(out, (list, tuple)):
         raise TypeError(f"out must be an array like the image, got {type(out).__name__}")
+    if not library.writable:
+        raise TypeError(f"out must be an array that can be written to, got {type(out).__name__}")
     if tuple(out.shape) != tuple(image.shape):
         raise ValueError(f"out must have shape {tuple(image.shape)}, got {tuple(out.shape)}")
-    if _libraries.library(out).dtype(out) != np.dtype(dtype):
+    if library.dtype(out) != np.dtype(dtype):
         raise TypeError(f"out must be {np.dtype(dtype)}, got {out.dtype}")
-    if isinstance(out, np.ndarray) and not (out.flags.c_contiguous and out.flags.writeable):
+    place, wanted = _libraries.device(out), _libraries.device(image)
+    if place != wanted:
+        raise ValueError(f"out must be on the device of the image, {wanted}, got {place}")
+    writeable = not isinstance(out, np.ndarray) or out.flags.writeable
+    if library.contiguous(out, np.dtype(dtype)) is not out or not writeable:
         raise ValueError("out must be contiguous and writeable, got an array that is not")
-    if isinstance(out, np.ndarray) and np.may_share_memory(out, image):
+    if _share_memory(out, image, place):
         raise ValueError("out must not share memory with the image, got one that does")
+
+
+def _share_memory(out: Any, image: Any, device: str) -> bool:
+    if device == "cpu":
+        return np.may_share_memory(np.asarray(out), np.asarray(image))
+    # On a GPU: one begins within the other. An image that is not contiguous is copied first.
+    begins = [a.__cuda_array_interface__["data"][0] for a in (out, image)]
+    sizes = [math.prod(a.shape) * _libraries.library(a).dtype(a).itemsize for a in (out, image)]
+    return begins[0] < begins[1] + sizes[1] and begins[1] < begins[0] + sizes[0]

@@ -231,16 +231,15 @@ def _thresholds(
     low: float | None, high: float | None, use_quantiles: bool, operator: str, dtype: np.dtype
 ) -> tuple[float, float]:
     """Return the thresholds, checked, with their defaults filled in."""
-    if use_quantiles:
-        full, rule = 1.0, "quantile"
-    else:
+    full = 1.0
+    if not use_quantiles:
         full = float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
-        full, rule = full / (SOBEL_GAIN if operator == "gaussian" else 1.0), "length"
+        full /= SOBEL_GAIN if operator == "gaussian" else 1.0
     low = check_number(0.1 * full if low is None else low, "low_threshold", low=0, finite=False)
     high = check_number(
         max(0.2 * full, low) if high is None else high, "high_threshold", low=0, finite=False
     )
-    if rule == "quantile" and high > 1:
+    if use_quantiles and high > 1:
         raise ValueError(f"high_threshold must be a quantile in [0, 1], got {high:g}")
     if low > high:
         raise ValueError(f"low_threshold must be <= high_threshold, got {low:g} > {high:g}")

@@ -230,7 +230,7 @@ def separable(
     check_out(out, image, np.float32)
     rt = runtime(image)
     shape = tuple(image.shape)
-    result = rt.empty(shape) if out is None else out
+    result = rt.empty(shape, out=out)
     down, along = (rt.constant(t) for t in taps)
     if axis == 1:
         # A step between columns would not stay in its row: each axis by itself.
@@ -246,7 +246,7 @@ def separable(
         planes, step = image_layout(shape, axis)
         src, dst = rt.adopt(image, shape=planes), rt.adopt(result, shape=planes)
         rt.filters.correlate_separable(src, down, along, step, border, cval, dst)
-    return result if out is not None else rt.release(result)
+    return rt.release(result, out)
 
 
 def image_layout(

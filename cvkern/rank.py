@@ -100,7 +100,7 @@ def median(
         result = values[_median_of_keys(ranks, radius, axis, 0, bits, border, outside)]
     if out is None:
         return result
-    out[...] = result
+    lib.fill(out, result)
     return out
 
 

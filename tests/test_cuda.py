@@ -329,3 +329,21 @@ def test_plain_calls_between_replays_do_not_disturb_them():
 def test_a_gpu_that_is_not_there_is_refused(kernels):
     with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match="device must be"):
         cvkern.gaussian(noise(), 1.0)
+
+
+@pytest.mark.parametrize("name", ["gaussian", "box", "median"])
+def test_out_of_numpy_and_on_the_gpu(name):
+    torch = pytest.importorskip("torch")
+    function = getattr(cvkern, name)
+    image = noise()
+    want = function(image, 1)
+    out = np.full_like(image, 7)
+    with cvkern.use(device="cuda"):
+        assert function(image, 1, out=out) is out
+    np.testing.assert_array_equal(out, want)
+    given, there = torch.from_numpy(image.copy()).cuda(), torch.zeros(image.shape, device="cuda")
+    assert function(given, 1, out=there) is there
+    np.testing.assert_array_equal(there.cpu().numpy(), want)
+    for bad in (given, torch.zeros(image.shape[::-1], device="cuda").t(), torch.zeros(image.shape)):
+        with pytest.raises(ValueError, match="out must"):
+            function(given, 1, out=bad)

@@ -137,6 +137,17 @@ def test_out_in_memory(name):
     np.testing.assert_array_equal(whole, np.arange(50))
 
 
+def test_out_of_another_library():
+    wp = pytest.importorskip("warp")
+    image = wp.zeros((4, 5), dtype=wp.float32, device="cpu")
+    scattered = wp.zeros((4, 10), dtype=wp.float32, device="cpu")[:, ::2]
+    for function in FILTERS.values():
+        message = "out must be contiguous and writeable, got an array that is not"
+        refused(ValueError, message, function, image, out=scattered)
+        message = "out must not share memory with the image, got one that does"
+        refused(ValueError, message, function, image, out=image)
+
+
 @pytest.mark.parametrize("name", ["gaussian", "gradient", "canny", "subpixel_edges"])
 def test_sigma(name):
     function = EVERY[name]

@@ -321,3 +321,13 @@ def test_spawned_workers_work(backend, tmp_path):
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     code = f"import runpy; runpy.run_path({str(script)!r}, run_name='__main__')"
     assert run(code, CVKERN_BACKEND=backend, PYTHONPATH=path) == "equal"
+
+
+@pytest.mark.parametrize("name", ["gaussian", "box", "median"])
+def test_out_of_warp_is_filled(name):
+    wp = pytest.importorskip("warp")
+    image = noise(9, 14)
+    out = wp.full((9, 14), 7.0, dtype=wp.float32, device="cpu")
+    function = getattr(cvkern, name)
+    assert function(wp.array(image, device="cpu"), 1, out=out) is out
+    np.testing.assert_array_equal(out.numpy(), function(image, 1))

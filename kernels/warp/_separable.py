@@ -114,7 +114,7 @@ def sum_along(
 @wp.func
 def fill_margins(
     line: wp.array2d[float],
-    slab: int,
+    row: int,
     margin: int,
     columns: int,
     step: int,
@@ -123,16 +123,16 @@ def fill_margins(
 ):
     """Write what lies outside the row, by `border`, on both sides of it."""
     for i in range(margin):
-        line[slab, i] = outside(line, slab, margin, i - margin, columns, step, border, cval)
-        line[slab, margin + columns + i] = outside(
-            line, slab, margin, columns + i, columns, step, border, cval
+        line[row, i] = outside(line, row, margin, i - margin, columns, step, border, cval)
+        line[row, margin + columns + i] = outside(
+            line, row, margin, columns + i, columns, step, border, cval
         )
 
 
 @wp.func
 def outside(
     line: wp.array2d[float],
-    slab: int,
+    row: int,
     margin: int,
     i: int,
     columns: int,
@@ -145,4 +145,4 @@ def outside(
     inside = border_index(pixel, columns // step, border)
     if inside < 0:
         return cval
-    return line[slab, margin + inside * step + i - pixel * step]
+    return line[row, margin + inside * step + i - pixel * step]
