@@ -52,3 +52,8 @@ ATAN = (
 SECTOR_ONE = 32768.0
 SECTOR_LOW = 13573.0
 SECTOR_HIGH = 79109.0  # tan(67.5 deg) = tan(22.5 deg) + 2
+
+# Directions are taken to the nearest of these over the full turn (0.022 degrees): floor of the
+# angle times the factor, plus a half, in float32.
+DIRECTIONS = 16384
+DIRECTION_FACTOR = 2607.594482421875  # float32 of DIRECTIONS / (2 pi)

@@ -1,0 +1,42 @@
+"""The set pixels of a mask as a list, in Warp."""
+
+import warp as wp
+
+from . import _points_blocks as blocks
+from . import _points_rows as rows
+from ._launch import launch, launch_slabs, slabs
+
+
+def count(mask: wp.array, starts: wp.array) -> None:
+    """Count the set pixels above each row; one thread a slab of rows, or one warp a row."""
+    if mask.device.is_cuda:
+        launch(blocks.count, blocks.dim(mask), [mask, blocks.in_words(mask)], [starts])
+        launch(blocks.add_up, blocks.BLOCK, [], [starts])
+        return
+    height = mask.shape[0]
+    launch_slabs(rows.count, height, slabs(height, mask.size), [mask], [starts])
+    launch(rows.add_up, 1, [], [starts])
+
+
+def gather(mask: wp.array, starts: wp.array, points: wp.array) -> None:
+    """List row and column of the set pixels; one thread a slab of rows, or one warp a row."""
+    if mask.device.is_cuda:
+        launch(blocks.gather, blocks.dim(mask), [mask, starts, blocks.in_words(mask)], [points])
+        return
+    height = mask.shape[0]
+    launch_slabs(rows.gather, height, slabs(height, mask.size), [mask, starts], [points])
+
+
+def first_outside(
+    points: wp.array, starts: wp.array, values: wp.array, low: float, high: float, index: wp.array
+) -> None:
+    """Find the first point whose value is not in [low, high], or their number.
+
+    One thread in all, or one a point.
+    """
+    inputs = [points, starts, values, low, high]
+    if points.device.is_cuda:
+        launch(blocks.number_of, 1, [starts], [index])
+        launch(blocks.first_outside, points.shape[0], inputs, [index])
+        return
+    launch(rows.first_outside, 1, inputs, [index])
