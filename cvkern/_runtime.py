@@ -183,6 +183,18 @@ class Runtime:
             return result if isinstance(result, np.ndarray) else self.to_numpy(result)
         return self.library.finish(result)
 
+    def give(self, values: np.ndarray) -> Any:
+        """Return a host array as the caller's: of the same library, on the same device."""
+        refuse_capture("a result found on the host")
+        if self.library is _NUMPY:
+            return values
+        result = self.empty(values.shape, values.dtype)
+        if self.device == "cpu":
+            np.asarray(result)[...] = values
+        elif values.size:
+            self.set.fill(self.adopt(result, values.dtype), np.ascontiguousarray(values))
+        return self.release(result)
+
     def to_numpy(self, array: Any) -> np.ndarray:
         """Wait for a kernel array and bring it to the host."""
         refuse_capture("a value needed on the host")

@@ -57,3 +57,12 @@ SECTOR_HIGH = 79109.0  # tan(67.5 deg) = tan(22.5 deg) + 2
 # angle times the factor, plus a half, in float32.
 DIRECTIONS = 16384
 DIRECTION_FACTOR = 2607.594482421875  # float32 of DIRECTIONS / (2 pi)
+
+# The generalised Hough transform in integers. Vectors of a table are in 1/256 pixel; cosines and
+# sines in 2^-20; turned vectors in 1/16 pixel; scales in 1/2048. So a turn fits into 64 bits, a
+# scaled vector into 32 as long as it is shorter than 2^16 pixels.
+VECTOR_ONE = 1 << 8
+TURN_ONE = 1 << 20
+TURNED_ONE = 1 << 4
+SCALE_ONE = 1 << 11
+TILE = 8  # cells along the side of what one peak is reported of

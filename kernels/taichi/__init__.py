@@ -24,7 +24,7 @@ with warnings.catch_warnings():
 
 from ._launch import start, synchronize
 
-__all__ = ["adopt", "empty", "own_scratch", "record", "scratch", "start", "to_numpy"]
+__all__ = ["adopt", "empty", "fill", "own_scratch", "record", "scratch", "start", "to_numpy"]
 
 
 def adopt(array: Any, device: str) -> Any:
@@ -49,6 +49,13 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
     """Return memory that stays valid until this thread asks for `name` again."""
     return empty(shape, np.dtype(np.uint8 if dtype == np.bool_ else dtype), device)
+
+
+def fill(array: Any, values: np.ndarray) -> None:
+    """Copy a contiguous host array into a CUDA array of its shape and dtype; wait for it."""
+    from . import _cuda
+
+    _cuda.fill(array, values)
 
 
 def to_numpy(array: Any) -> np.ndarray:

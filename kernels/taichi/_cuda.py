@@ -43,6 +43,12 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> wp.array:
     return wp.empty(shape, dtype=scalar, device=DEVICE)
 
 
+def fill(array: wp.array, values: np.ndarray) -> None:
+    """Copy a contiguous host array into `array`; wait for it."""
+    wp.copy(array, adopt(values))
+    wp.synchronize_stream(array.device.stream)
+
+
 def header(array: wp.array) -> np.ndarray:
     """Return a NumPy array with the address of `array`, for Taichi alone to read and write."""
     dtype = np.dtype(wp.dtype_to_numpy(array.dtype))

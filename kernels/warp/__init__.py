@@ -94,6 +94,13 @@ def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> 
     return _launch.scratch(name, shape, carried, wp.get_device(device))
 
 
+def fill(array: wp.array, values: np.ndarray) -> None:
+    """Copy a contiguous host array into a CUDA array of its shape and dtype; wait for it."""
+    stream = _launch.current_stream(array.device)
+    wp.copy(array, adopt(values, array.device.alias), stream=stream)
+    wp.synchronize_stream(stream)
+
+
 def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
     if array.device.is_cuda:
