@@ -16,6 +16,7 @@ E = TypeVar("E", bound=IntEnum)
 
 # Kernels index bytes with 32 bits: 2^29 elements of four bytes.
 MAX_ELEMENTS = 2**29
+MAX_SIDE = 2**16  # pixels along one side of what votes
 _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
@@ -39,6 +40,24 @@ def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image"
     if math.prod(shape) > MAX_ELEMENTS:
         raise ValueError(f"{name} must have at most {MAX_ELEMENTS} elements, got shape {shape}")
     return image
+
+
+def check_sides(shape: Any, name: str) -> tuple[int, int]:
+    """Return height and width, each at most what voting kernels count with."""
+    sides = tuple(check_integer(n, name, 1, MAX_SIDE) for n in shape)
+    if len(sides) != 2:
+        raise ValueError(f"{name} must be a height and a width, got {len(sides)} numbers")
+    return sides
+
+
+def check_accumulator(shape: tuple[int, ...], name: str) -> None:
+    """Refuse an accumulator of int32 votes with more elements than kernels index."""
+    size = math.prod(shape)
+    if size > MAX_ELEMENTS:
+        raise ValueError(
+            f"{name} must have at most {MAX_ELEMENTS} elements, got {size} in shape "
+            f"{tuple(shape)}, which would take {4 * size} bytes"
+        )
 
 
 def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
