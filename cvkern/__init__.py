@@ -2,12 +2,14 @@
 
 from cvkern._capture import capture
 from cvkern._runtime import use
+from cvkern.circles import CirclePeaks, hough_circle, hough_circle_peaks
 from cvkern.edges import SubpixelEdges, canny, subpixel_edges
 from cvkern.filters import box, correlate_separable, gaussian
 from cvkern.gradients import Gradient, gradient, scharr, sobel
 from cvkern.rank import median
 
 __all__ = [
+    "CirclePeaks",
     "Gradient",
     "SubpixelEdges",
     "box",
@@ -16,6 +18,8 @@ __all__ = [
     "correlate_separable",
     "gaussian",
     "gradient",
+    "hough_circle",
+    "hough_circle_peaks",
     "median",
     "scharr",
     "sobel",

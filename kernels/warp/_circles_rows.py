@@ -77,13 +77,13 @@ def place(
     left: int,
     bits: wp.array3d[wp.uint8],
     # outputs
-    places: wp.array[int],  # (N,)
+    places: wp.array[wp.int64],  # (N,)
 ):
     """Where the bits moved by an offset begin, in bytes."""
     for i in range(offsets.shape[0]):
         column = left + offsets[i, 1]
         row = (column % 8) * bits.shape[1] + top + offsets[i, 0]
-        places[i] = row * bits.shape[2] + column // 8
+        places[i] = wp.int64(row) * wp.int64(bits.shape[2]) + wp.int64(column // 8)
 
 
 # A ring has eight offsets or a multiple of them: one a octant.
@@ -134,7 +134,8 @@ _RING = """
                 count += set & (1 << p);
             }
             if (shares) {
-                const Shares share = __builtin_convertvector(count, Shares) / (float)(last - first);
+                const wp::float32 size = (wp::float32)(last - first);
+                const Shares share = __builtin_convertvector(count, Shares) / size;
                 __builtin_memcpy(&count, &share, 64);
             }
             const int left = columns - begin - 16 * i;
@@ -145,12 +146,12 @@ _RING = """
 """
 
 
-@wp.func_native(_RING.replace("(float)", "(wp::float32)"))
+@wp.func_native(_RING)
 def vote_row(
     ring: int,
     row: int,
     bits: wp.array3d[wp.uint8],
-    places: wp.array[int],
+    places: wp.array[wp.int64],
     first: int,
     last: int,
     shares: bool,
@@ -164,7 +165,7 @@ def vote_rings(
     first: int,
     last: int,
     bits: wp.array3d[wp.uint8],  # (8, H + 2 top, pitch)
-    places: wp.array[int],  # (N,)
+    places: wp.array[wp.int64],  # (N,)
     starts: wp.array[int],  # (R + 1,)
     shares: bool,
     # outputs

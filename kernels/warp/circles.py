@@ -1,7 +1,11 @@
 """Votes for circles, in Warp."""
 
+from typing import Any
+
 import warp as wp
 
+from . import _circles_blocks as blocks
+from . import _circles_peaks as peaks
 from . import _circles_rows as rows
 from ._launch import launch, launch_slabs, scratch, slabs, view
 
@@ -18,17 +22,33 @@ def vote_rings(
     shares, votes = _integers(votes)
     pad = (votes.shape[2] - mask.shape[1]) // 2
     top = pad + reach
+    count = offsets.shape[0]
+    if mask.device.is_cuda:
+        left = -(-top // 32) * 32
+        words = -(-votes.shape[2] // 32)
+        shape = (mask.shape[0] + 2 * top + 1, words + (left + reach) // 32 + 2)
+        bits = scratch("circles.bits", shape, wp.uint32, mask.device)
+        places = scratch("circles.places", (count,), wp.uint32, mask.device)
+        launch(blocks.pack, _in_blocks(32 * bits.size), [mask, top, left], [bits])
+        launch(blocks.place, count, [offsets, reach, left - pad, bits], [places])
+        items = words * -(-votes.shape[1] // blocks.ROWS)
+        launch(
+            blocks.vote_rings,
+            votes.shape[0] * _in_blocks(items),
+            [bits, places, starts, shares],
+            [votes],
+        )
+        return
     left = -(-top // 8) * 8
     width = -(-votes.shape[2] // rows.LANES) * rows.LANES
-    pitch = (width + left + reach) // 64 * 8 + 8
-    bits = scratch("circles.bits", (8, mask.shape[0] + 2 * top, pitch), wp.uint8, mask.device)
-    places = scratch("circles.places", (offsets.shape[0],), wp.int32, mask.device)
-    height = bits.shape[1]
-    launch_slabs(rows.pack, height, slabs(height, bits.size), [mask, top, left], [bits])
+    shape = (8, mask.shape[0] + 2 * top, (width + left + reach) // 64 * 8 + 8)
+    bits = scratch("circles.bits", shape, wp.uint8, mask.device)
+    places = scratch("circles.places", (count,), wp.int64, mask.device)
+    launch_slabs(rows.pack, shape[1], slabs(shape[1], bits.size), [mask, top, left], [bits])
     launch(rows.place, 1, [offsets, reach, left - pad, bits], [places])
-    count = votes.shape[0] * votes.shape[1]
+    lines = votes.shape[0] * votes.shape[1]
     launch_slabs(
-        rows.vote_rings, count, _pieces(count, votes), [bits, places, starts, shares], [votes]
+        rows.vote_rings, lines, _pieces(lines, votes), [bits, places, starts, shares], [votes]
     )
 
 
@@ -50,15 +70,53 @@ def vote_directed(
     else for the offsets whose direction codes lie within the tolerance of its own, on both sides.
     """
     shares, votes = _integers(votes)
-    count = votes.shape[0] * votes.shape[1]
-    launch_slabs(
-        rows.vote_directed,
-        count,
-        _pieces(count, votes),
-        [points, starts, orientation, radii, directions, tolerance, offsets, codes, offset_starts,
-         shares],
-        [votes],
-    )  # fmt: skip
+    inputs = [
+        points, starts, orientation, radii, directions, tolerance, offsets, codes, offset_starts
+    ]  # fmt: skip
+    if votes.device.is_cuda:
+        flat = view(votes, wp.int32, (votes.size,))
+        launch(blocks.clear, votes.size, [], [flat])
+        launch(blocks.vote_directed, points.shape[0], inputs, [votes])
+        if shares:
+            plane = votes.shape[1] * votes.shape[2]
+            launch(blocks.share, votes.size, [offset_starts, plane], [flat])
+        return
+    lines = votes.shape[0] * votes.shape[1]
+    launch_slabs(rows.vote_directed, lines, _pieces(lines, votes), [*inputs, shares], [votes])
+
+
+def row_maxima(votes: wp.array, tops: wp.array) -> None:
+    """Find the largest of each row of each plane."""
+    _by_rows(peaks.row_maxima, peaks.row_maximum, votes, [], [tops])
+
+
+def count_peaks(votes: wp.array, limits: wp.array, down: int, along: int, counts: wp.array) -> None:
+    """Count the peaks of each row: above the limit of their plane, and largest around."""
+    _by_rows(peaks.count_peaks, peaks.count_row, votes, [limits, down, along], [counts])
+
+
+def gather_peaks(
+    votes: wp.array,
+    limits: wp.array,
+    down: int,
+    along: int,
+    starts: wp.array,
+    places: wp.array,
+    values: wp.array,
+) -> None:
+    """List plane, row, column and votes of the peaks of each row, from its place in `starts` on."""
+    inputs = [limits, down, along, starts]
+    _by_rows(peaks.gather_peaks, peaks.gather_row, votes, inputs, [places, values])
+
+
+def _by_rows(
+    slab: wp.Kernel, row: wp.Kernel, votes: wp.array, inputs: list[Any], outputs: list[wp.array]
+) -> None:
+    rows = votes.shape[0] * votes.shape[1]
+    if votes.device.is_cuda:
+        launch(row, rows, [votes, *inputs], outputs)
+        return
+    launch_slabs(slab, rows, slabs(rows, votes.size), [votes, *inputs], outputs)
 
 
 def _integers(votes: wp.array) -> tuple[bool, wp.array]:
@@ -69,3 +127,7 @@ def _integers(votes: wp.array) -> tuple[bool, wp.array]:
 def _pieces(count: int, votes: wp.array) -> int:
     some = slabs(count, votes.size)
     return min(count, _SLABS * some) if some > 1 else 1
+
+
+def _in_blocks(threads: int) -> int:
+    return -(-threads // blocks.BLOCK) * blocks.BLOCK
