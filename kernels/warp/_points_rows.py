@@ -44,18 +44,24 @@ def add_up(
     const unsigned char* pixel = mask.data + (size_t)y * columns;
     int* next = points.data + 2 * (size_t)starts.data[y];
     int x = 0;
-    while (x < columns) {
-        unsigned long long eight = 1;
-        if (x + 8 <= columns) __builtin_memcpy(&eight, pixel + x, 8);
-        const int end = x + 8 <= columns ? x + 8 : columns;
-        if (!eight) x = end;  // most of a mask of edges
-        for (; x < end; ++x)
-            if (pixel[x]) {
-                next[0] = y;
-                next[1] = x;
-                next += 2;
-            }
+    for (; x + 8 <= columns; x += 8) {
+        unsigned long long eight;
+        __builtin_memcpy(&eight, pixel + x, 8);
+        // The highest bit of every byte that is not 0.
+        const unsigned long long low = 0x7f7f7f7f7f7f7f7full;
+        unsigned long long set = (((eight & low) + low) | eight) & ~low;
+        for (; set; set &= set - 1) {
+            next[0] = y;
+            next[1] = x + __builtin_ctzll(set) / 8;
+            next += 2;
+        }
     }
+    for (; x < columns; ++x)
+        if (pixel[x]) {
+            next[0] = y;
+            next[1] = x;
+            next += 2;
+        }
 """)
 def gather_row(
     mask: wp.array2d[wp.uint8], y: int, starts: wp.array[int], points: wp.array2d[int]
