@@ -6,11 +6,24 @@ from cvkern.circles import CirclePeaks, hough_circle, hough_circle_peaks
 from cvkern.edges import SubpixelEdges, canny, subpixel_edges
 from cvkern.filters import box, correlate_separable, gaussian
 from cvkern.gradients import Gradient, gradient, scharr, sobel
+from cvkern.line_peaks import HoughLinePeaks, hough_line_peaks
+from cvkern.lines import (
+    HoughLine,
+    HoughLineSlope,
+    LineBins,
+    hough_line,
+    hough_line_slope,
+    suggest_line_bins,
+)
 from cvkern.rank import median
 
 __all__ = [
     "CirclePeaks",
     "Gradient",
+    "HoughLine",
+    "HoughLinePeaks",
+    "HoughLineSlope",
+    "LineBins",
     "SubpixelEdges",
     "box",
     "canny",
@@ -20,10 +33,14 @@ __all__ = [
     "gradient",
     "hough_circle",
     "hough_circle_peaks",
+    "hough_line",
+    "hough_line_peaks",
+    "hough_line_slope",
     "median",
     "scharr",
     "sobel",
     "subpixel_edges",
+    "suggest_line_bins",
     "use",
 ]
 __version__ = "0.1.0"

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._points import Points, mask_points
-from cvkern._runtime import Runtime, refuse_capture, runtime
-from cvkern._validate import check_accumulator, check_image, check_number, check_sides
-from cvkern.kernels.codes import DIRECTIONS
+from cvkern._line_votes import (
+    SUBPIXEL,
+    cast_votes,
+    direction_windows,
+    fixed_tables,
+    line_tables,
+    reach,
+    subpixel_points,
+)
+from cvkern._points import mask_points
+from cvkern._runtime import runtime
+from cvkern._validate import (
+    check_accumulator,
+    check_image,
+    check_number,
+    check_sides,
+)
 
-SUBPIXEL = 4096  # sub-pixel points are taken to the nearest of so many parts of a pixel
-WEIGHT = 256  # a weight of 1, in votes
-_ANGLES = 8  # tables are padded to a multiple of this, for kernels that take so many at a time
-_NOTHING = 1e-9  # radians by which angles may differ and be the same
+_STANDS_OUT = 2.8  # standard deviations that a bin is wide: 2 sqrt(2) 0.99
 
 
 class HoughLine(NamedTuple):
@@ -30,14 +39,26 @@ class HoughLine(NamedTuple):
     """The distance of the lines from pixel (0, 0) along the normal, pixels, (R,) float64."""
 
 
-class _Tables(NamedTuple):
-    """What takes a point to its bin: ``(x cosine + y sine + offset) >> shift``."""
+class HoughLineSlope(NamedTuple):
+    """Two accumulators of lines, of one chart each, and the meaning of their axes."""
 
-    cosine: np.ndarray
-    sine: np.ndarray
-    offset: np.ndarray
-    shift: int
-    rho: np.ndarray
+    votes: Any
+    """The votes for lines ``y = m x + c``, (C, M) int32."""
+    swapped: Any
+    """The votes for lines ``x = m y + c``, (C, M) int32."""
+    slopes: np.ndarray
+    """The slope m of each column, (M,) float64."""
+    intercepts: np.ndarray
+    """The intercept c of each row, pixels, (C,) float64."""
+
+
+class LineBins(NamedTuple):
+    """Bins of an accumulator of lines, as :func:`hough_line` takes them."""
+
+    rho_step: float
+    """Distance between neighbouring bins, pixels."""
+    theta: np.ndarray
+    """The angles over half a turn, radians, (T,) float64."""
 
 
 def hough_line(
@@ -140,7 +161,8 @@ def hough_line(
     expected = size if points is None else (len(points),)
     orientation = check_beside(orientation, expected, "orientation")
     weights = check_beside(weights, expected, "weights")
-    bins = 2 * _reach(size, step) + 1
+    distances = reach(size, step)
+    bins = 2 * distances + 1
     check_accumulator((bins, len(angles)), "votes")
     windows = None
     if orientation is not None:
@@ -150,155 +172,171 @@ def hough_line(
         found = mask_points(rt, mask, "hough_line")
         tables = line_tables(angles.tobytes(), step, size, 1)
     else:
-        found = _subpixel_points(rt, points, size)
+        found = subpixel_points(rt, points, size)
         tables = line_tables(angles.tobytes(), step, size, SUBPIXEL)
     votes = rt.empty((bins, len(angles)), np.int32)
-    cast_votes(rt, found, tables, windows, orientation, weights, size, rt.adopt(votes, np.int32))
-    return HoughLine(rt.release(votes), angles, tables.rho.copy())
+    # A line crosses each row, or each column, and has so many pixels of it in its bin.
+    crossing = max(size) * (math.floor(math.sqrt(2) * step) + 1)
+    view = rt.adopt(votes, np.int32)
+    cast_votes(rt, found, tables, windows, orientation, weights, crossing, view)
+    rho = step * np.arange(-distances, distances + 1.0)
+    return HoughLine(rt.release(votes), angles, rho)
 
 
-def cast_votes(
-    rt: Runtime,
-    found: Points,
-    tables: _Tables,
-    windows: tuple[np.ndarray, np.ndarray] | None,
-    orientation: Any,
-    weights: Any,
-    size: tuple[int, int],
-    votes: Any,
-) -> None:
-    """Fill the kernel array `votes`; orientation and weights are images, or lists as the points."""
-    cast: Any = None
-    fixed = rt.constant(np.zeros(1, np.int32))
-    if weights is not None:
-        fixed = _fixed_weights(rt, found, weights, size, float(tables.rho[1] - tables.rho[0]))
-    listed = rt.constant(tables.cosine), rt.constant(tables.sine), rt.constant(tables.offset)
-    last = (*listed, tables.shift, weights is not None, fixed, votes)
-    if windows is None:
-        rt.lines.vote(found.points, found.starts, *last)
-        return
-    directions = values_at(rt, found, orientation, "orientation")
-    check_listed(rt, found, directions, "orientation", -math.inf)
-    cast = (rt.constant(windows[0]), rt.constant(windows[1]))
-    rt.lines.vote_directed(found.points, found.starts, directions, *cast, *last)
+def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> HoughLineSlope:
+    """Let the set pixels of a mask vote for lines in slope and intercept, as Hough did.
 
+    Parameters
+    ----------
+    mask : array of shape (H, W)
+        The points are the pixels that are not zero; bool or any real dtype.
+    slopes : array of shape (M,), optional
+        Slopes m in [-1, 1]; by default 181, evenly spaced.
+    intercepts : array of shape (C,), optional
+        Intercepts c, evenly spaced and ascending, pixels. By default all whole numbers that
+        points of the image can vote for.
 
-def values_at(rt: Runtime, found: Points, values: Any, name: str) -> Any:
-    """Return the float32 kernel list of `values` at the points, of an image or of their list."""
-    if len(values.shape) == 1:
-        return rt.adopt(values) if len(values) else rt.scratch(f"lines.{name}", (1,))
-    taken = rt.scratch(f"lines.{name}", (max(found.capacity, 1),))
-    rt.lines.take(found.points, found.starts, rt.adopt(values), taken)
-    return taken
+    Returns
+    -------
+    HoughLineSlope
+        Named tuple of `votes` and `swapped`, each (C, M) int32, `slopes` and `intercepts`.
 
+    Raises
+    ------
+    TypeError
+        If `mask` does not hold real numbers.
+    ValueError
+        If `mask` is empty, not 2-D or has a side longer than 65536; `slopes` are not a list of
+        numbers in [-1, 1]; `intercepts` are not two or more, evenly spaced and ascending; or the
+        votes would take too much memory.
 
-def check_listed(rt: Runtime, found: Points, listed: Any, name: str, low: float) -> np.ndarray:
-    """Return the list on the host, once it is known to be finite and at least `low`."""
-    refuse_capture(f"{name}, whose values are checked")
-    number = int(rt.to_numpy(found.starts)[-1])
-    host = rt.to_numpy(listed)[:number]
-    wrong = ~(np.isfinite(host) & (host >= low))
-    if wrong.any():
-        i = int(wrong.argmax())
-        row, column = rt.to_numpy(found.points)[i]
-        rule = "finite" if low == -math.inf else f">= {low:g} and finite"
-        raise ValueError(
-            f"{name} must be {rule} at the points, got {host[i]:g} at point {i} of {number}"
-        )
-    return host
+    Notes
+    -----
+    A vertical line has no finite slope. So there are two charts: lines nearer to the x axis are
+    ``y = m x + c`` with ``|m| <= 1``, and the others the same with the axes swapped. They show
+    why (rho, theta), which :func:`hough_line` has, took their place (Duda and Hart 1972):
 
+    - The intercepts range over ``W + H`` or more for slopes of either sign, though at each slope
+      most of them are of no line through the image: rho needs only the image's half diagonal on
+      either side of its centre.
+    - Even steps of slope are uneven ones of angle, ``dtheta = dm / (1 + m^2)``: twice as wide at
+      ``m = 0`` as at ``m = 1``. Nor is an even step of c one of distance, but
+      ``drho = dc / sqrt(1 + m^2)``; so a line's votes depend on how it lies.
+    - Lines at ``|m| = 1`` are in both charts, and a peak there must be merged from two.
 
-def _fixed_weights(
-    rt: Runtime, found: Points, weights: Any, size: tuple[int, int], step: float
-) -> Any:
-    """Return the kernel list of weights in votes, of which no bin can get more than int32 holds."""
-    listed = check_listed(rt, found, values_at(rt, found, weights, "weights"), "weights", 0)
-    fixed = np.floor(listed.astype(np.float64) * WEIGHT + 0.5)
-    most = fixed.sum()
-    if len(weights.shape) == 2 and len(fixed):
-        # A line crosses a row or a column, whichever has more pixels under it, in at most this.
-        most = min(most, fixed.max() * max(size) * (math.floor(math.sqrt(2) * step) + 1))
-    if most >= 2**31:
-        raise ValueError(
-            f"weights must be small enough for votes below 2^31, got up to {listed.max():g}"
-        )
-    return rt.adopt(fixed if len(fixed) else np.zeros(1), np.int32)
+    Bins are found in fixed point, within 1e-5; ties go to the larger intercept.
 
+    References
+    ----------
+    .. [1] P. V. C. Hough, "Method and means for recognizing complex patterns", US patent
+       3 069 654, 1962.
 
-def _subpixel_points(rt: Runtime, points: Any, size: tuple[int, int]) -> Points:
-    """Return checked (N, 2) points in fixed point."""
-    refuse_capture("points, whose values are checked")
-    host = rt.to_numpy(rt.adopt(points)) if len(points) else np.zeros((0, 2), np.float32)
-    outside = ~((host >= -0.5) & (host <= np.array(size) - 0.5)).all(axis=1)
-    if outside.any():
-        raise ValueError(
-            f"points must lie within the image of shape {tuple(size)}, "
-            f"got ({', '.join(f'{v:g}' for v in host[outside.argmax()])})"
-        )
-    number = len(host)
-    fixed = np.zeros((max(number, 1), 2), np.int32)
-    fixed[:number] = np.floor(host.astype(np.float64) * SUBPIXEL + 0.5)
-    return Points(rt.adopt(fixed, np.int32), rt.constant(np.array([number], np.int32)), number, 0)
-
-
-def _reach(size: tuple[int, int], step: float) -> int:
-    """Return how many bins of rho there are on either side of 0."""
-    return math.ceil(math.sqrt(size[0] ** 2 + size[1] ** 2) / step)
-
-
-@lru_cache(maxsize=32)
-def line_tables(angles: bytes, step: float, size: tuple[int, int], parts: int) -> _Tables:
-    """Return the fixed-point tables for float64 angles, and points in `parts` of a pixel.
-
-    Cosine and sine have as many digits as int32 holds. What rounding them does is nothing at the
-    centre of the image, as the offset there makes up for it, and most at its corners.
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> mask = np.zeros((20, 30), bool)
+    >>> mask[7, :] = True
+    >>> mask[:, 12] = True
+    >>> h = cvkern.hough_line_slope(mask, slopes=[-0.5, 0, 0.5])
+    >>> int(h.votes[h.intercepts == 7, 1][0]), int(h.swapped[h.intercepts == 12, 1][0])
+    (30, 20)
     """
-    theta = np.frombuffer(angles)
-    cosine, sine = np.cos(theta) / step, np.sin(theta) / step
-    largest = max(np.abs(cosine).max(), np.abs(sine).max())
-    shift = math.floor(math.log2((2**31 - 1) / largest))
-    c, s = (np.round(v * 2.0**shift).astype(np.int64) for v in (cosine, sine))
-    y, x = (n // 2 for n in size)
-    reach = _reach(size, step)
-    lost = np.round((x * cosine + y * sine) * 2.0**shift).astype(np.int64) - (x * c + y * s)
-    offset = (reach << shift) + (1 << (shift - 1)) + lost
-    fill = (0, -len(theta) % _ANGLES)
-    return _Tables(
-        np.pad(c, fill).astype(np.int32),
-        np.pad(s, fill).astype(np.int32),
-        np.pad(offset * parts, fill),
-        shift + parts.bit_length() - 1,
-        step * np.arange(-reach, reach + 1.0),
-    )
+    mask = check_image(mask, name="mask")
+    height, width = size = check_sides(mask.shape, "mask")
+    m = _check_slopes(slopes)
+    # From m = 1 at the far end of an axis to m = -1 at the far corner, in either chart.
+    least, most = 1 - max(size), height + width - 2
+    c = np.arange(least, most + 1.0) if intercepts is None else _check_intercepts(intercepts)
+    step = float(c[-1] - c[0]) / (len(c) - 1) if len(c) > 1 else 1.0
+    # The kernels check no bounds: they have all bins that can get a vote, and more if asked for.
+    first = min(0, math.floor((least - c[0]) / step) - 1)
+    last = max(len(c), math.ceil((most - c[0]) / step) + 2)
+    check_accumulator((last - first, len(m)), "votes")
+    rt = runtime(mask)
+    found = mask_points(rt, mask, "hough_line")
+    across, along = -m / step, np.full(len(m), 1 / step)
+    results = []
+    for cosine, sine in ((across, along), (along, across)):
+        tables = fixed_tables(cosine, sine, -c[0] / step - first, size)
+        votes = rt.empty((last - first, len(m)), np.int32)
+        cast_votes(rt, found, tables, None, None, None, 0, rt.adopt(votes, np.int32))
+        results.append(rt.release(votes)[-first : len(c) - first])
+    return HoughLineSlope(*results, m, c)
 
 
-@lru_cache(maxsize=32)
-def direction_windows(angles: bytes, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first angle, and the number of those that follow, for each direction code.
+def suggest_line_bins(
+    shape: tuple[int, int], localisation: float = 0.3, *, length: float | None = None
+) -> LineBins:
+    """Choose the bins of an accumulator from the size of the image and the error of its points.
 
-    Codes are over half a turn, and the angles a ring. Where no angle is within the tolerance the
-    nearest is taken, the smaller of two, unless it is further than half the widest gap between
-    neighbours: then the angles do not reach that direction.
+    Parameters
+    ----------
+    shape : (int, int)
+        Height and width of the image.
+    localisation : float, default 0.3
+        Standard deviation of the points from their line, pixels. Whole pixels of a thin edge have
+        ``1 / sqrt(12) = 0.3`` from rounding alone; sub-pixel edges of a good photograph 0.05 to
+        0.1.
+    length : float, optional
+        Length of the longest lines to be found whole, pixels. By default the image's diagonal.
+
+    Returns
+    -------
+    LineBins
+        Named tuple of `rho_step` and `theta`, for :func:`hough_line`.
+
+    Raises
+    ------
+    TypeError
+        If an argument is not a number.
+    ValueError
+        If a side of the image is not in [1, 65536], or `localisation` or `length` not positive.
+
+    Notes
+    -----
+    Let the points deviate from their line by a normal error s. A bin of width w, centred on the
+    line, gets the share ``erf(a)`` of its votes, where ``a = w / (2 sqrt(2) s)``. Chance votes
+    grow with w, and so their fluctuation with ``sqrt(w)``. The peak stands out most where
+    ``erf(a) / sqrt(a)`` is largest: at ``a = 0.99``, thus ``w = 2.8 s``, with 84 % of the votes.
+
+    A line of length L between two angles, d apart, is off by ``d / 2`` at most, and so its ends
+    by ``L d / 4``. They stay within the bin as long as that is ``w / 2``: ``d = 2 w / L``.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> rho_step, theta = cvkern.suggest_line_bins((480, 640))
+    >>> round(rho_step, 2), len(theta)
+    (0.84, 1496)
     """
-    theta = np.frombuffer(angles)
-    if np.any(np.diff(theta) <= 0) or theta[-1] - theta[0] >= math.pi:
+    size = check_sides(shape, "shape")
+    width = _STANDS_OUT * check_positive(localisation, "localisation")
+    longest = math.hypot(*size) if length is None else check_positive(length, "length")
+    number = max(2, math.ceil(math.pi * longest / (2 * width)))
+    return LineBins(width, np.linspace(-math.pi / 2, math.pi / 2, number, endpoint=False))
+
+
+def _check_slopes(slopes: Any) -> np.ndarray:
+    if slopes is None:
+        return np.linspace(-1, 1, 181)
+    m = np.array(slopes, np.float64)
+    if m.ndim != 1 or not m.size or not (np.abs(m) <= 1).all():
         raise ValueError(
-            "theta must ascend, over less than half a turn, where orientation is given, "
-            f"got {len(theta)} angles from {theta[0]:g} to {theta[-1]:g}"
+            f"slopes must be a list of numbers in [-1, 1], got shape {m.shape} with "
+            f"{m.min(initial=math.inf):g} to {m.max(initial=-math.inf):g}"
         )
-    codes = DIRECTIONS // 2
-    ring = np.concatenate([theta - math.pi, theta, theta + math.pi])
-    direction = theta[0] + np.mod(np.arange(codes) * (math.pi / codes) - theta[0], math.pi)
-    reach = min(tolerance, math.pi / 2) + _NOTHING
-    first = np.searchsorted(ring, direction - reach, "left")
-    number = np.minimum(np.searchsorted(ring, direction + reach, "right") - first, len(theta))
-    after = np.searchsorted(ring, direction)
-    gaps = direction - ring[after - 1], ring[after] - direction
-    gap = max(np.diff(theta).max(initial=0.0), math.pi if len(theta) == 1 else 0.0)
-    nearest = np.where(gaps[0] <= gaps[1] + _NOTHING, after - 1, after)
-    alone = (number < 1) & (np.minimum(*gaps) <= gap / 2 + _NOTHING)
-    first = np.where(number < 1, nearest, first) % len(theta)
-    return first.astype(np.int32), np.where(alone, 1, number).astype(np.int32)
+    return m
+
+
+def _check_intercepts(intercepts: Any) -> np.ndarray:
+    c = np.array(intercepts, np.float64)
+    steps = np.diff(c) if c.ndim == 1 else np.zeros(0)
+    if not len(steps) or not steps[0] > 0 or not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
+        raise ValueError(
+            f"intercepts must be two or more, evenly spaced and ascending, got {intercepts!r}"
+        )
+    return c
 
 
 def check_angles(theta: Any) -> np.ndarray:

@@ -10,7 +10,7 @@ from calls import primitives
 import cvkern
 from cvkern._runtime import KERNEL_SETS
 
-FAMILIES = ["edges", "filters", "generalized_hough", "gradients", "rank"]
+FAMILIES = ["edges", "filters", "generalized_hough", "gradients", "lines", "rank"]
 SHARED = ["points"]  # by several families; in cvkern/ their module is private
 
 

@@ -12,6 +12,7 @@ i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
 
 @ti.kernel
@@ -97,6 +98,35 @@ def _vote_directed(
                 ti.atomic_add(votes[r, t], vote)
 
 
+@ti.kernel
+def _local_maxima(
+    values: ti.types.ndarray(ndim=2),
+    threshold: ti.f64,
+    min_distance: ti.i32,
+    min_angle: ti.i32,
+    wraps: ti.i32,
+    # outputs
+    mask: u8_2,
+):
+    for bin, angle in values:
+        here = values[bin, angle]
+        found = here > threshold
+        if found:
+            for dt in range(-min_angle, min_angle + 1):
+                t = angle + dt
+                middle = bin
+                if wraps != 0 and (t < 0 or t >= values.shape[1]):
+                    t += values.shape[1] if t < 0 else -values.shape[1]
+                    middle = values.shape[0] - 1 - bin  # half a turn on, rho changes its sign
+                if 0 <= t < values.shape[1]:
+                    low = ti.max(middle - min_distance, 0)
+                    high = ti.min(middle + min_distance, values.shape[0] - 1)
+                    for r in range(low, high + 1):
+                        if values[r, t] > here:
+                            found = False
+        mask[bin, angle] = ti.cast(found, ti.u8)
+
+
 @primitive
 def take(points: np.ndarray, starts: np.ndarray, values: np.ndarray, taken: np.ndarray) -> None:
     """Look the value of every point up; one thread a point."""
@@ -141,3 +171,16 @@ def vote_directed(
         points, starts, orientation, first, number, cosine, sine, offset, shift, int(weighted),
         weights, 0, votes,
     )  # fmt: skip
+
+
+@primitive
+def local_maxima(
+    values: np.ndarray,
+    threshold: float,
+    min_distance: int,
+    min_angle: int,
+    wraps: bool,
+    mask: np.ndarray,
+) -> None:
+    """Mark what is above the threshold, and nowhere exceeded in its window; one thread each."""
+    _local_maxima(values, float(threshold), min_distance, min_angle, int(wraps), mask)

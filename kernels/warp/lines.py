@@ -6,9 +6,10 @@ On the CPU a slab of angles has histograms of its own; on CUDA a block has one i
 import warp as wp
 
 from . import _lines_blocks as blocks
+from . import _lines_peaks as peaks
 from . import _lines_points as line_points
 from . import _lines_rows as rows
-from ._launch import cpu_threads, launch, launch_slabs, scratch
+from ._launch import cpu_threads, launch, launch_slabs, scratch, slabs
 
 _SHARES = 1440  # blocks at work in all, or a little less: enough to fill any GPU several times
 
@@ -86,3 +87,26 @@ def vote_directed(
 
 def _threads(points: wp.array) -> int:
     return min(line_points.THREADS, points.shape[0]) if points.device.is_cuda else 1
+
+
+def local_maxima(
+    values: wp.array,
+    threshold: float,
+    min_distance: int,
+    min_angle: int,
+    wraps: bool,
+    mask: wp.array,
+) -> None:
+    """Mark what is above the threshold, and nowhere exceeded in its window.
+
+    One thread a slab of rows, or one an element.
+    """
+    of_rows, of_elements = peaks.maxima[values.dtype]
+    limit = int(threshold) if values.dtype is wp.int32 else float(threshold)
+    inputs = [values, limit, min_distance, min_angle, wraps]
+    if values.device.is_cuda:
+        launch(of_elements, values.size, inputs, [mask])
+        return
+    count = slabs(values.shape[0], values.size)
+    count = min(4 * count, values.shape[0]) if count > 1 else 1  # maxima gather in few rows
+    launch_slabs(of_rows, values.shape[0], count, inputs, [mask])
