@@ -16,6 +16,14 @@ from cvkern.lines import (
     suggest_line_bins,
 )
 from cvkern.rank import median
+from cvkern.shapes import (
+    RTable,
+    Shapes,
+    find_shape,
+    generalized_hough,
+    generalized_hough_votes,
+    r_table,
+)
 
 __all__ = [
     "CirclePeaks",
@@ -24,12 +32,17 @@ __all__ = [
     "HoughLinePeaks",
     "HoughLineSlope",
     "LineBins",
+    "RTable",
+    "Shapes",
     "SubpixelEdges",
     "box",
     "canny",
     "capture",
     "correlate_separable",
+    "find_shape",
     "gaussian",
+    "generalized_hough",
+    "generalized_hough_votes",
     "gradient",
     "hough_circle",
     "hough_circle_peaks",
@@ -37,6 +50,7 @@ __all__ = [
     "hough_line_peaks",
     "hough_line_slope",
     "median",
+    "r_table",
     "scharr",
     "sobel",
     "subpixel_edges",

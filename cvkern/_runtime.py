@@ -99,7 +99,16 @@ class Runtime:
     """
 
     if TYPE_CHECKING:
-        from cvkern.kernels.warp import circles, edges, filters, gradients, lines, points, rank
+        from cvkern.kernels.warp import (
+            circles,
+            edges,
+            filters,
+            gradients,
+            lines,
+            points,
+            rank,
+            shapes,
+        )
 
     def __init__(self, name: str, device: str, library: _libraries.NumPy):
         threads = os.environ.get("CVKERN_NUM_THREADS") or "1"

@@ -10,7 +10,7 @@ from calls import primitives
 import cvkern
 from cvkern._runtime import KERNEL_SETS
 
-FAMILIES = ["edges", "filters", "generalized_hough", "gradients", "lines", "rank"]
+FAMILIES = ["edges", "filters", "gradients", "lines", "rank", "shapes"]
 SHARED = ["points"]  # by several families; in cvkern/ their module is private
 
 
@@ -55,7 +55,16 @@ def test_sets_offer_the_runtime_the_same_functions(name):
     """What the runtime asks of a set, under the same names and parameters."""
     first = importlib.import_module(f"cvkern.kernels.{KERNEL_SETS[0]}")
     this = importlib.import_module(f"cvkern.kernels.{name}")
-    for asked in ("start", "adopt", "empty", "fill", "scratch", "to_numpy", "own_scratch", "record"):
+    for asked in (
+        "start",
+        "adopt",
+        "empty",
+        "fill",
+        "scratch",
+        "to_numpy",
+        "own_scratch",
+        "record",
+    ):
         expected = list(inspect.signature(getattr(first, asked)).parameters)
         assert list(inspect.signature(getattr(this, asked)).parameters) == expected, asked
 

@@ -9,8 +9,9 @@ import math
 import warp as wp
 
 from ..codes import DIRECTIONS
-from . import _generalized_hough_points as edge_points
-from . import _generalized_hough_rows as rows
+from . import _shapes_blocks as blocks
+from . import _shapes_points as edge_points
+from . import _shapes_rows as rows
 from ._launch import launch, launch_slabs, scratch, slabs, view
 
 
@@ -74,6 +75,17 @@ def _vote(
     found: wp.array,
 ) -> None:
     slices = turns.shape[0] * scales.shape[0]
+    flat = view(found, wp.int32, (math.prod(found.shape),))
+    inputs = [
+        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift,
+    ]  # fmt: skip
+    if points.device.is_cuda:
+        kernel = blocks.search if peaks else blocks.accumulate
+        deep, wide, number = blocks.rectangle(
+            ((height - 1) >> shift) + 1, ((width - 1) >> shift) + 1
+        )
+        launch(kernel, slices * number * blocks.BLOCK, [*inputs, deep, wide], [flat])
+        return
     cells = (((height - 1) >> shift) + 2) * (((width - 1) >> shift) + 2) + rows.LANES
     entries = directions.shape[0]
     pairs = points.shape[1] * entries * (2 * tolerance + 1) // (2 * DIRECTIONS)
@@ -81,15 +93,6 @@ def _vote(
     if count > 1:  # some directions have more points than others
         count = min(4 * count, slices)
     device = points.device
-    windows = scratch("generalized_hough.windows", (count * entries, 4), wp.int32, device)
-    slab_cells = scratch("generalized_hough.cells", (count, cells), wp.uint16, device)
-    launch_slabs(
-        rows.search,
-        slices,
-        count,
-        [
-            count, points, starts, vectors, directions, turns, scales, tolerance, height, width,
-            shift, peaks, windows, slab_cells,
-        ],
-        [view(found, wp.int32, (math.prod(found.shape),))],
-    )  # fmt: skip
+    windows = scratch("shapes.windows", (count * entries, 4), wp.int32, device)
+    slab_cells = scratch("shapes.cells", (count, cells), wp.uint16, device)
+    launch_slabs(rows.search, slices, count, [count, *inputs, peaks, windows, slab_cells], [flat])

@@ -1,4 +1,4 @@
-"""Directions of the points of a shape, one thread a point, on the CPU and on CUDA."""
+"""Directions of edge points, one thread a point, on the CPU and on CUDA."""
 
 import warp as wp
 

@@ -45,9 +45,9 @@ def turn_entries(
 @wp.func_native(f"""
     const int rows = ((height - 1) >> shift) + 1, pitch = ((width - 1) >> shift) + 2;
     const int outside = (rows + 1) * pitch, count = windows.shape[0] / slabs;
-    const int stride = points.shape[1];
+    const unsigned tall = height, broad = width;
     const int* ys = points.data;
-    const int* xs = points.data + stride;
+    const int* xs = points.data + points.shape[1];
     unsigned short* cell = cells.data + (size_t)slab * cells.shape[1];
     for (int i = 0; i < outside + {LANES}; ++i) cell[i] = 0;
     int list[1024 + {LANES}];
@@ -62,7 +62,7 @@ def turn_entries(
             #pragma clang loop vectorize(assume_safety)
             for (int k = 0; k < {LANES}; ++k) {{
                 const int y = ys[i + k] + dy, x = xs[i + k] + dx;
-                const bool inside = ((unsigned)y < (unsigned)height) & ((unsigned)x < (unsigned)width);
+                const bool inside = ((unsigned)y < tall) & ((unsigned)x < broad);
                 place[k] = inside ? (y >> shift) * pitch + (x >> shift) : outside + k;
             }}
             listed += last - i < {LANES} ? last - i : {LANES};

@@ -1,0 +1,449 @@
+"""The generalised Hough transform: shapes of any form, turned and scaled."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._poses import Judge, Model
+from cvkern._runtime import runtime
+from cvkern._shape_votes import MAX_ANGLE, ballot_of, candidates, scene_of, voters_of
+from cvkern._validate import MAX_ELEMENTS, check_image, check_integer, check_number
+from cvkern.kernels.codes import DIRECTIONS
+
+SIGMA = 1.0
+MAX_RADIUS = 2**12  # pixels, of a table
+
+
+class RTable(NamedTuple):
+    """A shape as its boundary: where the reference point is, seen from each boundary point.
+
+    The entries are sorted by their direction, which is how votes look them up. All are NumPy's.
+    """
+
+    vectors: np.ndarray
+    """Rows and columns from the boundary point to the reference point, (N, 2) float32."""
+    orientation: np.ndarray
+    """Direction of the gradient at the boundary point, in radians, ascending, (N,) float32."""
+    reference: np.ndarray
+    """Row and column of the reference point in the template, (2,) float64."""
+    shape: tuple[int, int]
+    """Rows and columns of the template."""
+
+
+class Shapes(NamedTuple):
+    """Where a shape was found, the best supported first."""
+
+    position: Any
+    """Row and column of the reference point, in pixels, (N, 2) float32."""
+    rotation: Any
+    """In radians from the axis of columns towards that of rows, clockwise as a picture is seen,
+    within -pi to pi, (N,) float32."""
+    scale: Any
+    """Size over the template's, (N,) float32."""
+    votes: Any
+    """Votes that the four cells around the position got, (N,) int32."""
+    support: Any
+    """Share of the template's boundary that has an edge of its direction in place, (N,) float32."""
+
+
+def r_table(
+    template: Any,
+    *,
+    reference: tuple[float, float] | None = None,
+    orientation: Any = None,
+    sigma: float = SIGMA,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    use_quantiles: bool = False,
+) -> RTable:
+    """Describe a shape by its boundary points, for :func:`generalized_hough`.
+
+    Parameters
+    ----------
+    template : array of shape (H, W)
+        A picture of the shape, any real dtype; its edges are those of :func:`cvkern.canny`. Or,
+        with `orientation`, a mask that is not 0 on the boundary.
+    reference : pair of float, optional
+        Row and column of the point whose place is to be found; the centre by default.
+    orientation : array of shape (H, W), optional
+        Direction of the gradient at the pixels of the mask, in radians.
+    sigma, low_threshold, high_threshold, use_quantiles
+        As in :func:`cvkern.canny`; without meaning for a mask.
+
+    Returns
+    -------
+    RTable
+        Named tuple of `vectors` (N, 2) and `orientation` (N,) float32, sorted by orientation,
+        `reference` (2,) float64, and `shape`. NumPy arrays, whatever the template is.
+
+    Raises
+    ------
+    TypeError
+        If `template` or `orientation` do not hold real numbers.
+    ValueError
+        If `template` is empty or not 2-D, has no boundary point, or one farther than 4096 pixels
+        from the reference; if `reference` is not two finite numbers; if `orientation` has another
+        shape than the mask, or is not within -7 to 7 at one of its points; and as
+        :func:`cvkern.canny`. Within :func:`cvkern.capture`, as the host counts the points.
+
+    References
+    ----------
+    .. [1] D. H. Ballard, "Generalizing the Hough transform to detect arbitrary shapes", Pattern
+       Recognition 13(2), 1981.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> square = np.zeros((21, 21))
+    >>> square[5:16, 5:16] = 1
+    >>> table = cvkern.r_table(square, sigma=1.0)
+    >>> table.reference
+    array([10., 10.])
+    >>> bool((abs(table.vectors).max(axis=1) < 7).all())
+    True
+    """
+    template = check_image(template, name="template")
+    options = sigma, low_threshold, high_threshold, use_quantiles
+    shape = tuple(template.shape)
+    centre = _check_reference(reference, shape)
+    scene = scene_of(template, orientation, options, "template")
+    if not len(scene.points):
+        raise ValueError("template must have boundary points, got none")
+    vectors = centre - scene.points
+    radius = float(np.hypot(*vectors.T).max())
+    if radius > MAX_RADIUS:
+        raise ValueError(
+            f"template must have its boundary within {MAX_RADIUS} pixels of the reference, "
+            f"got {radius:g}"
+        )
+    codes = (scene.codes + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2  # -pi to pi
+    order = np.argsort(codes, kind="stable")
+    angles = codes[order] * (2 * math.pi / DIRECTIONS)
+    return RTable(
+        vectors[order].astype(np.float32), angles.astype(np.float32), centre, (shape[0], shape[1])
+    )
+
+
+def generalized_hough(
+    image: Any,
+    table: RTable,
+    *,
+    rotations: Any = None,
+    scales: Any = None,
+    orientation: Any = None,
+    sigma: float = SIGMA,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    use_quantiles: bool = False,
+    orientation_tolerance: float | None = None,
+    cell: int = 4,
+    max_entries: int = 250,
+    threshold: float = 0.4,
+    num_peaks: int | None = None,
+    min_distance: float | None = None,
+    min_rotation: float = math.pi,
+    min_ratio: float = 256.0,
+    max_bytes: int = 2**28,
+) -> Shapes:
+    """Find a shape of any form, wherever it is, turned and scaled, whole or partly hidden.
+
+    Each edge point votes, for each rotation and scale, at the places where the reference point
+    would be if it were one of the boundary points of its direction. Where most votes meet, the
+    pose is fitted to the edges by least squares, and judged by how much of the boundary they have.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype. With `orientation` a mask of the edges.
+    table : RTable
+        Of :func:`r_table`, made with the same `sigma` and thresholds.
+    rotations : int or sequence of float, optional
+        How many, over the full turn, or which, in radians. By default 0 alone.
+    scales : sequence of float, optional
+        Within 1/16 to 16; by default 1 alone.
+    orientation : array of shape (H, W), optional
+        Direction of the gradient at the pixels of the mask, in radians.
+    sigma, low_threshold, high_threshold, use_quantiles
+        As in :func:`cvkern.canny`; without meaning for a mask.
+    orientation_tolerance : float, optional
+        How far, in radians, the direction of an edge point may be off that of the boundary point
+        it votes as. By default half the step between rotations, but within 0.5 to 3 degrees, so
+        that over the full turn each edge point meets each boundary point about once. The votes,
+        and the time, are in proportion to it.
+    cell : {1, 2, 4, 8, 16}, default 4
+        Side of a cell of the accumulator in pixels.
+    max_entries : int, default 250
+        Boundary points that vote, evenly taken from those of the table; all judge. At most
+        65535 / cell^2 do.
+    threshold : float, default 0.4
+        Least support, the share of the boundary that is found in place, in [0, 1].
+    num_peaks : int, optional
+        Return at most so many. Without, as many as are found, which are at most 128.
+    min_distance : float, optional
+        Of two shapes less than this apart, in pixels, the better one is returned. By default half
+        the mean distance of the boundary from the reference point.
+    min_rotation : float, default pi
+        But both are where they are turned against each other by more than this, in radians,
+    min_ratio : float, default 256
+        or where the larger scale is more than so many times the smaller.
+    max_bytes : int, default 2^28
+        Memory of the accumulators that are filled at a time.
+
+    Returns
+    -------
+    Shapes
+        Named tuple of `position` (N, 2), `rotation` (N,), `scale` (N,), `votes` (N,) int32 and
+        `support` (N,), the best supported first; float32 but for the votes. None is found in an
+        image without edges.
+
+    Raises
+    ------
+    TypeError
+        If `image` or `orientation` do not hold real numbers, or an option is of a wrong type.
+    ValueError
+        If `image` is empty or not 2-D, `table` has no entries or is not finite, `rotations` or
+        `scales` are empty, not finite or out of range, `cell` is no such size, `max_bytes` is less
+        than one rotation and scale takes; another option is out of its range; as in
+        :func:`r_table` for `orientation`; as :func:`cvkern.canny`. Within :func:`cvkern.capture`,
+        as the host chooses among the peaks.
+
+    Notes
+    -----
+    Votes are integers, and the same on every device and kernel set. An edge that belongs to
+    several boundary points votes several times: votes rank cells, support says how sure one can be.
+
+    References
+    ----------
+    .. [1] D. H. Ballard, "Generalizing the Hough transform to detect arbitrary shapes", Pattern
+       Recognition 13(2), 1981.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> scene = np.zeros((60, 80))
+    >>> scene[20:45, 30:40] = 1
+    >>> scene[35:45, 40:55] = 1
+    >>> table = cvkern.r_table(scene[12:53, 22:63])
+    >>> found = cvkern.generalized_hough(np.rot90(scene), table, rotations=4, num_peaks=1)
+    >>> np.degrees(found.rotation).round()
+    array([-90.], dtype=float32)
+    """
+    image = check_image(image)
+    options = sigma, low_threshold, high_threshold, use_quantiles
+    table = _check_table(table)
+    threshold = check_number(threshold, "threshold", low=0)
+    min_rotation = check_number(min_rotation, "min_rotation", low=0)
+    min_ratio = check_number(min_ratio, "min_ratio", low=1)
+    limit = 128 if num_peaks is None else check_integer(num_peaks, "num_peaks", 1, 10**6)
+    if min_distance is None:
+        min_distance = 0.5 * float(np.hypot(*table.vectors.T).mean())
+    min_distance = check_number(min_distance, "min_distance", low=0)
+    ballot = ballot_of(
+        table.vectors,
+        table.orientation,
+        rotations,
+        scales,
+        orientation_tolerance,
+        cell,
+        max_entries,
+    )
+    height, width = image.shape
+    batch = ballot.batch(height, width, check_integer(max_bytes, "max_bytes", 1, 2**62))
+    rt = runtime(image)
+    scene = scene_of(image, orientation, options, "image")
+    poses, votes = candidates(rt, scene, ballot, batch, 32 + 4 * limit)
+    support = np.empty(0)
+    if len(poses):
+        judge = Judge(scene, Model(table.vectors.astype(float), table.orientation.astype(float)))
+        poses, support, which = judge.best(poses, limit, min_distance, min_rotation, min_ratio)
+        kept = support >= threshold
+        poses, support, votes = poses[kept], support[kept], votes[which[kept]]
+    results = poses[:, :2], poses[:, 2], poses[:, 3], votes, support
+    dtypes = np.float32, np.float32, np.float32, np.int32, np.float32
+    return Shapes(*(rt.give(a.astype(d)) for a, d in zip(results, dtypes, strict=True)))
+
+
+def generalized_hough_votes(
+    image: Any,
+    table: RTable,
+    *,
+    rotations: Any = None,
+    scales: Any = None,
+    orientation: Any = None,
+    sigma: float = SIGMA,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    use_quantiles: bool = False,
+    orientation_tolerance: float | None = None,
+    cell: int = 4,
+    max_entries: int = 250,
+) -> Any:
+    """Return the accumulator that :func:`generalized_hough` looks for peaks in.
+
+    Parameters
+    ----------
+    image, table, rotations, scales, orientation, sigma, low_threshold, high_threshold, \
+use_quantiles, orientation_tolerance, cell, max_entries
+        As in :func:`generalized_hough`.
+
+    Returns
+    -------
+    array of shape (R, S, ceil(H / cell), ceil(W / cell)), int32
+        Votes for each rotation, scale and place of the reference point: element (r, s, i, j)
+        counts those that fell, in whole pixels, from (i, j) times `cell` up to the next cell.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`generalized_hough`; and if the accumulator would have more than 2^29 elements.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> scene = np.zeros((60, 80))
+    >>> scene[20:45, 30:40] = 1
+    >>> votes = cvkern.generalized_hough_votes(scene, cvkern.r_table(scene), rotations=2)
+    >>> votes.shape
+    (2, 1, 15, 20)
+    """
+    image = check_image(image)
+    options = sigma, low_threshold, high_threshold, use_quantiles
+    table = _check_table(table)
+    ballot = ballot_of(
+        table.vectors,
+        table.orientation,
+        rotations,
+        scales,
+        orientation_tolerance,
+        cell,
+        max_entries,
+    )
+    height, width = image.shape
+    rows, columns = ballot.cells(height, width)
+    shape = (len(ballot.turns), len(ballot.scales), rows, columns)
+    if math.prod(shape) > MAX_ELEMENTS:
+        raise ValueError(
+            f"accumulator must have at most {MAX_ELEMENTS} elements, "
+            f"got shape {shape}: {4 * math.prod(shape)} bytes"
+        )
+    rt = runtime(image)
+    scene = scene_of(image, orientation, options, "image")
+    votes = rt.empty(shape, np.int32)
+    rt.shapes.accumulate(
+        *voters_of(rt, scene), *ballot.entries(rt), *ballot.slices(rt, np.s_[:], np.s_[:]),
+        ballot.tolerance, height, width, ballot.shift, rt.adopt(votes, np.int32),
+    )  # fmt: skip
+    return rt.release(votes)
+
+
+def find_shape(
+    template: Any,
+    scene: Any,
+    *,
+    reference: tuple[float, float] | None = None,
+    rotations: Any = 360,
+    scales: Any = None,
+    num_peaks: int | None = 1,
+    threshold: float = 0.25,
+    sigma: float = SIGMA,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    use_quantiles: bool = False,
+    **options: Any,
+) -> Shapes:
+    """Find what one picture shows in another: :func:`r_table` and :func:`generalized_hough`.
+
+    Parameters
+    ----------
+    template, scene : arrays of shape (H, W)
+        Any real dtype.
+    reference
+        As in :func:`r_table`.
+    rotations : int or sequence of float, default 360
+        As in :func:`generalized_hough`.
+    scales : sequence of float, optional
+        By default 17 from 0.8 to 1.6.
+    num_peaks : int, optional
+        How many to return at most, 1 by default; None for all.
+    threshold : float, default 0.25
+        Least share of the boundary that is found in place.
+    sigma, low_threshold, high_threshold, use_quantiles
+        As in :func:`cvkern.canny`, for both pictures.
+    **options
+        The others of :func:`generalized_hough`, but for `orientation`.
+
+    Returns
+    -------
+    Shapes
+        As :func:`generalized_hough`; of length 0 where there is no such shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`r_table` and :func:`generalized_hough`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> scene = np.zeros((60, 80))
+    >>> scene[20:45, 30:40] = 1
+    >>> scene[35:45, 40:55] = 1
+    >>> cvkern.find_shape(scene[12:53, 22:63], scene).position.round(1)
+    array([[32., 42.]], dtype=float32)
+    """
+    if "orientation" in options:
+        raise TypeError("find_shape takes pictures, got orientation: use generalized_hough")
+    edges = {
+        "sigma": sigma,
+        "low_threshold": low_threshold,
+        "high_threshold": high_threshold,
+        "use_quantiles": use_quantiles,
+    }
+    table = r_table(template, reference=reference, **edges)
+    return generalized_hough(
+        scene,
+        table,
+        rotations=rotations,
+        scales=np.linspace(0.8, 1.6, 17) if scales is None else scales,
+        num_peaks=num_peaks,
+        threshold=threshold,
+        **edges,
+        **options,
+    )
+
+
+def _check_reference(reference: Any, shape: tuple[int, ...]) -> np.ndarray:
+    if reference is None:
+        return (np.array(shape) - 1) / 2
+    try:
+        centre = np.asarray(reference, float)
+    except (TypeError, ValueError):
+        raise TypeError(f"reference must be numbers, got {reference!r}") from None
+    if centre.shape != (2,) or not np.isfinite(centre).all():
+        raise ValueError(f"reference must be two finite numbers, got {reference!r}")
+    return centre
+
+
+def _check_table(table: Any) -> RTable:
+    if not isinstance(table, RTable):
+        raise TypeError(f"table must be an RTable, got {type(table).__name__}")
+    vectors, angles = np.asarray(table.vectors), np.asarray(table.orientation)
+    count = len(vectors)
+    if not count or vectors.shape != (count, 2) or angles.shape != (count,):
+        raise ValueError(
+            "table must have vectors of shape (N, 2) and orientation of shape (N,), N >= 1, "
+            f"got {vectors.shape} and {angles.shape}"
+        )
+    if not (np.abs(vectors) <= MAX_RADIUS).all() or not (np.abs(angles) <= MAX_ANGLE).all():
+        raise ValueError(
+            f"table must have vectors of at most {MAX_RADIUS} pixels and angles within -7 to 7, "
+            "got others"
+        )
+    return table._replace(vectors=vectors, orientation=angles)
