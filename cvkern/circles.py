@@ -132,7 +132,7 @@ def hough_circle(
         units = min(round(tolerance * DIRECTIONS / (2 * math.pi)), DIRECTIONS // 4 - 1)
         rt.circles.vote_directed(
             found.points, found.starts, angles, rt.constant(np.array(radii, np.int32)),
-            rt.constant(_directions()), units if tolerance else ALONG, offsets, codes, starts, rt.adopt(votes, dtype),
+            rt.constant(direction_table()), units if tolerance else ALONG, offsets, codes, starts, rt.adopt(votes, dtype),
         )  # fmt: skip
     return rt.release(votes)
 
@@ -326,7 +326,7 @@ def _ring(radius: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=1)
-def _directions() -> np.ndarray:
+def direction_table() -> np.ndarray:
     """Return sine and cosine of each direction code times 2^16, (DIRECTIONS, 2) int32."""
     angle = np.arange(DIRECTIONS) * (2 * math.pi / DIRECTIONS)
     return np.round(np.stack((np.sin(angle), np.cos(angle)), axis=1) * 65536).astype(np.int32)

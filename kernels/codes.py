@@ -66,3 +66,10 @@ TURN_ONE = 1 << 20
 TURNED_ONE = 1 << 4
 SCALE_ONE = 1 << 11
 TILE = 8  # cells along the side of what one peak is reported of
+
+# Circles in integers. Lines are walked in 2^-15 of a cell; sums over the points of a circle have
+# its normals in 2^-14, and distances from it in 2^-10 of a pixel.
+LINE_ONE = 1 << 15
+NORMAL_ONE = 1 << 14
+FINE_ONE = 1 << 10
+ARCS = 64  # parts of a circle that are counted apart: of each octant eight, by the slope
