@@ -2,8 +2,11 @@
 
 from cvkern._capture import capture
 from cvkern._runtime import use
+from cvkern.circle_centers import Circles, detect_circles
 from cvkern.circles import CirclePeaks, hough_circle, hough_circle_peaks
 from cvkern.edges import SubpixelEdges, canny, subpixel_edges
+from cvkern.ellipse_detection import Ellipses, detect_ellipses
+from cvkern.ellipses import EllipseVotes, hough_ellipse
 from cvkern.filters import box, correlate_separable, gaussian
 from cvkern.gradients import Gradient, gradient, scharr, sobel
 from cvkern.line_peaks import HoughLinePeaks, hough_line_peaks
@@ -27,6 +30,9 @@ from cvkern.shapes import (
 
 __all__ = [
     "CirclePeaks",
+    "Circles",
+    "EllipseVotes",
+    "Ellipses",
     "Gradient",
     "HoughLine",
     "HoughLinePeaks",
@@ -39,6 +45,8 @@ __all__ = [
     "canny",
     "capture",
     "correlate_separable",
+    "detect_circles",
+    "detect_ellipses",
     "find_shape",
     "gaussian",
     "generalized_hough",
@@ -46,6 +54,7 @@ __all__ = [
     "gradient",
     "hough_circle",
     "hough_circle_peaks",
+    "hough_ellipse",
     "hough_line",
     "hough_line_peaks",
     "hough_line_slope",

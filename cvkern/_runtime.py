@@ -100,8 +100,10 @@ class Runtime:
 
     if TYPE_CHECKING:
         from cvkern.kernels.warp import (
+            circle_centers,
             circles,
             edges,
+            ellipses,
             filters,
             gradients,
             lines,

@@ -36,3 +36,15 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "canny", partial(cvkern.canny, byte, 0, 50, 100, operator="sobel", norm=norm)
         yield "canny", partial(cvkern.canny, real, 1, 5, 10, norm=norm)
     yield "subpixel_edges", partial(cvkern.subpixel_edges, real, 1, 5, 10)
+    angles = cvkern.gradient(real).orientation
+    for normalize in (True, False):
+        yield "hough_circle", partial(cvkern.hough_circle, real > 200, 3, normalize=normalize)
+    yield "hough_circle", partial(cvkern.hough_circle, real > 200, 3, orientation=angles)
+    votes = np.asarray(noise[None], np.float32)
+    yield "hough_circle_peaks", partial(cvkern.hough_circle_peaks, votes, [3])
+    disc = np.hypot(*np.indices((120, 120)) - 59.0) < 40
+    for dtype in (np.uint8, np.float32):
+        photo = disc.astype(dtype) * dtype(255)
+        yield "detect_circles", partial(cvkern.detect_circles, photo, (25, 45), high_threshold=9)
+    yield "hough_ellipse", partial(cvkern.hough_ellipse, real > 240)
+    yield "detect_ellipses", partial(cvkern.detect_ellipses, photo, (25, 45), high_threshold=9)

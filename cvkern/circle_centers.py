@@ -12,7 +12,7 @@ from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_image, check_number
 from cvkern.circles import local_maxima
 from cvkern.edges import _canny as canny_gradient
-from cvkern.kernels.codes import ARCS, Border, FINE_ONE, LINE_ONE, NORMAL_ONE
+from cvkern.kernels.codes import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Border
 
 POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
 
@@ -118,16 +118,14 @@ def detect_circles(
     """
     image = check_image(image)
     height, width = image.shape
-    low, high = _check_range(radius_range, min(height, width))
+    low, high = check_range(radius_range, min(height, width), "radius_range")
     first, last = POLARITIES[check_choice(polarity, tuple(POLARITIES), "polarity")]
-    least = check_number(min_support, "min_support", low=0)
-    if not 0 < least <= 1:
-        raise ValueError(f"min_support must be in (0, 1], got {min_support}")
+    least = check_support(min_support)
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
     rt = runtime(image)
     factor = max(1, int(low / FINEST))
-    small = _reduced(rt, image, factor)
-    lines = _lines(rt, small, sigma, low_threshold, high_threshold)
+    small = reduced(rt, image, factor)
+    lines = edge_lines(rt, small, sigma, low_threshold, high_threshold)
     circles, support = np.empty((0, 3), np.float32), np.empty(0, np.float32)
     if lines is not None:
         sides = first, last
@@ -140,23 +138,34 @@ def detect_circles(
         circles *= np.float32(factor)
         circles[:, :2] += (factor - 1) / 2
         kept = (support >= least) & (circles[:, 2] >= low - 1) & (circles[:, 2] <= high + 1)
-        circles, support = _distinct(circles[kept], support[kept], apart)
+        circles, support = circles[kept], support[kept]
+        best = distinct(circles, support, apart)
+        circles, support = circles[best], support[best]
     return Circles(*(rt.give(a) for a in (circles[:, :2].copy(), circles[:, 2].copy(), support)))
 
 
-def _check_range(radius_range: Any, side: int) -> tuple[float, float]:
-    given = tuple(np.asarray(radius_range).reshape(-1).tolist())
+def check_range(value: Any, side: int, name: str) -> tuple[float, float]:
+    """Return the least and the largest radius of what is looked for in an image."""
+    given = tuple(np.asarray(value).reshape(-1).tolist())
     if len(given) != 2:
-        raise ValueError(f"radius_range must be two numbers, got {radius_range!r}")
-    low, high = (check_number(r, "radius_range", low=3) for r in given)
+        raise ValueError(f"{name} must be two numbers, got {value!r}")
+    low, high = (check_number(r, name, low=3) for r in given)
     if low > high:
-        raise ValueError(f"radius_range must rise, got {low:g} to {high:g}")
+        raise ValueError(f"{name} must rise, got {low:g} to {high:g}")
     if low > side / 2:
-        raise ValueError(f"radius_range must begin at most at {side / 2:g}, got {low:g}")
+        raise ValueError(f"{name} must begin at most at {side / 2:g}, got {low:g}")
     return low, high
 
 
-def _reduced(rt: Runtime, image: Any, factor: int) -> Any:
+def check_support(value: Any) -> float:
+    """Return the least share of a perimeter."""
+    least = check_number(value, "min_support", low=0)
+    if not 0 < least <= 1:
+        raise ValueError(f"min_support must be in (0, 1], got {value}")
+    return least
+
+
+def reduced(rt: Runtime, image: Any, factor: int) -> Any:
     """Return the image, or the means of its squares of `factor` pixels a side."""
     if factor == 1:
         return image
@@ -166,7 +175,7 @@ def _reduced(rt: Runtime, image: Any, factor: int) -> Any:
     return rt.release(small)
 
 
-def _lines(rt: Runtime, image: Any, sigma: float, low: float | None, high: float | None) -> Any:
+def edge_lines(rt: Runtime, image: Any, sigma: float, low: float | None, high: float | None) -> Any:
     """Return row, column, and the direction's sine and cosine, of N edge points, (4, N)."""
     shape = tuple(image.shape)
     mask = rt.scratch("circles.mask", shape, bool)
@@ -273,15 +282,16 @@ def _fitted(
     return exact.astype(np.float32), support
 
 
-def _distinct(
-    circles: np.ndarray, support: np.ndarray, apart: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return, by falling support, the circles whose centres are apart from all better ones."""
-    order = np.lexsort((*circles.T[::-1], -support))
+def distinct(shapes: np.ndarray, support: np.ndarray, apart: float) -> np.ndarray:
+    """Return, by falling support, which shapes' centres are apart from those of all better ones.
+
+    `shapes` begin with row and column, (N, K).
+    """
+    order = np.lexsort((*shapes.T[::-1], -support))
     kept = []
     while len(order):
         best, order = order[0], order[1:]
         kept.append(best)
-        gap = np.hypot(*(circles[order, :2] - circles[best, :2]).T)
+        gap = np.hypot(*(shapes[order, :2] - shapes[best, :2]).T)
         order = order[gap >= max(apart, 1e-6)]
-    return circles[kept], support[kept]
+    return np.array(kept, np.intp)

@@ -10,9 +10,16 @@ import numpy as np
 
 from cvkern._libraries import library
 from cvkern._points import check_at_points, mask_points
-from cvkern._runtime import runtime
-from cvkern._validate import MAX_ELEMENTS, check_image, check_integer, check_number
+from cvkern._runtime import Runtime, runtime
+from cvkern._validate import (
+    MAX_ELEMENTS,
+    check_accumulator,
+    check_image,
+    check_integer,
+    check_number,
+)
 from cvkern.kernels.codes import DIRECTIONS
+from cvkern.lines import check_beside
 
 MAX_RADIUS = 2**14  # times the 2^16 of the tables of directions, within 32 bits
 ALONG = -1  # the tolerance that says: the two pixels along the gradient, no arcs
@@ -107,16 +114,10 @@ def hough_circle(
     tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)
     if tolerance >= math.pi / 2:
         raise ValueError(f"orientation_tolerance must be < pi / 2, got {tolerance:g}")
-    if orientation is not None:
-        orientation = check_image(orientation, name="orientation")
-        if tuple(orientation.shape) != shape:
-            raise ValueError(
-                f"orientation must have the shape of the mask, {shape}, "
-                f"got {tuple(orientation.shape)}"
-            )
+    orientation = check_beside(orientation, shape, "orientation")
     pad = max(radii) if full_output else 0
     size = (len(radii), shape[0] + 2 * pad, shape[1] + 2 * pad)
-    check_votes(size, "radius")
+    check_accumulator(size, "votes")
     rt = runtime(mask, orientation)
     offsets, codes, starts = (rt.constant(table) for table in _rings(radii))
     dtype = np.float32 if normalize else np.int32
@@ -132,7 +133,8 @@ def hough_circle(
         units = min(round(tolerance * DIRECTIONS / (2 * math.pi)), DIRECTIONS // 4 - 1)
         rt.circles.vote_directed(
             found.points, found.starts, angles, rt.constant(np.array(radii, np.int32)),
-            rt.constant(direction_table()), units if tolerance else ALONG, offsets, codes, starts, rt.adopt(votes, dtype),
+            rt.constant(direction_table()), units if tolerance else ALONG, offsets, codes, starts,
+            rt.adopt(votes, dtype),
         )  # fmt: skip
     return rt.release(votes)
 
@@ -199,7 +201,7 @@ def hough_circle_peaks(
     (array([12], dtype=int32), array([9], dtype=int32), array([6], dtype=int32))
     """
     hspaces = check_image(hspaces, ndim=(3,), name="hspaces")
-    planes = tuple(hspaces.shape)[0]
+    planes = hspaces.shape[0]
     radii = np.array(_check_radii(radii, MAX_RADIUS, "radii"), np.int32)
     if len(radii) != planes:
         raise ValueError(f"radii must be one of each of {planes} accumulators, got {len(radii)}")
@@ -233,17 +235,8 @@ def hough_circle_peaks(
     )
 
 
-def check_votes(shape: tuple[int, ...], name: str) -> None:
-    """Refuse an accumulator that kernels could not index."""
-    if math.prod(shape) > MAX_ELEMENTS:
-        raise ValueError(
-            f"{name} must give an accumulator of at most {4 * MAX_ELEMENTS} bytes, "
-            f"got {4 * math.prod(shape)} for shape {shape}"
-        )
-
-
 def local_maxima(
-    rt: Any, votes: Any, apart: tuple[int, int], threshold: float | None
+    rt: Runtime, votes: Any, apart: tuple[int, int], threshold: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the peaks of a float32 kernel array (P, H, W): votes (N,), and places (N, 3) int32.
 

@@ -10,7 +10,17 @@ from calls import primitives
 import cvkern
 from cvkern._runtime import KERNEL_SETS
 
-FAMILIES = ["edges", "filters", "gradients", "lines", "rank", "shapes"]
+FAMILIES = [
+    "circle_centers",
+    "circles",
+    "edges",
+    "ellipses",
+    "filters",
+    "gradients",
+    "lines",
+    "rank",
+    "shapes",
+]
 SHARED = ["points"]  # by several families; in cvkern/ their module is private
 
 
