@@ -141,8 +141,8 @@ def generalized_hough(
     use_quantiles: bool = False,
     orientation_tolerance: float | None = None,
     cell: int = 4,
-    max_entries: int = 250,
-    threshold: float = 0.4,
+    max_entries: int = 500,
+    threshold: float = 0.25,
     num_peaks: int | None = None,
     min_distance: float | None = None,
     min_rotation: float = math.pi,
@@ -176,10 +176,10 @@ def generalized_hough(
         and the time, are in proportion to it.
     cell : {1, 2, 4, 8, 16}, default 4
         Side of a cell of the accumulator in pixels.
-    max_entries : int, default 250
+    max_entries : int, default 500
         Boundary points that vote, evenly taken from those of the table; all judge. At most
         65535 / cell^2 do.
-    threshold : float, default 0.4
+    threshold : float, default 0.25
         Least support, the share of the boundary that is found in place, in [0, 1].
     num_peaks : int, optional
         Return at most so many. Without, as many as are found, which are at most 128.
@@ -281,7 +281,7 @@ def generalized_hough_votes(
     use_quantiles: bool = False,
     orientation_tolerance: float | None = None,
     cell: int = 4,
-    max_entries: int = 250,
+    max_entries: int = 500,
 ) -> Any:
     """Return the accumulator that :func:`generalized_hough` looks for peaks in.
 

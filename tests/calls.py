@@ -18,6 +18,16 @@ def edges(image):
     return cvkern.canny(image, 1.5, 2, 4)
 
 
+# A ring that is no circle, as a table of shapes.
+_TURNS = np.linspace(-3, 3, 40)
+_RADII = 9 + 3 * np.cos(3 * _TURNS)
+TABLE = cvkern.RTable(
+    (np.stack((np.sin(_TURNS), np.cos(_TURNS)), 1) * _RADII[:, None]).astype("f4"),
+    _TURNS.astype("f4"),
+    np.array([9.0, 9.0]),
+    (19, 19),
+)
+
 CALLS = {
     "gaussian": lambda x: cvkern.gaussian(x, 1.5),
     "derivative": lambda x: cvkern.gaussian(x, (1.0, 2.0), order=(0, 1)),
@@ -42,6 +52,10 @@ CALLS = {
     "detect_ellipses": lambda x: cvkern.detect_ellipses(
         x, (4, 16), min_support=0.2, max_points=300
     ),
+    "generalized_hough": lambda x: cvkern.generalized_hough(
+        x, TABLE, rotations=8, scales=[0.8, 1.1], threshold=0, num_peaks=3
+    ),
+    "generalized_hough_votes": lambda x: cvkern.generalized_hough_votes(x, TABLE, rotations=5),
 }
 
 DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
