@@ -62,7 +62,7 @@ def hough_circle(
     orientation : array of shape (H, W), optional
         Direction of the gradient in radians (:func:`cvkern.gradient`). A set pixel then votes
         along its gradient alone, to both sides, in place of all round: far fewer wrong votes.
-    orientation_tolerance : float, default 0
+    orientation_tolerance : float, default 0.0
         Radians. 0: a pixel p votes for the two centres ``p +- round(radius * direction)``. Above
         0: for the offsets of the circle whose direction is at most this far from the gradient's,
         or from its opposite.

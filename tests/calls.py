@@ -42,20 +42,10 @@ CALLS = {
     "canny_sobel": lambda x: cvkern.canny(x, 0, 100, 200, operator="sobel"),
     "subpixel_edges": lambda x: cvkern.subpixel_edges(x, 1.5, 2, 4),
     "hough_circle": lambda x: cvkern.hough_circle(edges(x), [3, 6, 11]),
-    "hough_circle_votes": lambda x: cvkern.hough_circle(
-        edges(x), 5, normalize=False, full_output=True
-    ),
     "hough_circle_peaks": lambda x: cvkern.hough_circle_peaks(
         cvkern.hough_circle(edges(x), [3, 6]), [3, 6], 2, 3
     ),
     "detect_circles": lambda x: cvkern.detect_circles(x, (4, 16), min_support=0.2),
-    "detect_ellipses": lambda x: cvkern.detect_ellipses(
-        x, (4, 16), min_support=0.2, max_points=300
-    ),
-    "generalized_hough": lambda x: cvkern.generalized_hough(
-        x, TABLE, rotations=8, scales=[0.8, 1.1], threshold=0, num_peaks=3
-    ),
-    "generalized_hough_votes": lambda x: cvkern.generalized_hough_votes(x, TABLE, rotations=5),
 }
 
 DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
