@@ -186,11 +186,12 @@ def generalized_hough(
     min_distance : float, optional
         Of two shapes less than this apart, in pixels, the better one is returned. By default half
         the mean distance of the boundary from the reference point.
-    min_rotation : float, default pi
-        But both are where they are turned against each other by more than this, in radians,
-    min_ratio : float, default 256
+    min_rotation : float, optional
+        But both are where they are turned against each other by more than this, in radians; by
+        default that does not count,
+    min_ratio : float, default 256.0
         or where the larger scale is more than so many times the smaller.
-    max_bytes : int, default 2^28
+    max_bytes : int, default 268435456
         Memory of the accumulators that are filled at a time.
 
     Returns
@@ -293,9 +294,10 @@ use_quantiles, orientation_tolerance, cell, max_entries
 
     Returns
     -------
-    array of shape (R, S, ceil(H / cell), ceil(W / cell)), int32
-        Votes for each rotation, scale and place of the reference point: element (r, s, i, j)
-        counts those that fell, in whole pixels, from (i, j) times `cell` up to the next cell.
+    array of shape (R, S, I, J), int32
+        Votes for each rotation, scale, row and column of cells: I is ceil(H / cell), J
+        ceil(W / cell). A vote falls at the pixel that is nearest to the reference point, and
+        pixel (y, x) is in cell (y // cell, x // cell).
 
     Raises
     ------
