@@ -19,6 +19,13 @@ from cvkern.lines import (
     suggest_line_bins,
 )
 from cvkern.rank import median
+from cvkern.segments import (
+    LineFit,
+    detect_lines,
+    detect_segments,
+    fit_line,
+    hough_line_segments,
+)
 from cvkern.shapes import (
     RTable,
     Shapes,
@@ -38,6 +45,7 @@ __all__ = [
     "HoughLinePeaks",
     "HoughLineSlope",
     "LineBins",
+    "LineFit",
     "RTable",
     "Shapes",
     "SubpixelEdges",
@@ -47,7 +55,10 @@ __all__ = [
     "correlate_separable",
     "detect_circles",
     "detect_ellipses",
+    "detect_lines",
+    "detect_segments",
     "find_shape",
+    "fit_line",
     "gaussian",
     "generalized_hough",
     "generalized_hough_votes",
@@ -57,6 +68,7 @@ __all__ = [
     "hough_ellipse",
     "hough_line",
     "hough_line_peaks",
+    "hough_line_segments",
     "hough_line_slope",
     "median",
     "r_table",

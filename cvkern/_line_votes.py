@@ -106,7 +106,7 @@ def subpixel_points(rt: Runtime, points: Any, size: tuple[int, int]) -> Points:
     number = len(host)
     fixed = np.zeros((max(number, 1), 2), np.int32)
     fixed[:number] = np.floor(host.astype(np.float64) * SUBPIXEL + 0.5)
-    return Points(rt.adopt(fixed, np.int32), rt.constant(np.array([number], np.int32)), number, 0)
+    return Points(rt.adopt(fixed, np.int32), rt.adopt(np.array([number]), np.int32), number, 0)
 
 
 def reach(size: tuple[int, int], step: float) -> int:

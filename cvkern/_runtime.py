@@ -109,6 +109,7 @@ class Runtime:
             lines,
             points,
             rank,
+            segments,
             shapes,
         )
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._libraries import library
-from cvkern._runtime import runtime
+from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_image, check_integer, check_number
 
 _DISTANCE, _ANGLE = 9, 10  # of peaks from each other, as scikit-image has it
@@ -62,8 +62,9 @@ def hough_line_peaks(
     Returns
     -------
     HoughLinePeaks
-        Named tuple of `votes`, `theta` and `rho` (K,), in descending order of votes; of equal
-        ones, the smaller rho, then the smaller theta, is first, and suppresses the others.
+        Named tuple of `votes`, `theta` and `rho` (K,), in descending order of votes. Of equal
+        ones the smaller rho, then the smaller theta, is first; in a neighbourhood, it alone is
+        kept.
 
     Raises
     ------
@@ -109,9 +110,8 @@ def hough_line_peaks(
     host = rt.to_numpy(values)
     limit = 0.5 * float(host.max()) if threshold is None else check_number(threshold, "threshold")
     limit = math.floor(limit) if whole else float(np.float32(limit))
-    mask = rt.scratch("peaks.mask", host.shape, bool)
-    rt.lines.local_maxima(values, limit, min_distance, min_angle, wraps, mask)
-    bins = _apart(host, rt.to_numpy(mask), min_distance, min_angle, wraps, most)
+    bins = peak_bins(rt, values, limit, min_distance, min_angle, wraps)
+    bins = tuple(b if most == math.inf else b[: int(most)] for b in bins)
     places = (theta[bins[1]], rho[bins[0]])
     if refine:
         places = _refined(host, theta, rho, bins, wraps)
@@ -130,34 +130,15 @@ def _spans_half_a_turn(theta: np.ndarray) -> bool:
     return 0.5 * steps.min() < theta[0] + math.pi - theta[-1] < 1.5 * steps.max()
 
 
-def _apart(
-    values: np.ndarray,
-    mask: np.ndarray,
-    min_distance: int,
-    min_angle: int,
-    wraps: bool,
-    most: float,
+def peak_bins(
+    rt: Runtime, values: Any, limit: float, min_distance: int, min_angle: int, wraps: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return row and column of the largest of the marked values that lie apart."""
-    candidates = np.flatnonzero(mask)
-    order = np.argsort(-values.ravel()[candidates].astype(np.float64), kind="stable")
-    rows, columns = values.shape
-    covered = np.zeros(values.shape, bool)
-    kept = []
-    for i in candidates[order]:
-        if len(kept) >= most:
-            break
-        row, column = divmod(int(i), columns)
-        if covered[row, column]:
-            continue
-        kept.append((row, column))
-        near = np.arange(column - min_angle, column + min_angle + 1)
-        beyond = (near < 0) | (near >= columns)
-        for middle, inside in ((row, near[~beyond]), (rows - 1 - row, near[beyond] % columns)):
-            if middle == row or wraps:
-                covered[max(middle - min_distance, 0) : middle + min_distance + 1, inside] = True
-    found = np.array(kept, np.intp).reshape(-1, 2)
-    return found[:, 0], found[:, 1]
+    """Return row and column of the peaks of a kernel array, the largest first."""
+    mask = rt.scratch("peaks.mask", tuple(values.shape), bool)
+    rt.lines.local_maxima(values, limit, min_distance, min_angle, wraps, mask)
+    row, column = np.nonzero(rt.to_numpy(mask))
+    order = np.argsort(-rt.to_numpy(values)[row, column].astype(np.float64), kind="stable")
+    return row[order], column[order]
 
 
 def _refined(

@@ -136,12 +136,12 @@ def hough_line(
     --------
     >>> import numpy as np
     >>> import cvkern
-    >>> mask = np.zeros((20, 30), bool)
+    >>> mask = np.zeros((60, 80), bool)
     >>> mask[:, 12] = True
     >>> votes, theta, rho = cvkern.hough_line(mask)
     >>> r, t = np.unravel_index(votes.argmax(), votes.shape)
     >>> int(votes.max()), float(theta[t]), float(rho[r])
-    (20, 0.0, 12.0)
+    (60, 0.0, 12.0)
     """
     if (mask is None) == (points is None):
         raise ValueError(

@@ -19,6 +19,7 @@ FAMILIES = [
     "gradients",
     "lines",
     "rank",
+    "segments",
     "shapes",
 ]
 SHARED = ["points"]  # by several families; in cvkern/ their module is private

@@ -122,7 +122,8 @@ def _local_maxima(
                     low = ti.max(middle - min_distance, 0)
                     high = ti.min(middle + min_distance, values.shape[0] - 1)
                     for r in range(low, high + 1):
-                        if values[r, t] > here:
+                        before = r < bin or (r == bin and t < angle)
+                        if values[r, t] > here or (values[r, t] == here and before):
                             found = False
         mask[bin, angle] = ti.cast(found, ti.u8)
 
@@ -182,5 +183,5 @@ def local_maxima(
     wraps: bool,
     mask: np.ndarray,
 ) -> None:
-    """Mark what is above the threshold, and nowhere exceeded in its window; one thread each."""
+    """Mark what is above the threshold and the first largest in its window; one thread each."""
     _local_maxima(values, float(threshold), min_distance, min_angle, int(wraps), mask)

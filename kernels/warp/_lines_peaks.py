@@ -19,7 +19,10 @@ def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
         min_angle: int,
         wraps: bool,
     ) -> bool:
-        """Tell whether nothing in the window is larger; half a turn on, rho changes its sign."""
+        """Tell whether nothing in the window is larger, or equal and before it.
+
+        Half a turn on, rho changes its sign.
+        """
         bins = values.shape[0]
         angles = values.shape[1]
         here = values[bin, angle]
@@ -32,7 +35,10 @@ def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
             if t >= 0 and t < angles:
                 low = wp.max(middle - min_distance, 0)
                 for r in range(low, wp.min(middle + min_distance + 1, bins)):
-                    if values[r, t] > here:
+                    there = values[r, t]
+                    if there > here:
+                        return False
+                    if there == here and r * angles + t < bin * angles + angle:
                         return False
         return True
 

@@ -97,7 +97,7 @@ def local_maxima(
     wraps: bool,
     mask: wp.array,
 ) -> None:
-    """Mark what is above the threshold, and nowhere exceeded in its window.
+    """Mark what is above the threshold and the first largest in its window.
 
     One thread a slab of rows, or one an element.
     """

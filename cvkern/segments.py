@@ -1,0 +1,508 @@
+"""Line segments: the parts of voted lines that points support, and photograph to lines at once."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._line_votes import (
+    SUBPIXEL,
+    cast_votes,
+    check_listed,
+    direction_windows,
+    line_tables,
+    reach,
+    subpixel_points,
+    values_at,
+)
+from cvkern._points import mask_points
+from cvkern._runtime import Runtime, runtime
+from cvkern._validate import check_accumulator, check_image, check_number, check_sides
+from cvkern.edges import subpixel_edges
+from cvkern.kernels.codes import DIRECTION_FACTOR, DIRECTIONS
+from cvkern.line_peaks import HoughLinePeaks, peak_bins
+from cvkern.lines import check_beside, check_points, check_positive, suggest_line_bins
+
+_AIM = math.radians(15)  # how far a gradient may be from across its line
+_AIM_OF_VOTES = math.radians(3)  # the same while voting, where breadth costs time and clutter
+_LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photographs
+_LENGTH = 320  # pixels: lines so long fall into one bin; longer ones into several
+_APART = 3  # bins of rho and theta between the peaks of one round
+_FITS = 2  # of a line to the points on it, which are then found anew
+_DENSITY = 0.6  # points for each pixel of a segment: a thin edge has 0.7 to 1
+
+
+class LineFit(NamedTuple):
+    """A line ``x cos(theta) + y sin(theta) = rho``."""
+
+    theta: float
+    """The angle of the normal, radians in [-pi/2, pi/2)."""
+    rho: float
+    """The distance from pixel (0, 0), pixels."""
+    rms: float
+    """The root mean square distance of the points from the line, pixels."""
+
+
+class _Runs(NamedTuple):
+    """Points in the order of their lines and of their places along them, cut at the gaps."""
+
+    order: np.ndarray  # of the points
+    along: np.ndarray  # where the ordered points stand along their lines
+    begin: np.ndarray  # of each run, in that order
+    end: np.ndarray  # behind each run
+    line: np.ndarray  # of each run
+
+
+def hough_line_segments(
+    mask: Any,
+    theta: Any,
+    rho: Any,
+    *,
+    min_length: float = 10.0,
+    max_gap: float = 3.0,
+    distance: float = 1.0,
+    orientation: Any = None,
+    orientation_tolerance: float = _AIM,
+) -> Any:
+    """Find the parts of lines along which there are set pixels.
+
+    Parameters
+    ----------
+    mask : array of shape (H, W)
+        Nonzero pixels count; bool or any real dtype.
+    theta, rho : array of shape (K,)
+        The lines, strongest first, as :func:`hough_line_peaks` gives them.
+    min_length : float, default 10.0
+        Shorter segments are left out, pixels.
+    max_gap : float, default 3.0
+        A segment ends where the next pixel is further along the line than this, pixels.
+    distance : float, default 1.0
+        Pixels so near to a line are on it. A pixel belongs to the first line that it is on.
+    orientation : array of shape (H, W), optional
+        Direction of the gradient, radians. A pixel then is on a line only if its gradient is
+        within `orientation_tolerance` of across the line.
+    orientation_tolerance : float, default pi / 12
+        Radians.
+
+    Returns
+    -------
+    array of shape (N, 4), float32
+        Row and column of one end and of the other, on the line; in the order of the lines, then
+        along them.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers.
+    ValueError
+        If `mask` is empty, not 2-D or has a side longer than 65536; `theta` and `rho` are not
+        finite lists of one length; `orientation` is of another shape than `mask` or has NaN at a
+        pixel; or a number is negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> mask = np.zeros((40, 60), bool)
+    >>> mask[10, 5:25] = mask[10, 40:55] = True
+    >>> cvkern.hough_line_segments(mask, [np.pi / 2], [10]).round(2)
+    array([[10., 54., 10., 40.],
+           [10., 24., 10.,  5.]], dtype=float32)
+    """
+    mask = check_image(mask, name="mask")
+    check_sides(mask.shape, "mask")
+    theta, rho = _check_lines(theta, rho)
+    min_length = check_number(min_length, "min_length", low=0)
+    max_gap = check_number(max_gap, "max_gap", low=0)
+    distance = check_number(distance, "distance", low=0)
+    tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)
+    orientation = check_beside(orientation, tuple(mask.shape), "orientation")
+    rt = runtime(mask, orientation)
+    found = mask_points(rt, mask, "segments")
+    number = int(rt.to_numpy(found.starts)[-1])
+    points = rt.to_numpy(found.points)[:number].astype(np.float32)
+    directions = np.zeros(number, np.float32)
+    if orientation is None:
+        tolerance = math.pi
+    else:
+        listed = values_at(rt, found, orientation, "orientation")
+        directions = check_listed(rt, found, listed, "orientation", -math.inf)
+    labels = _claim(rt, points, directions, theta, rho, distance, tolerance)
+    runs = _runs(points, labels, theta, max_gap)
+    first, last = runs.along[runs.begin], runs.along[runs.end - 1]
+    long = last - first >= min_length
+    c, s, r = np.cos(theta)[runs.line], np.sin(theta)[runs.line], rho[runs.line]
+    ends = [(r * s + t * c, r * c - t * s) for t in (first, last)]
+    segments = np.stack([*ends[0], *ends[1]], axis=1)[long]
+    return rt.give(segments.astype(np.float32))
+
+
+def fit_line(points: Any, weights: Any = None) -> LineFit:
+    """Fit a line to points by total least squares.
+
+    Parameters
+    ----------
+    points : array of shape (N, 2)
+        Row and column.
+    weights : array of shape (N,), optional
+        Not negative; by default all alike.
+
+    Returns
+    -------
+    LineFit
+        Named tuple of `theta`, `rho` and `rms`: the sum of the weighted squares of the points'
+        distances from the line is the least there is.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers.
+    ValueError
+        If `points` is not of shape (N, 2), `weights` not (N,); there is a number that is not
+        finite, or a weight that is negative; or all the points of positive weight are one.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> fit = cvkern.fit_line([[0, 3], [1, 3], [5, 3]])
+    >>> fit.theta, fit.rho, fit.rms
+    (0.0, 3.0, 0.0)
+    """
+    points = check_points(points)
+    weights = check_beside(weights, (len(points),), "weights")
+    rt = runtime(points, weights)
+    place, weight = (_on_host(rt, a, np.float64) for a in (points, weights))
+    if not np.isfinite(place).all():
+        raise ValueError("points must be finite, got some that are not")
+    if weights is None:
+        weight = np.ones(len(place))
+    elif not (np.isfinite(weight) & (weight >= 0)).all():
+        raise ValueError(f"weights must be >= 0 and finite, got {weight.min():g} or NaN")
+    place, weight = place[weight > 0], weight[weight > 0]
+    if not len(place) or (place == place[0]).all():
+        raise ValueError("points must be two or more, in different places, got fewer")
+    theta, rho, rms = _fit(place, weight, np.zeros(1, np.intp))
+    return LineFit(float(theta[0]), float(rho[0]), float(rms[0]))
+
+
+def detect_lines(
+    image: Any,
+    sigma: float = 1.0,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    *,
+    use_quantiles: bool = False,
+    min_votes: float | None = None,
+    distance: float = 1.0,
+) -> HoughLinePeaks:
+    """Find the straight lines of a photograph.
+
+    Sub-pixel edges vote across their gradients; the peaks are fitted to the edges near them,
+    which are then taken away, and the rest votes again, until no line has enough votes.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    sigma, low_threshold, high_threshold, use_quantiles
+        Of the edges, as in :func:`canny`.
+    min_votes : float, optional
+        The least number of edge points of a line; by default a tenth of the image's diagonal.
+    distance : float, default 1.0
+        Edge points so near to a line are on it, pixels.
+
+    Returns
+    -------
+    HoughLinePeaks
+        Named tuple of `votes`, `theta` and `rho` (K,): the number of edge points on each line,
+        most first, and the fitted line.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        As :func:`canny`; or if a side of the image is longer than 65536, or `min_votes` or
+        `distance` is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> step = np.zeros((60, 80), np.uint8)
+    >>> step[:, 30:] = 200
+    >>> votes, theta, rho = cvkern.detect_lines(step)
+    >>> votes.tolist(), abs(theta).round(3).tolist(), rho.round(2).tolist()
+    ([60], [0.0], [29.5])
+    """
+    image = check_image(image)
+    size = check_sides(image.shape, "image")
+    distance = check_positive(distance, "distance")
+    least = 0.1 * math.hypot(*size) if min_votes is None else check_positive(min_votes, "min_votes")
+    rt = runtime(image)
+    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
+    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    lines = [np.zeros((0, 3))]
+    while True:
+        theta, rho = _vote(rt, points, directions, size, least)
+        number = np.zeros(0)
+        for _ in range(_FITS):
+            labels = _claim(rt, points, directions, theta, rho, distance, _AIM)
+            number, theta, rho = _fitted_lines(points, labels, len(theta), least)
+        if not len(number):
+            break
+        lines.append(np.stack([number, theta, rho], axis=1))
+        # What is beside a line by less than two distances is of its edge, not another line.
+        taken = _claim(rt, points, directions, theta, rho, 2 * distance, _AIM) < len(theta)
+        points, directions = points[~taken], directions[~taken]
+    votes, theta, rho = np.concatenate(lines).T
+    order = np.argsort(-votes, kind="stable")
+    return HoughLinePeaks(rt.give(votes[order].astype(np.int32)), theta[order], rho[order])
+
+
+def detect_segments(
+    image: Any,
+    sigma: float = 1.0,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    *,
+    use_quantiles: bool = False,
+    min_length: float = 10.0,
+    max_gap: float = 3.0,
+    distance: float = 1.0,
+) -> Any:
+    """Find the straight segments of a photograph's edges.
+
+    Sub-pixel edges vote across their gradients. Along each peak, where they follow one another
+    without a gap, a line is fitted to them; then they are taken away, and the rest votes again,
+    until there are no more segments.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    sigma, low_threshold, high_threshold, use_quantiles
+        Of the edges, as in :func:`canny`.
+    min_length : float, default 10.0
+        Shorter segments are left out, pixels.
+    max_gap : float, default 3.0
+        A segment ends where the next edge point is further along the line than this, pixels.
+    distance : float, default 1.0
+        Edge points so near to a peak's line are on it, pixels.
+
+    Returns
+    -------
+    array of shape (N, 4), float32
+        Row and column of one end and of the other, longest segment first. On the way from the
+        first end to the second the brighter side is on the left.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        As :func:`canny`; or if a side of the image is longer than 65536, `max_gap` is negative,
+        or `min_length` or `distance` is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> step = np.zeros((60, 80), np.uint8)
+    >>> step[:, 30:] = 200
+    >>> cvkern.detect_segments(step).round(1)
+    array([[ 0. , 29.5, 59. , 29.5]], dtype=float32)
+    """
+    image = check_image(image)
+    size = check_sides(image.shape, "image")
+    min_length = check_positive(min_length, "min_length")
+    max_gap = check_number(max_gap, "max_gap", low=0)
+    distance = check_positive(distance, "distance")
+    rt = runtime(image)
+    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
+    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    segments = [np.zeros((0, 4))]
+    while True:
+        theta, rho = _vote(rt, points, directions, size, _DENSITY * min_length)
+        new, taken = np.zeros((0, 4)), np.zeros(0)
+        for _ in range(_FITS):
+            labels = _claim(rt, points, directions, theta, rho, distance, _AIM)
+            new, taken, theta, rho = _fitted_segments(
+                points, directions, labels, theta, min_length, max_gap
+            )
+        if not len(new):
+            break
+        segments.append(new)
+        points, directions = points[~taken], directions[~taken]
+    found = np.concatenate(segments)
+    length = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
+    return rt.give(found[np.argsort(-length, kind="stable")].astype(np.float32))
+
+
+def _vote(
+    rt: Runtime, points: np.ndarray, directions: np.ndarray, size: tuple[int, int], least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return angle and distance of the lines that at least so many points vote for."""
+    step, theta = suggest_line_bins(size, _LOCALISATION, length=_LENGTH)
+    distances = reach(size, step)
+    shape = (2 * distances + 1, len(theta))
+    check_accumulator(shape, "votes")
+    votes = rt.scratch("detect.votes", shape, np.int32)
+    found = subpixel_points(rt, points, size)
+    angles = theta.tobytes()
+    tables = line_tables(angles, step, size, parts=SUBPIXEL)
+    windows = direction_windows(angles, _AIM_OF_VOTES)
+    cast_votes(rt, found, tables, windows, directions, None, 0, votes)
+    row, column = peak_bins(rt, votes, math.ceil(least) - 1, _APART, _APART, True)
+    return theta[column], step * (row - distances)
+
+
+def _claim(
+    rt: Runtime,
+    points: np.ndarray,
+    directions: np.ndarray,
+    theta: np.ndarray,
+    rho: np.ndarray,
+    distance: float,
+    tolerance: float,
+) -> np.ndarray:
+    """Return the first line that each point is on, or their number."""
+    if not len(points) or not len(theta):
+        return np.full(len(points), len(theta))
+    labels = rt.scratch("segments.labels", (len(points),), np.int32)
+    lines = [np.cos(theta), np.sin(theta), rho]
+    rt.segments.claim(
+        rt.adopt(points),
+        rt.adopt(_codes(directions), np.int32),
+        *(rt.adopt(a) for a in lines),
+        rt.adopt(_codes(theta), np.int32),
+        float(np.float32(distance)),
+        math.floor(min(tolerance, math.pi) * DIRECTION_FACTOR),
+        labels,
+    )
+    return rt.to_numpy(labels).copy()
+
+
+def _codes(angles: np.ndarray) -> np.ndarray:
+    """Return the direction codes of angles, as kernels find them."""
+    turned = angles.astype(np.float32) * np.float32(DIRECTION_FACTOR) + np.float32(0.5)
+    return np.floor(turned).astype(np.int64) & (DIRECTIONS - 1)
+
+
+def _runs(
+    points: np.ndarray,
+    labels: np.ndarray,
+    theta: np.ndarray,
+    max_gap: float,
+    side: np.ndarray | None = None,
+) -> _Runs:
+    """Cut the points of each line, and of each `side` of 0 and 1, where they leave a gap."""
+    claimed = np.flatnonzero(labels < len(theta))
+    line = labels[claimed].astype(np.intp)
+    y, x = points[claimed].T.astype(np.float64)
+    along = y * np.cos(theta)[line] - x * np.sin(theta)[line]
+    key = 2 * line + (0 if side is None else side[claimed])
+    order = np.lexsort((along, key))
+    claimed, along, key = claimed[order], along[order], key[order]
+    cut = (np.diff(key) != 0) | (np.diff(along) > max_gap)
+    inner = np.flatnonzero(cut) + 1
+    bounds = np.concatenate(([0], inner, [len(key)])) if len(key) else np.zeros(1, np.intp)
+    return _Runs(claimed, along, bounds[:-1], bounds[1:], key[bounds[:-1]] // 2)
+
+
+def _fitted_segments(
+    points: np.ndarray,
+    directions: np.ndarray,
+    labels: np.ndarray,
+    theta: np.ndarray,
+    min_length: float,
+    max_gap: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the segments along the lines, which points are in them, and their fitted lines."""
+    taken = np.zeros(len(points), bool)
+    normal = np.append(theta, 0.0)[labels]
+    brighter = np.cos(directions.astype(np.float64) - normal) > 0
+    runs = _runs(points, labels, theta, max_gap, brighter.astype(np.intp))
+    length = runs.along[runs.end - 1] - runs.along[runs.begin]
+    number = runs.end - runs.begin
+    kept = (length >= min_length) & (number >= _DENSITY * length)
+    begin, number = runs.begin[kept], number[kept]
+    if not len(begin):
+        return np.zeros((0, 4)), taken, np.zeros(0), np.zeros(0)
+    # The kept runs, one behind the other.
+    first = np.cumsum(number) - number
+    chosen = runs.order[np.repeat(begin - first, number) + np.arange(number.sum())]
+    taken[chosen] = True
+    place = points[chosen].astype(np.float64)
+    angle, rho, _ = _fit(place, np.ones(len(place)), first)
+    # Towards the side where it is bright, so that all segments have it on the same hand.
+    outward = directions[chosen[first]].astype(np.float64)
+    turned = np.cos(outward - angle) < 0
+    c, s = np.cos(angle), np.sin(angle)
+    along = place[:, 0] * np.repeat(c, number) - place[:, 1] * np.repeat(s, number)
+    least, most = np.minimum.reduceat(along, first), np.maximum.reduceat(along, first)
+    ends = [np.where(turned, a, b) for a, b in ((most, least), (least, most))]
+    rows_columns = [(rho * s + t * c, rho * c - t * s) for t in ends]
+    return np.stack([*rows_columns[0], *rows_columns[1]], axis=1), taken, angle, rho
+
+
+def _fitted_lines(
+    points: np.ndarray, labels: np.ndarray, lines: int, least: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return number of points, angle and distance of the lines that have enough points."""
+    number = np.bincount(labels, minlength=lines + 1)[:lines]
+    number = np.where(number >= max(least, 2), number, 0)
+    chosen = np.argsort(labels, kind="stable")
+    chosen = chosen[np.append(number, 0)[labels[chosen]] > 0]
+    number = number[number > 0]
+    if not len(number):
+        return number, np.zeros(0), np.zeros(0)
+    first = np.cumsum(number) - number
+    theta, rho, _ = _fit(points[chosen].astype(np.float64), np.ones(len(chosen)), first)
+    return number, theta, rho
+
+
+def _fit(
+    points: np.ndarray, weights: np.ndarray, first: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return angle, distance and root mean square of the lines fitted to runs of points.
+
+    The line goes through the centroid, along the larger axis of the covariance.
+    """
+
+    def total(values: np.ndarray) -> np.ndarray:
+        return np.add.reduceat(values, first)
+
+    number = np.diff(np.append(first, len(points)))
+    sums = total(weights)
+    y, x = (total(weights * a) / sums for a in points.T)
+    down, along = points[:, 0] - np.repeat(y, number), points[:, 1] - np.repeat(x, number)
+    yy, xx, xy = (total(weights * a) for a in (down * down, along * along, down * along))
+    # Half a turn of the normal is the same line.
+    theta = 0.5 * np.arctan2(2 * xy, xx - yy) + math.pi / 2
+    theta = np.where(theta >= math.pi / 2, theta - math.pi, theta)
+    c, s = np.cos(theta), np.sin(theta)
+    left = xx * c * c + 2 * xy * c * s + yy * s * s
+    return theta, x * c + y * s, np.sqrt(np.maximum(left, 0) / sums)
+
+
+def _on_host(rt: Runtime, array: Any, dtype: Any) -> np.ndarray:
+    """Return an array of any library on the host."""
+    if array is None or 0 in array.shape:
+        return np.zeros((0, *(() if array is None else array.shape[1:])), dtype)
+    return rt.to_numpy(rt.adopt(array, dtype))
+
+
+def _check_lines(theta: Any, rho: Any) -> tuple[np.ndarray, np.ndarray]:
+    lines = [np.asarray(a, np.float64) for a in (theta, rho)]
+    if lines[0].ndim != 1 or lines[0].shape != lines[1].shape:
+        raise ValueError(
+            f"theta and rho must be lists of one length, got shapes {lines[0].shape} and "
+            f"{lines[1].shape}"
+        )
+    for name, values in zip(("theta", "rho"), lines, strict=True):
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
+    return lines[0], lines[1]

@@ -1,0 +1,31 @@
+"""Which line a point belongs to, in Warp."""
+
+import warp as wp
+
+from . import _segments_blocks as blocks
+from . import _segments_rows as rows
+from ._launch import launch, launch_slabs, slabs
+
+
+def claim(
+    points: wp.array,
+    codes: wp.array,
+    cosine: wp.array,
+    sine: wp.array,
+    rho: wp.array,
+    directions: wp.array,
+    distance: float,
+    tolerance: int,
+    labels: wp.array,
+) -> None:
+    """Label every point with the first line near to it and across its direction, or their number.
+
+    One thread a slab of points, or one a point.
+    """
+    number = points.shape[0]
+    inputs = [points, codes, cosine, sine, rho, directions, distance, tolerance]
+    if points.device.is_cuda:
+        launch(blocks.claim, number, inputs, [labels])
+        return
+    groups = -(-number // rows.POINTS)
+    launch_slabs(rows.claim, groups, slabs(groups, number * cosine.shape[0]), inputs, [labels])
