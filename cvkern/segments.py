@@ -7,31 +7,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._line_votes import (
-    SUBPIXEL,
-    cast_votes,
-    check_listed,
-    direction_windows,
-    line_tables,
-    reach,
-    subpixel_points,
-    values_at,
+from cvkern._line_support import (
+    AIM,
+    DENSITY,
+    FITS,
+    claim,
+    fit,
+    fitted_lines,
+    fitted_segments,
+    runs,
+    vote,
 )
+from cvkern._line_votes import check_listed, values_at
 from cvkern._points import mask_points
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_accumulator, check_image, check_number, check_sides
+from cvkern._validate import check_image, check_number, check_sides
 from cvkern.edges import subpixel_edges
-from cvkern.kernels.codes import DIRECTION_FACTOR, DIRECTIONS
-from cvkern.line_peaks import HoughLinePeaks, peak_bins
-from cvkern.lines import check_beside, check_points, check_positive, suggest_line_bins
-
-_AIM = math.radians(15)  # how far a gradient may be from across its line
-_AIM_OF_VOTES = math.radians(3)  # the same while voting, where breadth costs time and clutter
-_LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photographs
-_LENGTH = 320  # pixels: lines so long fall into one bin; longer ones into several
-_APART = 3  # bins of rho and theta between the peaks of one round
-_FITS = 2  # of a line to the points on it, which are then found anew
-_DENSITY = 0.6  # points for each pixel of a segment: a thin edge has 0.7 to 1
+from cvkern.line_peaks import HoughLinePeaks
+from cvkern.lines import check_beside, check_points, check_positive
 
 
 class LineFit(NamedTuple):
@@ -45,16 +38,6 @@ class LineFit(NamedTuple):
     """The root mean square distance of the points from the line, pixels."""
 
 
-class _Runs(NamedTuple):
-    """Points in the order of their lines and of their places along them, cut at the gaps."""
-
-    order: np.ndarray  # of the points
-    along: np.ndarray  # where the ordered points stand along their lines
-    begin: np.ndarray  # of each run, in that order
-    end: np.ndarray  # behind each run
-    line: np.ndarray  # of each run
-
-
 def hough_line_segments(
     mask: Any,
     theta: Any,
@@ -64,7 +47,7 @@ def hough_line_segments(
     max_gap: float = 3.0,
     distance: float = 1.0,
     orientation: Any = None,
-    orientation_tolerance: float = _AIM,
+    orientation_tolerance: float = AIM,
 ) -> Any:
     """Find the parts of lines along which there are set pixels.
 
@@ -129,11 +112,11 @@ def hough_line_segments(
     else:
         listed = values_at(rt, found, orientation, "orientation")
         directions = check_listed(rt, found, listed, "orientation", -math.inf)
-    labels = _claim(rt, points, directions, theta, rho, distance, tolerance)
-    runs = _runs(points, labels, theta, max_gap)
-    first, last = runs.along[runs.begin], runs.along[runs.end - 1]
+    labels = claim(rt, points, directions, theta, rho, distance, tolerance)
+    parts = runs(points, labels, theta, max_gap)
+    first, last = parts.along[parts.begin], parts.along[parts.end - 1]
     long = last - first >= min_length
-    c, s, r = np.cos(theta)[runs.line], np.sin(theta)[runs.line], rho[runs.line]
+    c, s, r = np.cos(theta)[parts.line], np.sin(theta)[parts.line], rho[parts.line]
     ends = [(r * s + t * c, r * c - t * s) for t in (first, last)]
     segments = np.stack([*ends[0], *ends[1]], axis=1)[long]
     return rt.give(segments.astype(np.float32))
@@ -183,7 +166,7 @@ def fit_line(points: Any, weights: Any = None) -> LineFit:
     place, weight = place[weight > 0], weight[weight > 0]
     if not len(place) or (place == place[0]).all():
         raise ValueError("points must be two or more, in different places, got fewer")
-    theta, rho, rms = _fit(place, weight, np.zeros(1, np.intp))
+    theta, rho, rms = fit(place, weight, np.zeros(1, np.intp))
     return LineFit(float(theta[0]), float(rho[0]), float(rms[0]))
 
 
@@ -246,16 +229,16 @@ def detect_lines(
     points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
     lines = [np.zeros((0, 3))]
     while True:
-        theta, rho = _vote(rt, points, directions, size, least)
+        theta, rho = vote(rt, points, directions, size, least)
         number = np.zeros(0)
-        for _ in range(_FITS):
-            labels = _claim(rt, points, directions, theta, rho, distance, _AIM)
-            number, theta, rho = _fitted_lines(points, labels, len(theta), least)
+        for _ in range(FITS):
+            labels = claim(rt, points, directions, theta, rho, distance, AIM)
+            number, theta, rho = fitted_lines(points, labels, len(theta), least)
         if not len(number):
             break
         lines.append(np.stack([number, theta, rho], axis=1))
         # What is beside a line by less than two distances is of its edge, not another line.
-        taken = _claim(rt, points, directions, theta, rho, 2 * distance, _AIM) < len(theta)
+        taken = claim(rt, points, directions, theta, rho, 2 * distance, AIM) < len(theta)
         points, directions = points[~taken], directions[~taken]
     votes, theta, rho = np.concatenate(lines).T
     order = np.argsort(-votes, kind="stable")
@@ -325,11 +308,11 @@ def detect_segments(
     points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
     segments = [np.zeros((0, 4))]
     while True:
-        theta, rho = _vote(rt, points, directions, size, _DENSITY * min_length)
+        theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
         new, taken = np.zeros((0, 4)), np.zeros(0)
-        for _ in range(_FITS):
-            labels = _claim(rt, points, directions, theta, rho, distance, _AIM)
-            new, taken, theta, rho = _fitted_segments(
+        for _ in range(FITS):
+            labels = claim(rt, points, directions, theta, rho, distance, AIM)
+            new, taken, theta, rho = fitted_segments(
                 points, directions, labels, theta, min_length, max_gap
             )
         if not len(new):
@@ -339,153 +322,6 @@ def detect_segments(
     found = np.concatenate(segments)
     length = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
     return rt.give(found[np.argsort(-length, kind="stable")].astype(np.float32))
-
-
-def _vote(
-    rt: Runtime, points: np.ndarray, directions: np.ndarray, size: tuple[int, int], least: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return angle and distance of the lines that at least so many points vote for."""
-    step, theta = suggest_line_bins(size, _LOCALISATION, length=_LENGTH)
-    distances = reach(size, step)
-    shape = (2 * distances + 1, len(theta))
-    check_accumulator(shape, "votes")
-    votes = rt.scratch("detect.votes", shape, np.int32)
-    found = subpixel_points(rt, points, size)
-    angles = theta.tobytes()
-    tables = line_tables(angles, step, size, parts=SUBPIXEL)
-    windows = direction_windows(angles, _AIM_OF_VOTES)
-    cast_votes(rt, found, tables, windows, directions, None, 0, votes)
-    row, column = peak_bins(rt, votes, math.ceil(least) - 1, _APART, _APART, True)
-    return theta[column], step * (row - distances)
-
-
-def _claim(
-    rt: Runtime,
-    points: np.ndarray,
-    directions: np.ndarray,
-    theta: np.ndarray,
-    rho: np.ndarray,
-    distance: float,
-    tolerance: float,
-) -> np.ndarray:
-    """Return the first line that each point is on, or their number."""
-    if not len(points) or not len(theta):
-        return np.full(len(points), len(theta))
-    labels = rt.scratch("segments.labels", (len(points),), np.int32)
-    lines = [np.cos(theta), np.sin(theta), rho]
-    rt.segments.claim(
-        rt.adopt(points),
-        rt.adopt(_codes(directions), np.int32),
-        *(rt.adopt(a) for a in lines),
-        rt.adopt(_codes(theta), np.int32),
-        float(np.float32(distance)),
-        math.floor(min(tolerance, math.pi) * DIRECTION_FACTOR),
-        labels,
-    )
-    return rt.to_numpy(labels).copy()
-
-
-def _codes(angles: np.ndarray) -> np.ndarray:
-    """Return the direction codes of angles, as kernels find them."""
-    turned = angles.astype(np.float32) * np.float32(DIRECTION_FACTOR) + np.float32(0.5)
-    return np.floor(turned).astype(np.int64) & (DIRECTIONS - 1)
-
-
-def _runs(
-    points: np.ndarray,
-    labels: np.ndarray,
-    theta: np.ndarray,
-    max_gap: float,
-    side: np.ndarray | None = None,
-) -> _Runs:
-    """Cut the points of each line, and of each `side` of 0 and 1, where they leave a gap."""
-    claimed = np.flatnonzero(labels < len(theta))
-    line = labels[claimed].astype(np.intp)
-    y, x = points[claimed].T.astype(np.float64)
-    along = y * np.cos(theta)[line] - x * np.sin(theta)[line]
-    key = 2 * line + (0 if side is None else side[claimed])
-    order = np.lexsort((along, key))
-    claimed, along, key = claimed[order], along[order], key[order]
-    cut = (np.diff(key) != 0) | (np.diff(along) > max_gap)
-    inner = np.flatnonzero(cut) + 1
-    bounds = np.concatenate(([0], inner, [len(key)])) if len(key) else np.zeros(1, np.intp)
-    return _Runs(claimed, along, bounds[:-1], bounds[1:], key[bounds[:-1]] // 2)
-
-
-def _fitted_segments(
-    points: np.ndarray,
-    directions: np.ndarray,
-    labels: np.ndarray,
-    theta: np.ndarray,
-    min_length: float,
-    max_gap: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the segments along the lines, which points are in them, and their fitted lines."""
-    taken = np.zeros(len(points), bool)
-    normal = np.append(theta, 0.0)[labels]
-    brighter = np.cos(directions.astype(np.float64) - normal) > 0
-    runs = _runs(points, labels, theta, max_gap, brighter.astype(np.intp))
-    length = runs.along[runs.end - 1] - runs.along[runs.begin]
-    number = runs.end - runs.begin
-    kept = (length >= min_length) & (number >= _DENSITY * length)
-    begin, number = runs.begin[kept], number[kept]
-    if not len(begin):
-        return np.zeros((0, 4)), taken, np.zeros(0), np.zeros(0)
-    # The kept runs, one behind the other.
-    first = np.cumsum(number) - number
-    chosen = runs.order[np.repeat(begin - first, number) + np.arange(number.sum())]
-    taken[chosen] = True
-    place = points[chosen].astype(np.float64)
-    angle, rho, _ = _fit(place, np.ones(len(place)), first)
-    # Towards the side where it is bright, so that all segments have it on the same hand.
-    outward = directions[chosen[first]].astype(np.float64)
-    turned = np.cos(outward - angle) < 0
-    c, s = np.cos(angle), np.sin(angle)
-    along = place[:, 0] * np.repeat(c, number) - place[:, 1] * np.repeat(s, number)
-    least, most = np.minimum.reduceat(along, first), np.maximum.reduceat(along, first)
-    ends = [np.where(turned, a, b) for a, b in ((most, least), (least, most))]
-    rows_columns = [(rho * s + t * c, rho * c - t * s) for t in ends]
-    return np.stack([*rows_columns[0], *rows_columns[1]], axis=1), taken, angle, rho
-
-
-def _fitted_lines(
-    points: np.ndarray, labels: np.ndarray, lines: int, least: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return number of points, angle and distance of the lines that have enough points."""
-    number = np.bincount(labels, minlength=lines + 1)[:lines]
-    number = np.where(number >= max(least, 2), number, 0)
-    chosen = np.argsort(labels, kind="stable")
-    chosen = chosen[np.append(number, 0)[labels[chosen]] > 0]
-    number = number[number > 0]
-    if not len(number):
-        return number, np.zeros(0), np.zeros(0)
-    first = np.cumsum(number) - number
-    theta, rho, _ = _fit(points[chosen].astype(np.float64), np.ones(len(chosen)), first)
-    return number, theta, rho
-
-
-def _fit(
-    points: np.ndarray, weights: np.ndarray, first: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return angle, distance and root mean square of the lines fitted to runs of points.
-
-    The line goes through the centroid, along the larger axis of the covariance.
-    """
-
-    def total(values: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(values, first)
-
-    number = np.diff(np.append(first, len(points)))
-    sums = total(weights)
-    y, x = (total(weights * a) / sums for a in points.T)
-    down, along = points[:, 0] - np.repeat(y, number), points[:, 1] - np.repeat(x, number)
-    yy, xx, xy = (total(weights * a) for a in (down * down, along * along, down * along))
-    # Half a turn of the normal is the same line.
-    theta = 0.5 * np.arctan2(2 * xy, xx - yy) + math.pi / 2
-    theta = np.where(theta >= math.pi / 2, theta - math.pi, theta)
-    c, s = np.cos(theta), np.sin(theta)
-    left = xx * c * c + 2 * xy * c * s + yy * s * s
-    return theta, x * c + y * s, np.sqrt(np.maximum(left, 0) / sums)
 
 
 def _on_host(rt: Runtime, array: Any, dtype: Any) -> np.ndarray:
