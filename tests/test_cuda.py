@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from calls import TABLE
 
 import cvkern
 
@@ -29,6 +30,10 @@ CALLS = {
     "canny": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06),
     "canny_l1": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06, norm="l1"),
     "canny_sobel": lambda x: cvkern.canny(x, 1.0, 0.5, 1.0, operator="sobel"),
+    "generalized_hough": lambda x: cvkern.generalized_hough(
+        x, TABLE, rotations=8, scales=[0.8, 1.1], threshold=0, num_peaks=3
+    ),
+    "generalized_hough_votes": lambda x: cvkern.generalized_hough_votes(x, TABLE, rotations=3),
 }
 
 

@@ -141,3 +141,16 @@ def test_numbers_too_small_for_float32(scale):
             assert np.abs(a - b).max() <= np.sqrt(100 * lost)
             if name in ("gaussian", "derivative"):
                 assert np.abs(a - b).max() <= 100 * lost
+
+
+@given(shapes, seeds, st.sampled_from([1, 2, 4, 8, 16]), st.floats(0, 0.5), st.integers(1, 7))
+def test_generalized_hough(shape, seed, cell, tolerance, rotations):
+    """Long vectors too: they leave the image, and an accumulator is in several parts on a GPU."""
+    rng = np.random.default_rng(seed)
+    mask, angle = rng.random(shape) < 0.2, rng.uniform(-7, 7, shape)
+    vectors = rng.normal(0, rng.choice([3, 30, 900]), (50, 2)).clip(-4096, 4096)
+    table = cvkern.RTable(vectors, rng.uniform(-7, 7, 50), np.zeros(2), (9, 9))
+    options = {"orientation": angle, "orientation_tolerance": tolerance, "cell": cell,
+               "rotations": rotations, "scales": rng.uniform(0.07, 16, 3)}  # fmt: skip
+    assert_equal_bits(lambda: cvkern.generalized_hough_votes(mask, table, **options))
+    assert_equal_bits(lambda: cvkern.generalized_hough(mask, table, threshold=0, **options))

@@ -297,3 +297,29 @@ def test_results_are_the_callers_arrays(backend):
     found = cvkern.find_shape(image[30:90, 30:90], torch.from_numpy(image), rotations=4)
     assert all(isinstance(a, torch.Tensor) for a in found)
     same(found, cvkern.find_shape(image[30:90, 30:90], image, rotations=4))
+
+
+def test_templates_without_a_boundary_are_refused(backend):
+    for template in (np.full((30, 30), 7.0), np.ones((1, 1))):
+        with pytest.raises(ValueError, match=r"^template must have boundary points, got none$"):
+            cvkern.r_table(template)
+    with pytest.raises(ValueError, match="within 4096 pixels of the reference, got 4998.05"):
+        cvkern.r_table(blobs(30, 30), reference=(5000, 0))
+
+
+def test_orientation_counts_where_the_mask_is_set_alone(backend):
+    mask, angle = np.zeros((6, 7), bool), np.full((6, 7), np.nan)
+    mask[2, 3] = True
+    for wrong, said in ((np.nan, "nan"), (np.inf, "inf"), (-9, "-9")):
+        angle[2, 3] = wrong
+        message = rf"^orientation must be in \[-7, 7\] where the mask is set, got {said}$"
+        with pytest.raises(ValueError, match=message):
+            cvkern.r_table(mask, orientation=angle)
+    angle[2, 3] = 1
+    np.testing.assert_allclose(cvkern.r_table(mask, orientation=angle).orientation, 1, atol=2e-4)
+
+
+def test_what_the_host_decides_is_refused_by_capture(backend):
+    image = blobs(40, 50)
+    with pytest.raises(ValueError, match=r"^captured functions must be kernels alone, got "):
+        cvkern.capture(cvkern.find_shape, image[5:30, 5:30], image)
