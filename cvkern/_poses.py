@@ -76,6 +76,12 @@ def apart(
     return np.array(kept, np.intp)
 
 
+def placed(offsets: np.ndarray, position: np.ndarray, rotation: float, scale: float) -> np.ndarray:
+    """Return where points are, (M, 2), that lie `offsets` (M, 2) from the reference point."""
+    cosine, sine = scale * math.cos(rotation), scale * math.sin(rotation)
+    return position + offsets @ np.array([[cosine, -sine], [sine, cosine]])
+
+
 class Judge:
     """Compares poses of a table with the edges of an image."""
 

@@ -12,6 +12,7 @@ from reference import shapes as reference
 from truth import truth
 
 import cvkern
+from cvkern._poses import placed
 from cvkern.images import luma, read_image
 
 SIDE = 60  # of templates
@@ -323,3 +324,9 @@ def test_what_the_host_decides_is_refused_by_capture(backend):
     image = blobs(40, 50)
     with pytest.raises(ValueError, match=r"^captured functions must be kernels alone, got "):
         cvkern.capture(cvkern.find_shape, image[5:30, 5:30], image)
+
+
+def test_outlines_lie_where_the_shape_was_put():
+    """A quarter turn takes what is to the right to below."""
+    got = placed(np.array([[0.0, 3.0], [1.0, 0.0]]), np.array([10.0, 20.0]), math.pi / 2, 2.0)
+    np.testing.assert_allclose(got, [[16, 20], [10, 18]], atol=1e-12)
