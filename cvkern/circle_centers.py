@@ -24,6 +24,7 @@ FOCUS = 1.0  # votes near the centre of a seen circle, for each of its points: t
 SLOPE = 0.12  # radians: how far a gradient may point past a centre
 SPREAD = np.array([1, 4, 6, 4, 1], np.float32)  # smooths the accumulator; exact in float32
 FITS = 3
+BAND = 2.0  # pixels: how far from a circle its points may lie
 WHOLE = 4 * math.sqrt(2)  # edge points of a circle of radius 1: along the steeper axis, one a pixel
 _SLOPES = np.arctan(np.arange(ARCS // 8 + 1) / (ARCS // 8))
 _CROSSED = np.diff(np.sin(_SLOPES))  # rows, or columns, that an arc of radius 1 crosses
@@ -133,7 +134,7 @@ def detect_circles(
         shape = height // factor, width // factor
         centers, cell = _centers(rt, lines, reach, shape, sides, least)
         circles = _radii(rt, lines, centers, reach, cell, sides, least)
-        circles, support = _fitted(rt, lines, circles, reach, sides)
+        circles, support = _fitted(rt, lines, circles, sides)
         circles[:, 2] += sigma * sigma / (2 * circles[:, 2])
         circles *= np.float32(factor)
         circles[:, :2] += (factor - 1) / 2
@@ -248,11 +249,7 @@ def _radii(
 
 
 def _fitted(
-    rt: Runtime,
-    lines: Any,
-    circles: np.ndarray,
-    reach: tuple[float, float],
-    sides: tuple[int, int],
+    rt: Runtime, lines: Any, circles: np.ndarray, sides: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the circles of least squared distance from the points near them, and their support.
 
@@ -266,7 +263,7 @@ def _fitted(
     for step in range(FITS + 1):
         if not len(circles):
             break
-        band = max(1.5, 0.04 * reach[0], 3.0 - step)
+        band = max(BAND, 4.0 - step)
         near = rt.set.adopt(np.ascontiguousarray(exact, np.float32), rt.device)
         rt.circle_centers.support(lines, near, band, 1.0, SLOPE, *sides, sums, arcs)
         if step == FITS:
