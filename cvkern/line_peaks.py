@@ -76,9 +76,8 @@ def hough_line_peaks(
 
     Notes
     -----
-    The parameters are those of :func:`skimage.transform.hough_line_peaks`. There a neighbourhood
-    ends at the ends of theta while maxima are looked for, so that one line at -pi/2 may be found
-    twice; and a plateau of equal votes counts as one peak at its centre.
+    The parameters are those of :func:`skimage.transform.hough_line_peaks`, and so are the peaks,
+    but for equal votes side by side: there they count as one peak at their centre.
 
     Noise splits the peak of a line among neighbouring bins. ``cvkern.gaussian(votes, 1)`` brings
     it together again, before the peaks are looked for.
