@@ -48,3 +48,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "detect_circles", partial(cvkern.detect_circles, photo, (25, 45), high_threshold=9)
     yield "hough_ellipse", partial(cvkern.hough_ellipse, real > 240)
     yield "detect_ellipses", partial(cvkern.detect_ellipses, photo, (25, 45), high_threshold=9)
+    yield "r_table", partial(cvkern.r_table, byte, low_threshold=1)
+    table = cvkern.RTable(np.ones((3, 2)), np.zeros(3), np.zeros(2), (3, 3))
+    yield "generalized_hough", partial(cvkern.generalized_hough, byte, table, threshold=0)
+    yield "generalized_hough_votes", partial(cvkern.generalized_hough_votes, byte, table)
+    yield "find_shape", partial(cvkern.find_shape, byte, byte, rotations=2)

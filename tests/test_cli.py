@@ -1,6 +1,7 @@
 """The command line: what it writes, says and refuses."""
 
 import csv
+import json
 import inspect
 import subprocess
 import sys
@@ -111,6 +112,68 @@ def test_subpixel_of_a_flat_image(command, tmp_path):
     assert code == 0
     assert "e.csv: 0 sub-pixel edges" in out
     assert table.read_text() == "row,column,orientation,strength\n"
+
+
+def test_find(command, photo, tmp_path):
+    image = read_image(photo)
+    write_image(tmp_path / "shape.png", image[8:56, 10:60])
+    table, poses = tmp_path / "found.csv", tmp_path / "found.json"
+    words = "find", tmp_path / "shape.png", photo, "-o", tmp_path / "f.png"
+    options = "--rotations", 4, "--scales", 0.9, 1.1, 0.1
+    code, out, _ = command(*words, *options, "--csv", table, "--json", poses)
+    assert code == 0
+    found = cvkern.find_shape(image[8:56, 10:60], image, rotations=4, scales=[0.9, 1.0, 1.1])
+    assert "f.png: found 1 of shape.png\n" in out
+    ((row, column),) = found.position
+    assert abs(row - 31.5) < 0.1
+    assert abs(column - 34.5) < 0.1
+    assert f"row {row:.1f}, column {column:.1f}, rotation " in out
+    (read,) = json.loads(poses.read_text())
+    with table.open(newline="") as stream:
+        (line,) = csv.DictReader(stream)
+    assert list(line) == list(read) == ["row", "column", "rotation", "scale", "votes", "support"]
+    want = (row, column, np.degrees(found.rotation[0]), found.scale[0], found.votes[0])
+    for given in (line, read):
+        values = [float(value) for value in given.values()]
+        np.testing.assert_allclose(values, [*want, found.support[0]], rtol=1e-6, atol=1e-6)
+    drawn = read_image(tmp_path / "f.png").astype(int)
+    outline = (drawn == (255, 98, 41)).all(axis=2)  # its discs are a pixel in radius
+    assert outline[cvkern.canny(image)].mean() > 0.9
+
+
+def test_find_nothing(command, photo, tmp_path):
+    write_image(tmp_path / "flat.png", np.full((40, 50), 7, np.uint8))
+    table, poses = tmp_path / "found.csv", tmp_path / "found.json"
+    code, out, _ = command(
+        "find", photo, tmp_path / "flat.png", "-o", tmp_path / "f.png",
+        "--csv", table, "--json", poses,
+    )  # fmt: skip
+    assert code == 0
+    assert "found 0 of photo.png" in out
+    assert table.read_text() == "row,column,rotation,scale,votes,support\n"
+    assert json.loads(poses.read_text()) == []
+    assert np.array_equal(read_image(tmp_path / "f.png"), read_image(tmp_path / "flat.png"))
+
+
+@pytest.mark.parametrize(
+    ("words", "rule"),
+    [
+        (
+            ["--scales", "2", "1", "0.1"],
+            "scales must be LOW <= HIGH and a STEP, all > 0, got 2 1 0.1",
+        ),
+        (["--scales", "1", "2", "0"], "scales must be LOW <= HIGH and a STEP, all > 0, got 1 2 0"),
+        (["--rotations", "0"], "rotations must be in [1, 16384], got 0"),
+        (["--csv", "photo.png"], "output must be a file of its own, got"),
+    ],
+)
+def test_mistakes_of_find_write_nothing(command, photo, tmp_path, monkeypatch, words, rule):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    code, _, err = command("find", "photo.png", "photo.png", "-o", "f.png", *words)
+    assert code == 2
+    assert err.startswith(f"error: {rule}") or "of its own" in err
+    assert sorted(tmp_path.iterdir()) == before
 
 
 def test_the_other_kernel_set(command, photo, tmp_path):
