@@ -11,7 +11,8 @@ from cvkern._libraries import library
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_image, check_number
 from cvkern.circles import local_maxima
-from cvkern.edges import _canny as canny_gradient
+from cvkern.edges import _canny as edge_gradient
+from cvkern.edges import _thresholds as edge_thresholds
 from cvkern.kernels.codes import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Border
 
 POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
@@ -67,8 +68,8 @@ def detect_circles(
     image : array of shape (H, W)
         Any real dtype; colour is for :func:`cvkern.images.luma` to take out first.
     radius_range : two floats
-        Smallest and largest radius, in pixels; at least 3. Where the smallest is 40 or more, the
-        photograph is first reduced by a whole factor, until it is less than 40.
+        Smallest and largest radius, in pixels; at least 3. Where the smallest is 24 or more, the
+        photograph is first reduced by a whole factor, until it is less than 24.
     sigma : float, default 2.0
         Of the Gaussian under the edges, in pixels of the reduced photograph.
     low_threshold, high_threshold : float, optional
@@ -125,8 +126,7 @@ def detect_circles(
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
     rt = runtime(image)
     factor = max(1, int(low / FINEST))
-    small = reduced(rt, image, factor)
-    lines = edge_lines(rt, small, sigma, low_threshold, high_threshold)
+    lines = edge_lines(rt, image, factor, sigma, low_threshold, high_threshold)
     circles, support = np.empty((0, 3), np.float32), np.empty(0, np.float32)
     if lines is not None:
         sides = first, last
@@ -166,22 +166,26 @@ def check_support(value: Any) -> float:
     return least
 
 
-def reduced(rt: Runtime, image: Any, factor: int) -> Any:
-    """Return the image, or the means of its squares of `factor` pixels a side."""
-    if factor == 1:
-        return image
-    dtype = np.uint8 if library(image).dtype(image) == np.uint8 else np.float32
-    small = rt.empty((image.shape[0] // factor, image.shape[1] // factor))
-    rt.circle_centers.shrink(rt.adopt(image, dtype), factor, rt.adopt(small))
-    return rt.release(small)
+def edge_lines(
+    rt: Runtime, image: Any, factor: int, sigma: float, low: float | None, high: float | None
+) -> Any:
+    """Return row, column, and the direction's sine and cosine, of N edge points, (4, N).
 
-
-def edge_lines(rt: Runtime, image: Any, sigma: float, low: float | None, high: float | None) -> Any:
-    """Return row, column, and the direction's sine and cosine, of N edge points, (4, N)."""
-    shape = tuple(image.shape)
+    None for no point. They are those of the image whose pixels are the means of squares of
+    `factor` pixels a side.
+    """
+    given = library(image).dtype(image)
+    low, high = edge_thresholds(low, high, False, "gaussian", given)
+    small = image
+    if factor > 1:
+        dtype = np.uint8 if given == np.uint8 else np.float32
+        small = rt.empty((image.shape[0] // factor, image.shape[1] // factor))
+        rt.circle_centers.shrink(rt.adopt(image, dtype), factor, rt.adopt(small))
+        small = rt.release(small)
+    shape = tuple(small.shape)
     mask = rt.scratch("circles.mask", shape, bool)
-    dy, dx = canny_gradient(
-        rt, image, sigma, low, high, False, "gaussian", "l2", "reflect", 0.0, mask
+    dy, dx = edge_gradient(
+        rt, small, sigma, low, high, False, "gaussian", "l2", "reflect", 0.0, mask
     )
     starts = rt.scratch("circles.starts", (shape[0] + 1,), np.int32)
     rt.points.count(mask, starts)

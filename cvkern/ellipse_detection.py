@@ -9,9 +9,10 @@ import numpy as np
 
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_image, check_integer, check_number
-from cvkern.circle_centers import FINEST, check_range, check_support, distinct, edge_lines, reduced
+from cvkern.circle_centers import check_range, check_support, distinct, edge_lines
 from cvkern.ellipses import between, paired
 
+FINEST = 20  # pixels: a photograph is reduced until its smallest axis is less than twice this
 TOLERANCE = 0.2  # radians: how far a gradient may be off, in the votes and in the fit
 CANDIDATES = 64  # that are fitted
 FIRST_BAND, LAST_BAND = 4.0, 1.5  # pixels: how far from the ellipse the points of a fit may be
@@ -56,7 +57,7 @@ def detect_ellipses(
         Any real dtype; colour is for :func:`cvkern.images.luma` to take out first.
     axis_range : two floats
         Smallest minor and largest major semi-axis, in pixels; at least 3. Where the smallest is
-        24 or more, the photograph is first reduced by a whole factor, until it is less than 24.
+        40 or more, the photograph is first reduced by a whole factor, until it is less than 40.
     sigma : float, default 2.0
         Of the Gaussian under the edges, in pixels of the reduced photograph.
     low_threshold, high_threshold : float, optional
@@ -112,7 +113,7 @@ def detect_ellipses(
     most = check_integer(max_points, "max_points", 3, 2**14)
     rt = runtime(image)
     factor = max(1, int(low / FINEST))
-    lines = edge_lines(rt, reduced(rt, image, factor), sigma, low_threshold, high_threshold)
+    lines = edge_lines(rt, image, factor, sigma, low_threshold, high_threshold)
     shapes, support = np.empty((0, 5)), np.empty(0)
     if lines is not None:
         points = rt.to_numpy(lines)

@@ -1,4 +1,4 @@
-"""Votes for ellipses in Taichi: one thread a pair of points and a third one."""
+"""Votes for ellipses in Taichi: one thread a pair of points."""
 
 import numpy as np
 import taichi as ti
@@ -10,7 +10,7 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 
-_MEMORY = 1 << 24  # votes that are counted at once
+_MEMORY = 1 << 24  # counts in all histograms at once
 
 
 @ti.func
@@ -27,8 +27,46 @@ def _points_along(
     return product(cross, cross, zero) <= limit
 
 
+@ti.func
+def _bin(
+    points: ti.template(),
+    i: ti.i32,
+    j: ti.i32,
+    k: ti.i32,
+    narrow: ti.f32,
+    wide: ti.f32,
+    per_bin: ti.f32,
+    turn: ti.f32,
+    zero: ti.i32,
+) -> ti.i32:
+    """Return the bin that point `k` votes for, or -1; p, q and the square are as in Warp's."""
+    found = -1
+    ey = points[0, j] - points[0, i]
+    ex = points[1, j] - points[1, i]
+    whole = _dot(ey, ey, ex, ex, zero)
+    py = (points[0, k] + points[0, k]) - (points[0, j] + points[0, i])
+    px = (points[1, k] + points[1, k]) - (points[1, j] + points[1, i])
+    p = _dot(py, ey, px, ex, zero)
+    q = product(py, ex, zero) - product(px, ey, zero)
+    if whole > p and whole + p > 0.0 and _dot(py, py, px, px, zero) <= whole:
+        quarter = 0.25 * whole
+        above = product(product(q, q, zero), quarter, zero)
+        square = quotient(above, product(whole - p, whole + p, zero), zero)
+        counts = square >= narrow and square <= wide
+        if turn >= 0.0:
+            u = product(square, p, zero)
+            v = product(quarter, q, zero)
+            gy = product(u, ey, zero) + product(v, ex, zero)
+            gx = product(u, ex, zero) - product(v, ey, zero)
+            limit = product(turn, _dot(gy, gy, gx, gx, zero), zero)
+            counts = counts and _points_along(points, k, gy, gx, limit, zero)
+        if counts:
+            found = ti.cast(product(root(square, zero), per_bin, zero) + 0.5, ti.i32)
+    return found
+
+
 @ti.kernel
-def _vote(
+def _vote_pairs(
     points: f32_2,
     first: ti.i32,
     least: ti.f32,
@@ -38,62 +76,38 @@ def _vote(
     per_bin: ti.f32,
     turn: ti.f32,
     zero: ti.i32,
-    # outputs
+    # scratch
     histograms: i32_3,
-):
-    for r, j, b in histograms:
-        histograms[r, j, b] = 0
-    for r, j, k in ti.ndrange(histograms.shape[0], points.shape[1], points.shape[1]):
-        i = first + r
-        if j < i and i < points.shape[1]:
-            ey = points[0, j] - points[0, i]
-            ex = points[1, j] - points[1, i]
-            whole = _dot(ey, ey, ex, ex, zero)
-            paired = whole >= least and whole <= most
-            if turn >= 0.0:
-                limit = product(turn, whole, zero)
-                paired = paired and _points_along(points, i, ey, ex, limit, zero)
-                paired = paired and _points_along(points, j, ey, ex, limit, zero)
-            # For p, q and the square see Warp's _ellipses.py.
-            py = (points[0, k] + points[0, k]) - (points[0, j] + points[0, i])
-            px = (points[1, k] + points[1, k]) - (points[1, j] + points[1, i])
-            p = _dot(py, ey, px, ex, zero)
-            q = product(py, ex, zero) - product(px, ey, zero)
-            if paired and whole > p and whole + p > 0.0 and _dot(py, py, px, px, zero) <= whole:
-                quarter = 0.25 * whole
-                above = product(product(q, q, zero), quarter, zero)
-                square = quotient(above, product(whole - p, whole + p, zero), zero)
-                counts = square >= narrow and square <= wide
-                if turn >= 0.0:
-                    u = product(square, p, zero)
-                    v = product(quarter, q, zero)
-                    gy = product(u, ey, zero) + product(v, ex, zero)
-                    gx = product(u, ex, zero) - product(v, ey, zero)
-                    limit = product(turn, _dot(gy, gy, gx, gx, zero), zero)
-                    counts = counts and _points_along(points, k, gy, gx, limit, zero)
-                if counts:
-                    b = ti.cast(product(root(square, zero), per_bin, zero) + 0.5, ti.i32)
-                    ti.atomic_add(histograms[r, j, b], 1)
-
-
-@ti.kernel
-def _choose(
-    histograms: i32_3,
-    first: ti.i32,
     # outputs
     votes: i32_2,
     axes: i32_2,
 ):
-    for r, j in ti.ndrange(histograms.shape[0], votes.shape[1]):
-        if first + r < votes.shape[0]:
+    for r, j in ti.ndrange(histograms.shape[0], points.shape[1]):
+        i = first + r
+        if i < points.shape[1]:
+            ey = points[0, j] - points[0, i]
+            ex = points[1, j] - points[1, i]
+            whole = _dot(ey, ey, ex, ex, zero)
+            paired = j < i and whole >= least and whole <= most
+            if turn >= 0.0:
+                limit = product(turn, whole, zero)
+                paired = paired and _points_along(points, i, ey, ex, limit, zero)
+                paired = paired and _points_along(points, j, ey, ex, limit, zero)
             best = 0
             at = 0
-            for b in range(histograms.shape[2]):
-                if histograms[r, j, b] > best:
-                    best = histograms[r, j, b]
-                    at = b
-            votes[first + r, j] = best
-            axes[first + r, j] = at
+            if paired:
+                for b in range(histograms.shape[2]):
+                    histograms[r, j, b] = 0
+                for k in range(points.shape[1]):
+                    b = _bin(points, i, j, k, narrow, wide, per_bin, turn, zero)
+                    if b >= 0:
+                        histograms[r, j, b] += 1
+                for b in range(histograms.shape[2]):
+                    if histograms[r, j, b] > best:
+                        best = histograms[r, j, b]
+                        at = b
+            votes[i, j] = best
+            axes[i, j] = at
 
 
 @primitive
@@ -114,5 +128,6 @@ def vote_pairs(
     rows = max(1, min(count, _MEMORY // (count * bins)))
     histograms = scratch((rows, count, bins), np.int32)
     for first in range(0, count, rows):
-        _vote(points, first, least, most, narrow, wide, per_bin, turn, 0, histograms)
-        _choose(histograms, first, votes, axes)
+        _vote_pairs(
+            points, first, least, most, narrow, wide, per_bin, turn, 0, histograms, votes, axes
+        )
