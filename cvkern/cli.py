@@ -12,6 +12,7 @@ import typer
 
 import cvkern
 from cvkern.commands import Backend, Device
+from cvkern.commands.circles import circles
 from cvkern.commands.edges import edges
 from cvkern.commands.find import find
 
@@ -54,6 +55,7 @@ def _options(
 
 
 app.command()(edges)
+app.command()(circles)
 app.command()(find)
 
 

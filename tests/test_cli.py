@@ -1,8 +1,8 @@
 """The command line: what it writes, says and refuses."""
 
 import csv
-import json
 import inspect
+import json
 import subprocess
 import sys
 
@@ -333,3 +333,39 @@ def test_the_command_starts_fast():
     code = f"import sys, cvkern.cli; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_circles(command, photo, tmp_path):
+    files = {"csv": tmp_path / "circles.csv", "json": tmp_path / "circles.json"}
+    code, out, _ = command(
+        "circles", photo, "-o", tmp_path / "drawn.png", "--radius", 10, 30,
+        "--csv", files["csv"], "--json", files["json"],
+    )  # fmt: skip
+    assert code == 0
+    found = cvkern.detect_circles(read_image(photo), (10, 30))
+    (row,) = json.loads(files["json"].read_text())
+    want = (*found.centers[0].tolist(), *found.radii.tolist(), *found.support.tolist())
+    assert tuple(row.values()) == want
+    assert want[:3] == pytest.approx((31.3, 33.8, 18), abs=0.2)
+    with files["csv"].open() as lines:
+        (line,) = csv.DictReader(lines)
+    assert list(line) == list(row) == ["row", "column", "radius", "support"]
+    np.testing.assert_allclose([float(v) for v in line.values()], want, rtol=1e-6)
+    assert "drawn.png: 1 circles\nrow 31.3" in out
+    drawn = read_image(tmp_path / "drawn.png")
+    assert drawn.shape == (60, 70, 3)
+    assert (drawn[31, 51] != drawn[31, 51, 0]).any()  # on the circle, the colour
+
+
+def test_circles_refused_leave_nothing(command, photo, tmp_path):
+    out = tmp_path / "drawn.png"
+    assert command("circles", photo, "-o", photo, "--radius", 10, 30)[0] == 2
+    code, _, said = command("circles", photo, "-o", out, "--radius", 30, 10)
+    assert code == 2
+    assert "radius_range must rise, got 30 to 10" in said
+    code, _, _ = command(
+        "circles", photo, "-o", tmp_path / "a" / "drawn.png", "--radius", 10, 30,
+        "--csv", tmp_path / "a.csv",
+    )  # fmt: skip
+    assert code == 2
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["photo.png"]
