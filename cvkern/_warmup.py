@@ -37,6 +37,13 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "canny", partial(cvkern.canny, real, 1, 5, 10, norm=norm)
     yield "subpixel_edges", partial(cvkern.subpixel_edges, real, 1, 5, 10)
     angles = cvkern.gradient(real).orientation
+    h = cvkern.hough_line(real > 200)
+    yield "hough_line", partial(cvkern.hough_line, real > 200, orientation=angles, weights=real)
+    yield "hough_line_slope", partial(cvkern.hough_line_slope, real > 200)
+    for votes in (h.votes, np.asarray(h.votes, np.float32)):
+        yield "hough_line_peaks", partial(cvkern.hough_line_peaks, votes, h.theta, h.rho)
+    yield "hough_line_segments", partial(cvkern.hough_line_segments, real > 200, [0.0], [9.0])
+    yield "detect_segments", partial(cvkern.detect_segments, byte)
     for normalize in (True, False):
         yield "hough_circle", partial(cvkern.hough_circle, real > 200, 3, normalize=normalize)
     yield "hough_circle", partial(cvkern.hough_circle, real > 200, 3, orientation=angles)

@@ -18,7 +18,7 @@ class HoughLinePeaks(NamedTuple):
     """Lines that many points voted for, most votes first."""
 
     votes: Any
-    """The accumulator's values there, (K,), of its dtype."""
+    """The accumulator's values there, (K,) int32 or float32."""
     theta: np.ndarray
     """The angles, radians, (K,) float64."""
     rho: np.ndarray
@@ -62,9 +62,10 @@ def hough_line_peaks(
     Returns
     -------
     HoughLinePeaks
-        Named tuple of `votes`, `theta` and `rho` (K,), in descending order of votes. Of equal
-        ones the smaller rho, then the smaller theta, is first; in a neighbourhood, it alone is
-        kept.
+        Named tuple of `votes` (K,), int32 or float32 as those of `hspace`, and of `theta` and
+        `rho` (K,), NumPy arrays whatever library the votes are of; in descending order of votes.
+        Of equal ones the smaller rho, then the smaller theta, is first; in a neighbourhood, it
+        alone is kept.
 
     Raises
     ------

@@ -199,8 +199,8 @@ def detect_lines(
     Returns
     -------
     HoughLinePeaks
-        Named tuple of `votes`, `theta` and `rho` (K,): the number of edge points on each line,
-        most first, and the fitted line.
+        Named tuple of `votes` (K,) int32, the number of edge points on each line, most first, and
+        of `theta` and `rho` (K,), the fitted lines, as NumPy arrays.
 
     Raises
     ------

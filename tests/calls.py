@@ -45,6 +45,14 @@ CALLS = {
     "hough_circle_peaks": lambda x: cvkern.hough_circle_peaks(
         cvkern.hough_circle(edges(x), [3, 6]), [3, 6], 2, 3
     ),
+    "hough_line": lambda x: cvkern.hough_line(edges(x)).votes,
+    "hough_line_slope": lambda x: cvkern.hough_line_slope(edges(x)).swapped,
+    "hough_line_peaks": lambda x: cvkern.hough_line_peaks(*cvkern.hough_line(edges(x))).votes,
+    "hough_line_segments": lambda x: cvkern.hough_line_segments(
+        edges(x), *cvkern.hough_line_peaks(*cvkern.hough_line(edges(x)))[1:], min_length=2
+    ),
+    "detect_lines": lambda x: cvkern.detect_lines(x, min_votes=5).votes,
+    "detect_segments": lambda x: cvkern.detect_segments(x, min_length=4),
     "detect_circles": lambda x: cvkern.detect_circles(x, (4, 16), min_support=0.2),
 }
 

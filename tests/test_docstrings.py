@@ -94,12 +94,12 @@ def test_documented_defaults_are_true(name):
 
 def shape_of(text, image):
     """Return what "(H, W)" or "the shape of `image`" amounts to; None where any size will do."""
-    sizes = {"H": image.shape[0], "W": image.shape[1], "N": None, "R": None, "2": 2}
+    sizes = {"H": image.shape[0], "W": image.shape[1], "2": 2, "4": 4}
     if "shape of `image`" in text or "shape and dtype of `image`" in text:
         return image.shape
-    listed = re.search(r"\(((?:[HWNR2],? ?)+)\)", text)
+    listed = re.search(r"\(((?:[CHKMNRTW24],? ?)+)\)", text)
     assert listed, text
-    return tuple(sizes[size] for size in re.findall(r"\w", listed.group(1)))
+    return tuple(sizes.get(size) for size in re.findall(r"\w", listed.group(1)))
 
 
 def dtype_of(text, image):
