@@ -30,6 +30,12 @@ CALLS = {
     "canny": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06),
     "canny_l1": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06, norm="l1"),
     "canny_sobel": lambda x: cvkern.canny(x, 1.0, 0.5, 1.0, operator="sobel"),
+    "hough_line": lambda x: cvkern.hough_line(x > 0.7).votes,
+    "hough_line_slope": lambda x: cvkern.hough_line_slope(x > 0.7)[:2],
+    "hough_line_directed": lambda x: (
+        cvkern.hough_line(x > 0.7, orientation=x, orientation_tolerance=0.1, weights=x).votes
+    ),
+    "hough_line_peaks": lambda x: cvkern.hough_line_peaks(*cvkern.hough_line(x > 0.7)).votes,
     "generalized_hough": lambda x: cvkern.generalized_hough(
         x, TABLE, rotations=8, scales=[0.8, 1.1], threshold=0, num_peaks=3
     ),

@@ -94,6 +94,31 @@ def test_median(shape, dtype, scale, seed, radius, mode):
     assert_equal_bits(lambda: cvkern.median(image, radius, mode=mode, cval=1))
 
 
+@given(shapes, seeds, st.floats(0.2, 9), st.integers(1, 40), st.sampled_from([None, 0, 0.05, 2]),
+       st.booleans())  # fmt: skip
+def test_hough_line(shape, seed, rho_step, angles, tolerance, weighted):
+    rng = np.random.default_rng(seed)
+    mask = rng.random(shape) < 0.2
+    theta = np.linspace(-1, 2, angles)
+    options = {"rho_step": rho_step}
+    if tolerance is not None:
+        options |= {
+            "orientation": rng.uniform(-4, 4, shape).astype(np.float32),
+            "orientation_tolerance": tolerance,
+        }
+    if weighted:
+        options |= {"weights": rng.random(shape).astype(np.float32)}
+    (votes,) = assert_equal_bits(lambda: cvkern.hough_line(mask, theta, **options).votes)
+    for values in (votes, votes.astype(np.float32)):
+        rho = np.arange(len(votes)) * 1.0
+        assert_equal_bits(lambda: cvkern.hough_line_peaks(values, theta, rho, 3, 2, 0.5))  # noqa: B023
+    points = np.argwhere(mask) * 0.99
+    assert_equal_bits(lambda: cvkern.hough_line(points=points, shape=shape).votes)
+    assert_equal_bits(lambda: cvkern.hough_line_slope(mask, np.linspace(-1, 1, angles))[:2])
+    lines = rng.uniform(-2, 2, 9), rng.uniform(-20, 40, 9)
+    assert_equal_bits(lambda: cvkern.hough_line_segments(mask, *lines, min_length=2, distance=3))
+
+
 @pytest.mark.parametrize(
     "name", sorted(set(CALLS) - {"subpixel_edges", "detect_lines", "detect_segments"})
 )
