@@ -162,7 +162,8 @@ def fit_line(points: Any, weights: Any = None) -> LineFit:
     if weights is None:
         weight = np.ones(len(place))
     elif not (np.isfinite(weight) & (weight >= 0)).all():
-        raise ValueError(f"weights must be >= 0 and finite, got {weight.min():g} or NaN")
+        wrong = weight[~(np.isfinite(weight) & (weight >= 0))]
+        raise ValueError(f"weights must be >= 0 and finite, got {wrong[0]:g}")
     place, weight = place[weight > 0], weight[weight > 0]
     if not len(place) or (place == place[0]).all():
         raise ValueError("points must be two or more, in different places, got fewer")

@@ -1,5 +1,7 @@
 """Votes for lines: against float64, scikit-image and what must hold of them."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -291,3 +293,43 @@ def test_suggested_bins_stand_out_most(width):
 
     suggested = cvkern.suggest_line_bins((100, 100), 1.0).rho_step
     assert standing_out(suggested) >= standing_out(width)
+
+
+# ------------------------------------------------------------------- refused once points are known
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "message"),
+    [
+        ("orientation", np.nan, "orientation must be finite at the points, got nan"),
+        ("orientation", -np.inf, "orientation must be finite at the points, got -inf"),
+        ("weights", -0.5, "weights must be >= 0 and finite at the points, got -0.5"),
+        ("weights", np.nan, "weights must be >= 0 and finite at the points, got nan"),
+        ("weights", 1e7, "weights must be small enough for votes below 2^31, got up to 1e+07"),
+    ],
+)
+def test_values_at_points_are_checked(backend, name, wrong, message):
+    mask = scattered(20, 30)
+    values = np.ones(mask.shape, np.float32)
+    values[tuple(np.argwhere(mask)[3])] = wrong
+    with pytest.raises(ValueError, match=re.escape(message)):
+        cvkern.hough_line(mask, **{name: values})
+    if name == "orientation":
+        with pytest.raises(ValueError, match=re.escape(message)):
+            cvkern.hough_line_segments(mask, [0.0], [3.0], orientation=values)
+
+
+def test_weights_that_no_bin_can_add_up_to_too_much(backend):
+    """The sum of all exceeds int32; a line crosses no more than 100 pixels, twice."""
+    mask = np.ones((100, 100), bool)
+    weights = np.full(mask.shape, 2**31 / 256 / 201, np.float32)
+    votes = cvkern.hough_line(mask, weights=weights).votes
+    assert (votes >= 0).all()
+    assert votes.sum(dtype=np.int64) > 2**31
+
+
+def test_values_are_not_checked_within_a_capture(backend):
+    mask, orientation = scattered(20, 30), normals(20, 30)
+    for options in ({"orientation": orientation}, {"weights": np.abs(orientation)}):
+        with pytest.raises(ValueError, match="captured functions must be kernels alone"):
+            cvkern.capture(cvkern.hough_line, mask, **options)
