@@ -83,15 +83,19 @@ def _regions(image: np.ndarray) -> Arrays:
     labels = measure.label(scipy.ndimage.binary_fill_holes(parts))
     regions = [r for r in measure.regionprops(labels) if r.area > 500]
     found = np.array([(*r.centroid, math.sqrt(r.area / math.pi)) for r in regions])
-    found = found * scale + (0.5 * scale - 0.5, 0.5 * scale - 0.5, 0)
-    whole = (found[:, :2] + found[:, 2:] < image.shape).all(axis=1)
+    whole = (scale * (found[:, :2] + found[:, 2:]) < image.shape).all(axis=1)
     return (found[whole],)
+
+
+def _in_pixels_of_the_photograph(circles: np.ndarray, image: np.ndarray) -> Arrays:
+    half = np.array([0.5, 0.5, 0])  # pixel centres are integers
+    return ((circles + half) / _scale(image.shape) - half,)
 
 
 def _found(image: np.ndarray) -> Arrays:
     scale = _scale(image.shape)
     circles = cvkern.detect_circles(image, (SMALLEST * scale, LARGEST * scale), polarity="bright")
-    return (np.column_stack((circles.centers, circles.radii)) / scale,)
+    return _in_pixels_of_the_photograph(np.column_stack((circles.centers, circles.radii)), image)
 
 
 def _opencv(mode: str, dp: float, high: float, threshold: float) -> Any:
@@ -102,7 +106,7 @@ def _opencv(mode: str, dp: float, high: float, threshold: float) -> Any:
             param2=threshold, minRadius=round(SMALLEST * scale), maxRadius=round(LARGEST * scale),
         )  # fmt: skip
         circles = np.empty((0, 3)) if found is None else found[0, :, [1, 0, 2]].T
-        return (circles / scale,)
+        return _in_pixels_of_the_photograph(circles, image)
 
     return call
 
@@ -112,8 +116,7 @@ def _missed(ours: Arrays, right: Arrays) -> float:
     (a,), (b,) = ours, right
     if not len(a):
         return 1.0
-    scale = 40 / b[:, 2].max() if b[:, 2].max() > 40 else 1.0
-    gaps = np.abs(a[:, None] - b[None] * scale).max(axis=2)
+    gaps = np.abs(a[:, None] - b[None]).max(axis=2)
     return float(1 - ((gaps.min(axis=1) <= NEAR).sum() + (gaps.min(axis=0) <= NEAR).sum())
                  / sum(gaps.shape))  # fmt: skip
 
