@@ -25,8 +25,10 @@ LEAST_TOLERANCE, MOST_TOLERANCE = math.radians(0.5), math.radians(3)
 SPARE = 16  # points that a kernel may read beyond the last
 MAX_VOTES = 2**16 - 1  # that a cell of an accumulator holds
 LEAST_SCALE, MOST_SCALE = 1 / 16, 16.0
-MANY = 4096  # cells that are looked at
+MANY = 2048  # tiles that are looked at,
+WEAKER = 4  # and no weaker than the best one by more than this factor
 MAX_ANGLE = 7.0  # radians: of a gradient; a little more than a turn
+MAX_SLICES = 2**18  # at a time: a grid of blocks has its limits
 
 
 class Ballot(NamedTuple):
@@ -57,7 +59,7 @@ class Ballot(NamedTuple):
             raise ValueError(
                 f"max_bytes must be at least {each}, what one rotation and scale takes, got {most}"
             )
-        slices = min(most // each, MAX_ELEMENTS // (rows * columns))
+        slices = min(most // each, MAX_ELEMENTS // (rows * columns), MAX_SLICES)
         scales = min(slices, len(self.scales))
         return min(slices // scales, len(self.turns)), scales
 
@@ -110,9 +112,9 @@ def candidates(
     """Return the poses of most votes, (N, 4) float64, and their votes."""
     height, width = scene.shape
     tiles = ballot.tiles(height, width)
-    found: list[np.ndarray] = [np.empty((0, 5))]
     if not len(scene.points):
-        return found[0][:, :4], found[0][:, 4]
+        return np.empty((0, 4)), np.empty(0)
+    found: list[tuple[np.ndarray, ...]] = []  # key, rotation, scale, row and column of tiles
     voters, entries = voters_of(rt, scene), ballot.entries(rt)
     for r in range(0, len(ballot.turns), batch[0]):
         for s in range(0, len(ballot.scales), batch[1]):
@@ -124,26 +126,27 @@ def candidates(
                 keys,
             )  # fmt: skip
             host = rt.to_numpy(keys).reshape(-1)
-            best = strongest(host // TILE**2, MANY)
-            place = TILE**2 - 1 - host[best] % TILE**2
+            best = strongest(host, MANY)
             turn, scale, down, across = np.unravel_index(best, shape)
-            # The corner that four cells share, in pixels whose centres are integers.
-            side = 1 << ballot.shift
-            rows = (down * TILE + place // TILE + 1) * side - 0.5
-            columns = (across * TILE + place % TILE + 1) * side - 0.5
-            found.append(
-                np.column_stack((
-                    rows, columns, ballot.rotations[r + turn], ballot.scales[s + scale] / SCALE_ONE,
-                    host[best] // TILE**2,
-                ))
-            )  # fmt: skip
-    every = np.concatenate(found)
-    every = every[np.argsort(-every[:, 4], kind="stable")][:MANY]
+            found.append((host[best], r + turn, s + scale, down, across))
+    key, turn, scale, down, across = (np.concatenate(a) for a in zip(*found, strict=True))
+    votes, place = key // TILE**2, TILE**2 - 1 - key % TILE**2
+    # Equal ones in the order of slices, so that the batches do not matter.
+    order = np.lexsort((across, down, scale, turn, -key))[:MANY]
+    order = order[votes[order] >= max(int(votes.max()) // WEAKER, 1)]
+    # The corner that four cells share, in pixels whose centres are integers.
+    side = 1 << ballot.shift
+    every = np.column_stack((
+        (down * TILE + place // TILE + 1) * side - 0.5,
+        (across * TILE + place % TILE + 1) * side - 0.5,
+        ballot.rotations[turn],
+        ballot.scales[scale] / SCALE_ONE,
+    ))[order]  # fmt: skip
     # One of several that the fit would make one.
     reach = 0.1 * float(np.hypot(*(ballot.vectors / VECTOR_ONE).T).max())
-    near = max(2.5 * (1 << ballot.shift), reach)
+    near = max(2.5 * side, reach)
     kept = apart(every, most, near, max(1.5 * _step(ballot.rotations), math.radians(5)), 1.08)
-    return every[kept, :4], every[kept, 4].astype(np.int32)
+    return every[kept], votes[order[kept]]
 
 
 def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:

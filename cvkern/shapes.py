@@ -15,6 +15,7 @@ from cvkern.kernels.codes import DIRECTIONS
 
 SIGMA = 1.0
 MAX_RADIUS = 2**12  # pixels, of a table
+CANDIDATES = 64  # poses that are judged, and four more for each that is asked for
 
 
 class RTable(NamedTuple):
@@ -257,7 +258,7 @@ def generalized_hough(
     batch = ballot.batch(height, width, check_integer(max_bytes, "max_bytes", 1, 2**62))
     rt = runtime(image)
     scene = scene_of(image, orientation, options, "image")
-    poses, votes = candidates(rt, scene, ballot, batch, 32 + 4 * limit)
+    poses, votes = candidates(rt, scene, ballot, batch, CANDIDATES + 4 * limit)
     support = np.empty(0)
     if len(poses):
         judge = Judge(scene, Model(table.vectors.astype(float), table.orientation.astype(float)))

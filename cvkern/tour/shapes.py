@@ -15,14 +15,14 @@ from cvkern.tour.page import Chapter, Figure, Panel
 
 CUT = (slice(0, 190), slice(130, 320))  # of the photograph: the template
 TURN, SIZE = math.radians(-35), 0.9
-EDGES = {"sigma": 2, "low_threshold": 4, "high_threshold": 8}
+EDGES: dict[str, Any] = {"sigma": 2, "low_threshold": 4, "high_threshold": 8}
 SCALES = [0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1]
 HORSE = 0.3  # of its picture's size
 POSES = (  # row, column, rotation in degrees, scale
     (95, 110, 0, 1.0), (100, 300, 35, 1.2), (92, 500, -60, 0.9), (310, 95, 170, 1.3),
     (195, 62, -20, 0.8), (295, 490, 75, 1.1),
 )  # fmt: skip
-HERD = {"rotations": 360, "scales": [0.8, 0.9, 1.0, 1.1, 1.2, 1.3]}
+HERD: dict[str, Any] = {"rotations": 360, "scales": [0.8, 0.9, 1.0, 1.1, 1.2, 1.3]}
 OUTLINE, FRAME = (255, 98, 41), (255, 214, 64)
 
 

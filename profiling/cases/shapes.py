@@ -18,7 +18,7 @@ ROTATIONS, STEP = 360, 0.05
 SCALES = np.linspace(0.8, 1.6, 17)
 TURN, SIZE = 0.7, 1.3  # of the template in the scene
 LOW, HIGH = 50, 100  # of cv2.Canny: its Sobel is eight times a derivative
-EDGES = {"low_threshold": LOW / 8, "high_threshold": HIGH / 8}
+EDGES: dict[str, Any] = {"low_threshold": LOW / 8, "high_threshold": HIGH / 8}
 NOWHERE = 1e9
 WITHIN = 2.0, math.radians(2), 0.03  # pixels, radians, share: what counts as found
 
