@@ -21,13 +21,13 @@ import cvkern
 from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
 from cvkern.images import write_image
-from cvkern.tour import edges, page, shapes
+from cvkern.tour import circles, edges, page, shapes
 from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure
 
 __all__ = ["CHAPTERS", "tour"]
 
-CHAPTERS: tuple[Callable[[], Chapter], ...] = (edges.chapter, shapes.chapter)
+CHAPTERS: tuple[Callable[[], Chapter], ...] = (edges.chapter, circles.chapter, shapes.chapter)
 
 
 def tour(
