@@ -185,6 +185,17 @@ class Runtime:
         """Return kernel memory that stays valid until this thread asks for `name` again."""
         return self.set.scratch(name, shape, np.dtype(dtype), self.device)
 
+    def send(self, name: str, values: np.ndarray) -> Any:
+        """Bring a host array to kernels; it stays valid until this thread asks for `name` again.
+
+        Unlike that of :meth:`adopt`, its memory on a GPU outlives the call that launches kernels.
+        """
+        if self.device == "cpu":
+            return self.adopt(values, values.dtype)
+        array = self.scratch(name, values.shape, values.dtype)
+        self.set.fill(array, np.ascontiguousarray(values))
+        return array
+
     def release(self, result: Any, out: Any = None) -> Any:
         """Return what :meth:`empty` gave, once kernels have filled it, as the caller's array."""
         if out is not None:

@@ -65,11 +65,14 @@ class Ballot(NamedTuple):
 
     def entries(self, rt: Runtime) -> tuple[Any, Any]:
         """Return the kernel arrays of the entries."""
-        return rt.adopt(self.vectors, np.int32), rt.adopt(self.directions, np.int32)
+        return rt.send("shapes.vectors", self.vectors), rt.send("shapes.angles", self.directions)
 
     def slices(self, rt: Runtime, turns: slice, scales: slice) -> tuple[Any, Any]:
         """Return the kernel arrays of some rotations and scales."""
-        return rt.adopt(self.turns[turns], np.int32), rt.adopt(self.scales[scales], np.int32)
+        return (
+            rt.send("shapes.turns", self.turns[turns]),
+            rt.send("shapes.scales", self.scales[scales]),
+        )
 
 
 def ballot_of(
@@ -154,7 +157,9 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
     refuse_capture("points that the host counts")
     rt = runtime(image, orientation)
     shape = (int(image.shape[0]), int(image.shape[1]))
-    dy = dx = angles = None
+    dy: Any = None
+    dx: Any = None
+    angles: Any = None
     if orientation is None:
         sigma, low, high, use_quantiles = options
         mask = rt.scratch("shapes.mask", shape, bool)
@@ -201,7 +206,7 @@ def voters_of(rt: Runtime, scene: Scene) -> tuple[Any, Any]:
     numbers = np.bincount(scene.codes, minlength=DIRECTIONS)
     starts = np.zeros(2 * DIRECTIONS + 1, np.int32)
     np.cumsum(np.concatenate((numbers, numbers)), out=starts[1:])
-    return rt.adopt(points, np.int32), rt.adopt(starts, np.int32)
+    return rt.send("shapes.sorted", points), rt.send("shapes.places", starts)
 
 
 def _code(angles: np.ndarray) -> np.ndarray:

@@ -56,7 +56,7 @@ def _pose(scene: np.ndarray, template: np.ndarray) -> Arrays:
 
 
 def _off(ours: Arrays, right: Arrays) -> float:
-    """How far the first pose is off, by the worst of three measures, 1 where it no longer counts."""
+    """How far the first pose is off, by the worst of three measures: above 1 it is not found."""
     if not all(map(len, ours)):
         return NOWHERE
     gaps = [np.asarray(a[0], float) - b[0] for a, b in zip(ours, right, strict=True)]
