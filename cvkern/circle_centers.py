@@ -9,11 +9,12 @@ import numpy as np
 
 from cvkern._libraries import library
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_choice, check_image, check_number
+from cvkern._validate import check_choice, check_image, check_number, check_sides
 from cvkern.circles import local_maxima
 from cvkern.edges import _canny as edge_gradient
 from cvkern.edges import _thresholds as edge_thresholds
 from cvkern.kernels.codes import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Border
+from cvkern.lines import check_positive
 
 POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
 
@@ -91,9 +92,10 @@ def detect_circles(
     TypeError
         If `image` does not hold real numbers, or an option is not a number.
     ValueError
-        If `image` is empty or not 2-D; if `radius_range` is not two numbers of at least 3, rising,
-        and the smallest no larger than half the shorter side; if `polarity` is unknown,
-        `min_support` not in (0, 1], `min_distance` negative; and as :func:`canny`.
+        If `image` is empty, not 2-D, or longer than 65536 on a side; if `radius_range` is not two
+        numbers of at least 3, rising, and the smallest no larger than half the shorter side; if
+        `polarity` is unknown, `min_support` not in (0, 1], `min_distance` negative; and as
+        :func:`canny`.
 
     Notes
     -----
@@ -119,12 +121,13 @@ def detect_circles(
     (array([[41., 38.]], dtype=float32), array([20.], dtype=float32))
     """
     image = check_image(image)
-    height, width = image.shape
+    height, width = check_sides(image.shape, "image")
     low, high = check_range(radius_range, min(height, width), "radius_range")
     first, last = POLARITIES[check_choice(polarity, tuple(POLARITIES), "polarity")]
     least = check_support(min_support)
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
     rt = runtime(image)
+    sigma = check_positive(sigma, "sigma")
     factor = max(1, int(low / FINEST))
     lines = edge_lines(rt, image, factor, sigma, low_threshold, high_threshold)
     circles, support = np.empty((0, 3), np.float32), np.empty(0, np.float32)

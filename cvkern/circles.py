@@ -17,6 +17,7 @@ from cvkern._validate import (
     check_image,
     check_integer,
     check_number,
+    check_sides,
 )
 from cvkern.kernels.codes import DIRECTIONS
 from cvkern.lines import check_beside
@@ -78,10 +79,10 @@ def hough_circle(
     TypeError
         If an array does not hold real numbers, or a radius is not an integer.
     ValueError
-        If an array is empty, not 2-D, or they differ in shape; if there is no radius, or one is
-        below 1, above 16384, or above the diagonal without `full_output`; if the result would have
-        more than 2^29 elements; if `orientation` is NaN or beyond a full turn at a set pixel, or
-        the tolerance is negative or not below pi / 2.
+        If an array is empty, not 2-D, longer than 65536 on a side, or they differ in shape; if
+        there is no radius, or one is below 1, above 16384, or above the diagonal without
+        `full_output`; if the result would have more than 2^29 elements; if `orientation` is NaN or
+        beyond a full turn at a set pixel, or the tolerance is negative or not below pi / 2.
 
     Notes
     -----
@@ -108,7 +109,7 @@ def hough_circle(
     (np.int64(1), np.int64(12), np.int64(9))
     """
     mask = check_image(mask, name="mask")
-    shape = tuple(mask.shape)
+    shape = check_sides(mask.shape, "mask")
     farthest = MAX_RADIUS if full_output else int(math.hypot(shape[0] - 1, shape[1] - 1))
     radii = _check_radii(radius, farthest)
     tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)

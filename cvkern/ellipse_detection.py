@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_image, check_integer, check_number
+from cvkern._validate import check_image, check_integer, check_number, check_sides
 from cvkern.circle_centers import check_range, check_support, distinct, edge_lines
 from cvkern.ellipses import between, paired
+from cvkern.lines import check_positive
 
 FINEST = 20  # pixels: a photograph is reduced until its smallest axis is less than twice this
 TOLERANCE = 0.2  # radians: how far a gradient may be off, in the votes and in the fit
@@ -81,9 +82,10 @@ def detect_ellipses(
     TypeError
         If `image` does not hold real numbers, or an option is not a number.
     ValueError
-        If `image` is empty or not 2-D; if `axis_range` is not two numbers of at least 3, rising,
-        and the smallest no larger than half the shorter side; if `min_support` is not in (0, 1],
-        `min_distance` negative, or `max_points` not in [3, 16384]; and as :func:`canny`.
+        If `image` is empty, not 2-D, or longer than 65536 on a side; if `axis_range` is not two
+        numbers of at least 3, rising, and the smallest no larger than half the shorter side; if
+        `min_support` is not in (0, 1], `min_distance` negative, or `max_points` not in [3, 16384];
+        and as :func:`canny`.
 
     Notes
     -----
@@ -107,11 +109,12 @@ def detect_ellipses(
     (array([[41., 58.]], dtype=float32), array([[40., 20.]], dtype=float32))
     """
     image = check_image(image)
-    low, high = check_range(axis_range, min(image.shape), "axis_range")
+    low, high = check_range(axis_range, min(check_sides(image.shape, "image")), "axis_range")
     least = check_support(min_support)
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
     most = check_integer(max_points, "max_points", 3, 2**14)
     rt = runtime(image)
+    sigma = check_positive(sigma, "sigma")
     factor = max(1, int(low / FINEST))
     lines = edge_lines(rt, image, factor, sigma, low_threshold, high_threshold)
     shapes, support = np.empty((0, 5)), np.empty(0)

@@ -9,9 +9,9 @@ import numpy as np
 
 from cvkern._points import check_at_points, mask_points
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import MAX_ELEMENTS, check_image, check_integer, check_number
+from cvkern._validate import MAX_ELEMENTS, check_image, check_integer, check_number, check_sides
 from cvkern.kernels.codes import MAX_BINS
-from cvkern.lines import check_beside
+from cvkern.lines import check_beside, check_positive
 
 UNDIRECTED = -1.0  # the square of a sine that says: directions do not count
 
@@ -76,11 +76,11 @@ def hough_ellipse(
     TypeError
         If an array does not hold real numbers, or a parameter is not a number.
     ValueError
-        If an array is empty, not 2-D, or they differ in shape; if `threshold` is negative,
-        `accuracy`, `min_size` or `max_size` not above 0, `accuracy` gives more than 8192 bins, or
-        the tolerance is not in (0, pi / 2); if the mask has more than 23170 set pixels, whose
-        pairs would take more than 2^31 bytes; if `orientation` is NaN or beyond a full turn
-        at a set pixel.
+        If an array is empty, not 2-D, longer than 65536 on a side, or they differ in shape; if
+        `threshold` is negative, `accuracy`, `min_size` or `max_size` not above 0, `accuracy` gives
+        more than 8192 bins, or the tolerance is not in (0, pi / 2); if the mask has more than 23170
+        set pixels, whose pairs would take more than 2^31 bytes; if `orientation` is NaN or beyond a
+        full turn at a set pixel.
 
     Notes
     -----
@@ -107,11 +107,11 @@ def hough_ellipse(
     (array([10., 15.], dtype=float32), array([9., 5.], dtype=float32), np.float32(0.0))
     """
     mask = check_image(mask, name="mask")
-    shape = tuple(mask.shape)
+    shape = check_sides(mask.shape, "mask")
     threshold = check_integer(threshold, "threshold", 0, MAX_ELEMENTS)
-    accuracy = _check_positive(accuracy, "accuracy")
-    shortest = _check_positive(min_size, "min_size")
-    widest = 0.5 * min(shape) if max_size is None else _check_positive(max_size, "max_size")
+    accuracy = check_positive(accuracy, "accuracy")
+    shortest = check_positive(min_size, "min_size")
+    widest = 0.5 * min(shape) if max_size is None else check_positive(max_size, "max_size")
     bins = math.floor(widest / accuracy + 0.5) + 2
     if bins > MAX_BINS:
         raise ValueError(f"accuracy must give at most {MAX_BINS} bins, got {bins}")
@@ -137,13 +137,6 @@ def hough_ellipse(
     )  # fmt: skip
     ellipses = between(points[:2, pairs].astype(np.float64), minor)
     return EllipseVotes(rt.give(votes), *(rt.give(a.astype(np.float32)) for a in ellipses))
-
-
-def _check_positive(value: Any, name: str) -> float:
-    number = check_number(value, name, low=0)
-    if number == 0:
-        raise ValueError(f"{name} must be > 0, got {value}")
-    return number
 
 
 def paired(

@@ -227,3 +227,18 @@ def test_of_equal_peaks_the_first_comes_first(backend):
 def test_no_votes_have_no_peaks(backend):
     peaks = cvkern.hough_circle_peaks(np.zeros((3, 20, 30)), [3, 4, 5])
     assert [a.shape for a in peaks] == [(0,)] * 4
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 7.0])
+@pytest.mark.parametrize("function", [lambda m, o: cvkern.hough_circle(m, 3, orientation=o),
+                                      lambda m, o: cvkern.hough_ellipse(m, orientation=o)])  # fmt: skip
+def test_directions_that_are_none(backend, function, value):
+    mask, angles = np.zeros((9, 8)), np.zeros((9, 8), np.float32)
+    mask[2, 3] = 1
+    angles[0, 0] = value  # where the mask is not set
+    function(mask, angles)
+    angles[2, 3] = value
+    rule = "orientation must be in [-6.28319, 6.28319] where the mask is set"
+    with pytest.raises(ValueError) as info:
+        function(mask, angles)
+    assert str(info.value) == f"{rule}, got {value:g} at (2, 3)"
