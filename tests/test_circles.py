@@ -229,9 +229,14 @@ def test_no_votes_have_no_peaks(backend):
     assert [a.shape for a in peaks] == [(0,)] * 4
 
 
+DIRECTED = [
+    lambda mask, angles: cvkern.hough_circle(mask, 3, orientation=angles),
+    lambda mask, angles: cvkern.hough_ellipse(mask, orientation=angles),
+]
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, 7.0])
-@pytest.mark.parametrize("function", [lambda m, o: cvkern.hough_circle(m, 3, orientation=o),
-                                      lambda m, o: cvkern.hough_ellipse(m, orientation=o)])  # fmt: skip
+@pytest.mark.parametrize("function", DIRECTED)
 def test_directions_that_are_none(backend, function, value):
     mask, angles = np.zeros((9, 8)), np.zeros((9, 8), np.float32)
     mask[2, 3] = 1
@@ -239,6 +244,6 @@ def test_directions_that_are_none(backend, function, value):
     function(mask, angles)
     angles[2, 3] = value
     rule = "orientation must be in [-6.28319, 6.28319] where the mask is set"
-    with pytest.raises(ValueError) as info:
+    with pytest.raises(ValueError, match="orientation") as info:
         function(mask, angles)
     assert str(info.value) == f"{rule}, got {value:g} at (2, 3)"
