@@ -14,11 +14,12 @@ wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 BLOCK = 256  # threads; Warp's own
 WORDS = 11904  # of shared memory: with Warp's own 1 KB below the 48 KB that a block may have
 CELLS = 2 * WORDS
+assert TILE * TILE == 2 * 32, "a lane takes two cells of a tile"
 _DOWN = TURN_ONE * VECTOR_ONE // TURNED_ONE
 _ONE = TURNED_ONE * SCALE_ONE
 
 # A rectangle is deep by wide cells, multiples of TILE; a row and a column more are counted, as the
-# sums of its last cells reach there.
+# sums of its last cells reach there. Another column makes each row begin with a word.
 _VOTE = f"""
     __shared__ unsigned int cell[{WORDS}];
     const int rows = ((height - 1) >> shift) + 1, columns = ((width - 1) >> shift) + 1;
@@ -26,8 +27,8 @@ _VOTE = f"""
     const int rectangles = (rows + deep - 1) / deep * abreast;
     const int slice = blockIdx.x / rectangles, rectangle = blockIdx.x % rectangles;
     const int top = rectangle / abreast * deep, left = rectangle % abreast * wide;
-    const int pitch = wide + 1, lane = threadIdx.x % 32;
-    for (int i = threadIdx.x; i < {WORDS}; i += {BLOCK}) cell[i] = 0;
+    const int pitch = wide + 2, lane = threadIdx.x % 32;
+    for (int i = threadIdx.x; i < (deep + 1) * pitch / 2; i += {BLOCK}) cell[i] = 0;
     __syncthreads();
     const int* turn = turns.data + 3 * (slice / scales.shape[0]);
     const int scale = scales.data[slice % scales.shape[0]];
@@ -69,27 +70,34 @@ _VOTE = f"""
     __syncthreads();
 """
 
+# A warp takes a tile, a lane the two cells of a word; the sums need the words beside and below.
 _PEAKS = f"""
     const int across = (columns + {TILE - 1}) / {TILE}, below = (rows + {TILE - 1}) / {TILE};
-    const int tiles = deep / {TILE} * (wide / {TILE});
-    for (int t = threadIdx.x / 32; t < tiles; t += {BLOCK // 32}) {{
-        const int row = t / (wide / {TILE}), column = t % (wide / {TILE});
+    const int line = lane / {TILE // 2}, word = lane % {TILE // 2};
+    const int place = {TILE * TILE - 1} - (line * {TILE} + 2 * word);
+    int row = 0, column = threadIdx.x / 32;  // of tiles, in the rectangle
+    for (;; column += {BLOCK // 32}) {{
+        for (; column >= wide / {TILE}; column -= wide / {TILE}) ++row;
         const int tile_row = top / {TILE} + row, tile_column = left / {TILE} + column;
-        if (tile_row >= below || tile_column >= across) continue;  // the whole warp
+        if (row >= deep / {TILE} || tile_row >= below) break;
+        if (tile_column >= across) continue;
+        const unsigned int* here
+            = cell + ((row * {TILE} + line) * pitch + column * {TILE}) / 2 + word;
+        const unsigned int* under = here + pitch / 2;
+        const int first = (here[0] & 0xffff) + (under[0] & 0xffff);
+        const int second = (here[0] >> 16) + (under[0] >> 16);
+        const int third = (here[1] & 0xffff) + (under[1] & 0xffff);
+        const int y = tile_row * {TILE} + line, x = tile_column * {TILE} + 2 * word;
         int best = 0;
-        for (int k = lane; k < {TILE * TILE}; k += 32) {{
-            int sum = 0;
-            const int here = (row * {TILE} + k / {TILE}) * pitch + column * {TILE} + k % {TILE};
-            const bool inside = top + row * {TILE} + k / {TILE} < rows
-                && left + column * {TILE} + k % {TILE} < columns;
-            for (int c = 0; c < 4; ++c) {{
-                const int place = here + c / 2 * pitch + c % 2;
-                sum += cell[place >> 1] >> 16 * (place & 1) & 0xffff;
-            }}
-            if (inside) best = max(best, sum * {TILE * TILE} + {TILE * TILE - 1} - k);
-        }}
+        if (y < rows && x < columns) best = (first + second) * {TILE * TILE} + place;
+        if (y < rows && x + 1 < columns)
+            best = max(best, (second + third) * {TILE * TILE} + place - 1);
+        #if __CUDA_ARCH__ >= 800
+        best = __reduce_max_sync(0xffffffffu, best);
+        #else
         for (int step = 16; step; step /= 2)
             best = max(best, __shfl_xor_sync(0xffffffffu, best, step));
+        #endif
         if (lane == 0) found.data[((size_t)slice * below + tile_row) * across + tile_column] = best;
     }}
 """
@@ -109,7 +117,7 @@ def rectangle(rows: int, columns: int) -> tuple[int, int, int]:
     best = None
     for abreast in range(1, -(-columns // TILE) + 1):
         wide = -(-columns // (abreast * TILE)) * TILE
-        deep = min(CELLS // (wide + 1) - 1, rows + TILE - 1) // TILE * TILE
+        deep = min(CELLS // (wide + 2) - 1, rows + TILE - 1) // TILE * TILE
         if deep > 0:
             number = -(-rows // deep) * -(-columns // wide)
             if best is None or number < best[2]:
