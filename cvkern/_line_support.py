@@ -21,12 +21,13 @@ from cvkern.kernels.codes import DIRECTION_FACTOR, DIRECTIONS
 from cvkern.line_peaks import peak_bins
 from cvkern.lines import suggest_line_bins
 
-AIM = math.radians(15)  # how far a gradient may be from across its line
+AIM = math.pi / 8  # how far a gradient may be from across its line, radians
 _AIM_OF_VOTES = math.radians(3)  # the same while voting, where breadth costs time and clutter
 _LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photographs
 _LENGTH = 320  # pixels: lines so long fall into one bin; longer ones into several
 _APART = 3  # bins of rho and theta between the peaks of one round
 FITS = 2  # of a line to the points on it, which are then found anew
+_CHANGES = 2  # of a point from one line to the next
 DENSITY = 0.6  # points for each pixel of a segment: a thin edge has 0.7 to 1
 
 
@@ -66,15 +67,18 @@ def claim(
     rho: np.ndarray,
     distance: float,
     tolerance: float,
+    after: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the first line that each point is on, or their number."""
+    """Return the first line, behind that of `after`, that each point is on, or their number."""
     if not len(points) or not len(theta):
         return np.full(len(points), len(theta))
     labels = rt.scratch("segments.labels", (len(points),), np.int32)
     lines = [np.cos(theta), np.sin(theta), rho]
+    past = np.full(len(points), -1) if after is None else after
     rt.segments.claim(
         rt.adopt(points),
         rt.adopt(_codes(directions), np.int32),
+        rt.adopt(past, np.int32),
         *(rt.adopt(a) for a in lines),
         rt.adopt(_codes(theta), np.int32),
         float(np.float32(distance)),
@@ -111,40 +115,59 @@ def runs(
     return Runs(claimed, along, bounds[:-1], bounds[1:], key[bounds[:-1]] // 2)
 
 
-def fitted_segments(
+def supported(
+    rt: Runtime,
     points: np.ndarray,
     directions: np.ndarray,
-    labels: np.ndarray,
     theta: np.ndarray,
+    rho: np.ndarray,
+    distance: float,
     min_length: float,
     max_gap: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the segments along the lines, which points are in them, and their fitted lines."""
-    taken = np.zeros(len(points), bool)
-    normal = np.append(theta, 0.0)[labels]
-    brighter = np.cos(directions.astype(np.float64) - normal) > 0
-    found = runs(points, labels, theta, max_gap, brighter.astype(np.intp))
-    length = found.along[found.end - 1] - found.along[found.begin]
-    number = found.end - found.begin
-    kept = (length >= min_length) & (number >= DENSITY * length)
-    begin, number = found.begin[kept], number[kept]
-    if not len(begin):
-        return np.zeros((0, 4)), taken, np.zeros(0), np.zeros(0)
-    # The kept runs, one behind the other.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of the segments along the lines, and the number of each segment's.
+
+    A stronger line that only crosses a segment must not take its points from it. So points that
+    come to no segment on their line go on to the next line that they are on.
+    """
+    labels = claim(rt, points, directions, theta, rho, distance, AIM)
+    for left in reversed(range(_CHANGES + 1)):
+        normal = np.append(theta, 0.0)[labels]
+        brighter = np.cos(directions.astype(np.float64) - normal) > 0
+        found = runs(points, labels, theta, max_gap, brighter.astype(np.intp))
+        length = found.along[found.end - 1] - found.along[found.begin]
+        number = found.end - found.begin
+        kept = (length >= min_length) & (number >= DENSITY * length)
+        begin, number = found.begin[kept], number[kept]
+        first = np.cumsum(number) - number
+        chosen = found.order[np.repeat(begin - first, number) + np.arange(number.sum())]
+        loose = labels < len(theta)
+        loose[chosen] = False
+        i = np.flatnonzero(loose)
+        if not left or not len(i):
+            break
+        after = labels[i]
+        labels[i] = claim(rt, points[i], directions[i], theta, rho, distance, AIM, after)
+    return chosen, number
+
+
+def fitted_segments(
+    points: np.ndarray, directions: np.ndarray, number: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the segments fitted to points, `number` of them each, and their lines."""
+    if not len(number):
+        return np.zeros((0, 4)), np.zeros(0), np.zeros(0)
     first = np.cumsum(number) - number
-    chosen = found.order[np.repeat(begin - first, number) + np.arange(number.sum())]
-    taken[chosen] = True
-    place = points[chosen].astype(np.float64)
-    angle, rho, _ = fit(place, np.ones(len(place)), first)
-    # Towards the side where it is bright, so that all segments have it on the same hand.
-    outward = directions[chosen[first]].astype(np.float64)
-    turned = np.cos(outward - angle) < 0
-    c, s = np.cos(angle), np.sin(angle)
+    place = points.astype(np.float64)
+    theta, rho, _ = fit(place, np.ones(len(place)), first)
+    c, s = np.cos(theta), np.sin(theta)
     along = place[:, 0] * np.repeat(c, number) - place[:, 1] * np.repeat(s, number)
     least, most = np.minimum.reduceat(along, first), np.maximum.reduceat(along, first)
+    # From where to where, so that all have the brighter side on the same hand.
+    turned = np.cos(directions[first].astype(np.float64) - theta) < 0
     ends = [np.where(turned, a, b) for a, b in ((most, least), (least, most))]
     rows_columns = [(rho * s + t * c, rho * c - t * s) for t in ends]
-    return np.stack([*rows_columns[0], *rows_columns[1]], axis=1), taken, angle, rho
+    return np.stack([*rows_columns[0], *rows_columns[1]], axis=1), theta, rho
 
 
 def fitted_lines(

@@ -16,6 +16,7 @@ from cvkern._line_support import (
     fitted_lines,
     fitted_segments,
     runs,
+    supported,
     vote,
 )
 from cvkern._line_votes import check_listed, values_at
@@ -66,7 +67,7 @@ def hough_line_segments(
     orientation : array of shape (H, W), optional
         Direction of the gradient, radians. A pixel then is on a line only if its gradient is
         within `orientation_tolerance` of across the line.
-    orientation_tolerance : float, default pi / 12
+    orientation_tolerance : float, default pi / 8
         Radians.
 
     Returns
@@ -310,16 +311,16 @@ def detect_segments(
     segments = [np.zeros((0, 4))]
     while True:
         theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
-        new, taken = np.zeros((0, 4)), np.zeros(0)
+        new, chosen = np.zeros((0, 4)), np.zeros(0, np.intp)
         for _ in range(FITS):
-            labels = claim(rt, points, directions, theta, rho, distance, AIM)
-            new, taken, theta, rho = fitted_segments(
-                points, directions, labels, theta, min_length, max_gap
+            chosen, number = supported(
+                rt, points, directions, theta, rho, distance, min_length, max_gap
             )
+            new, theta, rho = fitted_segments(points[chosen], directions[chosen], number)
         if not len(new):
             break
         segments.append(new)
-        points, directions = points[~taken], directions[~taken]
+        points, directions = (np.delete(a, chosen, axis=0) for a in (points, directions))
     found = np.concatenate(segments)
     length = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
     return rt.give(found[np.argsort(-length, kind="stable")].astype(np.float32))

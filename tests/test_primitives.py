@@ -492,7 +492,8 @@ def test_claim(kernels, number):
     theta = rng.uniform(-1.6, 1.6, 50)
     lines = [a.astype(F32) for a in (np.cos(theta), np.sin(theta), rng.uniform(-99, 300, 50))]
     directions = rng.integers(0, DIRECTIONS, 50).astype(I32)
-    given = *lines, directions, 12.0, 2500
+    after = rng.integers(-1, 30, number).astype(I32)
+    given = after, *lines, directions, 12.0, 2500
     got = kernels("segments.claim", points, codes, *given, out=[((number,), I32)])
     want = lines_reference.claim(points, codes, *given)
     np.testing.assert_array_equal(got, want)

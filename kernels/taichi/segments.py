@@ -18,6 +18,7 @@ i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 def _claim(
     points: f32_2,
     codes: i32_1,
+    after: i32_1,
     cosine: f32_1,
     sine: f32_1,
     rho: f32_1,
@@ -30,7 +31,7 @@ def _claim(
 ):
     for i in labels:
         label = cosine.shape[0]
-        for k in range(cosine.shape[0]):
+        for k in range(after[i] + 1, cosine.shape[0]):
             turn = (codes[i] - directions[k]) & (HALF_TURN - 1)
             angle = ti.min(turn, HALF_TURN - turn)
             along = product(points[i, 1], cosine[k], zero) + product(points[i, 0], sine[k], zero)
@@ -43,6 +44,7 @@ def _claim(
 def claim(
     points: np.ndarray,
     codes: np.ndarray,
+    after: np.ndarray,
     cosine: np.ndarray,
     sine: np.ndarray,
     rho: np.ndarray,
@@ -51,8 +53,8 @@ def claim(
     tolerance: int,
     labels: np.ndarray,
 ) -> None:
-    """Label every point with the first line near to it and across its direction, or their number.
+    """Label every point with the first line, behind `after`, that it is on, or their number.
 
     One thread a point.
     """
-    _claim(points, codes, cosine, sine, rho, directions, distance, tolerance, 0, labels)
+    _claim(points, codes, after, cosine, sine, rho, directions, distance, tolerance, 0, labels)

@@ -13,6 +13,7 @@ HALF_TURN = wp.constant(DIRECTIONS // 2)
 def claim(
     points: wp.array2d[float],  # (N, 2)
     codes: wp.array[int],  # (N,)
+    after: wp.array[int],  # (N,)
     cosine: wp.array[float],  # (K,)
     sine: wp.array[float],
     rho: wp.array[float],
@@ -26,7 +27,7 @@ def claim(
     y = points[i, 0]
     x = points[i, 1]
     code = codes[i]
-    k = int(0)
+    k = after[i] + 1
     searching = bool(True)
     while searching and k < cosine.shape[0]:
         turn = (code - directions[k]) & (HALF_TURN - 1)

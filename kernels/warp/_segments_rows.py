@@ -13,12 +13,13 @@ _CLAIM = """
     const int number = points.shape[0], count = cosine.shape[0], begin = block * SIZE;
     const int size = number - begin < SIZE ? number - begin : SIZE;
     float y[SIZE], x[SIZE];
-    int code[SIZE], label[SIZE];
+    int code[SIZE], past[SIZE], label[SIZE];
     for (int i = 0; i < SIZE; ++i) {
         const int point = begin + (i < size ? i : 0);
         y[i] = points.data[2 * point];
         x[i] = points.data[2 * point + 1];
         code[i] = codes.data[point];
+        past[i] = after.data[point];
         label[i] = count;
     }
     for (int k = 0; k < count; ++k) {
@@ -29,7 +30,8 @@ _CLAIM = """
             const float away = __builtin_fabsf((x[i] * c + y[i] * s) - r);
             const int turn = (code[i] - direction) & (HALF_TURN - 1);
             const int angle = turn < HALF_TURN - turn ? turn : HALF_TURN - turn;
-            const int mine = ((away <= distance) & (angle <= tolerance)) ? k : count;
+            const bool on = (away <= distance) & (angle <= tolerance) & (k > past[i]);
+            const int mine = on ? k : count;
             label[i] = mine < label[i] ? mine : label[i];
         }
     }
@@ -42,6 +44,7 @@ def claim_block(
     block: int,
     points: wp.array2d[float],
     codes: wp.array[int],
+    after: wp.array[int],
     cosine: wp.array[float],
     sine: wp.array[float],
     rho: wp.array[float],
@@ -59,6 +62,7 @@ def claim(
     last: int,
     points: wp.array2d[float],  # (N, 2)
     codes: wp.array[int],  # (N,)
+    after: wp.array[int],  # (N,)
     cosine: wp.array[float],  # (K,)
     sine: wp.array[float],
     rho: wp.array[float],
@@ -71,5 +75,5 @@ def claim(
     # Rows of a slab are blocks of points.
     for block in range(first, last):
         claim_block(
-            block, points, codes, cosine, sine, rho, directions, distance, tolerance, labels
+            block, points, codes, after, cosine, sine, rho, directions, distance, tolerance, labels
         )

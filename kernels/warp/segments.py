@@ -10,6 +10,7 @@ from ._launch import launch, launch_slabs, slabs
 def claim(
     points: wp.array,
     codes: wp.array,
+    after: wp.array,
     cosine: wp.array,
     sine: wp.array,
     rho: wp.array,
@@ -18,12 +19,12 @@ def claim(
     tolerance: int,
     labels: wp.array,
 ) -> None:
-    """Label every point with the first line near to it and across its direction, or their number.
+    """Label every point with the first line, behind `after`, that it is on, or their number.
 
     One thread a slab of points, or one a point.
     """
     number = points.shape[0]
-    inputs = [points, codes, cosine, sine, rho, directions, distance, tolerance]
+    inputs = [points, codes, after, cosine, sine, rho, directions, distance, tolerance]
     if points.device.is_cuda:
         launch(blocks.claim, number, inputs, [labels])
         return

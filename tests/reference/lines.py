@@ -70,13 +70,13 @@ def local_maxima(values, threshold, min_distance, min_angle, wraps):
     return mask
 
 
-def claim(points, codes, cosine, sine, rho, directions, distance, tolerance):
-    """Return the first line that each point is on, in float32 as kernels have it."""
+def claim(points, codes, after, cosine, sine, rho, directions, distance, tolerance):
+    """Return the first line behind `after` that each point is on, in float32 as kernels have it."""
     half = DIRECTIONS // 2
     labels = np.full(len(points), len(cosine), np.int32)
     for k in reversed(range(len(cosine))):
         away = np.abs(points[:, 1] * cosine[k] + points[:, 0] * sine[k] - rho[k])
         turn = (codes - directions[k]) % half
         on = (away <= np.float32(distance)) & (np.minimum(turn, half - turn) <= tolerance)
-        labels[on] = k
+        labels[on & (k > after)] = k
     return labels
