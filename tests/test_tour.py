@@ -75,12 +75,23 @@ def test_pictures(made):
     assert 1000 < orange.sum() < 0.1 * orange.size
 
 
+def test_pictures_of_shapes(made):
+    """Outlines are drawn, and one place has the votes."""
+    scene = read_image(made / "shapes-scene.png").astype(int)
+    many = read_image(made / "shapes-many.png").astype(int)
+    changed = np.abs(many - scene).max(axis=2) > 60
+    outline = (many[..., 0] > 235) & (np.abs(many[..., 1] - 98) < 20) & changed
+    assert 2000 < outline.sum() < 0.1 * outline.size
+    votes = read_image(made / "shapes-votes.png").astype(int).sum(axis=2)
+    assert (votes > 0.7 * votes.max()).mean() < 0.005  # one peak
+
+
 def test_timings(made):
     data = json.loads((made / "timings.json").read_text())
     assert data["made_with"]["cvkern"] == cvkern.__version__
     assert {"Kernels", "Device", "Machine", "Python", "NumPy"} <= set(data["made_with"])
     functions = {t["function"] for t in data["timings"]}
-    assert functions == {"canny", "gradient", "subpixel_edges"}
+    assert {"canny", "gradient", "subpixel_edges", "generalized_hough"} <= functions
     for timing in data["timings"]:
         assert timing["milliseconds"] > 0
         assert timing["runs"] >= 5
@@ -90,7 +101,7 @@ def test_page_stands_alone(made):
     tags = parse(made / "index.html")
     images = [attrs for tag, attrs in tags.tags if tag == "img"]
     pngs = sorted(made.glob("*.png"))
-    assert len(images) == len(pngs) == 9
+    assert len(images) == len(pngs) >= 9 + 5
     head = "data:image/png;base64,"
     embedded = {base64.b64decode(attrs["src"].removeprefix(head)) for attrs in images}
     assert embedded == {png.read_bytes() for png in pngs}
