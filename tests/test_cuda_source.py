@@ -12,7 +12,9 @@ import cvkern.kernels.warp as kernels
 MODULES = [m.name for m in pkgutil.iter_modules(kernels.__path__) if m.name.endswith("_blocks")]
 
 
-@pytest.mark.parametrize("name", [*MODULES, "_edges_points", "_lines_points", "_shapes_points"])
+@pytest.mark.parametrize(
+    "name", [*MODULES, "_circles_peaks", "_edges_points", "_lines_points", "_shapes_points"]
+)
 def test_compiles_for_hopper(name, tmp_path):
     kernels.start("cpu", None)
     module = importlib.import_module(f"{kernels.__name__}.{name}")

@@ -8,11 +8,13 @@ from ._ellipses import THIRD
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
 BLOCK = 256
+PAIRS = 1 << 22  # of one launch: their threads are counted in 32 bits
 
 _PAIR = f"""
     __shared__ int histogram[{MAX_BINS} + 1];
     __shared__ long long top;
-    const int count = points.shape[1], pair = blockIdx.x;
+    const int count = points.shape[1], pair = first + blockIdx.x;
+    if (pair >= count * count) return;  // the whole block
     const int i = pair / count, j = pair - i * count;
     const float* row = points.data;
     const float* column = row + count;
@@ -56,6 +58,7 @@ _PAIR = f"""
 
 @wp.func_native(_PAIR)
 def pair_votes(
+    first: int,
     points: wp.array2d[float],
     least: float,
     most: float,
@@ -72,6 +75,7 @@ def pair_votes(
 
 @wp.kernel
 def vote_pairs(
+    first: int,
     points: wp.array2d[float],  # (4, N)
     least: float,
     most: float,
@@ -85,4 +89,4 @@ def vote_pairs(
     votes: wp.array2d[int],  # (N, N)
     axes: wp.array2d[int],  # (N, N)
 ):
-    pair_votes(points, least, most, narrow, wide, per_bin, bins, directed, turn, votes, axes)
+    pair_votes(first, points, least, most, narrow, wide, per_bin, bins, directed, turn, votes, axes)

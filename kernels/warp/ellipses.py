@@ -34,7 +34,9 @@ def vote_pairs(
     directed = turn >= 0
     if points.device.is_cuda:
         inputs = [points, least, most, narrow, wide, per_bin, bins, directed, turn]
-        launch(blocks.vote_pairs, count * count * blocks.BLOCK, inputs, [votes, axes])
+        pairs = min(count * count, blocks.PAIRS)
+        for first in range(0, count * count, pairs):
+            launch(blocks.vote_pairs, pairs * blocks.BLOCK, [first, *inputs], [votes, axes])
         return
     slabs = min(_SLABS * cpu_threads(), count) if count**3 >= _SLAB_TRIPLES else 1
     histograms = scratch("pairs.histograms", (slabs, bins + 1), wp.int32, points.device)
