@@ -15,6 +15,7 @@ from cvkern.commands import Backend, Device
 from cvkern.commands.circles import circles
 from cvkern.commands.edges import edges
 from cvkern.commands.find import find
+from cvkern.commands.lines import lines
 
 app = typer.Typer(
     name="cvkern",
@@ -55,6 +56,7 @@ def _options(
 
 
 app.command()(edges)
+app.command()(lines)
 app.command()(circles)
 app.command()(find)
 

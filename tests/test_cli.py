@@ -369,3 +369,40 @@ def test_circles_refused_leave_nothing(command, photo, tmp_path):
     )  # fmt: skip
     assert code == 2
     assert sorted(f.name for f in tmp_path.iterdir()) == ["photo.png"]
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_lines(command, tmp_path, whole):
+    step = np.full((60, 80), 40, np.uint8)
+    step[:, 31:] = 190
+    photo = tmp_path / "step.png"
+    write_image(photo, step)
+    files = {"csv": tmp_path / "lines.csv", "json": tmp_path / "lines.json"}
+    code, out, _ = command(
+        "lines", photo, "-o", tmp_path / "drawn.png", *(["--lines"] if whole else []),
+        "--csv", files["csv"], "--json", files["json"],
+    )  # fmt: skip
+    assert code == 0
+    (row,) = json.loads(files["json"].read_text())
+    if whole:
+        assert list(row) == ["theta", "rho", "votes"]
+        assert list(row.values()) == pytest.approx([0, 30.5, 60], abs=0.05)
+    else:
+        assert list(row) == ["row", "column", "to_row", "to_column"]
+        assert list(row.values()) == pytest.approx([0, 30.5, 59, 30.5], abs=0.05)
+    with files["csv"].open() as lines:
+        (line,) = csv.DictReader(lines)
+    np.testing.assert_allclose([float(v) for v in line.values()], [*row.values()], rtol=1e-6)
+    assert f"drawn.png: 1 {'lines' if whole else 'segments'}" in out
+    coloured = np.ptp(read_image(tmp_path / "drawn.png").astype(int), axis=2) > 50
+    assert coloured[1:-1, 30:32].all()
+    assert not coloured[:, :28].any()
+    assert not coloured[:, 34:].any()
+
+
+def test_lines_refused_leave_nothing(command, photo, tmp_path):
+    assert command("lines", photo, "-o", photo)[0] == 2
+    code, _, said = command("lines", photo, "-o", tmp_path / "drawn.png", "--min-length", 0)
+    assert code == 2
+    assert "min_length must be > 0, got 0" in said
+    assert sorted(f.name for f in tmp_path.iterdir()) == ["photo.png"]

@@ -78,7 +78,7 @@ def _plain(number: int, theta: np.ndarray) -> Case:
             Peer(
                 "OpenCV",
                 "cv2",
-                lambda m, x: m.HoughLines(x.view(np.uint8), 1, math.pi / number, 1 << 20),
+                lambda m, x: _lines_of_opencv(m, x, number),
                 note="finds the peaks as well, here none, and gives no votes",
             ),
             *skimage_peers("transform", lambda m, x: m.hough_line(x, theta)[0]),
@@ -87,6 +87,11 @@ def _plain(number: int, theta: np.ndarray) -> Case:
         most_inputs=4,
         margin=0,
     )
+
+
+def _lines_of_opencv(cv2: Any, mask: np.ndarray, number: int) -> np.ndarray:
+    found = cv2.HoughLines(mask.view(np.uint8), 1, math.pi / number, 1 << 20)
+    return np.zeros((0, 2)) if found is None else found.reshape(-1, 2)
 
 
 def _segments_of_opencv(cv2: Any, image: np.ndarray) -> np.ndarray:
