@@ -26,14 +26,8 @@ from cvkern.segments import (
     fit_line,
     hough_line_segments,
 )
-from cvkern.shapes import (
-    RTable,
-    Shapes,
-    find_shape,
-    generalized_hough,
-    generalized_hough_votes,
-    r_table,
-)
+from cvkern.shape_tables import RTable, r_table
+from cvkern.shapes import Shapes, find_shape, generalized_hough, generalized_hough_votes
 
 __all__ = [
     "CirclePeaks",
