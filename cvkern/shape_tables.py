@@ -123,6 +123,7 @@ def _check_reference(reference: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def check_table(table: Any) -> RTable:
+    """Return a table with its entries as NumPy arrays, if they are what they must be."""
     if not isinstance(table, RTable):
         raise TypeError(f"table must be an RTable, got {type(table).__name__}")
     vectors, angles = np.asarray(table.vectors), np.asarray(table.orientation)
