@@ -209,7 +209,7 @@ def _centers(
     shape: tuple[int, int],
     sides: tuple[int, int],
     least: float,
-) -> tuple[np.ndarray, float]:
+) -> tuple[np.ndarray, int]:
     """Return the likeliest centres, (K, 2) float32 in pixels, and the side of a cell."""
     cell = max(1, math.ceil(reach[1] / WIDEST))
     cells = tuple(-(-side // cell) for side in shape)

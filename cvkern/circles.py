@@ -206,9 +206,9 @@ def hough_circle_peaks(
     radii = np.array(_check_radii(radii, MAX_RADIUS, "radii"), np.int32)
     if len(radii) != planes:
         raise ValueError(f"radii must be one of each of {planes} accumulators, got {len(radii)}")
-    apart = tuple(
-        check_integer(d, name, 1, MAX_RADIUS)
-        for d, name in ((min_ydistance, "min_ydistance"), (min_xdistance, "min_xdistance"))
+    apart = (
+        check_integer(min_ydistance, "min_ydistance", 1, MAX_RADIUS),
+        check_integer(min_xdistance, "min_xdistance", 1, MAX_RADIUS),
     )
     each, total = (
         None if n == math.inf else check_integer(n, name, 1, MAX_ELEMENTS)

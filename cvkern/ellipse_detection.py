@@ -216,7 +216,7 @@ def _direct_fit(row: np.ndarray, column: np.ndarray) -> np.ndarray | None:
         _, vectors = np.linalg.eig(np.stack((scatter[2] / 2, -scatter[1], scatter[0] / 2)))
     except np.linalg.LinAlgError:
         return None
-    vectors = vectors.real
+    vectors = np.real(vectors)
     ellipse = 4 * vectors[0] * vectors[2] - vectors[1] ** 2 > 0
     if not ellipse.any():
         return None

@@ -121,19 +121,19 @@ def hough_ellipse(
     orientation = check_beside(orientation, shape, "orientation")
     rt = runtime(mask, orientation)
     found = mask_points(rt, mask, "ellipses")
-    if orientation is not None:
-        angles = rt.adopt(orientation)
+    angles = None if orientation is None else rt.adopt(orientation)
+    if angles is not None:
         check_at_points(rt, found, angles, "orientation", -2 * math.pi, 2 * math.pi)
     count = int(rt.to_numpy(found.starts)[-1])
     pixels = rt.to_numpy(found.points)[:count]
     points = np.zeros((4, count), np.float32)
     points[:2] = pixels.T
-    if orientation is not None and count:
+    if angles is not None and count:
         turned = rt.to_numpy(angles)[tuple(pixels.T)].astype(np.float64)
         points[2:] = np.sin(turned), np.cos(turned)
     votes, pairs, minor = paired(
         rt, points, threshold, (shortest, math.inf), (0.5, widest), accuracy,
-        UNDIRECTED if orientation is None else math.sin(tolerance) ** 2,
+        UNDIRECTED if angles is None else math.sin(tolerance) ** 2,
     )  # fmt: skip
     ellipses = between(points[:2, pairs].astype(np.float64), minor)
     return EllipseVotes(rt.give(votes), *(rt.give(a.astype(np.float32)) for a in ellipses))
@@ -162,11 +162,13 @@ def paired(
     if count < 3:
         return np.empty(0, np.int32), np.empty((2, 0), np.intp), np.empty(0)
     votes, axes = (rt.scratch(f"pairs.{name}", (count, count), np.int32) for name in ("n", "b"))
-    bounds = (*(min(a * a, 3e38) for a in lengths), *(b * b for b in widths))
+    shortest, longest = (min(a * a, 3e38) for a in lengths)
+    narrow, wide = (b * b for b in widths)
     bins = math.floor(widths[1] / accuracy + 0.5) + 2
     rt.ellipses.vote_pairs(
-        rt.set.adopt(points, rt.device), *bounds, 1 / accuracy, bins, turn, votes, axes
-    )
+        rt.set.adopt(points, rt.device), shortest, longest, narrow, wide, 1 / accuracy, bins, turn,
+        votes, axes,
+    )  # fmt: skip
     most = rt.to_numpy(votes)
     pairs = np.stack(np.nonzero(most > threshold))
     found = most[tuple(pairs)]

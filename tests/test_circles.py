@@ -87,8 +87,8 @@ def test_votes_turn_with_the_mask(backend):
 
 def test_an_empty_mask_has_no_votes(backend):
     angles = np.full((20, 30), np.nan, np.float32)  # looked at where the mask is set alone
-    for options in ({}, {"orientation": angles}):
-        votes = cvkern.hough_circle(np.zeros((20, 30)), [3, 4], **options)
+    for orientation in (None, angles):
+        votes = cvkern.hough_circle(np.zeros((20, 30)), [3, 4], orientation=orientation)
         assert votes.shape == (2, 20, 30)
         assert not votes.any()
 

@@ -159,8 +159,9 @@ SCENE = [(80, 100, 60, 30, 0.4, 110), (200, 280, 80, 45, -1.0, -60), (90, 300, 4
 def scene(sigma=8.0, scale=1.0):
     shape = round(300 * scale), round(400 * scale)
     image = 90.0 + np.random.default_rng(1).normal(0, sigma, shape)
-    for *place, turn, gain in SCENE:
-        image += gain * ellipse(shape, *(scale * p for p in place), turn)
+    for row, column, major, minor, turn, gain in SCENE:
+        y, x, a, b = (scale * size for size in (row, column, major, minor))
+        image += gain * ellipse(shape, y, x, a, b, turn)
     return image
 
 

@@ -129,11 +129,10 @@ def test_vote_centers(kernels, sides, cell):  # noqa: F811
     y, x = (np.floor(a * scale + F32(0.5)).astype(int) + LINE_ONE // 2 for a in lines[:2])
     dy, dx = (lines[2:] * F32(LINE_ONE)).astype(int)
     for side in {*sides}:
+        within = np.ones(len(y), bool)
         for k in range(low, high + 1):
             row, column = (y + side * k * dy) // LINE_ONE, (x + side * k * dx) // LINE_ONE
             inside = (row >= 0) & (column >= 0) & (row < shape[0]) & (column < shape[1])
-            if k == low:
-                within = np.ones(len(y), bool)
             within &= inside  # a line ends where it leaves; what begins outside has no votes
             np.add.at(want, (row[within], column[within]), 1)
     got = kernels(
@@ -162,7 +161,7 @@ def test_vote_radii(kernels, sides):  # noqa: F811
         out=[((4, 26), I32)],
     )  # fmt: skip
     for center, counts in zip(centers, got, strict=True):
-        _, _, far, kept = seen(lines, *center, 2.0, 0.25, sides)
+        _, _, far, kept = seen(lines, center[0], center[1], 2.0, 0.25, sides)
         kept &= (far >= 5) & (far <= 30)
         want = np.bincount((far[kept] - F32(5)).astype(int), minlength=26)
         np.testing.assert_array_equal(counts, want)

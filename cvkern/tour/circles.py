@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 import cvkern
@@ -10,7 +12,6 @@ from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure, Panel
 
 COLOR, RIM = (255, 98, 41), (64, 220, 255)
-EDGES = {"sigma": 2, "low_threshold": 4, "high_threshold": 8}
 RADIUS = 22  # of the coins that the accumulators are for
 CUP = (85, 200)
 
@@ -55,11 +56,11 @@ def _accumulators(clock: Clock) -> Figure:
     from skimage import data
 
     photo = data.coins()
-    mask = cvkern.canny(photo, **EDGES)
+    mask = cvkern.canny(photo, 2, 4, 8)
     orientation = cvkern.gradient(photo, sigma=2).orientation
     plain = clock(cvkern.hough_circle, mask, radius=RADIUS)[0]
 
-    def hough_circle(mask: np.ndarray, **options: float) -> np.ndarray:
+    def hough_circle(mask: np.ndarray, **options: Any) -> np.ndarray:
         return cvkern.hough_circle(mask, orientation=orientation, **options)
 
     directed = clock(hough_circle, mask, radius=RADIUS, orientation_tolerance=0.15)[0]

@@ -65,7 +65,8 @@ def _scale(shape: Shape) -> float:
 
 def _coins(shape: Shape, rng: np.random.Generator) -> np.ndarray:
     coins = importlib.import_module("skimage.data").coins()
-    large = scipy.ndimage.zoom(coins, _scale(shape), order=1, grid_mode=True, mode="nearest")
+    zoom: Any = scipy.ndimage.zoom
+    large = zoom(coins, _scale(shape), order=1, grid_mode=True, mode="nearest")
     large = large[: shape[0], : shape[1]]
     rest = [(0, n - m) for n, m in zip(shape, large.shape, strict=True)]
     return np.pad(large, rest, mode="edge")
