@@ -8,7 +8,8 @@ import cvkern
 from cvkern._runtime import runtime
 
 KERNELS_ALONE = ["gaussian", "derivative", "correlate_separable", "box", "sobel", "scharr",
-                 "gradient", "gradient_sobel", "canny_sobel", "hough_line", "hough_line_slope"]  # fmt: skip
+                 "gradient", "gradient_sobel", "canny_sobel", "hough_circle", "hough_line",
+                 "hough_line_slope"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", KERNELS_ALONE)

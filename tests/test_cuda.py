@@ -30,6 +30,20 @@ CALLS = {
     "canny": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06),
     "canny_l1": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06, norm="l1"),
     "canny_sobel": lambda x: cvkern.canny(x, 1.0, 0.5, 1.0, operator="sobel"),
+    "hough_circle": lambda x: cvkern.hough_circle(x > 0.9, [2, 7, 12], full_output=True),
+    "hough_circle_votes": lambda x: cvkern.hough_circle(
+        x > 0.9, 9, normalize=False, full_output=True
+    ),
+    "hough_circle_directed": lambda x: cvkern.hough_circle(
+        x > 0.9, [2, 9], full_output=True, orientation=6 * x - 3
+    ),
+    "hough_circle_arcs": lambda x: cvkern.hough_circle(
+        x > 0.9, [2, 9], full_output=True, orientation=6 * x - 3, orientation_tolerance=0.2
+    ),
+    "hough_circle_peaks": lambda x: cvkern.hough_circle_peaks(
+        cvkern.hough_circle(x > 0.9, [2, 9], full_output=True), [2, 9], 3, 2
+    ),
+    "hough_ellipse": lambda x: cvkern.hough_ellipse(x[:40, :50] > 0.95, 3),
     "hough_line": lambda x: cvkern.hough_line(x > 0.7).votes,
     "hough_line_slope": lambda x: cvkern.hough_line_slope(x > 0.7)[:2],
     "hough_line_directed": lambda x: (
