@@ -201,7 +201,7 @@ def _gather_peaks(
     places: i32_2,
     values: f32_1,
 ):
-    for row in range(starts.shape[0]):
+    for row in range(starts.shape[0] - 1):
         plane = row // votes.shape[1]
         y = row % votes.shape[1]
         n = starts[row]

@@ -24,6 +24,7 @@ def top_of_row(votes: wp.array3d[float], row: int, tops: wp.array[float]): ...
 # of them that come before it.
 _PEAKS = """
     const int width = votes.shape[2], height = votes.shape[1], plane = row / height;
+    BEGIN
     const float* v = votes.data + (size_t)row * width;
     const float limit = limits.data[plane];
     const int top = row - down < plane * height ? plane * height : row - down;
@@ -37,12 +38,15 @@ _PEAKS = """
         int some = 0;
         // Few are as large as the four next to them: only those are looked at closer.
         #pragma clang loop vectorize(assume_safety)
-        for (int x = begin; x < end; ++x) {
-            const int left = x > 0 ? x - 1 : x, right = x + 1 < width ? x + 1 : x;
-            large[x - begin] = (v[x] > limit) & (v[x] >= above[x]) & (v[x] >= below[x])
-                             & (v[x] >= v[left]) & (v[x] >= v[right]);
-            some |= large[x - begin];
-        }
+        for (int x = begin; x < end; ++x)
+            some |= large[x - begin] = (v[x] > limit) & (v[x] >= above[x]) & (v[x] >= below[x]);
+        if (!some) continue;
+        some = 0;
+        const int inner = end < width ? end : width - 1;
+        #pragma clang loop vectorize(assume_safety)
+        for (int x = begin ? begin : 1; x < inner; ++x)
+            large[x - begin] &= (v[x] >= v[x - 1]) & (v[x] >= v[x + 1]);
+        for (int x = begin; x < end; ++x) some |= large[x - begin];
         if (!some) continue;
         for (int x = begin; x < end; ++x) {
             if (!large[x - begin]) continue;
@@ -64,7 +68,10 @@ _PEAKS = """
 
 
 @wp.func_native(
-    _PEAKS.replace("FIRST", "0").replace("FOUND", "").replace("LAST", "counts.data[row] = n;")
+    _PEAKS.replace("BEGIN", "")
+    .replace("FIRST", "0")
+    .replace("FOUND", "")
+    .replace("LAST", "counts.data[row] = n;")
 )
 def count_in_row(
     votes: wp.array3d[float],
@@ -77,7 +84,8 @@ def count_in_row(
 
 
 @wp.func_native(
-    _PEAKS.replace("FIRST", "starts.data[row]")
+    _PEAKS.replace("BEGIN", "if (starts.data[row] == starts.data[row + 1]) return;")
+    .replace("FIRST", "starts.data[row]")
     .replace(
         "FOUND",
         "values.data[n] = v[x]; places.data[3 * n] = plane; "
@@ -135,7 +143,7 @@ def gather_peaks(
     limits: wp.array[float],  # (P,)
     down: int,
     along: int,
-    starts: wp.array[int],  # (P H,)
+    starts: wp.array[int],  # (P H + 1,)
     # outputs
     places: wp.array2d[int],  # (N, 3)
     values: wp.array[float],  # (N,)
