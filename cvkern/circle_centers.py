@@ -25,7 +25,7 @@ RADII = 3  # of a candidate: concentric circles
 FOCUS = 1.3  # votes near the centre of a seen circle, for each of its points: two to four, measured
 SLOPE = 0.12  # radians: how far a gradient may point past a centre
 SPREAD = np.array([1, 4, 6, 4, 1], np.float32)  # smooths the accumulator; exact in float32
-FITS = 3
+FITS = 2
 BAND = 2.0  # pixels: how far from a circle its points may lie
 WHOLE = 4 * math.sqrt(2)  # edge points of a circle of radius 1: along the steeper axis, one a pixel
 _SLOPES = np.arctan(np.arange(ARCS // 8 + 1) / (ARCS // 8))
@@ -270,7 +270,7 @@ def _fitted(
     for step in range(FITS + 1):
         if not len(circles):
             break
-        band = max(BAND, 4.0 - step)
+        band = max(BAND, 4.0 - 1.5 * step)
         near = rt.set.adopt(np.ascontiguousarray(exact, np.float32), rt.device)
         rt.circle_centers.support(lines, near, band, 1.0, SLOPE, *sides, sums, arcs)
         if step == FITS:
