@@ -57,6 +57,15 @@ def segments(ends: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.
     return np.column_stack((item, places)), distance
 
 
+def across(theta: np.ndarray, rho: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return segments of lines, given by their normals, that reach over an image, (N, 4)."""
+    row, column = (n / 2 for n in shape)
+    c, s = np.cos(theta), np.sin(theta)
+    off = rho - column * c - row * s
+    y, x, reach = row + off * s, column + off * c, np.hypot(row, column)
+    return np.stack((y + reach * c, x - reach * s, y - reach * c, x + reach * s), axis=1)
+
+
 def circles(rings: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.ndarray, Distance]:
     """Return where circles cross the rows and columns of pixels, and their extreme points."""
     margin = half + 2.0

@@ -50,6 +50,7 @@ def lines(
     distance from the first pixel, and the number of edge points on it.
     """
     from cvkern._files import replacing, write_text
+    from cvkern._overlay import across
     from cvkern.images import draw_lines, read_image, write_image
 
     names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
@@ -61,7 +62,7 @@ def lines(
         if whole:
             found = cvkern.detect_lines(gray, *thresholds, min_votes=min_votes)
             table = np.column_stack((np.degrees(found.theta), found.rho, found.votes))
-            drawn = _across(found.theta, found.rho, gray.shape)
+            drawn = across(found.theta, found.rho, gray.shape)
         else:
             drawn = table = cvkern.detect_segments(
                 gray, *thresholds, min_length=min_length, max_gap=max_gap
@@ -76,12 +77,3 @@ def lines(
             write_text(beside, json.dumps(rows, indent=1) + "\n")
         write_image(output, draw_lines(image, drawn, color=COLOR, width=2.0))
     typer.echo(f"{output}: {len(table)} {'lines' if whole else 'segments'}")
-
-
-def _across(theta: np.ndarray, rho: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return segments of lines that reach over an image, (N, 4)."""
-    row, column = (n / 2 for n in shape)
-    c, s = np.cos(theta), np.sin(theta)
-    off = rho - column * c - row * s
-    y, x, reach = row + off * s, column + off * c, np.hypot(row, column)
-    return np.stack((y + reach * c, x - reach * s, y - reach * c, x + reach * s), axis=1)

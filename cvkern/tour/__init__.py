@@ -21,13 +21,15 @@ import cvkern
 from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
 from cvkern.images import write_image
-from cvkern.tour import circles, edges, page, shapes
+from cvkern.tour import circles, edges, lines, page, shapes
 from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure
 
 __all__ = ["CHAPTERS", "tour"]
 
-CHAPTERS: tuple[Callable[[], Chapter], ...] = (edges.chapter, circles.chapter, shapes.chapter)
+CHAPTERS: tuple[Callable[[], Chapter], ...] = (
+    edges.chapter, lines.chapter, circles.chapter, shapes.chapter,
+)  # fmt: skip
 
 
 def tour(

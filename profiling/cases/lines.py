@@ -14,7 +14,7 @@ from ..case import Case, Peer, Shape, Work, skimage_peers
 
 DEGREES, TENTHS = (np.linspace(-math.pi / 2, math.pi / 2, n, endpoint=False) for n in (180, 1800))
 AIM = math.radians(2)  # how far a directed vote may be from the gradient
-NEAR_A_TIE = 1e-3  # share of the bins that may differ, as ties of rho are rounded otherwise
+NEAR_A_TIE = 3e-3  # share of bins that may differ: at 30 degrees half of all votes are near a tie
 FOUND = math.cos(math.radians(2)), 2.0  # angle and pixels within which two segments are one
 
 Arrays = tuple[np.ndarray, ...]
