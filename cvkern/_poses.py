@@ -16,7 +16,8 @@ REACH = 1  # pixel: how far from its place an edge supports an entry of the tabl
 SEARCH = 6  # the same before a pose is fitted, when it is known to a cell and a bin
 BEND = math.radians(7)  # how far the gradient may be off the direction that the table has
 SAMPLE = 128  # entries that a pose is first judged by
-ROUNDS = 4  # of the fit
+ROUNDS = 4  # of the fit to all of them
+SAME = 2.0, math.radians(2), 1.03  # pixels, radians, ratio: less apart, poses are one
 
 
 class Scene(NamedTuple):
@@ -141,17 +142,27 @@ class Judge:
         """Return the share of the entries that have an edge at their place, (P,)."""
         return self.judged(poses, every, REACH)[0].mean(axis=1)
 
-    def best(self, poses: np.ndarray, most: int, distance: float, rotation: float, ratio: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-        """Fit poses; return the best that are apart, their support, and which they were."""
+    def best(
+        self, poses: np.ndarray, least: float, most: int, apart_by: tuple[float, float, float]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Fit poses; return the best that are apart, their support, and which they were.
+
+        Their support is at least `least`, their number at most `most`.
+        """
         every = max(1, len(self.model.vectors) // SAMPLE)
-        poses = self.fitted(self.fitted(poses, every, SEARCH), every, SEARCH // 2)
-        order = np.argsort(-self.support(poses, every), kind="stable")
-        order = order[apart(poses[order], 2 * most + 8, distance, rotation, ratio)]
+        for reach in (SEARCH, SEARCH // 2, REACH):
+            poses = self.fitted(poses, every, reach)
+        support = self.support(poses, every)
+        order = np.argsort(-support, kind="stable")
+        order = order[support[order] >= least / 2]  # the fit is not at its end
+        # Several that the fit made one are one; which of those that are near is right, all the
+        # entries say.
+        order = order[apart(poses[order], 2 * most + 10, *SAME)]
         poses = poses[order]
         for _ in range(ROUNDS):
             poses = self.fitted(poses, 1, REACH)
         support = self.support(poses)
         again = np.argsort(-support, kind="stable")
-        again = again[apart(poses[again], most, distance, rotation, ratio)]
+        again = again[support[again] >= least]
+        again = again[apart(poses[again], most, *apart_by)]
         return poses[again], support[again], order[again]

@@ -171,9 +171,9 @@ def generalized_hough(
     support = np.empty(0)
     if len(poses):
         judge = Judge(scene, Model(table.vectors.astype(float), table.orientation.astype(float)))
-        poses, support, which = judge.best(poses, limit, min_distance, min_rotation, min_ratio)
-        kept = support >= threshold
-        poses, support, votes = poses[kept], support[kept], votes[which[kept]]
+        apart_by = min_distance, min_rotation, min_ratio
+        poses, support, which = judge.best(poses, threshold, limit, apart_by)
+        votes = votes[which]
     results = poses[:, :2], poses[:, 2], poses[:, 3], votes, support
     dtypes = np.float32, np.float32, np.float32, np.int32, np.float32
     return Shapes(*(rt.give(a.astype(d)) for a, d in zip(results, dtypes, strict=True)))

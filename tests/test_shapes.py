@@ -216,7 +216,8 @@ def test_several_are_found_and_half_hidden_ones_too(backend):
         i = int(np.argmin(np.hypot(*(found.position - position).T)))
         assert_pose(found, i, position, rotation, scale, pixels=1, degrees=1, share=0.02)
     some = cvkern.generalized_hough(scene, table, threshold=0.35, **options)
-    np.testing.assert_array_equal(some.position, found.position[:3])
+    # Other candidates are dropped early; those left end within a tenth of a pixel of one another.
+    np.testing.assert_allclose(some.position, found.position[:3], atol=0.1)
     assert len(cvkern.generalized_hough(scene, table, num_peaks=2, **options).votes) == 2
 
 
