@@ -73,13 +73,15 @@ def claim(
     if not len(points) or not len(theta):
         return np.full(len(points), len(theta))
     labels = rt.scratch("segments.labels", (len(points),), np.int32)
-    lines = [np.cos(theta), np.sin(theta), rho]
+    cosine, sine, place = (rt.adopt(a) for a in (np.cos(theta), np.sin(theta), rho))
     past = np.full(len(points), -1) if after is None else after
     rt.segments.claim(
         rt.adopt(points),
         rt.adopt(_codes(directions), np.int32),
         rt.adopt(past, np.int32),
-        *(rt.adopt(a) for a in lines),
+        cosine,
+        sine,
+        place,
         rt.adopt(_codes(theta), np.int32),
         float(np.float32(distance)),
         math.floor(min(tolerance, math.pi) * DIRECTION_FACTOR),
@@ -131,24 +133,34 @@ def supported(
     come to no segment on their line go on to the next line that they are on.
     """
     labels = claim(rt, points, directions, theta, rho, distance, AIM)
-    for left in reversed(range(_CHANGES + 1)):
-        normal = np.append(theta, 0.0)[labels]
-        brighter = np.cos(directions.astype(np.float64) - normal) > 0
-        found = runs(points, labels, theta, max_gap, brighter.astype(np.intp))
-        length = found.along[found.end - 1] - found.along[found.begin]
-        number = found.end - found.begin
-        kept = (length >= min_length) & (number >= DENSITY * length)
-        begin, number = found.begin[kept], number[kept]
-        first = np.cumsum(number) - number
-        chosen = found.order[np.repeat(begin - first, number) + np.arange(number.sum())]
+    for _ in range(_CHANGES):
+        chosen, _ = _segments(points, directions, labels, theta, min_length, max_gap)
         loose = labels < len(theta)
         loose[chosen] = False
         i = np.flatnonzero(loose)
-        if not left or not len(i):
-            break
         after = labels[i]
         labels[i] = claim(rt, points[i], directions[i], theta, rho, distance, AIM, after)
-    return chosen, number
+    return _segments(points, directions, labels, theta, min_length, max_gap)
+
+
+def _segments(
+    points: np.ndarray,
+    directions: np.ndarray,
+    labels: np.ndarray,
+    theta: np.ndarray,
+    min_length: float,
+    max_gap: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of long and dense runs, one run behind the other, and their numbers."""
+    normal = np.append(theta, 0.0)[labels]
+    brighter = np.cos(directions.astype(np.float64) - normal) > 0
+    found = runs(points, labels, theta, max_gap, brighter.astype(np.intp))
+    length = found.along[found.end - 1] - found.along[found.begin]
+    number = found.end - found.begin
+    kept = (length >= min_length) & (number >= DENSITY * length)
+    begin, number = found.begin[kept], number[kept]
+    first = np.cumsum(number) - number
+    return found.order[np.repeat(begin - first, number) + np.arange(number.sum())], number
 
 
 def fitted_segments(

@@ -48,9 +48,7 @@ def check_at_points(
     if not found.capacity:
         return
     index = rt.scratch("points.outside", (1,), np.int32)
-    rt.points.first_outside(
-        found.points, found.starts, values, np.float32(low), np.float32(high), index
-    )
+    rt.points.first_outside(found.points, found.starts, values, float(low), float(high), index)
     first = int(rt.to_numpy(index)[0])
     if first < int(rt.to_numpy(found.starts)[-1]):
         row, column = (int(i) for i in rt.to_numpy(found.points)[first])

@@ -110,8 +110,9 @@ def hough_line_peaks(
     host = rt.to_numpy(values)
     limit = 0.5 * float(host.max()) if threshold is None else check_number(threshold, "threshold")
     limit = math.floor(limit) if whole else float(np.float32(limit))
-    bins = peak_bins(rt, values, limit, min_distance, min_angle, wraps)
-    bins = tuple(b if most == math.inf else b[: int(most)] for b in bins)
+    row, column = peak_bins(rt, values, limit, min_distance, min_angle, wraps)
+    kept = len(row) if most == math.inf else int(most)
+    bins = row[:kept], column[:kept]
     places = (theta[bins[1]], rho[bins[0]])
     if refine:
         places = _refined(host, theta, rho, bins, wraps)

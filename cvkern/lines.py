@@ -262,7 +262,8 @@ def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> H
         votes = rt.empty((last - first, len(m)), np.int32)
         cast_votes(rt, found, tables, None, None, None, 0, rt.adopt(votes, np.int32))
         results.append(rt.release(votes)[-first : len(c) - first])
-    return HoughLineSlope(*results, m, c)
+    votes, swapped = results
+    return HoughLineSlope(votes, swapped, m, c)
 
 
 def suggest_line_bins(

@@ -38,8 +38,9 @@ def test_clear_peaks_are_scikit_images(backend, seed):
 def test_peaks_are_the_first_largest_of_their_windows(backend, dtype, wraps, sizes):
     values = np.random.default_rng(1).integers(0, 12, (41, 18)).astype(dtype)  # with many ties
     theta = np.linspace(0, np.pi if wraps else 1, 18, endpoint=False)
-    mask = reference.local_maxima(values, 5, *sizes, wraps)
-    got = cvkern.hough_line_peaks(values, theta, np.arange(41.0), *sizes, threshold=5)
+    down, along = sizes
+    mask = reference.local_maxima(values, 5, down, along, wraps)
+    got = cvkern.hough_line_peaks(values, theta, np.arange(41.0), down, along, threshold=5)
     row, column = np.nonzero(mask)
     order = np.argsort(-values[row, column], kind="stable")
     np.testing.assert_array_equal(got.votes, values[row, column][order])

@@ -1,6 +1,7 @@
 """Votes for lines: against float64, scikit-image and what must hold of them."""
 
 import re
+from typing import Any
 
 import cv2
 import numpy as np
@@ -95,7 +96,7 @@ def test_empty_masks_and_lists_have_no_votes(backend):
     assert not cvkern.hough_line(np.zeros((9, 7))).votes.any()
     assert not cvkern.hough_line(points=np.zeros((0, 2)), shape=(9, 7)).votes.any()
     angles = np.zeros((9, 7))
-    options = {"orientation": angles, "weights": angles}
+    options: Any = {"orientation": angles, "weights": angles}
     assert not cvkern.hough_line(np.zeros((9, 7)), **options).votes.any()
 
 
@@ -184,7 +185,7 @@ def test_weights(backend):
 def test_what_is_at_other_pixels_does_not_matter(backend):
     mask, orientation = scattered(20, 30), normals(20, 30)
     weights = np.where(mask, 1, -5).astype(np.float32)
-    options = {"orientation": np.where(mask, orientation, np.nan), "weights": weights}
+    options: Any = {"orientation": np.where(mask, orientation, np.nan), "weights": weights}
     plain = cvkern.hough_line(mask, orientation=orientation).votes
     np.testing.assert_array_equal(cvkern.hough_line(mask, **options).votes, 256 * plain)
 
@@ -310,7 +311,7 @@ def test_suggested_bins_stand_out_most(width):
 )
 def test_values_at_points_are_checked(backend, name, wrong, message):
     mask = scattered(20, 30)
-    values = np.ones(mask.shape, np.float32)
+    values: Any = np.ones(mask.shape, np.float32)
     values[tuple(np.argwhere(mask)[3])] = wrong
     with pytest.raises(ValueError, match=re.escape(message)):
         cvkern.hough_line(mask, **{name: values})
@@ -330,6 +331,7 @@ def test_weights_that_no_bin_can_add_up_to_too_much(backend):
 
 def test_values_are_not_checked_within_a_capture(backend):
     mask, orientation = scattered(20, 30), normals(20, 30)
-    for options in ({"orientation": orientation}, {"weights": np.abs(orientation)}):
+    calls: Any = ({"orientation": orientation}, {"weights": np.abs(orientation)})
+    for options in calls:
         with pytest.raises(ValueError, match="captured functions must be kernels alone"):
             cvkern.capture(cvkern.hough_line, mask, **options)

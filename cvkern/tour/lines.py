@@ -13,7 +13,6 @@ from cvkern.tour import line_noise
 from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure, Panel
 
-CANNY = {"sigma": 1.5}
 COLOUR = (255, 98, 41)
 NARROW = math.radians(3)
 
@@ -33,7 +32,7 @@ def _votes(clock: Clock) -> Figure:
     from skimage import data
 
     photo = data.camera()
-    edges = cvkern.canny(photo, **CANNY)
+    edges = cvkern.canny(photo, 1.5)
     plain = clock(cvkern.hough_line, edges)
     directed = cvkern.hough_line(
         edges,
