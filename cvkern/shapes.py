@@ -89,13 +89,14 @@ def generalized_hough(
     num_peaks : int, optional
         Return at most so many. Without, as many as are found, which are at most 128.
     min_distance : float, optional
-        Of two shapes less than this apart, in pixels, the better one is returned. By default half
-        the mean distance of the boundary from the reference point.
+        Of shapes less than this apart, in pixels, the best one is returned. By default half the
+        mean distance of the boundary from the reference point.
     min_rotation : float, optional
-        But both are where they are turned against each other by more than this, in radians; by
-        default that does not count,
+        Return those as well that are turned against a better one by more than this, in radians.
+        By default none is: no turn is more than pi.
     min_ratio : float, default 256.0
-        or where the larger scale is more than so many times the smaller.
+        Return those as well whose scale is more than this many times that of a better one, or
+        that is more than this many times theirs. By default none is: no two scales differ by as much.
     max_bytes : int, default 268435456
         Memory of the accumulators that are filled at a time.
 

@@ -291,6 +291,8 @@ def test_an_image_without_edges_has_no_shapes(backend):
         assert [a.shape for a in found] == [(0, 2), (0,), (0,), (0,), (0,)]
         assert [a.dtype for a in found] == ["f4", "f4", "f4", "i4", "f4"]
     assert not cvkern.generalized_hough_votes(np.zeros((50, 60)), table).any()
+    unlike = cvkern.generalized_hough(blobs(50, 60, seed=1), table, threshold=1.0)
+    assert unlike.position.shape == (0, 2)
 
 
 def test_results_are_the_callers_arrays(backend):
