@@ -95,8 +95,8 @@ def generalized_hough(
         Return those as well that are turned against a better one by more than this, in radians.
         By default none is: no turn is more than pi.
     min_ratio : float, default 256.0
-        Return those as well whose scale is more than this many times that of a better one, or
-        that is more than this many times theirs. By default none is: no two scales differ by as much.
+        Return those as well whose scale is larger or smaller than that of a better one by more
+        than this factor. By default none is: no two scales differ by as much.
     max_bytes : int, default 268435456
         Memory of the accumulators that are filled at a time.
 
