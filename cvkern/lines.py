@@ -25,6 +25,7 @@ from cvkern._validate import (
     check_sides,
 )
 
+_DEGREES = np.linspace(-math.pi / 2, math.pi / 2, 180, endpoint=False)
 _STANDS_OUT = 2.8  # standard deviations that a bin is wide: 2 sqrt(2) 0.99
 
 
@@ -343,7 +344,7 @@ def _check_intercepts(intercepts: Any) -> np.ndarray:
 def check_angles(theta: Any) -> np.ndarray:
     """Return angles as a float64 array of their own, 180 of them by default."""
     if theta is None:
-        return np.linspace(-math.pi / 2, math.pi / 2, 180, endpoint=False)
+        return _DEGREES.copy()
     angles = np.array(theta, np.float64)
     if angles.ndim != 1 or not angles.size:
         raise ValueError(f"theta must be 1-D and not empty, got shape {angles.shape}")

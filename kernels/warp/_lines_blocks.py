@@ -16,11 +16,12 @@ SMALL, LARGE = 6016, 12032  # bins of a histogram: 24 and 48 KB, less 1 KB that 
 _VOTE = """
     #define WEIGHT(i) (WEIGHTED)
     __shared__ int histogram[SIZE];
-    const int t = threadIdx.x, angles = shares.shape[1], bins = shares.shape[2];
+    const int t = threadIdx.x, threads = blockDim.x;
+    const int angles = shares.shape[1], bins = shares.shape[2];
     const int angle = blockIdx.x % angles, rest = blockIdx.x / angles;
     const int low = rest % parts * SIZE, share = rest / parts, count = shares.shape[0];
     const int width = bins - low < SIZE ? bins - low : SIZE;
-    for (int i = t; i < width; i += 256) histogram[i] = 0;
+    for (int i = t; i < width; i += threads) histogram[i] = 0;
     __syncthreads();
     const int number = starts.data[starts.shape[0] - 1];
     const int begin = (int)((long long)number * share / count) & ~1;
@@ -30,8 +31,8 @@ _VOTE = """
     const long long o = offset.data[angle] - ((long long)low << shift);
     const int4* pairs = reinterpret_cast<const int4*>(points.data);
     int i = begin + 2 * t;
-    for (; i + 513 < end; i += 1024) {
-        const int4 a = pairs[i / 2], b = pairs[i / 2 + 256];
+    for (; i + 2 * threads + 1 < end; i += 4 * threads) {
+        const int4 a = pairs[i / 2], b = pairs[i / 2 + threads];
         const unsigned int at[4] = {
             (unsigned int)((a.y * c + (a.x * s + o)) >> shift),
             (unsigned int)((a.w * c + (a.z * s + o)) >> shift),
@@ -39,9 +40,10 @@ _VOTE = """
             (unsigned int)((b.w * c + (b.z * s + o)) >> shift)};
         #pragma unroll
         for (int k = 0; k < 4; ++k)
-            if (at[k] < width) atomicAdd(histogram + at[k], WEIGHT(i + k % 2 + 512 * (k / 2)));
+            if (at[k] < width)
+                atomicAdd(histogram + at[k], WEIGHT(i + k % 2 + 2 * threads * (k / 2)));
     }
-    for (; i < end; i += 512)
+    for (; i < end; i += 2 * threads)
         for (int j = i; j < i + 2 && j < end; ++j) {
             const int y = points.data[2 * j], x = points.data[2 * j + 1];
             const unsigned int at = (unsigned int)((x * c + (y * s + o)) >> shift);
@@ -49,7 +51,7 @@ _VOTE = """
         }
     __syncthreads();
     int* to = shares.data + ((size_t)share * angles + angle) * bins + low;
-    for (int i = t; i < width; i += 256) to[i] = histogram[i];
+    for (int i = t; i < width; i += threads) to[i] = histogram[i];
     #undef WEIGHT
 """
 

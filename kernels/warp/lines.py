@@ -11,7 +11,9 @@ from . import _lines_points as line_points
 from . import _lines_rows as rows
 from ._launch import cpu_threads, launch, launch_slabs, scratch, slabs
 
-_SHARES = 1440  # blocks at work in all, or a little less: enough to fill any GPU several times
+_SHARES = (
+    360  # blocks at work in all, or a little less: fewer leave an H200 idle, more add up longer
+)
 
 
 def take(points: wp.array, starts: wp.array, values: wp.array, taken: wp.array) -> None:
