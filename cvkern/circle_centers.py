@@ -133,8 +133,8 @@ def detect_circles(
     circles, support = np.empty((0, 3), np.float32), np.empty(0, np.float32)
     if lines is not None:
         sides = first, last
-        reach = low / factor, high / factor
         shape = height // factor, width // factor
+        reach = low / factor, min(high / factor, math.hypot(*shape))  # none farther is seen
         centers, cell = _centers(rt, lines, reach, shape, sides, least)
         circles = _radii(rt, lines, centers, reach, cell, sides, least)
         circles, support = _fitted(rt, lines, circles, sides)
@@ -283,6 +283,7 @@ def _fitted(
         left = np.stack((yy, yx, y, yx, xx, x, y, x, n), axis=1).reshape(-1, 3, 3)
         left += 1e-3 * (n[:, None, None] + 1) * np.eye(3)  # holds still what few points leave open
         exact += np.linalg.solve(left, np.stack((ey, ex, e), axis=1)[..., None])[..., 0].clip(-2, 2)
+        exact[:, 2] = np.maximum(exact[:, 2], 1.0)
     return exact.astype(np.float32), support
 
 

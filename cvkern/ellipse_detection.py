@@ -11,10 +11,12 @@ from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_image, check_integer, check_number, check_sides
 from cvkern.circle_centers import check_range, check_support, distinct, edge_lines
 from cvkern.ellipses import between, paired
+from cvkern.kernels.codes import MAX_BINS
 from cvkern.lines import check_positive
 
 FINEST = 20  # pixels: a photograph is reduced until its smallest axis is less than twice this
 TOLERANCE = 0.2  # radians: how far a gradient may be off, in the votes and in the fit
+FINE = 2.0  # pixels: the width of the bins of the minor axis
 CANDIDATES = 64  # that are fitted
 FIRST_BAND, LAST_BAND = 4.0, 1.5  # pixels: how far from the ellipse the points of a fit may be
 FITS = 5
@@ -120,7 +122,7 @@ def detect_ellipses(
     shapes, support = np.empty((0, 5)), np.empty(0)
     if lines is not None:
         points = rt.to_numpy(lines)
-        reach = low / factor, high / factor
+        reach = low / factor, min(high / factor, math.hypot(*image.shape))
         exact = points.astype(np.float64)
         fits = [_fitted(exact, e) for e in _candidates(rt, points, reach, most, least)]
         shapes = np.array([shape for shape, _ in fits]).reshape(-1, 5)
@@ -146,9 +148,9 @@ def _candidates(
     sample = np.ascontiguousarray(points[:, ::step])
     # A third of the points that the smallest of what must be seen has.
     threshold = max(4, int(least * reach[0] * 2 * math.pi / step / 3))
-    votes, pairs, minor = paired(
-        rt, sample, threshold, (2 * reach[0], 2 * reach[1]), reach, 2.0, math.sin(TOLERANCE) ** 2
-    )
+    lengths, turn = (2 * reach[0], 2 * reach[1]), math.sin(TOLERANCE) ** 2
+    accuracy = max(FINE, 2 * reach[1] / MAX_BINS)
+    votes, pairs, minor = paired(rt, sample, threshold, lengths, reach, accuracy, turn)
     center, axes, turned = between(sample[:2, pairs].astype(np.float64), minor)
     order = np.argsort(-votes / _perimeter(axes), kind="stable")[: 64 * CANDIDATES]
     shapes = np.column_stack((center, axes, turned))[order]
