@@ -57,7 +57,20 @@ def test_import_is_light():
     assert int(count) < 30
 
 
-@pytest.mark.parametrize("module", ["images", "filters", "edges", "gradients", "rank"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "images",
+        "filters",
+        "edges",
+        "gradients",
+        "rank",
+        "circles",
+        "circle_centers",
+        "ellipses",
+        "ellipse_detection",
+    ],
+)
 def test_families_import_no_framework(module):
     done = run(f"import sys, cvkern.{module}; print(*sorted(sys.modules))")
     assert not HEAVY & set(done.stdout.split())
