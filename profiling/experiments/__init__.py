@@ -1,1 +1,3 @@
-"""Experiments with known effects, run by hand; their results are kept in profiling/results."""
+"""Experiments with known effects, run by hand; their results are kept in
+profiling/results/experiments.
+"""

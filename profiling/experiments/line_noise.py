@@ -1,6 +1,6 @@
 """Peaks of lines against noise and bin size, of plain, smoothed and directed votes.
 
-python -m profiling.experiments.line_noise profiling/results/line_noise.json
+python -m profiling.experiments.line_noise profiling/results/experiments/line_noise.json
 """
 
 import json
@@ -8,14 +8,13 @@ import sys
 from pathlib import Path
 
 from cvkern._files import replacing, write_text
-from cvkern.images import write_image
 from cvkern.tour import line_noise
 
 TRIALS = 100
 
 
 def main(file: Path) -> None:
-    """Write the means over the trials to `file`, and the plots beside it."""
+    """Write the means over the trials to `file`; the tour has them as plots."""
     result = {
         "trials": TRIALS,
         "points of the line": line_noise.POINTS,
@@ -28,7 +27,6 @@ def main(file: Path) -> None:
     }
     with replacing(file) as beside:
         write_text(beside, json.dumps(result, indent=1) + "\n")
-    write_image(file.with_suffix(".png"), line_noise.plot(trials=TRIALS))
 
 
 if __name__ == "__main__":
