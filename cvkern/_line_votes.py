@@ -68,7 +68,7 @@ def check_listed(rt: Runtime, found: Points, listed: Any, name: str, low: float)
     """Return the list on the host, once it is known to be finite and at least `low`."""
     refuse_capture(f"{name}, whose values are checked")
     number = int(rt.to_numpy(found.starts)[-1])
-    host = rt.to_numpy(listed)[:number]
+    host = rt.to_numpy(listed[: max(number, 1)])[:number]  # a GPU's list may be far longer
     wrong = ~(np.isfinite(host) & (host >= low))
     if wrong.any():
         i = int(wrong.argmax())

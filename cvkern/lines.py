@@ -121,10 +121,10 @@ def hough_line(
     Notes
     -----
     With ``rho_step=1`` the angles, distances and votes are those of
-    :func:`skimage.transform.hough_line`. Rho is computed in fixed point, within
-    ``(H + W) 2^-32`` pixels, which is less than 1e-5; ties go to the larger bin. So votes are the
-    same on every device and kernel set. Directions are first taken to the nearest of 16384 over
-    the full turn.
+    :func:`skimage.transform.hough_line`, but for ties. Rho is computed in fixed point, within
+    ``(H + W) 2^-32`` pixels, which is less than 1e-5 up to 21000 x 21000; ties go to the larger
+    bin. So votes are the same on every device and kernel set. Directions are first taken to the
+    nearest of 16384 over the full turn.
 
     References
     ----------
@@ -225,7 +225,7 @@ def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> H
       ``drho = dc / sqrt(1 + m^2)``; so a line's votes depend on how it lies.
     - Lines at ``|m| = 1`` are in both charts, and a peak there must be merged from two.
 
-    Bins are found in fixed point, within 1e-5; ties go to the larger intercept.
+    Bins are found in fixed point, as in :func:`hough_line`; ties go to the larger intercept.
 
     References
     ----------

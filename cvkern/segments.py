@@ -106,7 +106,7 @@ def hough_line_segments(
     rt = runtime(mask, orientation)
     found = mask_points(rt, mask, "segments")
     number = int(rt.to_numpy(found.starts)[-1])
-    points = rt.to_numpy(found.points)[:number].astype(np.float32)
+    points = rt.to_numpy(found.points[: max(number, 1)])[:number].astype(np.float32)
     directions = np.zeros(number, np.float32)
     if orientation is None:
         tolerance = math.pi
