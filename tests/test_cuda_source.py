@@ -23,3 +23,10 @@ def test_compiles_for_hopper(name, tmp_path):
     assert ".target sm_90" in code
     if name != "_edges_points":  # whose logarithm is CUDA's own
         assert "fma.rn.f32" not in code  # equal bits: no product is fused with a sum
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_blocks_are_numbered_along_one_axis(name):
+    """Without grid strides Warp folds more than 2^24 threads into three dimensions."""
+    text = (Path(kernels.__file__).parent / f"{name}.py").read_text()
+    assert "blockIdx" not in text or "default_grid_stride" not in text

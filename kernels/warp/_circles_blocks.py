@@ -10,7 +10,7 @@ import warp as wp
 from ..codes import DIRECTIONS
 from ._directions import direction_code
 
-wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BLOCK = 256
 ROWS = 2  # of a thread

@@ -5,7 +5,7 @@ import warp as wp
 from ..codes import MAX_BINS
 from ._ellipses import THIRD
 
-wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BLOCK = 256
 PAIRS = 1 << 22  # of one launch: their threads are counted in 32 bits

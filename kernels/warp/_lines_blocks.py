@@ -6,7 +6,7 @@ part of them. The histograms are then added up, and turned to have the angles al
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BLOCK = 256  # threads; Warp's own
 TILE = 32  # of the turning

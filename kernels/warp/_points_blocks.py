@@ -2,7 +2,7 @@
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options({"enable_backward": False})
 
 BLOCK = 256  # threads; Warp's own
 WARPS = BLOCK // 32

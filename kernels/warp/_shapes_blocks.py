@@ -9,7 +9,7 @@ import warp as wp
 
 from ..codes import DIRECTIONS, SCALE_ONE, TILE, TURN_ONE, TURNED_ONE, VECTOR_ONE
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options({"enable_backward": False})
 
 BLOCK = 256  # threads; Warp's own
 WORDS = 11904  # of shared memory: with Warp's own 1 KB below the 48 KB that a block may have
