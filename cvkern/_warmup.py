@@ -43,7 +43,10 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     for votes in (h.votes, np.asarray(h.votes, np.float32)):
         yield "hough_line_peaks", partial(cvkern.hough_line_peaks, votes, h.theta, h.rho)
     yield "hough_line_segments", partial(cvkern.hough_line_segments, real > 200, [0.0], [9.0])
-    yield "detect_segments", partial(cvkern.detect_segments, byte)
+    for name in ("detect_lines", "detect_segments"):
+        yield name, partial(getattr(cvkern, name), byte)
+    yield "fit_line", partial(cvkern.fit_line, [[0, 0], [1, 2]])
+    yield "suggest_line_bins", partial(cvkern.suggest_line_bins, SHAPE)
     for normalize in (True, False):
         yield "hough_circle", partial(cvkern.hough_circle, real > 200, 3, normalize=normalize)
     yield "hough_circle", partial(cvkern.hough_circle, real > 200, 3, orientation=angles)

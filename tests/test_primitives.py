@@ -4,6 +4,7 @@ Kernels do float32 arithmetic in a stated order, so NumPy doing the same must gi
 """
 
 import importlib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -480,7 +481,7 @@ def test_take(kernels):
 def test_local_maxima(kernels, dtype, wraps, sizes):
     values = np.random.default_rng(1).integers(0, 15, (33, 21)).astype(dtype)
     got = kernels("lines.local_maxima", values, 6, *sizes, wraps, out=[(values.shape, U8)])
-    want = lines_reference.local_maxima(values, 6, *sizes, wraps)
+    want = lines_reference.local_maxima(values, 6, sizes[0], sizes[1], wraps)
     np.testing.assert_array_equal(got, want)
 
 
@@ -493,9 +494,9 @@ def test_claim(kernels, number):
     lines = [a.astype(F32) for a in (np.cos(theta), np.sin(theta), rng.uniform(-99, 300, 50))]
     directions = rng.integers(0, DIRECTIONS, 50).astype(I32)
     after = rng.integers(-1, 30, number).astype(I32)
-    given = after, *lines, directions, 12.0, 2500
-    got = kernels("segments.claim", points, codes, *given, out=[((number,), I32)])
-    want = lines_reference.claim(points, codes, *given)
+    given: Any = points, codes, after, *lines, directions, 12.0, 2500
+    got = kernels("segments.claim", *given, out=[((number,), I32)])
+    want = lines_reference.claim(*given)
     np.testing.assert_array_equal(got, want)
 
 
