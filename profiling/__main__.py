@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import itertools
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ import cvkern
 from . import clock, record
 from .case import SIZES, TOY
 from .cases import CASES
+from .report import rate
 from .runner import Bench
 
 
@@ -26,7 +26,6 @@ def main(command: list[str] | None = None) -> int:
     if args.json and not args.json.parent.is_dir():
         return _refuse(f"--json must be in a folder that exists, got {args.json}")
     seed = np.random.SeedSequence().entropy if args.seed is None else args.seed
-    sizes = {"toy": TOY} if args.toy else {name: SIZES[name] for name in args.size}
 
     console = Console(width=None if sys.stdout.isatty() else 120)
     with cvkern.use(backend=args.backend, device=args.device):
@@ -43,10 +42,11 @@ def main(command: list[str] | None = None) -> int:
         whole["device"]["copy_gb_per_s"] = bandwidth / 1e9
         whole |= {"backend": args.backend, "toy": args.toy, "seed": str(seed)}
         results, failures = [], []
-        for name, size in itertools.product(args.case, sizes):
+        shapes = SIZES | {"toy": TOY}
+        for name, size in _runs(args):
             console.print(f"[dim]{name} {size}[/]")
             try:
-                results.append({"size": size} | bench.run(CASES[name], sizes[size]))
+                results.append({"size": size} | bench.run(CASES[name], shapes[size]))
             except Exception as error:  # one case that fails must not cost the others
                 reason = " ".join(f"{type(error).__name__}: {error}".split())
                 failures.append({"case": name, "size": size, "reason": reason})
@@ -74,7 +74,7 @@ def table(results: list[dict[str, Any]]) -> Table:
     shown = Table(title="times the time of cvkern's plain call: above 1, cvkern is faster")
     for heading in ("case", "size", "who"):
         shown.add_column(heading, no_wrap=True)
-    for heading in ("ms", "IQR", "GB/s", "of copy", "ratio", "off by"):
+    for heading in ("ms", "IQR", "GB/s", "of copy", "rate", "ratio", "off by"):
         shown.add_column(heading, justify="right", no_wrap=True)
     for result in results:
         for i, one in enumerate(result["contenders"]):
@@ -91,12 +91,22 @@ def table(results: list[dict[str, Any]]) -> Table:
                 f"{(high - low) * 1e3:.3f}",
                 f"{one['gb_per_s']:.1f}",
                 f"{one['share_of_copy']:.0%}",
+                rate(result, one),
                 f"{one['ratio']:.2f}" if i else "",
                 f"{one['difference']:.1e}",
                 style=style,
             )
         shown.add_section()
     return shown
+
+
+def _runs(args: argparse.Namespace) -> list[tuple[str, str]]:
+    """List each case with each of its sizes, or of those asked for."""
+    return [
+        (name, size)
+        for name in args.case
+        for size in (["toy"] if args.toy else args.size or CASES[name].sizes)
+    ]
 
 
 def _refuse(reason: str) -> int:
@@ -107,7 +117,7 @@ def _refuse(reason: str) -> int:
 def _arguments(command: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m profiling", description=__doc__)
     parser.add_argument("--case", nargs="+", choices=CASES, default=list(CASES), metavar="NAME")
-    parser.add_argument("--size", nargs="+", choices=SIZES, default=["1080p", "4K"])
+    parser.add_argument("--size", nargs="+", choices=SIZES, help="default: those of each case")
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu")
     parser.add_argument("--backend", choices=["warp", "taichi"], default="warp")
     parser.add_argument("--toy", action="store_true", help="tiny images, two rounds: does it run?")

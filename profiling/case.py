@@ -5,16 +5,21 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .arrays import fields
 
 Shape = tuple[int, int]
-SIZES: dict[str, Shape] = {"1080p": (1080, 1920), "4K": (2160, 3840), "8192": (8192, 8192)}
+Inputs = tuple[Any, ...]  # one image, a pair, ...
+SIZES: dict[str, Shape] = {
+    "1024x440": (440, 1024),  # of a stereo camera: what semi-global matchers are compared on
+    "1080p": (1080, 1920),
+    "4K": (2160, 3840),
+    "8192": (8192, 8192),
+}
 TOY: Shape = (96, 128)
-MARGIN = 16  # pixels at the border, which a peer may treat otherwise
 MARGIN = 16  # pixels at the border, which a peer may treat otherwise
 
 
@@ -28,7 +33,7 @@ class Peer:
 
     name: str
     module: str  # imported when the case runs; the peer is absent where that fails
-    call: Callable[[Any, Any], Any]  # (module, array) -> answer
+    call: Callable[..., Any]  # (module, *inputs) -> answer
     device: str = "cpu"
     note: str = ""  # what it computes otherwise than the case
 
@@ -68,15 +73,22 @@ def kornia_peers(call: Callable[[Any, Any], Any], note: str = "") -> tuple[Peer,
     return one, two
 
 
+class Work(NamedTuple):
+    """What a call does, where that says more than its bytes: votes, disparities, rays."""
+
+    unit: str  # in the plural
+    count: Callable[..., float]  # (*inputs) -> how many a call does
+
+
 @dataclass(frozen=True)
 class Case:
-    """One operation on one kind of image."""
+    """One operation on one kind of image, or of several images at once."""
 
     name: str
     title: str
-    image: Callable[[Shape, np.random.Generator], np.ndarray]
-    call: Callable[[Any], Any]  # the public function of cvkern, as a user calls it
-    oracle: Callable[[np.ndarray], Any]  # the right answer, by a library that is not cvkern
+    image: Callable[[Shape, np.random.Generator], Any]  # one array, or a tuple: the inputs
+    call: Callable[..., Any]  # (*inputs): the public function of cvkern, as a user calls it
+    oracle: Callable[..., Any]  # (*inputs) -> the right answer, by a library that is not cvkern
     oracle_name: str
     difference: Callable[[Any, Any], float]  # (answer, right answer), as tuples of host arrays
     tolerance: float
@@ -84,11 +96,22 @@ class Case:
     operations_per_pixel: float
     peers: tuple[Peer, ...] = ()
     captures: bool = True  # False for what cvkern.capture refuses
+    work: Work | None = None
+    sizes: tuple[str, ...] = ("1080p", "4K")  # unless --size says otherwise
+    most_inputs: int = 32  # fewer where a captured call keeps much memory of its own
+    margin: int = MARGIN  # 0 where answers are no images
+
+    def inputs(self, shape: Shape, rng: np.random.Generator) -> Inputs:
+        """Make the inputs of one call."""
+        made = self.image(shape, rng)
+        return made if isinstance(made, tuple) else (made,)
 
     def compare(self, answer: Any, right: tuple[np.ndarray, ...]) -> float:
         """Return how far a peer's answer is from the right one, away from the border."""
-        inner = np.s_[MARGIN:-MARGIN, MARGIN:-MARGIN]
-        ours, theirs = (tuple(a[inner] for a in f) for f in (fields(answer), right))
+        inner = np.s_[self.margin : -self.margin, self.margin : -self.margin]
+        ours, theirs = (
+            tuple(a[inner] if self.margin else a for a in f) for f in (fields(answer), right)
+        )
         return float(self.difference(ours, theirs))
 
     def check(self, answer: Any, right: tuple[np.ndarray, ...]) -> float:

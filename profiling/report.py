@@ -45,10 +45,25 @@ def timed(result: Result) -> list[Result]:
     return [one for one in result["contenders"] if one["status"] == "timed"]
 
 
+def rate(result: Result, one: Result) -> str:
+    """Say how much of its work a contender does in a second; nothing where bytes say it all."""
+    if "work_per_s" not in one:
+        return ""
+    value, unit = one["work_per_s"], result["work"]["unit"]
+    scale, prefix = (1e9, "G") if value >= 1e8 else (1e6, "M")
+    return f"{value / scale:.3g} {prefix}{unit}/s"
+
+
 def peers(result: Result) -> list[Result]:
     """Give the peers that were timed, the fastest first."""
     others = (one for one in timed(result) if not one["name"].startswith("cvkern"))
     return sorted(others, key=lambda one: one["median_s"])
+
+
+def ours(result: Result) -> list[Result]:
+    """Give cvkern's plain call, and its graph where there is one, the faster first."""
+    calls = (one for one in timed(result) if one["name"].startswith("cvkern"))
+    return sorted(calls, key=lambda one: one["median_s"])
 
 
 def section(devices: dict[str, list[Result]], plot: str) -> str:
@@ -67,13 +82,17 @@ def section(devices: dict[str, list[Result]], plot: str) -> str:
 
 def _table(rows: list[Result]) -> str:
     graphs = any(one["name"] == "cvkern, graph" for row in rows for one in timed(row))
-    head = ["operation", "size", "cvkern", *["as a graph"] * graphs, "fastest peer", "cvkern is"]
+    rates, rated = any("work" in row for row in rows), f"rate{', of the faster' * graphs}"
+    head = ["operation", "size", "cvkern", *["as a graph"] * graphs, *[rated] * rates]
+    head += ["fastest peer", "cvkern is"]
     lines = [head, ["---", "---", *["---:"] * (len(head) - 2)]]
     for row in rows:
         times = {one["name"]: f"{one['median_s'] * 1e3:.3g}" for one in timed(row)}
         line = [row["title"], row["size"], times["cvkern"]]
         if graphs:
             line.append(times.get("cvkern, graph", ""))
+        if rates:
+            line.append(rate(row, ours(row)[0]))
         if best := next(iter(peers(row)), None):
             line += [f"{times[best['name']]} ({best['name']})", in_words(best["ratio"])]
         else:

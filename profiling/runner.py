@@ -16,7 +16,7 @@ import numpy as np
 import cvkern
 
 from .arrays import carrier, fields, load
-from .case import Case, CheckFailedError, Peer, Shape
+from .case import Case, CheckFailedError, Inputs, Peer, Shape
 from .clock import HostClock
 
 CACHE_BYTES = 128 << 20  # more than the last cache of any device here holds
@@ -74,12 +74,14 @@ class Bench:
         """Check and time one case; raise CheckFailedError on a wrong answer."""
         moved = case.bytes_per_pixel * math.prod(shape)
         # As many inputs as overflow the caches: over one input, repeated calls measure the cache.
-        sets = 1 if self.toy else min(32, math.ceil(CACHE_BYTES / moved))
-        images = [case.image(shape, self.rng) for _ in range(sets)]
-        right = fields(case.oracle(images[0]))
+        sets = 1 if self.toy else min(case.most_inputs, math.ceil(CACHE_BYTES / moved))
+        images = [case.inputs(shape, self.rng) for _ in range(sets)]
+        right = fields(case.oracle(*images[0]))
+        # Of the first: the others are of the same kind, and do as much to a percent.
+        count = None if case.work is None else float(case.work.count(*images[0]))
 
         array_type = carrier() if self.device == "cuda" else "numpy"
-        arrays = [load(image, array_type, self.device) for image in images]
+        arrays = [_load(inputs, array_type, self.device) for inputs in images]
         ours = self._cvkern(case, arrays, right)
         ours.about["arrays"] = array_type
         contenders, missing = [ours], []
@@ -101,34 +103,35 @@ class Bench:
             "case": case.name,
             "title": case.title,
             "shape": list(shape),
-            "dtype": str(images[0].dtype),
+            "dtype": str(images[0][0].dtype),
             "inputs": sets,
             "bytes": moved,
             "operations": case.operations_per_pixel * math.prod(shape),
+            **({"work": {"unit": case.work.unit, "count": count}} if case.work else {}),
             "oracle": case.oracle_name,
             "tolerance": case.tolerance,
-            "contenders": [self._record(c, moved, base) for c in contenders] + missing,
+            "contenders": [self._record(c, moved, count, base) for c in contenders] + missing,
         }
 
-    def _cvkern(self, case: Case, arrays: list[Any], right: Answer) -> Contender:
-        contender = Contender("cvkern", [partial(case.call, a) for a in arrays], {})
+    def _cvkern(self, case: Case, arrays: list[Inputs], right: Answer) -> Contender:
+        contender = Contender("cvkern", [partial(case.call, *a) for a in arrays], {})
         answer = self._first(contender)  # compiles, or loads what an earlier run compiled
         contender.about["difference"] = case.check(answer, right)
         return contender
 
-    def _graph(self, case: Case, arrays: list[Any], right: Answer) -> Contender:
+    def _graph(self, case: Case, arrays: list[Inputs], right: Answer) -> Contender:
         """Give the captured call, one for each input: its replay must be right as well."""
         begin = time.perf_counter()
-        contender = Contender("cvkern, graph", [cvkern.capture(case.call, a) for a in arrays], {})
+        contender = Contender("cvkern, graph", [cvkern.capture(case.call, *a) for a in arrays], {})
         contender.about["capture_s"] = time.perf_counter() - begin
         answer = self._first(contender)
         contender.about["difference"] = case.check(answer, right)
         return contender
 
-    def _peer(self, case: Case, peer: Peer, images: list[np.ndarray], right: Answer) -> Contender:
+    def _peer(self, case: Case, peer: Peer, images: list[Inputs], right: Answer) -> Contender:
         module = importlib.import_module(peer.module)
-        arrays = [load(image, peer.module, peer.device) for image in images]
-        contender = Contender(peer.name, [partial(peer.call, module, a) for a in arrays], {})
+        arrays = [_load(inputs, peer.module, peer.device) for inputs in images]
+        contender = Contender(peer.name, [partial(peer.call, module, *a) for a in arrays], {})
         answer = self._first(contender)
         found = case.compare(answer, right)
         if not math.isfinite(found):
@@ -174,7 +177,9 @@ class Bench:
                 if not contender.done:
                     contender.samples.append(contender.sample(self.clock))
 
-    def _record(self, contender: Contender, moved: int, base: float) -> dict[str, Any]:
+    def _record(
+        self, contender: Contender, moved: int, count: float | None, base: float
+    ) -> dict[str, Any]:
         low, median, high = np.quantile(contender.samples, [0.25, 0.5, 0.75])
         return {
             "name": contender.name,
@@ -185,9 +190,14 @@ class Bench:
             "calls_per_sample": contender.count,
             "gb_per_s": moved / median / 1e9,
             "share_of_copy": moved / median / self.copy_bandwidth,
+            **({} if count is None else {"work_per_s": count / median}),
             "ratio": float(median) / base,  # above 1: cvkern's plain call is faster
             **contender.about,
         }
+
+
+def _load(inputs: Inputs, module: str, device: str) -> Inputs:
+    return tuple(load(array, module, device) for array in inputs)
 
 
 def _one_line(error: BaseException) -> str:

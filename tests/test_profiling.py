@@ -9,7 +9,7 @@ import pytest
 import cvkern
 from profiling import __main__ as program
 from profiling import arrays, record, report
-from profiling.case import TOY, CheckFailedError, Peer, relative
+from profiling.case import TOY, Case, CheckFailedError, Peer, Work, relative
 from profiling.cases import CASES
 from profiling.clock import HostClock, copy_bandwidth
 from profiling.runner import Bench
@@ -85,6 +85,61 @@ def test_a_peer_that_is_absent_or_fails_is_recorded():
     assert not next(peer for peer in peers if peer["name"] == "other")["same"]
 
 
+def _difference(a, b):
+    return b.astype(np.float32) - a
+
+
+PAIR = Case(
+    name="pair",
+    title="One image less another",
+    image=lambda shape, rng: (arrays.noise_uint8(shape, rng), arrays.noise_uint8(shape, rng)),
+    call=lambda a, b: cvkern.gaussian(_difference(a, b), 0),
+    oracle=lambda a, b: b - a.astype(np.float64),
+    oracle_name="NumPy in float64",
+    difference=relative,
+    tolerance=0.0,
+    bytes_per_pixel=6,
+    operations_per_pixel=1,
+    peers=(
+        Peer("NumPy", "numpy", lambda m, a, b: m.subtract(b, a, dtype=np.int16)),
+        Peer("the other way", "numpy", lambda m, a, b: m.subtract(a, b, dtype=np.int16)),
+    ),
+    work=Work("subtractions", lambda a, b: min(a.size, b.size)),
+)
+
+
+def test_a_case_of_two_images_and_its_rate():
+    with cvkern.use(backend="warp", device="cpu"):
+        result = bench().run(PAIR, TOY)
+    ours, numpy, other = result["contenders"]
+    assert result["dtype"] == "uint8"
+    assert result["work"] == {"unit": "subtractions", "count": 96 * 128}
+    for one in (ours, numpy, other):
+        np.testing.assert_allclose(one["work_per_s"] * one["median_s"], 96 * 128)
+    assert numpy["same"]
+    assert not other["same"]
+    json.dumps(result, allow_nan=False)
+    swapped = dataclasses.replace(PAIR, call=lambda a, b: PAIR.call(b, a))
+    with cvkern.use(backend="warp", device="cpu"), pytest.raises(CheckFailedError, match="pair"):
+        bench().run(swapped, TOY)
+
+
+def test_answers_that_are_no_images_are_compared_whole():
+    right = (np.arange(6.0).reshape(2, 3),)
+    assert dataclasses.replace(PAIR, margin=0).compare(right[0] + 1, right) == 0.2
+
+
+def test_there_are_no_more_inputs_than_a_case_allows(monkeypatch):
+    made = []
+    case = dataclasses.replace(
+        PAIR, image=lambda *a: made.append(a) or PAIR.image(*a), most_inputs=3, peers=()
+    )
+    with cvkern.use(backend="warp", device="cpu"):
+        monkeypatch.setattr("profiling.runner.ROUNDS", 1)
+        dataclasses.replace(bench(), toy=False).run(case, TOY)
+    assert len(made) == 3
+
+
 def test_photograph_is_mirrored_to_any_size():
     photo = arrays.photograph_uint8((700, 1300), np.random.default_rng(3))
     assert photo.shape == (700, 1300)
@@ -116,6 +171,18 @@ def test_program_writes_a_whole_result(tmp_path, capsys):
     assert {"date", "commit", "versions", "device", "host", "backend", "seed"} <= set(result)
     assert str(tmp_path) not in path.read_text()
     assert "OpenCV" in capsys.readouterr().out
+
+
+def test_program_runs_the_sizes_of_each_case(monkeypatch, capsys):
+    ran = []
+    monkeypatch.setattr(Bench, "run", lambda bench, case, shape: ran.append(shape) or 1 / 0)
+    monkeypatch.setattr(program.clock, "copy_bandwidth", lambda *a: 1e9)
+    case = dataclasses.replace(CASES["box"], sizes=("1024x440",))
+    monkeypatch.setitem(program.CASES, "box", case)
+    program.main(["--case", "box", "median"])
+    assert ran == [(440, 1024), (1080, 1920), (2160, 3840)]
+    program.main(["--case", "box", "--size", "8192"])
+    assert ran[3:] == [(8192, 8192)]
 
 
 def test_program_says_what_failed(tmp_path, monkeypatch, capsys):
@@ -195,6 +262,26 @@ def test_report_writes_table_and_plot(project):
     assert report.FASTER not in plot
     _report(project)
     assert (project / "profiling" / "results" / report.PLOT).read_text() == plot
+
+
+def test_report_tells_rates(project):
+    results = project / "profiling" / "results"
+    run = _run()
+    run["results"].append({"case": "votes", "title": "Votes", "size": "4K"} | {
+        "work": {"unit": "votes", "count": 1e9},
+        "contenders": [
+            _contender("cvkern", 8.0, 1.0, work_per_s=1.25e11),
+            _contender("cvkern, graph", 4.0, 0.5, work_per_s=2.5e11),
+            _contender("OpenCV", 1e4, 1250.0, work_per_s=1e7),
+        ],
+    })  # fmt: skip
+    (results / "cpu.json").write_text(json.dumps(run))
+    text = report.section(report.read_results(results), "ratios.svg")
+    assert "| as a graph | rate, of the faster | fastest peer |" in text
+    assert "| Votes | 4K | 8 | 4 | 250 Gvotes/s | 1e+04 (OpenCV) | 1250.00 x faster |" in text
+    assert "| Mean of 9 x 9 | 1080p | 2 |  |  | 1 (OpenCV) | 2.00 x slower |" in text
+    votes = run["results"][1]
+    assert report.rate(votes, votes["contenders"][2]) == "10 Mvotes/s"
 
 
 def test_report_shows_the_latest_run_and_no_toy(project):
