@@ -1,0 +1,82 @@
+"""Matching costs of a stereo pair, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from ._launch import primitive
+
+any_3 = ti.types.ndarray(ndim=3)  # u8 or f32
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
+u64_3 = ti.types.ndarray(dtype=ti.u64, ndim=3)
+
+
+@ti.func
+def _inside(i: ti.i32, n: ti.i32) -> ti.i32:
+    """Return the index in [0, n) nearest to `i`."""
+    return ti.math.clamp(i, 0, n - 1)
+
+
+@ti.kernel
+def _census(
+    image: any_3,  # (H, W, C)
+    radius_y: ti.i32,
+    radius_x: ti.i32,
+    symmetric: ti.i32,
+    # outputs
+    bits: u64_3,  # (H, W, C)
+):
+    for y, x, c in bits:
+        word = ti.u64(0)
+        n = 0
+        for dy in range(-radius_y, radius_y + 1):
+            for dx in range(-radius_x, radius_x + 1):
+                before = dy < 0 or (dy == 0 and dx < 0)
+                if before or (symmetric == 0 and not (dy == 0 and dx == 0)):
+                    by = y - dy * symmetric
+                    bx = x - dx * symmetric
+                    a = image[_inside(y + dy, image.shape[0]), _inside(x + dx, image.shape[1]), c]
+                    b = image[_inside(by, image.shape[0]), _inside(bx, image.shape[1]), c]
+                    if a < b:
+                        word |= ti.u64(1) << ti.cast(n, ti.u64)
+                    n += 1
+        bits[y, x, c] = word
+
+
+@primitive
+def census(
+    image: np.ndarray, radius_y: int, radius_x: int, symmetric: bool, bits: np.ndarray
+) -> None:
+    """Census transform of uint8 or float32 (H, W, C), one bit a comparison; a thread an element."""
+    _census(image, radius_y, radius_x, int(symmetric), bits)
+
+
+@ti.func
+def _ones(word: ti.u64) -> ti.i32:
+    """Count the bits that are set, in pairs, in fours, in bytes, and these by a product."""
+    w = word
+    w -= (w >> ti.u64(1)) & ti.u64(0x5555555555555555)
+    w = (w & ti.u64(0x3333333333333333)) + ((w >> ti.u64(2)) & ti.u64(0x3333333333333333))
+    w = (w + (w >> ti.u64(4))) & ti.u64(0x0F0F0F0F0F0F0F0F)
+    return ti.cast((w * ti.u64(0x0101010101010101)) >> ti.u64(56), ti.i32)
+
+
+@ti.kernel
+def _hamming(
+    left: u64_3,  # (H, W, C)
+    right: u64_3,  # (H, W, C)
+    first: ti.i32,
+    # outputs
+    costs: u8_3,  # (H, W, D)
+):
+    for y, x, k in costs:
+        partner = _inside(x - first - k, right.shape[1])
+        total = 0
+        for c in range(left.shape[2]):
+            total += _ones(left[y, x, c] ^ right[y, partner, c])
+        costs[y, x, k] = ti.cast(total, ti.u8)
+
+
+@primitive
+def hamming(left: np.ndarray, right: np.ndarray, first: int, costs: np.ndarray) -> None:
+    """Bits that differ, for each pixel and each disparity from `first` on; a thread each."""
+    _hamming(left, right, first, costs)
