@@ -35,6 +35,14 @@ class Edge(IntEnum):
     STRONG = 2
 
 
+class Subpixel(IntEnum):
+    """Which curve through the costs around a winner tells a disparity's fraction."""
+
+    NONE = 0
+    PARABOLA = 1
+    EQUIANGULAR = 2  # two lines of one slope, as absolute differences make
+
+
 # atan(a) = a P(a^2) on [0, 1] within 1.4e-7 in float32: a minimax fit, lowest coefficient first.
 # Sums and products only, so that an orientation has the same bits on every device.
 ATAN = (
