@@ -35,6 +35,17 @@ class Edge(IntEnum):
     STRONG = 2
 
 
+class Cost(IntEnum):
+    """How unlike two pixels of a stereo pair are, or the windows around them."""
+
+    SAD = 0
+    SSD = 1
+    BIRCHFIELD_TOMASI = 2
+    ZNCC = 3
+    CENSUS = 4
+    CENSUS_SYMMETRIC = 5
+
+
 class Subpixel(IntEnum):
     """Which curve through the costs around a winner tells a disparity's fraction."""
 
