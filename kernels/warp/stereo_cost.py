@@ -5,7 +5,9 @@ On the CPU a row at a time, many disparities in a vector; on CUDA a thread for s
 
 import warp as wp
 
+from ..codes import Cost
 from . import _census_rows as census_rows
+from . import _window_rows as window_rows
 from ._launch import launch_slabs, scratch, slabs
 
 
@@ -33,3 +35,34 @@ def hamming(left: wp.array, right: wp.array, first: int, costs: wp.array) -> Non
     shape = (count * step, width + costs.shape[2] - 1)
     lines = scratch("hamming.lines", shape, wp.uint64, left.device)
     launch_slabs(census_rows.hamming, height, count, [left, right, first, lines], [costs])
+
+
+def window_costs(
+    left: wp.array,
+    right: wp.array,
+    first: int,
+    cost: int,
+    radius_y: int,
+    radius_x: int,
+    costs: wp.array,
+) -> None:
+    """Sum a cost over windows of uint8 or float32 (H, W, C), for each disparity from `first` on.
+
+    Sums of uint8 must fit into `costs` of uint8 or uint16, or into int32 for `costs` of float32.
+    """
+    pixel, device = left.dtype, left.device
+    height, width, channels = left.shape
+    count = slabs(height, costs.size)
+    sums = window_rows.sums_dtype(pixel, costs.dtype)
+    reach = -(-costs.shape[2] // window_rows.lanes(sums)) * window_rows.lanes(sums)
+    wide = width + 2 * radius_x
+    planes = channels * (3 if cost == Cost.BIRCHFIELD_TOMASI else 1)
+    lines = scratch("window.lines", (count, 2 * planes * (2 * wide + reach + 4)), pixel, device)
+    columns = scratch("window.columns", (count, wide * reach), sums, device)
+    launch_slabs(
+        window_rows.window_costs(cost, pixel, costs.dtype),
+        height,
+        count,
+        [left, right, first, radius_y, radius_x, lines, columns],
+        [costs],
+    )
