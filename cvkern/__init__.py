@@ -2,6 +2,13 @@
 
 from cvkern._capture import capture
 from cvkern._runtime import use
+from cvkern.depth import (
+    PointCloud,
+    disparity_to_depth,
+    point_cloud,
+    points_from_disparity,
+    reprojection_matrix,
+)
 from cvkern.edges import SubpixelEdges, canny, subpixel_edges
 from cvkern.filters import box, correlate_separable, gaussian
 from cvkern.gradients import Gradient, gradient, scharr, sobel
@@ -9,14 +16,19 @@ from cvkern.rank import median
 
 __all__ = [
     "Gradient",
+    "PointCloud",
     "SubpixelEdges",
     "box",
     "canny",
     "capture",
     "correlate_separable",
+    "disparity_to_depth",
     "gaussian",
     "gradient",
     "median",
+    "point_cloud",
+    "points_from_disparity",
+    "reprojection_matrix",
     "scharr",
     "sobel",
     "subpixel_edges",

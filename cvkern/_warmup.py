@@ -36,3 +36,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "canny", partial(cvkern.canny, byte, 0, 50, 100, operator="sobel", norm=norm)
         yield "canny", partial(cvkern.canny, real, 1, 5, 10, norm=norm)
     yield "subpixel_edges", partial(cvkern.subpixel_edges, real, 1, 5, 10)
+    q = np.eye(4)
+    yield "disparity_to_depth", partial(cvkern.disparity_to_depth, real, 1.0, 1.0)
+    yield "points_from_disparity", partial(cvkern.points_from_disparity, real, q)
+    yield "point_cloud", partial(cvkern.point_cloud, real, q, byte)

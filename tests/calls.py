@@ -12,6 +12,8 @@ from cvkern.kernels.codes import Border
 
 MODES = [border.name.lower() for border in Border]
 
+REPROJECTION = cvkern.reprojection_matrix(700.0, 0.12, 20.5, 10.25, 3.5)
+
 CALLS = {
     "gaussian": lambda x: cvkern.gaussian(x, 1.5),
     "derivative": lambda x: cvkern.gaussian(x, (1.0, 2.0), order=(0, 1)),
@@ -25,6 +27,8 @@ CALLS = {
     "canny": lambda x: cvkern.canny(x, 1.5, use_quantiles=True, low_threshold=0.5),
     "canny_sobel": lambda x: cvkern.canny(x, 0, 100, 200, operator="sobel"),
     "subpixel_edges": lambda x: cvkern.subpixel_edges(x, 1.5, 2, 4),
+    "disparity_to_depth": lambda x: cvkern.disparity_to_depth(x, 700.0, 0.12, 3.5),
+    "points_from_disparity": lambda x: cvkern.points_from_disparity(x, REPROJECTION),
 }
 
 DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",

@@ -178,7 +178,8 @@ def test_warmup_calls_everything():
     functions = {
         name
         for name in cvkern.__all__
-        if inspect.isfunction(getattr(cvkern, name)) and name != "capture"
+        if inspect.isfunction(getattr(cvkern, name))
+        and name not in ("capture", "reprojection_matrix")  # which have no kernels
     }
     assert {name for name, _ in _warmup.calls()} == functions
 

@@ -94,10 +94,10 @@ def test_documented_defaults_are_true(name):
 
 def shape_of(text, image):
     """Return what "(H, W)" or "the shape of `image`" amounts to; None where any size will do."""
-    sizes = {"H": image.shape[0], "W": image.shape[1], "N": None, "2": 2}
+    sizes = {"H": image.shape[0], "W": image.shape[1], "N": None, "2": 2, "3": 3}
     if "shape of `image`" in text or "shape and dtype of `image`" in text:
         return image.shape
-    listed = re.search(r"\(((?:[HWN2],? ?)+)\)", text)
+    listed = re.search(r"\(((?:[HWN23],? ?)+)\)", text)
     assert listed, text
     return tuple(sizes[size] for size in re.findall(r"\w", listed.group(1)))
 

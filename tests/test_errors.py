@@ -270,6 +270,84 @@ def test_thresholds(name, options, message):
     refused(ValueError, message, EVERY[name], FLAT, **options)
 
 
+# --- depth ---------------------------------------------------------------------------------------
+
+Q = np.eye(4)
+
+
+def test_disparities():
+    gray = np.zeros((4, 5), np.uint8)
+    for call in (
+        lambda x: cvkern.disparity_to_depth(x, 1, 1),
+        lambda x: cvkern.points_from_disparity(x, Q),
+        lambda x: cvkern.point_cloud(x, Q, gray),
+    ):
+        refused(ValueError, "disparity must be 2-D, got shape (4, 5, 3)", call, DEEP)
+        refused(ValueError, "disparity must not be empty, got shape (0, 5)", call, np.zeros((0, 5)))
+        refused(
+            TypeError, "disparity must hold real numbers, got dtype complex128", call, FLAT + 0j
+        )
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"focal": 0}, "focal must be > 0, got 0"),
+        ({"focal": -3.5}, "focal must be > 0, got -3.5"),
+        ({"focal": np.nan}, "focal must be finite, got nan"),
+        ({"baseline": 0.0}, "baseline must be > 0, got 0.0"),
+        ({"baseline": np.inf}, "baseline must be finite, got inf"),
+        ({"doffs": -np.inf}, "doffs must be finite, got -inf"),
+    ],
+)
+def test_cameras(options, message):
+    camera = {"focal": 1.0, "baseline": 1.0} | options
+    refused(ValueError, message, cvkern.disparity_to_depth, FLAT, **camera)
+    refused(ValueError, message, cvkern.reprojection_matrix, cx=0, cy=0, **camera)
+
+
+def test_numbers_of_cameras():
+    message = "focal times baseline must be finite, got 1e+40"
+    refused(ValueError, message, cvkern.disparity_to_depth, FLAT, 1e20, 1e20)
+    refused(TypeError, "focal must be a number, got 'a'", cvkern.disparity_to_depth, FLAT, "a", 1)
+    for name, values in (("cx", (np.nan, 0)), ("cy", (0, np.nan))):
+        message = f"{name} must be finite, got nan"
+        refused(ValueError, message, cvkern.reprojection_matrix, 1, 1, *values)
+
+
+@pytest.mark.parametrize("name", ["points_from_disparity", "point_cloud"])
+def test_reprojection(name):
+    function, rest = getattr(cvkern, name), (FLAT,) * (name == "point_cloud")
+    rule = "q must be a 4 x 4 matrix of numbers"
+    for q, said in (
+        (np.eye(3), "float64 of shape (3, 3)"),
+        (None, "object of shape ()"),
+        (Q + 0j, "complex128 of shape (4, 4)"),
+    ):
+        refused(ValueError, f"{rule}, got {said}", function, FLAT, q, *rest)
+    for value in (np.nan, np.inf, 1e300):
+        said = "nan" if np.isnan(value) else "inf"
+        refused(
+            ValueError,
+            f"q must be finite, got {said}",
+            function,
+            FLAT,
+            np.full((4, 4), value),
+            *rest,
+        )
+
+
+def test_images_of_clouds():
+    for shape in ((4, 4), (5, 5, 3), (4, 5, 4), (4, 5, 1)):
+        message = f"image must have shape (4, 5) or (4, 5, 3), as the disparity, got {shape}"
+        refused(ValueError, message, cvkern.point_cloud, FLAT, Q, np.zeros(shape, np.uint8))
+    refused(TypeError, "image must be uint8, got float64", cvkern.point_cloud, FLAT, Q, DEEP)
+    gray = np.zeros((4, 5), np.uint8)
+    refused(TypeError, "valid must be bool, got uint8", cvkern.point_cloud, FLAT, Q, gray, gray)
+    message = "valid must have shape (4, 5), as the disparity, got (5, 4)"
+    refused(ValueError, message, cvkern.point_cloud, FLAT, Q, gray, np.ones((5, 4), bool))
+
+
 # --- values of a wrong type, or beyond float32 ---------------------------------------------------
 
 
