@@ -89,10 +89,11 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
     key = (name, str(device), stream)
     count = math.prod(shape) * wp.types.type_size_in_bytes(dtype)
     block = _thread.scratch.get(key)
-    if block is None or block.size < count:
+    if block is None or block.capacity < count:
         if block is not None and device.is_cuda:  # kernels may still be at work in the old one
             wp.synchronize_stream(current_stream(device))
-        block = wp.empty(count, dtype=wp.uint8, device=device)
+        # In words: Warp counts the elements of an axis with 31 bits.
+        block = wp.empty(-(-count // 8), dtype=wp.uint64, device=device)
         if device.is_cuda:  # the allocation is ordered on another stream than its users
             wp.synchronize_stream(device.stream)
         _thread.scratch[key] = block
