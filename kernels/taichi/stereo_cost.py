@@ -21,6 +21,7 @@ def _census(
     image: any_3,  # (H, W, C)
     radius_y: ti.i32,
     radius_x: ti.i32,
+    spacing: ti.i32,
     symmetric: ti.i32,
     # outputs
     bits: u64_3,  # (H, W, C)
@@ -32,10 +33,12 @@ def _census(
             for dx in range(-radius_x, radius_x + 1):
                 before = dy < 0 or (dy == 0 and dx < 0)
                 if before or (symmetric == 0 and not (dy == 0 and dx == 0)):
-                    by = y - dy * symmetric
-                    bx = x - dx * symmetric
-                    a = image[_inside(y + dy, image.shape[0]), _inside(x + dx, image.shape[1]), c]
-                    b = image[_inside(by, image.shape[0]), _inside(bx, image.shape[1]), c]
+                    v = dy * spacing
+                    u = dx * spacing
+                    a = image[_inside(y + v, image.shape[0]), _inside(x + u, image.shape[1]), c]
+                    v *= -symmetric
+                    u *= -symmetric
+                    b = image[_inside(y + v, image.shape[0]), _inside(x + u, image.shape[1]), c]
                     if a < b:
                         word |= ti.u64(1) << ti.cast(n, ti.u64)
                     n += 1
@@ -44,10 +47,15 @@ def _census(
 
 @primitive
 def census(
-    image: np.ndarray, radius_y: int, radius_x: int, symmetric: bool, bits: np.ndarray
+    image: np.ndarray,
+    radius_y: int,
+    radius_x: int,
+    spacing: int,
+    symmetric: bool,
+    bits: np.ndarray,
 ) -> None:
     """Census transform of uint8 or float32 (H, W, C), one bit a comparison; a thread an element."""
-    _census(image, radius_y, radius_x, int(symmetric), bits)
+    _census(image, radius_y, radius_x, spacing, int(symmetric), bits)
 
 
 @ti.func

@@ -11,7 +11,8 @@ wp.set_module_options({"enable_backward": False})
 
 # Comparison n of a pixel goes into byte n / 8 of 64 pixels at once; the bytes are joined behind.
 _ROW = """
-    const int size = 2 * radius_y + 1, pitch = lines.shape[1], margin = radius_x * step;
+    const int reach = radius_y * spacing, size = 2 * reach + 1, pitch = lines.shape[1];
+    const int margin = radius_x * spacing * step;
     const int columns = bits.shape[1] * step;
     const TYPE* window = lines.data + (size_t)slab * size * pitch + margin;
     unsigned long long* out = (unsigned long long*)bits.data + (size_t)y * columns;
@@ -25,10 +26,11 @@ _ROW = """
         for (int dy = -radius_y; dy <= (symmetric ? 0 : radius_y); ++dy)
             for (int dx = -radius_x; dx <= radius_x; ++dx) {
                 if (dy == 0 && (symmetric ? dx >= 0 : dx == 0)) continue;
-                const int above = (y + dy + size) % size, below = (y - dy + size) % size;
-                const TYPE* a = window + (size_t)above * pitch + begin + dx * step;
+                const int v = dy * spacing, u = dx * spacing * step;
+                const int above = (y + v + size) % size, below = (y - v + size) % size;
+                const TYPE* a = window + (size_t)above * pitch + begin + u;
                 const TYPE* b = centre;
-                if (symmetric) b = window + (size_t)below * pitch + begin - dx * step;
+                if (symmetric) b = window + (size_t)below * pitch + begin - u;
                 unsigned char* to = bytes[n >> 3];
                 const unsigned char bit = (unsigned char)(1 << (n & 7));
                 #pragma clang loop vectorize(assume_safety)
@@ -48,7 +50,7 @@ _ROW = """
 
 # A row of the image, continued on both sides by its outermost pixels.
 _LINE = """
-    const int pitch = lines.shape[1], margin = radius_x * step, columns = image.shape[1] * step;
+    const int pitch = lines.shape[1], margin = reach * step, columns = image.shape[1] * step;
     const TYPE* from = image.data + (size_t)row * columns;
     TYPE* to = lines.data + (size_t)line * pitch;
     for (int i = 0; i < margin; ++i) {
@@ -69,6 +71,7 @@ def _census(scalar: Any, c_type: str) -> wp.Kernel:
         y: int,
         radius_y: int,
         radius_x: int,
+        spacing: int,
         step: int,
         symmetric: int,
         lines: wp.array2d[scalar],
@@ -79,7 +82,7 @@ def _census(scalar: Any, c_type: str) -> wp.Kernel:
     def copy_line(
         image: wp.array3d[scalar],
         row: int,
-        radius_x: int,
+        reach: int,
         step: int,
         line: int,
         lines: wp.array2d[scalar],
@@ -93,22 +96,24 @@ def _census(scalar: Any, c_type: str) -> wp.Kernel:
         image: wp.array3d[scalar],  # (H, W, C)
         radius_y: int,
         radius_x: int,
+        spacing: int,
         symmetric: int,
         # scratch
-        lines: wp.array2d[scalar],  # (slabs (2 radius_y + 1), (W + 2 radius_x) C + 64)
+        lines: wp.array2d[scalar],  # (slabs (2 reach + 1), (W + 2 radius_x spacing) C + 64)
         # outputs
         bits: wp.array3d[wp.uint64],  # (H, W, C)
     ):
         # Row v stands in line v modulo the size of the window: from row to row, one line is new.
-        size = 2 * radius_y + 1
+        reach = radius_y * spacing
+        size = 2 * reach + 1
         step = image.shape[2]
         for y in range(first, last):
-            for v in range(wp.where(y == first, y - radius_y, y + radius_y), y + radius_y + 1):
+            for v in range(wp.where(y == first, y - reach, y + reach), y + reach + 1):
                 inside = wp.clamp(v, 0, image.shape[0] - 1)
                 # size * H keeps the remainder of a negative row positive.
                 line = slab * size + (v + size * image.shape[0]) % size
-                copy_line(image, inside, radius_x, step, line, lines)
-            census_row(slab, y, radius_y, radius_x, step, symmetric, lines, bits)
+                copy_line(image, inside, radius_x * spacing, step, line, lines)
+            census_row(slab, y, radius_y, radius_x, spacing, step, symmetric, lines, bits)
 
     return census
 

@@ -1,10 +1,10 @@
-"""Matching costs summed over windows on the CPU: one thread a slab of rows, in C.
+"""Matching costs summed over windows, and the winner among them, on the CPU: in C.
 
-The sums down the columns of the windows are kept for one row of the image, a run of disparities in
-a vector; from one row to the next, one row of costs comes and one goes. Summed along the row in
-the same way they give the windows. Sums of integers are the same in every order; those of floats
-are made anew for every pixel, each column from its top down, then the columns from left to right.
-_window_blocks.py has the same for CUDA.
+One thread goes through a slab of rows. The sums down the columns of the windows are kept for one
+row of the image, a run of disparities in a vector; from one row to the next, one row of costs comes
+and one goes. Summed along the row in the same way they give the windows. Sums of integers are the
+same in every order; those of floats are made anew for every pixel, each column from its top down,
+then the columns from left to right. _window_blocks.py has the same for CUDA.
 """
 
 from functools import cache
@@ -12,9 +12,16 @@ from typing import Any
 
 import warp as wp
 
-from ..codes import Cost
+from ..codes import Cost, Subpixel
 
-LANES = {"unsigned short": 64, "int": 32, "float": 32}  # disparities at once, by the type of sums
+_C_TYPES = {
+    wp.uint8: "unsigned char",
+    wp.uint16: "unsigned short",
+    wp.int32: "int",
+    wp.float32: "float",
+    wp.uint64: "unsigned char",  # eight of them
+}
+_LANES = {wp.uint16: 64, wp.int32: 32, wp.float32: 32}  # disparities at once, by the type of sums
 
 # The cost of a value: of vectors of PIXEL, `a` of the left image and `b` of the right, and of each
 # the least and the largest value between its pixel and half way to the neighbours.
@@ -30,36 +37,41 @@ _COSTS = {
                 const pixels back = MAX(b, a_high) - a_high, down = MAX(b, a_low) - b;
                 const pixels d = MIN(MAX(over, under), MAX(back, down));
                 total += __builtin_convertvector(d, sums);""",
+    Cost.CENSUS: """
+                const pixels d = __builtin_elementwise_popcount(a ^ b);
+                total += __builtin_convertvector(d, sums);""",
 }
-_COSTS[Cost.BIRCHFIELD_TOMASI] = (
-    _COSTS[Cost.BIRCHFIELD_TOMASI]
-    .replace("MAX", "__builtin_elementwise_max")
-    .replace("MIN", "__builtin_elementwise_min")
-)
 
 # Lines of one row of both images, continued on both sides by their outermost pixels: of each
 # channel the values, then, where a cost asks for them, the lows and the highs. Lines of the right
 # image are reversed, so that the partners of a pixel stand in the order of their disparities.
 _LINES = """
     #pragma clang fp contract(off)
-    const int height = left.shape[0], width = left.shape[1], channels = left.shape[2];
-    const int range = (costs.shape[2] + LANES - 1) / LANES * LANES;
+    typedef PIXEL pixels
+        __attribute__((vector_size(LANES * sizeof(PIXEL)), aligned(sizeof(PIXEL)), may_alias));
+    typedef SUM sums
+        __attribute__((vector_size(LANES * sizeof(SUM)), aligned(sizeof(SUM)), may_alias));
+    const int height = left.shape[0], width = left.shape[1];
+    // A value of a census is the used ones among its eight bytes, channels of their own.
+    const int channels = left.shape[2] * octets, stride = left.shape[2] * sizeof(left.data[0])
+        / sizeof(PIXEL);
+    const int range = (count + LANES - 1) / LANES * LANES;
     const int wide = width + 2 * radius_x;
     // One place more on each side, for the neighbours of the outermost.
     const int left_pitch = wide + 2, right_pitch = wide + range + 2;
     const size_t right_lines = (size_t)PLANES * channels * left_pitch;
     const size_t row_lines = right_lines + (size_t)PLANES * channels * right_pitch;
     PIXEL* const slab_lines = lines.data + (size_t)slab * lines.shape[1];
-    const auto put = [&](PIXEL* to, int count, const PIXEL* from, int x, int step) {
+    const auto put = [&](PIXEL* to, int length, const PIXEL* from, int x, int step) {
         // Place i has column x + step i: those of places `first` to `last` are in the image.
         int first = step > 0 ? -x : x - width + 1, last = step > 0 ? width - x : x + 1;
-        first = first < 0 ? 0 : first < count ? first : count;
-        last = last < first ? first : last < count ? last : count;
-        const PIXEL least = from[0], most = from[(size_t)(width - 1) * channels];
+        first = first < 0 ? 0 : first < length ? first : length;
+        last = last < first ? first : last < length ? last : length;
+        const PIXEL least = from[0], most = from[(size_t)(width - 1) * stride];
         for (int i = 0; i < first; ++i) to[i] = step > 0 ? least : most;
-        for (int i = last; i < count; ++i) to[i] = step > 0 ? most : least;
-        if (channels > 1) {
-            for (int i = first; i < last; ++i) to[i] = from[(size_t)(x + step * i) * channels];
+        for (int i = last; i < length; ++i) to[i] = step > 0 ? most : least;
+        if (stride > 1) {
+            for (int i = first; i < last; ++i) to[i] = from[(size_t)(x + step * i) * stride];
         } else if (step > 0) {
             #pragma clang loop vectorize(assume_safety)
             for (int i = first; i < last; ++i) to[i] = from[x + i];
@@ -68,11 +80,11 @@ _LINES = """
             for (int i = first; i < last; ++i) to[i] = from[x - i];
         }
         if (PLANES == 1) return;
-        PIXEL* const low = to + (size_t)channels * count;
-        PIXEL* const high = low + (size_t)channels * count;
-        low[0] = low[count - 1] = high[0] = high[count - 1] = 0;
+        PIXEL* const low = to + (size_t)channels * length;
+        PIXEL* const high = low + (size_t)channels * length;
+        low[0] = low[length - 1] = high[0] = high[length - 1] = 0;
         #pragma clang loop vectorize(assume_safety)
-        for (int i = 1; i < count - 1; ++i) {
+        for (int i = 1; i < length - 1; ++i) {
             const PIXEL here = to[i], one = (to[i - 1] + here) / 2, two = (here + to[i + 1]) / 2;
             const PIXEL least = one < two ? one : two, most = one < two ? two : one;
             low[i] = here < least ? here : least;
@@ -82,20 +94,18 @@ _LINES = """
     const auto put_row = [&](int row, int place) {
         row = row < 0 ? 0 : row < height ? row : height - 1;
         PIXEL* const to = slab_lines + place * row_lines;
-        const size_t begin = (size_t)row * width * channels;
+        const size_t begin = (size_t)row * width * stride;
         for (int c = 0; c < channels; ++c) {
-            put(to + (size_t)c * left_pitch, left_pitch, left.data + begin + c, -radius_x - 1, 1);
-            put(to + right_lines + (size_t)c * right_pitch, right_pitch, right.data + begin + c,
-                width + radius_x - start, -1);
+            const size_t from = begin + c / octets * (stride / left.shape[2]) + c % octets;
+            put(to + (size_t)c * left_pitch, left_pitch, (const PIXEL*)left.data + from,
+                -radius_x - 1, 1);
+            put(to + right_lines + (size_t)c * right_pitch, right_pitch,
+                (const PIXEL*)right.data + from, width + radius_x - start, -1);
         }
     };
 """
 
 _SUMS = """
-    typedef PIXEL pixels
-        __attribute__((vector_size(LANES * sizeof(PIXEL)), aligned(sizeof(PIXEL)), may_alias));
-    typedef SUM sums
-        __attribute__((vector_size(LANES * sizeof(SUM)), aligned(sizeof(SUM)), may_alias));
     // The costs of place x of the lines, for the disparities from `chunk` on.
     const auto cost_of = [&](int place, int x, int chunk) {
         const PIXEL* lefts = slab_lines + place * row_lines + 1 + x;
@@ -125,7 +135,7 @@ _SUMS = """
         for (size_t i = 0; i < (size_t)wide * range; ++i) slab_columns[i] = 0;
         for (int v = y - radius_y; v < y + radius_y; ++v) {
             put_row(v, 0);
-            for (int chunk = 0; chunk < range; chunk += LANES)
+            for (int chunk = 0; chunk < range; chunk += (SUM)LANES)
                 for (int x = 0; x < wide; ++x)
                     *(sums*)(slab_columns + (size_t)wide * chunk + x * LANES) +=
                         cost_of(0, x, chunk);
@@ -134,7 +144,7 @@ _SUMS = """
         put_row(y - radius_y - 1, 1);
     }
     put_row(y + radius_y, 0);
-    for (int chunk = 0; chunk < range; chunk += LANES) {
+    for (int chunk = 0; chunk < range; chunk += (SUM)LANES) {
         SUM* const column = slab_columns + (size_t)wide * chunk;
         sums total = {};
         for (int x = 0; x < wide; ++x) {
@@ -160,18 +170,83 @@ _STORE = """
             typedef OUT outs
                 __attribute__((vector_size(LANES * sizeof(OUT)), aligned(sizeof(OUT)), may_alias));
             const outs value = __builtin_convertvector(total, outs);
-            OUT* const to = costs.data
-                + ((size_t)y * width + x - 2 * radius_x) * costs.shape[2] + chunk;
-            if (chunk + LANES <= costs.shape[2]) *(outs*)to = value;
-            else for (int k = 0; chunk + k < costs.shape[2]; ++k) to[k] = value[k];
+            OUT* const to = costs.data + ((size_t)y * width + x - 2 * radius_x) * count + chunk;
+            if (chunk + LANES <= count) *(outs*)to = value;
+            else for (int k = 0; chunk + k < count; ++k) to[k] = value[k];
 """
 
-_C_TYPES = {
-    wp.uint8: "unsigned char",
-    wp.uint16: "unsigned short",
-    wp.int32: "int",
-    wp.float32: "float",
-}
+# What sums are compared with, and where those of a row are kept.
+_BEGIN = """
+    const sums none = (SUM)65535 - (sums){};
+    sums lane;
+    for (int k = 0; k < LANES; ++k) lane[k] = (SUM)k;
+    SUM* const slab_row = row_sums.data + (size_t)slab * row_sums.shape[1] + 1;
+"""
+
+# The sums of a row, 65535 where there is no disparity; no sum is as large.
+_KEEP = """
+            const sums counted = lane + (SUM)chunk < (SUM)count ? total : none;
+            *(sums*)(slab_row + (size_t)(x - 2 * radius_x) * range + chunk) = counted;
+"""
+
+# The winner of each pixel of the row: the smallest sum, of equal ones the first. Of the right
+# image, whose winners stand in reversed order, the partners of a pixel are neighbours again.
+_WINNERS = """
+    SUM* const right_least = rights.data + (size_t)slab * rights.shape[1];
+    SUM* const right_place = right_least + rights.shape[1] / 2;
+    for (int i = 0; i < width + range; ++i) right_least[i] = 65535;
+    for (int x = 0; x < width; ++x) {
+        SUM* const row = slab_row + (size_t)x * range;
+        SUM* const others = right_least + width - 1 - x;
+        SUM* const places = right_place + width - 1 - x;
+        sums least = none, place = none, k = lane;
+        for (int chunk = 0; chunk < range; chunk += LANES, k += (SUM)LANES) {
+            const sums sum = *(sums*)(row + chunk);
+            place = sum < least ? k : place;
+            least = MIN(sum, least);
+            const sums other = *(sums*)(others + chunk);
+            *(sums*)(places + chunk) = sum < other ? k : *(sums*)(places + chunk);
+            *(sums*)(others + chunk) = MIN(sum, other);
+        }
+        const SUM best = __builtin_reduce_min(least);
+        const int at = __builtin_reduce_min(least == best ? place : none);
+        // Room for the neighbours is in front of the row and behind it.
+        const SUM before = row[at - 1], after = row[at + 1];
+        row[at - 1] = row[at] = row[at + 1] = 65535;
+        least = none;
+        for (int chunk = 0; chunk < range; chunk += (SUM)LANES)
+            least = MIN(*(sums*)(row + chunk), least);
+        const SUM second = __builtin_reduce_min(least);
+        row[at - 1] = before;
+        row[at] = best;
+        row[at + 1] = after;
+        // As `pick` of semi_global.py.
+        const size_t pixel = (size_t)y * width + x;
+        const bool alone = second == 65535;
+        float certain = alone ? 1.0f : 0.0f;
+        if (!alone && second > best) certain = 1.0f - (float)best / (float)second;
+        cost.data[pixel] = (float)best;
+        confidence.data[pixel] = certain;
+        if (!alone && (int)second * (100 - uniqueness) < (int)best * 100) {
+            index.data[pixel] = -1;
+            disparity.data[pixel] = __builtin_nanf("");
+            continue;
+        }
+        float offset = 0.0f;
+        if (subpixel != NONE && at > 0 && at + 1 < count) {
+            const int a = before - best, b = after - best;
+            const int m = subpixel == PARABOLA ? a + b : a > b ? a : b;
+            if (m > 0) offset = 0.5f * ((float)(a - b) / (float)m);
+        }
+        index.data[pixel] = at;
+        disparity.data[pixel] = (float)(start + at) + offset;
+    }
+    for (int x = 0; x < width; ++x) {
+        const int i = width - 1 - x - start;
+        const bool met = i >= 0 && i < width + range && right_least[i] != 65535;
+        right_index.data[(size_t)y * width + x] = met ? right_place[i] : -1;
+    }
+"""
 
 
 def sums_dtype(pixel: Any, out: Any) -> Any:
@@ -181,27 +256,39 @@ def sums_dtype(pixel: Any, out: Any) -> Any:
     return wp.int32 if out is wp.float32 else wp.uint16
 
 
-def lanes(sums: Any) -> int:
-    """Return how many disparities are taken at once."""
-    return LANES[_C_TYPES[sums]]
+def padded(count: int, sums: Any) -> int:
+    """Return `count` disparities in whole vectors."""
+    return -(-count // _LANES[sums]) * _LANES[sums]
+
+
+def _text(cost: int, pixel: Any, sums: Any, out: Any = None) -> str:
+    """Return the C of a row: with `out` the costs are stored, without the winners are."""
+    text = _LINES + _SUMS.replace("EMIT", _STORE)
+    if out is None:
+        text = _LINES + _BEGIN + _SUMS.replace("EMIT", _KEEP) + _WINNERS
+    text = text.replace("COST", _COSTS[Cost(cost)])
+    for name, value in {
+        "MIN": "__builtin_elementwise_min",
+        "MAX": "__builtin_elementwise_max",
+        "NONE": str(int(Subpixel.NONE)),
+        "PARABOLA": str(int(Subpixel.PARABOLA)),
+        "PLANES": "3" if cost == Cost.BIRCHFIELD_TOMASI else "1",
+        "FLOATS": "true" if pixel is wp.float32 else "false",
+        "LANES": str(_LANES[sums]),
+        "PIXEL": _C_TYPES[pixel],
+        "SUM": _C_TYPES[sums],
+        "OUT": _C_TYPES.get(out, ""),
+    }.items():
+        text = text.replace(name, value)
+    return text
 
 
 @cache
 def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
     """Return the kernel of a cost, for images and costs of these types."""
-    sum_type = sums_dtype(pixel, out)
-    text = (_LINES + _SUMS).replace("EMIT", _STORE).replace("COST", _COSTS[Cost(cost)])
-    for name, value in {
-        "PLANES": "3" if cost == Cost.BIRCHFIELD_TOMASI else "1",
-        "FLOATS": "true" if pixel is wp.float32 else "false",
-        "LANES": str(lanes(sum_type)),
-        "PIXEL": _C_TYPES[pixel],
-        "SUM": _C_TYPES[sum_type],
-        "OUT": _C_TYPES[out],
-    }.items():
-        text = text.replace(name, value)
+    sums = sums_dtype(pixel, out)
 
-    @wp.func_native(text)
+    @wp.func_native(_text(cost, pixel, sums, out))
     def window_row(
         slab: int,
         y: int,
@@ -209,10 +296,12 @@ def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
         left: wp.array3d[pixel],
         right: wp.array3d[pixel],
         start: int,
+        count: int,
+        octets: int,
         radius_y: int,
         radius_x: int,
-        lines: wp.array2d[pixel],
-        columns: wp.array2d[sum_type],
+        lines: wp.array2d[wp.float32 if pixel is wp.float32 else wp.uint8],
+        columns: wp.array2d[sums],
         costs: wp.array3d[out],
     ): ...
 
@@ -224,17 +313,84 @@ def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
         left: wp.array3d[pixel],  # (H, W, C)
         right: wp.array3d[pixel],  # (H, W, C)
         start: int,
+        octets: int,
         radius_y: int,
         radius_x: int,
         # scratch
-        lines: wp.array2d[pixel],  # (slabs, 2 rows of lines)
-        columns: wp.array2d[sum_type],  # (slabs, (W + 2 radius_x) D)
+        lines: wp.array2d[wp.float32 if pixel is wp.float32 else wp.uint8],  # (slabs, 2 rows)
+        columns: wp.array2d[sums],  # (slabs, (W + 2 radius_x) padded(D))
         # outputs
         costs: wp.array3d[out],  # (H, W, D)
     ):
         for y in range(first, last):
             window_row(
-                slab, y, y == first, left, right, start, radius_y, radius_x, lines, columns, costs
-            )
+                slab, y, y == first, left, right, start, costs.shape[2], octets,
+                radius_y, radius_x, lines, columns, costs,
+            )  # fmt: skip
 
     return window_costs
+
+
+@cache
+def match_windows(cost: int, pixel: Any) -> wp.Kernel:
+    """Return the kernel that matches windows of images of this type, uint8 or uint64."""
+
+    @wp.func_native(_text(cost, pixel, wp.uint16))
+    def match_row(
+        slab: int,
+        y: int,
+        restart: bool,
+        left: wp.array3d[pixel],
+        right: wp.array3d[pixel],
+        start: int,
+        count: int,
+        octets: int,
+        radius_y: int,
+        radius_x: int,
+        subpixel: int,
+        uniqueness: int,
+        lines: wp.array2d[wp.uint8],
+        columns: wp.array2d[wp.uint16],
+        row_sums: wp.array2d[wp.uint16],
+        rights: wp.array2d[wp.uint16],
+        index: wp.array2d[int],
+        disparity: wp.array2d[float],
+        cost: wp.array2d[float],
+        confidence: wp.array2d[float],
+        right_index: wp.array2d[int],
+    ): ...
+
+    @wp.kernel(module="unique", module_options={"enable_backward": False})
+    def match_windows(
+        slab: int,
+        first: int,
+        last: int,
+        left: wp.array3d[pixel],  # (H, W, C)
+        right: wp.array3d[pixel],  # (H, W, C)
+        start: int,
+        count: int,
+        octets: int,
+        radius_y: int,
+        radius_x: int,
+        subpixel: int,
+        uniqueness: int,
+        # scratch, (slabs, ...)
+        lines: wp.array2d[wp.uint8],  # 2 rows of lines
+        columns: wp.array2d[wp.uint16],  # (W + 2 radius_x) padded(D)
+        row_sums: wp.array2d[wp.uint16],  # W padded(D) and 2
+        rights: wp.array2d[wp.uint16],  # 2 (W + padded(D))
+        # outputs, (H, W)
+        index: wp.array2d[int],
+        disparity: wp.array2d[float],
+        cost: wp.array2d[float],
+        confidence: wp.array2d[float],
+        right_index: wp.array2d[int],
+    ):
+        for y in range(first, last):
+            match_row(
+                slab, y, y == first, left, right, start, count, octets, radius_y, radius_x,
+                subpixel, uniqueness, lines, columns, row_sums, rights,
+                index, disparity, cost, confidence, right_index,
+            )  # fmt: skip
+
+    return match_windows

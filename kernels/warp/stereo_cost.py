@@ -3,6 +3,8 @@
 On the CPU a row at a time, many disparities in a vector; on CUDA a thread for several disparities.
 """
 
+from typing import Any
+
 import warp as wp
 
 from ..codes import Cost
@@ -11,19 +13,21 @@ from . import _window_rows as window_rows
 from ._launch import launch_slabs, scratch, slabs
 
 
-def census(image: wp.array, radius_y: int, radius_x: int, symmetric: bool, bits: wp.array) -> None:
+def census(
+    image: wp.array, radius_y: int, radius_x: int, spacing: int, symmetric: bool, bits: wp.array
+) -> None:
     """Census transform of each channel of uint8 or float32 (H, W, C), one bit a comparison."""
     height, width, step = image.shape
-    size = 2 * radius_y + 1
-    count = slabs(height, image.size * size)
+    size = 2 * radius_y * spacing + 1
+    count = slabs(height, image.size * (2 * radius_y + 1) * (2 * radius_x + 1))
     # Elements are taken 64 at a time, whose windows reach so far behind the last of a row.
-    shape = (count * size, (width + 2 * radius_x) * step + 64)
+    shape = (count * size, (width + 2 * radius_x * spacing) * step + 64)
     lines = scratch("census.lines", shape, image.dtype, image.device)
     launch_slabs(
         census_rows.census[image.dtype],
         height,
         count,
-        [image, radius_y, radius_x, int(symmetric), lines],
+        [image, radius_y, radius_x, spacing, int(symmetric), lines],
         [bits],
     )
 
@@ -42,27 +46,39 @@ def window_costs(
     right: wp.array,
     first: int,
     cost: int,
+    octets: int,
     radius_y: int,
     radius_x: int,
     costs: wp.array,
 ) -> None:
-    """Sum a cost over windows of uint8 or float32 (H, W, C), for each disparity from `first` on.
+    """Sum a cost over windows of (H, W, C), for each disparity from `first` on.
 
-    Sums of uint8 must fit into `costs` of uint8 or uint16, or into int32 for `costs` of float32.
+    Pixels are uint8 or float32 with 1 octet, or uint64 of which the lowest octets are compared, by
+    CENSUS. Sums of integers must fit into uint8 or uint16 costs, or into int32 for float32 ones.
     """
-    pixel, device = left.dtype, left.device
-    height, width, channels = left.shape
+    height = left.shape[0]
     count = slabs(height, costs.size)
-    sums = window_rows.sums_dtype(pixel, costs.dtype)
-    reach = -(-costs.shape[2] // window_rows.lanes(sums)) * window_rows.lanes(sums)
-    wide = width + 2 * radius_x
-    planes = channels * (3 if cost == Cost.BIRCHFIELD_TOMASI else 1)
-    lines = scratch("window.lines", (count, 2 * planes * (2 * wide + reach + 4)), pixel, device)
-    columns = scratch("window.columns", (count, wide * reach), sums, device)
+    sums = window_rows.sums_dtype(left.dtype, costs.dtype)
+    inner = window_scratch(left, count, costs.shape[2], cost, octets, radius_x, sums)
     launch_slabs(
-        window_rows.window_costs(cost, pixel, costs.dtype),
+        window_rows.window_costs(cost, left.dtype, costs.dtype),
         height,
         count,
-        [left, right, first, radius_y, radius_x, lines, columns],
+        [left, right, first, octets, radius_y, radius_x, *inner],
         [costs],
+    )
+
+
+def window_scratch(
+    left: wp.array, slabs: int, count: int, cost: int, octets: int, radius_x: int, sums: Any
+) -> tuple[wp.array, wp.array]:
+    """Return the lines of two rows, and the sums down the columns, of each slab."""
+    reach = window_rows.padded(count, sums)
+    wide = left.shape[1] + 2 * radius_x
+    planes = left.shape[2] * octets * (3 if cost == Cost.BIRCHFIELD_TOMASI else 1)
+    pixel = wp.float32 if left.dtype is wp.float32 else wp.uint8
+    lines = (slabs, 2 * planes * (2 * wide + reach + 4))
+    return (
+        scratch("window.lines", lines, pixel, left.device),
+        scratch("window.columns", (slabs, wide * reach), sums, left.device),
     )
