@@ -41,6 +41,13 @@ def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image"
     return image
 
 
+def check_dtype(array: Any, dtype: Any, name: str) -> None:
+    """Refuse an array of any dtype but one."""
+    given = _libraries.library(array).dtype(array)
+    if given != np.dtype(dtype):
+        raise TypeError(f"{name} must be {np.dtype(dtype)}, got {given}")
+
+
 def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
     """Return the axis that is not filtered, counted from the front, or None."""
     if (len(shape) == 3) != (channel_axis is not None):
@@ -74,6 +81,14 @@ def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool 
     if math.isnan(number) or number < low or (finite and abs(number) > _FLOAT32_MAX):
         rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
         raise ValueError(f"{name} must be {rule}, got {value}")
+    return number
+
+
+def check_positive(value: Any, name: str) -> float:
+    """Return `value` as a float above 0, finite in float32."""
+    number = check_number(value, name)
+    if number <= 0:
+        raise ValueError(f"{name} must be > 0, got {value}")
     return number
 
 

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 import cvkern
+from cvkern.clouds import turntable
 
 SHAPE = (24, 40)
 
@@ -40,3 +41,4 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "disparity_to_depth", partial(cvkern.disparity_to_depth, real, 1.0, 1.0)
     yield "points_from_disparity", partial(cvkern.points_from_disparity, real, q)
     yield "point_cloud", partial(cvkern.point_cloud, real, q, byte)
+    yield "turntable", partial(turntable, real.reshape(-1, 3) + 1, byte.reshape(-1, 3), frames=1)

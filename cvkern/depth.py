@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._libraries import library
 from cvkern._runtime import runtime
-from cvkern._validate import check_image, check_number
+from cvkern._validate import check_dtype, check_image, check_number, check_positive
 
 
 class PointCloud(NamedTuple):
@@ -58,7 +57,8 @@ def disparity_to_depth(disparity: Any, focal: float, baseline: float, doffs: flo
     """
     disparity = check_image(disparity, name="disparity")
     scale = check_number(
-        _positive(focal, "focal") * _positive(baseline, "baseline"), "focal times baseline"
+        check_positive(focal, "focal") * check_positive(baseline, "baseline"),
+        "focal times baseline",
     )
     doffs = check_number(doffs, "doffs")
     rt = runtime(disparity)
@@ -98,7 +98,7 @@ def reprojection_matrix(
            [   0.,    0.,    0., 1000.],
            [   0.,    0.,    2.,    0.]])
     """
-    focal, baseline = _positive(focal, "focal"), _positive(baseline, "baseline")
+    focal, baseline = check_positive(focal, "focal"), check_positive(baseline, "baseline")
     cx, cy, doffs = check_number(cx, "cx"), check_number(cy, "cy"), check_number(doffs, "doffs")
     q = np.eye(4)
     q[0, 3], q[1, 3] = -cx, -cy
@@ -195,14 +195,14 @@ def point_cloud(disparity: Any, q: Any, image: Any, valid: Any = None) -> PointC
             f"image must have shape {shape} or {(*shape, 3)}, as the disparity, "
             f"got {tuple(image.shape)}"
         )
-    _check_dtype(image, np.uint8, "image")
+    check_dtype(image, np.uint8, "image")
     if valid is not None:
         valid = check_image(valid, name="valid")
         if tuple(valid.shape) != shape:
             raise ValueError(
                 f"valid must have shape {shape}, as the disparity, got {tuple(valid.shape)}"
             )
-        _check_dtype(valid, np.bool_, "valid")
+        check_dtype(valid, np.bool_, "valid")
     rt = runtime(disparity, image, valid)
     points = rt.scratch("cloud.points", (*shape, 3))
     rt.depth.points(rt.adopt(disparity), rt.constant(matrix), points)
@@ -220,13 +220,6 @@ def point_cloud(disparity: Any, q: Any, image: Any, valid: Any = None) -> PointC
     return PointCloud(*(rt.release(a) for a in cloud))
 
 
-def _positive(value: float, name: str) -> float:
-    number = check_number(value, name)
-    if number <= 0:
-        raise ValueError(f"{name} must be > 0, got {value}")
-    return number
-
-
 def _matrix(q: Any) -> np.ndarray:
     matrix = np.asarray(q)
     if matrix.shape != (4, 4) or matrix.dtype.kind not in "iuf":
@@ -238,9 +231,3 @@ def _matrix(q: Any) -> np.ndarray:
     if not np.isfinite(matrix).all():
         raise ValueError(f"q must be finite, got {matrix[~np.isfinite(matrix)][0]}")
     return matrix
-
-
-def _check_dtype(array: Any, dtype: Any, name: str) -> None:
-    given = library(array).dtype(array)
-    if given != np.dtype(dtype):
-        raise TypeError(f"{name} must be {np.dtype(dtype)}, got {given}")

@@ -71,3 +71,7 @@ ATAN = (
 SECTOR_ONE = 32768.0
 SECTOR_LOW = 13573.0
 SECTOR_HIGH = 79109.0  # tan(67.5 deg) = tan(22.5 deg) + 2
+
+# Of a picture of points: the key of a sample that shows none, and the most samples across a point.
+FAR = 2**63 - 1
+LARGEST_SPLAT = 64.0

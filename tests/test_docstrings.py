@@ -11,7 +11,7 @@ from calls import CALLS, blobs, fields
 
 import cvkern
 
-MODULES = ["cvkern", "cvkern.images"]
+MODULES = ["cvkern", "cvkern.clouds", "cvkern.images"]
 HEIGHT, WIDTH = 21, 34
 
 

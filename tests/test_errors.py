@@ -1,5 +1,6 @@
 """Every error of the public API: it names the argument, the rule and the value; nothing is done."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import warp
 from calls import primitives
 
 import cvkern
+from cvkern import clouds
 from cvkern._validate import MAX_ELEMENTS
 
 BORDERS = "('reflect', 'constant', 'nearest', 'mirror', 'wrap')"
@@ -346,6 +348,76 @@ def test_images_of_clouds():
     refused(TypeError, "valid must be bool, got uint8", cvkern.point_cloud, FLAT, Q, gray, gray)
     message = "valid must have shape (4, 5), as the disparity, got (5, 4)"
     refused(ValueError, message, cvkern.point_cloud, FLAT, Q, gray, np.ones((5, 4), bool))
+
+
+# --- clouds --------------------------------------------------------------------------------------
+
+CLOUD = np.ones((4, 3))
+
+
+@pytest.mark.parametrize("function", [clouds.turntable, partial(clouds.write_ply, "a.ply")])
+def test_clouds(function):
+    tints = np.zeros((4, 3), np.uint8)
+    for shape in ((4, 2), (3, 4)):
+        message = f"points must have shape (N, 3), got {shape}"
+        refused(ValueError, message, function, np.ones(shape), tints)
+    message = "points must not be empty, got shape (0, 3)"
+    refused(ValueError, message, function, np.ones((0, 3)), tints)
+    refused(ValueError, "points must be 2-D, got shape (4, 5, 3)", function, DEEP, tints)
+    refused(
+        TypeError,
+        "points must hold real numbers, got dtype complex128",
+        function,
+        1j * CLOUD,
+        tints,
+    )
+    for value in (np.nan, np.inf, 1e300):
+        said = "nan" if np.isnan(value) else "inf"
+        message = f"points must be finite, got {said}"
+        refused(ValueError, message, function, np.full((4, 3), value), tints)
+    message = "colors must have shape (4, 3), as the points, got (3, 3)"
+    refused(ValueError, message, function, CLOUD, tints[1:])
+    refused(TypeError, "colors must be uint8, got float64", function, CLOUD, CLOUD)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"swing": 0}, "swing must lie in (0, 180], got 0"),
+        ({"swing": -1}, "swing must lie in (0, 180], got -1"),
+        ({"swing": 181.0}, "swing must lie in (0, 180], got 181"),
+        ({"frames": 0}, "frames must be in [1, 4096], got 0"),
+        ({"shape": (0, 5)}, "shape must be in [1, 8192], got 0"),
+        ({"shape": (5, 10**6)}, "shape must be in [1, 8192], got 1000000"),
+        ({"shape": 5}, "shape must be rows and columns, got 5"),
+        ({"point_size": 0}, "point_size must be > 0, got 0"),
+        (
+            {"background": (0, 0)},
+            "background must be red, green and blue in [0, 255], got (0, 0)",
+        ),
+    ],
+)
+def test_turntable(options, message):
+    tints = np.zeros((4, 3), np.uint8)
+    refused(ValueError, message, clouds.turntable, CLOUD, tints, **options)
+
+
+def test_clouds_behind_the_camera():
+    message = "points must lie in front of the camera, got 4 behind it"
+    refused(ValueError, message, clouds.turntable, -CLOUD, np.zeros((4, 3), np.uint8))
+
+
+def test_files_of_clouds():
+    refused(ValueError, "path must end in .ply, got 'a.txt'", clouds.write_ply, "a.txt", CLOUD)
+    frames = np.zeros((2, 4, 6, 3), np.uint8)
+    write = clouds.write_animation
+    refused(ValueError, "path must end in .gif or .mp4, got 'a.avi'", write, "a.avi", frames)
+    message = "frames must be uint8 of shape (F, H, W, 3), got float64 of shape (4, 5, 3)"
+    refused(ValueError, message, write, "a.gif", DEEP)
+    refused(ValueError, "fps must be > 0, got 0", write, "a.gif", frames, fps=0)
+    refused(ValueError, "fps must be <= 50 for .gif, got 60", write, "a.gif", frames, fps=60)
+    message = "frames must have an even height and width for .mp4, got shape (2, 4, 5, 3)"
+    refused(ValueError, message, write, "a.mp4", frames[:, :, 1:])
 
 
 # --- values of a wrong type, or beyond float32 ---------------------------------------------------
