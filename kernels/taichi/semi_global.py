@@ -47,8 +47,9 @@ def _walk(
     dx: ti.i32,
     first: ti.i32,  # whether nothing has been summed yet
     lines: i32_3,  # (2, count, D) scratch
+    top: ti.i32,
     # outputs
-    sums: u16_3,  # (H, W, D)
+    sums: u16_3,  # (h, W, D), rows of the image from `top` on
 ):
     height = costs.shape[0]
     width = costs.shape[1]
@@ -77,10 +78,11 @@ def _walk(
                     value += best - lowest
                 lines[new, c, d] = value
                 least = ti.min(least, value)
-                total = value
-                if first == 0:
-                    total += ti.cast(sums[y, x, d], ti.i32)
-                sums[y, x, d] = ti.cast(total, ti.u16)
+                if 0 <= y - top < sums.shape[0]:
+                    total = value
+                    if first == 0:
+                        total += ti.cast(sums[y - top, x, d], ti.i32)
+                    sums[y - top, x, d] = ti.cast(total, ti.u16)
             lowest = least
             new = 1 - new
             begun = 1
@@ -105,6 +107,7 @@ def aggregate(
     p2: np.ndarray,
     p2_max: int,
     paths: int,
+    top: int,
     sums: np.ndarray,
 ) -> None:
     """Sum the costs of the cheapest paths to each pixel; one thread per path."""
@@ -113,7 +116,7 @@ def aggregate(
         rows, columns = min(abs(dy), height), min(abs(dx), width)
         count = rows * width + columns * (height - rows)
         lines = scratch((2, count, depth), np.int32)
-        _walk(costs, guide, p1, p2, count, dy, dx, int(i == 0), lines, sums)
+        _walk(costs, guide, p1, p2, count, dy, dx, int(i == 0), lines, top, sums)
 
 
 @ti.kernel

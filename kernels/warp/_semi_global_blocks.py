@@ -6,6 +6,7 @@ stores of path r is L_r - C, which the recursion bounds by P2, so mostly one byt
 sums that up, in whatever order blocks come. Disparities are padded to a multiple of 16.
 """
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -77,7 +78,9 @@ _WALK = """
     const long long stride = ((long long)dy * width + dx) * depth;
     const long long begin = ((long long)y * width + x) * depth + lane * (16 * CHUNKS);
     const COST_TYPE* from = costs.data + begin;
-    PATH_TYPE* to = lines.data + (long long)(path - first_path) * height * width * depth + begin;
+    const int rows_kept = lines.shape[1];
+    PATH_TYPE* to = lines.data + begin
+        + ((long long)(path - first_path) * rows_kept - top) * width * depth;
     const unsigned char* brightness = guide.data + (ADAPTIVE ? y * width + x : 0);
     const int brightness_stride = dy * width + dx;
     bool has[CHUNKS];
@@ -108,10 +111,12 @@ _WALK = """
     unsigned v[PAIRS];
     #pragma unroll
     for (int i = 0; i < PAIRS; ++i) v[i] = 0;
+    unsigned below = 0, above = 0;  // the neighbours' v
     for (int begun = 0; begun < most; begun += AHEAD) {
         #pragma unroll
         for (int k = 0; k < AHEAD; ++k) {
             const int t = begun + k;
+            const bool kept = t < length && (unsigned)(y + t * dy - top) < (unsigned)rows_kept;
             unsigned cost[PAIRS], change[PAIRS];
             #pragma unroll
             for (int j = 0; j < LOADS; ++j) {
@@ -136,10 +141,6 @@ _WALK = """
                 if (t + AHEAD < length) grey[k] = *brightness;
                 brightness += brightness_stride;
             }
-            unsigned below = __shfl_up_sync(ALL, v[PAIRS - 1], 1, GROUP);
-            unsigned above = __shfl_down_sync(ALL, v[0], 1, GROUP);
-            if (lane == 0) below = 0x7fff0000u;
-            if (lane == GROUP - 1) above = 0x7fffu;
             unsigned left = __byte_perm(below, v[0], 0x5432);
             unsigned least = ALL;
             #pragma unroll
@@ -153,6 +154,8 @@ _WALK = """
                 if (i % 2 == 1) least = __vimin3_u16x2(least, v[i - 1], v[i]);
                 left = right;
             }
+            below = __shfl_up_sync(ALL, v[PAIRS - 1], 1, GROUP);
+            above = __shfl_down_sync(ALL, v[0], 1, GROUP);
             least = __vminu2(least, __byte_perm(least, least, 0x1032));
             #if __CUDA_ARCH__ >= 800
             if (GROUP == 32) {
@@ -166,6 +169,8 @@ _WALK = """
             }
             #pragma unroll
             for (int i = 0; i < PAIRS; ++i) v[i] -= least;
+            below = lane == 0 ? 0x7fff0000u : below - least;
+            above = lane == GROUP - 1 ? 0x7fffu : above - least;
             #pragma unroll
             for (int j = 0; j < CHUNKS * PATH_BYTES; ++j) {
                 unsigned word[4];
@@ -178,7 +183,7 @@ _WALK = """
                         word[i] = change[4 * j + i];
                     }
                 }
-                if (t < length && has[j / PATH_BYTES])
+                if (kept && has[j / PATH_BYTES])
                     __stcs(reinterpret_cast<uint4*>(to) + j,
                            make_uint4(word[0], word[1], word[2], word[3]));
             }
@@ -235,6 +240,7 @@ def walk(cost_type: Any, line_type: Any, group: int, chunks: int, adaptive: bool
         p1: int,
         p2: wp.array[wp.uint16],
         first_path: int,
+        top: int,
         lines: wp.array4d[line_type],
     ): ...
 
@@ -245,10 +251,11 @@ def walk(cost_type: Any, line_type: Any, group: int, chunks: int, adaptive: bool
         p1: int,
         p2: wp.array[wp.uint16],  # (256,)
         first_path: int,
+        top: int,
         # outputs
-        lines: wp.array4d[line_type],  # (paths, H, W, D)
+        lines: wp.array4d[line_type],  # (paths, h, W, D), rows of the image from `top` on
     ):
-        walk_path(costs, guide, p1, p2, first_path, lines)
+        walk_path(costs, guide, p1, p2, first_path, top, lines)
 
     return walk
 
@@ -307,14 +314,14 @@ def pad(cost_type: Any) -> wp.Kernel:
 _COLLECT = """
     const unsigned i = blockIdx.x * BLOCK + threadIdx.x;
     const int padded = costs.shape[2], depth = sums.shape[2], d = i % (padded / 16) * 16;
-    const long long pixel = i / (padded / 16), pixels = (long long)costs.shape[0] * costs.shape[1];
+    const long long pixel = i / (padded / 16), pixels = (long long)sums.shape[0] * sums.shape[1];
     if (pixel >= pixels) return;
-    const long long at = pixel * padded + d;
+    const long long at = pixel * padded + d, from = at + (long long)top * costs.shape[1] * padded;
     unsigned total[8], even[4], odd[4];  // pairs (0, 1), ...; (0, 2), ...; (1, 3), ...
     uint4 cost[COST_BYTES], change[GROUP_PATHS][PATH_BYTES];
     #pragma unroll
     for (int j = 0; j < COST_BYTES; ++j)
-        cost[j] = reinterpret_cast<const uint4*>(costs.data + at)[j];
+        cost[j] = reinterpret_cast<const uint4*>(costs.data + from)[j];
     #pragma unroll
     for (int r = 0; r < GROUP_PATHS; ++r) {
         #pragma unroll
@@ -386,6 +393,7 @@ def collect(cost_type: Any, line_type: Any) -> wp.Kernel:
     def collect_chunk(
         costs: wp.array3d[cost_type],
         lines: wp.array4d[line_type],
+        top: int,
         count: int,
         adds: bool,
         in_chunks: bool,
@@ -395,14 +403,15 @@ def collect(cost_type: Any, line_type: Any) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=_OPTIONS)
     def collect(
         costs: wp.array3d[cost_type],  # (H, W, D rounded up)
-        lines: wp.array4d[line_type],  # (paths, H, W, D rounded up)
+        lines: wp.array4d[line_type],  # (paths, h, W, D rounded up)
+        top: int,
         count: int,  # how many of the paths there are
         adds: bool,  # whether sums holds those of other paths
         in_chunks: bool,  # whether rows of sums fall into aligned groups of 8
         # outputs
-        sums: wp.array3d[wp.uint16],  # (H, W, D)
+        sums: wp.array3d[wp.uint16],  # (h, W, D), rows of the image from `top` on
     ):
-        collect_chunk(costs, lines, count, adds, in_chunks, sums)
+        collect_chunk(costs, lines, top, count, adds, in_chunks, sums)
 
     return collect
 
@@ -414,33 +423,36 @@ def aggregate(
     p2: wp.array,
     p2_max: int,
     paths: int,
+    top: int,
     sums: wp.array,
 ) -> None:
     """Sum the costs of the cheapest paths to each pixel, up to eight paths at a time."""
     height, width, depth = costs.shape
-    device = costs.device
+    rows = sums.shape[0]
+    device, cost_type = sums.device, costs.dtype
     padded = -(-depth // CHUNK) * CHUNK
-    chunks = -(-height * width * padded // CHUNK // BLOCK) * BLOCK
     if padded != depth or costs.ptr % 16 != 0:
-        plain, costs = (
-            costs,
-            scratch("semi_global.costs", (height, width, padded), costs.dtype, device),
-        )
-        launch(pad(costs.dtype), chunks, [plain], [costs])
+        plain, shape = costs, (height, width, padded)
+        costs = scratch("semi_global.costs", shape, cost_type, device)
+        launch(pad(cost_type), _chunk_threads(costs.shape), [plain], [costs])
     line_type = wp.uint8 if p2_max < 256 else wp.uint16
     count = min(paths, GROUP_PATHS)
-    lines = scratch("semi_global.lines", (count, height, width, padded), line_type, device)
-    group, each = lanes(depth)
-    step = walk(costs.dtype, line_type, group, each, guide.shape == (height, width))
+    lines = scratch("semi_global.lines", (count, rows, width, padded), line_type, device)
+    step = walk(cost_type, line_type, *lanes(depth), guide.shape == (height, width))
     in_chunks = depth % 8 == 0 and sums.ptr % 16 == 0
     for begin in range(0, paths, count):
-        threads = _threads(height, width, STEPS[begin : begin + count], group)
-        launch(step, threads, [costs, guide, p1, p2, begin], [lines])
-        inputs = [costs, lines, count, begin > 0, in_chunks]
-        launch(collect(costs.dtype, line_type), chunks, inputs, [sums])
+        threads = _path_threads(height, width, STEPS[begin : begin + count], lanes(depth)[0])
+        launch(step, threads, [costs, guide, p1, p2, begin, top], [lines])
+        inputs = [costs, lines, top, count, begin > 0, in_chunks]
+        launch(collect(cost_type, line_type), _chunk_threads((rows, width, padded)), inputs, [sums])
 
 
-def _threads(height: int, width: int, steps: Sequence[tuple[int, int]], group: int) -> int:
+def _chunk_threads(shape: tuple[int, int, int]) -> int:
+    """Return how many threads take a chunk of a volume each: whole blocks."""
+    return -(-math.prod(shape) // CHUNK // BLOCK) * BLOCK
+
+
+def _path_threads(height: int, width: int, steps: Sequence[tuple[int, int]], group: int) -> int:
     """Return how many threads walk the paths of some directions: whole blocks for each."""
     blocks = 0
     for dy, dx in steps:
