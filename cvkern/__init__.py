@@ -13,11 +13,14 @@ from cvkern.edges import SubpixelEdges, canny, subpixel_edges
 from cvkern.filters import box, correlate_separable, gaussian
 from cvkern.gradients import Gradient, gradient, scharr, sobel
 from cvkern.rank import median
+from cvkern.semi_global import Winner, aggregate_semi_global, winner_take_all
 
 __all__ = [
     "Gradient",
     "PointCloud",
     "SubpixelEdges",
+    "Winner",
+    "aggregate_semi_global",
     "box",
     "canny",
     "capture",
@@ -33,5 +36,6 @@ __all__ = [
     "sobel",
     "subpixel_edges",
     "use",
+    "winner_take_all",
 ]
 __version__ = "0.1.0"

@@ -99,7 +99,7 @@ class Runtime:
     """
 
     if TYPE_CHECKING:
-        from cvkern.kernels.warp import clouds, depth, edges, filters, gradients, rank
+        from cvkern.kernels.warp import clouds, depth, edges, filters, gradients, rank, semi_global
 
     def __init__(self, name: str, device: str, library: _libraries.NumPy):
         threads = os.environ.get("CVKERN_NUM_THREADS") or "1"

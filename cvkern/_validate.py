@@ -19,7 +19,9 @@ MAX_ELEMENTS = 2**29
 _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
-def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image") -> Any:
+def check_image(
+    image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image", most: int = MAX_ELEMENTS
+) -> Any:
     """Return `image` as an array of real values with one of the ranks, and no empty axis."""
     library = _libraries.library(image)
     if not hasattr(image, "shape"):
@@ -36,8 +38,8 @@ def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image"
         raise ValueError(f"{name} must be {want}, got shape {shape}")
     if 0 in shape:
         raise ValueError(f"{name} must not be empty, got shape {shape}")
-    if math.prod(shape) > MAX_ELEMENTS:
-        raise ValueError(f"{name} must have at most {MAX_ELEMENTS} elements, got shape {shape}")
+    if math.prod(shape) > most:
+        raise ValueError(f"{name} must have at most {most} elements, got shape {shape}")
     return image
 
 

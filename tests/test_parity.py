@@ -10,7 +10,7 @@ from calls import primitives
 import cvkern
 from cvkern._runtime import KERNEL_SETS
 
-FAMILIES = ["clouds", "depth", "edges", "filters", "gradients", "rank"]
+FAMILIES = ["clouds", "depth", "edges", "filters", "gradients", "rank", "semi_global"]
 
 
 def signatures(kernel_set):

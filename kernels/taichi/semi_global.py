@@ -120,6 +120,25 @@ def aggregate(
 
 
 @ti.kernel
+def _largest(
+    costs: any_3,  # (H, W, D)
+    # outputs
+    most: i32_2,  # (H, W)
+):
+    for y, x in most:
+        m = 0
+        for d in range(costs.shape[2]):
+            m = ti.max(m, ti.cast(costs[y, x, d], ti.i32))
+        most[y, x] = m
+
+
+@primitive
+def largest(costs: np.ndarray, most: np.ndarray) -> None:
+    """Find the largest cost of each pixel; one thread per pixel."""
+    _largest(costs, most)
+
+
+@ti.kernel
 def _pick(
     costs: any_3,  # (H, W, D)
     first: ti.i32,

@@ -63,7 +63,6 @@ _ADVANCE = (
     _LANES
     + """
     const int paths = PATHS, down[] = {DOWN_THE_ROWS}, along[] = {ALONG_THE_ROW};
-    const int height = sums.shape[0], columns = sums.shape[1];
     const int padded = costs.shape[1] / BLOCK, pitch = HEADER + padded;
     const bool adaptive = guide.shape[0] == height && guide.shape[1] == columns;
     const int row = step > 0 ? i : height - 1 - i;
@@ -168,8 +167,9 @@ def advance_along(paths: Sequence[tuple[int, int]]) -> Any:
         guide: wp.array2d[wp.uint8],
         p1: int,
         p2: wp.array[wp.uint16],
+        height: int,
+        columns: int,
         slots: wp.array[wp.uint16],
-        sums: wp.array3d[wp.uint16],
         totals: wp.array2d[wp.uint16],
     ): ...
 
@@ -201,11 +201,10 @@ def pad(slab: int, depth: int, costs: wp.array2d[wp.uint16]): ...
 
 @wp.func_native(
     in_blocks("""
-    const int height = sums.shape[0], columns = sums.shape[1], depth = sums.shape[2];
-    const int padded = totals.shape[1] / BLOCK, y = step > 0 ? i : height - 1 - i;
+    const int columns = sums.shape[1], depth = sums.shape[2], padded = totals.shape[1] / BLOCK;
     for (int j = begin; j < end; ++j) {
         const int x = step > 0 ? j : columns - 1 - j;
-        unsigned short* to = sums.data + ((size_t)y * columns + x) * depth;
+        unsigned short* to = sums.data + ((size_t)row * columns + x) * depth;
         const unsigned short* from =
             totals.data + (size_t)slab * totals.shape[1] + (j - begin) * padded;
         if (add) {
@@ -220,7 +219,7 @@ def pad(slab: int, depth: int, costs: wp.array2d[wp.uint16]): ...
 )
 def collect(
     slab: int,
-    i: int,
+    row: int,
     begin: int,
     end: int,
     step: int,
@@ -270,6 +269,7 @@ def _sweep(scalar: Any, c_type: str, paths: Sequence[tuple[int, int]]) -> wp.Ker
         p2: wp.array[wp.uint16],  # (256,)
         step: int,
         add: bool,
+        top: int,
         # scratch
         costs: wp.array2d[wp.uint16],  # (slabs, BLOCK padded)
         totals: wp.array2d[wp.uint16],  # (slabs, BLOCK padded)
@@ -278,10 +278,10 @@ def _sweep(scalar: Any, c_type: str, paths: Sequence[tuple[int, int]]) -> wp.Ker
         blocks: int,
         tasks: wp.array[int],
         # outputs
-        sums: wp.array3d[wp.uint16],  # (H, W, D)
+        sums: wp.array3d[wp.uint16],  # (h, W, D), of the volume's rows from `top` on
     ):
-        height = sums.shape[0]
-        columns = sums.shape[1]
+        height = volume.shape[0]
+        columns = volume.shape[1]
         pad(slab, sums.shape[2], costs)
         task = take_task(strips, blocks, tasks)
         while task >= 0:
@@ -292,8 +292,24 @@ def _sweep(scalar: Any, c_type: str, paths: Sequence[tuple[int, int]]) -> wp.Ker
                 end = wp.min(columns, u + BLOCK - lean * i)
                 if begin < end:
                     fill(slab, i, begin, end, step, volume, costs)
-                    advance(slab, i, begin, end, step, costs, guide, p1, p2, slots, sums, totals)
-                    collect(slab, i, begin, end, step, totals, add, sums)
+                    advance(
+                        slab,
+                        i,
+                        begin,
+                        end,
+                        step,
+                        costs,
+                        guide,
+                        p1,
+                        p2,
+                        height,
+                        columns,
+                        slots,
+                        totals,
+                    )
+                    row = wp.where(step > 0, i, height - 1 - i) - top
+                    if row >= 0 and row < sums.shape[0]:
+                        collect(slab, row, begin, end, step, totals, add, sums)
             task = finish_task(task, strips, blocks, tasks)
             if task < 0:
                 task = take_task(strips, blocks, tasks)

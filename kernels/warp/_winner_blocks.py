@@ -154,3 +154,16 @@ def pick_right(scalar: Any) -> wp.Kernel:
         pick_tile(costs, first, index)
 
     return pick_right
+
+
+@wp.kernel
+def largest(
+    costs: wp.array3d[wp.uint16],  # (H, W, D)
+    # outputs
+    most: wp.array2d[int],  # (H, W)
+):
+    y, x = wp.tid()
+    m = wp.uint16(0)
+    for d in range(costs.shape[2]):
+        m = wp.max(m, costs[y, x, d])
+    most[y, x] = int(m)

@@ -169,6 +169,33 @@ _PICK_RIGHT_ROW = f"""
 """
 
 
+@wp.func_native("""
+    const int depth = volume.shape[2];
+    for (int x = 0; x < most.shape[1]; ++x) {
+        const size_t p = (size_t)y * most.shape[1] + x;
+        const unsigned short* from = volume.data + p * depth;
+        unsigned short m = 0;
+        #pragma clang loop vectorize(assume_safety)
+        for (int d = 0; d < depth; ++d) m = from[d] > m ? from[d] : m;
+        most.data[p] = m;
+    }
+""")
+def largest_of_row(y: int, volume: wp.array3d[wp.uint16], most: wp.array2d[int]): ...
+
+
+@wp.kernel
+def largest(
+    slab: int,
+    first_row: int,
+    last_row: int,
+    volume: wp.array3d[wp.uint16],  # (H, W, D)
+    # outputs
+    most: wp.array2d[int],  # (H, W)
+):
+    for y in range(first_row, last_row):
+        largest_of_row(y, volume, most)
+
+
 def _pick(scalar: Any, source: str, kind: Kind) -> wp.Kernel:
     line = kind.scalar
 

@@ -17,16 +17,26 @@ def aggregate(
     p2: wp.array,
     p2_max: int,
     paths: int,
+    top: int,
     sums: wp.array,
 ) -> None:
-    """Sum the costs of the best ways to each pixel and disparity along the paths."""
+    """Sum the costs of the best ways to each pixel and disparity, for the rows from `top` on."""
     if sums.device.is_cuda:
-        blocks.aggregate(costs, guide, p1, p2, p2_max, paths, sums)
+        blocks.aggregate(costs, guide, p1, p2, p2_max, paths, top, sums)
         return
     first = rows.STRAIGHT if paths == 4 else rows.STRAIGHT + rows.DIAGONAL
     for some in (first,) if paths < 16 else (first, rows.KNIGHT):
         for step in (1, -1):
-            _sweep(costs, guide, p1, p2, some, step, some is rows.KNIGHT or step < 0, sums)
+            _sweep(costs, guide, p1, p2, some, step, some is rows.KNIGHT or step < 0, top, sums)
+
+
+def largest(costs: wp.array, most: wp.array) -> None:
+    """Find the largest cost of each pixel."""
+    if most.device.is_cuda:
+        launch(winner_blocks.largest, most.shape, [costs], [most])
+        return
+    height = most.shape[0]
+    launch_slabs(winner_rows.largest, height, slabs(height, costs.size), [costs], [most])
 
 
 def pick(
@@ -76,6 +86,7 @@ def _sweep(
     paths: tuple[tuple[int, int], ...],
     step: int,
     add: bool,
+    top: int,
     sums: wp.array,
 ) -> None:
     height, columns, depth = costs.shape
@@ -95,7 +106,7 @@ def _sweep(
         rows.sweeps[costs.dtype, paths],
         count,
         count,
-        [costs, guide, p1, p2, step, add, values, totals, slots, strips, tasks_wide, tasks],
+        [costs, guide, p1, p2, step, add, top, values, totals, slots, strips, tasks_wide, tasks],
         [sums],
     )
 
