@@ -4,16 +4,11 @@ import numpy as np
 import taichi as ti
 
 from ._launch import primitive
+from ._windows import inside, ones, sum_windows
 
 any_3 = ti.types.ndarray(ndim=3)  # u8 or f32
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 u64_3 = ti.types.ndarray(dtype=ti.u64, ndim=3)
-
-
-@ti.func
-def _inside(i: ti.i32, n: ti.i32) -> ti.i32:
-    """Return the index in [0, n) nearest to `i`."""
-    return ti.math.clamp(i, 0, n - 1)
 
 
 @ti.kernel
@@ -35,10 +30,10 @@ def _census(
                 if before or (symmetric == 0 and not (dy == 0 and dx == 0)):
                     v = dy * spacing
                     u = dx * spacing
-                    a = image[_inside(y + v, image.shape[0]), _inside(x + u, image.shape[1]), c]
+                    a = image[inside(y + v, image.shape[0]), inside(x + u, image.shape[1]), c]
                     v *= -symmetric
                     u *= -symmetric
-                    b = image[_inside(y + v, image.shape[0]), _inside(x + u, image.shape[1]), c]
+                    b = image[inside(y + v, image.shape[0]), inside(x + u, image.shape[1]), c]
                     if a < b:
                         word |= ti.u64(1) << ti.cast(n, ti.u64)
                     n += 1
@@ -58,16 +53,6 @@ def census(
     _census(image, radius_y, radius_x, spacing, int(symmetric), bits)
 
 
-@ti.func
-def _ones(word: ti.u64) -> ti.i32:
-    """Count the bits that are set, in pairs, in fours, in bytes, and these by a product."""
-    w = word
-    w -= (w >> ti.u64(1)) & ti.u64(0x5555555555555555)
-    w = (w & ti.u64(0x3333333333333333)) + ((w >> ti.u64(2)) & ti.u64(0x3333333333333333))
-    w = (w + (w >> ti.u64(4))) & ti.u64(0x0F0F0F0F0F0F0F0F)
-    return ti.cast((w * ti.u64(0x0101010101010101)) >> ti.u64(56), ti.i32)
-
-
 @ti.kernel
 def _hamming(
     left: u64_3,  # (H, W, C)
@@ -77,10 +62,10 @@ def _hamming(
     costs: u8_3,  # (H, W, D)
 ):
     for y, x, k in costs:
-        partner = _inside(x - first - k, right.shape[1])
+        partner = inside(x - first - k, right.shape[1])
         total = 0
         for c in range(left.shape[2]):
-            total += _ones(left[y, x, c] ^ right[y, partner, c])
+            total += ones(left[y, x, c] ^ right[y, partner, c])
         costs[y, x, k] = ti.cast(total, ti.u8)
 
 
@@ -88,3 +73,21 @@ def _hamming(
 def hamming(left: np.ndarray, right: np.ndarray, first: int, costs: np.ndarray) -> None:
     """Bits that differ, for each pixel and each disparity from `first` on; a thread each."""
     _hamming(left, right, first, costs)
+
+
+@primitive
+def window_costs(
+    left: np.ndarray,
+    right: np.ndarray,
+    first: int,
+    cost: int,
+    octets: int,
+    radius_y: int,
+    radius_x: int,
+    costs: np.ndarray,
+) -> None:
+    """Sum a cost over windows of (H, W, C), down and along; one thread per sum.
+
+    Pixels are uint8, float32, or uint64 whose bits CENSUS compares: those above the octets are 0.
+    """
+    sum_windows(left, right, first, cost, radius_y, radius_x, 0, costs)
