@@ -1,264 +1,32 @@
-"""Semi-global matching on CUDA: a group of threads walks a path, 16 disparities a thread.
+"""Semi-global aggregation on CUDA: all paths in one launch, then their sums in another.
 
-All paths are walked in one launch, the longest first. A thread keeps the costs of its disparities
-in pairs of 16 bits, which Hopper's instructions for dynamic programming take at once. What it
-stores of path r is L_r - C, which the recursion bounds by P2, so mostly one byte; a second launch
-sums that up, in whatever order blocks come. Disparities are padded to a multiple of 16.
+The first leaves a volume per path (see _paths_blocks.py), the second adds them to the costs. The
+matcher does the second in shared memory, and picks the winners of both images there at once.
 """
 
 import math
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import warp as wp
 
 from ._launch import launch, scratch
-
-_OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
-wp.set_module_options(_OPTIONS)
-
-BLOCK = 256  # threads of a block
-CHUNK = 16  # disparities that are loaded together, 16 or 32 bytes
-GROUP_PATHS = 8  # volumes of path costs that exist at a time
-
-# The directions of the first 4, 8 and 16 paths, (dy, dx), the longest paths first.
-STEPS = (
-    *((0, 1), (0, -1), (1, 0), (-1, 0)),
-    *((1, 1), (1, -1), (-1, 1), (-1, -1)),
-    *((1, 2), (1, -2), (-1, 2), (-1, -2)),
-    *((2, 1), (2, -1), (-2, 1), (-2, -1)),
+from ._paths_blocks import (
+    BLOCK,
+    C_TYPES,
+    CHUNK,
+    FAR_COSTS,
+    OPTIONS,
+    STEPS,
+    lanes,
+    path_threads,
+    text_of,
+    walk,
 )
 
-# A path enters the image in the first |dy| rows or the first |dx| columns, seen in its direction.
-_WALK = """
-    const signed char steps[16][2] = STEPS;
-    const unsigned ALL = 0xffffffffu;
-    const int PAIRS = 8 * CHUNKS, LOADS = CHUNKS * COST_BYTES;
-    const int lane = threadIdx.x % GROUP, width = costs.shape[1], height = costs.shape[0];
-    const int depth = costs.shape[2];
-    int block = blockIdx.x, path = first_path, dy, dx, rows, columns, count;
-    for (;; ++path) {
-        dy = steps[path][0];
-        dx = steps[path][1];
-        rows = min(abs(dy), height);
-        columns = min(abs(dx), width);
-        count = rows * width + columns * (height - rows);
-        const int blocks = (count + BLOCK / GROUP - 1) / (BLOCK / GROUP);
-        if (block < blocks) break;
-        block -= blocks;
-    }
-    const int number = block * (BLOCK / GROUP) + threadIdx.x / GROUP;
-    int y = 0, x = 0, length = 0;
-    if (number < count) {
-        if (number < rows * width) {
-            y = number / width;
-            x = number % width;
-        } else {
-            y = rows + (number - rows * width) / columns;
-            x = (number - rows * width) % columns;
-        }
-        // As if dy and dx were positive, until here.
-        length = max(height, width);
-        if (dy != 0) length = min(length, (height - 1 - y) / abs(dy) + 1);
-        if (dx != 0) length = min(length, (width - 1 - x) / abs(dx) + 1);
-        if (dy < 0) y = height - 1 - y;
-        if (dx < 0) x = width - 1 - x;
-    }
-    int most = length;  // the groups of a warp stay together, for the shuffles
-    for (int o = 16; o > 0; o >>= 1) most = max(most, __shfl_xor_sync(ALL, most, o));
+wp.set_module_options(OPTIONS)
 
-    const unsigned one = 0x10001u, p1_pair = p1 * one;
-    unsigned slack = (p2.data[0] - p1) * one;  // P2 - P1
-    __shared__ unsigned short table[256];
-    if (ADAPTIVE) {
-        table[threadIdx.x] = p2.data[threadIdx.x];
-        __syncthreads();
-    }
-    const long long stride = ((long long)dy * width + dx) * depth;
-    const long long begin = ((long long)y * width + x) * depth + lane * (16 * CHUNKS);
-    const COST_TYPE* from = costs.data + begin;
-    const int rows_kept = lines.shape[1];
-    PATH_TYPE* to = lines.data + begin
-        + ((long long)(path - first_path) * rows_kept - top) * width * depth;
-    const unsigned char* brightness = guide.data + (ADAPTIVE ? y * width + x : 0);
-    const int brightness_stride = dy * width + dx;
-    bool has[CHUNKS];
-    #pragma unroll
-    for (int j = 0; j < CHUNKS; ++j) has[j] = (lane * CHUNKS + j) * 16 < depth;
-
-    // Loads run AHEAD pixels before their use.
-    uint4 ring[AHEAD][LOADS];
-    int grey[AHEAD], grey_before = 0;
-    #pragma unroll
-    for (int k = 0; k < AHEAD; ++k) {
-        #pragma unroll
-        for (int j = 0; j < LOADS; ++j) {
-            // What lies behind the last disparity costs more than any that counts.
-            ring[k][j] = make_uint4(FAR, FAR, FAR, FAR);
-            if (k < length && has[j / COST_BYTES])
-                ring[k][j] = reinterpret_cast<const uint4*>(from)[j];
-        }
-        if (ADAPTIVE) {
-            grey[k] = k < length ? *brightness : 0;
-            brightness += brightness_stride;
-        }
-        from += stride;
-    }
-    if (ADAPTIVE) grey_before = grey[0];
-
-    // The recursion less its minimum: v(d) = L(d) - min L. All 0 before the first pixel gives C.
-    unsigned v[PAIRS];
-    #pragma unroll
-    for (int i = 0; i < PAIRS; ++i) v[i] = 0;
-    unsigned below = 0, above = 0;  // the neighbours' v
-    for (int begun = 0; begun < most; begun += AHEAD) {
-        #pragma unroll
-        for (int k = 0; k < AHEAD; ++k) {
-            const int t = begun + k;
-            const bool kept = t < length && (unsigned)(y + t * dy - top) < (unsigned)rows_kept;
-            unsigned cost[PAIRS], change[PAIRS];
-            #pragma unroll
-            for (int j = 0; j < LOADS; ++j) {
-                const uint4 c = ring[k][j];
-                const unsigned word[4] = {c.x, c.y, c.z, c.w};
-                #pragma unroll
-                for (int i = 0; i < 4; ++i) {
-                    if (COST_BYTES == 1) {
-                        cost[(8 * j + 2 * i) % PAIRS] = __byte_perm(word[i], 0, 0x4140);
-                        cost[(8 * j + 2 * i + 1) % PAIRS] = __byte_perm(word[i], 0, 0x4342);
-                    } else {
-                        cost[(4 * j + i) % PAIRS] = word[i];
-                    }
-                }
-                if (t + AHEAD < length && has[j / COST_BYTES])
-                    ring[k][j] = reinterpret_cast<const uint4*>(from)[j];
-            }
-            from += stride;
-            if (ADAPTIVE) {
-                slack = (table[abs(grey[k] - grey_before)] - p1) * one;
-                grey_before = grey[k];
-                if (t + AHEAD < length) grey[k] = *brightness;
-                brightness += brightness_stride;
-            }
-            unsigned left = __byte_perm(below, v[0], 0x5432);
-            unsigned least = ALL;
-            #pragma unroll
-            for (int i = 0; i < PAIRS; ++i) {
-                // min(v(d), v(d - 1) + P1, v(d + 1) + P1, P2)
-                const unsigned next = i + 1 < PAIRS ? v[(i + 1) % PAIRS] : above;
-                const unsigned right = __byte_perm(v[i], next, 0x5432);
-                const unsigned jump = __vimin3_u16x2(left, right, slack);
-                change[i] = __viaddmin_u16x2(jump, p1_pair, v[i]);
-                v[i] = cost[i] + change[i];
-                if (i % 2 == 1) least = __vimin3_u16x2(least, v[i - 1], v[i]);
-                left = right;
-            }
-            below = __shfl_up_sync(ALL, v[PAIRS - 1], 1, GROUP);
-            above = __shfl_down_sync(ALL, v[0], 1, GROUP);
-            least = __vminu2(least, __byte_perm(least, least, 0x1032));
-            #if __CUDA_ARCH__ >= 800
-            if (GROUP == 32) {
-                least = __reduce_min_sync(ALL, least);
-            } else
-            #endif
-            {
-                #pragma unroll
-                for (int o = GROUP / 2; o > 0; o >>= 1)
-                    least = min(least, __shfl_xor_sync(ALL, least, o));
-            }
-            #pragma unroll
-            for (int i = 0; i < PAIRS; ++i) v[i] -= least;
-            below = lane == 0 ? 0x7fff0000u : below - least;
-            above = lane == GROUP - 1 ? 0x7fffu : above - least;
-            #pragma unroll
-            for (int j = 0; j < CHUNKS * PATH_BYTES; ++j) {
-                unsigned word[4];
-                #pragma unroll
-                for (int i = 0; i < 4; ++i) {
-                    if (PATH_BYTES == 1) {
-                        const int pair = (8 * j + 2 * i) % PAIRS;
-                        word[i] = __byte_perm(change[pair], change[pair + 1], 0x6420);
-                    } else {
-                        word[i] = change[4 * j + i];
-                    }
-                }
-                if (kept && has[j / PATH_BYTES])
-                    __stcs(reinterpret_cast<uint4*>(to) + j,
-                           make_uint4(word[0], word[1], word[2], word[3]));
-            }
-            to += stride;
-        }
-    }
-"""
-
-_C_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short"}
-_FAR = {wp.uint8: 255, wp.uint16: 1 << 14}  # no cost is larger: 4 paths sum to less than 2^16
-
-
-def _text(source: str, **words: Any) -> str:
-    for word, value in words.items():
-        source = source.replace(word, str(value))
-    return source
-
-
-def lanes(depth: int) -> tuple[int, int]:
-    """Return how many threads hold `depth` disparities, and how many chunks of 16 each."""
-    chunks = -(-depth // CHUNK)
-    group = 4
-    while group < 32 and group < chunks:
-        group *= 2
-    each = 1
-    while group * each < chunks:
-        each *= 2
-    return group, each
-
-
-@lru_cache
-def walk(cost_type: Any, line_type: Any, group: int, chunks: int, adaptive: bool) -> wp.Kernel:
-    """Return the kernel that walks paths, for groups of `group` threads of 16 `chunks` costs."""
-    steps = ", ".join(f"{{{dy}, {dx}}}" for dy, dx in STEPS)
-    text = _text(
-        _WALK,
-        STEPS=f"{{{steps}}}",
-        COST_BYTES=wp.types.type_size_in_bytes(cost_type),
-        PATH_BYTES=wp.types.type_size_in_bytes(line_type),
-        COST_TYPE=_C_TYPES[cost_type],
-        PATH_TYPE=_C_TYPES[line_type],
-        FAR=f"{_FAR[cost_type] * (0x1010101 if cost_type is wp.uint8 else 0x10001):#x}u",
-        AHEAD=max(1, 4 // (chunks * wp.types.type_size_in_bytes(cost_type))),
-        CHUNKS=chunks,
-        GROUP=group,
-        BLOCK=BLOCK,
-        ADAPTIVE=int(adaptive),
-    )
-
-    @wp.func_native(text)
-    def walk_path(
-        costs: wp.array3d[cost_type],
-        guide: wp.array2d[wp.uint8],
-        p1: int,
-        p2: wp.array[wp.uint16],
-        first_path: int,
-        top: int,
-        lines: wp.array4d[line_type],
-    ): ...
-
-    @wp.kernel(module="unique", module_options=_OPTIONS)
-    def walk(
-        costs: wp.array3d[cost_type],  # (H, W, D)
-        guide: wp.array2d[wp.uint8],  # (H, W)
-        p1: int,
-        p2: wp.array[wp.uint16],  # (256,)
-        first_path: int,
-        top: int,
-        # outputs
-        lines: wp.array4d[line_type],  # (paths, h, W, D), rows of the image from `top` on
-    ):
-        walk_path(costs, guide, p1, p2, first_path, top, lines)
-
-    return walk
-
+GROUP_PATHS = 8  # volumes of path costs that exist at a time
 
 # One chunk of 16 disparities a thread, from rows of any length to rows of whole chunks.
 _PAD = """
@@ -288,18 +56,18 @@ _PAD = """
 @lru_cache
 def pad(cost_type: Any) -> wp.Kernel:
     """Return the kernel that pads costs, with such as never win and change no neighbour's."""
-    text = _text(
+    text = text_of(
         _PAD,
         COST_BYTES=wp.types.type_size_in_bytes(cost_type),
-        COST_TYPE=_C_TYPES[cost_type],
-        FAR=_FAR[cost_type],
+        COST_TYPE=C_TYPES[cost_type],
+        FAR=FAR_COSTS[cost_type],
         BLOCK=BLOCK,
     )
 
     @wp.func_native(text)
     def pad_chunk(costs: wp.array3d[cost_type], padded: wp.array3d[cost_type]): ...
 
-    @wp.kernel(module="unique", module_options=_OPTIONS)
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def pad(
         costs: wp.array3d[cost_type],  # (H, W, D)
         # outputs
@@ -310,33 +78,29 @@ def pad(cost_type: Any) -> wp.Kernel:
     return pad
 
 
-# A pair of 16 bits never carries into the next: sums are below 65536.
-_COLLECT = """
-    const unsigned i = blockIdx.x * BLOCK + threadIdx.x;
-    const int padded = costs.shape[2], depth = sums.shape[2], d = i % (padded / 16) * 16;
-    const long long pixel = i / (padded / 16), pixels = (long long)sums.shape[0] * sums.shape[1];
-    if (pixel >= pixels) return;
-    const long long at = pixel * padded + d, from = at + (long long)top * costs.shape[1] * padded;
+# Sums of 16 disparities: `at` in each volume of the paths, `from` in the costs. A pair of 16 bits
+# never carries into the next: sums are below 65536.
+TOTAL = """
     unsigned total[8], even[4], odd[4];  // pairs (0, 1), ...; (0, 2), ...; (1, 3), ...
-    uint4 cost[COST_BYTES], change[GROUP_PATHS][PATH_BYTES];
+    uint4 cost[COST_BYTES], change[COUNT][PATH_BYTES];
     #pragma unroll
     for (int j = 0; j < COST_BYTES; ++j)
         cost[j] = reinterpret_cast<const uint4*>(costs.data + from)[j];
     #pragma unroll
-    for (int r = 0; r < GROUP_PATHS; ++r) {
+    for (int r = 0; r < COUNT; ++r) {
         #pragma unroll
         for (int j = 0; j < PATH_BYTES; ++j)
-            change[r][j] = r < count ? __ldcs(reinterpret_cast<const uint4*>(
-                lines.data + r * (pixels * padded) + at) + j) : make_uint4(0, 0, 0, 0);
+            change[r][j] = __ldcs(reinterpret_cast<const uint4*>(
+                lines.data + r * (pixels * padded) + at) + j);
     }
     #pragma unroll
     for (int k = 0; k < 8; ++k) total[k] = 0;
     #pragma unroll
     for (int k = 0; k < 4; ++k) even[k] = odd[k] = 0;
     #pragma unroll
-    for (int r = -1; r < GROUP_PATHS; ++r) {
+    for (int r = -1; r < COUNT; ++r) {
         const int bytes = r < 0 ? COST_BYTES : PATH_BYTES;
-        const unsigned times = r < 0 ? count : 1;
+        const unsigned times = r < 0 ? COUNT : 1;
         #pragma unroll
         for (int j = 0; j < bytes; ++j) {
             const uint4 c = r < 0 ? cost[j % COST_BYTES] : change[max(r, 0)][j % PATH_BYTES];
@@ -357,6 +121,18 @@ _COLLECT = """
         total[2 * k] += __byte_perm(even[k], odd[k], 0x5410);
         total[2 * k + 1] += __byte_perm(even[k], odd[k], 0x7632);
     }
+"""
+
+_COLLECT = (
+    """
+    const unsigned i = blockIdx.x * BLOCK + threadIdx.x;
+    const int padded = costs.shape[2], depth = sums.shape[2], d = i % (padded / 16) * 16;
+    const long long pixel = i / (padded / 16), pixels = (long long)sums.shape[0] * sums.shape[1];
+    if (pixel >= pixels) return;
+    const long long at = pixel * padded + d, from = at + (long long)top * costs.shape[1] * padded;
+"""
+    + TOTAL
+    + """
     unsigned short* to = sums.data + pixel * depth + d;
     if (in_chunks) {
         uint4* chunk = reinterpret_cast<uint4*>(to);
@@ -376,16 +152,17 @@ _COLLECT = """
                 to[j] = (adds ? to[j] : 0) + (unsigned short)(total[j / 2] >> 16 * (j % 2));
     }
 """
+)
 
 
 @lru_cache
-def collect(cost_type: Any, line_type: Any) -> wp.Kernel:
-    """Return the kernel that sums what paths have left."""
-    text = _text(
+def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
+    """Return the kernel that sums what `count` paths have left."""
+    text = text_of(
         _COLLECT,
         COST_BYTES=wp.types.type_size_in_bytes(cost_type),
         PATH_BYTES=wp.types.type_size_in_bytes(line_type),
-        GROUP_PATHS=GROUP_PATHS,
+        COUNT=count,
         BLOCK=BLOCK,
     )
 
@@ -394,24 +171,22 @@ def collect(cost_type: Any, line_type: Any) -> wp.Kernel:
         costs: wp.array3d[cost_type],
         lines: wp.array4d[line_type],
         top: int,
-        count: int,
         adds: bool,
         in_chunks: bool,
         sums: wp.array3d[wp.uint16],
     ): ...
 
-    @wp.kernel(module="unique", module_options=_OPTIONS)
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def collect(
         costs: wp.array3d[cost_type],  # (H, W, D rounded up)
-        lines: wp.array4d[line_type],  # (paths, h, W, D rounded up)
+        lines: wp.array4d[line_type],  # (count, h, W, D rounded up)
         top: int,
-        count: int,  # how many of the paths there are
         adds: bool,  # whether sums holds those of other paths
         in_chunks: bool,  # whether rows of sums fall into aligned groups of 8
         # outputs
         sums: wp.array3d[wp.uint16],  # (h, W, D), rows of the image from `top` on
     ):
-        collect_chunk(costs, lines, top, count, adds, in_chunks, sums)
+        collect_chunk(costs, lines, top, adds, in_chunks, sums)
 
     return collect
 
@@ -441,22 +216,17 @@ def aggregate(
     step = walk(cost_type, line_type, *lanes(depth), guide.shape == (height, width))
     in_chunks = depth % 8 == 0 and sums.ptr % 16 == 0
     for begin in range(0, paths, count):
-        threads = _path_threads(height, width, STEPS[begin : begin + count], lanes(depth)[0])
+        threads = path_threads(height, width, STEPS[begin : begin + count], lanes(depth)[0])
         launch(step, threads, [costs, guide, p1, p2, begin, top], [lines])
-        inputs = [costs, lines, top, count, begin > 0, in_chunks]
-        launch(collect(cost_type, line_type), _chunk_threads((rows, width, padded)), inputs, [sums])
+        inputs = [costs, lines, top, begin > 0, in_chunks]
+        launch(
+            collect(cost_type, line_type, count),
+            _chunk_threads((rows, width, padded)),
+            inputs,
+            [sums],
+        )
 
 
 def _chunk_threads(shape: tuple[int, int, int]) -> int:
     """Return how many threads take a chunk of a volume each: whole blocks."""
     return -(-math.prod(shape) // CHUNK // BLOCK) * BLOCK
-
-
-def _path_threads(height: int, width: int, steps: Sequence[tuple[int, int]], group: int) -> int:
-    """Return how many threads walk the paths of some directions: whole blocks for each."""
-    blocks = 0
-    for dy, dx in steps:
-        rows, columns = min(abs(dy), height), min(abs(dx), width)
-        count = rows * width + columns * (height - rows)
-        blocks += -(-count // (BLOCK // group))
-    return blocks * BLOCK
