@@ -14,14 +14,16 @@ import warp as wp
 
 from ..codes import Cost, Subpixel
 
-_C_TYPES = {
+C_TYPES = {
     wp.uint8: "unsigned char",
     wp.uint16: "unsigned short",
     wp.int32: "int",
     wp.float32: "float",
+    wp.float64: "double",
     wp.uint64: "unsigned char",  # eight of them
 }
-_LANES = {wp.uint16: 64, wp.int32: 32, wp.float32: 32}  # disparities at once, by the type of sums
+# Disparities at once, by the type of sums.
+LANES_OF = {wp.uint16: 64, wp.int32: 32, wp.float32: 32, wp.float64: 16}
 
 # The cost of a value: of vectors of PIXEL, `a` of the left image and `b` of the right, and of each
 # the least and the largest value between its pixel and half way to the neighbours.
@@ -40,6 +42,8 @@ _COSTS = {
     Cost.CENSUS: """
                 const pixels d = __builtin_elementwise_popcount(a ^ b);
                 total += __builtin_convertvector(d, sums);""",
+    Cost.ZNCC: """
+                total += __builtin_convertvector(a, sums) * __builtin_convertvector(b, sums);""",
 }
 
 # Lines of one row of both images, continued on both sides by their outermost pixels: of each
@@ -258,14 +262,14 @@ def sums_dtype(pixel: Any, out: Any) -> Any:
 
 def padded(count: int, sums: Any) -> int:
     """Return `count` disparities in whole vectors."""
-    return -(-count // _LANES[sums]) * _LANES[sums]
+    return -(-count // LANES_OF[sums]) * LANES_OF[sums]
 
 
-def _text(cost: int, pixel: Any, sums: Any, out: Any = None) -> str:
-    """Return the C of a row: with `out` the costs are stored, without the winners are."""
-    text = _LINES + _SUMS.replace("EMIT", _STORE)
-    if out is None:
-        text = _LINES + _BEGIN + _SUMS.replace("EMIT", _KEEP) + _WINNERS
+def row_text(
+    cost: int, pixel: Any, sums: Any, emit: str, *, before: str = "", after: str = "", out: Any = 0
+) -> str:
+    """Return the C of a row: what is done with each sum, and before and after them."""
+    text = _LINES + before + _SUMS.replace("EMIT", emit) + after
     text = text.replace("COST", _COSTS[Cost(cost)])
     for name, value in {
         "MIN": "__builtin_elementwise_min",
@@ -274,10 +278,10 @@ def _text(cost: int, pixel: Any, sums: Any, out: Any = None) -> str:
         "PARABOLA": str(int(Subpixel.PARABOLA)),
         "PLANES": "3" if cost == Cost.BIRCHFIELD_TOMASI else "1",
         "FLOATS": "true" if pixel is wp.float32 else "false",
-        "LANES": str(_LANES[sums]),
-        "PIXEL": _C_TYPES[pixel],
-        "SUM": _C_TYPES[sums],
-        "OUT": _C_TYPES.get(out, ""),
+        "LANES": str(LANES_OF[sums]),
+        "PIXEL": C_TYPES[pixel],
+        "SUM": C_TYPES[sums],
+        "OUT": C_TYPES.get(out, ""),
     }.items():
         text = text.replace(name, value)
     return text
@@ -288,7 +292,7 @@ def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
     """Return the kernel of a cost, for images and costs of these types."""
     sums = sums_dtype(pixel, out)
 
-    @wp.func_native(_text(cost, pixel, sums, out))
+    @wp.func_native(row_text(cost, pixel, sums, _STORE, out=out))
     def window_row(
         slab: int,
         y: int,
@@ -335,7 +339,7 @@ def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
 def match_windows(cost: int, pixel: Any) -> wp.Kernel:
     """Return the kernel that matches windows of images of this type, uint8 or uint64."""
 
-    @wp.func_native(_text(cost, pixel, wp.uint16))
+    @wp.func_native(row_text(cost, pixel, wp.uint16, _KEEP, before=_BEGIN, after=_WINNERS))
     def match_row(
         slab: int,
         y: int,
