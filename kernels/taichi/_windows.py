@@ -100,6 +100,11 @@ def _sum_down(
             for c in range(left.shape[2]):
                 if ti.static(cost == Cost.CENSUS):
                     total += ones(left[y, x, c] ^ right[y, partner, c])
+                elif ti.static(cost == Cost.ZNCC and floats):  # exact in float64
+                    a = ti.cast(left[y, x, c], ti.f64)
+                    total += a * ti.cast(right[y, partner, c], ti.f64)
+                elif ti.static(cost == Cost.ZNCC):
+                    total += (left[y, x, c] + 0) * right[y, partner, c]
                 elif ti.static(cost == Cost.BIRCHFIELD_TOMASI):
                     total += _dissimilarity(left, right, y, x, partner, c, floats)
                 else:
@@ -128,11 +133,6 @@ def _sum_along(
         costs[i, x, k] = total
 
 
-def strip_rows(height: int, columns: int) -> int:
-    """Return how many rows of so many sums a strip has."""
-    return max(1, min(height, _STRIP_SUMS // columns))
-
-
 def sum_windows(
     left: np.ndarray,
     right: np.ndarray,
@@ -146,7 +146,7 @@ def sum_windows(
     """Sum a cost over the windows of the rows from `top` on; one thread per sum."""
     rows, width, depth = costs.shape
     floats = left.dtype == np.float32
-    dtype = np.float32 if floats else np.int32
+    dtype = (np.float64 if cost == Cost.ZNCC else np.float32) if floats else np.int32
     strip = strip_rows(rows, (width + 2 * radius_x) * depth)
     for begin in range(0, rows, strip):
         part = costs[begin : begin + strip]
@@ -154,3 +154,8 @@ def sum_windows(
         at = top + begin
         _sum_down(left, right, first, Cost(cost), floats, radius_y, radius_x, at, 0, sums)
         _sum_along(sums, radius_x, part)
+
+
+def strip_rows(height: int, columns: int) -> int:
+    """Return how many rows of so many sums a strip has."""
+    return max(1, min(height, _STRIP_SUMS // columns))

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from ._correlation import correlate_windows
 from ._launch import primitive
 from ._windows import inside, ones, sum_windows
 
@@ -91,3 +92,16 @@ def window_costs(
     Pixels are uint8, float32, or uint64 whose bits CENSUS compares: those above the octets are 0.
     """
     sum_windows(left, right, first, cost, radius_y, radius_x, 0, costs)
+
+
+@primitive
+def correlation(
+    left: np.ndarray,
+    right: np.ndarray,
+    first: int,
+    radius_y: int,
+    radius_x: int,
+    costs: np.ndarray,
+) -> None:
+    """One less the correlation of windows, each channel's mean apart; one thread per cost."""
+    correlate_windows(left, right, first, radius_y, radius_x, costs)
