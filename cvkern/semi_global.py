@@ -42,7 +42,7 @@ def aggregate_semi_global(
     *,
     paths: int = 8,
     guide: Any = None,
-    contrast: float = 16.0,
+    contrast: float = 20.0,
     largest_cost: int | None = None,
     max_bytes: int | None = None,
 ) -> Any:
@@ -60,9 +60,9 @@ def aggregate_semi_global(
         Directions: along rows and columns, diagonals as well, knight's moves as well.
     guide : array of shape (H, W), uint8, optional
         An image, mostly the left one of the pair. Where its values differ by g from a pixel to the
-        next on a path, the penalty is ``max(p1, round(p2 / (1 + g / contrast)))`` in place of `p2`,
+        next on a path, the penalty is ``max(p1, floor(p2 * contrast / (contrast + g)))`` in place of `p2`,
         for depth changes where brightness does.
-    contrast : float, default 16
+    contrast : float, default 20
         Difference of the guide's values that halves `p2`.
     largest_cost : int, optional
         What no cost exceeds; sums are meaningless where one does. Otherwise 255 for uint8, and
@@ -208,9 +208,9 @@ def winner_take_all(
     >>> import numpy as np
     >>> import cvkern
     >>> costs = np.array([[[8, 2, 4, 9, 5]]], np.uint8)
-    >>> cvkern.winner_take_all(costs, first=10, uniqueness=20)
-    Winner(disparity=array([[11.25]], dtype=float32), cost=array([[2.]], dtype=float32),
-           confidence=array([[0.6]], dtype=float32))
+    >>> winner = cvkern.winner_take_all(costs, first=10, uniqueness=20)
+    >>> float(winner.disparity[0, 0]), float(winner.cost[0, 0])
+    (11.25, 2.0)
     """
     costs = check_image(costs, ndim=(3,), name="costs", most=MAX_COSTS)
     _check_depth(costs.shape[2])
@@ -232,7 +232,7 @@ def winner_take_all(
 
 def penalties(p1: int, p2: int, contrast: float) -> np.ndarray:
     """Return the penalty of a change by more than one for each difference of a guide's values."""
-    table = np.rint(p2 / (1 + np.arange(256) / contrast))
+    table = np.floor(p2 * contrast / (contrast + np.arange(256)))
     return np.maximum(table, p1).astype(np.uint16)
 
 

@@ -80,3 +80,12 @@ SECTOR_HIGH = 79109.0  # tan(67.5 deg) = tan(22.5 deg) + 2
 # Of a picture of points: the key of a sample that shows none, and the most samples across a point.
 FAR = 2**63 - 1
 LARGEST_SPLAT = 64.0
+
+
+# Cost of a match: the weighed Hamming distance of two 5 x 5 census transforms, and the difference of
+# two grey values, halved and limited.
+CENSUS_BITS = 24
+CENSUS_WEIGHT = 2
+DIFFERENCE_SHIFT = 1
+DIFFERENCE_LIMIT = 20
+LARGEST_MATCH_COST = CENSUS_WEIGHT * CENSUS_BITS + DIFFERENCE_LIMIT
