@@ -4,7 +4,6 @@ The first leaves a volume per path (see _paths_blocks.py), the second adds them 
 matcher does the second in shared memory, and picks the winners of both images there at once.
 """
 
-import math
 from functools import lru_cache
 from typing import Any
 
@@ -134,7 +133,7 @@ _COLLECT = (
     + TOTAL
     + """
     unsigned short* to = sums.data + pixel * depth + d;
-    if (in_chunks) {
+    if (aligned) {
         uint4* chunk = reinterpret_cast<uint4*>(to);
         #pragma unroll
         for (int j = 0; j < 2; ++j) {
@@ -172,7 +171,7 @@ def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
         lines: wp.array4d[line_type],
         top: int,
         adds: bool,
-        in_chunks: bool,
+        aligned: bool,
         sums: wp.array3d[wp.uint16],
     ): ...
 
@@ -182,11 +181,11 @@ def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
         lines: wp.array4d[line_type],  # (count, h, W, D rounded up)
         top: int,
         adds: bool,  # whether sums holds those of other paths
-        in_chunks: bool,  # whether rows of sums fall into aligned groups of 8
+        aligned: bool,  # whether rows of sums fall into aligned groups of 8
         # outputs
         sums: wp.array3d[wp.uint16],  # (h, W, D), rows of the image from `top` on
     ):
-        collect_chunk(costs, lines, top, adds, in_chunks, sums)
+        collect_chunk(costs, lines, top, adds, aligned, sums)
 
     return collect
 
@@ -202,31 +201,56 @@ def aggregate(
     sums: wp.array,
 ) -> None:
     """Sum the costs of the cheapest paths to each pixel, up to eight paths at a time."""
-    height, width, depth = costs.shape
-    rows = sums.shape[0]
-    device, cost_type = sums.device, costs.dtype
-    padded = -(-depth // CHUNK) * CHUNK
-    if padded != depth or costs.ptr % 16 != 0:
-        plain, shape = costs, (height, width, padded)
-        costs = scratch("semi_global.costs", shape, cost_type, device)
-        launch(pad(cost_type), _chunk_threads(costs.shape), [plain], [costs])
-    line_type = wp.uint8 if p2_max < 256 else wp.uint16
+    rows, width, depth = sums.shape
+    costs = in_chunks(costs)
     count = min(paths, GROUP_PATHS)
-    lines = scratch("semi_global.lines", (count, rows, width, padded), line_type, device)
-    step = walk(cost_type, line_type, *lanes(depth), guide.shape == (height, width))
-    in_chunks = depth % 8 == 0 and sums.ptr % 16 == 0
+    aligned = depth % 8 == 0 and sums.ptr % 16 == 0
     for begin in range(0, paths, count):
-        threads = path_threads(height, width, STEPS[begin : begin + count], lanes(depth)[0])
-        launch(step, threads, [costs, guide, p1, p2, begin, top], [lines])
-        inputs = [costs, lines, top, begin > 0, in_chunks]
+        lines = walk_paths(costs, guide, p1, p2, p2_max, begin, count, top, rows)
         launch(
-            collect(cost_type, line_type, count),
-            _chunk_threads((rows, width, padded)),
-            inputs,
+            collect(costs.dtype, lines.dtype, count),
+            _chunk_threads(rows, width, costs.shape[2]),
+            [costs, lines, top, begin > 0, aligned],
             [sums],
         )
 
 
-def _chunk_threads(shape: tuple[int, int, int]) -> int:
+def in_chunks(costs: wp.array) -> wp.array:
+    """Return `costs`, or a copy that is padded to whole chunks where they are not."""
+    height, width, depth = costs.shape
+    padded = -(-depth // CHUNK) * CHUNK
+    if padded == depth and costs.ptr % CHUNK == 0:
+        return costs
+    copy = scratch("semi_global.costs", (height, width, padded), costs.dtype, costs.device)
+    launch(pad(costs.dtype), _chunk_threads(height, width, padded), [costs], [copy])
+    return copy
+
+
+def walk_paths(
+    costs: wp.array,
+    guide: wp.array,
+    p1: int,
+    p2: wp.array,
+    p2_max: int,
+    begin: int,
+    count: int,
+    top: int,
+    rows: int,
+) -> wp.array:
+    """Return what `count` paths from the one numbered `begin` on leave in some rows: L - C."""
+    height, width, depth = costs.shape
+    line_type = wp.uint8 if p2_max < 256 else wp.uint16
+    lines = scratch("semi_global.lines", (count, rows, width, depth), line_type, costs.device)
+    group, chunks = lanes(depth)
+    launch(
+        walk(costs.dtype, line_type, group, chunks, guide.shape == (height, width)),
+        path_threads(height, width, STEPS[begin : begin + count], group),
+        [costs, guide, p1, p2, begin, top],
+        [lines],
+    )
+    return lines
+
+
+def _chunk_threads(height: int, width: int, depth: int) -> int:
     """Return how many threads take a chunk of a volume each: whole blocks."""
-    return -(-math.prod(shape) // CHUNK // BLOCK) * BLOCK
+    return -(-height * width * depth // CHUNK // BLOCK) * BLOCK
