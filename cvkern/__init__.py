@@ -14,6 +14,7 @@ from cvkern.filters import box, correlate_separable, gaussian
 from cvkern.gradients import Gradient, gradient, scharr, sobel
 from cvkern.rank import median
 from cvkern.semi_global import Winner, aggregate_semi_global, winner_take_all
+from cvkern.stereo_cost import stereo_cost
 
 __all__ = [
     "Gradient",
@@ -34,6 +35,7 @@ __all__ = [
     "reprojection_matrix",
     "scharr",
     "sobel",
+    "stereo_cost",
     "subpixel_edges",
     "use",
     "winner_take_all",

@@ -99,7 +99,17 @@ class Runtime:
     """
 
     if TYPE_CHECKING:
-        from cvkern.kernels.warp import clouds, depth, edges, filters, gradients, rank, semi_global
+        from cvkern.kernels.warp import (
+            clouds,
+            depth,
+            edges,
+            filters,
+            gradients,
+            rank,
+            semi_global,
+            stereo_cost,
+            window_matching,
+        )
 
     def __init__(self, name: str, device: str, library: _libraries.NumPy):
         threads = os.environ.get("CVKERN_NUM_THREADS") or "1"

@@ -16,6 +16,7 @@ E = TypeVar("E", bound=IntEnum)
 
 # Kernels index bytes with 32 bits: 2^29 elements of four bytes.
 MAX_ELEMENTS = 2**29
+MAX_DISPARITIES = 2**15
 _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
@@ -122,6 +123,28 @@ def check_pair(value: Any, name: str) -> tuple[Any, Any]:
     if len(values) != 2:
         raise ValueError(f"{name} must be one number or two, got {len(values)}")
     return values[0], values[1]
+
+
+def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
+    """Return the first disparity and the one behind the last, for images of `width` columns."""
+    try:
+        first, stop = (operator.index(d) for d in disparities)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"disparities must be two integers, the first and the one behind the last, "
+            f"got {disparities!r}"
+        ) from None
+    if first >= stop:
+        raise ValueError(f"disparities must be (first, stop) with first < stop, got {first, stop}")
+    if first <= -width or stop > width:
+        raise ValueError(
+            f"disparities must be less than the width of {width} pixels, got {first, stop}"
+        )
+    if stop - first > MAX_DISPARITIES:
+        raise ValueError(
+            f"disparities must be at most {MAX_DISPARITIES}, got {first, stop}: {stop - first}"
+        )
+    return first, stop
 
 
 def check_out(out: Any, image: Any, dtype: Any) -> None:

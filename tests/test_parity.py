@@ -10,7 +10,17 @@ from calls import primitives
 import cvkern
 from cvkern._runtime import KERNEL_SETS
 
-FAMILIES = ["clouds", "depth", "edges", "filters", "gradients", "rank", "semi_global"]
+FAMILIES = [
+    "clouds",
+    "depth",
+    "edges",
+    "filters",
+    "gradients",
+    "rank",
+    "semi_global",
+    "stereo_cost",
+    "window_matching",
+]
 
 
 def signatures(kernel_set):
