@@ -13,6 +13,7 @@ from typing import Any
 import warp as wp
 
 from ..codes import Cost, Subpixel
+from ._launch import scratch
 
 C_TYPES = {
     wp.uint8: "unsigned char",
@@ -263,6 +264,21 @@ def sums_dtype(pixel: Any, out: Any) -> Any:
 def padded(count: int, sums: Any) -> int:
     """Return `count` disparities in whole vectors."""
     return -(-count // LANES_OF[sums]) * LANES_OF[sums]
+
+
+def slab_scratch(
+    left: wp.array, slabs: int, count: int, cost: int, octets: int, radius_x: int, sums: Any
+) -> tuple[wp.array, wp.array]:
+    """Return the lines of two rows, and the sums down the columns, of each slab."""
+    reach = padded(count, sums)
+    wide = left.shape[1] + 2 * radius_x
+    planes = left.shape[2] * octets * (3 if cost == Cost.BIRCHFIELD_TOMASI else 1)
+    pixel = wp.float32 if left.dtype is wp.float32 else wp.uint8
+    lines = (slabs, 2 * planes * (2 * wide + reach + 4))
+    return (
+        scratch("window.lines", lines, pixel, left.device),
+        scratch("window.columns", (slabs, wide * reach), sums, left.device),
+    )
 
 
 def row_text(

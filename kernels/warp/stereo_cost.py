@@ -3,8 +3,6 @@
 On the CPU a row at a time, many disparities in a vector; on CUDA a thread for several disparities.
 """
 
-from typing import Any
-
 import warp as wp
 
 from ..codes import Cost
@@ -60,7 +58,7 @@ def window_costs(
     height = left.shape[0]
     count = slabs(height, costs.size)
     sums = window_rows.sums_dtype(left.dtype, costs.dtype)
-    inner = window_scratch(left, count, costs.shape[2], cost, octets, radius_x, sums)
+    inner = window_rows.slab_scratch(left, count, costs.shape[2], cost, octets, radius_x, sums)
     launch_slabs(
         window_rows.window_costs(cost, left.dtype, costs.dtype),
         height,
@@ -95,7 +93,7 @@ def correlation(
         )
     count = slabs(height, costs.size)
     products = wp.float64 if pixel is wp.float32 else wp.int32
-    inner = window_scratch(left, count, costs.shape[2], Cost.ZNCC, 1, radius_x, products)
+    inner = window_rows.slab_scratch(left, count, costs.shape[2], Cost.ZNCC, 1, radius_x, products)
     shape = (count, (1 + channels) * (width + window_rows.padded(costs.shape[2], products)))
     moments = scratch("zncc.moments", shape, wp.float64, device)
     launch_slabs(
@@ -104,19 +102,4 @@ def correlation(
         count,
         [left, right, *sums, *scales, first, radius_y, radius_x, *inner, moments],
         [costs],
-    )
-
-
-def window_scratch(
-    left: wp.array, slabs: int, count: int, cost: int, octets: int, radius_x: int, sums: Any
-) -> tuple[wp.array, wp.array]:
-    """Return the lines of two rows, and the sums down the columns, of each slab."""
-    reach = window_rows.padded(count, sums)
-    wide = left.shape[1] + 2 * radius_x
-    planes = left.shape[2] * octets * (3 if cost == Cost.BIRCHFIELD_TOMASI else 1)
-    pixel = wp.float32 if left.dtype is wp.float32 else wp.uint8
-    lines = (slabs, 2 * planes * (2 * wide + reach + 4))
-    return (
-        scratch("window.lines", lines, pixel, left.device),
-        scratch("window.columns", (slabs, wide * reach), sums, left.device),
     )

@@ -4,7 +4,6 @@ import warp as wp
 
 from . import _window_rows as rows
 from ._launch import launch_slabs, scratch, slabs
-from .stereo_cost import window_scratch
 
 
 def match_windows(
@@ -27,7 +26,7 @@ def match_windows(
     """Do `window_costs`, `pick` and `pick_right` a row at a time; sums must be below 65535."""
     height, width, _ = left.shape
     parts = slabs(height, height * width * count)
-    inner = window_scratch(left, parts, count, cost, octets, radius_x, wp.uint16)
+    inner = rows.slab_scratch(left, parts, count, cost, octets, radius_x, wp.uint16)
     reach = rows.padded(count, wp.uint16)
     sums = scratch("window.sums", (parts, width * reach + 2), wp.uint16, left.device)
     rights = scratch("window.rights", (parts, 2 * (width + reach)), wp.uint16, left.device)
