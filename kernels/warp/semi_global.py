@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from . import _semi_global_blocks as blocks
+from . import _match_rows as match_rows
+from . import _semi_global_blocks as cuda
 from . import _semi_global_rows as rows
 from . import _winner_blocks as winner_blocks
 from . import _winner_rows as winner_rows
@@ -22,12 +23,82 @@ def aggregate(
 ) -> None:
     """Sum the costs of the best ways to each pixel and disparity, for the rows from `top` on."""
     if sums.device.is_cuda:
-        blocks.aggregate(costs, guide, p1, p2, p2_max, paths, top, sums)
+        cuda.aggregate(costs, guide, p1, p2, p2_max, paths, top, sums)
         return
-    first = rows.STRAIGHT if paths == 4 else rows.STRAIGHT + rows.DIAGONAL
-    for some in (first,) if paths < 16 else (first, rows.KNIGHT):
-        for step in (1, -1):
-            _sweep(costs, guide, p1, p2, some, step, some is rows.KNIGHT or step < 0, top, sums)
+    height, width, depth = costs.shape
+    count = slabs(height, costs.size)
+    lines = _lines(count, depth, sums.device)
+    for n, (some, step) in enumerate(_sweeps(paths)):
+        state = _begin(some, height, width, depth, sums.device)
+        launch_slabs(
+            rows.sweeps[costs.dtype, some],
+            count,
+            count,
+            [costs, guide, p1, p2, step, n > 0, top, *lines, *state],
+            [sums],
+        )
+
+
+def match_costs(
+    left_bits: wp.array,
+    right_bits: wp.array,
+    left: wp.array,
+    right: wp.array,
+    first: int,
+    costs: wp.array,
+) -> None:
+    """Compare each pixel of the left image with those of the right: census and grey value."""
+    height, _, depth = costs.shape
+    count = slabs(height, costs.size)
+    unfolded = _unfold(right_bits, right, first, depth, count)
+    given = [left_bits, left, unfolded]
+    launch_slabs(match_rows.match_costs, height, count, given, [costs])
+
+
+def match(
+    left_bits: wp.array,
+    right_bits: wp.array,
+    left: wp.array,
+    right: wp.array,
+    first: int,
+    count: int,
+    p1: int,
+    p2: wp.array,
+    p2_max: int,
+    paths: int,
+    subpixel: int,
+    uniqueness: int,
+    top: int,
+    index: wp.array,
+    disparity: wp.array,
+    cost: wp.array,
+    confidence: wp.array,
+    right_index: wp.array,
+) -> None:
+    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right` in one."""
+    height, width = left.shape
+    kept, padded, device = index.shape[0], _padded(count), index.device
+    parts = slabs(height, height * width * count)
+    unfolded = _unfold(right_bits, right, first, count, parts)
+    sums = scratch("semi_global.sums", (kept, width, padded), wp.uint16, device)
+    right_row = (kept, width + 2 * padded)
+    best = scratch("winner.best", right_row, wp.uint16, device)
+    place = scratch("winner.place", right_row, wp.uint16, device)
+    launch_slabs(match_rows.clear_right, kept, parts, [index], [best, place])
+    lines = _lines(parts, count, device)
+    sweeps = _sweeps(paths)
+    for n, (some, step) in enumerate(sweeps):
+        last = n == len(sweeps) - 1
+        options = [first, count, p1, p2, step, n > 0, last, subpixel, uniqueness, top]
+        state = _begin(some, height, width, count, device)
+        launch_slabs(
+            match_rows.sweeps[some],
+            parts,
+            parts,
+            [left_bits, left, unfolded, *options, *lines, *state, sums, best, place],
+            [index, disparity, cost, confidence],
+        )
+    launch_slabs(match_rows.read_right, kept, parts, [count, best, place], [right_index])
 
 
 def largest(costs: wp.array, most: wp.array) -> None:
@@ -78,38 +149,45 @@ def pick_right(costs: wp.array, first: int, index: wp.array) -> None:
     launch_slabs(kernel, height, count, [costs, first, lines, best, place], [index])
 
 
-def _sweep(
-    costs: wp.array,
-    guide: wp.array,
-    p1: int,
-    p2: wp.array,
-    paths: tuple[tuple[int, int], ...],
-    step: int,
-    add: bool,
-    top: int,
-    sums: wp.array,
-) -> None:
-    height, columns, depth = costs.shape
-    count = slabs(height, costs.size)
-    padded = _padded(depth)
-    tasks_wide = -(-(columns + rows.skew(paths) * (height - 1)) // rows.BLOCK)
-    chains = sum(down * (columns - 1) + abs(along) * (height - 1) + 1 for down, along in paths)
-    numbers = chains * (rows.HEADER + padded) + rows.HEADER
-    slots = scratch("semi_global.slots", (numbers,), wp.uint16, sums.device)
-    strips = -(-height // rows.STRIP)
-    tasks = scratch("semi_global.tasks", (STATE + 2 * strips * tasks_wide,), wp.int32, sums.device)
-    lines = (count, rows.BLOCK * padded)
-    values = scratch("semi_global.costs", lines, wp.uint16, sums.device)
-    totals = scratch("semi_global.totals", lines, wp.uint16, sums.device)
-    launch(rows.prepare, 1, [padded, strips, tasks_wide], [slots, tasks])
-    launch_slabs(
-        rows.sweeps[costs.dtype, paths],
-        count,
-        count,
-        [costs, guide, p1, p2, step, add, top, values, totals, slots, strips, tasks_wide, tasks],
-        [sums],
+def _padded(depth: int) -> int:
+    return -(-depth // rows.PADDED) * rows.PADDED
+
+
+def _sweeps(paths: int) -> list[tuple[tuple[tuple[int, int], ...], int]]:
+    """Return the sweeps of an aggregation: their paths, and from which corner they come."""
+    sides = rows.STRAIGHT if paths == 4 else rows.STRAIGHT + rows.DIAGONAL
+    groups = (sides, rows.KNIGHT) if paths == 16 else (sides,)
+    return [(group, step) for group in groups for step in (1, -1)]
+
+
+def _lines(count: int, depth: int, device: wp.Device) -> tuple[wp.array, wp.array]:
+    """Return the costs and the sums of the pixels that each slab is at."""
+    shape = (count, rows.BLOCK * _padded(depth))
+    return (
+        scratch("semi_global.costs", shape, wp.uint16, device),
+        scratch("semi_global.totals", shape, wp.uint16, device),
     )
 
 
-def _padded(depth: int) -> int:
-    return -(-depth // rows.PADDED) * rows.PADDED
+def _begin(
+    paths: tuple[tuple[int, int], ...], height: int, width: int, depth: int, device: wp.Device
+) -> tuple[wp.array, int, int, wp.array]:
+    """Return what a sweep starts with: the slots of its chains, its grid of tasks, its tasks."""
+    padded = _padded(depth)
+    strips = -(-height // rows.STRIP)
+    blocks = -(-(width + rows.skew(paths) * (height - 1)) // rows.BLOCK)
+    chains = sum(down * (width - 1) + abs(along) * (height - 1) + 1 for down, along in paths)
+    numbers = chains * (rows.HEADER + padded) + rows.HEADER
+    slots = scratch("semi_global.slots", (numbers,), wp.uint16, device)
+    tasks = scratch("semi_global.tasks", (STATE + 2 * strips * blocks,), wp.int32, device)
+    launch(rows.prepare, 1, [padded, strips, blocks], [slots, tasks])
+    return slots, strips, blocks, tasks
+
+
+def _unfold(bits: wp.array, gray: wp.array, first: int, depth: int, count: int) -> wp.array:
+    """Lay out the right image for `match_rows`."""
+    height, width = gray.shape
+    shape = (match_rows.LINES * height, width + _padded(depth))
+    unfolded = scratch("match.unfolded", shape, wp.uint8, gray.device)
+    launch_slabs(match_rows.unfold, height, count, [bits, gray, first], [unfolded])
+    return unfolded
