@@ -293,6 +293,13 @@ def test_report_shows_the_latest_run_and_no_toy(project):
     assert "slower" not in text
 
 
+def test_report_leaves_experiments_alone(project):
+    results = project / "profiling" / "results"
+    before = report.read_results(results)
+    (results / "window_size.json").write_text(json.dumps({"windows": [3, 5]}))
+    assert report.read_results(results) == before
+
+
 def test_report_drops_what_a_later_check_found_wrong(project):
     results = project / "profiling" / "results"
     failure = {"case": "box", "size": "1080p", "reason": "wrong"}

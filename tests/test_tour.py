@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import cvkern
 from cvkern.images import read_image
@@ -128,6 +129,18 @@ def test_a_chapter_is_one_function(tmp_path):
     names = sorted(file.name for file in tmp_path.iterdir())
     assert names == ["index.html", "notes.txt", "small-one.png", "timings.json"]
     assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_a_film_is_a_gif(tmp_path):
+    frames = np.zeros((3, 6, 8, 3), np.uint8)
+    frames[1] = 255
+    tour(tmp_path, chapters=(small(panels=(Panel("small-film", frames, "a film"),)),))
+    with Image.open(tmp_path / "small-film.gif") as film:
+        assert film.n_frames == 3
+    (image,) = [attrs for tag, attrs in parse(tmp_path / "index.html").tags if tag == "img"]
+    assert (image["width"], image["height"]) == ("8", "6")
+    data = image["src"].removeprefix("data:image/gif;base64,")
+    assert base64.b64decode(data) == (tmp_path / "small-film.gif").read_bytes()
 
 
 def test_nothing_is_written_when_a_chapter_fails(tmp_path):

@@ -1,0 +1,1 @@
+"""Questions that a measurement answers, one program each."""
