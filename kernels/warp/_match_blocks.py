@@ -10,27 +10,29 @@ from typing import Any
 
 import warp as wp
 
-from ..codes import Subpixel
-from ._launch import launch, view
-from ._paths_blocks import BLOCK, OPTIONS, text_of
-from ._semi_global_blocks import TOTAL, in_chunks, walk_paths
+from ..codes import LARGEST_MATCH_COST, Subpixel
+from ._launch import launch, scratch, view
+from ._match_costs_blocks import match_costs
+from ._paths_blocks import BLOCK, CHUNK, OPTIONS, text_of
+from ._semi_global_blocks import GROUP_PATHS, TOTAL, aggregate, walk_paths
+from ._winner_blocks import pick, pick_right
 
 wp.set_module_options(OPTIONS)
 
-_MATCH = (
+_WINNERS = (
     """
     const unsigned ALL = 0xffffffffu;
     const int PITCH = DEPTH + 16, LANES = BLOCK / TILE;  // a pitch that spreads pixels over banks
-    const int width = costs.shape[1], padded = costs.shape[2], chunks = padded / 16;
+    const int width = lines.shape[2], padded = lines.shape[3], chunks = padded / 16;
     const int tiles = (width + TILE - 1) / TILE;
     const int y = blockIdx.x / tiles, begin = blockIdx.x % tiles * TILE;
     const int count = min(TILE, width - begin);
-    const long long row = (long long)y * width, pixels = (long long)costs.shape[0] * width;
+    const long long row = (long long)y * width, pixels = (long long)lines.shape[1] * width;
     __shared__ uint4 shared[TILE * PITCH / 8];
     const unsigned short* sums = reinterpret_cast<const unsigned short*>(shared);
     for (int i = threadIdx.x; i < count * chunks; i += BLOCK) {
         const int pixel = i / chunks, d = i % chunks * 16;
-        const long long at = (row + begin + pixel) * padded + d, from = at;
+        const long long at = (row + begin + pixel) * padded + d;
 """
     + TOTAL
     + """
@@ -118,11 +120,10 @@ def tile(depth: int) -> tuple[int, int]:
 
 
 @lru_cache
-def match(cost_type: Any, line_type: Any, paths: int, room: int, pixels: int) -> wp.Kernel:
+def winners(line_type: Any, paths: int, room: int, pixels: int) -> wp.Kernel:
     """Return the kernel for `paths` paths, at most `room` disparities and tiles of `pixels`."""
     text = text_of(
-        _MATCH,
-        COST_BYTES=wp.types.type_size_in_bytes(cost_type),
+        _WINNERS,
         PATH_BYTES=wp.types.type_size_in_bytes(line_type),
         COUNT=paths,
         DEPTH=room,
@@ -133,8 +134,7 @@ def match(cost_type: Any, line_type: Any, paths: int, room: int, pixels: int) ->
     )
 
     @wp.func_native(text)
-    def match_tile(
-        costs: wp.array3d[cost_type],
+    def winners_of_tile(
         lines: wp.array4d[line_type],
         depth: int,
         first: int,
@@ -148,58 +148,80 @@ def match(cost_type: Any, line_type: Any, paths: int, room: int, pixels: int) ->
     ): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
-    def match(
-        costs: wp.array3d[cost_type],  # (H, W, D rounded up)
-        lines: wp.array4d[line_type],  # (paths, H, W, D rounded up)
+    def winners(
+        lines: wp.array4d[line_type],  # (paths, h, W, D rounded up)
         depth: int,
         first: int,
         subpixel: int,
         uniqueness: int,
-        # outputs, all (H, W)
+        # outputs, all (h, W)
         index: wp.array2d[int],
         disparity: wp.array2d[float],
         cost: wp.array2d[float],
         confidence: wp.array2d[float],
         right: wp.array2d[int],  # -1 before; keys after
     ):
-        match_tile(
-            costs, lines, depth, first, subpixel, uniqueness,
-            index, disparity, cost, confidence, right,
-        )  # fmt: skip
+        winners_of_tile(
+            lines, depth, first, subpixel, uniqueness, index, disparity, cost, confidence, right
+        )
 
-    return match
+    return winners
 
 
-def match_volume(
-    costs: wp.array,
-    guide: wp.array,
+def match(
+    left_bits: wp.array,
+    right_bits: wp.array,
+    left: wp.array,
+    right: wp.array,
+    first: int,
+    count: int,
     p1: int,
     p2: wp.array,
     p2_max: int,
     paths: int,
-    first: int,
     subpixel: int,
     uniqueness: int,
+    top: int,
     index: wp.array,
     disparity: wp.array,
     cost: wp.array,
     confidence: wp.array,
-    right: wp.array,
+    right_index: wp.array,
 ) -> None:
-    """Aggregate the costs of up to eight paths, and pick the winners of both images."""
-    height, width, depth = costs.shape
-    costs = in_chunks(costs)
-    lines = walk_paths(costs, guide, p1, p2, p2_max, 0, paths, 0, height)
-    keys = view(right, wp.int32, (right.size,))
-    launch(clear, right.size, [], [keys])
-    room, pixels = tile(depth)
+    """Match a pair; sums over more than eight paths, or of many disparities, go to memory."""
+    height, width = left.shape
+    rows = index.shape[0]
+    device = index.device
+    padded = -(-count // CHUNK) * CHUNK
+    costs = scratch("match.costs", (height, width, padded), wp.uint8, device)
+    match_costs(left_bits, right_bits, left, right, first, count, costs)
+    outputs = [index, disparity, cost, confidence]
+    if paths > GROUP_PATHS or count > MOST_DISPARITIES:
+        sums = scratch("match.sums", (rows, width, count), wp.uint16, device)
+        aggregate(costs, left, p1, p2, p2_max, paths, top, sums)
+        launch(
+            pick(wp.uint16),
+            -(-index.size // 8) * BLOCK,
+            [sums, first, subpixel, uniqueness],
+            outputs,
+        )
+        launch(
+            pick_right(wp.uint16), rows * -(-width // BLOCK) * BLOCK, [sums, first], [right_index]
+        )
+        return
+    line_type = wp.uint8 if LARGEST_MATCH_COST + p2_max < 256 else wp.uint16
+    lines = scratch("match.lines", (paths, rows, width, padded), line_type, device)
+    walk_paths(costs, left, p1, p2, 0, True, top, lines)
+    keys = view(right_index, wp.int32, (right_index.size,))
+    launch(clear, right_index.size, [], [keys])
+    room, pixels = tile(count)
     launch(
-        match(costs.dtype, lines.dtype, paths, room, pixels),
-        height * -(-width // pixels) * BLOCK,
-        [costs, lines, depth, first, subpixel, uniqueness],
-        [index, disparity, cost, confidence, right],
+        winners(line_type, paths, room, pixels),
+        rows * -(-width // pixels) * BLOCK,
+        [lines, count, first, subpixel, uniqueness],
+        [*outputs, right_index],
     )
-    launch(decode, right.size, [], [keys])
+    launch(decode, right_index.size, [], [keys])
 
 
 @wp.kernel

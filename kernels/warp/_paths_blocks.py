@@ -2,8 +2,8 @@
 
 All paths are walked in one launch, the longest first. A thread keeps the costs of its disparities
 in pairs of 16 bits, which Hopper's instructions for dynamic programming take at once. What it
-stores of path r is L_r - C, which the recursion bounds by P2, so mostly one byte. Disparities are
-padded to a multiple of 16.
+leaves of path r is L_r, or L_r - C, which the recursion bounds by P2: mostly one byte. Disparities
+are padded to a multiple of 16.
 """
 
 from collections.abc import Sequence
@@ -147,6 +147,7 @@ _WALK = """
                 const unsigned jump = __vimin3_u16x2(left, right, slack);
                 change[i] = __viaddmin_u16x2(jump, p1_pair, v[i]);
                 v[i] = cost[i] + change[i];
+                if (WHOLE) change[i] = v[i];
                 if (i % 2 == 1) least = __vimin3_u16x2(least, v[i - 1], v[i]);
                 left = right;
             }
@@ -212,7 +213,9 @@ def lanes(depth: int) -> tuple[int, int]:
 
 
 @lru_cache
-def walk(cost_type: Any, line_type: Any, group: int, chunks: int, adaptive: bool) -> wp.Kernel:
+def walk(
+    cost_type: Any, line_type: Any, group: int, chunks: int, adaptive: bool, whole: bool
+) -> wp.Kernel:
     """Return the kernel that walks paths, for groups of `group` threads of 16 `chunks` costs."""
     steps = ", ".join(f"{{{dy}, {dx}}}" for dy, dx in STEPS)
     text = text_of(
@@ -228,6 +231,7 @@ def walk(cost_type: Any, line_type: Any, group: int, chunks: int, adaptive: bool
         GROUP=group,
         BLOCK=BLOCK,
         ADAPTIVE=int(adaptive),
+        WHOLE=int(whole),
     )
 
     @wp.func_native(text)

@@ -77,40 +77,32 @@ def pad(cost_type: Any) -> wp.Kernel:
     return pad
 
 
-# Sums of 16 disparities: `at` in each volume of the paths, `from` in the costs. A pair of 16 bits
-# never carries into the next: sums are below 65536.
+# Sums over the paths of 16 disparities, from `at` in each volume, two in a number. A pair of 16
+# bits never carries into the next: sums are below 65536.
 TOTAL = """
     unsigned total[8], even[4], odd[4];  // pairs (0, 1), ...; (0, 2), ...; (1, 3), ...
-    uint4 cost[COST_BYTES], change[COUNT][PATH_BYTES];
-    #pragma unroll
-    for (int j = 0; j < COST_BYTES; ++j)
-        cost[j] = reinterpret_cast<const uint4*>(costs.data + from)[j];
+    uint4 chunk[COUNT][PATH_BYTES];
     #pragma unroll
     for (int r = 0; r < COUNT; ++r) {
         #pragma unroll
         for (int j = 0; j < PATH_BYTES; ++j)
-            change[r][j] = __ldcs(reinterpret_cast<const uint4*>(
+            chunk[r][j] = __ldcs(reinterpret_cast<const uint4*>(
                 lines.data + r * (pixels * padded) + at) + j);
     }
     #pragma unroll
-    for (int k = 0; k < 8; ++k) total[k] = 0;
+    for (int k = 0; k < 8; ++k) total[k] = even[k / 2] = odd[k / 2] = 0;
     #pragma unroll
-    for (int k = 0; k < 4; ++k) even[k] = odd[k] = 0;
-    #pragma unroll
-    for (int r = -1; r < COUNT; ++r) {
-        const int bytes = r < 0 ? COST_BYTES : PATH_BYTES;
-        const unsigned times = r < 0 ? COUNT : 1;
+    for (int r = 0; r < COUNT; ++r) {
         #pragma unroll
-        for (int j = 0; j < bytes; ++j) {
-            const uint4 c = r < 0 ? cost[j % COST_BYTES] : change[max(r, 0)][j % PATH_BYTES];
-            const unsigned word[4] = {c.x, c.y, c.z, c.w};
+        for (int j = 0; j < PATH_BYTES; ++j) {
+            const unsigned word[4] = {chunk[r][j].x, chunk[r][j].y, chunk[r][j].z, chunk[r][j].w};
             #pragma unroll
             for (int k = 0; k < 4; ++k) {
-                if (bytes == 1) {
-                    even[k] += (word[k] & 0xff00ffu) * times;
-                    odd[k] += (word[k] >> 8 & 0xff00ffu) * times;
+                if (PATH_BYTES == 1) {
+                    even[k] += word[k] & 0xff00ffu;
+                    odd[k] += word[k] >> 8 & 0xff00ffu;
                 } else {
-                    total[4 * j + k] += word[k] * times;
+                    total[4 * j + k] += word[k];
                 }
             }
         }
@@ -132,15 +124,30 @@ _COLLECT = (
 """
     + TOTAL
     + """
+    // Each path has left L - C.
+    #pragma unroll
+    for (int j = 0; j < COST_BYTES; ++j) {
+        const uint4 c = reinterpret_cast<const uint4*>(costs.data + from)[j];
+        const unsigned word[4] = {c.x, c.y, c.z, c.w};
+        #pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            if (COST_BYTES == 1) {
+                total[2 * k] += __byte_perm(word[k], 0, 0x4140) * COUNT;
+                total[2 * k + 1] += __byte_perm(word[k], 0, 0x4342) * COUNT;
+            } else {
+                total[4 * j + k] += word[k] * COUNT;
+            }
+        }
+    }
     unsigned short* to = sums.data + pixel * depth + d;
     if (aligned) {
-        uint4* chunk = reinterpret_cast<uint4*>(to);
+        uint4* eight = reinterpret_cast<uint4*>(to);
         #pragma unroll
         for (int j = 0; j < 2; ++j) {
             uint4 s = make_uint4(0, 0, 0, 0);
             if (d + 8 * j < depth) {
-                if (adds) s = chunk[j];
-                chunk[j] = make_uint4(s.x + total[4 * j], s.y + total[4 * j + 1],
+                if (adds) s = eight[j];
+                eight[j] = make_uint4(s.x + total[4 * j], s.y + total[4 * j + 1],
                                       s.z + total[4 * j + 2], s.w + total[4 * j + 3]);
             }
         }
@@ -205,8 +212,12 @@ def aggregate(
     costs = in_chunks(costs)
     count = min(paths, GROUP_PATHS)
     aligned = depth % 8 == 0 and sums.ptr % 16 == 0
+    line_type = wp.uint8 if p2_max < 256 else wp.uint16
     for begin in range(0, paths, count):
-        lines = walk_paths(costs, guide, p1, p2, p2_max, begin, count, top, rows)
+        lines = scratch(
+            "semi_global.lines", (count, rows, width, costs.shape[2]), line_type, sums.device
+        )
+        walk_paths(costs, guide, p1, p2, begin, False, top, lines)
         launch(
             collect(costs.dtype, lines.dtype, count),
             _chunk_threads(rows, width, costs.shape[2]),
@@ -231,24 +242,20 @@ def walk_paths(
     guide: wp.array,
     p1: int,
     p2: wp.array,
-    p2_max: int,
     begin: int,
-    count: int,
+    whole: bool,
     top: int,
-    rows: int,
-) -> wp.array:
-    """Return what `count` paths from the one numbered `begin` on leave in some rows: L - C."""
+    lines: wp.array,
+) -> None:
+    """Walk the paths from the one numbered `begin` on: L of some rows if `whole`, else L - C."""
     height, width, depth = costs.shape
-    line_type = wp.uint8 if p2_max < 256 else wp.uint16
-    lines = scratch("semi_global.lines", (count, rows, width, depth), line_type, costs.device)
     group, chunks = lanes(depth)
     launch(
-        walk(costs.dtype, line_type, group, chunks, guide.shape == (height, width)),
-        path_threads(height, width, STEPS[begin : begin + count], group),
+        walk(costs.dtype, lines.dtype, group, chunks, guide.shape == (height, width), whole),
+        path_threads(height, width, STEPS[begin : begin + lines.shape[0]], group),
         [costs, guide, p1, p2, begin, top],
         [lines],
     )
-    return lines
 
 
 def _chunk_threads(height: int, width: int, depth: int) -> int:
