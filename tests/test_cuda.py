@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from cvkern.clouds import turntable
 
 # JAX would take most of the memory that torch, CuPy and Warp work in.
 os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
@@ -15,6 +16,8 @@ SHAPES = [(1, 1), (1, 9), (13, 1), (37, 53), (270, 481), (1080, 1920)]
 MODES = ["reflect", "constant", "nearest", "mirror", "wrap"]
 LIBRARIES = ["torch", "cupy", "jax", "warp"]
 TENTH_OF_A_SECOND = 200_000_000  # GPU clock cycles, more or less
+
+REPROJECTION = cvkern.reprojection_matrix(700.0, 0.12, 240.25, 130.5, -0.5)
 
 CALLS = {
     "gaussian": lambda x: cvkern.gaussian(x, 2.0),
@@ -29,6 +32,8 @@ CALLS = {
     "canny": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06),
     "canny_l1": lambda x: cvkern.canny(x, 1.5, 0.02, 0.06, norm="l1"),
     "canny_sobel": lambda x: cvkern.canny(x, 1.0, 0.5, 1.0, operator="sobel"),
+    "disparity_to_depth": lambda x: cvkern.disparity_to_depth(x, 700.0, 0.12, -0.5),
+    "points_from_disparity": lambda x: cvkern.points_from_disparity(x, REPROJECTION),
 }
 
 
@@ -181,6 +186,34 @@ def test_subpixel_edges_are_those_of_the_cpu(kernels):
     # The logarithm is each device's own, within a few units in the last place.
     np.testing.assert_allclose(got.points, expected.points, rtol=0, atol=1e-3)
     assert_equal_bits((got.orientation, got.strength), (expected.orientation, expected.strength))
+
+
+def _cloud(disparity):
+    shades = np.random.default_rng(3).integers(0, 256, disparity.shape, np.uint8)
+    return cvkern.point_cloud(disparity, REPROJECTION, shades, disparity > 0.6)
+
+
+def test_clouds_are_those_of_the_cpu(kernels):
+    assert_equal_bits(on_gpu(_cloud, noise(), kernels), reference(_cloud, noise()))
+    cloud = reference(_cloud, noise())
+
+    def movie(points):
+        return turntable(points, cloud.colors, shape=(90, 120), frames=5)
+
+    got, want = on_gpu(movie, cloud.points, kernels), reference(movie, cloud.points)
+    np.testing.assert_array_equal(got, want)
+
+
+@pytest.mark.parametrize("library", ["torch", "cupy"])
+def test_clouds_of_the_callers_arrays(library, kernels):
+    disparity, shades = noise(), np.full((270, 481), 7, np.uint8)
+    valid = disparity > 0.6
+    want = reference(lambda x: cvkern.point_cloud(x, REPROJECTION, shades, valid), disparity)
+    given = [give(library, a) for a in (disparity, shades, valid)]
+    got = cvkern.point_cloud(given[0], REPROJECTION, *given[1:])
+    for a, b in zip(got, want, strict=True):
+        assert type(a) is type(given[0])
+        np.testing.assert_array_equal(take(a), b)
 
 
 # --- the caller's arrays -------------------------------------------------------------------------
