@@ -3,17 +3,25 @@
 import numpy as np
 import taichi as ti
 
-from ..codes import Subpixel
+from ..codes import (
+    CENSUS_WEIGHT,
+    DIFFERENCE_LIMIT,
+    DIFFERENCE_SHIFT,
+    Subpixel,
+)
 from ._launch import primitive, scratch
 from ._rounding import quotient
+from ._windows import ones
 
 any_3 = ti.types.ndarray(ndim=3)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 u16_1 = ti.types.ndarray(dtype=ti.u16, ndim=1)
 u16_3 = ti.types.ndarray(dtype=ti.u16, ndim=3)
+u64_2 = ti.types.ndarray(dtype=ti.u64, ndim=2)
 
 
 @ti.func
@@ -99,6 +107,23 @@ _STEPS = (
 )
 
 
+def _aggregate(
+    costs: np.ndarray,
+    guide: np.ndarray,
+    p1: int,
+    p2: np.ndarray,
+    paths: int,
+    top: int,
+    sums: np.ndarray,
+) -> None:
+    height, width, depth = costs.shape
+    for i, (dy, dx) in enumerate(_STEPS[:paths]):
+        rows, columns = min(abs(dy), height), min(abs(dx), width)
+        count = rows * width + columns * (height - rows)
+        lines = scratch((2, count, depth), np.int32)
+        _walk(costs, guide, p1, p2, count, dy, dx, int(i == 0), lines, top, sums)
+
+
 @primitive
 def aggregate(
     costs: np.ndarray,
@@ -111,12 +136,7 @@ def aggregate(
     sums: np.ndarray,
 ) -> None:
     """Sum the costs of the cheapest paths to each pixel; one thread per path."""
-    height, width, depth = costs.shape
-    for i, (dy, dx) in enumerate(_STEPS[:paths]):
-        rows, columns = min(abs(dy), height), min(abs(dx), width)
-        count = rows * width + columns * (height - rows)
-        lines = scratch((2, count, depth), np.int32)
-        _walk(costs, guide, p1, p2, count, dy, dx, int(i == 0), lines, top, sums)
+    _aggregate(costs, guide, p1, p2, paths, top, sums)
 
 
 @ti.kernel
@@ -225,3 +245,64 @@ def _pick_right(
 def pick_right(costs: np.ndarray, first: int, index: np.ndarray) -> None:
     """Take the smallest cost of each pixel of the right image; one thread per pixel."""
     _pick_right(costs, first, index)
+
+
+@ti.kernel
+def _match_costs(
+    left_bits: u64_2,
+    right_bits: u64_2,
+    left: u8_2,
+    right: u8_2,
+    first: ti.i32,
+    # outputs
+    costs: u8_3,  # (H, W, D)
+):
+    for y, x, k in costs:
+        there = ti.max(0, ti.min(costs.shape[1] - 1, x - first - k))
+        count = ones(left_bits[y, x] ^ right_bits[y, there])
+        grey = ti.abs(ti.cast(left[y, x], ti.i32) - ti.cast(right[y, there], ti.i32))
+        limited = ti.min(grey >> DIFFERENCE_SHIFT, DIFFERENCE_LIMIT)
+        costs[y, x, k] = ti.cast(CENSUS_WEIGHT * count + limited, ti.u8)
+
+
+@primitive
+def match_costs(
+    left_bits: np.ndarray,
+    right_bits: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    first: int,
+    costs: np.ndarray,
+) -> None:
+    """Compare census and grey value of the pixels of a pair; one thread per disparity."""
+    _match_costs(left_bits, right_bits, left, right, first, costs)
+
+
+@primitive
+def match(
+    left_bits: np.ndarray,
+    right_bits: np.ndarray,
+    left: np.ndarray,
+    right: np.ndarray,
+    first: int,
+    count: int,
+    p1: int,
+    p2: np.ndarray,
+    p2_max: int,
+    paths: int,
+    subpixel: int,
+    uniqueness: int,
+    top: int,
+    index: np.ndarray,
+    disparity: np.ndarray,
+    cost: np.ndarray,
+    confidence: np.ndarray,
+    right_index: np.ndarray,
+) -> None:
+    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right`."""
+    costs = scratch((*left.shape, count), np.uint8)
+    sums = scratch((*index.shape, count), np.uint16)
+    _match_costs(left_bits, right_bits, left, right, first, costs)
+    _aggregate(costs, left, p1, p2, paths, top, sums)
+    _pick(sums, first, subpixel, uniqueness, 0, index, disparity, cost, confidence)
+    _pick_right(sums, first, right_index)

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from . import _match_blocks as match_blocks
+from . import _match_costs_blocks as match_costs_blocks
 from . import _match_rows as match_rows
 from . import _semi_global_blocks as cuda
 from . import _semi_global_rows as rows
@@ -48,6 +50,11 @@ def match_costs(
     costs: wp.array,
 ) -> None:
     """Compare each pixel of the left image with those of the right: census and grey value."""
+    if costs.device.is_cuda:
+        match_costs_blocks.match_costs(
+            left_bits, right_bits, left, right, first, costs.shape[2], costs
+        )
+        return
     height, _, depth = costs.shape
     count = slabs(height, costs.size)
     unfolded = _unfold(right_bits, right, first, depth, count)
@@ -76,6 +83,12 @@ def match(
     right_index: wp.array,
 ) -> None:
     """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right` in one."""
+    if index.device.is_cuda:
+        match_blocks.match(
+            left_bits, right_bits, left, right, first, count, p1, p2, p2_max, paths, subpixel,
+            uniqueness, top, index, disparity, cost, confidence, right_index,
+        )  # fmt: skip
+        return
     height, width = left.shape
     kept, padded, device = index.shape[0], _padded(count), index.device
     parts = slabs(height, height * width * count)
