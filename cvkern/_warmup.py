@@ -42,3 +42,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "points_from_disparity", partial(cvkern.points_from_disparity, real, q)
     yield "point_cloud", partial(cvkern.point_cloud, real, q, byte)
     yield "turntable", partial(turntable, real.reshape(-1, 3) + 1, byte.reshape(-1, 3), frames=1)
+    for cost in ("sad", "ssd", "birchfield_tomasi", "zncc", "census", "census_symmetric"):
+        for image in (byte, real):
+            for window in (1, 3, 17):  # costs of uint8, uint16 and float32
+                pair = partial(cvkern.stereo_cost, image, image, (0, 4), cost=cost, window=window)
+                yield "stereo_cost", pair

@@ -8,8 +8,9 @@ from cvkern._runtime import Runtime
 from cvkern.kernels.codes import Cost, Subpixel
 from cvkern.stereo_cost import census_words
 
-# A census of 5 x 5 pixels two apart: in windows of 7 to 21 pixels its distances match better than
-# those of 5 x 5 or 7 x 9 neighbours, squared differences, or differences of clipped derivatives.
+# A census of 5 x 5 pixels two apart. Summed over windows of 7 or 11 pixels it matched the pairs of
+# tests/test_window_matching.py better than one of 5 x 5 or 7 x 9 neighbours, over 21 as well, and
+# over each better than differences of values.
 RADII, SPACING, OCTETS = (2, 2), 2, 3
 MAX_WINDOW = 51  # pixels a side: 24 * 51^2 < 65535
 

@@ -36,6 +36,8 @@ CALLS = {
     "points_from_disparity": lambda x: cvkern.points_from_disparity(x, REPROJECTION),
 }
 
+STEREO_COSTS = ["sad", "ssd", "birchfield_tomasi", "zncc", "census", "census_symmetric"]
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _gpu():
@@ -217,6 +219,37 @@ def test_clouds_of_the_callers_arrays(library, kernels):
 
 
 # --- the caller's arrays -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (1, 9, 2), (37, 53, 1), (90, 200, 3)])
+@pytest.mark.parametrize("cost", STEREO_COSTS)
+def test_stereo_costs_are_those_of_the_cpu(cost, shape, kernels):
+    rng = np.random.default_rng(5)
+    most = shape[1]
+    for dtype in (np.uint8, np.float32):
+        left, right = (256 * rng.random((2, *shape), np.float32)).astype(dtype)
+        for window in (1, 5, (23, 3)):
+            for disparities in ((0, min(64, most)), (max(-70, 1 - most), min(3, most))):
+                options = {"cost": cost, "window": window, "channel_axis": -1}
+
+                def call(x, y, disparities=disparities, options=options):
+                    return cvkern.stereo_cost(x, y, disparities, **options)
+
+                with cvkern.use(backend=kernels, device="cuda"):
+                    got = call(left, right)
+                with cvkern.use(backend="warp", device="cpu"):
+                    assert_equal_bits(got, call(left, right))
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_stereo_costs_of_the_callers_arrays(library, kernels):
+    left, right = (noise((40, 90, 3), seed) for seed in (0, 1))
+    want = cvkern.stereo_cost(left, right, (-3, 30), channel_axis=2)
+    given = [give(library, image) for image in (left, right)]
+    got = cvkern.stereo_cost(*given, (-3, 30), channel_axis=2)
+    assert type(got) is type(given[0])
+    assert device_of(got) == device_of(given[0])
+    np.testing.assert_array_equal(take(got), want)
 
 
 @pytest.mark.parametrize("name", ["gaussian", "gradient", "median", "canny"])

@@ -141,3 +141,20 @@ def test_numbers_too_small_for_float32(scale):
             assert np.abs(a - b).max() <= np.sqrt(100 * lost)
             if name in ("gaussian", "derivative"):
                 assert np.abs(a - b).max() <= 100 * lost
+
+
+@given(shapes, st.sampled_from(["uint8", "uint16", "float32"]), scales, seeds,
+       st.sampled_from(["sad", "ssd", "birchfield_tomasi", "zncc", "census", "census_symmetric"]),
+       st.tuples(st.integers(0, 5), st.integers(0, 5)), st.integers(-9, 9), st.integers(1, 40),
+       st.integers(1, 3))  # fmt: skip
+def test_stereo_cost(shape, dtype, scale, seed, cost, radii, first, count, channels):
+    left, right = (
+        image_of((*shape, channels), dtype, min(scale, 1e6), s) for s in (seed, seed + 1)
+    )
+    first = min(max(first, 1 - shape[1]), shape[1] - 1)
+    assert_equal_bits(
+        lambda: cvkern.stereo_cost(
+            left, right, (first, min(first + count, shape[1])), cost=cost,
+            window=tuple(2 * r + 1 for r in radii), neighborhood=(5, 7), channel_axis=-1,
+        )
+    )  # fmt: skip

@@ -510,3 +510,86 @@ def test_warp_arrays_of_vectors():
 
 def test_a_path_where_an_image_belongs():
     refused(TypeError, "image must hold real numbers, got dtype <U11", cvkern.canny, "picture.png")
+
+
+# --- stereo costs --------------------------------------------------------------------------------
+
+
+def cost_refused(error, message, left=FLAT, right=FLAT, disparities=(0, 3), **options):
+    refused(error, message, cvkern.stereo_cost, left, right, disparities, **options)
+
+
+def test_pairs():
+    cost_refused(ValueError, "left must be 2-D or 3-D, got shape (2,)", [1, 2])
+    cost_refused(ValueError, "right must not be empty, got shape (0, 5)", right=np.zeros((0, 5)))
+    message = "right must hold real numbers, got dtype complex128"
+    cost_refused(TypeError, message, right=FLAT.astype(complex))
+    cost_refused(
+        ValueError, "right must have the shape of left, (4, 5), got (5, 4)", right=np.zeros((5, 4))
+    )
+    cost_refused(ValueError, "right must have the shape of left, (4, 5), got (4, 5, 3)", right=DEEP)
+    message = "channel_axis must be given for 3-D images and for no others, got None for shape "
+    cost_refused(ValueError, message + "(4, 5, 3)", DEEP, DEEP)
+    cost_refused(ValueError, "channel_axis must be in [-3, 2], got 3", DEEP, DEEP, channel_axis=3)
+
+
+def test_disparities():
+    message = "disparities must be two integers, the first and the one behind the last, got "
+    for wrong in (64, (1, 2, 3), (0, 1.5), "ab", None, ()):
+        cost_refused(TypeError, f"{message}{wrong!r}", disparities=wrong)
+    for wrong in ((0, 0), (3, 1)):
+        message = f"disparities must be (first, stop) with first < stop, got {wrong}"
+        cost_refused(ValueError, message, disparities=wrong)
+    for wrong in ((0, 6), (-5, 2), (0, 64)):
+        message = f"disparities must be less than the width of 5 pixels, got {wrong}"
+        cost_refused(ValueError, message, disparities=wrong)
+    wide = np.broadcast_to(np.uint8(0), (1, 40000))
+    message = "disparities must be at most 32768, got (0, 32769): 32769"
+    cost_refused(ValueError, message, wide, wide, (0, 32769))
+    large = np.broadcast_to(np.uint8(0), (4000, 3000))
+    size = "4000 x 3000 x 500"
+    message = f"disparities must make at most 2147483647 costs, got {size} of 6000000000 bytes"
+    cost_refused(ValueError, message, large, large, (0, 500))
+    message = message.replace("6000000000", "24000000000")
+    cost_refused(ValueError, message, large, large, (0, 500), cost="zncc")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"cost": "ncc"},
+            "cost must be one of ('sad', 'ssd', 'birchfield_tomasi', 'zncc', 'census', "
+            "'census_symmetric'), got 'ncc'",
+        ),
+        ({"window": 0}, "window must be in [1, 1023], got 0"),
+        ({"window": (3, 1024)}, "window must be in [1, 1023], got 1024"),
+        ({"window": (3, 4)}, "window must have odd sides, got 4"),
+        ({"window": (3, 5, 7)}, "window must be one number or two, got 3"),
+        ({"neighborhood": 8}, "neighborhood must have odd sides, got 8"),
+        ({"neighborhood": (1, 67)}, "neighborhood must be in [1, 65], got 67"),
+        ({"neighborhood": 9}, "neighborhood must have 1 to 64 comparisons, got 80"),
+        ({"neighborhood": 1}, "neighborhood must have 1 to 64 comparisons, got 0"),
+        (
+            {"neighborhood": 13, "cost": "census_symmetric"},
+            "neighborhood must have 1 to 64 comparisons, got 84",
+        ),
+        ({"spacing": 0}, "spacing must be in [1, 16], got 0"),
+        ({"spacing": 17}, "spacing must be in [1, 16], got 17"),
+    ],
+)
+def test_options_of_stereo_costs(options, message):
+    cost_refused(ValueError, message, **options)
+
+
+def test_types_of_stereo_costs():
+    cost_refused(TypeError, "window must be an integer, got 3.0", window=3.0)
+    cost_refused(TypeError, "neighborhood must be an integer, got 'a'", neighborhood=("a", 3))
+    cost_refused(TypeError, "spacing must be an integer, got None", spacing=None)
+
+
+def test_sums_of_stereo_costs():
+    flat = FLAT.astype(np.uint8)
+    for cost in ("ssd", "zncc"):
+        message = f"window must keep the sums of integers below 2^31, got up to {255**2 * 183**2}"
+        cost_refused(ValueError, message, flat, flat, cost=cost, window=183)

@@ -12,11 +12,12 @@ from reference import edges as edges_reference
 from reference import filters as filters_reference
 from reference import gradients as gradients_reference
 from reference import rank as rank_reference
+from reference import stereo_cost as stereo_reference
 
 from cvkern._runtime import KERNEL_SETS
-from cvkern.kernels.codes import Border, Edge, Norm, Thinning
+from cvkern.kernels.codes import Border, Cost, Edge, Norm, Subpixel, Thinning
 
-F32, I32, U8 = np.float32, np.int32, np.uint8
+F32, I32, U8, U16, U64 = np.float32, np.int32, np.uint8, np.uint16, np.uint64
 
 
 class Primitives:
@@ -313,6 +314,119 @@ def test_subpixel_edges(kernels, shape):
     y, x = pixels.T
     np.testing.assert_array_equal(strength, np.sqrt(dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]))
     np.testing.assert_array_equal(orientation, gradients_reference.orientation(dy[y, x], dx[y, x]))
+
+
+# ------------------------------------------------------------------------------- stereo costs
+
+
+def stereo_pair(height, width, channels, dtype, seed=0):
+    """Two noisy views of a texture, two pixels apart."""
+    rng = np.random.default_rng(seed)
+    left = rng.integers(0, 256, (height, width, channels))
+    right = (np.roll(left, -2, 1) + rng.integers(-9, 10, left.shape)).clip(0, 255)
+    if dtype == F32:
+        left, right = left + rng.random(left.shape), right + rng.random(left.shape)
+    return left.astype(dtype), right.astype(dtype)
+
+
+PAIRS = [(1, 1, 1), (1, 70, 2), (19, 1, 1), (40, 66, 3)]
+WINDOWED = [(0, 1, (0, 0)), (-5, 33, (10, 2)), (3, 140, (1, 10))]  # first, count, radii
+
+
+@pytest.mark.parametrize("symmetric", [False, True])
+@pytest.mark.parametrize("dtype", [U8, F32])
+@pytest.mark.parametrize("shape", PAIRS)
+def test_census(kernels, shape, dtype, symmetric):
+    image, _ = stereo_pair(*shape, dtype)
+    for radii, spacing in (((2, 2), 1), ((3, 4), 1), ((2, 2), 2), ((0, 32), 1), ((1, 0), 5)):
+        if symmetric and radii == (1, 0):
+            continue
+        got = kernels("stereo_cost.census", image, *radii, spacing, symmetric, out=[(shape, U64)])
+        bits = stereo_reference.census(image, *radii, spacing, symmetric)
+        weights = np.uint64(1) << np.arange(bits.shape[-1], dtype=U64)
+        np.testing.assert_array_equal(got, (bits * weights).sum(-1, dtype=U64))
+
+
+@pytest.mark.parametrize(("first", "count"), [(0, 1), (-5, 33), (3, 140)])
+@pytest.mark.parametrize("shape", PAIRS)
+def test_hamming(kernels, shape, first, count):
+    rng = np.random.default_rng(1)
+    left, right = rng.integers(0, 2**63, (2, *shape)).astype(U64) * U64(2) + U64(1)
+    got = kernels("stereo_cost.hamming", left, right, first, out=[((*shape[:2], count), U8)])
+    partner = (np.arange(shape[1])[:, None] - first - np.arange(count)).clip(0, shape[1] - 1)
+    want = np.bitwise_count(left[:, :, None] ^ right[:, partner]).sum(-1)
+    np.testing.assert_array_equal(got, want)
+
+
+@pytest.mark.parametrize(("first", "count", "radii"), WINDOWED)
+@pytest.mark.parametrize("cost", [Cost.SAD, Cost.SSD, Cost.BIRCHFIELD_TOMASI, Cost.CENSUS])
+@pytest.mark.parametrize("shape", PAIRS)
+def test_window_costs_of_integers(kernels, shape, cost, first, count, radii):
+    left, right = stereo_pair(*shape, U8)
+    octets = 1
+    if cost == Cost.CENSUS:  # of uint64 in whose low three bytes there are bits
+        left, right = (np.repeat(i, 8, 2).view(U64) & U64(0xFFFFFF) for i in (left, right))
+        octets = 3
+    ends = first, first + count
+    if cost == Cost.CENSUS:
+        bits = [np.unpackbits(i.view(U8), axis=2).astype(U8) for i in (left, right)]
+        want = stereo_reference.stereo_cost(*bits, ends, "sad", radii)
+    else:
+        want = stereo_reference.stereo_cost(left, right, ends, cost.name.lower(), radii)
+    for dtype, most in ((U8, 2**8), (U16, 2**16), (F32, 2**31)):
+        if want.max() < most:
+            given = left, right, first, cost, octets, *radii
+            got = kernels("stereo_cost.window_costs", *given, out=[(want.shape, dtype)])
+            np.testing.assert_array_equal(got, want.astype(dtype))
+
+
+@pytest.mark.parametrize("radii", [(0, 0), (10, 2)])
+@pytest.mark.parametrize("cost", [Cost.SAD, Cost.SSD, Cost.BIRCHFIELD_TOMASI])
+@pytest.mark.parametrize("shape", PAIRS)
+def test_window_costs_of_floats(kernels, shape, cost, radii):
+    left, right = stereo_pair(*shape, F32)
+    out = [((*shape[:2], 37), F32)]
+    got = kernels("stereo_cost.window_costs", left, right, -2, cost, 1, *radii, out=out)
+    want = stereo_reference.stereo_cost(left, right, (-2, 35), cost.name.lower(), radii)
+    # As in test_stereo_cost.py: n terms below 257, or that squared.
+    terms = shape[2] * (2 * radii[0] + 1) * (2 * radii[1] + 1)
+    largest = 257.0 ** (2 if cost == Cost.SSD else 1)
+    assert np.abs(got - want).max() <= 2 * terms * (terms + 3) * largest * 2**-24
+
+
+@pytest.mark.parametrize("dtype", [U8, F32])
+@pytest.mark.parametrize("radii", [(1, 1), (0, 3), (7, 2)])
+@pytest.mark.parametrize("shape", PAIRS)
+def test_correlation(kernels, shape, radii, dtype):
+    left, right = stereo_pair(*shape, dtype)
+    out = [((*shape[:2], 37), F32)]
+    got = kernels("stereo_cost.correlation", left, right, -2, *radii, out=out)
+    want = stereo_reference.stereo_cost(left, right, (-2, 35), "zncc", radii)
+    np.testing.assert_allclose(got, want, rtol=0, atol=2.0**-23)  # rounded once, from float64
+
+
+@pytest.mark.parametrize(("first", "count", "radii"), WINDOWED)
+@pytest.mark.parametrize("cost", [Cost.SAD, Cost.BIRCHFIELD_TOMASI, Cost.CENSUS])
+@pytest.mark.parametrize("shape", PAIRS)
+def test_match_windows(kernels, shape, cost, first, count, radii):
+    """What `pick` and `pick_right` find among the costs of windows."""
+    left, right = (image // 16 for image in stereo_pair(*shape, U8))
+    octets = 1
+    if cost == Cost.CENSUS:
+        left, right = (np.repeat(i, 8, 2).view(U64) & U64(0xFFFFFF) for i in (left, right))
+        octets = 3
+    given = left, right, first, count, cost, octets, *radii, Subpixel.PARABOLA, 20
+    size = shape[:2]
+    out = [(size, I32), (size, F32), (size, F32), (size, F32), (size, I32)]
+    got = kernels("window_matching.match_windows", *given, out=out)
+    volume = [((*size, count), U16)]
+    costs = kernels(
+        "stereo_cost.window_costs", left, right, first, cost, octets, *radii, out=volume
+    )
+    want = kernels("semi_global.pick", costs, first, Subpixel.PARABOLA, 20, out=out[:4])
+    right_want = kernels("semi_global.pick_right", costs, first, out=out[4:])
+    for a, b in zip(got, [*want, right_want], strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 # ---------------------------------------------------------------- the sets against each other
