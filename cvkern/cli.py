@@ -13,6 +13,7 @@ import typer
 import cvkern
 from cvkern.commands import Backend, Device
 from cvkern.commands.edges import edges
+from cvkern.commands.stereo import stereo
 
 app = typer.Typer(
     name="cvkern",
@@ -53,6 +54,7 @@ def _options(
 
 
 app.command()(edges)
+app.command()(stereo)
 
 
 @app.command()

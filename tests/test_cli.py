@@ -44,7 +44,7 @@ def test_version(command):
 def test_help_names_every_command(command):
     code, out, _ = command("--help")
     assert code == 0
-    assert all(name in out for name in ("doctor", "edges", "tour", "warmup"))
+    assert all(name in out for name in ("doctor", "edges", "stereo", "tour", "warmup"))
 
 
 def test_edges(command, photo, tmp_path):
