@@ -9,7 +9,12 @@ import warp as wp
 
 import cvkern.kernels.warp as kernels
 
-MODULES = [m.name for m in pkgutil.iter_modules(kernels.__path__) if m.name.endswith("_blocks")]
+ON_USE = {"_paths_blocks", "_semi_global_blocks"}  # all their kernels are made when first used
+MODULES = [
+    m.name
+    for m in pkgutil.iter_modules(kernels.__path__)
+    if m.name.endswith("_blocks") and m.name not in ON_USE
+]
 
 
 @pytest.mark.parametrize("name", [*MODULES, "_edges_points"])
@@ -21,3 +26,45 @@ def test_compiles_for_hopper(name, tmp_path):
     assert ".target sm_90" in code
     if name != "_edges_points":  # whose logarithm is CUDA's own
         assert "fma.rn.f32" not in code  # equal bits: no product is fused with a sum
+
+
+def stereo_kernels():
+    """Kernels of semi-global matching that are compiled when they are first used."""
+    from cvkern.kernels.warp import _match_blocks as match
+    from cvkern.kernels.warp import _match_costs_blocks as match_costs
+    from cvkern.kernels.warp import _paths_blocks as paths
+    from cvkern.kernels.warp import _semi_global_blocks as semi_global
+    from cvkern.kernels.warp import _winner_blocks as winner
+
+    byte, word = wp.uint8, wp.uint16
+    yield match_costs.match_costs_kernel()
+    for scalar in (byte, word, wp.float32):
+        yield winner.pick(scalar)
+        yield winner.pick_right(scalar)
+    for scalar in (byte, word):
+        yield semi_global.pad(scalar)
+    for scalar, line, depth in ((byte, byte, 1), (byte, word, 100), (word, byte, 500)):
+        for adaptive, whole in ((True, False), (False, True)):
+            yield paths.walk(scalar, line, *paths.lanes(depth), adaptive, whole)
+        yield semi_global.collect(scalar, line, 4)
+    for line, count, depth in ((byte, 4, 1), (byte, 8, 128), (word, 8, match.MOST_DISPARITIES)):
+        yield match.winners(line, count, *match.tile(depth))
+
+
+@pytest.mark.parametrize("arch", [75, 90])
+def test_stereo_compiles(arch, tmp_path):
+    """To machine code: there are registers and shared memory enough, before and since Hopper."""
+    kernels.start("cpu", None)
+    for n, kernel in enumerate(stereo_kernels()):
+        (cubin,) = wp.compile_aot_module(
+            kernel.module, arch=arch, module_dir=tmp_path / f"{n}", use_ptx=False
+        )
+        assert Path(cubin).stat().st_size > 0
+
+
+def test_stereo_fuses_no_product_with_a_sum(tmp_path):
+    kernels.start("cpu", None)
+    for n, kernel in enumerate(stereo_kernels()):
+        folder = tmp_path / f"{n}"
+        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
+        assert "fma.rn.f32" not in Path(ptx).read_text()

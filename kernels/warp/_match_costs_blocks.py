@@ -51,7 +51,7 @@ _COSTS = """
 
 
 @lru_cache
-def _match_costs() -> wp.Kernel:
+def match_costs_kernel() -> wp.Kernel:
     """Return the kernel, which is compiled when it is first used."""
     text = text_of(
         _COSTS,
@@ -115,7 +115,7 @@ def match_costs(
     threads = height * -(-width // 16) * -(-padded // 16)
     aligned = padded % 16 == 0 and costs.ptr % 16 == 0
     launch(
-        _match_costs(),
+        match_costs_kernel(),
         -(-threads // BLOCK) * BLOCK,
         [words, first, depth, aligned],
         [costs],
