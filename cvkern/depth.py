@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import runtime
-from cvkern._validate import check_dtype, check_image, check_number, check_positive
+from cvkern._validate import MAX_ELEMENTS, check_dtype, check_image, check_number, check_positive
 
 
 class PointCloud(NamedTuple):
@@ -129,7 +130,7 @@ def points_from_disparity(disparity: Any, q: Any) -> Any:
     TypeError
         If `disparity` does not hold real numbers.
     ValueError
-        If `disparity` is empty or not 2-D, or `q` is not a 4 x 4 matrix of numbers that are finite
+        If `disparity` is empty, not 2-D or too large, or `q` is not a 4 x 4 matrix of numbers that are finite
         in float32.
 
     Notes
@@ -145,7 +146,7 @@ def points_from_disparity(disparity: Any, q: Any) -> Any:
             [ 0.  ,  0.  ,  4.  ],
             [ 0.02,  0.  ,  2.  ]]], dtype=float32)
     """
-    disparity = check_image(disparity, name="disparity")
+    disparity = _check_disparity(disparity)
     matrix = _matrix(q)
     rt = runtime(disparity)
     points = rt.empty((*disparity.shape, 3))
@@ -187,7 +188,7 @@ def point_cloud(disparity: Any, q: Any, image: Any, valid: Any = None) -> PointC
     array([[10, 10, 10],
            [30, 30, 30]], dtype=uint8)
     """
-    disparity = check_image(disparity, name="disparity")
+    disparity = _check_disparity(disparity)
     image = check_image(image, ndim=(2, 3))
     matrix, shape = _matrix(q), tuple(disparity.shape)
     if tuple(image.shape) not in (shape, (*shape, 3)):
@@ -218,6 +219,17 @@ def point_cloud(disparity: Any, q: Any, image: Any, valid: Any = None) -> PointC
         views = rt.adopt(cloud.points), rt.adopt(cloud.colors, np.uint8)
         rt.depth.gather_points(points, mask, channels, rt.adopt(starts, np.int32), *views)
     return PointCloud(*(rt.release(a) for a in cloud))
+
+
+def _check_disparity(disparity: Any) -> Any:
+    """Return a disparity map whose points kernels can index: three numbers each."""
+    disparity = check_image(disparity, name="disparity")
+    if 3 * math.prod(disparity.shape) > MAX_ELEMENTS:
+        raise ValueError(
+            f"disparity must have at most {MAX_ELEMENTS // 3} elements, "
+            f"got shape {tuple(disparity.shape)}"
+        )
+    return disparity
 
 
 def _matrix(q: Any) -> np.ndarray:

@@ -317,6 +317,13 @@ def test_numbers_of_cameras():
         refused(ValueError, message, cvkern.reprojection_matrix, 1, 1, *values)
 
 
+def test_disparities_of_too_many_points():
+    large = np.broadcast_to(np.float32(1), (2**14, 2**14))
+    message = "disparity must have at most 178956970 elements, got shape (16384, 16384)"
+    refused(ValueError, message, cvkern.points_from_disparity, large, Q)
+    refused(ValueError, message, cvkern.point_cloud, large, Q, FLAT)
+
+
 @pytest.mark.parametrize("name", ["points_from_disparity", "point_cloud"])
 def test_reprojection(name):
     function, rest = getattr(cvkern, name), (FLAT,) * (name == "point_cloud")
