@@ -130,8 +130,8 @@ def points_from_disparity(disparity: Any, q: Any) -> Any:
     TypeError
         If `disparity` does not hold real numbers.
     ValueError
-        If `disparity` is empty, not 2-D or too large, or `q` is not a 4 x 4 matrix of numbers that are finite
-        in float32.
+        If `disparity` is empty, not 2-D or too large, or `q` is not a 4 x 4 matrix of numbers that
+        are finite in float32.
 
     Notes
     -----

@@ -277,7 +277,7 @@ def test_thresholds(name, options, message):
 Q = np.eye(4)
 
 
-def test_disparities():
+def test_disparity_maps():
     gray = np.zeros((4, 5), np.uint8)
     for call in (
         lambda x: cvkern.disparity_to_depth(x, 1, 1),
