@@ -12,10 +12,11 @@ from reference import edges as edges_reference
 from reference import filters as filters_reference
 from reference import gradients as gradients_reference
 from reference import rank as rank_reference
+from reference import semi_global as semi_global_reference
 from reference import stereo_cost as stereo_reference
 
 from cvkern._runtime import KERNEL_SETS
-from cvkern.kernels.codes import Border, Cost, Edge, Norm, Subpixel, Thinning
+from cvkern.kernels.codes import CENSUS_BITS, Border, Cost, Edge, Norm, Subpixel, Thinning
 
 F32, I32, U8, U16, U64 = np.float32, np.int32, np.uint8, np.uint16, np.uint64
 
@@ -427,6 +428,69 @@ def test_match_windows(kernels, shape, cost, first, count, radii):
     right_want = kernels("semi_global.pick_right", costs, first, out=out[4:])
     for a, b in zip(got, [*want, right_want], strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+# ----------------------------------------------------------------------- semi-global matching
+
+
+@pytest.mark.parametrize("paths", [4, 8, 16])
+@pytest.mark.parametrize(
+    ("dtype", "most", "p2_max"), [(U8, 255, 90), (U8, 255, 400), (U16, 1500, 200), (U16, 900, 900)]
+)
+@pytest.mark.parametrize("shape", [(1, 1, 1), (6, 9, 16), (9, 5, 45), (4, 19, 130), (2, 3, 600)])
+def test_aggregate(kernels, shape, dtype, most, p2_max, paths):
+    """By one byte a path and two, with disparities that fill their lanes and that do not."""
+    rng = np.random.default_rng(0)
+    costs = rng.integers(0, most + 1, shape).astype(dtype)
+    p2 = rng.integers(30, p2_max + 1, 256).astype(U16)
+    p2[7] = p2_max
+    for guide in (rng.integers(0, 256, shape[:2]).astype(U8), np.zeros((1, 1), U8)):
+        seen = guide if guide.shape == shape[:2] else None
+        want = semi_global_reference.aggregate(costs, seen, 30, p2, paths)
+        for top, rows in ((0, shape[0]), (shape[0] // 3, (shape[0] + 1) // 2)):
+            given = costs, guide, 30, p2, p2_max, paths, top
+            got = kernels("semi_global.aggregate", *given, out=[((rows, *shape[1:]), U16)])
+            np.testing.assert_array_equal(got, want[top : top + rows])
+
+
+@pytest.mark.parametrize("first", [-3, 0, 40])
+@pytest.mark.parametrize("shape", [(1, 1, 1), (7, 11, 16), (3, 70, 37), (2, 5, 300)])
+def test_match_costs(kernels, shape, first):
+    rng = np.random.default_rng(1)
+    bits = rng.integers(0, 1 << CENSUS_BITS, (2, *shape[:2])).astype(U64)
+    grey = rng.integers(0, 256, (2, *shape[:2])).astype(U8)
+    got = kernels("semi_global.match_costs", *bits, *grey, first, out=[(shape, U8)])
+    for k in range(shape[2]):
+        there = np.clip(np.arange(shape[1]) - first - k, 0, shape[1] - 1)
+        differ = (bits[0] ^ bits[1][:, there])[..., None].view(U8)
+        count = np.unpackbits(differ, axis=-1).sum(-1)
+        grey_difference = np.abs(grey[0].astype(int) - grey[1][:, there]) // 2
+        np.testing.assert_array_equal(got[..., k], 2 * count + np.minimum(grey_difference, 20))
+
+
+@pytest.mark.parametrize(("paths", "p2_max"), [(4, 80), (8, 80), (8, 300), (16, 80)])
+@pytest.mark.parametrize(
+    ("shape", "first"), [((1, 1, 1), 0), ((6, 40, 16), -5), ((5, 33, 45), 3), ((3, 9, 130), 0)]
+)
+def test_match_is_its_steps_in_one(kernels, shape, first, paths, p2_max):
+    rng = np.random.default_rng(2)
+    bits = rng.integers(0, 1 << CENSUS_BITS, (2, *shape[:2])).astype(U64)
+    grey = rng.integers(0, 256, (2, *shape[:2])).astype(U8)
+    p2 = np.linspace(p2_max, 20, 256).astype(U16)
+    top = shape[0] // 3
+    size = (shape[0] + 1) // 2, shape[1]
+    costs = kernels("semi_global.match_costs", *bits, *grey, first, out=[(shape, U8)])
+    sums = semi_global_reference.aggregate(costs, grey[0], 20, p2, paths)
+    sums = sums[top : top + size[0]].astype(U16)
+    out = [(size, I32), (size, F32), (size, F32), (size, F32), (size, I32)]
+    for subpixel, uniqueness in ((Subpixel.PARABOLA, 0), (Subpixel.NONE, 20)):
+        given = first, shape[2], 20, p2, p2_max, paths, subpixel, uniqueness, top
+        got = kernels("semi_global.match", *bits, *grey, *given, out=out)
+        want = kernels("semi_global.pick", sums, first, subpixel, uniqueness, out=out[:4])
+        right = kernels("semi_global.pick_right", sums, first, out=out[4:])
+        np.testing.assert_array_equal(right, semi_global_reference.pick_right(sums, first))
+        for a, b in zip(got, [*want, right], strict=True):
+            np.testing.assert_array_equal(a, b)
 
 
 # ---------------------------------------------------------------- the sets against each other
