@@ -154,7 +154,7 @@ def turntable(
     if point_size is None:
         point_size = COVER * max(1.0, math.sqrt(height * width / len(seen)))
     # Samples are finer than pixels: theirs are the places in between.
-    lens = SAMPLES * focal, *(SAMPLES * c + 0.5 * (SAMPLES - 1) for c in (cx, cy))
+    focal, (cx, cy) = SAMPLES * focal, (SAMPLES * c + 0.5 * (SAMPLES - 1) for c in (cx, cy))
 
     rt = runtime(points, colors)
     cloud, paint = rt.adopt(places), rt.adopt(tints, np.uint8)
@@ -163,7 +163,7 @@ def turntable(
     movie = np.empty((count, height, width, 3), np.uint8)
     for k in range(count):
         pose = rt.adopt(_pose(k / count, swing, pivot))
-        rt.clouds.splat(cloud, pose, *lens, SAMPLES * point_size, keys)
+        rt.clouds.splat(cloud, pose, focal, cx, cy, SAMPLES * point_size, keys)
         rt.clouds.shade(keys, paint, rt.constant(behind), SAMPLES, image)
         movie[k] = rt.to_numpy(image)
     return movie
