@@ -164,6 +164,10 @@ def match_costs(
     for (int j = begin; j < end; ++j) {{
         const int x = step > 0 ? j : columns - 1 - j;
         {_PIXEL}
+        if (row >= 0) {{
+            const unsigned short* soon = sums.data + ((size_t)row * columns + x) * padded;
+            for (int d = 0; d < padded; d += 32) __builtin_prefetch(soon + d);
+        }}
         unsigned short* to = costs.data + (size_t)slab * costs.shape[1] + (j - begin) * padded;
         for (int d = 0; d < count; d += VECTOR) {{
             {_COST}
@@ -183,9 +187,11 @@ def make_costs(
     left: wp.array2d[wp.uint8],
     unfolded: wp.array2d[wp.uint8],
     count: int,
+    row: int,
+    sums: wp.array3d[wp.uint16],
     costs: wp.array2d[wp.uint16],
 ):
-    """Costs of the next pixels of row i of a sweep."""
+    """Costs of the next pixels of row i of a sweep; have their sums of a row >= 0 fetched."""
 
 
 _DECIDE = f"""
@@ -328,13 +334,18 @@ def _sweep(paths: Sequence[tuple[int, int]]) -> wp.Kernel:
                 begin = wp.max(0, u - lean * i)
                 end = wp.min(columns, u + BLOCK - lean * i)
                 if begin < end:
-                    make_costs(slab, i, begin, end, step, left_bits, left, unfolded, count, costs)
+                    row = wp.where(step > 0, i, height - 1 - i) - top
+                    kept = row >= 0 and row < index.shape[0]
+                    fetched = wp.where(kept and add, row, -1)
+                    make_costs(
+                        slab, i, begin, end, step, left_bits, left, unfolded, count, fetched,
+                        sums, costs,
+                    )  # fmt: skip
                     advance(
                         slab, i, begin, end, step, costs, left, p1, p2, height, columns, slots,
                         totals,
                     )  # fmt: skip
-                    row = wp.where(step > 0, i, height - 1 - i) - top
-                    if row >= 0 and row < index.shape[0]:
+                    if kept:
                         if last:
                             decide(
                                 slab, row, begin, end, totals, sums, first, count, subpixel,

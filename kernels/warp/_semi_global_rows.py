@@ -28,7 +28,7 @@ wp.set_module_options({"enable_backward": False})
 
 BLOCK = 32  # diagonals
 STRIP = 16  # rows
-HEADER = 32
+HEADER = 32  # a cache line, half of it below L(-1)
 PAD = 0x4000
 PADDED = 32  # the padded number of disparities is a multiple of this
 
@@ -37,23 +37,14 @@ STRAIGHT = ((0, 1), (1, 0))
 DIAGONAL = ((1, 1), (1, -1))
 KNIGHT = ((1, 2), (1, -2), (2, 1), (2, -1))
 
-# `lanes` are as wide as the registers that compilers use.
 _LANES = """
     typedef unsigned short u16;
-    #if defined(__AVX512BW__)
-    typedef u16 lanes __attribute__((vector_size(64), aligned(2)));
-    #define UP(a, b) __builtin_shufflevector(a, b, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, \\
-        42, 43, 44, 45, 46, 47, 48, 49, 50, 51, 52, 53, 54, 55, 56, 57, 58, 59, 60, 61, 62)
-    #define DOWN(a, b) __builtin_shufflevector(a, b, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, \\
-        14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31, 32)
-    #else
     typedef u16 lanes __attribute__((vector_size(32), aligned(2)));
+    const int WIDTH = sizeof(lanes) / sizeof(u16);
     #define UP(a, b) __builtin_shufflevector(a, b, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, \\
         26, 27, 28, 29, 30)
     #define DOWN(a, b) __builtin_shufflevector(a, b, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, \\
         14, 15, 16)
-    #endif
-    const int WIDTH = sizeof(lanes) / sizeof(u16);
 """
 
 # L(p, d) = C(p, d) + min(L(q, d), L(q, d - 1) + P1, L(q, d + 1) + P1, m + P2) - m, where q comes
@@ -120,13 +111,20 @@ _ADVANCE = (
 """
 )
 
-# The next pixels of row i into the block's costs, as uint16.
+# The next pixels of row i into the block's costs, as uint16. What the block needs soon is called
+# from memory on the way: the sums of the pixels, where there are any, and the costs one row ahead.
 _FILL = """
     const int height = volume.shape[0], columns = volume.shape[1], depth = volume.shape[2];
     const int padded = costs.shape[1] / BLOCK, y = step > 0 ? i : height - 1 - i;
     for (int j = begin; j < end; ++j) {
         const int x = step > 0 ? j : columns - 1 - j;
         const TYPE* from = volume.data + ((size_t)y * columns + x) * depth;
+        if (row >= 0) {
+            const unsigned short* soon = sums.data + ((size_t)row * columns + x) * depth;
+            for (int d = 0; d < depth; d += 32) __builtin_prefetch(soon + d);
+        }
+        const TYPE* below = from + (long long)step * columns * depth;
+        for (int d = 0; d < depth; d += 64 / sizeof(TYPE)) __builtin_prefetch(below + d);
         unsigned short* to = costs.data + (size_t)slab * costs.shape[1] + (j - begin) * padded;
         #pragma clang loop vectorize(assume_safety)
         for (int d = 0; d < depth; ++d) to[d] = from[d];
@@ -255,6 +253,8 @@ def _sweep(scalar: Any, c_type: str, paths: Sequence[tuple[int, int]]) -> wp.Ker
         end: int,
         step: int,
         volume: wp.array3d[scalar],
+        row: int,
+        sums: wp.array3d[wp.uint16],
         costs: wp.array2d[wp.uint16],
     ): ...
 
@@ -291,7 +291,10 @@ def _sweep(scalar: Any, c_type: str, paths: Sequence[tuple[int, int]]) -> wp.Ker
                 begin = wp.max(0, u - lean * i)
                 end = wp.min(columns, u + BLOCK - lean * i)
                 if begin < end:
-                    fill(slab, i, begin, end, step, volume, costs)
+                    row = wp.where(step > 0, i, height - 1 - i) - top
+                    kept = row >= 0 and row < sums.shape[0]
+                    fetched = wp.where(add and kept, row, -1)
+                    fill(slab, i, begin, end, step, volume, fetched, sums, costs)
                     advance(
                         slab,
                         i,
@@ -307,8 +310,7 @@ def _sweep(scalar: Any, c_type: str, paths: Sequence[tuple[int, int]]) -> wp.Ker
                         slots,
                         totals,
                     )
-                    row = wp.where(step > 0, i, height - 1 - i) - top
-                    if row >= 0 and row < sums.shape[0]:
+                    if kept:
                         collect(slab, row, begin, end, step, totals, add, sums)
             task = finish_task(task, strips, blocks, tasks)
             if task < 0:
