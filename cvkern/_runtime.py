@@ -102,11 +102,13 @@ class Runtime:
         from cvkern.kernels.warp import (
             clouds,
             depth,
+            disparity,
             edges,
             filters,
             gradients,
             rank,
             semi_global,
+            stereo,
             stereo_cost,
             window_matching,
         )

@@ -53,9 +53,7 @@ def left_right_check(disparity: Any, right: Any, *, tolerance: float = 1.0) -> A
     tolerance = check_number(tolerance, "tolerance", low=0)
     rt = runtime(disparity, right)
     checked = rt.empty(shape)
-    rt.disparity.left_right(
-        rt.adopt(disparity), rt.adopt(right), 0, tolerance, rt.adopt(checked)
-    )
+    rt.disparity.left_right(rt.adopt(disparity), rt.adopt(right), 0, tolerance, rt.adopt(checked))
     return rt.release(checked)
 
 

@@ -36,9 +36,7 @@ def _gray_bytes(scalar: Any, text: str) -> wp.Kernel:
     """Return the kernel for images of one type."""
 
     @wp.func_native(text)
-    def gray_row(
-        image: wp.array3d[scalar], row: int, scale: float, gray: wp.array2d[wp.uint8]
-    ): ...
+    def gray_row(image: wp.array3d[scalar], row: int, scale: float, gray: wp.array2d[wp.uint8]): ...
 
     @wp.kernel
     def gray_bytes(

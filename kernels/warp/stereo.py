@@ -16,6 +16,6 @@ def gray_bytes(image: wp.array, scale: float, gray: wp.array) -> None:
     if gray.device.is_cuda:
         launch(blocks.gray_bytes[image.dtype], gray.size, [image, scale], [gray])
         return
-    height, width, channels = image.shape
+    height = gray.shape[0]
     kernel = rows.gray_bytes[image.dtype]
     launch_slabs(kernel, height, slabs(height, image.size), [image, scale], [gray])
