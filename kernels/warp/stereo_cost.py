@@ -6,8 +6,10 @@ On the CPU a row at a time, many disparities in a vector; on CUDA a thread for s
 import warp as wp
 
 from ..codes import Cost
+from . import _census_blocks as census_blocks
 from . import _census_rows as census_rows
 from . import _correlation_rows as correlation_rows
+from . import _window_blocks as window_blocks
 from . import _window_rows as window_rows
 from ._launch import launch_slabs, scratch, slabs
 
@@ -16,6 +18,9 @@ def census(
     image: wp.array, radius_y: int, radius_x: int, spacing: int, symmetric: bool, bits: wp.array
 ) -> None:
     """Census transform of each channel of uint8 or float32 (H, W, C), one bit a comparison."""
+    if image.device.is_cuda:
+        census_blocks.census(image, radius_y, radius_x, spacing, symmetric, bits)
+        return
     height, width, step = image.shape
     size = 2 * radius_y * spacing + 1
     count = slabs(height, image.size * (2 * radius_y + 1) * (2 * radius_x + 1))
@@ -33,6 +38,9 @@ def census(
 
 def hamming(left: wp.array, right: wp.array, first: int, costs: wp.array) -> None:
     """Bits that differ between the pixels of a pair, for each disparity from `first` on."""
+    if left.device.is_cuda:
+        census_blocks.hamming(left, right, first, costs)
+        return
     height, width, step = left.shape
     count = slabs(height, costs.size)
     shape = (count * step, width + costs.shape[2] - 1)
@@ -52,9 +60,12 @@ def window_costs(
 ) -> None:
     """Sum a cost over windows of (H, W, C), for each disparity from `first` on.
 
-    Pixels are uint8 or float32 with 1 octet, or uint64 of which the lowest octets are compared, by
-    CENSUS. Sums of integers must fit into uint8 or uint16 costs, or into int32 for float32 ones.
+    Pixels are uint8 or float32 with 1 octet, or uint64 for CENSUS with bits in the lowest octets
+    only. Sums of integers must fit into uint8 or uint16 costs, or into int32 for float32 ones.
     """
+    if left.device.is_cuda:
+        window_blocks.window_costs(left, right, first, cost, radius_y, radius_x, costs)
+        return
     height = left.shape[0]
     count = slabs(height, costs.size)
     sums = window_rows.sums_dtype(left.dtype, costs.dtype)
@@ -75,6 +86,9 @@ def correlation(
 
     Sums of products of uint8 must fit into int32.
     """
+    if left.device.is_cuda:
+        window_blocks.correlation(left, right, first, radius_y, radius_x, costs)
+        return
     height, width, channels = left.shape
     pixel, device = left.dtype, left.device
     wide = width + 2 * radius_x
