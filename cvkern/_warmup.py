@@ -47,3 +47,10 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
             for window in (1, 3, 17):  # costs of uint8, uint16 and float32
                 pair = partial(cvkern.stereo_cost, image, image, (0, 4), cost=cost, window=window)
                 yield "stereo_cost", pair
+    deep = noise[..., None] + np.arange(5)
+    for costs in (deep.astype(np.uint8), deep.astype(np.uint16)):
+        for paths in (4, 8, 16):
+            sums = partial(cvkern.aggregate_semi_global, costs, 5, 50, paths=paths)
+            yield "aggregate_semi_global", sums
+        yield "winner_take_all", partial(cvkern.winner_take_all, costs)
+    yield "winner_take_all", partial(cvkern.winner_take_all, deep.astype(np.float32))

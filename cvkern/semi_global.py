@@ -59,10 +59,10 @@ def aggregate_semi_global(
     paths : {4, 8, 16}, default 8
         Directions: along rows and columns, diagonals as well, knight's moves as well.
     guide : array of shape (H, W), uint8, optional
-        An image, mostly the left one of the pair. Where its values differ by g from a pixel to the
-        next on a path, the penalty is ``max(p1, floor(p2 * contrast / (contrast + g)))`` in place of `p2`,
-        for depth changes where brightness does.
-    contrast : float, default 20
+        An image, mostly the left one of the pair: depth changes where brightness does. Where its
+        values differ by g from a pixel to the next on a path, the penalty in place of `p2` is
+        ``max(p1, floor(p2 * contrast / (contrast + g)))``.
+    contrast : float, default 20.0
         Difference of the guide's values that halves `p2`.
     largest_cost : int, optional
         What no cost exceeds; sums are meaningless where one does. Otherwise 255 for uint8, and
@@ -260,6 +260,15 @@ def aggregation_bytes(device: str, height: int, width: int, depth: int, paths: i
         return 2 * 6 * (height + width) * (padded + 32)
     lines = min(paths, _VOLUMES) * (1 if p2 < 256 else 2)
     return height * width * padded * (lines + 2)
+
+
+def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
+    """Return at most how many bytes the work of a whole match takes, costs and sums included."""
+    padded = -(-depth // 32) * 32
+    right = height * (4 * (width + padded) + 4 * (width + 2 * padded))
+    volumes = 2 if device == "cpu" else 3
+    work = aggregation_bytes(device, height, width, depth, paths, p2)
+    return work + volumes * height * width * padded + right
 
 
 def _check_depth(depth: int) -> None:

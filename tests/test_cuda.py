@@ -252,6 +252,42 @@ def test_stereo_costs_of_the_callers_arrays(library, kernels):
     np.testing.assert_array_equal(take(got), want)
 
 
+@pytest.mark.parametrize("paths", [4, 8, 16])
+@pytest.mark.parametrize("shape", [(1, 1, 1), (1, 9, 33), (37, 53, 70), (60, 130, 128)])
+def test_semi_global_is_that_of_the_cpu(shape, paths, kernels):
+    rng = np.random.default_rng(6)
+    guide = rng.integers(0, 256, shape[:2]).astype(np.uint8)
+    for dtype, p2 in ((np.uint8, 90), (np.uint8, 700), (np.uint16, 90)):
+        costs = rng.integers(0, 200, shape).astype(dtype)
+        for image in (None, guide):
+
+            def call(x, image=image, p2=p2):
+                sums = cvkern.aggregate_semi_global(x, 10, p2, paths=paths, guide=image)
+                return sums, *cvkern.winner_take_all(sums, first=-5, uniqueness=7)
+
+            assert_equal_bits(on_gpu(call, costs, kernels), reference(call, costs))
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_semi_global_of_the_callers_arrays(library, kernels):
+    rng = np.random.default_rng(7)
+    costs = rng.integers(0, 200, (300, 30, 20)).astype(np.uint16)
+    guide = rng.integers(0, 256, costs.shape[:2]).astype(np.uint8)
+    given, image = give(library, costs), give(library, guide)
+    sums = cvkern.aggregate_semi_global(given, 10, 90, guide=image)
+    assert type(sums) is type(given)
+    assert device_of(sums) == device_of(given)
+    want = cvkern.aggregate_semi_global(costs, 10, 90, guide=guide)
+    np.testing.assert_array_equal(take(sums), want)
+    disparity = cvkern.winner_take_all(sums).disparity
+    np.testing.assert_array_equal(take(disparity), cvkern.winner_take_all(want).disparity)
+    # Strips that the volumes of eight paths over 260 rows of 32 disparities fit into.
+    few = 2 * costs.size + 260 * 30 * 32 * 10
+    sums = cvkern.aggregate_semi_global(given, 10, 90, guide=image, max_bytes=few)
+    assert type(sums) is type(given)
+    assert take(sums).shape == costs.shape
+
+
 @pytest.mark.parametrize("name", ["gaussian", "gradient", "median", "canny"])
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_arrays_come_back_as_they_went_in(library, name, kernels):

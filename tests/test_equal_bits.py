@@ -158,3 +158,22 @@ def test_stereo_cost(shape, dtype, scale, seed, cost, radii, first, count, chann
             window=tuple(2 * r + 1 for r in radii), neighborhood=(5, 7), channel_axis=-1,
         )
     )  # fmt: skip
+
+
+@given(shapes, st.integers(1, 70), st.sampled_from([4, 8, 16]), st.integers(0, 60),
+       st.integers(0, 400), st.booleans(), st.sampled_from(["uint8", "uint16"]), seeds,
+       st.sampled_from([False, True, "equiangular"]), st.integers(0, 99))  # fmt: skip
+def test_semi_global(shape, depth, paths, p1, more, guided, dtype, seed, subpixel, uniqueness):
+    costs = noise(shape[0] // 3 + 1, shape[1] // 3 + 1, depth, dtype="uint8", seed=seed)
+    guide = noise(*costs.shape[:2], dtype="uint8", seed=seed) if guided else None
+    sums, *_ = assert_equal_bits(
+        lambda: cvkern.aggregate_semi_global(
+            costs.astype(dtype), p1, p1 + more, paths=paths, guide=guide
+        )
+    )
+    for volume in (costs, sums, sums.astype(np.float32) / np.float32(7)):
+        assert_equal_bits(
+            lambda volume=volume: cvkern.winner_take_all(
+                volume, first=-depth // 2, subpixel=subpixel, uniqueness=uniqueness
+            )
+        )

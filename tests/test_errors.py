@@ -600,3 +600,97 @@ def test_sums_of_stereo_costs():
     for cost in ("ssd", "zncc"):
         message = f"window must keep the sums of integers below 2^31, got up to {255**2 * 183**2}"
         cost_refused(ValueError, message, flat, flat, cost=cost, window=183)
+
+
+# --- semi-global aggregation and winners ---------------------------------------------------------
+
+COSTS = np.zeros((4, 5, 6), np.uint8)
+
+
+def sums_refused(error, message, costs=COSTS, p1=5, p2=20, **options):
+    refused(error, message, cvkern.aggregate_semi_global, costs, p1, p2, **options)
+
+
+@pytest.mark.parametrize("function", ["aggregate_semi_global", "winner_take_all"])
+def test_volumes(function):
+    call = getattr(cvkern, function)
+    options = (5, 20) if function == "aggregate_semi_global" else ()
+    for wrong, rule in (
+        (COSTS[0], "3-D, got shape (5, 6)"),
+        (np.zeros((4, 0, 6), np.uint8), "not be empty, got shape (4, 0, 6)"),
+    ):
+        rule = f"costs must {'' if rule.startswith('not') else 'be '}{rule}"
+        refused(ValueError, rule, call, wrong, *options)
+    large = np.broadcast_to(np.uint8(0), (2048, 2048, 512))
+    message = "costs must have at most 2147483647 elements, got shape (2048, 2048, 512)"
+    refused(ValueError, message, call, large, *options)
+    deep = np.broadcast_to(np.uint8(0), (1, 1, 32769))
+    message = "costs must have at most 32768 disparities, got 32769"
+    refused(ValueError, message, call, deep, *options)
+    message = "costs must hold real numbers, got dtype complex128"
+    refused(TypeError, message, call, COSTS.astype(complex), *options)
+
+
+def test_costs_of_paths():
+    for dtype in ("float32", "int16", "uint32", "bool"):
+        message = f"costs must be uint8 or uint16, got {dtype}"
+        sums_refused(TypeError, message, COSTS.astype(dtype))
+
+
+def test_penalties():
+    sums_refused(ValueError, "p1 must be in [0, 16384], got -1", p1=-1)
+    sums_refused(ValueError, "p2 must be in [0, 16384], got -20", p2=-20)
+    sums_refused(ValueError, "p1 must be <= p2, got 21 > 20", p1=21)
+    sums_refused(TypeError, "p1 must be an integer, got 5.5", p1=5.5)
+    sums_refused(TypeError, "p2 must be an integer, got None", p2=None)
+    for wrong in (0, -3):
+        sums_refused(ValueError, f"contrast must be > 0, got {wrong}", contrast=wrong)
+    sums_refused(ValueError, "contrast must be finite, got nan", contrast=float("nan"))
+
+
+def test_sums_of_paths():
+    message = "paths * (largest_cost + p2) must be < 65536, got "
+    sums_refused(ValueError, message + "8 * (255 + 7937) = 65536", p2=7937)
+    sums_refused(ValueError, message + "16 * (255 + 3841) = 65536", p2=3841, paths=16)
+    wide = COSTS.astype(np.uint16)
+    sums_refused(
+        ValueError, message + "4 * (16364 + 20) = 65536", wide, paths=4, largest_cost=16364
+    )
+    for wrong, dtype, most in ((256, np.uint8, 255), (-1, np.uint16, 65535)):
+        message = f"largest_cost must be in [0, {most}], got {wrong}"
+        sums_refused(ValueError, message, COSTS.astype(dtype), largest_cost=wrong)
+
+
+def test_paths_and_guides():
+    for wrong in (3, 5, "8", None):
+        sums_refused(ValueError, f"paths must be one of (4, 8, 16), got {wrong!r}", paths=wrong)
+    guide = np.zeros((4, 5), np.uint8)
+    sums_refused(ValueError, "guide must have shape (4, 5), got (5, 4)", guide=guide.T)
+    sums_refused(ValueError, "guide must be 2-D, got shape (4, 5, 6)", guide=COSTS)
+    sums_refused(TypeError, "guide must be uint8, got float32", guide=guide.astype(np.float32))
+
+
+def test_memory_of_sums():
+    tall = np.broadcast_to(np.uint8(0), (400, 50, 32))
+    need = 2 * tall.size + 2 * 6 * (64 + 2 * 64 + 50) * 64
+    message = f"max_bytes must be at least {need} for costs of shape (400, 50, 32), got {need - 1}"
+    sums_refused(ValueError, message, tall, max_bytes=need - 1)
+    sums_refused(TypeError, "max_bytes must be an integer, got 1000000.0", max_bytes=1e6)
+
+
+def test_options_of_winners():
+    for options, error, message in (
+        (
+            {"first": 2**24 + 1},
+            ValueError,
+            f"first must be in [-{2**24}, {2**24}], got {2**24 + 1}",
+        ),
+        ({"first": 0.5}, TypeError, "first must be an integer, got 0.5"),
+        ({"uniqueness": 100}, ValueError, "uniqueness must be in [0, 99], got 100"),
+        (
+            {"subpixel": "cubic"},
+            ValueError,
+            "subpixel must be one of ('parabola', 'equiangular'), got 'cubic'",
+        ),
+    ):
+        refused(error, message, cvkern.winner_take_all, COSTS, **options)
