@@ -1,17 +1,17 @@
-"""Semi-global aggregation on the CPU: skewed blocks of columns, on all threads.
+"""Semi-global aggregation on the CPU: tasks of a few diagonals and rows, shared by all threads.
 
 A sweep over the image from its top left corner takes the paths that come from the left, from above
 and from both upper corners; a second one, from the bottom right corner, is the same with the image
 turned by half a turn. Number the diagonals of pixels (i, j), counted from the corner, by u = j + i:
 what comes before a pixel on these paths stands on diagonal u - 1 (left, above), u - 2 (upper left)
-or u (upper right), never on a later one. So the sweep is cut into blocks of BLOCK diagonals, taken
-by the threads in turn. A block goes down the rows behind its neighbour on the left, and waits for
-nothing else: one thread does the blocks one after another, many threads form a pipeline. The
-paths in knight's moves are two more such sweeps, with u = j + 2 i.
+or u (upper right), never on a later one. So a task of STRIP rows of BLOCK diagonals may begin when
+those on its left and above it are done, and many may at a time: _wavefront.py. The paths in
+knight's moves are two more such sweeps, with u = j + 2 i.
 
-L of the last pixel of each chain of pixels along a path is kept in a slot, and updated in place.
-A slot is a header of HEADER numbers with the minimum of L among them, then L over the disparities,
-padded to full vectors. A block of pixels and their slots fit into the processor's second cache.
+L of the last pixel of each chain of pixels along a path is kept in a slot, and updated in place, so
+that a task finds there what it needs of others. A slot is a header of HEADER numbers with the
+minimum of L among them, then L over the disparities, padded to full vectors. The costs and sums of
+a row of a task, and its slots, stay in the processor's first two caches.
 
 All numbers are uint16. The API lets through what has 4 (C + P2) < 2^16 at least, so that L < PAD.
 Padding costs PAD, and its L stays below PAD + P2; nothing here exceeds PAD + P1 + P2 < 2^16.
