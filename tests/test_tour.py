@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+import skimage.data
 from PIL import Image
 
 import cvkern
@@ -76,12 +77,31 @@ def test_pictures(made):
     assert 1000 < orange.sum() < 0.1 * orange.size
 
 
+def test_pictures_of_stereo(made):
+    *_, truth = skimage.data.stereo_motorcycle()
+    known = np.isfinite(truth)
+    shown, right = (
+        read_image(made / f"stereo-{name}.png").astype(int) for name in ("disparity", "truth")
+    )
+    # A pixel of disparity is one colour of 64: less than 20 levels of each channel.
+    assert (np.abs(shown - right).max(-1) < 20)[known].mean() > 0.85
+    assert (right[~known] == 0).all()
+    errors = [read_image(made / f"stereo-errors-{name}.png") for name in ("raw", "matched")]
+    coloured = [(np.ptp(image.astype(int), axis=-1) > 90).sum() for image in errors]
+    assert coloured[0] > 2 * coloured[1] > 10_000
+    with Image.open(made / "stereo-cloud.gif") as film:
+        assert film.n_frames == 40
+        assert film.size == (400, 270)
+
+
 def test_timings(made):
     data = json.loads((made / "timings.json").read_text())
     assert data["made_with"]["cvkern"] == cvkern.__version__
     assert {"Kernels", "Device", "Machine", "Python", "NumPy"} <= set(data["made_with"])
     functions = {t["function"] for t in data["timings"]}
-    assert functions == {"canny", "gradient", "subpixel_edges"}
+    assert functions == {
+        "canny", "disparity_to_depth", "gradient", "stereo_match", "subpixel_edges",
+    }  # fmt: skip
     for timing in data["timings"]:
         assert timing["milliseconds"] > 0
         assert timing["runs"] >= 5
@@ -90,11 +110,10 @@ def test_timings(made):
 def test_page_stands_alone(made):
     tags = parse(made / "index.html")
     images = [attrs for tag, attrs in tags.tags if tag == "img"]
-    pngs = sorted(made.glob("*.png"))
-    assert len(images) == len(pngs) == 9
-    head = "data:image/png;base64,"
-    embedded = {base64.b64decode(attrs["src"].removeprefix(head)) for attrs in images}
-    assert embedded == {png.read_bytes() for png in pngs}
+    files = [*made.glob("*.png"), *made.glob("*.gif")]
+    assert len(images) == len(files) == 24
+    embedded = {base64.b64decode(attrs["src"].partition(";base64,")[2]) for attrs in images}
+    assert embedded == {file.read_bytes() for file in files}
     assert all(attrs["alt"] and attrs["width"] and attrs["height"] for attrs in images)
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in tags.tags}
     text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", (made / "index.html").read_text("utf-8"))

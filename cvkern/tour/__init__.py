@@ -22,13 +22,13 @@ from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
 from cvkern.clouds import write_animation
 from cvkern.images import write_image
-from cvkern.tour import edges, page
+from cvkern.tour import edges, page, stereo
 from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure
 
 __all__ = ["CHAPTERS", "tour"]
 
-CHAPTERS: tuple[Callable[[], Chapter], ...] = (edges.chapter,)
+CHAPTERS: tuple[Callable[[], Chapter], ...] = (edges.chapter, stereo.chapter)
 
 
 def tour(
