@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,7 +39,7 @@ def stereo_match(
     p1: int = 20,
     p2: int = 80,
     contrast: float = 20.0,
-    subpixel: bool | str = True,
+    subpixel: bool | str = "equiangular",
     uniqueness: int = 0,
     left_right: float | None = 1.0,
     speckle_size: int = 100,
@@ -78,8 +77,11 @@ def stereo_match(
         Penalties of the paths for a change of disparity by one, and by more; costs are 0 to 68.
     contrast : float, default 20
         Difference of neighbours in the left image that halves `p2`.
-    subpixel, uniqueness
-        As in :func:`winner_take_all`.
+    subpixel : bool or {'parabola', 'equiangular'}, default 'equiangular'
+        As in :func:`winner_take_all`. Hamming distances grow like absolute differences: two lines
+        fit them better than a parabola does.
+    uniqueness : int, default 0
+        As in :func:`winner_take_all`, in per cent.
     left_right : float or None, default 1.0
         The tolerance of :func:`left_right_check`, in pixels. None does without the check.
     speckle_size : int, default 100

@@ -12,18 +12,18 @@ wp.set_module_options(_OPTIONS)
 
 
 @wp.func
-def disparity_of(value: float, first: int) -> float:
+def itself(value: float, first: int) -> float:
     """Return a disparity."""
     return value
 
 
 @wp.func
-def disparity_of(value: int, first: int) -> float:
+def of_index(value: int, first: int) -> float:
     """Return the disparity of an index, NaN of a negative one."""
     return wp.where(value >= 0, float(first + value), wp.nan)
 
 
-def _left_right(scalar: Any) -> wp.Kernel:
+def _left_right(scalar: Any, disparity_of: Any) -> wp.Kernel:
     """Return the kernel for right disparities of one type."""
 
     @wp.kernel
@@ -50,7 +50,10 @@ def _left_right(scalar: Any) -> wp.Kernel:
     return left_right
 
 
-left_rights = {scalar: _left_right(scalar) for scalar in (wp.int32, wp.float32)}
+left_rights = {
+    wp.int32: _left_right(wp.int32, of_index),
+    wp.float32: _left_right(wp.float32, itself),
+}
 
 
 # Speckles: as hysteresis in _edges_blocks.py, a tree of labels for each region.

@@ -8,13 +8,13 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid
 
 
 @wp.func
-def byte_of(value: wp.uint8, scale: float) -> int:
+def itself(value: wp.uint8, scale: float) -> int:
     """Return a byte as it is."""
     return int(value)
 
 
 @wp.func
-def byte_of(value: float, scale: float) -> int:
+def nearest(value: float, scale: float) -> int:
     """Return the nearest number that a byte holds; 0 for NaN."""
     v = value * scale
     byte = int(0)
@@ -25,7 +25,7 @@ def byte_of(value: float, scale: float) -> int:
     return byte
 
 
-def _gray_bytes(scalar: Any) -> wp.Kernel:
+def _gray_bytes(scalar: Any, byte_of: Any) -> wp.Kernel:
     """Return the kernel for images of one type."""
 
     @wp.kernel
@@ -49,4 +49,7 @@ def _gray_bytes(scalar: Any) -> wp.Kernel:
     return gray_bytes
 
 
-gray_bytes = {scalar: _gray_bytes(scalar) for scalar in (wp.uint8, wp.float32)}
+gray_bytes = {
+    wp.uint8: _gray_bytes(wp.uint8, itself),
+    wp.float32: _gray_bytes(wp.float32, nearest),
+}
