@@ -49,6 +49,10 @@ WRONG = {
     "a field missing": ("gradient_sobel", lambda x: tuple(np.gradient(x))),
     "one pixel": ("canny_l1_noise", lambda x: _one_pixel(CASES["canny_l1_noise"].call(x))),
     "one value": ("median", lambda x: cvkern.median(x, 2, mode="mirror")),
+    "half the disparities": (
+        "stereo_8_paths",
+        lambda x, y: cvkern.stereo_match(x, y, (0, 8)).disparity,
+    ),
     "other thresholds": ("canny_gaussian_noise", lambda x: cvkern.canny(x, 2.0, 0.019, 0.04)),
     "whole pixels": ("subpixel_edges", lambda x: (np.argwhere(cvkern.canny(x, 2.0, 0.02, 0.04)),)),
 }

@@ -130,7 +130,8 @@ def _case(
         bytes_per_pixel=2 + 9,
         operations_per_pixel=128 * operations,  # of 128 disparities
         peers=peers,
-        work=Work("disparities", lambda left, right: left.size * disparities(left.shape)),
+        # Disparity evaluations, as the field counts.
+        work=Work("DE", lambda left, right: left.size * disparities(left.shape)),
         sizes=SIZES,
         most_inputs=4,
     )
