@@ -1,6 +1,7 @@
 """Semi-global aggregation and winner takes all, against NumPy pixel by pixel and closed forms."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from cvkern._strips import OVERLAP, cut_strips
 from cvkern.semi_global import aggregation_bytes, penalties
 
 
-def volume(*shape, dtype=np.uint8, most=200, seed=0):
+def volume(*shape: int, dtype: Any = np.uint8, most: int = 200, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, most, shape, endpoint=True).astype(dtype)
 
 
@@ -160,7 +161,7 @@ def test_strips_of_rows(backend):
     costs[3:] = 20  # what rows know, they know from the first ones
     shape, table = costs.shape, penalties(9, 70, 16.0)
     whole = reference.aggregate(costs, guide, 9, table, 8)
-    enough = 2 * costs.size + aggregation_bytes("cpu", *shape, 8, 70)
+    enough = 2 * costs.size + aggregation_bytes("cpu", *shape, paths=8, p2=70)
     options = {"guide": guide, "contrast": 16.0}
     got = cvkern.aggregate_semi_global(costs, 9, 70, max_bytes=enough, **options)
     np.testing.assert_array_equal(got, whole)
@@ -168,7 +169,7 @@ def test_strips_of_rows(backend):
     strips = cut_strips(
         400,
         2 * costs.size,
-        lambda n: aggregation_bytes("cpu", n, *shape[1:], 8, 70),
+        lambda n: aggregation_bytes("cpu", n, *shape[1:], paths=8, p2=70),
         enough - 1,
         "",
     )

@@ -30,7 +30,9 @@ def path_costs(costs, guide, p1, p2, dy, dx):
 
 def aggregate(costs, guide, p1, p2, paths):
     """Return the sums over all directions."""
-    return sum(path_costs(costs, guide, p1, p2, dy, dx) for dy, dx in DIRECTIONS[paths])
+    return np.sum(
+        [path_costs(costs, guide, p1, p2, dy, dx) for dy, dx in DIRECTIONS[paths]], axis=0
+    )
 
 
 def pick(costs, first, subpixel, uniqueness):
