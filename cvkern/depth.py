@@ -10,6 +10,8 @@ import numpy as np
 from cvkern._runtime import runtime
 from cvkern._validate import MAX_ELEMENTS, check_dtype, check_image, check_number, check_positive
 
+PART = 64  # pixels of a row whose points one thread collects
+
 
 class PointCloud(NamedTuple):
     """Points and their colours, in the order of the pixels."""
@@ -208,10 +210,11 @@ def point_cloud(disparity: Any, q: Any, image: Any, valid: Any = None) -> PointC
     points = rt.scratch("cloud.points", (*shape, 3))
     rt.depth.points(rt.adopt(disparity), rt.constant(matrix), points)
     mask = rt.constant(np.ones((1, 1), np.uint8)) if valid is None else rt.adopt(valid, bool)
-    counts = rt.scratch("cloud.counts", shape[:1], np.int32)
+    parts = shape[0], -(-shape[1] // PART)
+    counts = rt.scratch("cloud.counts", parts, np.int32)
     rt.depth.count_points(points, mask, counts)
     ends = np.cumsum(rt.to_numpy(counts), dtype=np.int32)
-    starts = np.concatenate(([0], ends[:-1]), dtype=np.int32)
+    starts = np.concatenate(([0], ends[:-1]), dtype=np.int32).reshape(parts)
     total = int(ends[-1])
     cloud = PointCloud(rt.empty((total, 3)), rt.empty((total, 3), np.uint8))
     if total:

@@ -8,7 +8,7 @@ from ._rounding import product, quotient
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
-i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 
@@ -100,21 +100,23 @@ def _count_points(
     points: f32_3,  # (H, W, 3)
     mask: u8_2,  # (H, W) or (1, 1)
     # outputs
-    counts: i32_1,  # (H,)
+    counts: i32_2,  # (H, parts)
 ):
-    for y in counts:
+    for y, part in counts:
+        width = (points.shape[1] + counts.shape[1] - 1) // counts.shape[1]
         count = 0
-        for x in range(points.shape[1]):
+        for x in range(part * width, ti.min((part + 1) * width, points.shape[1])):
             if _is_kept(points, mask, y, x):
                 count += 1
-        counts[y] = count
+        counts[y, part] = count
 
 
 @primitive
 def count_points(points: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> None:
-    """Count the finite points of each row where `mask` is not 0; one thread a row.
+    """Count the finite points of each part of a row where `mask` is not 0; one thread a part.
 
-    A mask of shape (1, 1) stands for all pixels.
+    The shape of `counts` says into how many parts, of one width, a row is cut. A mask of shape
+    (1, 1) stands for all pixels.
     """
     _count_points(points, mask, counts)
 
@@ -124,14 +126,15 @@ def _gather_points(
     points: f32_3,  # (H, W, 3)
     mask: u8_2,  # (H, W) or (1, 1)
     image: u8_3,  # (H, W, 1 or 3)
-    starts: i32_1,  # (H,)
+    starts: i32_2,  # (H, parts)
     # outputs
     cloud: f32_2,  # (N, 3)
     colors: u8_2,  # (N, 3)
 ):
-    for y in starts:
-        i = starts[y]
-        for x in range(points.shape[1]):
+    for y, part in starts:
+        width = (points.shape[1] + starts.shape[1] - 1) // starts.shape[1]
+        i = starts[y, part]
+        for x in range(part * width, ti.min((part + 1) * width, points.shape[1])):
             if _is_kept(points, mask, y, x):
                 for k in range(3):
                     cloud[i, k] = points[y, x, k]
@@ -148,8 +151,8 @@ def gather_points(
     cloud: np.ndarray,
     colors: np.ndarray,
 ) -> None:
-    """Copy the points that `count_points` counts, and their colours, from `starts` of the row on.
+    """Copy the points that `count_points` counts, and their colours, from `starts` of a part on.
 
-    An image of one channel gives grey. One thread a row.
+    An image of one channel gives grey. One thread a part.
     """
     _gather_points(points, mask, image, starts, cloud, colors)

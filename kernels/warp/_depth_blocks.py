@@ -1,4 +1,4 @@
-"""Depth and points on CUDA, one thread a pixel; clouds on either device, one thread a row."""
+"""Depth and points on CUDA, one thread a pixel; clouds on either device, one thread a part."""
 
 import warp as wp
 
@@ -75,14 +75,15 @@ def count_points(
     points: wp.array3d[float],  # (H, W, 3)
     mask: wp.array2d[wp.uint8],  # (H, W) or (1, 1)
     # outputs
-    counts: wp.array[int],  # (H,)
+    counts: wp.array2d[int],  # (H, parts)
 ):
-    y = wp.tid()
+    y, part = wp.tid()
+    width = (points.shape[1] + counts.shape[1] - 1) // counts.shape[1]
     count = int(0)
-    for x in range(points.shape[1]):
+    for x in range(part * width, wp.min((part + 1) * width, points.shape[1])):
         if is_kept(points, mask, y, x):
             count += 1
-    counts[y] = count
+    counts[y, part] = count
 
 
 @wp.kernel
@@ -90,14 +91,15 @@ def gather_points(
     points: wp.array3d[float],  # (H, W, 3)
     mask: wp.array2d[wp.uint8],  # (H, W) or (1, 1)
     image: wp.array3d[wp.uint8],  # (H, W, 1 or 3)
-    starts: wp.array[int],  # (H,)
+    starts: wp.array2d[int],  # (H, parts)
     # outputs
     cloud: wp.array2d[float],  # (N, 3)
     colors: wp.array2d[wp.uint8],  # (N, 3)
 ):
-    y = wp.tid()
-    i = starts[y]
-    for x in range(points.shape[1]):
+    y, part = wp.tid()
+    width = (points.shape[1] + starts.shape[1] - 1) // starts.shape[1]
+    i = starts[y, part]
+    for x in range(part * width, wp.min((part + 1) * width, points.shape[1])):
         if is_kept(points, mask, y, x):
             for k in range(3):
                 cloud[i, k] = points[y, x, k]

@@ -34,11 +34,12 @@ def points(disparity: wp.array, q: wp.array, points: wp.array) -> None:
 
 
 def count_points(points: wp.array, mask: wp.array, counts: wp.array) -> None:
-    """Count the finite points of each row where `mask` is not 0; one thread a row.
+    """Count the finite points of each part of a row where `mask` is not 0; one thread a part.
 
-    A mask of shape (1, 1) stands for all pixels.
+    The shape of `counts` says into how many parts, of one width, a row is cut. A mask of shape
+    (1, 1) stands for all pixels.
     """
-    launch(blocks.count_points, points.shape[0], [points, mask], [counts])
+    launch(blocks.count_points, counts.shape, [points, mask], [counts])
 
 
 def gather_points(
@@ -49,8 +50,8 @@ def gather_points(
     cloud: wp.array,
     colors: wp.array,
 ) -> None:
-    """Copy the points that `count_points` counts, and their colours, from `starts` of the row on.
+    """Copy the points that `count_points` counts, and their colours, from `starts` of a part on.
 
-    An image of one channel gives grey. One thread a row.
+    An image of one channel gives grey. One thread a part.
     """
-    launch(blocks.gather_points, points.shape[0], [points, mask, image, starts], [cloud, colors])
+    launch(blocks.gather_points, starts.shape, [points, mask, image, starts], [cloud, colors])
