@@ -253,19 +253,20 @@ class _Frames:
         self._choice = pinned()
         self._rt = rt = runtime(left, right)
         self._library, self._place = library(left), device(left)
-        self._dtype = self._library.dtype(left)
+        self._dtype = dtype = self._library.dtype(left)
         on_cpu = rt.device == "cpu"
-        # Arrays that kernels write to and the caller may keep: else those of NumPy or Warp.
-        self._own = self._library.writable and (on_cpu or not isinstance(left, np.ndarray))
-        kept = self._library if self._own else library(rt.set.empty((1, 1), _FLOAT, rt.device))
-        carried = self._dtype if on_cpu or self._dtype == np.uint8 else _FLOAT
-        self._carried = carried
-        self._kept = kept
-        self._images = [kept.empty(tuple(left.shape), carried, rt.device) for _ in range(2)]
+        # Where kernels cannot write to the caller's arrays, those of NumPy or Warp stand in.
+        self._own = self._library.writable and (on_cpu or self._library is not _NUMPY)
+        self._kept = self._library if self._own else _NUMPY
+        if not self._own and not on_cpu:
+            self._kept = library(rt.set.empty((1,), np.dtype(np.uint8), rt.device))
+        self._carried = dtype if on_cpu or dtype == np.uint8 else np.dtype(np.float32)
+        shape = tuple(left.shape)
+        self._images = [self._kept.empty(shape, self._carried, rt.device) for _ in range(2)]
         self._load(left, right)
-        rest = {**options, "data_range": white(options["data_range"], self._dtype)}
-        del rest["left"], rest["right"]
-        self._replay = capture(stereo_match, *self._images, **rest)
+        range_ = white(options["data_range"], dtype)
+        given = {**options, "left": self._images[0], "right": self._images[1]}
+        self._replay = capture(stereo_match, **{**given, "data_range": range_})
 
     def match(self, left: Any, right: Any) -> StereoResult:
         for name, image in (("left", left), ("right", right)):
@@ -279,22 +280,22 @@ class _Frames:
                 raise ValueError(f"{name} must be on {self._place}, got {device(image)}")
         self._load(left, right)
         result = self._replay()
-        return result if self._own else StereoResult(*map(self._released, result))
+        return result if self._own else StereoResult(*map(self._copied, result))
 
     def _load(self, left: Any, right: Any) -> None:
+        """Copy a pair into the memory that the captured call reads."""
         with self._choice():
             rt = runtime(left, right)
             for kept, image in zip(self._images, (left, right), strict=True):
-                own = self._own or rt.device == "cpu"
-                self._kept.fill(kept, image if own else rt.adopt(image, self._carried))
+                there = self._own or self._kept is _NUMPY
+                self._kept.fill(kept, image if there else rt.adopt(image, self._carried))
 
-    def _released(self, array: Any) -> Any:
-        """Return a copy for a library whose arrays are not written to."""
-        if isinstance(array, np.ndarray):
-            return self._library.finish(array.copy())
-        if self._library is library(np.empty(0)):
+    def _copied(self, array: Any) -> Any:
+        """Return a copy in the caller's library of a result in memory that stays."""
+        if self._library is _NUMPY:
             return self._rt.to_numpy(array).copy()
-        return self._library.finish(self._kept.module.clone(array))
+        copy = array.copy() if isinstance(array, np.ndarray) else self._kept.module.clone(array)
+        return self._library.finish(copy)
 
 
-_FLOAT = np.dtype(np.float32)
+_NUMPY = library(np.empty(0))
