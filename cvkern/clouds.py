@@ -26,7 +26,7 @@ MARGIN = 1.12
 NARROWEST = 1e-3  # of a view, as a share of the distance
 PIVOT = 0.3  # quantile of the depths that the camera swings about
 NOD = 0.3  # how far it goes up and down, of how far it goes to the sides
-COVER = 1.4  # edge of a point over the distance of its neighbours, as slanted surfaces need it
+COVER = 1.8  # edge of a point over the distance of its neighbours, as slanted surfaces need it
 
 
 def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> None:
