@@ -1,9 +1,19 @@
-"""Matching by windows without a volume of costs, in Warp."""
+"""Matching by windows without a volume of costs, in Warp.
+
+On the CPU a row at a time; on CUDA a tile at a time where it fits into shared memory, which needs
+descriptors of at most 32 bits, else a strip of rows.
+"""
 
 import warp as wp
 
+from ..codes import Cost
+from . import _matching_blocks as blocks
+from . import _window_blocks as window_blocks
 from . import _window_rows as rows
 from ._launch import launch_slabs, scratch, slabs
+from .semi_global import pick, pick_right
+
+_STRIP_BYTES = 64 << 20
 
 
 def match_windows(
@@ -23,18 +33,35 @@ def match_windows(
     confidence: wp.array,
     right_index: wp.array,
 ) -> None:
-    """Do `window_costs`, `pick` and `pick_right` a row at a time; sums must be below 65535."""
-    height, width, _ = left.shape
+    """Do `window_costs`, `pick` and `pick_right` a part at a time; sums must be below 65535."""
+    height, width, channels = left.shape
+    winners = [index, disparity, cost_of_index, confidence]
+    options = [radius_y, radius_x, subpixel, uniqueness]
+    if left.device.is_cuda:
+        small = cost == Cost.CENSUS and octets <= 4 and channels == 1
+        if small and blocks.words_for(count, radius_x):
+            blocks.match_words(left, right, first, count, *options, winners, right_index)
+            return
+        strip = max(1, min(height, _STRIP_BYTES // (2 * width * count)))
+        for top in range(0, height, strip):
+            part = slice(top, min(top + strip, height))
+            shape = (part.stop - top, width, count)
+            costs = scratch("window.costs", shape, wp.uint16, left.device)
+            window_blocks.window_costs(
+                left, right, first, cost, radius_y, radius_x, costs, begin=top
+            )
+            pick(costs, first, subpixel, uniqueness, *(a[part] for a in winners))
+            pick_right(costs, first, right_index[part])
+        return
     parts = slabs(height, height * width * count)
     inner = rows.slab_scratch(left, parts, count, cost, octets, radius_x, wp.uint16)
     reach = rows.padded(count, wp.uint16)
-    sums = scratch("window.sums", (parts, width * reach + 2), wp.uint16, left.device)
+    sums = scratch("window.row", (parts, width * reach + 2), wp.uint16, left.device)
     rights = scratch("window.rights", (parts, 2 * (width + reach)), wp.uint16, left.device)
     launch_slabs(
         rows.match_windows(cost, left.dtype),
         height,
         parts,
-        [left, right, first, count, octets, radius_y, radius_x, subpixel, uniqueness,
-         *inner, sums, rights],
-        [index, disparity, cost_of_index, confidence, right_index],
-    )  # fmt: skip
+        [left, right, first, count, octets, *options, *inner, sums, rights],
+        [*winners, right_index],
+    )
