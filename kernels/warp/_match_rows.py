@@ -1,6 +1,6 @@
 """Semi-global matching of two images on the CPU: costs, sums and winners in two sweeps.
 
-The sweeps are those of _semi_global_rows.py, but that the costs of a pixel are made when it comes,
+The sweeps are those of _paths_rows.py, but that the costs of a pixel are made when it comes,
 both times: that takes less time than to fetch them from memory. The second sweep adds its sums to
 those of the first, and takes the winners, left and right, while they are at hand: in a row, the
 blocks come in their order from the right, which is what the right image's winners need.
@@ -9,39 +9,35 @@ The right image is unfolded before: of each row, the three bytes of the census a
 are lines of their own, reversed, so that what the disparities of a pixel meet are neighbours.
 """
 
-from collections.abc import Sequence
+from functools import lru_cache
 
 import warp as wp
 
-from ..codes import (
-    CENSUS_WEIGHT,
-    DIFFERENCE_LIMIT,
-    DIFFERENCE_SHIFT,
-)
-from ._semi_global_rows import (
+from ..codes import CENSUS_WEIGHT, DIFFERENCE_LIMIT, DIFFERENCE_SHIFT
+from ._paths_rows import (
     BLOCK,
-    DIAGONAL,
-    KNIGHT,
-    STRAIGHT,
+    OPTIONS,
     STRIP,
+    WORD,
+    Number,
+    Paths,
     advance_along,
-    collect,
-    in_blocks,
+    for_number,
     skew,
 )
+from ._semi_global_rows import collect
 from ._wavefront import finish_task, take_task
 from ._winner_rows import CLEAR_RIGHT, INTEGER, PICK, PICK_RIGHT, READ_RIGHT, for_kind
 
 # Without fused multiply-add a disparity has the same bits on every device.
-wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+wp.set_module_options(OPTIONS)
 
-VECTOR = 32  # disparities that costs are made for at a time
+SPAN = 32  # disparities that costs are made for at a time
 LINES = 4
 
-# Costs of pixel (y, x) for VECTOR disparities from d on: codes.py.
+# Costs of pixel (y, x) for SPAN disparities from d on: codes.py.
 _BYTES = f"""
-    typedef unsigned char bytes __attribute__((vector_size({VECTOR}), aligned(1)));
-    typedef unsigned short words __attribute__((vector_size({2 * VECTOR}), aligned(2)));
+    typedef unsigned char bytes __attribute__((vector_size({SPAN}), aligned(1)));
     const bytes none = {{}};
     const int length = unfolded.shape[1];
 """
@@ -64,11 +60,12 @@ _COST = """
 """
 
 
-def _text(text: str) -> str:
-    return in_blocks(
+def _text(text: str, number: Number = WORD) -> str:
+    return for_number(
         text,
+        number,
         LINES=LINES,
-        VECTOR=VECTOR,
+        SPAN=SPAN,
         SHIFT=f"(unsigned char){DIFFERENCE_SHIFT}",
         WEIGHT=f"(unsigned char){CENSUS_WEIGHT}",
         LIMIT=f"(unsigned char){DIFFERENCE_LIMIT}",
@@ -123,9 +120,9 @@ def unfold(
     for (int x = 0; x < columns; ++x) {{
         {_PIXEL}
         unsigned char* to = costs.data + p * depth;
-        for (int d = 0; d < depth; d += VECTOR) {{
+        for (int d = 0; d < depth; d += SPAN) {{
             {_COST}
-            if (d + VECTOR <= depth) *(bytes*)(to + d) = cost;
+            if (d + SPAN <= depth) *(bytes*)(to + d) = cost;
             else
                 for (int n = 0; n < depth - d; ++n) to[d + n] = cost[n];
         }}
@@ -156,9 +153,10 @@ def match_costs(
         cost_row(y, left_bits, left, unfolded, costs)
 
 
-@wp.func_native(
-    _text(f"""
+# The costs of the next pixels of row i of a sweep. Their sums of a row >= 0 are called from memory.
+_MAKE_COSTS = f"""
     {_BYTES}
+    typedef NUMBER numbers __attribute__((vector_size({SPAN} * sizeof(NUMBER)), aligned(1)));
     const int columns = left.shape[1], padded = costs.shape[1] / BLOCK;
     const int y = step > 0 ? i : left.shape[0] - 1 - i;
     for (int j = begin; j < end; ++j) {{
@@ -168,31 +166,14 @@ def match_costs(
             const unsigned short* soon = sums.data + ((size_t)row * columns + x) * padded;
             for (int d = 0; d < padded; d += 32) __builtin_prefetch(soon + d);
         }}
-        unsigned short* to = costs.data + (size_t)slab * costs.shape[1] + (j - begin) * padded;
-        for (int d = 0; d < count; d += VECTOR) {{
+        NUMBER* to = costs.data + (size_t)slab * costs.shape[1] + (j - begin) * padded;
+        for (int d = 0; d < count; d += SPAN) {{
             {_COST}
-            *(words*)(to + d) = __builtin_convertvector(cost, words);
+            *(numbers*)(to + d) = __builtin_convertvector(cost, numbers);
         }}
-        for (int d = count; d < padded; ++d) to[d] = PAD;
+        for (int d = count; d < padded; ++d) to[d] = MOST;
     }}
-""")
-)
-def make_costs(
-    slab: int,
-    i: int,
-    begin: int,
-    end: int,
-    step: int,
-    left_bits: wp.array2d[wp.uint64],
-    left: wp.array2d[wp.uint8],
-    unfolded: wp.array2d[wp.uint8],
-    count: int,
-    row: int,
-    sums: wp.array3d[wp.uint16],
-    costs: wp.array2d[wp.uint16],
-):
-    """Costs of the next pixels of row i of a sweep; have their sums of a row >= 0 fetched."""
-
+"""
 
 _DECIDE = f"""
     const int columns = index.shape[1], depth = count, padded = totals.shape[1] / BLOCK;
@@ -212,7 +193,7 @@ _DECIDE = f"""
 """
 
 
-@wp.func_native(in_blocks(for_kind(_DECIDE, INTEGER)))
+@wp.func_native(for_number(for_kind(_DECIDE, INTEGER), WORD))
 def decide(
     slab: int,
     y: int,
@@ -286,11 +267,29 @@ def read_right(
         read_right_row(y, count, best, place, index)
 
 
-def _sweep(paths: Sequence[tuple[int, int]]) -> wp.Kernel:
-    """Return the kernel for some paths."""
-    advance, lean = advance_along(paths), skew(paths)
+@lru_cache
+def sweep(paths: Paths, number: Number) -> wp.Kernel:
+    """Return the kernel for some paths, with L in numbers that C + P2 fit into."""
+    advance, lean = advance_along(paths, number), skew(paths)
+    scalar = number.scalar
 
-    @wp.kernel
+    @wp.func_native(_text(_MAKE_COSTS, number))
+    def make_costs(
+        slab: int,
+        i: int,
+        begin: int,
+        end: int,
+        step: int,
+        left_bits: wp.array2d[wp.uint64],
+        left: wp.array2d[wp.uint8],
+        unfolded: wp.array2d[wp.uint8],
+        count: int,
+        row: int,
+        sums: wp.array3d[wp.uint16],
+        costs: wp.array2d[scalar],
+    ): ...
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def sweep(
         slab: int,
         first_slab: int,
@@ -309,9 +308,9 @@ def _sweep(paths: Sequence[tuple[int, int]]) -> wp.Kernel:
         uniqueness: int,
         top: int,
         # scratch
-        costs: wp.array2d[wp.uint16],  # (slabs, BLOCK padded)
+        costs: wp.array2d[scalar],  # (slabs, BLOCK padded)
         totals: wp.array2d[wp.uint16],  # (slabs, BLOCK padded)
-        slots: wp.array[wp.uint16],
+        slots: wp.array[scalar],
         strips: int,
         blocks: int,
         tasks: wp.array[int],
@@ -358,6 +357,3 @@ def _sweep(paths: Sequence[tuple[int, int]]) -> wp.Kernel:
                 task = take_task(strips, blocks, tasks)
 
     return sweep
-
-
-sweeps = {paths: _sweep(paths) for paths in (STRAIGHT, STRAIGHT + DIAGONAL, KNIGHT)}

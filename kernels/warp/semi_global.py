@@ -2,9 +2,11 @@
 
 import warp as wp
 
+from ..codes import LARGEST_MATCH_COST
 from . import _match_blocks as match_blocks
 from . import _match_costs_blocks as match_costs_blocks
 from . import _match_rows as match_rows
+from . import _paths_rows as path_rows
 from . import _semi_global_blocks as cuda
 from . import _semi_global_rows as rows
 from . import _winner_blocks as winner_blocks
@@ -29,11 +31,11 @@ def aggregate(
         return
     height, width, depth = costs.shape
     count = slabs(height, costs.size)
-    lines = _lines(count, depth, sums.device)
-    for n, (some, step) in enumerate(_sweeps(paths)):
-        state = _begin(some, height, width, depth, sums.device)
+    lines = _lines(count, depth, path_rows.WORD, sums.device)
+    for n, (some, step) in enumerate(path_rows.sweeps(paths)):
+        state = _begin(some, height, width, depth, path_rows.WORD, sums.device)
         launch_slabs(
-            rows.sweeps[costs.dtype, some],
+            rows.sweep(costs.dtype, some),
             count,
             count,
             [costs, guide, p1, p2, step, n > 0, top, *lines, *state],
@@ -98,14 +100,15 @@ def match(
     best = scratch("winner.best", right_row, wp.uint16, device)
     place = scratch("winner.place", right_row, wp.uint16, device)
     launch_slabs(match_rows.clear_right, kept, parts, [index], [best, place])
-    lines = _lines(parts, count, device)
-    sweeps = _sweeps(paths)
+    number = path_rows.BYTE if LARGEST_MATCH_COST + p2_max < 256 else path_rows.WORD
+    lines = _lines(parts, count, number, device)
+    sweeps = path_rows.sweeps(paths)
     for n, (some, step) in enumerate(sweeps):
         last = n == len(sweeps) - 1
         options = [first, count, p1, p2, step, n > 0, last, subpixel, uniqueness, top]
-        state = _begin(some, height, width, count, device)
+        state = _begin(some, height, width, count, number, device)
         launch_slabs(
-            match_rows.sweeps[some],
+            match_rows.sweep(some, number),
             parts,
             parts,
             [left_bits, left, unfolded, *options, *lines, *state, sums, best, place],
@@ -163,37 +166,36 @@ def pick_right(costs: wp.array, first: int, index: wp.array) -> None:
 
 
 def _padded(depth: int) -> int:
-    return -(-depth // rows.PADDED) * rows.PADDED
+    return -(-depth // path_rows.PADDED) * path_rows.PADDED
 
 
-def _sweeps(paths: int) -> list[tuple[tuple[tuple[int, int], ...], int]]:
-    """Return the sweeps of an aggregation: their paths, and from which corner they come."""
-    sides = rows.STRAIGHT if paths == 4 else rows.STRAIGHT + rows.DIAGONAL
-    groups = (sides, rows.KNIGHT) if paths == 16 else (sides,)
-    return [(group, step) for group in groups for step in (1, -1)]
-
-
-def _lines(count: int, depth: int, device: wp.Device) -> tuple[wp.array, wp.array]:
+def _lines(
+    count: int, depth: int, number: path_rows.Number, device: wp.Device
+) -> tuple[wp.array, wp.array]:
     """Return the costs and the sums of the pixels that each slab is at."""
-    shape = (count, rows.BLOCK * _padded(depth))
+    shape = (count, path_rows.BLOCK * _padded(depth))
     return (
-        scratch("semi_global.costs", shape, wp.uint16, device),
+        scratch("semi_global.costs", shape, number.scalar, device),
         scratch("semi_global.totals", shape, wp.uint16, device),
     )
 
 
 def _begin(
-    paths: tuple[tuple[int, int], ...], height: int, width: int, depth: int, device: wp.Device
+    paths: path_rows.Paths,
+    height: int,
+    width: int,
+    depth: int,
+    number: path_rows.Number,
+    device: wp.Device,
 ) -> tuple[wp.array, int, int, wp.array]:
     """Return what a sweep starts with: the slots of its chains, its grid of tasks, its tasks."""
     padded = _padded(depth)
-    strips = -(-height // rows.STRIP)
-    blocks = -(-(width + rows.skew(paths) * (height - 1)) // rows.BLOCK)
-    chains = sum(down * (width - 1) + abs(along) * (height - 1) + 1 for down, along in paths)
-    numbers = chains * (rows.HEADER + padded) + rows.HEADER
-    slots = scratch("semi_global.slots", (numbers,), wp.uint16, device)
+    strips = -(-height // path_rows.STRIP)
+    blocks = -(-(width + path_rows.skew(paths) * (height - 1)) // path_rows.BLOCK)
+    count = path_rows.chains(paths, height, width) * (number.header + padded) + number.header
+    slots = scratch("semi_global.slots", (count,), number.scalar, device)
     tasks = scratch("semi_global.tasks", (STATE + 2 * strips * blocks,), wp.int32, device)
-    launch(rows.prepare, 1, [padded, strips, blocks], [slots, tasks])
+    launch(path_rows.prepare(number), 1, [padded, strips, blocks], [slots, tasks])
     return slots, strips, blocks, tasks
 
 
