@@ -10,6 +10,7 @@ from reference import semi_global as reference
 import cvkern
 from cvkern._runtime import runtime
 from cvkern._strips import OVERLAP, cut_strips
+from cvkern.kernels.codes import CENSUS_BITS, Subpixel
 from cvkern.semi_global import aggregation_bytes, penalties
 
 
@@ -150,6 +151,29 @@ def test_inputs_are_never_written(backend):
     cvkern.winner_take_all(sums)
     np.testing.assert_array_equal(costs, before[0])
     np.testing.assert_array_equal(guide, before[1])
+
+
+@pytest.mark.parametrize("p1", [0, 20, 187])
+@pytest.mark.parametrize("p2", [187, 188])
+def test_matching_where_bytes_just_suffice(backend, p1, p2):
+    """The largest cost is 68, and paths add up to P2 to a cost: 255 is a byte, 256 is not."""
+    rng = np.random.default_rng(8)
+    differ = rng.random((2, 21, 60)) < 0.5
+    bits = np.where(differ, np.uint64(2**CENSUS_BITS - 1), np.uint64(0))
+    gray = np.where(differ, 255, 0).astype(np.uint8)
+    rt, shape = runtime(gray), differ.shape[1:]
+    costs = np.empty((*shape, 37), np.uint8)
+    views = [rt.adopt(a, a.dtype) for a in (*bits, *gray)]
+    rt.semi_global.match_costs(*views, first=-2, costs=rt.adopt(costs, np.uint8))
+    assert (costs.min(), costs.max()) == (0, 68)
+    table = np.full(256, p2, np.uint16)
+    results = [np.empty(shape, t) for t in ("i4", "f4", "f4", "f4", "i4")]
+    given = [*views, -2, 37, p1, rt.constant(table), p2, 8, Subpixel.NONE, 0, 0]
+    rt.semi_global.match(*given, *(rt.adopt(a, a.dtype) for a in results))
+    sums = reference.aggregate(costs, gray[0], p1, table, 8)
+    for got, want in zip(results, reference.pick(sums, -2, "none", 0), strict=False):
+        np.testing.assert_allclose(got, want, rtol=0, atol=2**-23)  # of confidences; else equal
+    np.testing.assert_array_equal(results[4], reference.pick_right(sums, -2))
 
 
 # --- memory --------------------------------------------------------------------------------------
