@@ -23,9 +23,9 @@ from cvkern.kernels.codes import LARGEST_MATCH_COST, Subpixel
 from cvkern.semi_global import (
     MAX_COSTS,
     PATHS,
-    aggregation_bytes,
     check_subpixel,
     check_sums,
+    matching_bytes,
     penalties,
 )
 from cvkern.stereo_cost import census_words
@@ -125,8 +125,7 @@ class Plan(NamedTuple):
         depth = self.stop - self.first
 
         def work(rows: int) -> int:
-            sums = 2 * rows * width * (-(-depth // 32) * 32)
-            return sums + aggregation_bytes(device, rows, width, depth, self.paths, self.p2)
+            return matching_bytes(device, rows, width, depth, self.paths, self.p2)
 
         subject = f"{height} x {width} pixels and {depth} disparities"
         return cut_strips(height, 0, work, self.max_bytes, subject)

@@ -74,7 +74,7 @@ def stereo_match(
         The value of white, for all but uint8: by default the largest of an integer dtype, and 1
         for floating-point images. Values below 0 and above white are taken for black and white.
     p1, p2 : int, default 20 and 80
-        Penalties of the paths for a change of disparity by one, and by more; costs are 0 to 68.
+        Penalties of the paths for a change of disparity by one, and by more; costs are 0 to 54.
     contrast : float, default 20
         Difference of neighbours in the left image that halves `p2`.
     subpixel : bool or {'parabola', 'equiangular'}, default 'equiangular'
@@ -113,7 +113,7 @@ def stereo_match(
     Notes
     -----
     The cost of the method 'semi-global' is twice the Hamming distance of two census transforms of
-    5 x 5 pixels, and half the difference of the grey values but at most 20. Its sums over the
+    5 x 5 pixels, and half the difference of the grey values but at most 6. Its sums over the
     paths [1]_ are those of :func:`aggregate_semi_global` with the left image as guide.
 
     Everything is in integers up to the sub-pixel fit, whose bits are the same everywhere as well:

@@ -164,7 +164,7 @@ def costs_of(left, right, first, stop):
     for k in range(stop - first):
         other = right[:, (columns - first - k).clip(0, left.shape[1] - 1)]
         unlike = np.abs(left.astype(int) - other)
-        costs[..., k] = 2 * census[..., k] + np.minimum(unlike >> 1, 20)
+        costs[..., k] = 2 * census[..., k] + np.minimum(unlike >> 1, 6)
     return costs
 
 

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 import cvkern
+from cvkern.kernels.codes import LARGEST_MATCH_COST
 
 from ..case import Case, Peer, Shape, Work, unequal
 from .stereo import disparities
 
 SIZES = ("1024x440",)  # of 128 disparities
 P1, P2 = 20, 80
-MOST = 68  # of a cost
+MOST = LARGEST_MATCH_COST
 
 
 def volume(shape: Shape, rng: np.random.Generator) -> np.ndarray:
