@@ -10,7 +10,7 @@ from reference import semi_global as reference
 import cvkern
 from cvkern._runtime import runtime
 from cvkern._strips import OVERLAP, cut_strips
-from cvkern.kernels.codes import CENSUS_BITS, Subpixel
+from cvkern.kernels.codes import CENSUS_BITS, LARGEST_MATCH_COST, Subpixel
 from cvkern.semi_global import aggregation_bytes, penalties
 
 
@@ -153,10 +153,10 @@ def test_inputs_are_never_written(backend):
     np.testing.assert_array_equal(guide, before[1])
 
 
-@pytest.mark.parametrize("p1", [0, 20, 187])
-@pytest.mark.parametrize("p2", [187, 188])
+@pytest.mark.parametrize("p1", [0, 20, 255 - LARGEST_MATCH_COST])
+@pytest.mark.parametrize("p2", [255 - LARGEST_MATCH_COST, 256 - LARGEST_MATCH_COST])
 def test_matching_where_bytes_just_suffice(backend, p1, p2):
-    """The largest cost is 68, and paths add up to P2 to a cost: 255 is a byte, 256 is not."""
+    """Paths add up to P2 to a cost: 255 is a byte, 256 is not."""
     rng = np.random.default_rng(8)
     differ = rng.random((2, 21, 60)) < 0.5
     bits = np.where(differ, np.uint64(2**CENSUS_BITS - 1), np.uint64(0))
@@ -165,7 +165,7 @@ def test_matching_where_bytes_just_suffice(backend, p1, p2):
     costs = np.empty((*shape, 37), np.uint8)
     views = [rt.adopt(a, a.dtype) for a in (*bits, *gray)]
     rt.semi_global.match_costs(*views, first=-2, costs=rt.adopt(costs, np.uint8))
-    assert (costs.min(), costs.max()) == (0, 68)
+    assert (costs.min(), costs.max()) == (0, LARGEST_MATCH_COST)
     table = np.full(256, p2, np.uint16)
     results = [np.empty(shape, t) for t in ("i4", "f4", "f4", "f4", "i4")]
     given = [*views, -2, 37, p1, rt.constant(table), p2, 8, Subpixel.NONE, 0, 0]

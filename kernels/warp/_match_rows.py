@@ -310,7 +310,7 @@ def sweep(paths: Paths, number: Number) -> wp.Kernel:
         # scratch
         costs: wp.array2d[scalar],  # (slabs, BLOCK padded)
         totals: wp.array2d[wp.uint16],  # (slabs, BLOCK padded)
-        slots: wp.array[scalar],
+        slots: wp.array2d[scalar],  # (chains + 1, header + padded)
         strips: int,
         blocks: int,
         tasks: wp.array[int],

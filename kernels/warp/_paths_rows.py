@@ -58,7 +58,7 @@ _ADVANCE = """
     typedef NUMBER lanes __attribute__((vector_size(32), aligned(sizeof(NUMBER))));
     typedef unsigned short sums __attribute__((vector_size(2 * VECTOR), aligned(2)));
     const int paths = PATHS, down[] = {DOWN_THE_ROWS}, along[] = {ALONG_THE_ROW};
-    const int padded = costs.shape[1] / BLOCK, pitch = HEADER + padded;
+    const int padded = costs.shape[1] / BLOCK, pitch = slots.shape[1];
     const bool adaptive = guide.shape[0] == height && guide.shape[1] == columns;
     const int row = step > 0 ? i : height - 1 - i;
     const unsigned char* gray = guide.data + (adaptive ? (size_t)row * columns : 0);
@@ -118,10 +118,12 @@ _ADVANCE = """
 """
 
 _CLEAR = """
-    const int pitch = HEADER + padded;
-    const size_t size = slots.shape[0];
-    for (size_t n = 0; n < size; ++n) slots.data[n] = 0;
-    for (size_t n = 0; n < size; n += pitch) slots.data[n] = slots.data[n + HEADER - 1] = MOST;
+    const int pitch = slots.shape[1];
+    for (int chain = 0; chain < slots.shape[0]; ++chain) {
+        NUMBER* slot = slots.data + (size_t)chain * pitch;
+        for (int n = 0; n < pitch; ++n) slot[n] = 0;
+        slot[0] = slot[HEADER - 1] = MOST;
+    }
 """
 
 
@@ -146,7 +148,7 @@ def skew(paths: Paths) -> int:
 
 
 def chains(paths: Paths, height: int, width: int) -> int:
-    """Return how many slots the chains of `paths` need."""
+    """Return how many chains of pixels there are along `paths`."""
     return sum(down * (width - 1) + abs(along) * (height - 1) + 1 for down, along in paths)
 
 
@@ -184,7 +186,7 @@ def advance_along(paths: Paths, number: Number) -> Any:
         p2: wp.array[wp.uint16],
         height: int,
         columns: int,
-        slots: wp.array[scalar],
+        slots: wp.array2d[scalar],
         totals: wp.array2d[wp.uint16],
     ): ...
 
@@ -197,18 +199,17 @@ def prepare(number: Number) -> wp.Kernel:
     scalar = number.scalar
 
     @wp.func_native(for_number(_CLEAR, number))
-    def clear(padded: int, slots: wp.array[scalar]): ...
+    def clear(slots: wp.array2d[scalar]): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def prepare(
-        padded: int,
         strips: int,
         blocks: int,
         # outputs
-        slots: wp.array[scalar],
+        slots: wp.array2d[scalar],  # (chains + 1, header + padded)
         tasks: wp.array[int],
     ):
-        clear(padded, slots)
+        clear(slots)
         plan_tasks(strips, blocks, tasks)
 
     return prepare

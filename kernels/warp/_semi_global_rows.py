@@ -109,7 +109,7 @@ def sweep(scalar: Any, paths: Paths) -> wp.Kernel:
         # scratch
         costs: wp.array2d[wp.uint16],  # (slabs, BLOCK padded)
         totals: wp.array2d[wp.uint16],  # (slabs, BLOCK padded)
-        slots: wp.array[wp.uint16],
+        slots: wp.array2d[wp.uint16],  # (chains + 1, header + padded)
         strips: int,
         blocks: int,
         tasks: wp.array[int],

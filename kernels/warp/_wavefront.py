@@ -27,9 +27,9 @@ _LOCK = """
     #define UNLOCK __atomic_store_n(shared, 0, __ATOMIC_RELEASE)
     int* const left = shared + 1;
     int* const count = shared + 2;
-    int* const ready = shared + 16;
+    int* const ready = shared + STATE;
     int* const waits = ready + rows * columns;
-"""
+""".replace("STATE", str(STATE))
 
 
 @wp.func_native(

@@ -189,13 +189,13 @@ def _begin(
     device: wp.Device,
 ) -> tuple[wp.array, int, int, wp.array]:
     """Return what a sweep starts with: the slots of its chains, its grid of tasks, its tasks."""
-    padded = _padded(depth)
     strips = -(-height // path_rows.STRIP)
     blocks = -(-(width + path_rows.skew(paths) * (height - 1)) // path_rows.BLOCK)
-    count = path_rows.chains(paths, height, width) * (number.header + padded) + number.header
-    slots = scratch("semi_global.slots", (count,), number.scalar, device)
+    # Behind the last slot, the header of one more: what is next to the last disparity.
+    shape = (path_rows.chains(paths, height, width) + 1, number.header + _padded(depth))
+    slots = scratch("semi_global.slots", shape, number.scalar, device)
     tasks = scratch("semi_global.tasks", (STATE + 2 * strips * blocks,), wp.int32, device)
-    launch(path_rows.prepare(number), 1, [padded, strips, blocks], [slots, tasks])
+    launch(path_rows.prepare(number), 1, [strips, blocks], [slots, tasks])
     return slots, strips, blocks, tasks
 
 
