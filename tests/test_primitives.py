@@ -465,7 +465,7 @@ def test_match_costs(kernels, shape, first):
         differ = (bits[0] ^ bits[1][:, there])[..., None].view(U8)
         count = np.unpackbits(differ, axis=-1).sum(-1)
         grey_difference = np.abs(grey[0].astype(int) - grey[1][:, there]) // 2
-        np.testing.assert_array_equal(got[..., k], 2 * count + np.minimum(grey_difference, 20))
+        np.testing.assert_array_equal(got[..., k], 2 * count + np.minimum(grey_difference, 6))
 
 
 @pytest.mark.parametrize(("paths", "p2_max"), [(4, 80), (8, 80), (8, 300), (16, 80)])
