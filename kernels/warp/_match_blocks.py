@@ -13,8 +13,8 @@ import warp as wp
 from ..codes import LARGEST_MATCH_COST, Subpixel
 from ._launch import launch, scratch, view
 from ._match_costs_blocks import match_costs
-from ._paths_blocks import BLOCK, CHUNK, OPTIONS, text_of
-from ._semi_global_blocks import GROUP_PATHS, TOTAL, aggregate, walk_paths
+from ._paths_blocks import BLOCK, CHUNK, OPTIONS, PATHS, text_of
+from ._semi_global_blocks import TOTAL, aggregate, walk_paths
 from ._winner_blocks import pick, pick_right
 
 wp.set_module_options(OPTIONS)
@@ -116,7 +116,7 @@ def tile(depth: int) -> tuple[int, int]:
     room = 64
     while room < depth:
         room *= 2
-    return room, min(32, max(8, 8192 // room))
+    return room, min(64, max(8, 16384 // room))
 
 
 @lru_cache
@@ -196,7 +196,7 @@ def match(
     costs = scratch("match.costs", (height, width, padded), wp.uint8, device)
     match_costs(left_bits, right_bits, left, right, first, count, costs)
     outputs = [index, disparity, cost, confidence]
-    if paths > GROUP_PATHS or count > MOST_DISPARITIES:
+    if len(PATHS[paths]) > 1 or count > MOST_DISPARITIES:
         sums = scratch("match.sums", (rows, width, count), wp.uint16, device)
         aggregate(costs, left, p1, p2, p2_max, paths, top, sums)
         launch(
@@ -211,7 +211,7 @@ def match(
         return
     line_type = wp.uint8 if LARGEST_MATCH_COST + p2_max < 256 else wp.uint16
     lines = scratch("match.lines", (paths, rows, width, padded), line_type, device)
-    walk_paths(costs, left, p1, p2, 0, True, top, lines)
+    walk_paths(costs, left, p1, p2, PATHS[paths][0], True, top, lines)
     keys = view(right_index, wp.int32, (right_index.size,))
     launch(clear, right_index.size, [], [keys])
     room, pixels = tile(count)

@@ -16,16 +16,16 @@ from ._paths_blocks import (
     CHUNK,
     FAR_COSTS,
     OPTIONS,
-    STEPS,
+    PATHS,
+    WALK_BLOCK,
+    Steps,
     lanes,
-    path_threads,
     text_of,
     walk,
+    walk_threads,
 )
 
 wp.set_module_options(OPTIONS)
-
-GROUP_PATHS = 8  # volumes of path costs that exist at a time
 
 # One chunk of 16 disparities a thread, from rows of any length to rows of whole chunks.
 _PAD = """
@@ -210,18 +210,16 @@ def aggregate(
     """Sum the costs of the cheapest paths to each pixel, up to eight paths at a time."""
     rows, width, depth = sums.shape
     costs = in_chunks(costs)
-    count = min(paths, GROUP_PATHS)
     aligned = depth % 8 == 0 and sums.ptr % 16 == 0
     line_type = wp.uint8 if p2_max < 256 else wp.uint16
-    for begin in range(0, paths, count):
-        lines = scratch(
-            "semi_global.lines", (count, rows, width, costs.shape[2]), line_type, sums.device
-        )
-        walk_paths(costs, guide, p1, p2, begin, False, top, lines)
+    for n, steps in enumerate(PATHS[paths]):
+        shape = (len(steps), rows, width, costs.shape[2])
+        lines = scratch("semi_global.lines", shape, line_type, sums.device)
+        walk_paths(costs, guide, p1, p2, steps, False, top, lines)
         launch(
-            collect(costs.dtype, lines.dtype, count),
+            collect(costs.dtype, line_type, len(steps)),
             _chunk_threads(rows, width, costs.shape[2]),
-            [costs, lines, top, begin > 0, aligned],
+            [costs, lines, top, n > 0, aligned],
             [sums],
         )
 
@@ -242,19 +240,22 @@ def walk_paths(
     guide: wp.array,
     p1: int,
     p2: wp.array,
-    begin: int,
+    steps: Steps,
     whole: bool,
     top: int,
     lines: wp.array,
 ) -> None:
-    """Walk the paths from the one numbered `begin` on: L of some rows if `whole`, else L - C."""
+    """Walk the paths that go by `steps`: L of the rows from `top` on if `whole`, else L - C."""
     height, width, depth = costs.shape
     group, chunks = lanes(depth)
+    full = depth == group * chunks * CHUNK
+    adaptive = guide.shape == (height, width)
     launch(
-        walk(costs.dtype, lines.dtype, group, chunks, guide.shape == (height, width), whole),
-        path_threads(height, width, STEPS[begin : begin + lines.shape[0]], group),
-        [costs, guide, p1, p2, begin, top],
+        walk(costs.dtype, lines.dtype, group, chunks, steps, full, adaptive, whole),
+        walk_threads(height, width, depth, steps),
+        [costs, guide, p1, p2, top],
         [lines],
+        WALK_BLOCK,
     )
 
 
