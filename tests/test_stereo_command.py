@@ -39,7 +39,7 @@ def test_everything(command, pair, made, tmp_path):  # noqa: F811
     code, said, _ = command("stereo", *pair, "-o", out, "--max-disparity", 16, *WORDS)
     assert code == 0
     assert names(out) == sorted(DEEP)
-    found = cvkern.stereo_match(*made, (0, 16))
+    found = cvkern.stereo_match(made[0], made[1], (0, 16))
     valid = found.valid
     assert pairs.bad((found.disparity,), (pairs.truth(TOY),)) < 0.1
     assert f"{valid.mean():.1%} of 96 x 128 pixels matched" in said
@@ -103,7 +103,8 @@ def test_colour_methods_and_the_other_kernels(command, made, tmp_path):  # noqa:
     write_image(paths[1], colour[1])
     options = ["--max-disparity", 16, "--method", "window", "--backend", "taichi"]
     assert command("stereo", *paths, "-o", tmp_path / "out", *options)[0] == 0
-    found = cvkern.stereo_match(*colour, (0, 16), method="window", channel_axis=-1)
+    left, right = colour
+    found = cvkern.stereo_match(left, right, (0, 16), method="window", channel_axis=-1)
     steps = read_image(tmp_path / "out" / "disparity-x256.png")
     np.testing.assert_array_equal(steps > 0, found.valid)
 

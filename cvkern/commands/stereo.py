@@ -67,10 +67,11 @@ def stereo(
         raise ValueError(f"output must be a folder, got the file {str(output)!r}")
     views = [read_image(file) for file in (left, right)]
     color = all(view.ndim == 3 for view in views)
-    pair = [view[..., :3] if color else as_gray(view) for view in views]
+    one, other = (view[..., :3] if color else as_gray(view) for view in views)
     with cvkern.use(backend=backend, device=device):
         found = cvkern.stereo_match(
-            *pair,
+            one,
+            other,
             (min_disparity, max_disparity),
             method=method,
             paths=paths,
@@ -79,8 +80,9 @@ def stereo(
         files = _disparity(found, min_disparity >= 0 and max_disparity <= LARGEST)
         if camera:
             height, width = found.valid.shape
-            cx, cy = (0.5 * (n - 1) if c is None else c for n, c in ((width, cx), (height, cy)))
-            q = cvkern.reprojection_matrix(*camera, cx, cy, doffs)
+            column = 0.5 * (width - 1) if cx is None else cx
+            row = 0.5 * (height - 1) if cy is None else cy
+            q = cvkern.reprojection_matrix(*camera, column, row, doffs)
             depth = cvkern.disparity_to_depth(found.disparity, *camera, doffs)
             files |= _space(found, views[0], depth, q)
     output.mkdir(parents=True, exist_ok=True)

@@ -113,10 +113,11 @@ def _case(
 ) -> Case:
     def call(left: Any, right: Any) -> Any:
         shape = left.shape[0], left.shape[1]
-        more = {"window": window(shape)} if options.get("method") == "window" else {}
-        return cvkern.stereo_match(
-            left, right, (0, disparities(shape)), **options, **more
-        ).disparity
+        if options.get("method") == "window":
+            return cvkern.stereo_match(
+                left, right, (0, disparities(shape)), window=window(shape), **options
+            ).disparity
+        return cvkern.stereo_match(left, right, (0, disparities(shape)), **options).disparity
 
     return Case(
         name=name,
