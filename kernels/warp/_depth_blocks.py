@@ -5,7 +5,14 @@ import warp as wp
 # Without fused multiply-add a point has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
-NONE = wp.constant(wp.nan)
+# CUDA's own NaN has other bits than the CPU's.
+NAN_BITS = wp.constant(0x7FC00000)
+
+
+@wp.func
+def none() -> float:
+    """Return the NaN that stands for nothing."""
+    return wp.cast(NAN_BITS, float)
 
 
 @wp.kernel
@@ -18,7 +25,7 @@ def depth(
 ):
     i = wp.tid()
     s = disparity[i] + doffs
-    z = NONE
+    z = none()
     if s > 0.0 and wp.isfinite(s):
         z = scale / s
     elif s == 0.0:
@@ -35,7 +42,7 @@ def mapped(q: wp.array2d[float], row: int, x: float, y: float, d: float) -> floa
 @wp.func
 def reprojected(q: wp.array2d[float], x: float, y: float, d: float) -> wp.vec3:
     """Return the point of a pixel, NaN where it has none."""
-    p = wp.vec3(NONE)
+    p = wp.vec3(none())
     w = mapped(q, 3, x, y, d)
     if wp.isfinite(d) and w != 0.0:
         for k in range(3):
