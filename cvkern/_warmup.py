@@ -54,3 +54,16 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
             yield "aggregate_semi_global", sums
         yield "winner_take_all", partial(cvkern.winner_take_all, costs)
     yield "winner_take_all", partial(cvkern.winner_take_all, deep.astype(np.float32))
+    yield "left_right_check", partial(cvkern.left_right_check, real, real)
+    yield "remove_speckles", partial(cvkern.remove_speckles, real)
+    yield "fill_disparity", partial(cvkern.fill_disparity, real)
+    yield "guided_median", partial(cvkern.guided_median, real, byte)
+    for image, axis in ((byte, None), (real, None), (np.uint8(color), -1)):
+        for method, paths in (("window", 8), ("semi-global", 4), ("semi-global", 8)):
+            yield (
+                "stereo_match",
+                partial(
+                    cvkern.stereo_match, image, image, (0, 8), method=method, paths=paths,
+                    channel_axis=axis,
+                ),
+            )  # fmt: skip

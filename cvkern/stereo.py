@@ -73,9 +73,11 @@ def stereo_match(
     data_range : float, optional
         The value of white, for all but uint8: by default the largest of an integer dtype, and 1
         for floating-point images. Values below 0 and above white are taken for black and white.
-    p1, p2 : int, default 20 and 80
-        Penalties of the paths for a change of disparity by one, and by more; costs are 0 to 54.
-    contrast : float, default 20
+    p1 : int, default 20
+        Penalty of a path for a change of disparity by one; costs are 0 to 54.
+    p2 : int, default 80
+        Penalty for a change by more.
+    contrast : float, default 20.0
         Difference of neighbours in the left image that halves `p2`.
     subpixel : bool or {'parabola', 'equiangular'}, default 'equiangular'
         As in :func:`winner_take_all`. Hamming distances grow like absolute differences: two lines
@@ -131,7 +133,7 @@ def stereo_match(
     >>> right = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
     >>> left = np.roll(right, 5, axis=1)
     >>> result = cvkern.stereo_match(left, right, (0, 16))
-    >>> float(np.median(result.disparity))
+    >>> float(np.median(result.disparity).round(1))
     5.0
     """
     left = check_image(left, ndim=(2, 3), name="left")
@@ -186,7 +188,7 @@ class StereoMatcher:
     >>> with cvkern.StereoMatcher((40, 60), (0, 16)) as matcher:
     ...     for shift in (3, 5):
     ...         left = np.roll(right, shift, axis=1)
-    ...         print(np.median(matcher(left, right).disparity))
+    ...         print(np.median(matcher(left, right).disparity).round(1))
     3.0
     5.0
     """

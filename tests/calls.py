@@ -29,6 +29,10 @@ CALLS = {
     "subpixel_edges": lambda x: cvkern.subpixel_edges(x, 1.5, 2, 4),
     "disparity_to_depth": lambda x: cvkern.disparity_to_depth(x, 700.0, 0.12, 3.5),
     "points_from_disparity": lambda x: cvkern.points_from_disparity(x, REPROJECTION),
+    "left_right_check": lambda x: cvkern.left_right_check(x, x, tolerance=3),
+    "remove_speckles": lambda x: cvkern.remove_speckles(x, 9, difference=3),
+    "fill_disparity": cvkern.fill_disparity,
+    "stereo_match": lambda x: cvkern.stereo_match(x, x, (1, 9), data_range=255, speckle_size=5),
 }
 
 DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",

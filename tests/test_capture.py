@@ -8,7 +8,7 @@ import cvkern
 from cvkern._runtime import runtime
 
 KERNELS_ALONE = ["gaussian", "derivative", "correlate_separable", "box", "sobel", "scharr",
-                 "gradient", "gradient_sobel", "canny_sobel"]  # fmt: skip
+                 "gradient", "gradient_sobel", "canny_sobel", "stereo_match"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", KERNELS_ALONE)

@@ -177,3 +177,22 @@ def test_semi_global(shape, depth, paths, p1, more, guided, dtype, seed, subpixe
                 volume, first=-depth // 2, subpixel=subpixel, uniqueness=uniqueness
             )
         )
+
+
+@given(shapes, st.sampled_from(["uint8", "uint16", "float32"]), seeds,
+       st.sampled_from(["semi-global", "window"]), st.sampled_from([4, 8, 16]),
+       st.integers(-9, 9), st.integers(1, 40), st.sampled_from([False, True, "equiangular"]),
+       st.integers(0, 30), st.sampled_from([None, 0.3, 1.0]), st.integers(0, 12),
+       st.integers(0, 8))  # fmt: skip
+def test_stereo_match(shape, dtype, seed, method, paths, first, count, subpixel, uniqueness,
+                      left_right, speckle_size, smoothing):  # fmt: skip
+    left, right = (noise(*shape, dtype=dtype, seed=s) for s in (seed, seed + 1))
+    right[:, : -first or None] = left[:, first:] if first > 0 else right[:, : -first or None]
+    first = min(max(first, 1 - shape[1]), shape[1] - 1)
+    assert_equal_bits(
+        lambda: cvkern.stereo_match(
+            left, right, (first, min(first + count, shape[1])), method=method, paths=paths,
+            subpixel=subpixel, uniqueness=uniqueness, left_right=left_right,
+            speckle_size=speckle_size, smoothing=smoothing, window=5,
+        )
+    )  # fmt: skip

@@ -694,3 +694,101 @@ def test_options_of_winners():
         ),
     ):
         refused(error, message, cvkern.winner_take_all, COSTS, **options)
+
+
+# --- stereo matching and refinement --------------------------------------------------------------
+
+PAIR = np.zeros((4, 30), np.uint8)
+
+
+def match_refused(error, message, left=PAIR, right=PAIR, disparities=(0, 8), **options):
+    refused(error, message, cvkern.stereo_match, left, right, disparities, **options)
+
+
+def test_pairs_to_match():
+    for wrong in (np.zeros((4, 31)), np.zeros((30, 4)), np.zeros((4, 30, 3))):
+        message = f"right must have the shape of left, (4, 30), got {wrong.shape}"
+        match_refused(ValueError, message, right=wrong)
+    match_refused(ValueError, "left must be 2-D or 3-D, got shape (4,)", left=PAIR[:, 0])
+    match_refused(ValueError, "right must not be empty, got shape (0, 30)", right=PAIR[:0])
+    message = "right must hold real numbers, got dtype complex128"
+    match_refused(TypeError, message, right=PAIR.astype(complex))
+    message = "channel_axis must be given for 3-D images and for no others, got None for shape "
+    deep = np.zeros((4, 30, 2))
+    match_refused(ValueError, f"{message}(4, 30, 2)", deep, deep)
+    match_refused(
+        ValueError, "channel_axis must be of 3 or 4 channels, got 2", deep, deep, channel_axis=2
+    )
+
+
+def test_ranges_of_disparities():
+    for ends, message in (
+        ((8, 8), "disparities must be (first, stop) with first < stop, got (8, 8)"),
+        ((0, 31), "disparities must be less than the width of 30 pixels, got (0, 31)"),
+        ((-30, 0), "disparities must be less than the width of 30 pixels, got (-30, 0)"),
+    ):
+        match_refused(ValueError, message, disparities=ends)
+    large = np.broadcast_to(np.uint8(0), (4000, 5000))
+    message = "disparities must make at most 2147483647 costs, got "
+    size = f"4000 x 5000 x 120 of {2 * 4000 * 5000 * 120} bytes"
+    match_refused(ValueError, message + size, large, large, (0, 120))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "best"}, "method must be one of ('semi-global', 'window'), got 'best'"),
+        ({"paths": 5}, "paths must be one of (4, 8, 16), got 5"),
+        ({"window": 4}, "window must be odd, got 4"),
+        ({"window": 53}, "window must be in [1, 51], got 53"),
+        ({"data_range": 0}, "data_range must be > 0, got 0"),
+        ({"p1": -1}, "p1 must be in [0, 16384], got -1"),
+        ({"p2": -1}, "p2 must be in [0, 16384], got -1"),
+        ({"p1": 30, "p2": 20}, "p1 must be <= p2, got 30 > 20"),
+        (
+            {"p2": 8138},
+            "paths * (largest_cost + p2) must be < 65536, got 8 * (54 + 8138) = 65536",
+        ),
+        ({"contrast": 0}, "contrast must be > 0, got 0"),
+        ({"uniqueness": 100}, "uniqueness must be in [0, 99], got 100"),
+        ({"left_right": -1}, "left_right must be >= 0 and finite, got -1"),
+        ({"speckle_size": -1}, "speckle_size must be in [0, 2147483647], got -1"),
+        ({"speckle_difference": -1}, "speckle_difference must be >= 0 and finite, got -1"),
+        ({"smoothing": 16}, "smoothing must be in [0, 15], got 16"),
+        ({"smoothing": -1}, "smoothing must be in [0, 15], got -1"),
+    ],
+)
+def test_options_of_matching(options, message):
+    match_refused(ValueError, message, **options)
+    refused(ValueError, message, cvkern.StereoMatcher, PAIR.shape, (0, 8), **options)
+
+
+def test_refinement():
+    maps = {
+        "left_right_check": lambda x: cvkern.left_right_check(x, FLAT),
+        "remove_speckles": cvkern.remove_speckles,
+        "fill_disparity": cvkern.fill_disparity,
+        "guided_median": lambda x: cvkern.guided_median(x, FLAT.astype(np.uint8)),
+    }
+    for call in maps.values():
+        refused(ValueError, "disparity must be 2-D, got shape (4, 5, 3)", call, DEEP)
+        refused(ValueError, "disparity must not be empty, got shape (0, 5)", call, FLAT[:0])
+        message = "disparity must hold real numbers, got dtype complex128"
+        refused(TypeError, message, call, FLAT.astype(complex))
+    check, speckles, median = (
+        cvkern.left_right_check,
+        cvkern.remove_speckles,
+        cvkern.guided_median,
+    )
+    guide = FLAT.astype(np.uint8)
+    for call, message in (
+        (lambda: check(FLAT, FLAT[1:]), "right must have shape (4, 5), got (3, 5)"),
+        (lambda: check(FLAT, FLAT, tolerance=-1), "tolerance must be >= 0 and finite, got -1"),
+        (lambda: speckles(FLAT, 0), "min_size must be in [1, 2147483647], got 0"),
+        (lambda: speckles(FLAT, difference=-1), "difference must be >= 0 and finite, got -1"),
+        (lambda: median(FLAT, guide[1:]), "guide must have shape (4, 5), got (3, 5)"),
+        (lambda: median(FLAT, guide, 16), "radius must be in [0, 15], got 16"),
+        (lambda: median(FLAT, guide, contrast=0), "contrast must be in [1, 65536], got 0"),
+    ):
+        refused(ValueError, message, call)
+    refused(TypeError, "guide must be uint8, got float64", median, FLAT, FLAT)

@@ -13,11 +13,13 @@ from cvkern._runtime import KERNEL_SETS
 FAMILIES = [
     "clouds",
     "depth",
+    "disparity",
     "edges",
     "filters",
     "gradients",
     "rank",
     "semi_global",
+    "stereo",
     "stereo_cost",
     "window_matching",
 ]
