@@ -300,7 +300,7 @@ def test_report_shows_the_latest_run_and_no_toy(project):
 def test_report_leaves_experiments_alone(project):
     results = project / "profiling" / "results"
     before = report.read_results(results)
-    (results / "window_size.json").write_text(json.dumps({"windows": [3, 5]}))
+    (results / "window_size.json").write_text(json.dumps({"windows": [3, 5], "results": {}}))
     assert report.read_results(results) == before
 
 
