@@ -288,6 +288,54 @@ def test_semi_global_of_the_callers_arrays(library, kernels):
     assert take(sums).shape == costs.shape
 
 
+def stereo_pair(height, width, shift, seed=0):
+    wide = np.random.default_rng(seed).integers(0, 256, (height, width + shift, 3), np.uint8)
+    return wide[:, :width].copy(), wide[:, shift:].copy()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (60, 9), (70, 131), (440, 1024)])
+@pytest.mark.parametrize("method", ["semi-global", "window"])
+def test_disparities_are_those_of_the_cpu(shape, method, kernels):
+    left, right = stereo_pair(*shape, 3)
+    stop = min(64, shape[1])
+    for options in ({}, {"paths": 4, "uniqueness": 5, "smoothing": 3}):
+        for first in (0, max(-9, 1 - shape[1])):
+
+            def call(x, options=options, first=first):
+                return cvkern.stereo_match(
+                    x, right, (first, stop), method=method, channel_axis=-1, **options
+                )
+
+            assert_equal_bits(on_gpu(call, left, kernels), reference(call, left))
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_disparities_of_the_callers_arrays(library, kernels):
+    pair = stereo_pair(90, 120, 7)
+    given = [give(library, image) for image in pair]
+    got = cvkern.stereo_match(*given, (0, 32), channel_axis=2)
+    want = cvkern.stereo_match(*pair, (0, 32), channel_axis=2)
+    for a, b in zip(got, want, strict=True):
+        assert type(a) is type(given[0])
+        assert device_of(a) == device_of(given[0])
+        np.testing.assert_array_equal(take(a), b)
+
+
+@pytest.mark.parametrize("library", ["numpy", *LIBRARIES])
+def test_a_matcher_follows_a_video(library, kernels):
+    place = "cuda" if library == "numpy" else "cpu"
+    with cvkern.StereoMatcher((90, 120, 3), (0, 32), channel_axis=2) as matcher:
+        for seed in range(3):
+            pair = stereo_pair(90, 120, 3 + seed, seed)
+            given = pair if library == "numpy" else [give(library, image) for image in pair]
+            with cvkern.use(device=place):
+                got = matcher(*given)
+            want = cvkern.stereo_match(*pair, (0, 32), channel_axis=2)
+            for a, b in zip(got, want, strict=True):
+                assert type(a) is type(given[0])
+                np.testing.assert_array_equal(a if library == "numpy" else take(a), b)
+
+
 @pytest.mark.parametrize("name", ["gaussian", "gradient", "median", "canny"])
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_arrays_come_back_as_they_went_in(library, name, kernels):

@@ -8,6 +8,7 @@ import importlib
 import numpy as np
 import pytest
 import scipy.ndimage as ndi
+from reference import disparity as disparity_reference
 from reference import edges as edges_reference
 from reference import filters as filters_reference
 from reference import gradients as gradients_reference
@@ -16,7 +17,15 @@ from reference import semi_global as semi_global_reference
 from reference import stereo_cost as stereo_reference
 
 from cvkern._runtime import KERNEL_SETS
-from cvkern.kernels.codes import CENSUS_BITS, Border, Cost, Edge, Norm, Subpixel, Thinning
+from cvkern.kernels.codes import (
+    CENSUS_BITS,
+    Border,
+    Cost,
+    Edge,
+    Norm,
+    Subpixel,
+    Thinning,
+)
 
 F32, I32, U8, U16, U64 = np.float32, np.int32, np.uint8, np.uint16, np.uint64
 
@@ -491,6 +500,55 @@ def test_match_is_its_steps_in_one(kernels, shape, first, paths, p2_max):
         np.testing.assert_array_equal(right, semi_global_reference.pick_right(sums, first))
         for a, b in zip(got, [*want, right], strict=True):
             np.testing.assert_array_equal(a, b)
+
+
+# ------------------------------------------------------------------- refinement of disparities
+
+
+def rough(*shape, seed=0):
+    """Disparities in pieces, with steps of half a pixel, gaps and empty rows."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[: shape[0], : shape[1]] // 6
+    values = rng.integers(0, 9, (y.max() + 1, x.max() + 1))[y, x] + rng.integers(0, 3, shape) / 2
+    values[rng.random(shape) < 0.2] = np.nan
+    values[: shape[0] // 5] = np.nan
+    return values.astype(F32)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 65), (40, 1), (23, 61), (97, 131)])
+def test_refinement(kernels, shape):
+    disparity, guide = rough(*shape), np.random.default_rng(1).integers(0, 256, shape, U8)
+    out = [(shape, F32)]
+    right = rough(*shape, seed=1)
+    got = kernels("disparity.left_right", disparity, right, 0, 0.75, out=out)
+    np.testing.assert_array_equal(got, disparity_reference.left_right(disparity, right, 0.75))
+    index = np.random.default_rng(2).integers(-1, 9, shape).astype(I32)
+    got = kernels("disparity.left_right", disparity, index, -2, 1.0, out=out)
+    other = np.where(index < 0, np.nan, index - 2)
+    np.testing.assert_array_equal(got, disparity_reference.left_right(disparity, other, 1.0))
+    for size in (1, 9, 300):
+        got = kernels("disparity.remove_speckles", disparity, size, 0.5, out=out)
+        want = disparity_reference.remove_speckles(disparity, size, 0.5)
+        np.testing.assert_array_equal(got, want)
+    filled, valid = kernels("disparity.fill", disparity, out=[*out, (shape, U8)])
+    want = disparity_reference.fill(disparity)
+    np.testing.assert_array_equal(filled, want[0])
+    np.testing.assert_array_equal(valid, want[1])
+    for radius, contrast in ((0, 40), (2, 1), (6, 40), (15, 300)):
+        got = kernels("disparity.guided_median", disparity, guide, radius, contrast, out=out)
+        want = disparity_reference.guided_median(disparity, guide, radius, contrast)
+        np.testing.assert_array_equal(got, want)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_gray_bytes(kernels, channels):
+    shape = 31, 45
+    octets = np.random.default_rng(3).integers(0, 256, (*shape, channels), U8)
+    numbers = noise(*shape, channels) * 90 + 120  # some below 0, some above 255
+    numbers[0, :3] = np.array([np.nan, np.inf, -np.inf])[:, None]
+    for image, scale in ((octets, 1.0), (numbers, 1.0), (numbers, F32(0.37))):
+        got = kernels("stereo.gray_bytes", image, float(scale), out=[(shape, U8)])
+        np.testing.assert_array_equal(got, disparity_reference.gray_bytes(image, scale))
 
 
 # ---------------------------------------------------------------- the sets against each other

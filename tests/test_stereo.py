@@ -234,17 +234,6 @@ def test_colours_and_dtypes(backend, method):
         assert_same(cvkern.stereo_match(*images, data_range=range_, **call), want)
 
 
-def test_gray_bytes(backend):
-    rt = cvkern._runtime.runtime()
-    values = np.float32([[[-1, 0.4, 0.5, 254.49, 254.5, 1e9, np.nan, np.inf, -np.inf, 3.7]]])
-    for image, scale in ((values.reshape(1, 10, 1), 1.0), (values.reshape(2, 5, 1), 0.37),
-                         (values[..., :9].reshape(1, 3, 3), 1.0)):  # fmt: skip
-        image = np.ascontiguousarray(image)
-        gray = np.empty(image.shape[:2], np.uint8)
-        rt.stereo.gray_bytes(rt.adopt(image), scale, rt.adopt(gray, np.uint8))
-        np.testing.assert_array_equal(gray, refinement.gray_bytes(image, scale))
-
-
 def test_strips(backend):
     disparity = np.repeat(6 + 0.02 * np.arange(260.0)[:, None], 40, axis=1)
     left, right = pair_of(disparity)
