@@ -54,6 +54,7 @@ def cost_kernels():
 
 def stereo_kernels():
     """Kernels of semi-global matching that are compiled when they are first used."""
+    from cvkern.kernels.warp import _disparity_blocks as disparity
     from cvkern.kernels.warp import _match_blocks as match
     from cvkern.kernels.warp import _match_costs_blocks as match_costs
     from cvkern.kernels.warp import _paths_blocks as paths
@@ -61,8 +62,11 @@ def stereo_kernels():
     from cvkern.kernels.warp import _winner_blocks as winner
 
     byte, word = wp.uint8, wp.uint16
+    for radius in (0, 6, 15):
+        yield from disparity.medians(radius)
     yield from cost_kernels()
-    yield match_costs.match_costs_kernel()
+    for aligned in (True, False):
+        yield match_costs.match_costs_kernel(aligned)
     for scalar in (byte, word, wp.float32):
         yield winner.pick(scalar)
         yield winner.pick_right(scalar)

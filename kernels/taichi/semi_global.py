@@ -192,7 +192,7 @@ def _pick(
         confidence[y, x] = certain
         if uniqueness > 0 and second * (100.0 - uniqueness) < best * 100.0:
             index[y, x] = -1
-            disparity[y, x] = ti.math.nan
+            disparity[y, x] = ti.bit_cast(0x7FC00000, ti.f32)  # NaN, with these bits everywhere
         else:
             offset = 0.0
             if subpixel != Subpixel.NONE and 0 < k < depth - 1:
