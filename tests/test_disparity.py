@@ -7,7 +7,14 @@ from reference import disparity as reference
 
 import cvkern
 
-SHAPES = [(1, 1), (1, 40), (37, 1), (5, 33), (37, 64), (230, 301)]
+SHAPES = [
+    (1, 1),
+    (1, 40),
+    (37, 1),
+    (5, 33),
+    (37, 64),
+    (331, 401),
+]  # the last is for several threads
 SMALL = SHAPES[:-1]
 
 
@@ -78,10 +85,11 @@ def test_speckles_are_those_of_opencv(backend, seed):
 
 def test_a_region_that_winds_through_all_slabs(backend):
     """A spiral, which union-find must follow all along, beside parts that it separates."""
-    spiral = np.zeros((301, 300), np.float32)
-    for t in range(0, 150, 4):
-        spiral[t, t : 300 - t] = spiral[t : 301 - t, 299 - t] = 9
-        spiral[300 - t, t : 300 - t] = spiral[t + 4 : 301 - t, t] = 9
+    n = 400
+    spiral = np.zeros((n + 1, n), np.float32)
+    for t in range(0, n // 2, 4):
+        spiral[t, t : n - t] = spiral[t : n + 1 - t, n - 1 - t] = 9
+        spiral[n - t, t : n - t] = spiral[t + 4 : n + 1 - t, t] = 9
         spiral[t + 4, t : t + 5] = 9
     got = cvkern.remove_speckles(spiral, 10**4, difference=0)
     np.testing.assert_array_equal(got, reference.remove_speckles(spiral, 10**4, 0))
