@@ -1,4 +1,4 @@
-"""Matching costs summed over windows, and the winner among them, on the CPU: in C.
+"""Matching costs summed over windows on the CPU, in C.
 
 One thread goes through a slab of rows. The sums down the columns of the windows are kept for one
 row of the image, a run of disparities in a vector; from one row to the next, one row of costs comes
@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from ..codes import Cost, Subpixel
+from ..codes import Cost
 from ._launch import scratch
 
 C_TYPES = {
@@ -21,7 +21,7 @@ C_TYPES = {
     wp.int32: "int",
     wp.float32: "float",
     wp.float64: "double",
-    wp.uint64: "unsigned char",  # eight of them
+    wp.uint64: "unsigned char",  # an octet at a time
 }
 # Disparities at once, by the type of sums.
 LANES_OF = {wp.uint16: 64, wp.int32: 32, wp.float32: 32, wp.float64: 16}
@@ -57,9 +57,8 @@ _LINES = """
     typedef SUM sums
         __attribute__((vector_size(LANES * sizeof(SUM)), aligned(sizeof(SUM)), may_alias));
     const int height = left.shape[0], width = left.shape[1];
-    // A value of a census is the used ones among its eight bytes, channels of their own.
-    const int channels = left.shape[2] * octets, stride = left.shape[2] * sizeof(left.data[0])
-        / sizeof(PIXEL);
+    // The octets of a census that are used are channels of their own.
+    const int stride = left.shape[2], channels = stride * octets;
     const int range = (count + LANES - 1) / LANES * LANES;
     const int wide = width + 2 * radius_x;
     // One place more on each side, for the neighbours of the outermost.
@@ -67,22 +66,23 @@ _LINES = """
     const size_t right_lines = (size_t)PLANES * channels * left_pitch;
     const size_t row_lines = right_lines + (size_t)PLANES * channels * right_pitch;
     PIXEL* const slab_lines = lines.data + (size_t)slab * lines.shape[1];
-    const auto put = [&](PIXEL* to, int length, const PIXEL* from, int x, int step) {
+    const auto put = [&](PIXEL* to, int length, const ELEMENT* from, int octet, int x, int step) {
         // Place i has column x + step i: those of places `first` to `last` are in the image.
         int first = step > 0 ? -x : x - width + 1, last = step > 0 ? width - x : x + 1;
         first = first < 0 ? 0 : first < length ? first : length;
         last = last < first ? first : last < length ? last : length;
-        const PIXEL least = from[0], most = from[(size_t)(width - 1) * stride];
+        const PIXEL least = from[0] OCTET, most = from[(size_t)(width - 1) * stride] OCTET;
         for (int i = 0; i < first; ++i) to[i] = step > 0 ? least : most;
         for (int i = last; i < length; ++i) to[i] = step > 0 ? most : least;
         if (stride > 1) {
-            for (int i = first; i < last; ++i) to[i] = from[(size_t)(x + step * i) * stride];
+            for (int i = first; i < last; ++i)
+                to[i] = from[(size_t)(x + step * i) * stride] OCTET;
         } else if (step > 0) {
             #pragma clang loop vectorize(assume_safety)
-            for (int i = first; i < last; ++i) to[i] = from[x + i];
+            for (int i = first; i < last; ++i) to[i] = from[x + i] OCTET;
         } else {
             #pragma clang loop vectorize(assume_safety)
-            for (int i = first; i < last; ++i) to[i] = from[x - i];
+            for (int i = first; i < last; ++i) to[i] = from[x - i] OCTET;
         }
         if (PLANES == 1) return;
         PIXEL* const low = to + (size_t)channels * length;
@@ -99,13 +99,12 @@ _LINES = """
     const auto put_row = [&](int row, int place) {
         row = row < 0 ? 0 : row < height ? row : height - 1;
         PIXEL* const to = slab_lines + place * row_lines;
-        const size_t begin = (size_t)row * width * stride;
         for (int c = 0; c < channels; ++c) {
-            const size_t from = begin + c / octets * (stride / left.shape[2]) + c % octets;
-            put(to + (size_t)c * left_pitch, left_pitch, (const PIXEL*)left.data + from,
-                -radius_x - 1, 1);
+            const size_t from = (size_t)row * width * stride + c / octets;
+            put(to + (size_t)c * left_pitch, left_pitch, (const ELEMENT*)left.data + from,
+                c % octets, -radius_x - 1, 1);
             put(to + right_lines + (size_t)c * right_pitch, right_pitch,
-                (const PIXEL*)right.data + from, width + radius_x - start, -1);
+                (const ELEMENT*)right.data + from, c % octets, width + radius_x - start, -1);
         }
     };
 """
@@ -180,79 +179,6 @@ _STORE = """
             else for (int k = 0; chunk + k < count; ++k) to[k] = value[k];
 """
 
-# What sums are compared with, and where those of a row are kept.
-_BEGIN = """
-    const sums none = (SUM)65535 - (sums){};
-    sums lane;
-    for (int k = 0; k < LANES; ++k) lane[k] = (SUM)k;
-    SUM* const slab_row = row_sums.data + (size_t)slab * row_sums.shape[1] + 1;
-"""
-
-# The sums of a row, 65535 where there is no disparity; no sum is as large.
-_KEEP = """
-            const sums counted = lane + (SUM)chunk < (SUM)count ? total : none;
-            *(sums*)(slab_row + (size_t)(x - 2 * radius_x) * range + chunk) = counted;
-"""
-
-# The winner of each pixel of the row: the smallest sum, of equal ones the first. Of the right
-# image, whose winners stand in reversed order, the partners of a pixel are neighbours again.
-_WINNERS = """
-    SUM* const right_least = rights.data + (size_t)slab * rights.shape[1];
-    SUM* const right_place = right_least + rights.shape[1] / 2;
-    for (int i = 0; i < width + range; ++i) right_least[i] = 65535;
-    for (int x = 0; x < width; ++x) {
-        SUM* const row = slab_row + (size_t)x * range;
-        SUM* const others = right_least + width - 1 - x;
-        SUM* const places = right_place + width - 1 - x;
-        sums least = none, place = none, k = lane;
-        for (int chunk = 0; chunk < range; chunk += LANES, k += (SUM)LANES) {
-            const sums sum = *(sums*)(row + chunk);
-            place = sum < least ? k : place;
-            least = MIN(sum, least);
-            const sums other = *(sums*)(others + chunk);
-            *(sums*)(places + chunk) = sum < other ? k : *(sums*)(places + chunk);
-            *(sums*)(others + chunk) = MIN(sum, other);
-        }
-        const SUM best = __builtin_reduce_min(least);
-        const int at = __builtin_reduce_min(least == best ? place : none);
-        // Room for the neighbours is in front of the row and behind it.
-        const SUM before = row[at - 1], after = row[at + 1];
-        row[at - 1] = row[at] = row[at + 1] = 65535;
-        least = none;
-        for (int chunk = 0; chunk < range; chunk += (SUM)LANES)
-            least = MIN(*(sums*)(row + chunk), least);
-        const SUM second = __builtin_reduce_min(least);
-        row[at - 1] = before;
-        row[at] = best;
-        row[at + 1] = after;
-        // As `pick` of semi_global.py.
-        const size_t pixel = (size_t)y * width + x;
-        const bool alone = second == 65535;
-        float certain = alone ? 1.0f : 0.0f;
-        if (!alone && second > best) certain = 1.0f - (float)best / (float)second;
-        cost.data[pixel] = (float)best;
-        confidence.data[pixel] = certain;
-        if (!alone && (int)second * (100 - uniqueness) < (int)best * 100) {
-            index.data[pixel] = -1;
-            disparity.data[pixel] = __builtin_nanf("");
-            continue;
-        }
-        float offset = 0.0f;
-        if (subpixel != NONE && at > 0 && at + 1 < count) {
-            const int a = before - best, b = after - best;
-            const int m = subpixel == PARABOLA ? a + b : a > b ? a : b;
-            if (m > 0) offset = 0.5f * ((float)(a - b) / (float)m);
-        }
-        index.data[pixel] = at;
-        disparity.data[pixel] = (float)(start + at) + offset;
-    }
-    for (int x = 0; x < width; ++x) {
-        const int i = width - 1 - x - start;
-        const bool met = i >= 0 && i < width + range && right_least[i] != 65535;
-        right_index.data[(size_t)y * width + x] = met ? right_place[i] : -1;
-    }
-"""
-
 
 def sums_dtype(pixel: Any, out: Any) -> Any:
     """Return the type of sums that hold what `out` holds."""
@@ -290,11 +216,11 @@ def row_text(
     for name, value in {
         "MIN": "__builtin_elementwise_min",
         "MAX": "__builtin_elementwise_max",
-        "NONE": str(int(Subpixel.NONE)),
-        "PARABOLA": str(int(Subpixel.PARABOLA)),
         "PLANES": "3" if cost == Cost.BIRCHFIELD_TOMASI else "1",
         "FLOATS": "true" if pixel is wp.float32 else "false",
         "LANES": str(LANES_OF[sums]),
+        "OCTET": ">> 8 * octet" if pixel is wp.uint64 else "",
+        "ELEMENT": "unsigned long long" if pixel is wp.uint64 else "PIXEL",
         "PIXEL": C_TYPES[pixel],
         "SUM": C_TYPES[sums],
         "OUT": C_TYPES.get(out, ""),
@@ -349,68 +275,3 @@ def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
             )  # fmt: skip
 
     return window_costs
-
-
-@cache
-def match_windows(cost: int, pixel: Any) -> wp.Kernel:
-    """Return the kernel that matches windows of images of this type, uint8 or uint64."""
-
-    @wp.func_native(row_text(cost, pixel, wp.uint16, _KEEP, before=_BEGIN, after=_WINNERS))
-    def match_row(
-        slab: int,
-        y: int,
-        restart: bool,
-        left: wp.array3d[pixel],
-        right: wp.array3d[pixel],
-        start: int,
-        count: int,
-        octets: int,
-        radius_y: int,
-        radius_x: int,
-        subpixel: int,
-        uniqueness: int,
-        lines: wp.array2d[wp.uint8],
-        columns: wp.array2d[wp.uint16],
-        row_sums: wp.array2d[wp.uint16],
-        rights: wp.array2d[wp.uint16],
-        index: wp.array2d[int],
-        disparity: wp.array2d[float],
-        cost: wp.array2d[float],
-        confidence: wp.array2d[float],
-        right_index: wp.array2d[int],
-    ): ...
-
-    @wp.kernel(module="unique", module_options={"enable_backward": False})
-    def match_windows(
-        slab: int,
-        first: int,
-        last: int,
-        left: wp.array3d[pixel],  # (H, W, C)
-        right: wp.array3d[pixel],  # (H, W, C)
-        start: int,
-        count: int,
-        octets: int,
-        radius_y: int,
-        radius_x: int,
-        subpixel: int,
-        uniqueness: int,
-        # scratch, (slabs, ...)
-        lines: wp.array2d[wp.uint8],  # 2 rows of lines
-        columns: wp.array2d[wp.uint16],  # (W + 2 radius_x) padded(D)
-        row_sums: wp.array2d[wp.uint16],  # W padded(D) and 2
-        rights: wp.array2d[wp.uint16],  # 2 (W + padded(D))
-        # outputs, (H, W)
-        index: wp.array2d[int],
-        disparity: wp.array2d[float],
-        cost: wp.array2d[float],
-        confidence: wp.array2d[float],
-        right_index: wp.array2d[int],
-    ):
-        for y in range(first, last):
-            match_row(
-                slab, y, y == first, left, right, start, count, octets, radius_y, radius_x,
-                subpixel, uniqueness, lines, columns, row_sums, rights,
-                index, disparity, cost, confidence, right_index,
-            )  # fmt: skip
-
-    return match_windows

@@ -8,8 +8,9 @@ import warp as wp
 
 from ..codes import Cost
 from . import _matching_blocks as blocks
+from . import _matching_rows as rows
 from . import _window_blocks as window_blocks
-from . import _window_rows as rows
+from . import _window_rows as window_rows
 from ._launch import launch_slabs, scratch, slabs
 from .semi_global import pick, pick_right
 
@@ -54,14 +55,12 @@ def match_windows(
             pick_right(costs, first, right_index[part])
         return
     parts = slabs(height, height * width * count)
-    inner = rows.slab_scratch(left, parts, count, cost, octets, radius_x, wp.uint16)
-    reach = rows.padded(count, wp.uint16)
-    sums = scratch("window.row", (parts, width * reach + 2), wp.uint16, left.device)
-    rights = scratch("window.rights", (parts, 2 * (width + reach)), wp.uint16, left.device)
+    inner = window_rows.slab_scratch(left, parts, count, cost, octets, radius_x, wp.uint16)
+    turned = rows.turned_scratch(width, count, parts, left.device)
     launch_slabs(
         rows.match_windows(cost, left.dtype),
         height,
         parts,
-        [left, right, first, count, octets, *options, *inner, sums, rights],
+        [left, right, first, count, octets, *options, *inner, *turned],
         [*winners, right_index],
     )
