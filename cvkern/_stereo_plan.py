@@ -35,6 +35,8 @@ METHODS = ("semi-global", "window")
 CENSUS = (2, 2)  # radii, for semi-global matching
 GUIDE_CONTRAST = 40  # of the median
 
+Winners = tuple[Any, Any, Any, Any, Any]  # what the primitives `pick` and `pick_right` fill
+
 
 class Plan(NamedTuple):
     """The checked options for pairs of one shape."""
@@ -63,19 +65,17 @@ class Plan(NamedTuple):
         self, rt: Runtime, left: Any, right: Any, disparity: Any, valid: Any, confidence: Any
     ) -> None:
         """Fill the kernel arrays of a result."""
-        grays = [self._gray(rt, name, image) for name, image in (("l", left), ("r", right))]
-        index, right_index = (
-            rt.scratch(f"stereo.{name}", self.shape, np.int32) for name in ("index", "right_index")
+        gray = self._gray(rt, "left", left)
+        outputs = _, found, _, _, right_index = (
+            rt.scratch("stereo.index", self.shape, np.int32),
+            rt.scratch("stereo.found", self.shape),
+            rt.scratch("stereo.cost", self.shape),
+            confidence,
+            rt.scratch("stereo.right_index", self.shape, np.int32),
         )
-        cost, found, checked = (
-            rt.scratch(f"stereo.{name}", self.shape) for name in ("cost", "found", "checked")
-        )
-        outputs = index, found, cost, confidence, right_index
-        if self.method == "window":
-            disparities = self.first, self.stop
-            match_windows(rt, *grays, disparities, self.window, self.fit, self.uniqueness, *outputs)
-        else:
-            self._match_paths(rt, *grays, outputs)
+        match = self._match_windows if self.method == "window" else self._match_paths
+        match(rt, gray, self._gray(rt, "right", right), outputs)
+        checked = rt.scratch("stereo.checked", self.shape)
         if self.left_right is not None:
             rt.disparity.left_right(found, right_index, self.first, self.left_right, checked)
             found, checked = checked, found
@@ -86,7 +86,7 @@ class Plan(NamedTuple):
             rt.disparity.fill(found, disparity, valid)
             return
         rt.disparity.fill(found, checked, valid)
-        rt.disparity.guided_median(checked, grays[0], self.smoothing, GUIDE_CONTRAST, disparity)
+        rt.disparity.guided_median(checked, gray, self.smoothing, GUIDE_CONTRAST, disparity)
 
     def _gray(self, rt: Runtime, name: str, image: Any) -> Any:
         """Return the grey values of an image in 8 bits."""
@@ -101,22 +101,32 @@ class Plan(NamedTuple):
         rt.stereo.gray_bytes(pixels, float(np.float32(255 / range_)), gray)
         return gray
 
-    def _match_paths(
-        self, rt: Runtime, left: Any, right: Any, outputs: tuple[Any, Any, Any, Any, Any]
-    ) -> None:
+    def _match_windows(self, rt: Runtime, left: Any, right: Any, outputs: Winners) -> None:
+        """Match by windows."""
+        index, disparity, cost, confidence, right_index = outputs
+        match_windows(
+            rt, left, right, (self.first, self.stop), self.window, self.fit, self.uniqueness,
+            index, disparity, cost, confidence, right_index,
+        )  # fmt: skip
+
+    def _match_paths(self, rt: Runtime, left: Any, right: Any, outputs: Winners) -> None:
         """Match semi-globally, in strips of rows if memory is bounded."""
         census = [
             census_words(
                 rt, f"stereo.census.{name}", gray.reshape((*self.shape, 1)), CENSUS, 1, False
             ).reshape(self.shape)
-            for name, gray in (("l", left), ("r", right))
+            for name, gray in (("left", left), ("right", right))
         ]
         table = rt.constant(penalties(self.p1, self.p2, self.contrast))
         for strip in self.strips(rt.device):
+            left_bits, right_bits, left_gray, right_gray = (
+                strip.seen_of(a) for a in (*census, left, right)
+            )
+            index, disparity, cost, confidence, right_index = (strip.kept_of(a) for a in outputs)
             rt.semi_global.match(
-                *(strip.seen_of(a) for a in (*census, left, right)),
-                self.first, self.stop - self.first, self.p1, table, self.p2, self.paths, self.fit,
-                self.uniqueness, strip.margin, *(strip.kept_of(a) for a in outputs),
+                left_bits, right_bits, left_gray, right_gray, self.first, self.stop - self.first,
+                self.p1, table, self.p2, self.paths, self.fit, self.uniqueness, strip.margin,
+                index, disparity, cost, confidence, right_index,
             )  # fmt: skip
 
     def strips(self, device: str) -> list[Strip]:

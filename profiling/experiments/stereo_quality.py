@@ -71,11 +71,11 @@ def halved(pair: Pair) -> Pair:
     """Return the pair at half its size."""
     name, left, right, truth, count = pair
     height, width = (n // 2 * 2 for n in truth.shape)
-    small = [
+    one, other = (
         cv2.resize(image[:height, :width], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
         for image in (left, right)
-    ]
-    return name, *small, truth[:height:2, :width:2] / 2, count // 2 + 1
+    )
+    return name, one, other, truth[:height:2, :width:2] / 2, count // 2 + 1
 
 
 def darkened(pair: Pair) -> Pair:
@@ -89,11 +89,11 @@ def noisy(pair: Pair) -> Pair:
     """Return the pair with noise in both images."""
     name, left, right, truth, count = pair
     rng = np.random.default_rng(0)
-    images = [
+    one, other = (
         (image + rng.normal(0, NOISE, image.shape)).clip(0, 255).round().astype(np.uint8)
         for image in (left, right)
-    ]
-    return name, *images, truth, count
+    )
+    return name, one, other, truth, count
 
 
 VERSIONS = {"as given": given, "half size": halved, "one darker": darkened, "with noise": noisy}
