@@ -68,8 +68,9 @@ def stereo_kernels():
     for aligned in (True, False):
         yield match_costs.match_costs_kernel(aligned)
     for scalar in (byte, word, wp.float32):
-        yield winner.pick(scalar)
-        yield winner.pick_right(scalar)
+        yield winner.pick_kernel(scalar, 8, 16 // wp.types.type_size_in_bytes(scalar))
+        yield winner.pick_kernel(scalar, 32, 1)
+        yield winner.pick_right_kernel(scalar)
     for scalar in (byte, word):
         yield semi_global.pad(scalar)
     for scalar, line, depth in ((byte, byte, 1), (byte, word, 100), (word, byte, 500)):

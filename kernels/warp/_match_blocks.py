@@ -199,15 +199,8 @@ def match(
     if len(PATHS[paths]) > 1 or count > MOST_DISPARITIES:
         sums = scratch("match.sums", (rows, width, count), wp.uint16, device)
         aggregate(costs, left, p1, p2, p2_max, paths, top, sums)
-        launch(
-            pick(wp.uint16),
-            -(-index.size // 8) * BLOCK,
-            [sums, first, subpixel, uniqueness],
-            outputs,
-        )
-        launch(
-            pick_right(wp.uint16), rows * -(-width // BLOCK) * BLOCK, [sums, first], [right_index]
-        )
+        pick(sums, first, subpixel, uniqueness, *outputs)
+        pick_right(sums, first, right_index)
         return
     line_type = wp.uint8 if LARGEST_MATCH_COST + p2_max < 256 else wp.uint16
     lines = scratch("match.lines", (paths, rows, width, padded), line_type, device)

@@ -1,38 +1,60 @@
-"""Winner takes all on CUDA: a warp a pixel of the left image, tiles of diagonals for the right."""
+"""Winner takes all on CUDA: some threads a pixel of the left image, tiles for the right."""
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
 from ..codes import Subpixel
+from ._launch import launch
+from ._paths_blocks import OPTIONS, text_of
 
-_OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
-wp.set_module_options(_OPTIONS)
+wp.set_module_options(OPTIONS)
 
-BLOCK = 256  # threads of a block, 8 warps
-_C_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
+BLOCK = 256  # threads of a block
 
+
+class _Scalar(NamedTuple):
+    """What C calls costs of one type, and a type to compare them in, with its largest value."""
+
+    name: str
+    wide: str
+    most: str
+
+
+_SCALARS = {
+    wp.uint8: _Scalar("unsigned char", "unsigned", "0xffffffffu"),
+    wp.uint16: _Scalar("unsigned short", "unsigned", "0xffffffffu"),
+    wp.float32: _Scalar("float", "float", "__int_as_float(0x7f800000)"),
+}
+
+# LANES threads take a pixel, VECTOR costs at a time.
 _PICK = """
     const unsigned ALL = 0xffffffffu;
-    const int depth = costs.shape[2], lane = threadIdx.x % 32;
-    const unsigned pixel = (blockIdx.x * BLOCK + threadIdx.x) / 32;
-    if (pixel >= (unsigned)costs.shape[0] * costs.shape[1]) return;
-    const TYPE* here = costs.data + (long long)pixel * depth;
     const float infinity = __int_as_float(0x7f800000);
-    // Float32 holds integer costs, and the products with percentages below, exactly.
-    float best = infinity, second = infinity;
+    const WIDE most = MOST;
+    const int depth = costs.shape[2], lane = threadIdx.x % LANES;
+    const unsigned pixels = (unsigned)costs.shape[0] * costs.shape[1];
+    const unsigned number = blockIdx.x * (BLOCK / LANES) + threadIdx.x / LANES;
+    const unsigned pixel = min(number, pixels - 1);  // the threads of a warp stay together
+    const TYPE* here = costs.data + (long long)pixel * depth;
+    WIDE best = most, second = most;
     int k = depth;
-    for (int d = lane; d < depth; d += 32) {
-        const float c = here[d];
-        if (c < best) {
-            best = c;
-            k = d;
+    for (int d = lane * VECTOR; d < depth; d += LANES * VECTOR) {
+        __align__(16) TYPE c[VECTOR];
+        if (VECTOR > 1) *reinterpret_cast<uint4*>(c) = *reinterpret_cast<const uint4*>(here + d);
+        else c[0] = here[d];
+        #pragma unroll
+        for (int j = 0; j < VECTOR; ++j) {
+            if (c[j] < best) {
+                best = c[j];
+                k = d + j;
+            }
         }
     }
     #pragma unroll
-    for (int o = 16; o > 0; o >>= 1) {
-        const float other = __shfl_xor_sync(ALL, best, o);
+    for (int o = LANES / 2; o > 0; o >>= 1) {
+        const WIDE other = __shfl_xor_sync(ALL, best, o);
         const int other_k = __shfl_xor_sync(ALL, k, o);
         if (other < best || (other == best && other_k < k)) {
             best = other;
@@ -40,37 +62,51 @@ _PICK = """
         }
     }
     if (k == depth) k = 0;  // all are infinite
-    for (int d = lane; d < depth; d += 32)
-        if (abs(d - k) > 1) second = fminf(second, here[d]);
+    for (int d = lane * VECTOR; d < depth; d += LANES * VECTOR) {
+        __align__(16) TYPE c[VECTOR];
+        if (VECTOR > 1) *reinterpret_cast<uint4*>(c) = *reinterpret_cast<const uint4*>(here + d);
+        else c[0] = here[d];
+        #pragma unroll
+        for (int j = 0; j < VECTOR; ++j)
+            if (abs(d + j - k) > 1) second = min(second, (WIDE)c[j]);
+    }
     #pragma unroll
-    for (int o = 16; o > 0; o >>= 1) second = fminf(second, __shfl_xor_sync(ALL, second, o));
-    if (lane != 0) return;
+    for (int o = LANES / 2; o > 0; o >>= 1)
+        second = min(second, __shfl_xor_sync(ALL, second, o));
+    if (lane != 0 || number >= pixels) return;
+    // Float32 holds integer costs, and the products with percentages below, exactly.
+    const float least = best, rival = second == most ? infinity : second;
     float certain = 0.0f, offset = 0.0f;
-    if (second > best)
-        certain = fminf(fmaxf(__fsub_rn(1.0f, __fdiv_rn(best, second)), 0.0f), 1.0f);
+    if (rival > least)
+        certain = fminf(fmaxf(__fsub_rn(1.0f, __fdiv_rn(least, rival)), 0.0f), 1.0f);
     const bool unique =
-        uniqueness == 0 || __fmul_rn(second, 100 - uniqueness) >= __fmul_rn(best, 100.0f);
+        uniqueness == 0 || __fmul_rn(rival, 100 - uniqueness) >= __fmul_rn(least, 100.0f);
     if (subpixel != NONE && k > 0 && k < depth - 1) {
-        const float a = __fsub_rn(here[k - 1], best), b = __fsub_rn(here[k + 1], best);
+        const float a = __fsub_rn(here[k - 1], least), b = __fsub_rn(here[k + 1], least);
         const float n = __fsub_rn(a, b), m = subpixel == PARABOLA ? __fadd_rn(a, b) : fmaxf(a, b);
         if (0.0f < m && m < infinity && fabsf(n) < infinity)
             offset = __fmul_rn(0.5f, __fdiv_rn(n, m));
     }
     index.data[pixel] = unique ? k : -1;
     disparity.data[pixel] = unique ? __fadd_rn(first + k, offset) : __int_as_float(0x7fc00000);
-    cost.data[pixel] = best;
+    cost.data[pixel] = least;
     confidence.data[pixel] = certain;
 """
 
 
 @lru_cache
-def pick(scalar: Any) -> wp.Kernel:
-    """Return the kernel for costs of one type."""
-    text = (
-        _PICK.replace("TYPE", _C_TYPES[scalar])
-        .replace("BLOCK", str(BLOCK))
-        .replace("NONE", str(int(Subpixel.NONE)))
-        .replace("PARABOLA", str(int(Subpixel.PARABOLA)))
+def pick_kernel(scalar: Any, lanes: int, vector: int) -> wp.Kernel:
+    """Return the kernel for costs of one type, `lanes` threads a pixel, `vector` costs a load."""
+    text = text_of(
+        _PICK,
+        TYPE=_SCALARS[scalar].name,
+        WIDE=_SCALARS[scalar].wide,
+        MOST=_SCALARS[scalar].most,
+        LANES=lanes,
+        VECTOR=vector,
+        BLOCK=BLOCK,
+        NONE=int(Subpixel.NONE),
+        PARABOLA=int(Subpixel.PARABOLA),
     )
 
     @wp.func_native(text)
@@ -85,7 +121,7 @@ def pick(scalar: Any) -> wp.Kernel:
         confidence: wp.array2d[float],
     ): ...
 
-    @wp.kernel(module="unique", module_options=_OPTIONS)
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def pick(
         costs: wp.array3d[scalar],  # (H, W, D)
         first: int,
@@ -100,6 +136,32 @@ def pick(scalar: Any) -> wp.Kernel:
         pick_pixel(costs, first, subpixel, uniqueness, index, disparity, cost, confidence)
 
     return pick
+
+
+def pick(
+    costs: wp.array,
+    first: int,
+    subpixel: int,
+    uniqueness: int,
+    index: wp.array,
+    disparity: wp.array,
+    cost: wp.array,
+    confidence: wp.array,
+) -> None:
+    """Find the least cost of each pixel, the disparity between the pixels, and how sure it is."""
+    depth = costs.shape[2]
+    vector = 16 // wp.types.type_size_in_bytes(costs.dtype)
+    if depth % vector != 0 or costs.ptr % 16 != 0:
+        vector = 1
+    lanes = 1
+    while lanes < 32 and 2 * lanes * vector < depth:
+        lanes *= 2
+    launch(
+        pick_kernel(costs.dtype, lanes, vector),
+        -(-index.size * lanes // BLOCK) * BLOCK,
+        [costs, first, subpixel, uniqueness],
+        [index, disparity, cost, confidence],
+    )
 
 
 # A block takes the right pixels of a tile, in steps of 32 disparities: what a step needs lies in
@@ -138,13 +200,13 @@ _PICK_RIGHT = """
 
 
 @lru_cache
-def pick_right(scalar: Any) -> wp.Kernel:
+def pick_right_kernel(scalar: Any) -> wp.Kernel:
     """Return the kernel for costs of one type."""
 
-    @wp.func_native(_PICK_RIGHT.replace("TYPE", _C_TYPES[scalar]).replace("BLOCK", str(BLOCK)))
+    @wp.func_native(text_of(_PICK_RIGHT, TYPE=_SCALARS[scalar].name, BLOCK=BLOCK))
     def pick_tile(costs: wp.array3d[scalar], first: int, index: wp.array2d[int]): ...
 
-    @wp.kernel(module="unique", module_options=_OPTIONS)
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def pick_right(
         costs: wp.array3d[scalar],  # (H, W, D)
         first: int,
@@ -154,6 +216,13 @@ def pick_right(scalar: Any) -> wp.Kernel:
         pick_tile(costs, first, index)
 
     return pick_right
+
+
+def pick_right(costs: wp.array, first: int, index: wp.array) -> None:
+    """Find the least cost of each pixel of the right image, on the diagonals of the volume."""
+    height, width = index.shape
+    threads = height * -(-width // BLOCK) * BLOCK
+    launch(pick_right_kernel(costs.dtype), threads, [costs, first], [index])
 
 
 @wp.kernel

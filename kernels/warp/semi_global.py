@@ -139,7 +139,7 @@ def pick(
     """Find the least cost of each pixel, the disparity between the pixels, and how sure it is."""
     options, outputs = [costs, first, subpixel, uniqueness], [index, disparity, cost, confidence]
     if index.device.is_cuda:
-        launch(winner_blocks.pick(costs.dtype), -(-index.size // 8) * 256, options, outputs)
+        winner_blocks.pick(*options, *outputs)
         return
     height, _, depth = costs.shape
     count = slabs(height, costs.size)
@@ -152,8 +152,7 @@ def pick_right(costs: wp.array, first: int, index: wp.array) -> None:
     """Find the least cost of each pixel of the right image, on the diagonals of the volume."""
     height, width, depth = costs.shape
     if index.device.is_cuda:
-        dim = height * -(-width // 256) * 256
-        launch(winner_blocks.pick_right(costs.dtype), dim, [costs, first], [index])
+        winner_blocks.pick_right(costs, first, index)
         return
     count = slabs(height, costs.size)
     kind, padded = winner_rows.kinds[costs.dtype], _padded(depth)
