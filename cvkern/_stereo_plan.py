@@ -65,6 +65,7 @@ class Plan(NamedTuple):
         self, rt: Runtime, left: Any, right: Any, disparity: Any, valid: Any, confidence: Any
     ) -> None:
         """Fill the kernel arrays of a result."""
+        strips = self.strips(rt.device)  # raises before any kernel runs
         gray = self._gray(rt, "left", left)
         outputs = _, found, _, _, right_index = (
             rt.scratch("stereo.index", self.shape, np.int32),
@@ -73,8 +74,11 @@ class Plan(NamedTuple):
             confidence,
             rt.scratch("stereo.right_index", self.shape, np.int32),
         )
-        match = self._match_windows if self.method == "window" else self._match_paths
-        match(rt, gray, self._gray(rt, "right", right), outputs)
+        other = self._gray(rt, "right", right)
+        if self.method == "window":
+            self._match_windows(rt, gray, other, outputs)
+        else:
+            self._match_paths(rt, gray, other, strips, outputs)
         checked = rt.scratch("stereo.checked", self.shape)
         if self.left_right is not None:
             rt.disparity.left_right(found, right_index, self.first, self.left_right, checked)
@@ -109,7 +113,9 @@ class Plan(NamedTuple):
             index, disparity, cost, confidence, right_index,
         )  # fmt: skip
 
-    def _match_paths(self, rt: Runtime, left: Any, right: Any, outputs: Winners) -> None:
+    def _match_paths(
+        self, rt: Runtime, left: Any, right: Any, strips: list[Strip], outputs: Winners
+    ) -> None:
         """Match semi-globally, in strips of rows if memory is bounded."""
         census = [
             census_words(
@@ -118,7 +124,7 @@ class Plan(NamedTuple):
             for name, gray in (("left", left), ("right", right))
         ]
         table = rt.constant(penalties(self.p1, self.p2, self.contrast))
-        for strip in self.strips(rt.device):
+        for strip in strips:
             left_bits, right_bits, left_gray, right_gray = (
                 strip.seen_of(a) for a in (*census, left, right)
             )
@@ -130,11 +136,13 @@ class Plan(NamedTuple):
             )  # fmt: skip
 
     def strips(self, device: str) -> list[Strip]:
-        """Return the strips of rows that are matched one after the other."""
+        """Return the strips of rows that semi-global paths are walked in."""
         height, width = self.shape
         depth = self.stop - self.first
 
         def work(rows: int) -> int:
+            if self.method == "window":
+                return 0
             return matching_bytes(device, rows, width, depth, self.paths, self.p2)
 
         subject = f"{height} x {width} pixels and {depth} disparities"
@@ -210,8 +218,7 @@ def plan_of(
         check_integer(smoothing, "smoothing", 0, MAX_RADIUS),
         max_bytes,
     )
-    if method == "semi-global":
-        plan.strips("cpu")  # raises where max_bytes are too few
+    plan.strips("cpu")  # raises where max_bytes are too few for any device
     return plan
 
 
