@@ -130,7 +130,7 @@ def stereo_cost(
     code = check_code(cost, Cost, "cost")
     census = code in (Cost.CENSUS, Cost.CENSUS_SYMMETRIC)
     radii = check_sides(window if window is not None else 1 if census else 9, "window", MAX_SIDE)
-    bits = 0
+    around, bits = (0, 0), 0
     if census:
         around = check_sides(neighborhood, "neighborhood", WORD + 1)
         spacing = check_integer(spacing, "spacing", 1, 16)
@@ -152,27 +152,25 @@ def stereo_cost(
             f"disparities must make at most {MAX_COSTS} costs, got {size} of {needed} bytes"
         )
     rt = runtime(left, right)
-    pair = [
+    one, other = (
         rt.adopt(image if axis in (None, 2) else lib.last(image, axis), dtype, shape)
         for lib, image in zip(libraries, (left, right), strict=True)
-    ]
+    )
     costs = rt.empty(volume, result)
     target = rt.adopt(costs, result)
     if code == Cost.ZNCC:
-        rt.stereo_cost.correlation(*pair, first, *radii, target)
+        rt.stereo_cost.correlation(one, other, first, *radii, target)
     elif not census:
-        rt.stereo_cost.window_costs(*pair, first, code, 1, *radii, target)
+        rt.stereo_cost.window_costs(one, other, first, code, 1, *radii, target)
     else:
         symmetric = code == Cost.CENSUS_SYMMETRIC
-        words = [
-            census_words(rt, f"stereo_cost.{side}", image, around, spacing, symmetric)
-            for side, image in zip(("left", "right"), pair, strict=True)
-        ]
+        one = census_words(rt, "stereo_cost.left", one, around, spacing, symmetric)
+        other = census_words(rt, "stereo_cost.right", other, around, spacing, symmetric)
         if area == 1 and result == np.uint8:
-            rt.stereo_cost.hamming(*words, first, target)
+            rt.stereo_cost.hamming(one, other, first, target)
         else:
             octets = -(-bits // 8)
-            rt.stereo_cost.window_costs(*words, first, Cost.CENSUS, octets, *radii, target)
+            rt.stereo_cost.window_costs(one, other, first, Cost.CENSUS, octets, *radii, target)
     return rt.release(costs)
 
 

@@ -36,13 +36,14 @@ def match_windows(
     float32; the outputs as those of the primitives `pick` and `pick_right`.
     """
     first, stop = disparities
-    words = [
-        census_words(rt, f"window_matching.{side}", image.reshape((*image.shape, 1)), RADII,
-                     SPACING, False)
+    one, other = (
+        census_words(
+            rt, f"window_matching.{side}", image.reshape((*image.shape, 1)), RADII, SPACING, False
+        )
         for side, image in (("left", left), ("right", right))
-    ]  # fmt: skip
+    )
     radius = window // 2
     rt.window_matching.match_windows(
-        *words, first, stop - first, Cost.CENSUS, OCTETS, radius, radius, subpixel, uniqueness,
+        one, other, first, stop - first, Cost.CENSUS, OCTETS, radius, radius, subpixel, uniqueness,
         index, disparity, cost, confidence, right_index,
     )  # fmt: skip

@@ -245,10 +245,10 @@ def test_stereo_costs_are_those_of_the_cpu(cost, shape, kernels):
 def test_stereo_costs_of_the_callers_arrays(library, kernels):
     left, right = (noise((40, 90, 3), seed) for seed in (0, 1))
     want = cvkern.stereo_cost(left, right, (-3, 30), channel_axis=2)
-    given = [give(library, image) for image in (left, right)]
-    got = cvkern.stereo_cost(*given, (-3, 30), channel_axis=2)
-    assert type(got) is type(given[0])
-    assert device_of(got) == device_of(given[0])
+    one, other = (give(library, image) for image in (left, right))
+    got = cvkern.stereo_cost(one, other, (-3, 30), channel_axis=2)
+    assert type(got) is type(one)
+    assert device_of(got) == device_of(one)
     np.testing.assert_array_equal(take(got), want)
 
 

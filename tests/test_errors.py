@@ -522,7 +522,14 @@ def test_a_path_where_an_image_belongs():
 # --- stereo costs --------------------------------------------------------------------------------
 
 
-def cost_refused(error, message, left=FLAT, right=FLAT, disparities=(0, 3), **options):
+def cost_refused(
+    error: Any,
+    message: str,
+    left: Any = FLAT,
+    right: Any = FLAT,
+    disparities: Any = (0, 3),
+    **options: Any,
+) -> None:
     refused(error, message, cvkern.stereo_cost, left, right, disparities, **options)
 
 

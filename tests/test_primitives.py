@@ -4,6 +4,7 @@ Kernels do float32 arithmetic in a stated order, so NumPy doing the same must gi
 """
 
 import importlib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -329,10 +330,10 @@ def test_subpixel_edges(kernels, shape):
 # ------------------------------------------------------------------------------- stereo costs
 
 
-def stereo_pair(height, width, channels, dtype, seed=0):
+def stereo_pair(shape: tuple[int, ...], dtype: Any) -> Any:
     """Two noisy views of a texture, two pixels apart."""
-    rng = np.random.default_rng(seed)
-    left = rng.integers(0, 256, (height, width, channels))
+    rng = np.random.default_rng(0)
+    left = rng.integers(0, 256, shape)
     right = (np.roll(left, -2, 1) + rng.integers(-9, 10, left.shape)).clip(0, 255)
     if dtype == F32:
         left, right = left + rng.random(left.shape), right + rng.random(left.shape)
@@ -347,7 +348,7 @@ WINDOWED = [(0, 1, (0, 0)), (-5, 33, (10, 2)), (3, 140, (1, 10))]  # first, coun
 @pytest.mark.parametrize("dtype", [U8, F32])
 @pytest.mark.parametrize("shape", PAIRS)
 def test_census(kernels, shape, dtype, symmetric):
-    image, _ = stereo_pair(*shape, dtype)
+    image, _ = stereo_pair(shape, dtype)
     for radii, spacing in (((2, 2), 1), ((3, 4), 1), ((2, 2), 2), ((0, 32), 1), ((1, 0), 5)):
         if symmetric and radii == (1, 0):
             continue
@@ -372,7 +373,7 @@ def test_hamming(kernels, shape, first, count):
 @pytest.mark.parametrize("cost", [Cost.SAD, Cost.SSD, Cost.BIRCHFIELD_TOMASI, Cost.CENSUS])
 @pytest.mark.parametrize("shape", PAIRS)
 def test_window_costs_of_integers(kernels, shape, cost, first, count, radii):
-    left, right = stereo_pair(*shape, U8)
+    left, right = stereo_pair(shape, U8)
     octets = 1
     if cost == Cost.CENSUS:  # of uint64 in whose low three bytes there are bits
         left, right = (np.repeat(i, 8, 2).view(U64) & U64(0xFFFFFF) for i in (left, right))
@@ -394,7 +395,7 @@ def test_window_costs_of_integers(kernels, shape, cost, first, count, radii):
 @pytest.mark.parametrize("cost", [Cost.SAD, Cost.SSD, Cost.BIRCHFIELD_TOMASI])
 @pytest.mark.parametrize("shape", PAIRS)
 def test_window_costs_of_floats(kernels, shape, cost, radii):
-    left, right = stereo_pair(*shape, F32)
+    left, right = stereo_pair(shape, F32)
     out = [((*shape[:2], 37), F32)]
     got = kernels("stereo_cost.window_costs", left, right, -2, cost, 1, *radii, out=out)
     want = stereo_reference.stereo_cost(left, right, (-2, 35), cost.name.lower(), radii)
@@ -408,7 +409,7 @@ def test_window_costs_of_floats(kernels, shape, cost, radii):
 @pytest.mark.parametrize("radii", [(1, 1), (0, 3), (7, 2)])
 @pytest.mark.parametrize("shape", PAIRS)
 def test_correlation(kernels, shape, radii, dtype):
-    left, right = stereo_pair(*shape, dtype)
+    left, right = stereo_pair(shape, dtype)
     out = [((*shape[:2], 37), F32)]
     got = kernels("stereo_cost.correlation", left, right, -2, *radii, out=out)
     want = stereo_reference.stereo_cost(left, right, (-2, 35), "zncc", radii)
@@ -420,7 +421,7 @@ def test_correlation(kernels, shape, radii, dtype):
 @pytest.mark.parametrize("shape", PAIRS)
 def test_match_windows(kernels, shape, cost, first, count, radii):
     """What `pick` and `pick_right` find among the costs of windows."""
-    left, right = (image // 16 for image in stereo_pair(*shape, U8))
+    left, right = (image // 16 for image in stereo_pair(shape, U8))
     octets = 1
     if cost == Cost.CENSUS:
         left, right = (np.repeat(i, 8, 2).view(U64) & U64(0xFFFFFF) for i in (left, right))

@@ -1,5 +1,7 @@
 """Matching costs against their definitions in int64 and float64, and closed forms."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ SUMS = ["sad", "ssd", "birchfield_tomasi"]
 CENSUS = ["census", "census_symmetric"]
 
 
-def pair(*shape, dtype=np.uint8, shift=2, seed=0):
+def pair(*shape: int, dtype: Any = np.uint8, shift: int = 2, seed: int = 0) -> Any:
     """Two views of one texture `shift` pixels apart, with noise, ties and flat parts."""
     rng = np.random.default_rng(seed)
     left = rng.integers(0, 256, shape)
@@ -158,8 +160,8 @@ def test_census_does_not_see_brightness_and_contrast(backend, cost):
     left, right = left // 4, right // 4
     want = cvkern.stereo_cost(left, right, (0, 9), cost=cost)
     np.testing.assert_array_equal(cvkern.stereo_cost(left + 60, right, (0, 9), cost=cost), want)
-    brighter = (2 * left + 9, 3 * right)
-    np.testing.assert_array_equal(cvkern.stereo_cost(*brighter, (0, 9), cost=cost), want)
+    brighter = cvkern.stereo_cost(2 * left + 9, 3 * right, (0, 9), cost=cost)
+    np.testing.assert_array_equal(brighter, want)
 
 
 def test_zncc_does_not_see_brightness_and_contrast(backend):
@@ -204,8 +206,8 @@ def test_channels_may_stand_anywhere(backend, cost):
     left, right = pair(7, 20, 3)
     want = cvkern.stereo_cost(left, right, (0, 5), cost=cost, channel_axis=2)
     for axis in (0, 1, -1):
-        moved = [np.moveaxis(image, 2, axis) for image in (left, right)]
-        got = cvkern.stereo_cost(*moved, (0, 5), cost=cost, channel_axis=axis)
+        one, other = (np.moveaxis(image, 2, axis) for image in (left, right))
+        got = cvkern.stereo_cost(one, other, (0, 5), cost=cost, channel_axis=axis)
         np.testing.assert_array_equal(got, want)
 
 
@@ -228,10 +230,11 @@ def test_libraries_keep_their_arrays(backend):
     torch = pytest.importorskip("torch")
     left, right = pair(6, 15, 3)
     for axis in (0, 2):
-        moved = [np.ascontiguousarray(np.moveaxis(image, 2, axis)) for image in (left, right)]
-        got = cvkern.stereo_cost(*map(torch.from_numpy, moved), (0, 4), channel_axis=axis)
+        one, other = (np.ascontiguousarray(np.moveaxis(i, 2, axis)) for i in (left, right))
+        tensors = torch.from_numpy(one), torch.from_numpy(other)
+        got = cvkern.stereo_cost(*tensors, (0, 4), channel_axis=axis)
         assert isinstance(got, torch.Tensor)
-        want = cvkern.stereo_cost(*moved, (0, 4), channel_axis=axis)
+        want = cvkern.stereo_cost(one, other, (0, 4), channel_axis=axis)
         np.testing.assert_array_equal(got.numpy(), want)
 
 

@@ -1,6 +1,7 @@
 """Matching by windows: what the winner among stored costs is, without storing them."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,17 +18,20 @@ I32, F32 = np.int32, np.float32
 OUTPUTS = (I32, F32, F32, F32, I32)  # index, disparity, cost, confidence, right index
 
 
-def filled(shape):
+def filled(shape: tuple[int, ...]) -> Any:
     return [np.full(shape, 77, dtype) for dtype in OUTPUTS]
 
 
 def matched(left, right, disparities, window, subpixel=Subpixel.PARABOLA, uniqueness=0):
     """Match grey images; return arrays of OUTPUTS."""
     rt = runtime(left)
-    images = [rt.adopt(image, image.dtype) for image in (left, right)]
+    one, other = rt.adopt(left, left.dtype), rt.adopt(right, right.dtype)
     results = filled(left.shape)
-    views = [rt.adopt(a, a.dtype) for a in results]
-    match_windows(rt, *images, disparities, window, subpixel, uniqueness, *views)
+    index, disparity, cost, confidence, right_index = (rt.adopt(a, a.dtype) for a in results)
+    match_windows(
+        rt, one, other, disparities, window, subpixel, uniqueness,
+        index, disparity, cost, confidence, right_index,
+    )  # fmt: skip
     return results
 
 
@@ -72,10 +76,12 @@ def test_other_costs(backend, channels, cost, window):
     left, right = (image // 8 for image in pair(19, 70, channels, shift=3))
     rt = runtime(left)
     results = filled(left.shape[:2])
-    radii = [side // 2 for side in window]
+    one, other = rt.adopt(left, np.uint8), rt.adopt(right, np.uint8)
+    radius_y, radius_x = window[0] // 2, window[1] // 2
+    index, disparity, best, confidence, right_index = (rt.adopt(a, a.dtype) for a in results)
     rt.window_matching.match_windows(
-        *(rt.adopt(image, np.uint8) for image in (left, right)), -2, 30, cost, 1, *radii,
-        Subpixel.EQUIANGULAR, 10, *(rt.adopt(a, a.dtype) for a in results),
+        one, other, -2, 30, cost, 1, radius_y, radius_x, Subpixel.EQUIANGULAR, 10,
+        index, disparity, best, confidence, right_index,
     )  # fmt: skip
     name = cost.name.lower()
     costs = cvkern.stereo_cost(

@@ -59,9 +59,9 @@ def census(image, radius_y, radius_x, spacing, symmetric):
     offsets = offsets[:middle] if symmetric else offsets[:middle] + offsets[middle + 1 :]
 
     def seen(v, u):
-        reach = radius_y * spacing, radius_x * spacing
-        wide = continued(image, *reach)
-        top, beside = reach[0] + v * spacing, reach[1] + u * spacing
+        down, along = radius_y * spacing, radius_x * spacing
+        wide = continued(image, down, along)
+        top, beside = down + v * spacing, along + u * spacing
         return wide[top : top + image.shape[0], beside : beside + image.shape[1]]
 
     return np.stack(
@@ -69,15 +69,17 @@ def census(image, radius_y, radius_x, spacing, symmetric):
     )
 
 
-def stereo_cost(left, right, disparities, cost, radii, around=None, spacing=1):
+def stereo_cost(left, right, disparities, cost, radii, around=(0, 0), spacing=1):
     """Return the costs (H, W, D) of images (H, W, C)."""
     kind = np.int64 if left.dtype.kind == "u" and cost != "zncc" else np.float64
     left, right = left.astype(kind), right.astype(kind)
     if cost.startswith("census"):
+        down, along = around
         one, other = (
-            census(image, *around, spacing, cost == "census_symmetric").reshape(*left.shape[:2], -1)
+            census(image, down, along, spacing, cost == "census_symmetric")
             for image in (left, right)
         )
+        one, other = (bits.reshape(*left.shape[:2], -1) for bits in (one, other))
         left, right, cost = one.astype(np.int64), other.astype(np.int64), "sad"
     volume = []
     for d in range(*disparities):
