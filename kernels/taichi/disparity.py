@@ -10,6 +10,25 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
+# Floats are told apart by their bits: on CUDA the compiler takes NaN for impossible.
+INFINITY, NAN, MAGNITUDE = 0x7F800000, 0x7FC00000, 0x7FFFFFFF
+
+
+@ti.func
+def _none() -> ti.f32:
+    """Return the NaN that stands for no disparity."""
+    return ti.bit_cast(NAN, ti.f32)
+
+
+@ti.func
+def _is_finite(value: ti.f32) -> ti.i32:
+    return (ti.bit_cast(value, ti.i32) & MAGNITUDE) < INFINITY
+
+
+@ti.func
+def _is_number(value: ti.f32) -> ti.i32:
+    return (ti.bit_cast(value, ti.i32) & MAGNITUDE) <= INFINITY
+
 
 @ti.kernel
 def _left_right(
@@ -21,19 +40,22 @@ def _left_right(
     # outputs
     checked: f32_2,
 ):
+    width = ti.cast(disparity.shape[1], ti.f32)
     for y, x in checked:
         d = disparity[y, x]
-        at = ti.cast(x, ti.f32) - ti.floor(d + 0.5)
-        kept = ti.math.nan
-        if 0.0 <= at < ti.cast(disparity.shape[1], ti.f32):
-            match = right[y, ti.cast(at, ti.i32)]
-            other = ti.cast(match, ti.f32)
-            exists = True
-            if indices == 1:
-                exists = match >= 0
-                other = ti.cast(first + ti.cast(match, ti.i32), ti.f32)
-            if exists and ti.abs(d - other) <= tolerance:
-                kept = d
+        kept = _none()
+        if _is_finite(d):
+            at = ti.cast(x, ti.f32) - ti.floor(d + 0.5)
+            if 0.0 <= at < width:
+                match = right[y, ti.cast(at, ti.i32)]
+                other = ti.cast(match, ti.f32)
+                exists = _is_finite(other)
+                if indices == 1:
+                    exists = match >= 0
+                    other = ti.cast(first + ti.cast(match, ti.i32), ti.f32)
+                if exists:
+                    if ti.abs(d - other) <= tolerance:
+                        kept = d
         checked[y, x] = kept
 
 
@@ -50,6 +72,15 @@ def left_right(
 
 
 # Speckles. Pixel i of the raster has label i, and its parent is never larger.
+
+
+@ti.func
+def _alike(a: ti.f32, b: ti.f32, difference: ti.f32) -> ti.i32:
+    alike = 0
+    if _is_finite(a) and _is_finite(b):
+        if ti.abs(a - b) <= difference:
+            alike = 1
+    return alike
 
 
 @ti.func
@@ -97,10 +128,10 @@ def _unite(
     for y, x in disparity:
         label = y * disparity.shape[1] + x
         if x > 0:
-            if ti.abs(disparity[y, x] - disparity[y, x - 1]) <= difference:
+            if _alike(disparity[y, x], disparity[y, x - 1], difference):
                 _join(label, label - 1, parents)
         if y > 0:
-            if ti.abs(disparity[y, x] - disparity[y - 1, x]) <= difference:
+            if _alike(disparity[y, x], disparity[y - 1, x], difference):
                 _join(label, label - disparity.shape[1], parents)
 
 
@@ -126,7 +157,7 @@ def _keep(
     for y, x in disparity:
         label = y * disparity.shape[1] + x
         large = sizes[_find(label, parents)] >= min_size
-        kept[y, x] = disparity[y, x] if large else ti.math.nan
+        kept[y, x] = disparity[y, x] if large else _none()
 
 
 @primitive
@@ -155,20 +186,26 @@ def _fill(
 ):
     width = disparity.shape[1]
     for y in range(disparity.shape[0]):
-        nearest = ti.math.inf
+        begin = width  # the first column with a disparity
+        nearest = 0.0
         for x in range(width):
-            here = ti.abs(disparity[y, x]) < ti.math.inf
-            valid[y, x] = ti.cast(here, ti.u8)
+            here = _is_finite(disparity[y, x])
             if here:
                 nearest = disparity[y, x]
+                begin = ti.min(begin, x)
+            valid[y, x] = ti.cast(here, ti.u8)
             filled[y, x] = nearest
-        found[y] = ti.cast(nearest < ti.math.inf, ti.i32)
-        nearest = ti.math.inf
+        found[y] = ti.cast(begin < width, ti.i32)
+        behind = 0  # whether there is one behind x
         for i in range(width):
             x = width - 1 - i
             if valid[y, x] == 1:
                 nearest = disparity[y, x]
-            filled[y, x] = ti.min(filled[y, x], nearest)
+                behind = 1
+            if x < begin:
+                filled[y, x] = nearest
+            elif behind == 1:
+                filled[y, x] = ti.min(filled[y, x], nearest)
 
 
 @ti.kernel
@@ -190,7 +227,7 @@ def _fill_empty_rows(
                 if found[row] == 1:
                     source = row
             for x in range(filled.shape[1]):
-                value = ti.math.nan
+                value = _none()
                 if source >= 0:
                     value = filled[source, x]
                 filled[y, x] = value
@@ -229,24 +266,27 @@ def _median(
     for y, x in smooth:
         # Of the values in the window, the smallest that with all smaller and equal ones has at
         # least half of the weight.
-        best = ti.math.nan
+        exists = 0
+        best = 0.0
         for i in range(-radius, radius + 1):
-            value = disparity[_inside(y + i * dy, height), _inside(x + i * dx, width)] + 0.0
-            total = 0
-            below = 0
-            for j in range(-radius, radius + 1):
-                v = _inside(y + j * dy, height)
-                u = _inside(x + j * dx, width)
-                other = disparity[v, u]
-                step = ti.cast(guide[v, u], ti.i32) - ti.cast(guide[y, x], ti.i32)
-                weight = ti.max(1, contrast - ti.abs(step))
-                if other == other:
-                    total += weight
-                if other <= value:
-                    below += weight
-            if value == value and 2 * below >= total and not best <= value:
-                best = value
-        smooth[y, x] = best
+            value = disparity[_inside(y + i * dy, height), _inside(x + i * dx, width)]
+            if _is_number(value):
+                total = 0
+                below = 0
+                for j in range(-radius, radius + 1):
+                    v = _inside(y + j * dy, height)
+                    u = _inside(x + j * dx, width)
+                    other = disparity[v, u]
+                    step = ti.cast(guide[v, u], ti.i32) - ti.cast(guide[y, x], ti.i32)
+                    weight = ti.max(1, contrast - ti.abs(step))
+                    if _is_number(other):
+                        total += weight
+                        if other <= value:
+                            below += weight
+                if 2 * below >= total and (exists == 0 or value < best):
+                    best = value + 0.0  # no -0
+                    exists = 1
+        smooth[y, x] = best if exists == 1 else _none()
 
 
 @primitive

@@ -15,10 +15,12 @@ def _byte(value: ti.f32, scale: ti.f32, zero: ti.i32) -> ti.i32:
     """Return the nearest number that a byte holds; 0 for NaN."""
     v = product(value, scale, zero)
     byte = 0
-    if v >= 255.0:
-        byte = 255
-    elif v > 0.0:
-        byte = ti.cast(v + 0.5, ti.i32)
+    # NaN is told by its bits: on CUDA the compiler takes it for impossible.
+    if (ti.bit_cast(v, ti.i32) & 0x7FFFFFFF) <= 0x7F800000:
+        if v >= 255.0:
+            byte = 255
+        elif v > 0.0:
+            byte = ti.cast(v + 0.5, ti.i32)
     return byte
 
 

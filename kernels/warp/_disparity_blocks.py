@@ -7,8 +7,16 @@ import warp as wp
 
 from ._edges_blocks import root, unite
 
+# CUDA's own NaN has other bits than the CPU's.
+NAN_BITS = wp.constant(0x7FC00000)
 _OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
 wp.set_module_options(_OPTIONS)
+
+
+@wp.func
+def none() -> float:
+    """Return the NaN that stands for no disparity."""
+    return wp.cast(NAN_BITS, float)
 
 
 @wp.func
@@ -20,7 +28,7 @@ def itself(value: float, first: int) -> float:
 @wp.func
 def of_index(value: int, first: int) -> float:
     """Return the disparity of an index, NaN of a negative one."""
-    return wp.where(value >= 0, float(first + value), wp.nan)
+    return wp.where(value >= 0, float(first + value), none())
 
 
 def _left_right(scalar: Any, disparity_of: Any) -> wp.Kernel:
@@ -41,7 +49,7 @@ def _left_right(scalar: Any, disparity_of: Any) -> wp.Kernel:
         x = i - y * width
         d = disparity[y, x]
         at = float(x) - wp.floor(d + 0.5)
-        kept = wp.nan
+        kept = none()
         if at >= 0.0 and at < float(width):
             if wp.abs(d - disparity_of(right[y, int(at)], first)) <= tolerance:
                 kept = d
@@ -151,7 +159,7 @@ def keep(
     width = disparity.shape[1]
     y = i // width
     x = i - y * width
-    kept[y, x] = wp.where(sizes[parents[i]] >= min_size, disparity[y, x], wp.nan)
+    kept[y, x] = wp.where(sizes[parents[i]] >= min_size, disparity[y, x], none())
 
 
 @wp.func_native("""
@@ -228,7 +236,7 @@ def fill_empty_rows(
             while source < height and found[wp.min(source, height - 1)] == 0:
                 source += 1
         for x in range(i % 32, filled.shape[1], 32):
-            value = wp.nan
+            value = none()
             if source < height:
                 value = filled[source, x]
             filled[row, x] = value
