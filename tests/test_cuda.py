@@ -34,6 +34,11 @@ CALLS = {
     "canny_sobel": lambda x: cvkern.canny(x, 1.0, 0.5, 1.0, operator="sobel"),
     "disparity_to_depth": lambda x: cvkern.disparity_to_depth(x, 700.0, 0.12, -0.5),
     "points_from_disparity": lambda x: cvkern.points_from_disparity(x, REPROJECTION),
+    "left_right_check": lambda x: cvkern.left_right_check(x, x, tolerance=0.3),
+    "remove_speckles": lambda x: cvkern.remove_speckles(x, 9, difference=0.3),
+    "fill_disparity": lambda x: cvkern.fill_disparity(
+        cvkern.remove_speckles(x, 99, difference=0.3)
+    ),
 }
 
 STEREO_COSTS = ["sad", "ssd", "birchfield_tomasi", "zncc", "census", "census_symmetric"]
