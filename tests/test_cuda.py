@@ -317,7 +317,7 @@ def test_disparities_are_those_of_the_cpu(shape, method, kernels):
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_disparities_of_the_callers_arrays(library, kernels):
     pair = stereo_pair(90, 120, 7)
-    given = [give(library, image) for image in pair]
+    given = give(library, pair[0]), give(library, pair[1])
     got = cvkern.stereo_match(*given, (0, 32), channel_axis=2)
     want = cvkern.stereo_match(*pair, (0, 32), channel_axis=2)
     for a, b in zip(got, want, strict=True):

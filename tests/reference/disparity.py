@@ -73,4 +73,4 @@ def gray_bytes(image, scale):
     image = image.astype(int)
     if image.shape[2] == 1:
         return image[..., 0].astype(np.uint8)
-    return ((image[..., :3] @ [77, 150, 29] + 128) >> 8).astype(np.uint8)
+    return ((image[..., :3] * np.array([77, 150, 29])).sum(2) + 128 >> 8).astype(np.uint8)
