@@ -49,12 +49,13 @@ _HAMMING = """
     const unsigned long long* const l = (const unsigned long long*)left.data + row;
     const unsigned long long* const r = (const unsigned long long*)right.data + row;
     int x = begin + threadIdx.x / depth, k = threadIdx.x % depth;
-    const int step_x = BLOCK / depth, step_k = BLOCK % depth;
-    while (x < end) {
+    const int step_x = BLOCK / depth, step_k = BLOCK % depth, count = (end - begin) * depth;
+    #pragma unroll 4
+    for (int i = threadIdx.x; i < count; i += BLOCK) {
         const int partner = max(0, min(width - 1, x - first - k));
         int total = 0;
         for (int c = 0; c < channels; ++c)
-            total += __popcll(l[x * channels + c] ^ r[partner * channels + c]);
+            total += __popcll(__ldg(l + x * channels + c) ^ __ldg(r + partner * channels + c));
         costs.data[((size_t)y * width + x) * depth + k] = total;
         x += step_x;
         k += step_k;

@@ -29,8 +29,10 @@ _COSTS = {
     Cost.CENSUS: "total += __popcll(a ^ b);",
     Cost.ZNCC: "total += (SUM)a * (SUM)b;",
     Cost.BIRCHFIELD_TOMASI: """
-                const VALUE a0 = (l[left_before] + a) / 2, a1 = (a + l[left_behind]) / 2;
-                const VALUE b0 = (r[right_before] + b) / 2, b1 = (b + r[right_behind]) / 2;
+                const VALUE a0 = (__ldg(l + left_before) + a) / 2;
+                const VALUE a1 = (a + __ldg(l + left_behind)) / 2;
+                const VALUE b0 = (__ldg(r + right_before) + b) / 2;
+                const VALUE b1 = (b + __ldg(r + right_behind)) / 2;
                 const VALUE over = max(b - max(a, max(a0, a1)), min(a, min(a0, a1)) - b);
                 const VALUE under = max(a - max(b, max(b0, b1)), min(b, min(b0, b1)) - a);
                 total += max((VALUE)0, min(over, under));""",
@@ -55,21 +57,26 @@ _SUM_DOWN = """
         const PIXEL* r = (const PIXEL*)right.data + row + right_here;
         SUM total = 0;
         for (int c = 0; c < channels; ++c, ++l, ++r) {
-            const VALUE a = *l, b = *r;
+            const VALUE a = __ldg(l), b = __ldg(r);
             COST
         }
         return total;
     };
+    const auto sum_of = [&](int y) {
+        SUM down = 0;
+        #pragma unroll 4
+        for (int v = y - radius_y; v <= y + radius_y; ++v) down += cost_of(v);
+        return down;
+    };
     KEPT* to = sums.data + (size_t)begin * columns + i;
-    SUM down = 0;
-    for (int y = top + begin; y < top + end; ++y, to += columns) {
-        if (FLOATS || y == top + begin) {
-            down = 0;
-            for (int v = y - radius_y; v <= y + radius_y; ++v) down += cost_of(v);
-        } else {
-            down += cost_of(y + radius_y) - cost_of(y - radius_y - 1);
-        }
-        *to = down;
+    SUM down = sum_of(top + begin);
+    *to = down;
+    // Loads through __ldg wait for no store, so that those of several rounds are on their way.
+    #pragma unroll UNROLL
+    for (int y = top + begin + 1; y < top + end; ++y) {
+        if (FLOATS || radius_y == 0) down = sum_of(y);
+        else down += cost_of(y + radius_y) - cost_of(y - radius_y - 1);
+        *(to += columns) = down;
     }
 """
 
@@ -85,12 +92,14 @@ _SUM_ALONG = """
     const size_t newest = (size_t)2 * radius_x * depth;
     BEGIN
     SUM total = 0;
+    #pragma unroll UNROLL
     for (int x = begin; x < end; ++x, from += depth) {
-        if (FLOATS || x == begin) {
-            total = *from;
-            for (size_t u = depth; u <= newest; u += depth) total += from[u];
+        if (FLOATS || x == begin || radius_x == 0) {
+            total = __ldg(from);
+            #pragma unroll 4
+            for (size_t u = depth; u <= newest; u += depth) total += __ldg(from + u);
         } else {
-            total += (SUM)from[newest] - (SUM)*(from - depth);
+            total += (SUM)__ldg(from + newest) - (SUM)__ldg(from - depth);
         }
         const size_t to = ((size_t)y * width + x) * depth + k;
         EMIT
@@ -165,6 +174,7 @@ def _text(source: str, pixel: Any, kept: Any, cost: int = Cost.SAD, emit: str = 
         "DOWN": str(_DOWN),
         "ALONG": str(_ALONG),
         "FLOATS": "true" if floats else "false",
+        "UNROLL": "1" if floats else "8",
         "FLAT": repr(FLAT),
         "PIXEL": _PIXELS[pixel],
         "VALUE": _VALUES[pixel],
