@@ -41,8 +41,10 @@ _COSTS = {
                 const pixels d = MIN(MAX(over, under), MAX(back, down));
                 total += __builtin_convertvector(d, sums);""",
     Cost.CENSUS: """
-                const pixels d = __builtin_elementwise_popcount(a ^ b);
-                total += __builtin_convertvector(d, sums);""",
+                bytes += __builtin_elementwise_popcount(a ^ b);
+                if (c % 16 < 15 && c < channels - 1) continue;  // they hold 16 times 8 bits
+                total += __builtin_convertvector(bytes, sums);
+                bytes = (pixels){};""",
     Cost.ZNCC: """
                 total += __builtin_convertvector(a, sums) * __builtin_convertvector(b, sums);""",
 }
@@ -115,6 +117,7 @@ _SUMS = """
         const PIXEL* lefts = slab_lines + place * row_lines + 1 + x;
         const PIXEL* rights = slab_lines + place * row_lines + right_lines + wide - x + chunk;
         sums total = {};
+        pixels bytes = {};
         for (int c = 0; c < channels; ++c, lefts += left_pitch, rights += right_pitch) {
             const pixels a = lefts[0] - (pixels){};
             const pixels b = *(const pixels*)rights;
@@ -139,7 +142,7 @@ _SUMS = """
         for (size_t i = 0; i < (size_t)wide * range; ++i) slab_columns[i] = 0;
         for (int v = y - radius_y; v < y + radius_y; ++v) {
             put_row(v, 0);
-            for (int chunk = 0; chunk < range; chunk += (SUM)LANES)
+            for (int chunk = 0; chunk < range; chunk += LANES)
                 for (int x = 0; x < wide; ++x)
                     *(sums*)(slab_columns + (size_t)wide * chunk + x * LANES) +=
                         cost_of(0, x, chunk);
@@ -148,7 +151,7 @@ _SUMS = """
         put_row(y - radius_y - 1, 1);
     }
     put_row(y + radius_y, 0);
-    for (int chunk = 0; chunk < range; chunk += (SUM)LANES) {
+    for (int chunk = 0; chunk < range; chunk += LANES) {
         SUM* const column = slab_columns + (size_t)wide * chunk;
         sums total = {};
         for (int x = 0; x < wide; ++x) {
