@@ -8,7 +8,7 @@ import warp as wp
 from ._launch import launch
 from ._window_rows import C_TYPES
 
-_OPTIONS = {"enable_backward": False, "default_grid_stride": False}
+_OPTIONS = {"enable_backward": False}
 wp.set_module_options(_OPTIONS)
 
 _BLOCK = 256

@@ -9,7 +9,7 @@ from ._edges_blocks import root, unite
 
 # CUDA's own NaN has other bits than the CPU's.
 NAN_BITS = wp.constant(0x7FC00000)
-_OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
+_OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(_OPTIONS)
 
 

@@ -13,7 +13,7 @@ import warp as wp
 from ..codes import Subpixel
 from ._launch import launch, scratch
 
-_OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
+_OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(_OPTIONS)
 
 WORDS = (1, 2, 4, 8)  # of 64 disparities, that a thread has its part of

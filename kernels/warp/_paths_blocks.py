@@ -16,7 +16,7 @@ from typing import Any
 
 import warp as wp
 
-OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
+OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
 BLOCK = 256  # threads of a block

@@ -15,7 +15,7 @@ from ..codes import FLAT, Cost
 from ._launch import launch, scratch
 from ._window_rows import C_TYPES
 
-_OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
+_OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(_OPTIONS)
 
 _BLOCK = 256
