@@ -16,6 +16,7 @@ from typing import Any
 
 import warp as wp
 
+# With "default_grid_stride" off, Warp would number the blocks of large launches along three axes.
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
@@ -242,6 +243,7 @@ def walk(
     `full` says that all of them are there.
     """
     cost_bytes = wp.types.type_size_in_bytes(cost_type)
+    ahead = 8 if group <= 8 else 4  # with few threads a path, there are few to wait in turns
     sets = [len(list(paths)) for _, paths in groupby(steps, key=lambda step: step[0])]
     bounds = [f"{{{sum(sets[:i])}, {n}}}" for i, n in enumerate(sets)]
     text = text_of(
@@ -255,7 +257,7 @@ def walk(
         COST_TYPE=C_TYPES[cost_type],
         PATH_TYPE=C_TYPES[line_type],
         FAR=f"{FAR_COSTS[cost_type] * (0x1010101 if cost_bytes == 1 else 0x10001):#x}u",
-        AHEAD=max(2, 4 // (chunks * cost_bytes)),
+        AHEAD=max(2, ahead // (chunks * cost_bytes)),
         CHUNKS=chunks,
         GROUP=group,
         BLOCK=WALK_BLOCK,
