@@ -4,6 +4,19 @@ from cvkern._capture import capture
 from cvkern._runtime import use
 from cvkern.circle_centers import Circles, detect_circles
 from cvkern.circles import CirclePeaks, hough_circle, hough_circle_peaks
+from cvkern.depth import (
+    PointCloud,
+    disparity_to_depth,
+    point_cloud,
+    points_from_disparity,
+    reprojection_matrix,
+)
+from cvkern.disparity import (
+    fill_disparity,
+    guided_median,
+    left_right_check,
+    remove_speckles,
+)
 from cvkern.edges import SubpixelEdges, canny, subpixel_edges
 from cvkern.ellipse_detection import Ellipses, detect_ellipses
 from cvkern.ellipses import EllipseVotes, hough_ellipse
@@ -26,8 +39,11 @@ from cvkern.segments import (
     fit_line,
     hough_line_segments,
 )
+from cvkern.semi_global import Winner, aggregate_semi_global, winner_take_all
 from cvkern.shape_tables import RTable, r_table
 from cvkern.shapes import Shapes, find_shape, generalized_hough, generalized_hough_votes
+from cvkern.stereo import StereoMatcher, StereoResult, stereo_match
+from cvkern.stereo_cost import stereo_cost
 
 __all__ = [
     "CirclePeaks",
@@ -40,9 +56,14 @@ __all__ = [
     "HoughLineSlope",
     "LineBins",
     "LineFit",
+    "PointCloud",
     "RTable",
     "Shapes",
+    "StereoMatcher",
+    "StereoResult",
     "SubpixelEdges",
+    "Winner",
+    "aggregate_semi_global",
     "box",
     "canny",
     "capture",
@@ -51,12 +72,15 @@ __all__ = [
     "detect_ellipses",
     "detect_lines",
     "detect_segments",
+    "disparity_to_depth",
+    "fill_disparity",
     "find_shape",
     "fit_line",
     "gaussian",
     "generalized_hough",
     "generalized_hough_votes",
     "gradient",
+    "guided_median",
     "hough_circle",
     "hough_circle_peaks",
     "hough_ellipse",
@@ -64,12 +88,20 @@ __all__ = [
     "hough_line_peaks",
     "hough_line_segments",
     "hough_line_slope",
+    "left_right_check",
     "median",
+    "point_cloud",
+    "points_from_disparity",
     "r_table",
+    "remove_speckles",
+    "reprojection_matrix",
     "scharr",
     "sobel",
+    "stereo_cost",
+    "stereo_match",
     "subpixel_edges",
     "suggest_line_bins",
     "use",
+    "winner_take_all",
 ]
 __version__ = "0.1.0"

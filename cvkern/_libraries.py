@@ -51,6 +51,10 @@ class NumPy:
         """Exchange the last two axes of a 3-D array."""
         return array.swapaxes(1, 2)
 
+    def last(self, array: Any, axis: int) -> Any:
+        """Move an axis behind the others."""
+        return self.module.moveaxis(array, axis, -1)
+
     def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
         """Return the sorted distinct values of `array` and `extra`, and where each stands."""
         flat = array.reshape(-1)
@@ -164,6 +168,10 @@ class Warp(NumPy):
         """Exchange the last two axes of a 3-D array."""
         return array.transpose((0, 2, 1))
 
+    def last(self, array: Any, axis: int) -> Any:
+        """Move an axis behind the others."""
+        return array.transpose((*(i for i in range(array.ndim) if i != axis), axis))
+
     def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
         """Refuse: Warp has no sorted search for such values."""
         raise TypeError(f"Warp arrays must be of at most 32 bits, signed, got {array.dtype}")
@@ -210,6 +218,10 @@ class Other(NumPy):
                 f"got {interface['typestr']} with strides {interface.get('strides')}"
             )
         return array
+
+    def last(self, array: Any, axis: int) -> Any:
+        """Refuse what only the library itself could do."""
+        raise TypeError(f"channel_axis must be the last one for {type(array).__module__} arrays")
 
 
 _CLASSES = {"torch": Torch, "cupy": CuPy, "warp": Warp, "jax": Jax, "jaxlib": Jax}

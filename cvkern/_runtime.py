@@ -102,6 +102,9 @@ class Runtime:
         from cvkern.kernels.warp import (
             circle_centers,
             circles,
+            clouds,
+            depth,
+            disparity,
             edges,
             ellipses,
             filters,
@@ -110,7 +113,11 @@ class Runtime:
             points,
             rank,
             segments,
+            semi_global,
             shapes,
+            stereo,
+            stereo_cost,
+            window_matching,
         )
 
     def __init__(self, name: str, device: str, library: _libraries.NumPy):

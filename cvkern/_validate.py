@@ -17,10 +17,13 @@ E = TypeVar("E", bound=IntEnum)
 # Kernels index bytes with 32 bits: 2^29 elements of four bytes.
 MAX_ELEMENTS = 2**29
 MAX_SIDE = 2**16  # pixels along one side of what votes
+MAX_DISPARITIES = 2**15
 _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
-def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image") -> Any:
+def check_image(
+    image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image", most: int = MAX_ELEMENTS
+) -> Any:
     """Return `image` as an array of real values with one of the ranks, and no empty axis."""
     library = _libraries.library(image)
     if not hasattr(image, "shape"):
@@ -37,8 +40,8 @@ def check_image(image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image"
         raise ValueError(f"{name} must be {want}, got shape {shape}")
     if 0 in shape:
         raise ValueError(f"{name} must not be empty, got shape {shape}")
-    if math.prod(shape) > MAX_ELEMENTS:
-        raise ValueError(f"{name} must have at most {MAX_ELEMENTS} elements, got shape {shape}")
+    if math.prod(shape) > most:
+        raise ValueError(f"{name} must have at most {most} elements, got shape {shape}")
     return image
 
 
@@ -58,6 +61,13 @@ def check_accumulator(shape: tuple[int, ...], name: str) -> None:
             f"{name} must have at most {MAX_ELEMENTS} elements, got {size} in shape "
             f"{tuple(shape)}, which would take {4 * size} bytes"
         )
+
+
+def check_dtype(array: Any, dtype: Any, name: str) -> None:
+    """Refuse an array of any dtype but one."""
+    given = _libraries.library(array).dtype(array)
+    if given != np.dtype(dtype):
+        raise TypeError(f"{name} must be {np.dtype(dtype)}, got {given}")
 
 
 def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
@@ -96,6 +106,14 @@ def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool 
     return number
 
 
+def check_positive(value: Any, name: str) -> float:
+    """Return `value` as a float above 0, finite in float32."""
+    number = check_number(value, name)
+    if number <= 0:
+        raise ValueError(f"{name} must be > 0, got {value}")
+    return number
+
+
 def _as_float(value: Any, name: str) -> float:
     try:
         if np.ndim(value) == 0:
@@ -124,6 +142,28 @@ def check_pair(value: Any, name: str) -> tuple[Any, Any]:
     if len(values) != 2:
         raise ValueError(f"{name} must be one number or two, got {len(values)}")
     return values[0], values[1]
+
+
+def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
+    """Return the first disparity and the one behind the last, for images of `width` columns."""
+    try:
+        first, stop = (operator.index(d) for d in disparities)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"disparities must be two integers, the first and the one behind the last, "
+            f"got {disparities!r}"
+        ) from None
+    if first >= stop:
+        raise ValueError(f"disparities must be (first, stop) with first < stop, got {first, stop}")
+    if first <= -width or stop > width:
+        raise ValueError(
+            f"disparities must be less than the width of {width} pixels, got {first, stop}"
+        )
+    if stop - first > MAX_DISPARITIES:
+        raise ValueError(
+            f"disparities must be at most {MAX_DISPARITIES}, got {first, stop}: {stop - first}"
+        )
+    return first, stop
 
 
 def check_out(out: Any, image: Any, dtype: Any) -> None:

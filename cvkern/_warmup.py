@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 import cvkern
+from cvkern.clouds import turntable
 
 SHAPE = (24, 40)
 
@@ -63,3 +64,33 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "generalized_hough", partial(cvkern.generalized_hough, byte, table, threshold=0)
     yield "generalized_hough_votes", partial(cvkern.generalized_hough_votes, byte, table)
     yield "find_shape", partial(cvkern.find_shape, byte, byte, rotations=2)
+    q = np.eye(4)
+    yield "disparity_to_depth", partial(cvkern.disparity_to_depth, real, 1.0, 1.0)
+    yield "points_from_disparity", partial(cvkern.points_from_disparity, real, q)
+    yield "point_cloud", partial(cvkern.point_cloud, real, q, byte)
+    yield "turntable", partial(turntable, real.reshape(-1, 3) + 1, byte.reshape(-1, 3), frames=1)
+    for cost in ("sad", "ssd", "birchfield_tomasi", "zncc", "census", "census_symmetric"):
+        for image in (byte, real):
+            for window in (1, 3, 17):  # costs of uint8, uint16 and float32
+                pair = partial(cvkern.stereo_cost, image, image, (0, 4), cost=cost, window=window)
+                yield "stereo_cost", pair
+    deep = noise[..., None] + np.arange(5)
+    for costs in (deep.astype(np.uint8), deep.astype(np.uint16)):
+        for paths in (4, 8, 16):
+            sums = partial(cvkern.aggregate_semi_global, costs, 5, 50, paths=paths)
+            yield "aggregate_semi_global", sums
+        yield "winner_take_all", partial(cvkern.winner_take_all, costs)
+    yield "winner_take_all", partial(cvkern.winner_take_all, deep.astype(np.float32))
+    yield "left_right_check", partial(cvkern.left_right_check, real, real)
+    yield "remove_speckles", partial(cvkern.remove_speckles, real)
+    yield "fill_disparity", partial(cvkern.fill_disparity, real)
+    yield "guided_median", partial(cvkern.guided_median, real, byte)
+    for image, axis in ((byte, None), (real, None), (np.uint8(color), -1)):
+        for method, paths in (("window", 8), ("semi-global", 4), ("semi-global", 8)):
+            yield (
+                "stereo_match",
+                partial(
+                    cvkern.stereo_match, image, image, (0, 8), method=method, paths=paths,
+                    channel_axis=axis,
+                ),
+            )  # fmt: skip

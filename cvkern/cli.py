@@ -16,6 +16,7 @@ from cvkern.commands.circles import circles
 from cvkern.commands.edges import edges
 from cvkern.commands.find import find
 from cvkern.commands.lines import lines
+from cvkern.commands.stereo import stereo
 
 app = typer.Typer(
     name="cvkern",
@@ -59,6 +60,7 @@ app.command()(edges)
 app.command()(lines)
 app.command()(circles)
 app.command()(find)
+app.command()(stereo)
 
 
 @app.command()

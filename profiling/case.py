@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +74,8 @@ def kornia_peers(call: Callable[[Any, Any], Any], note: str = "") -> tuple[Peer,
     return one, two
 
 
-class Work(NamedTuple):
+@dataclass(frozen=True)
+class Work:
     """What a call does, where that says more than its bytes: votes, disparities, rays."""
 
     unit: str  # in the plural

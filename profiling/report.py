@@ -26,7 +26,8 @@ def read_results(folder: Path) -> dict[str, list[Result]]:
     """Read the runs, oldest first, as rows of each device: a later run replaces the same row."""
     runs = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]
     devices: dict[str, dict[tuple[str, str], Result]] = {}
-    for run in sorted((run for run in runs if not run["toy"]), key=lambda run: run["date"]):
+    runs = [run for run in runs if run.get("toy") is False]  # neither toys nor experiments
+    for run in sorted(runs, key=lambda run: run["date"]):
         name = run["device"]["name"]
         if run["device"]["kind"] == "cpu":
             name += f", {run['host']['cores']} cores"

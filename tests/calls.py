@@ -27,6 +27,7 @@ TABLE = cvkern.RTable(
     np.array([9.0, 9.0]),
     (19, 19),
 )
+REPROJECTION = cvkern.reprojection_matrix(700.0, 0.12, 20.5, 10.25, 3.5)
 
 CALLS = {
     "gaussian": lambda x: cvkern.gaussian(x, 1.5),
@@ -54,6 +55,12 @@ CALLS = {
     "detect_lines": lambda x: cvkern.detect_lines(x, min_votes=5).votes,
     "detect_segments": lambda x: cvkern.detect_segments(x, min_length=4),
     "detect_circles": lambda x: cvkern.detect_circles(x, (4, 16), min_support=0.2),
+    "disparity_to_depth": lambda x: cvkern.disparity_to_depth(x, 700.0, 0.12, 3.5),
+    "points_from_disparity": lambda x: cvkern.points_from_disparity(x, REPROJECTION),
+    "left_right_check": lambda x: cvkern.left_right_check(x, x, tolerance=3),
+    "remove_speckles": lambda x: cvkern.remove_speckles(x, 9, difference=3),
+    "fill_disparity": cvkern.fill_disparity,
+    "stereo_match": lambda x: cvkern.stereo_match(x, x, (1, 9), data_range=255, speckle_size=5),
 }
 
 DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",

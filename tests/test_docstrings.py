@@ -11,7 +11,7 @@ from calls import CALLS, blobs, fields
 
 import cvkern
 
-MODULES = ["cvkern", "cvkern.images"]
+MODULES = ["cvkern", "cvkern.clouds", "cvkern.images"]
 HEIGHT, WIDTH = 21, 34
 
 
@@ -98,6 +98,10 @@ def shape_of(text, image):
     if "shape of `image`" in text or "shape and dtype of `image`" in text:
         return image.shape
     listed = re.search(r"\(((?:[CHKMNRTW24],? ?)+)\)", text)
+    sizes = {"H": image.shape[0], "W": image.shape[1], "N": None, "2": 2, "3": 3}
+    if "shape of `image`" in text or "shape and dtype of `image`" in text:
+        return image.shape
+    listed = re.search(r"\(((?:[HWN23],? ?)+)\)", text)
     assert listed, text
     return tuple(sizes.get(size) for size in re.findall(r"\w", listed.group(1)))
 

@@ -181,3 +181,58 @@ def test_generalized_hough(shape, seed, cell, tolerance, rotations):
                "rotations": rotations, "scales": rng.uniform(0.07, 16, 3)}  # fmt: skip
     assert_equal_bits(lambda: cvkern.generalized_hough_votes(mask, table, **options))
     assert_equal_bits(lambda: cvkern.generalized_hough(mask, table, threshold=0, **options))
+
+
+@given(shapes, st.sampled_from(["uint8", "uint16", "float32"]), scales, seeds,
+       st.sampled_from(["sad", "ssd", "birchfield_tomasi", "zncc", "census", "census_symmetric"]),
+       st.tuples(st.integers(0, 5), st.integers(0, 5)), st.integers(-9, 9), st.integers(1, 40),
+       st.integers(1, 3))  # fmt: skip
+def test_stereo_cost(shape, dtype, scale, seed, cost, radii, first, count, channels):
+    left, right = (
+        image_of((*shape, channels), dtype, min(scale, 1e6), s) for s in (seed, seed + 1)
+    )
+    first = min(max(first, 1 - shape[1]), shape[1] - 1)
+    assert_equal_bits(
+        lambda: cvkern.stereo_cost(
+            left, right, (first, min(first + count, shape[1])), cost=cost,
+            window=tuple(2 * r + 1 for r in radii), neighborhood=(5, 7), channel_axis=-1,
+        )
+    )  # fmt: skip
+
+
+@given(shapes, st.integers(1, 70), st.sampled_from([4, 8, 16]), st.integers(0, 60),
+       st.integers(0, 400), st.booleans(), st.sampled_from(["uint8", "uint16"]), seeds,
+       st.sampled_from([False, True, "equiangular"]), st.integers(0, 99))  # fmt: skip
+def test_semi_global(shape, depth, paths, p1, more, guided, dtype, seed, subpixel, uniqueness):
+    costs = noise(shape[0] // 3 + 1, shape[1] // 3 + 1, depth, dtype="uint8", seed=seed)
+    guide = noise(*costs.shape[:2], dtype="uint8", seed=seed) if guided else None
+    sums, *_ = assert_equal_bits(
+        lambda: cvkern.aggregate_semi_global(
+            costs.astype(dtype), p1, p1 + more, paths=paths, guide=guide
+        )
+    )
+    for volume in (costs, sums, sums.astype(np.float32) / np.float32(7)):
+        assert_equal_bits(
+            lambda volume=volume: cvkern.winner_take_all(
+                volume, first=-depth // 2, subpixel=subpixel, uniqueness=uniqueness
+            )
+        )
+
+
+@given(shapes, st.sampled_from(["uint8", "uint16", "float32"]), seeds,
+       st.sampled_from(["semi-global", "window"]), st.sampled_from([4, 8, 16]),
+       st.integers(-9, 9), st.integers(1, 40), st.sampled_from([False, True, "equiangular"]),
+       st.integers(0, 30), st.sampled_from([None, 0.3, 1.0]), st.integers(0, 12),
+       st.integers(0, 8))  # fmt: skip
+def test_stereo_match(shape, dtype, seed, method, paths, first, count, subpixel, uniqueness,
+                      left_right, speckle_size, smoothing):  # fmt: skip
+    left, right = (noise(*shape, dtype=dtype, seed=s) for s in (seed, seed + 1))
+    right[:, : -first or None] = left[:, first:] if first > 0 else right[:, : -first or None]
+    first = min(max(first, 1 - shape[1]), shape[1] - 1)
+    assert_equal_bits(
+        lambda: cvkern.stereo_match(
+            left, right, (first, min(first + count, shape[1])), method=method, paths=paths,
+            subpixel=subpixel, uniqueness=uniqueness, left_right=left_right,
+            speckle_size=speckle_size, smoothing=smoothing, window=5,
+        )
+    )  # fmt: skip

@@ -13,6 +13,9 @@ from cvkern._runtime import KERNEL_SETS
 FAMILIES = [
     "circle_centers",
     "circles",
+    "clouds",
+    "depth",
+    "disparity",
     "edges",
     "ellipses",
     "filters",
@@ -20,7 +23,11 @@ FAMILIES = [
     "lines",
     "rank",
     "segments",
+    "semi_global",
     "shapes",
+    "stereo",
+    "stereo_cost",
+    "window_matching",
 ]
 SHARED = ["points"]  # by several families; in cvkern/ their module is private
 

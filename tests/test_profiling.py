@@ -49,6 +49,10 @@ WRONG = {
     "a field missing": ("gradient_sobel", lambda x: tuple(np.gradient(x))),
     "one pixel": ("canny_l1_noise", lambda x: _one_pixel(CASES["canny_l1_noise"].call(x))),
     "one value": ("median", lambda x: cvkern.median(x, 2, mode="mirror")),
+    "half the disparities": (
+        "stereo_8_paths",
+        lambda x, y: cvkern.stereo_match(x, y, (0, 8)).disparity,
+    ),
     "other thresholds": ("canny_gaussian_noise", lambda x: cvkern.canny(x, 2.0, 0.019, 0.04)),
     "whole pixels": ("subpixel_edges", lambda x: (np.argwhere(cvkern.canny(x, 2.0, 0.02, 0.04)),)),
 }
@@ -291,6 +295,13 @@ def test_report_shows_the_latest_run_and_no_toy(project):
     text = report.section(report.read_results(results), "ratios.svg")
     assert "2.00 x faster" in text
     assert "slower" not in text
+
+
+def test_report_leaves_experiments_alone(project):
+    results = project / "profiling" / "results"
+    before = report.read_results(results)
+    (results / "window_size.json").write_text(json.dumps({"windows": [3, 5], "results": {}}))
+    assert report.read_results(results) == before
 
 
 def test_report_drops_what_a_later_check_found_wrong(project):

@@ -9,6 +9,8 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+import skimage.data
+from PIL import Image
 
 import cvkern
 from cvkern.images import read_image
@@ -86,12 +88,32 @@ def test_pictures_of_shapes(made):
     assert (votes > 0.7 * votes.max()).mean() < 0.005  # one peak
 
 
+def test_pictures_of_stereo(made):
+    *_, truth = skimage.data.stereo_motorcycle()
+    known = np.isfinite(truth)
+    shown, right = (
+        read_image(made / f"stereo-{name}.png").astype(int) for name in ("disparity", "truth")
+    )
+    # A pixel of disparity is one colour of 64: less than 20 levels of each channel.
+    assert (np.abs(shown - right).max(-1) < 20)[known].mean() > 0.85
+    assert (right[~known] == 0).all()
+    errors = [read_image(made / f"stereo-errors-{name}.png") for name in ("raw", "matched")]
+    coloured = [(np.ptp(image.astype(int), axis=-1) > 90).sum() for image in errors]
+    assert coloured[0] > 2 * coloured[1] > 10_000
+    with Image.open(made / "stereo-cloud.gif") as film:
+        assert film.n_frames == 40
+        assert film.size == (400, 270)
+
+
 def test_timings(made):
     data = json.loads((made / "timings.json").read_text())
     assert data["made_with"]["cvkern"] == cvkern.__version__
     assert {"Kernels", "Device", "Machine", "Python", "NumPy"} <= set(data["made_with"])
     functions = {t["function"] for t in data["timings"]}
     assert {"canny", "gradient", "subpixel_edges", "generalized_hough"} <= functions
+    assert functions == {
+        "canny", "disparity_to_depth", "gradient", "stereo_match", "subpixel_edges",
+    }  # fmt: skip
     for timing in data["timings"]:
         assert timing["milliseconds"] > 0
         assert timing["runs"] >= 5
@@ -105,6 +127,10 @@ def test_page_stands_alone(made):
     head = "data:image/png;base64,"
     embedded = {base64.b64decode(attrs["src"].removeprefix(head)) for attrs in images}
     assert embedded == {png.read_bytes() for png in pngs}
+    files = [*made.glob("*.png"), *made.glob("*.gif")]
+    assert len(images) == len(files) == 24
+    embedded = {base64.b64decode(attrs["src"].partition(";base64,")[2]) for attrs in images}
+    assert embedded == {file.read_bytes() for file in files}
     assert all(attrs["alt"] and attrs["width"] and attrs["height"] for attrs in images)
     assert not {"script", "link", "iframe", "object"} & {tag for tag, _ in tags.tags}
     text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", (made / "index.html").read_text("utf-8"))
@@ -139,6 +165,18 @@ def test_a_chapter_is_one_function(tmp_path):
     names = sorted(file.name for file in tmp_path.iterdir())
     assert names == ["index.html", "notes.txt", "small-one.png", "timings.json"]
     assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_a_film_is_a_gif(tmp_path):
+    frames = np.zeros((3, 6, 8, 3), np.uint8)
+    frames[1] = 255
+    tour(tmp_path, chapters=(small(panels=(Panel("small-film", frames, "a film"),)),))
+    with Image.open(tmp_path / "small-film.gif") as film:
+        assert film.n_frames == 3
+    (image,) = [attrs for tag, attrs in parse(tmp_path / "index.html").tags if tag == "img"]
+    assert (image["width"], image["height"]) == ("8", "6")
+    data = image["src"].removeprefix("data:image/gif;base64,")
+    assert base64.b64decode(data) == (tmp_path / "small-film.gif").read_bytes()
 
 
 def test_nothing_is_written_when_a_chapter_fails(tmp_path):

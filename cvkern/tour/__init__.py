@@ -20,15 +20,16 @@ import numpy as np
 import cvkern
 from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
+from cvkern.clouds import write_animation
 from cvkern.images import write_image
-from cvkern.tour import circles, edges, lines, page, shapes
+from cvkern.tour import circles, edges, lines, page, shapes, stereo
 from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure
 
 __all__ = ["CHAPTERS", "tour"]
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
-    edges.chapter, lines.chapter, circles.chapter, shapes.chapter,
+    edges.chapter, lines.chapter, circles.chapter, shapes.chapter, stereo.chapter,
 )  # fmt: skip
 
 
@@ -38,7 +39,7 @@ def tour(
     chapters: tuple[Callable[[], Chapter], ...] = CHAPTERS,
     progress: Callable[[int, int, str], None] | None = None,
 ) -> Path:
-    """Compute every figure and write ``index.html``, ``timings.json`` and a PNG per picture.
+    """Compute every figure and write ``index.html``, ``timings.json`` and a file per picture.
 
     Nothing is written before everything is computed, and each file is replaced whole.
 
@@ -85,21 +86,26 @@ def tour(
     if progress:
         progress(total, total, "Writing")
     panels = [panel for _, figures in results for figure in figures for panel in figure.panels]
-    pngs = {panel.file: _png(panel.image) for panel in panels}
-    text = page.render(results, pngs, _facts())
+    pictures = {panel.file: _encoded(panel.image) for panel in panels}
+    text = page.render(results, pictures, _facts())
     target.mkdir(parents=True, exist_ok=True)
-    for name, png in pngs.items():
-        with replacing(target / f"{name}.png") as beside:
-            beside.write_bytes(png)
+    for name, file in pictures.items():
+        suffix = "gif" if file.startswith(b"GIF") else "png"
+        with replacing(target / f"{name}.{suffix}") as beside:
+            beside.write_bytes(file)
     write_text(target / "timings.json", json.dumps(_timings(results), indent=2) + "\n")
     write_text(target / "index.html", text)
     return target / "index.html"
 
 
-def _png(image: np.ndarray) -> bytes:
+def _encoded(image: np.ndarray) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "panel.png")
-        write_image(file, image)
+        if image.ndim == 4:
+            file = Path(folder, "panel.gif")
+            write_animation(file, image)
+        else:
+            file = Path(folder, "panel.png")
+            write_image(file, image)
         return file.read_bytes()
 
 

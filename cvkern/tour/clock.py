@@ -19,21 +19,21 @@ class Clock:
     def __init__(self) -> None:
         self._timings: list[Timing] = []
 
-    def __call__(self, function: Callable[..., T], image: Any, **options: Any) -> T:
-        """Return ``function(image, **options)``, and time it: the median of seven warm calls."""
-        result = function(image, **options)  # compiles the kernels on a new machine
+    def __call__(self, function: Callable[..., T], *images: Any, **options: Any) -> T:
+        """Return ``function(*images, **options)``, and time it: the median of seven warm calls."""
+        result = function(*images, **options)  # compiles the kernels on a new machine
         seconds = []
         for _ in range(RUNS):
             start = time.perf_counter()
-            result = function(image, **options)
+            result = function(*images, **options)
             seconds.append(time.perf_counter() - start)
         said = ", ".join(f"{name}={value!r}" for name, value in options.items())
         self._timings.append(
             Timing(
                 function.__name__,
                 said,
-                image.shape,
-                image.dtype.name,
+                images[0].shape,
+                images[0].dtype.name,
                 1e3 * statistics.median(seconds),
                 RUNS,
             )

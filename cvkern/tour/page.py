@@ -20,7 +20,9 @@ __all__ = ["Chapter", "Figure", "Panel", "Timing", "render"]
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture. `file` names its PNG, without suffix; `label` tells in words what it shows.
+    """One picture. `file` names it, without suffix; `label` tells in words what it shows.
+
+    An image of shape (F, H, W, 3) is a film, and becomes a GIF; any other becomes a PNG.
 
     `ink` marks black lines on white, which turn to white on black where the page is dark;
     `pixelated` keeps enlarged pixels square; `small` marks a legend.
@@ -68,7 +70,9 @@ class Chapter:
 
 
 def render(
-    chapters: Iterable[tuple[Chapter, list[Figure]]], pngs: dict[str, bytes], facts: dict[str, str]
+    chapters: Iterable[tuple[Chapter, list[Figure]]],
+    pictures: dict[str, bytes],
+    facts: dict[str, str],
 ) -> str:
     """Return the page: HTML with every picture inside it, and nothing from outside.
 
@@ -76,8 +80,8 @@ def render(
     ----------
     chapters : iterable of (Chapter, list of Figure)
         In order.
-    pngs : dict
-        The PNG file of every panel, by its `Panel.file`.
+    pictures : dict
+        The PNG or GIF file of every panel, by its `Panel.file`.
     facts : dict
         What the pictures were made with, by name.
     """
@@ -90,7 +94,7 @@ def render(
             f'<p class="lead">{_prose(chapter.lead)}</p></header>'
         )
         for place, figure in enumerate(figures, 1):
-            body.append(_figure(f"{order}.{place}", figure, pngs))
+            body.append(_figure(f"{order}.{place}", figure, pictures))
             timings.extend(figure.timings)
         body.append("</section>")
     links = "".join(
@@ -106,9 +110,9 @@ def render(
     )
 
 
-def _figure(number: str, figure: Figure, pngs: dict[str, bytes]) -> str:
-    pictures = [_picture(panel, pngs[panel.file]) for panel in figure.panels if not panel.small]
-    legends = "".join(_picture(panel, pngs[panel.file]) for panel in figure.panels if panel.small)
+def _figure(number: str, figure: Figure, files: dict[str, bytes]) -> str:
+    pictures = [_picture(panel, files[panel.file]) for panel in figure.panels if not panel.small]
+    legends = "".join(_picture(panel, files[panel.file]) for panel in figure.panels if panel.small)
     clocks = "".join(
         f"<li><span>{_milliseconds(t.milliseconds)} ms</span>"
         f"<span>{_text(f'{t.function}({t.options})')}</span></li>"
@@ -123,13 +127,15 @@ def _figure(number: str, figure: Figure, pngs: dict[str, bytes]) -> str:
     )
 
 
-def _picture(panel: Panel, png: bytes) -> str:
-    width, height = struct.unpack(">II", png[16:24])  # of the PNG header
+def _picture(panel: Panel, file: bytes) -> str:
+    kind = "gif" if file.startswith(b"GIF") else "png"  # whose heads hold the size
+    width, height = struct.unpack(*(("<HH", file[6:10]) if kind == "gif" else (">II", file[16:24])))
     kinds = [k for k in ("ink", "pixelated", "small") if getattr(panel, k)]
-    data = base64.b64encode(png).decode("ascii")
+    data = base64.b64encode(file).decode("ascii")
     return (
         f'<div class="panel {" ".join(kinds)}"><img alt="{_text(panel.label)}" width="{width}" '
-        f'height="{height}" src="data:image/png;base64,{data}"><p>{_prose(panel.label)}</p></div>'
+        f'height="{height}" src="data:image/{kind};base64,{data}">'
+        f"<p>{_prose(panel.label)}</p></div>"
     )
 
 

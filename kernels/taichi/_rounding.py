@@ -16,6 +16,12 @@ def product(a: ti.f32, b: ti.f32, zero: ti.i32) -> ti.f32:
 
 
 @ti.func
+def wide_product(a: ti.f64, b: ti.f64, zero: ti.i32) -> ti.f64:
+    """Return a b, rounded before it is added to anything."""
+    return ti.bit_cast(ti.bit_cast(a * b, ti.i64) ^ ti.cast(zero, ti.i64), ti.f64)
+
+
+@ti.func
 def quotient(a: ti.f32, b: ti.f32, zero: ti.i32) -> ti.f32:
     """Return a / b: float64 has 53 >= 2 * 24 + 2 digits, so rounding its quotient is exact."""
     wide = ti.cast(a, ti.f64) / ti.cast(b, ti.f64)

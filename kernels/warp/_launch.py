@@ -19,6 +19,7 @@ import warp as wp
 _SLAB_ELEMENTS = 1 << 16
 _MAX_COMMANDS = 512
 _MAX_VIEWS = 16
+BLOCK = 256  # threads of a CUDA block, unless a launch says otherwise
 
 
 class _ThreadState(threading.local):
@@ -35,7 +36,7 @@ class _ThreadState(threading.local):
 
 _thread = _ThreadState()
 _lock = threading.Lock()
-_loaded: set[tuple[str, str]] = set()
+_loaded: set[tuple[str, str, int]] = set()
 _pool: ThreadPoolExecutor | None = None
 
 
@@ -89,10 +90,11 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
     key = (name, str(device), stream)
     count = math.prod(shape) * wp.types.type_size_in_bytes(dtype)
     block = _thread.scratch.get(key)
-    if block is None or block.size < count:
+    if block is None or block.capacity < count:
         if block is not None and device.is_cuda:  # kernels may still be at work in the old one
             wp.synchronize_stream(current_stream(device))
-        block = wp.empty(count, dtype=wp.uint8, device=device)
+        # In words: Warp counts the elements of an axis with 31 bits.
+        block = wp.empty(-(-count // 8), dtype=wp.uint64, device=device)
         if device.is_cuda:  # the allocation is ordered on another stream than its users
             wp.synchronize_stream(device.stream)
         _thread.scratch[key] = block
@@ -115,12 +117,16 @@ def view(
 
 
 def launch(
-    kernel: wp.Kernel, dim: int | tuple[int, ...], inputs: Sequence[Any], outputs: Sequence[Any]
+    kernel: wp.Kernel,
+    dim: int | tuple[int, ...],
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
+    block: int = BLOCK,
 ) -> None:
-    """Launch `kernel` once, on the device of its first output."""
+    """Launch `kernel` once, on the device of its first output, on CUDA in blocks of threads."""
     device = outputs[0].device
-    load(kernel, device)
-    _send(kernel, dim, (*inputs, *outputs), device)
+    load(kernel, device, block)
+    _send(kernel, dim, (*inputs, *outputs), device, block)
 
 
 def slabs(rows: int, elements: int) -> int:
@@ -153,7 +159,11 @@ def launch_slabs(
 
 
 def _send(
-    kernel: wp.Kernel, dim: int | tuple[int, ...], arguments: Sequence[Any], device: wp.Device
+    kernel: wp.Kernel,
+    dim: int | tuple[int, ...],
+    arguments: Sequence[Any],
+    device: wp.Device,
+    block: int = BLOCK,
 ) -> None:
     """Launch through a command that this thread keeps, which spares most of Warp's Python."""
     key = (kernel, dim, device.alias, arguments[-1] is None)
@@ -161,7 +171,10 @@ def _send(
     if command is None:
         if len(_thread.commands) >= _MAX_COMMANDS:
             _thread.commands.clear()
-        command = wp.launch(kernel, dim, arguments, device=device, record_cmd=True)
+        threads = 1 if device.is_cpu else block
+        command = wp.launch(
+            kernel, dim, arguments, device=device, record_cmd=True, block_dim=threads
+        )
         _thread.commands[key] = command
     for i, argument in enumerate(arguments):
         # A descriptor in place of the array: the command must not keep the memory alive.
@@ -171,14 +184,14 @@ def _send(
     command.launch(current_stream(device) if device.is_cuda else None)
 
 
-def load(kernel: wp.Kernel, device: wp.Device) -> None:
+def load(kernel: wp.Kernel, device: wp.Device, block: int = BLOCK) -> None:
     """Compile and load the module of `kernel`; Warp must not do that on two threads at once."""
-    key = (kernel.module.name, str(device))
+    key = (kernel.module.name, str(device), block)
     if key not in _loaded:
         with _lock:
             if key not in _loaded:
                 # The variant that launches will ask for, or every slab would load it again.
-                kernel.module.load(device, 1 if device.is_cpu else None)
+                kernel.module.load(device, 1 if device.is_cpu else block)
                 _loaded.add(key)
 
 

@@ -1,7 +1,22 @@
 """The cases, by name; a family has the same file name here as in cvkern."""
 
 from ..case import Case
-from . import circles, edges, filters, gradients, lines, rank, shapes
+from . import (
+    circles,
+    depth,
+    edges,
+    filters,
+    gradients,
+    lines,
+    rank,
+    semi_global,
+    shapes,
+    stereo,
+    stereo_cost,
+)
 
-FAMILIES = (filters, gradients, rank, edges, lines, shapes, circles)
+FAMILIES = (
+    filters, gradients, rank, edges, lines, circles, shapes,
+    stereo_cost, semi_global, stereo, depth,
+)  # fmt: skip
 CASES: dict[str, Case] = {case.name: case for family in FAMILIES for case in family.CASES}

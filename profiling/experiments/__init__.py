@@ -1,3 +1,1 @@
-"""Experiments with known effects, run by hand; their results are kept in
-profiling/results/experiments.
-"""
+"""Questions that a measurement answers, one program each."""

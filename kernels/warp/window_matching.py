@@ -1,0 +1,66 @@
+"""Matching by windows without a volume of costs, in Warp.
+
+On the CPU a row at a time; on CUDA a tile at a time where it fits into shared memory, which needs
+descriptors of at most 32 bits, else a strip of rows.
+"""
+
+import warp as wp
+
+from ..codes import Cost
+from . import _matching_blocks as blocks
+from . import _matching_rows as rows
+from . import _window_blocks as window_blocks
+from . import _window_rows as window_rows
+from ._launch import launch_slabs, scratch, slabs
+from .semi_global import pick, pick_right
+
+_STRIP_BYTES = 64 << 20
+
+
+def match_windows(
+    left: wp.array,
+    right: wp.array,
+    first: int,
+    count: int,
+    cost: int,
+    octets: int,
+    radius_y: int,
+    radius_x: int,
+    subpixel: int,
+    uniqueness: int,
+    index: wp.array,
+    disparity: wp.array,
+    cost_of_index: wp.array,
+    confidence: wp.array,
+    right_index: wp.array,
+) -> None:
+    """Do `window_costs`, `pick` and `pick_right` a part at a time; sums must be below 65535."""
+    height, width, channels = left.shape
+    winners = [index, disparity, cost_of_index, confidence]
+    options = [radius_y, radius_x, subpixel, uniqueness]
+    if left.device.is_cuda:
+        small = cost == Cost.CENSUS and octets <= 4 and channels == 1
+        if small and blocks.words_for(count, radius_x):
+            blocks.match_words(left, right, first, count, *options, winners, right_index)
+            return
+        strip = max(1, min(height, _STRIP_BYTES // (2 * width * count)))
+        for top in range(0, height, strip):
+            part = slice(top, min(top + strip, height))
+            shape = (part.stop - top, width, count)
+            costs = scratch("window.costs", shape, wp.uint16, left.device)
+            window_blocks.window_costs(
+                left, right, first, cost, radius_y, radius_x, costs, begin=top
+            )
+            pick(costs, first, subpixel, uniqueness, *(a[part] for a in winners))
+            pick_right(costs, first, right_index[part])
+        return
+    parts = slabs(height, height * width * count)
+    inner = window_rows.slab_scratch(left, parts, count, cost, octets, radius_x, wp.uint16)
+    turned = rows.turned_scratch(width, count, parts, left.device)
+    launch_slabs(
+        rows.match_windows(cost, left.dtype),
+        height,
+        parts,
+        [left, right, first, count, octets, *options, *inner, *turned],
+        [*winners, right_index],
+    )
