@@ -301,7 +301,7 @@ def stereo_pair(height, width, shift, seed=0):
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (60, 9), (70, 131), (440, 1024)])
 @pytest.mark.parametrize("method", ["semi-global", "window"])
 def test_disparities_are_those_of_the_cpu(shape, method, kernels):
-    left, right = stereo_pair(*shape, 3)
+    left, right = stereo_pair(shape[0], shape[1], 3)
     stop = min(64, shape[1])
     for options in ({}, {"paths": 4, "uniqueness": 5, "smoothing": 3}):
         for first in (0, max(-9, 1 - shape[1])):
