@@ -139,9 +139,7 @@ def count(
 ):
     # Nothing is counted beyond what tells a region from a speckle: large ones would have all
     # threads wait for one number.
-    i = wp.tid()
-    top = root(parents, i)
-    parents[i] = top
+    top = root(parents, wp.tid())
     if sizes[top] < min_size:
         wp.atomic_add(sizes, top, 1)
 
@@ -159,7 +157,11 @@ def keep(
     width = disparity.shape[1]
     y = i // width
     x = i - y * width
-    kept[y, x] = wp.where(sizes[parents[i]] >= min_size, disparity[y, x], none())
+    # Not every label has been hung below its root itself: threads of `count` overtake each other.
+    top = parents[i]
+    while top != parents[top]:
+        top = parents[top]
+    kept[y, x] = wp.where(sizes[top] >= min_size, disparity[y, x], none())
 
 
 @wp.func_native("""
