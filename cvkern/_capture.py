@@ -51,13 +51,14 @@ def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callabl
     rt = runtime(*arrays)
     choice = pinned()
     buffers: list[Any] = []
+    constants: list[Any] = []
     scratch: dict[Any, Any] = {}
 
-    with rt.set.own_scratch(scratch), taped(buffers):
+    with rt.set.own_scratch(scratch), taped(buffers, constants):
         result = function(*args, **options)
 
     def again() -> None:
-        with choice(), rt.set.own_scratch(scratch), taped(buffers, replay=True):
+        with choice(), rt.set.own_scratch(scratch), taped(buffers, constants, replay=True):
             function(*args, **options)
 
     repeat = rt.set.record(again, rt.device)

@@ -160,6 +160,8 @@ class Runtime:
             if len(self._constants) >= _MAX_CONSTANTS:
                 self._constants.pop(next(iter(self._constants)))
             self._constants[key] = self.set.adopt(array, self.device)
+        if _tape.constants is not None:
+            _tape.constants.append(self._constants[key])
         return self._constants[key]
 
     def empty(self, shape: tuple[int, ...], dtype: Any = np.float32, out: Any = None) -> Any:
@@ -241,6 +243,7 @@ class _Tape(threading.local):
     """The results of a captured call: recorded by its rehearsal, filled again by its replays."""
 
     buffers: list[Any] | None = None
+    constants: list[Any] | None = None
     replayed: Any = None
 
 
@@ -248,14 +251,18 @@ _tape = _Tape()
 
 
 @contextlib.contextmanager
-def taped(buffers: list[Any], *, replay: bool = False) -> Iterator[None]:
-    """Keep the results that the block allocates in `buffers`, or hand those out again."""
-    before = _tape.buffers, _tape.replayed
-    _tape.buffers, _tape.replayed = buffers, iter(buffers) if replay else None
+def taped(buffers: list[Any], constants: list[Any], *, replay: bool = False) -> Iterator[None]:
+    """Keep the results that the block allocates in `buffers`, or hand those out again.
+
+    The constants that it uses are kept as well: a CUDA graph has their addresses.
+    """
+    before = _tape.buffers, _tape.constants, _tape.replayed
+    _tape.buffers, _tape.constants = buffers, constants
+    _tape.replayed = iter(buffers) if replay else None
     try:
         yield
     finally:
-        _tape.buffers, _tape.replayed = before
+        _tape.buffers, _tape.constants, _tape.replayed = before
 
 
 def pinned() -> Callable[[], use]:

@@ -70,6 +70,17 @@ def check_dtype(array: Any, dtype: Any, name: str) -> None:
         raise TypeError(f"{name} must be {np.dtype(dtype)}, got {given}")
 
 
+def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
+    """Return `values` as an array of `shape`, of the mask or of the points, or None as it is."""
+    if values is None:
+        return None
+    if not hasattr(values, "shape"):
+        values = np.asarray(values)
+    if tuple(values.shape) != tuple(shape):
+        raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
+    return check_image(values, ndim=(1, 2), name=name) if len(values) else values
+
+
 def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
     """Return the axis that is not filtered, counted from the front, or None."""
     if (len(shape) == 3) != (channel_axis is not None):

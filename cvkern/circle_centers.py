@@ -9,12 +9,11 @@ import numpy as np
 
 from cvkern._libraries import library
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_choice, check_image, check_number, check_sides
+from cvkern._validate import check_choice, check_image, check_number, check_positive, check_sides
 from cvkern.circles import local_maxima
 from cvkern.edges import _canny as edge_gradient
 from cvkern.edges import _thresholds as edge_thresholds
 from cvkern.kernels.codes import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Border
-from cvkern.lines import check_positive
 
 POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
 

@@ -14,13 +14,13 @@ from cvkern._runtime import Runtime, runtime
 from cvkern._validate import (
     MAX_ELEMENTS,
     check_accumulator,
+    check_beside,
     check_image,
     check_integer,
     check_number,
     check_sides,
 )
 from cvkern.kernels.codes import DIRECTIONS
-from cvkern.lines import check_beside
 
 MAX_RADIUS = 2**14  # times the 2^16 of the tables of directions, within 32 bits
 ALONG = -1  # the tolerance that says: the two pixels along the gradient, no arcs

@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_image, check_integer, check_number, check_sides
+from cvkern._validate import check_image, check_integer, check_number, check_positive, check_sides
 from cvkern.circle_centers import check_range, check_support, distinct, edge_lines
 from cvkern.ellipses import between, paired
 from cvkern.kernels.codes import MAX_BINS
-from cvkern.lines import check_positive
 
 FINEST = 20  # pixels: a photograph is reduced until its smallest axis is less than twice this
 TOLERANCE = 0.2  # radians: how far a gradient may be off, in the votes and in the fit

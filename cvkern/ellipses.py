@@ -9,9 +9,16 @@ import numpy as np
 
 from cvkern._points import check_at_points, mask_points
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import MAX_ELEMENTS, check_image, check_integer, check_number, check_sides
+from cvkern._validate import (
+    MAX_ELEMENTS,
+    check_beside,
+    check_image,
+    check_integer,
+    check_number,
+    check_positive,
+    check_sides,
+)
 from cvkern.kernels.codes import MAX_BINS
-from cvkern.lines import check_beside, check_positive
 
 UNDIRECTED = -1.0  # the square of a sine that says: directions do not count
 

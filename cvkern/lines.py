@@ -20,8 +20,10 @@ from cvkern._points import mask_points
 from cvkern._runtime import runtime
 from cvkern._validate import (
     check_accumulator,
+    check_beside,
     check_image,
     check_number,
+    check_positive,
     check_sides,
 )
 
@@ -353,14 +355,6 @@ def check_angles(theta: Any) -> np.ndarray:
     return angles
 
 
-def check_positive(value: Any, name: str) -> float:
-    """Return `value` as a float above 0."""
-    number = check_number(value, name, low=0)
-    if not number:
-        raise ValueError(f"{name} must be > 0, got {value}")
-    return number
-
-
 def check_points(points: Any) -> Any:
     """Return `points` as an array of shape (N, 2), where N may be 0."""
     if not hasattr(points, "shape"):
@@ -368,14 +362,3 @@ def check_points(points: Any) -> Any:
     if len(points.shape) != 2 or points.shape[1] != 2:
         raise ValueError(f"points must have shape (N, 2), got {tuple(points.shape)}")
     return check_image(points, name="points") if len(points) else points
-
-
-def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
-    """Return `values` as an array of `shape`, of the mask or of the points, or None as it is."""
-    if values is None:
-        return None
-    if not hasattr(values, "shape"):
-        values = np.asarray(values)
-    if tuple(values.shape) != tuple(shape):
-        raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
-    return check_image(values, ndim=(1, 2), name=name) if len(values) else values

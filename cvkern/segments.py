@@ -22,10 +22,10 @@ from cvkern._line_support import (
 from cvkern._line_votes import check_listed, values_at
 from cvkern._points import mask_points
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_image, check_number, check_sides
+from cvkern._validate import check_beside, check_image, check_number, check_positive, check_sides
 from cvkern.edges import subpixel_edges
 from cvkern.line_peaks import HoughLinePeaks
-from cvkern.lines import check_beside, check_points, check_positive
+from cvkern.lines import check_points
 
 
 class LineFit(NamedTuple):

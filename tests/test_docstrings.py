@@ -94,14 +94,10 @@ def test_documented_defaults_are_true(name):
 
 def shape_of(text, image):
     """Return what "(H, W)" or "the shape of `image`" amounts to; None where any size will do."""
-    sizes = {"H": image.shape[0], "W": image.shape[1], "2": 2, "4": 4}
+    sizes = {"H": image.shape[0], "W": image.shape[1], "2": 2, "3": 3, "4": 4}
     if "shape of `image`" in text or "shape and dtype of `image`" in text:
         return image.shape
-    listed = re.search(r"\(((?:[CHKMNRTW24],? ?)+)\)", text)
-    sizes = {"H": image.shape[0], "W": image.shape[1], "N": None, "2": 2, "3": 3}
-    if "shape of `image`" in text or "shape and dtype of `image`" in text:
-        return image.shape
-    listed = re.search(r"\(((?:[HWN23],? ?)+)\)", text)
+    listed = re.search(r"\(((?:[CDHKMNRTW234],? ?)+)\)", text)
     assert listed, text
     return tuple(sizes.get(size) for size in re.findall(r"\w", listed.group(1)))
 

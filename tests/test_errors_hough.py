@@ -169,7 +169,7 @@ MASK = np.ones((4, 5), bool)
         ),
         ({"mask": MASK, "theta": [0, np.nan]}, ValueError, "theta must be finite, got nan"),
         ({"mask": MASK, "rho_step": 0}, ValueError, "rho_step must be > 0, got 0"),
-        ({"mask": MASK, "rho_step": -1}, ValueError, "rho_step must be >= 0 and finite, got -1"),
+        ({"mask": MASK, "rho_step": -1}, ValueError, "rho_step must be > 0, got -1"),
         ({"mask": MASK, "rho_step": "a"}, TypeError, "rho_step must be a number, got 'a'"),
         (
             {"mask": MASK, "orientation": MASK.T},
@@ -434,7 +434,7 @@ def test_hough_circle_peaks(options, error, message):
     ({"accuracy": 0}, ValueError, "accuracy must be > 0, got 0"),
     ({"accuracy": 1e-4}, ValueError, "accuracy must give at most 8192 bins, got 20002"),
     ({"min_size": 0}, ValueError, "min_size must be > 0, got 0"),
-    ({"max_size": -1}, ValueError, "max_size must be >= 0 and finite, got -1"),
+    ({"max_size": -1}, ValueError, "max_size must be > 0, got -1"),
     ({"orientation_tolerance": 0}, ValueError,
      "orientation_tolerance must be in (0, pi / 2), got 0"),
     ({"orientation": FLAT[1:]}, ValueError, "orientation must have shape (4, 5), got (3, 5)"),
