@@ -110,9 +110,9 @@ def test_timings(made):
     assert data["made_with"]["cvkern"] == cvkern.__version__
     assert {"Kernels", "Device", "Machine", "Python", "NumPy"} <= set(data["made_with"])
     functions = {t["function"] for t in data["timings"]}
-    assert {"canny", "gradient", "subpixel_edges", "generalized_hough"} <= functions
-    assert functions == {
-        "canny", "disparity_to_depth", "gradient", "stereo_match", "subpixel_edges",
+    assert functions >= {
+        "canny", "detect_circles", "detect_ellipses", "detect_segments", "disparity_to_depth",
+        "generalized_hough", "gradient", "hough_circle", "stereo_match", "subpixel_edges",
     }  # fmt: skip
     for timing in data["timings"]:
         assert timing["milliseconds"] > 0
@@ -122,13 +122,8 @@ def test_timings(made):
 def test_page_stands_alone(made):
     tags = parse(made / "index.html")
     images = [attrs for tag, attrs in tags.tags if tag == "img"]
-    pngs = sorted(made.glob("*.png"))
-    assert len(images) == len(pngs) >= 9 + 5
-    head = "data:image/png;base64,"
-    embedded = {base64.b64decode(attrs["src"].removeprefix(head)) for attrs in images}
-    assert embedded == {png.read_bytes() for png in pngs}
     files = [*made.glob("*.png"), *made.glob("*.gif")]
-    assert len(images) == len(files) == 24
+    assert len(images) == len(files) > 40
     embedded = {base64.b64decode(attrs["src"].partition(";base64,")[2]) for attrs in images}
     assert embedded == {file.read_bytes() for file in files}
     assert all(attrs["alt"] and attrs["width"] and attrs["height"] for attrs in images)
