@@ -11,7 +11,7 @@ import scipy.ndimage
 
 import cvkern
 
-from ..arrays import photograph_uint8
+from ..arrays import fields, photograph_uint8
 from ..case import Case, Peer, Shape, Work, unequal
 
 RADII = np.arange(15, 41)
@@ -96,7 +96,8 @@ def _in_pixels_of_the_photograph(circles: np.ndarray, image: np.ndarray) -> Arra
 def _found(image: np.ndarray) -> Arrays:
     scale = _scale(image.shape)
     circles = cvkern.detect_circles(image, (SMALLEST * scale, LARGEST * scale), polarity="bright")
-    return _in_pixels_of_the_photograph(np.column_stack((circles.centers, circles.radii)), image)
+    found = fields((circles.centers, circles.radii))
+    return _in_pixels_of_the_photograph(np.column_stack(found), image)
 
 
 def _opencv(mode: str, dp: float, high: float, threshold: float) -> Any:

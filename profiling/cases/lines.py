@@ -10,7 +10,7 @@ import numpy as np
 import cvkern
 
 from ..arrays import photograph_uint8
-from ..case import Case, Peer, Shape, Work, skimage_peers
+from ..case import Case, Peer, Shape, Work
 
 DEGREES, TENTHS = (np.linspace(-math.pi / 2, math.pi / 2, n, endpoint=False) for n in (180, 1800))
 AIM = math.radians(2)  # how far a directed vote may be from the gradient
@@ -81,7 +81,7 @@ def _plain(number: int, theta: np.ndarray) -> Case:
                 lambda m, x: _lines_of_opencv(m, x, number),
                 note="finds the peaks as well, here none, and gives no votes",
             ),
-            *skimage_peers("transform", lambda m, x: m.hough_line(x, theta)[0]),
+            Peer("scikit-image", "skimage.transform", lambda m, x: m.hough_line(x, theta)[0]),
         ),
         work=Work("votes", lambda x: float(x.sum()) * number),
         most_inputs=4,
