@@ -52,3 +52,12 @@ ATAN = (
 SECTOR_ONE = 32768.0
 SECTOR_LOW = 13573.0
 SECTOR_HIGH = 79109.0  # tan(67.5 deg) = tan(22.5 deg) + 2
+
+
+class Background(IntEnum):
+    """What a ray sees behind everything."""
+
+    WHITE = 0
+    BLACK = 1
+    RANDOM = 2  # a colour of its own for each ray: nothing can be learnt from it
+    LEARNT = 3

@@ -1,0 +1,248 @@
+"""Multi-resolution hash encoding [Mueller et al., "Instant neural graphics primitives", 2022].
+
+Level l is a grid of resolutions[l] cells a side. A sample takes the two features of each of the
+eight corners round it, weighted by nearness; corners have a place each where the level's table is
+large enough, else the place that a hash of their coordinates says.
+
+One thread a sample and level, the samples of a level together: those of one ray share corners.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from ._launch import launch, launch_each, launch_slabs, slabs, view
+
+wp.set_module_options({"enable_backward": False})
+
+PRIME_Y = wp.constant(wp.uint32(2654435761))
+PRIME_Z = wp.constant(wp.uint32(805459861))
+
+
+@wp.struct
+class Cell:
+    """Where a sample is in a level."""
+
+    i: int
+    j: int
+    k: int
+    f: wp.vec3  # from the lower corner, in cells
+
+
+@wp.func
+def cell_of(positions: wp.array2d[float], sample: int, resolution: int) -> Cell:
+    """Find the cell of a sample: those at 1 are in the last one."""
+    cell = Cell()
+    n = float(resolution)
+    at = n * wp.vec3(positions[sample, 0], positions[sample, 1], positions[sample, 2])
+    cell.i = wp.clamp(int(wp.floor(at[0])), 0, resolution - 1)
+    cell.j = wp.clamp(int(wp.floor(at[1])), 0, resolution - 1)
+    cell.k = wp.clamp(int(wp.floor(at[2])), 0, resolution - 1)
+    cell.f = at - wp.vec3(float(cell.i), float(cell.j), float(cell.k))
+    return cell
+
+
+@wp.func
+def entry_of(cell: Cell, corner: int, resolution: int, size: int) -> int:
+    """Return the place in its level's table of a corner, whose bits say on which sides it is."""
+    i = cell.i + (corner & 1)
+    j = cell.j + (corner >> 1 & 1)
+    k = cell.k + (corner >> 2)
+    side = wp.int64(resolution + 1)
+    if side * side * side <= wp.int64(size):
+        return (k * (resolution + 1) + j) * (resolution + 1) + i
+    return int((wp.uint32(i) ^ wp.uint32(j) * PRIME_Y ^ wp.uint32(k) * PRIME_Z) % wp.uint32(size))
+
+
+@wp.func
+def share_of(cell: Cell, corner: int) -> float:
+    """Return the weight of a corner."""
+    x = wp.where((corner & 1) != 0, cell.f[0], 1.0 - cell.f[0])
+    y = wp.where((corner & 2) != 0, cell.f[1], 1.0 - cell.f[1])
+    z = wp.where((corner & 4) != 0, cell.f[2], 1.0 - cell.f[2])
+    return x * y * z
+
+
+@wp.func_native("""
+    float* to = (float*)table.data + 2 * (size_t)entry;
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    asm volatile("red.global.add.v2.f32 [%0], {%1, %2};" ::"l"(to), "f"(x), "f"(y) : "memory");
+#elif defined(__CUDA_ARCH__)
+    atomicAdd(to, x);
+    atomicAdd(to + 1, y);
+#else
+    to[0] += x;
+    to[1] += y;
+#endif
+""")
+def add(table: wp.array[wp.vec2], entry: int, x: float, y: float): ...
+
+
+@cache
+def _encode(scalar: Any) -> wp.Kernel:
+    pair = wp.types.vector(2, scalar)
+
+    @wp.kernel
+    def encode(
+        stride: int,
+        first: int,
+        last: int,
+        positions: wp.array2d[float],  # (M, 3), in [0, 1]
+        total: wp.array[int],  # (1,)
+        resolutions: wp.array[int],  # (L,)
+        offsets: wp.array[int],  # (L + 1,)
+        table: wp.array[pair],  # (entries,)
+        # outputs
+        features: wp.array2d[pair],  # (M, L)
+    ):
+        samples = positions.shape[0]
+        for item in range(first + wp.tid(), last, stride):
+            level = item // samples
+            sample = item - level * samples
+            if sample < total[0]:
+                resolution = resolutions[level]
+                begin = offsets[level]
+                size = offsets[level + 1] - begin
+                cell = cell_of(positions, sample, resolution)
+                found = wp.vec2()
+                for corner in range(8):
+                    entry = table[begin + entry_of(cell, corner, resolution, size)]
+                    found += share_of(cell, corner) * wp.vec2(float(entry[0]), float(entry[1]))
+                features[sample, level] = pair(scalar(found[0]), scalar(found[1]))
+
+    return encode
+
+
+@cache
+def _scatter(scalar: Any) -> wp.Function:
+    pair = wp.types.vector(2, scalar)
+
+    @wp.func
+    def scatter(
+        level: int,
+        sample: int,
+        positions: wp.array2d[float],
+        resolutions: wp.array[int],
+        offsets: wp.array[int],
+        d_features: wp.array2d[pair],
+        d_table: wp.array[wp.vec2],
+    ):
+        # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
+        d = d_features[sample, level]
+        dx = float(d[0])
+        dy = float(d[1])
+        if dx != 0.0 or dy != 0.0:
+            resolution = resolutions[level]
+            begin = offsets[level]
+            size = offsets[level + 1] - begin
+            cell = cell_of(positions, sample, resolution)
+            for corner in range(8):
+                share = share_of(cell, corner)
+                entry = begin + entry_of(cell, corner, resolution, size)
+                add(d_table, entry, share * dx, share * dy)
+
+    return scatter
+
+
+@cache
+def _backward_blocks(scalar: Any) -> wp.Kernel:
+    pair = wp.types.vector(2, scalar)
+    scatter = _scatter(scalar)
+
+    @wp.kernel
+    def backward(
+        positions: wp.array2d[float],  # (M, 3)
+        total: wp.array[int],  # (1,)
+        resolutions: wp.array[int],  # (L,)
+        offsets: wp.array[int],  # (L + 1,)
+        d_features: wp.array2d[pair],  # (M, L)
+        # outputs
+        d_table: wp.array[wp.vec2],  # (entries,): added to
+    ):
+        item = wp.tid()
+        level = item // positions.shape[0]
+        sample = item - level * positions.shape[0]
+        if sample < total[0]:
+            scatter(level, sample, positions, resolutions, offsets, d_features, d_table)
+
+    return backward
+
+
+@cache
+def _backward_levels() -> wp.Kernel:
+    scatter = _scatter(wp.float32)
+
+    @wp.kernel
+    def backward_levels(
+        slab: int,
+        first: int,
+        last: int,
+        positions: wp.array2d[float],  # (M, 3)
+        total: wp.array[int],  # (1,)
+        resolutions: wp.array[int],  # (L,)
+        offsets: wp.array[int],  # (L + 1,)
+        d_features: wp.array2d[wp.vec2],  # (M, L)
+        # outputs
+        d_table: wp.array[wp.vec2],  # (entries,): added to
+    ):
+        # The slabs are levels: no two threads add to the same entry, and the order stays.
+        for level in range(first, last):
+            for sample in range(total[0]):
+                scatter(level, sample, positions, resolutions, offsets, d_features, d_table)
+
+    return backward_levels
+
+
+def _pairs(array: wp.array, scalar: Any) -> wp.array:
+    """View (N, 2 L) numbers as (N, L) pairs, and (N, 2) as (N,)."""
+    rows, columns = array.shape
+    shape = (rows, columns // 2) if columns > 2 else (rows,)
+    return view(array, wp.types.vector(2, scalar), shape)
+
+
+def encode(
+    positions: wp.array,
+    total: wp.array,
+    resolutions: wp.array,
+    offsets: wp.array,
+    table: wp.array,
+    features: wp.array,
+) -> None:
+    """Features of the first `total` samples, two for each level."""
+    levels = resolutions.shape[0]
+    count = positions.shape[0] * levels
+    scalar = table.dtype
+    launch_each(
+        _encode(scalar),
+        count,
+        16 * count,
+        [positions, total, resolutions, offsets, _pairs(table, scalar)],
+        [view(features, wp.types.vector(2, scalar), (positions.shape[0], levels))],
+    )
+
+
+def backward(
+    positions: wp.array,
+    total: wp.array,
+    resolutions: wp.array,
+    offsets: wp.array,
+    d_features: wp.array,
+    d_table: wp.array,
+) -> None:
+    """Add the gradients of the entries, float32, of those of the features."""
+    levels = resolutions.shape[0]
+    count = positions.shape[0] * levels
+    scalar = d_features.dtype
+    pairs = view(d_features, wp.types.vector(2, scalar), (positions.shape[0], levels))
+    inputs = [positions, total, resolutions, offsets, pairs]
+    if d_table.device.is_cuda:
+        launch(_backward_blocks(scalar), count, inputs, [_pairs(d_table, wp.float32)])
+    else:
+        launch_slabs(
+            _backward_levels(),
+            levels,
+            min(levels, slabs(count, 16 * count)),
+            inputs,
+            [_pairs(d_table, wp.float32)],
+        )
