@@ -99,7 +99,22 @@ class Runtime:
     """
 
     if TYPE_CHECKING:
-        from cvkern.kernels.warp import edges, filters, gradients, rank
+        from cvkern.kernels.warp import (
+            edges,
+            filters,
+            gradients,
+            radiance_adam,
+            radiance_composite,
+            radiance_dense,
+            radiance_encode,
+            radiance_hash,
+            radiance_heads,
+            radiance_loss,
+            radiance_march,
+            radiance_occupancy,
+            radiance_rays,
+            rank,
+        )
 
     def __init__(self, name: str, device: str, library: _libraries.NumPy):
         threads = os.environ.get("CVKERN_NUM_THREADS") or "1"
@@ -172,6 +187,25 @@ class Runtime:
     def scratch(self, name: str, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Return kernel memory that stays valid until this thread asks for `name` again."""
         return self.set.scratch(name, shape, np.dtype(dtype), self.device)
+
+    def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
+        """Allocate kernel memory of one's own, filled with 0."""
+        array = self.set.empty(shape, np.dtype(dtype), self.device)
+        self.write(array, np.zeros(shape, dtype))
+        return array
+
+    def write(self, array: Any, values: np.ndarray) -> None:
+        """Copy host values of the same shape and dtype into a kernel array."""
+        self.set.write(array, values)
+
+    def record(self, call: Callable[[], None]) -> Callable[[], None]:
+        """Return what repeats the launches of `call`, as one where the kernel set can do that."""
+        return self.set.record(call, self.device)
+
+    @property
+    def matrix_dtype(self) -> np.dtype:
+        """The precision of matrix products: half where there are tensor cores for it."""
+        return np.dtype(self.set.MATRIX_DTYPES[self.device.partition(":")[0]])
 
     def release(self, result: Any, out: Any = None) -> Any:
         """Return what :meth:`empty` gave, once kernels have filled it, as the caller's array."""

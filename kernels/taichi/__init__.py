@@ -24,7 +24,8 @@ with warnings.catch_warnings():
 
 from ._launch import start, synchronize
 
-__all__ = ["adopt", "empty", "own_scratch", "record", "scratch", "start", "to_numpy"]
+__all__ = ["adopt", "empty", "own_scratch", "record", "scratch", "start", "to_numpy", "write"]
+MATRIX_DTYPES = {"cpu": "float32", "cuda": "float32"}
 
 
 def adopt(array: Any, device: str) -> Any:
@@ -49,6 +50,15 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
     """Return memory that stays valid until this thread asks for `name` again."""
     return empty(shape, np.dtype(np.uint8 if dtype == np.bool_ else dtype), device)
+
+
+def write(array: Any, values: np.ndarray) -> None:
+    """Copy host values of the same shape and dtype into `array`."""
+    if isinstance(array, np.ndarray):
+        array[...] = values
+    else:
+        synchronize()
+        array.assign(values)
 
 
 def to_numpy(array: Any) -> np.ndarray:

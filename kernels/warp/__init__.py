@@ -94,6 +94,15 @@ def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> 
     return _launch.scratch(name, shape, carried, wp.get_device(device))
 
 
+def write(array: wp.array, values: np.ndarray) -> None:
+    """Copy host values of the same shape and dtype into `array`, in order with the kernels."""
+    source = wp.array(np.ascontiguousarray(values), dtype=array.dtype, device="cpu", copy=False)
+    stream = _launch.current_stream(array.device) if array.device.is_cuda else None
+    wp.copy(array, source, stream=stream)
+    if stream is not None:
+        wp.synchronize_stream(stream)
+
+
 def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
     if array.device.is_cuda:
@@ -102,6 +111,7 @@ def to_numpy(array: wp.array) -> np.ndarray:
 
 
 own_scratch = _launch.own_scratch
+MATRIX_DTYPES = {"cpu": "float32", "cuda": "float16"}
 
 
 def record(call: Callable[[], None], device: str) -> Callable[[], None]:
