@@ -49,6 +49,8 @@ class HashField:
     """Share of the learning rate at the end."""
     weight_decay: float = 1e-6
     """Of the perceptrons."""
+    table_decay: float = 1e-9
+    """Of the tables: too weak for entries in use, but others go back to 0."""
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
         """Return the field itself, with random parameters."""
@@ -145,7 +147,7 @@ class HashNetwork(SampledField):
         )
         adam.clip(learning.scale / self.gradient_scale, 1e30, self._parts_of_norm, self._factor)
         for parameters, decay, sparse in (
-            (self.table, 0.0, True),
+            (self.table, s.table_decay, s.table_decay == 0.0),
             (self.layers, s.weight_decay, False),
         ):
             adam.adam(self._rate, self._factor, *BETAS, EPSILON, decay, sparse, *parameters.flat())
