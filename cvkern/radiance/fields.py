@@ -78,6 +78,10 @@ class Field(abc.ABC):
 
     rt: Runtime
     frame: Frame
+    rays: int
+    """How many rays a batch has room for."""
+    first_rays: int
+    """How many of them the first batch should have, before any is counted."""
     gradient_scale: float = 1.0
     """What losses are multiplied by, so that half precision can hold their gradients."""
 
@@ -92,6 +96,18 @@ class Field(abc.ABC):
     @abc.abstractmethod
     def learn(self, learning: Learning) -> None:
         """Move the parameters by their gradients, and forget those."""
+
+    @abc.abstractmethod
+    def taken(self) -> int:
+        """Return how many samples :meth:`forward` last took; waits for the device."""
+
+    def complete(self) -> bool:
+        """Return whether there was room for all rays of the last :meth:`forward`, if not full."""
+        return True
+
+    @abc.abstractmethod
+    def densities(self, points: np.ndarray) -> np.ndarray:
+        """Return the density at points (N, 3) of the frame, per unit of its length, (N,)."""
 
     @abc.abstractmethod
     def rays_for(self, samples: int, rays: int) -> int:

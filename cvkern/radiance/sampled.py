@@ -43,6 +43,7 @@ class SampledField(Field):
 
     def __init__(self, rt: Runtime, frame: Frame, room: int, rays: int, cells: int, seed: int):
         self.rt, self.frame, self.room, self.cells, self.seed = rt, frame, room, cells, seed
+        self.rays, self.first_rays = rays, max(1, min(rays, room // STEPS))
         unbounded = frame.bounds.unbounded
         self.levels = LEVELS if frame.far > math.sqrt(12) + frame.near or unbounded else 1
         self.finest = 2 * math.sqrt(3) / STEPS
@@ -102,6 +103,32 @@ class SampledField(Field):
             *gradients, self.sigma, self.rgb, s.distances, s.spans, STOP, self.d_sigma, self.d_rgb
         )
         self.evaluate_backward()
+
+    def taken(self) -> int:
+        """See :meth:`Field.taken`."""
+        return int(self.rt.to_numpy(self.samples.total)[0])
+
+    def complete(self) -> bool:
+        """See :meth:`Field.complete`."""
+        # The place of the last row is the sum of all before it, those without room among them.
+        return int(self.rt.to_numpy(self.samples.spans)[-1, 0]) <= self.room
+
+    def densities(self, points: np.ndarray) -> np.ndarray:
+        """See :meth:`Field.densities`."""
+        places = np.asarray(points, np.float32)
+        if self.frame.bounds.unbounded:
+            size = np.maximum(np.linalg.norm(places, axis=1, keepdims=True), 1.0)
+            places = places * ((2 - 1 / size) / size) / 2
+        places = 0.5 * places + 0.5
+        found = np.empty(len(places), np.float32)
+        block = np.zeros((self.room, 3), np.float32)
+        for begin in range(0, len(places), self.room):
+            part = places[begin : begin + self.room]
+            block[: len(part)] = part
+            self.rt.write(self.samples.positions, block)
+            self.evaluate_density(self._all)
+            found[begin : begin + len(part)] = self.rt.to_numpy(self.sigma)[: len(part)]
+        return found
 
     def rays_for(self, samples: int, rays: int) -> int:
         """See :meth:`Field.rays_for`."""
