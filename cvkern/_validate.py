@@ -77,6 +77,14 @@ def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool 
     return number
 
 
+def check_positive(value: Any, name: str) -> float:
+    """Return `value` as a float above 0, finite in float32."""
+    number = check_number(value, name)
+    if number <= 0:
+        raise ValueError(f"{name} must be > 0, got {value}")
+    return number
+
+
 def _as_float(value: Any, name: str) -> float:
     try:
         if np.ndim(value) == 0:

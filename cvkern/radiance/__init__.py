@@ -1,15 +1,40 @@
-"""Radiance fields: scenes of posed photographs, and the cameras that took them."""
+"""Radiance fields: from posed photographs to a model that renders new views."""
 
 from cvkern.radiance.cameras import Cameras, cameras, look_at, pixel_rays, project
+from cvkern.radiance.hash_field import HashField
+from cvkern.radiance.metrics import psnr, ssim
+from cvkern.radiance.models import Mark, Model, load_model
+from cvkern.radiance.rendering import (
+    Picture,
+    Scores,
+    evaluate,
+    orbit_cameras,
+    render,
+    render_path,
+)
 from cvkern.radiance.scenes import Bounds, Scene, load_scene
+from cvkern.radiance.training import fit
 
 __all__ = [
     "Bounds",
     "Cameras",
+    "HashField",
+    "Mark",
+    "Model",
+    "Picture",
     "Scene",
+    "Scores",
     "cameras",
+    "evaluate",
+    "fit",
+    "load_model",
     "load_scene",
     "look_at",
+    "orbit_cameras",
     "pixel_rays",
     "project",
+    "psnr",
+    "render",
+    "render_path",
+    "ssim",
 ]

@@ -111,7 +111,8 @@ class SampledField(Field):
     def complete(self) -> bool:
         """See :meth:`Field.complete`."""
         # The place of the last row is the sum of all before it, those without room among them.
-        return int(self.rt.to_numpy(self.samples.spans)[-1, 0]) <= self.room
+        last = self.samples.spans[self.rays - 1 : self.rays]
+        return int(self.rt.to_numpy(last)[0, 0]) <= self.room
 
     def densities(self, points: np.ndarray) -> np.ndarray:
         """See :meth:`Field.densities`."""
