@@ -3,7 +3,7 @@
 import warp as wp
 
 from ._launch import launch_each
-from ._random import random_index
+from ._random import random_index, random_unit
 
 wp.set_module_options({"enable_backward": False})
 
@@ -120,6 +120,7 @@ def random_rays_kernel(
     images: wp.array2d[wp.uint8],  # (N H W, C)
     width: int,
     height: int,
+    spread: float,
     seed: int,
     step: wp.array[int],  # (1,)
     # outputs
@@ -133,7 +134,9 @@ def random_rays_kernel(
         within = pixel - view * (width * height)
         row = within // width
         column = within - row * width
-        write_ray(poses, lenses, view, float(row), float(column), ray, origins, directions)
+        y = float(row) + spread * (random_unit(seed, step[0], ray, 9) - 0.5)
+        x = float(column) + spread * (random_unit(seed, step[0], ray, 10) - 0.5)
+        write_ray(poses, lenses, view, y, x, ray, origins, directions)
         for k in range(3):
             targets[ray, k] = float(images[pixel, k]) / 255.0
         opacity = float(1.0)
@@ -148,18 +151,22 @@ def random_rays(
     images: wp.array,
     width: int,
     height: int,
+    spread: float,
     seed: int,
     step: wp.array,
     origins: wp.array,
     directions: wp.array,
     targets: wp.array,
 ) -> None:
-    """Rays through random pixels of all views, with the colours and opacities seen there."""
+    """Rays through random pixels of all views, with the colours and opacities seen there.
+
+    A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre.
+    """
     count = origins.shape[0]
     launch_each(
         random_rays_kernel,
         count,
         64 * count,
-        [poses, lenses, images, width, height, seed, step],
+        [poses, lenses, images, width, height, spread, seed, step],
         [origins, directions, targets],
     )
