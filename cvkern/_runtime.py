@@ -104,6 +104,7 @@ class Runtime:
             filters,
             gradients,
             radiance_adam,
+            radiance_background,
             radiance_composite,
             radiance_dense,
             radiance_encode,
@@ -113,6 +114,7 @@ class Runtime:
             radiance_march,
             radiance_occupancy,
             radiance_rays,
+            radiance_shapes,
             rank,
         )
 

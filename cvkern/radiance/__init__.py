@@ -13,6 +13,7 @@ from cvkern.radiance.rendering import (
     render_path,
 )
 from cvkern.radiance.scenes import Bounds, Scene, load_scene
+from cvkern.radiance.shapes import make_scene
 from cvkern.radiance.training import fit
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "load_model",
     "load_scene",
     "look_at",
+    "make_scene",
     "orbit_cameras",
     "pixel_rays",
     "project",
