@@ -14,13 +14,16 @@ from cvkern.radiance.rendering import (
 )
 from cvkern.radiance.scenes import Bounds, Scene, load_scene
 from cvkern.radiance.shapes import make_scene
+from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
 from cvkern.radiance.training import fit
 
 __all__ = [
     "Bounds",
     "Cameras",
+    "Cloud",
     "HashField",
     "Mark",
+    "Mesh",
     "Model",
     "Picture",
     "Scene",
@@ -32,11 +35,14 @@ __all__ = [
     "load_scene",
     "look_at",
     "make_scene",
+    "mesh",
     "orbit_cameras",
     "pixel_rays",
+    "point_cloud",
     "project",
     "psnr",
     "render",
     "render_path",
     "ssim",
+    "write_mesh",
 ]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._validate import check_integer
+from cvkern._validate import check_integer, check_positive
 
 # Newton's method doubles the right digits with each step; lenses need three or four steps.
 _NEWTON_STEPS = 10
@@ -48,6 +48,14 @@ class Cameras:
         return Cameras(
             self.poses, small, self.distortion, self.width // factor, self.height // factor
         )
+
+    def scaled(self, factor: float) -> Cameras:
+        """Return the cameras of images `factor` times as large, > 0."""
+        check_positive(factor, "factor")
+        width, height = (max(1, round(n * factor)) for n in (self.width, self.height))
+        lens = self.intrinsics * factor
+        lens[:, 2:] += 0.5 * factor - 0.5  # pixel centres are integers in either image
+        return Cameras(self.poses, lens, self.distortion, width, height)
 
 
 def cameras(

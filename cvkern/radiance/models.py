@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime, runtime
+from cvkern._validate import check_choice
 from cvkern.radiance import checkpoints
 from cvkern.radiance.cameras import Cameras, cameras
 from cvkern.radiance.fields import Field, Frame
@@ -160,12 +161,19 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     return model
 
 
+def field_kind(name: str) -> Any:
+    """Return the class of settings of that name."""
+    check_choice(name, tuple(FIELDS), "field")
+    return getattr(importlib.import_module(f"cvkern.radiance.{FIELDS[name]}"), name)
+
+
+def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings as they were: JSON makes lists of tuples."""
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+
+
 def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
-    name = header["field"]
-    if name not in FIELDS:
-        raise ValueError(f"field must be one of {tuple(FIELDS)}, got {name!r}")
-    kind = getattr(importlib.import_module(f"cvkern.radiance.{FIELDS[name]}"), name)
-    settings = kind(**header["settings"])
+    settings = field_kind(header["field"])(**_tuples(header["settings"]))
     b = header["bounds"]
     bounds = Bounds(tuple(map(float, b["center"])), float(b["half"]), bool(b["unbounded"]))
     frame = Frame(bounds, float(header["near"]), float(header["far"]))

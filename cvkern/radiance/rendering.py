@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern._validate import check_integer, check_number
+from cvkern._validate import check_integer, check_positive
 from cvkern.radiance.cameras import Cameras, cameras, look_at
 from cvkern.radiance.fields import Field, Frame, Rays
 from cvkern.radiance.metrics import psnr, ssim
@@ -231,9 +231,7 @@ def orbit_cameras(views: Cameras, frames: int = 60, *, factor: float = 1.0) -> C
         If either is out of its range.
     """
     count = check_integer(frames, "frames", 1, 2**12)
-    factor = check_number(factor, "factor")
-    if factor <= 0:
-        raise ValueError(f"factor must be > 0, got {factor:g}")
+    sized = views.scaled(check_positive(factor, "factor"))
     poses = views.poses
     middle = focus_of(poses)
     up = -poses[:, :, 1].mean(axis=0)
@@ -259,10 +257,8 @@ def orbit_cameras(views: Cameras, frames: int = 60, *, factor: float = 1.0) -> C
     around = np.cos(path)[:, None] * east + np.sin(path)[:, None] * north
     radius = max(float(reach.mean()), 1e-6 * (1 + float(np.abs(height).max())))
     eyes = middle + height.mean() * up + radius * around
-    width, high = (max(1, round(n * factor)) for n in (views.width, views.height))
-    lens = views.intrinsics[0] * factor
-    lens[2:] += 0.5 * factor - 0.5  # pixel centres are integers in either image
-    return cameras(look_at(eyes, middle, up), lens, width, high)
+    poses = look_at(eyes, middle, up)
+    return cameras(poses, sized.intrinsics[0], sized.width, sized.height)
 
 
 def evaluate(

@@ -45,7 +45,7 @@ class SampledField(Field):
         self.rt, self.frame, self.room, self.cells, self.seed = rt, frame, room, cells, seed
         self.rays, self.first_rays = rays, max(1, min(rays, room // STEPS))
         unbounded = frame.bounds.unbounded
-        self.levels = LEVELS if frame.far > math.sqrt(12) + frame.near or unbounded else 1
+        self.levels = LEVELS if unbounded else 1
         self.finest = 2 * math.sqrt(3) / STEPS
         self.cone = CONE if self.levels > 1 else 0.0
         count = self.levels * cells**3

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import refuse_capture, runtime
-from cvkern._validate import check_choice, check_code, check_integer, check_positive
+from cvkern._validate import check_choice, check_code, check_integer, check_number, check_positive
 from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.fields import Frame, Learning, Rays, Rendered
 from cvkern.radiance.hash_field import BETAS, EPSILON, HashField, Parameters
-from cvkern.radiance.models import Mark, Model, Training, load_model
+from cvkern.radiance.models import Mark, Model, Training, field_kind, load_model
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes import Scene
 
@@ -41,6 +41,7 @@ def fit(
     steps: int | None = None,
     background: str = "random",
     loss: str = "squared",
+    spread: float = 0.0,
     seed: int = 0,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
@@ -55,7 +56,7 @@ def fit(
     scene : Scene
         Its views that are not kept back for testing are trained from.
     field : HashField or another settings object, optional
-        What to train; `HashField()` by default.
+        What to train; by default a `HashField`, smaller on the CPU than on a GPU.
     seconds : float, optional
         Time to train for, > 0, without looks at held-out views and saving; 60 by default.
     steps : int, optional
@@ -66,6 +67,9 @@ def fit(
         pixel.
     loss : {"squared", "huber"}, default "squared"
         What is made small; Huber's is linear from errors of 0.1 on.
+    spread : float, default 0.0
+        A ray goes through a random point of its pixel, within a square of this side, from 0 (its
+        centre) to 1 (all of it).
     seed : int, default 0
         Of all random numbers.
     checkpoint : path, optional
@@ -113,7 +117,7 @@ def fit(
     2
     """
     refuse_capture("fit")
-    settings = HashField() if field is None else field
+    settings = default_field() if field is None else field
     if not hasattr(settings, "build"):
         raise TypeError(f"field must be settings such as HashField(), got {field!r}")
     if not isinstance(scene, Scene):
@@ -126,6 +130,9 @@ def fit(
         seconds = check_positive(60.0 if seconds is None else seconds, "seconds")
     check_code(background, Background, "background")
     check_choice(loss, ("squared", "huber"), "loss")
+    spread = check_number(spread, "spread", low=0.0)
+    if spread > 1:
+        raise ValueError(f"spread must lie in [0, 1], got {spread:g}")
     seed = check_integer(seed, "seed", 0, 2**31 - 1)
     save_every = check_positive(save_every, "save_every")
     if evaluate_every is not None:
@@ -137,10 +144,26 @@ def fit(
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     model = _begin(scene, settings, background, seed, checkpoint if resume else None)
-    trainer = Trainer(model, scene, loss)
+    trainer = Trainer(model, scene, loss, spread)
     with _shown(progress) as show, _stoppable() as stop:
         trainer.train(seconds, steps, stop, show, checkpoint, save_every, evaluate_every)
     return model
+
+
+def default_field() -> Any:
+    """Return settings that suit the chosen device."""
+    if runtime().device == "cpu":
+        return HashField(levels=8, table_bits=14, finest=128, samples=2**15, rays=2**12, cells=64)
+    return HashField()
+
+
+def field_called(name: str) -> Any:
+    """Return the settings of the kind of field that the command calls so."""
+    kinds = {"hash": "HashField", "voxel": "VoxelField"}
+    check_choice(name, tuple(kinds), "field")
+    if name == "hash":
+        return default_field()
+    return field_kind(kinds[name])()
 
 
 def _begin(scene: Scene, settings: Any, background: str, seed: int, checkpoint: Any) -> Model:
@@ -167,10 +190,11 @@ def _begin(scene: Scene, settings: Any, background: str, seed: int, checkpoint: 
 class Trainer:
     """A model in training: the arrays on the device, and one step."""
 
-    def __init__(self, model: Model, scene: Scene, loss: str):
+    def __init__(self, model: Model, scene: Scene, loss: str, spread: float):
         self.model, self.scene, self.field = model, scene, model.field
         rt = self.rt = model.rt
         self.background = check_code(model.background, Background, "background")
+        self.spread = spread
         self.huber = HUBER if loss == "huber" else 0.0
         used, count, state = ~scene.test, self.field.rays, model.training
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
@@ -198,8 +222,9 @@ class Trainer:
         """Draw rays, render them, and learn from the errors."""
         rt, field, at = self.rt, self.field, self.learning.step
         rt.radiance_rays.random_rays(
-            *self.views, self.images, *self.size, self.model.seed, at, *self.rays[:2], self.targets
-        )
+            *self.views, self.images, *self.size, self.spread, self.model.seed, at, *self.rays[:2],
+            self.targets,
+        )  # fmt: skip
         seen = field.forward(self.rays, at, training=True)
         rt.radiance_loss.loss(
             seen.color, seen.opacity, self.targets, self.active, self.background,
