@@ -82,6 +82,8 @@ class Field(abc.ABC):
     """How many rays a batch has room for."""
     first_rays: int
     """How many of them the first batch should have, before any is counted."""
+    edition: int = 0
+    """Counted up when arrays are replaced: what was recorded with the old ones is void."""
     gradient_scale: float = 1.0
     """What losses are multiplied by, so that half precision can hold their gradients."""
 

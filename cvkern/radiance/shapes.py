@@ -114,8 +114,8 @@ def make_scene(*, train: int = 40, test: int = 8, size: int = 100, samples: int 
         images[view] = np.round(255 * rt.to_numpy(seen)).reshape(fine, fine, 4)
         depths[view] = rt.to_numpy(depth).reshape(fine, fine)
     depths[depths == 0] = np.nan
-    away = DISTANCE + abs(TARGET[2] - BOUNDS.center[2])
-    scene = Scene(images, views, marks, BOUNDS, DISTANCE - BALL[3], away + BALL[3], depths)
+    reach = BALL[3] + abs(TARGET[2] - BALL[2])
+    scene = Scene(images, views, marks, BOUNDS, DISTANCE - reach, DISTANCE + reach, depths)
     return scene.resized(samples)
 
 

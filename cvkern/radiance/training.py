@@ -217,6 +217,7 @@ class Trainer:
         )
         state.rays = state.rays or self.field.first_rays
         self._step: Any = None
+        self._edition = -1
 
     def step(self) -> None:
         """Draw rays, render them, and learn from the errors."""
@@ -246,8 +247,9 @@ class Trainer:
         rt.radiance_adam.advance(at)
 
     def repeat(self) -> None:
-        """Take a step: the first one as it is, the others as recorded then."""
-        if self._step is None:
+        """Take a step: the first one with the field's arrays as it is, the others as recorded."""
+        if self._edition != self.field.edition:
+            self._edition = self.field.edition
             self.step()
             self._step = self.rt.record(self.step)
         else:
