@@ -43,8 +43,10 @@ _PRODUCT = f"""{_WARP}
         const int k = i / (32 * PIECES) * 16 + 4 * ti;
         const int n = n0 + piece / 2 * 16 + 4 * (gi >> 1) + 2 * (piece & 1) + (gi & 1);
         unsigned int v[4];
-        for (int j = 0; j < 4; ++j)
-            v[j] = n < columns ? weights[TRANSPOSED ? n * pitch_w + k + j : (k + j) * pitch_w + n] : 0;
+        for (int j = 0; j < 4; ++j) {{
+            const int at = TRANSPOSED ? n * pitch_w + k + j : (k + j) * pitch_w + n;
+            v[j] = n < columns ? weights[at] : 0;
+        }}
         pieces[i] = make_uint2(v[0] | v[1] << 16, v[2] | v[3] << 16);
     }}
     __syncthreads();

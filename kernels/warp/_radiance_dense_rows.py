@@ -91,9 +91,10 @@ def product(
         for (int n0 = 0; n0 < columns; n0 += 64) {
             float ys[16 * 64];
             const int wide = columns - n0 < 64 ? columns - n0 : 64;
+            const float* from = dy.data + (size_t)begin * pitch + column + n0;
             for (int s = 0; s < count; ++s)
                 for (int n = 0; n < 64; ++n)
-                    ys[64 * s + n] = n < wide ? dy.data[(size_t)(begin + s) * pitch + column + n0 + n] : 0.0f;
+                    ys[64 * s + n] = n < wide ? from[(size_t)s * pitch + n] : 0.0f;
             for (int k = 0; k < depth; ++k) {
                 float* to = own + (size_t)k * padded + n0;
                 float sums[64];

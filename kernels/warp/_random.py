@@ -1,4 +1,8 @@
-"""Random numbers of a counter: the same for a seed, a step and an item wherever they are made."""
+"""Random numbers of a counter: the same for a seed, a step and an item wherever they are made.
+
+The numbers that an item draws, by `which`: 0 its pixel, 1 to 3 the point in a cell, 4 the place of
+the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the pixel.
+"""
 
 import warp as wp
 

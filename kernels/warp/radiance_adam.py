@@ -63,6 +63,7 @@ def rate_kernel(
     # outputs
     rate: wp.array[float],  # (3,)
 ):
+    """Work out what is the same for all weights."""
     steps = float(step[0] + 1)
     warm = wp.min(1.0, steps / float(wp.max(warmup, 1)))
     rate[0] = base * warm * wp.pow(final, progress[0])
@@ -77,6 +78,7 @@ def squares_kernel(
     # outputs
     parts: wp.array[float],  # (P,): added to
 ):
+    """Sum the squares of every P-th gradient."""
     part = wp.tid()
     total = float(0.0)
     for i in range(part, gradients.shape[0], parts.shape[0]):
@@ -92,6 +94,7 @@ def factor_kernel(
     parts: wp.array[float],  # (P,): set to 0
     factor: wp.array[float],  # (1,)
 ):
+    """Sum the parts, and shrink."""
     total = float(0.0)
     for part in range(parts.shape[0]):
         total += parts[part]
@@ -108,6 +111,7 @@ def advance_kernel(
     # outputs
     step: wp.array[int],  # (1,)
 ):
+    """Add 1."""
     step[0] = step[0] + 1
 
 
@@ -125,7 +129,11 @@ def adam(
     weights: wp.array,
     copy: wp.array,
 ) -> None:
-    """One step of Adam with the gradients times `factor`, which it leaves at 0."""
+    """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
+
+    `rate` (3,) is that of :func:`learning_rate`, `decay` the share of each weight that is added to
+    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are.
+    """
     count = weights.shape[0]
     launch_each(
         _adam(copy.dtype),
@@ -146,20 +154,27 @@ def learning_rate(
     beta2: float,
     rate: wp.array,
 ) -> None:
-    """A rate that grows linearly over `warmup` steps, and falls exponentially to `final` of it."""
+    """Grow a rate linearly over `warmup` steps, and let it fall exponentially to `final` of it.
+
+    `rate` (3,) is filled for step `step` (1,) at `progress` (1,): the rate, and what the two means
+    of Adam have to be divided by.
+    """
     launch(rate_kernel, 1, [step, progress, base, warmup, final, beta1, beta2], [rate])
 
 
 def add_squares(gradients: wp.array, parts: wp.array) -> None:
-    """Add the squares of the gradients, in as many parts as there are."""
+    """Add the squares of `gradients` (N,) to `parts` (P,)."""
     launch(squares_kernel, parts.shape[0], [gradients], [parts])
 
 
 def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
-    """`scale`, and less where the norm of all gradients times that is above `most`."""
+    """Set `factor` (1,) to `scale`, or less so that gradients times it have a norm within `most`.
+
+    `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
+    """
     launch(factor_kernel, 1, [scale, most], [parts, factor])
 
 
 def advance(step: wp.array) -> None:
-    """Count a step."""
+    """Count a step, (1,)."""
     launch(advance_kernel, 1, [], [step])

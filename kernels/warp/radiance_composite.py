@@ -6,7 +6,9 @@ A ray has samples i of density sigma_i, colour c_i, distance t_i and length d_i:
     C = sum w_i c_i,  O = sum w_i,  D = sum w_i t_i,
     X = sum_ij w_i w_j |t_i - t_j| + 1/3 sum w_i^2 d_i        (distortion, mip-NeRF 360)
 
-With G = dL/dw_i for each sample, dL/dsigma_i = d_i (T_{i+1} G_i - sum_{j > i} w_j G_j), where
+As dw_i/dsigma_i = d_i T_{i+1} and dw_j/dsigma_i = -d_i w_j for j > i, with G_i = dL/dw_i
+
+    dL/dsigma_i = d_i (T_{i+1} G_i - sum_{j > i} w_j G_j),  dL/dc_i = w_i dL/dC,
 
     G_i = <dL/dC, c_i> + dL/dO + dL/dD t_i + dL/dX (2 sum_j w_j |t_i - t_j| + 2/3 w_i d_i).
 
@@ -37,6 +39,7 @@ def forward_kernel(
     depth: wp.array[float],  # (R,)
     distortion: wp.array[float],  # (R,)
 ):
+    """Walk along each ray once."""
     for ray in range(first + wp.tid(), last, stride):
         left = float(1.0)  # T
         c = wp.vec3()
@@ -80,6 +83,7 @@ def backward_kernel(
     d_sigma: wp.array[float],  # (M,)
     d_rgb: wp.array2d[float],  # (M, 3)
 ):
+    """Walk along each ray twice."""
     for ray in range(first + wp.tid(), last, stride):
         begin = spans[ray, 0]
         end = begin + spans[ray, 1]
@@ -140,7 +144,11 @@ def forward(
     depth: wp.array,
     distortion: wp.array,
 ) -> None:
-    """Composite each ray front to back."""
+    """Composite each ray front to back.
+
+    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of its samples, the rows that `spans` (R, 2)
+    says, make `color` (R, 3), `opacity`, `depth` and `distortion` (R,).
+    """
     count = spans.shape[0]
     launch_each(
         forward_kernel,
@@ -164,7 +172,10 @@ def backward(
     d_sigma: wp.array,
     d_rgb: wp.array,
 ) -> None:
-    """Gradients of :func:`forward`."""
+    """Take gradients of what :func:`forward` made to `d_sigma` (M,) and `d_rgb` (M, 3).
+
+    Rows of no ray are not touched.
+    """
     count = spans.shape[0]
     launch_each(
         backward_kernel,

@@ -13,19 +13,28 @@ _BLOCKS = 132 * 2
 def forward(
     x: wp.array, w: wp.array, total: wp.array, relu: bool, column: int, y: wp.array
 ) -> None:
-    """``y[:, column:column + N] = x w`` of the first `total` rows, less than 0 made 0 if `relu`."""
+    """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
+
+    `x` is (M, >= K), `w` (K, N) with multiples of 16, `y` (M, >= column + N).
+    """
     _product(x, w, x, total, False, 0, column, relu, False, y)
 
 
 def backward_input(
     dy: wp.array, w: wp.array, x: wp.array, total: wp.array, gated: bool, column: int, dx: wp.array
 ) -> None:
-    """``dx = dy[:, column:column + N] w^T``; where `gated`, 0 where the layer's input `x` is 0."""
+    """``dx = dy[:, column:column + N] w^T``, from y = x w, for the first `total` (1,) rows.
+
+    Where `gated`, `x` (M, K) is what a layer with `relu` gave, and `dx` (M, K) is 0 where `x` is.
+    """
     _product(dy, w, x, total, True, column, 0, False, gated, dx)
 
 
 def backward_weight(dy: wp.array, x: wp.array, total: wp.array, column: int, dw: wp.array) -> None:
-    """``dw += x^T dy[:, column:column + N]``."""
+    """``dw += x^T dy[:, column:column + N]``, from y = x w, over the first `total` (1,) rows.
+
+    `dw` (K, N) is float32. On the CPU the order of the sums depends on the number of threads alone.
+    """
     depth, columns = dw.shape
     if dw.device.is_cuda:
         tile = min(depth, blocks.TILE), min(columns, blocks.TILE)

@@ -64,7 +64,11 @@ def _spherical(scalar: Any) -> wp.Kernel:
 def spherical(
     directions: wp.array, rays: wp.array, total: wp.array, column: int, features: wp.array
 ) -> None:
-    """Spherical harmonics of the direction of each sample's ray, into 16 columns."""
+    """Write the spherical harmonics of the direction of each sample's ray, in 16 columns.
+
+    `directions` (R, 3) are unit vectors, `rays` (M,) those of the first `total` (1,) samples;
+    `features` (M, >= column + 16) is filled from `column` on.
+    """
     count = features.shape[0]
     launch_each(
         _spherical(features.dtype), count, 16 * count, [directions, rays, total, column], [features]

@@ -76,7 +76,8 @@ def share_of(cell: Cell, corner: int) -> float:
     to[1] += y;
 #endif
 """)
-def add(table: wp.array[wp.vec2], entry: int, x: float, y: float): ...
+def add(table: wp.array[wp.vec2], entry: int, x: float, y: float):
+    """Add to an entry: on CUDA atomically, both numbers at a time where it can."""
 
 
 @cache
@@ -195,10 +196,8 @@ def _backward_levels() -> wp.Kernel:
 
 
 def _pairs(array: wp.array, scalar: Any) -> wp.array:
-    """View (N, 2 L) numbers as (N, L) pairs, and (N, 2) as (N,)."""
-    rows, columns = array.shape
-    shape = (rows, columns // 2) if columns > 2 else (rows,)
-    return view(array, wp.types.vector(2, scalar), shape)
+    """View the (entries, 2) numbers of a table as (entries,) pairs."""
+    return view(array, wp.types.vector(2, scalar), array.shape[:1])
 
 
 def encode(
@@ -209,7 +208,11 @@ def encode(
     table: wp.array,
     features: wp.array,
 ) -> None:
-    """Features of the first `total` samples, two for each level."""
+    """Look up the features (M, 2 L) of the first `total` (1,) of `positions` (M, 3) in [0, 1].
+
+    Level l has `resolutions` (L,) cells a side, and the rows of `table` (entries, 2) from
+    offsets[l] up to offsets[l + 1].
+    """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels
     scalar = table.dtype
@@ -230,7 +233,10 @@ def backward(
     d_features: wp.array,
     d_table: wp.array,
 ) -> None:
-    """Add the gradients of the entries, float32, of those of the features."""
+    """Add to `d_table` (entries, 2), float32, what `d_features` (M, 2 L) make of it.
+
+    On the CPU in the order of the samples, as no two threads add to one level.
+    """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels
     scalar = d_features.dtype

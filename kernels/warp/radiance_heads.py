@@ -1,4 +1,8 @@
-"""What the last layers of a perceptron mean: density and colour, forward and backward, in Warp."""
+"""What the last layers of a perceptron mean: density and colour, forward and backward, in Warp.
+
+With s = exp(h), ds/dh = s; with c = 1 / (1 + exp(-r)), dc/dr = c (1 - c). The density is cut off
+at e^11, but its gradient is not: it must be able to come back.
+"""
 
 from functools import cache
 from typing import Any
@@ -80,13 +84,16 @@ def _density_backward(scalar: Any) -> wp.Kernel:
 def forward(
     hidden: wp.array, raw: wp.array, total: wp.array, sigma: wp.array, rgb: wp.array
 ) -> None:
-    """``sigma = exp(hidden[:, 0])``, ``rgb = 1 / (1 + exp(-raw[:, :3]))``."""
+    """``sigma = exp(hidden[:, 0])`` (M,), ``rgb = 1 / (1 + exp(-raw[:, :3]))`` (M, 3).
+
+    As everywhere below, of the first `total` (1,) rows.
+    """
     count = sigma.shape[0]
     launch_each(_forward(hidden.dtype), count, 16 * count, [hidden, raw, total], [sigma, rgb])
 
 
 def color_backward(d_rgb: wp.array, rgb: wp.array, total: wp.array, d_raw: wp.array) -> None:
-    """Gradient before the logistic function."""
+    """Take the gradient of `rgb` (M, 3) to `d_raw` (M, >= 3), which is 0 behind column 2."""
     count = rgb.shape[0]
     launch_each(_color_backward(d_raw.dtype), count, 16 * count, [d_rgb, rgb, total], [d_raw])
 
@@ -94,7 +101,7 @@ def color_backward(d_rgb: wp.array, rgb: wp.array, total: wp.array, d_raw: wp.ar
 def density_backward(
     d_sigma: wp.array, sigma: wp.array, total: wp.array, d_hidden: wp.array
 ) -> None:
-    """Add the gradient before the exponential function to column 0."""
+    """Add the gradient before the exponential, within +-30000, to column 0 of (M, >= 1)."""
     count = sigma.shape[0]
     launch_each(
         _density_backward(d_hidden.dtype), count, 8 * count, [d_sigma, sigma, total], [d_hidden]

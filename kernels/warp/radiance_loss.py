@@ -2,7 +2,9 @@
 
 A ray of colour C and opacity O sees F = C + (1 - O) B before a background B, and the photograph
 P = a S + (1 - a) B with opacity a. Its loss is the mean over the channels of l(F - P), where l is
-the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2) beyond.
+the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2) beyond. So with D = l' / 3,
+
+    dL/dC = D,  dL/dO = -<D, B>,  dL/dB = D (a - O).
 """
 
 import warp as wp
@@ -51,6 +53,7 @@ def loss_kernel(
     d_opacity: wp.array[float],  # (R,)
     d_learnt: wp.array2d[float],  # (R, 3)
 ):
+    """Compare a ray with what was seen."""
     for ray in range(first + wp.tid(), last, stride):
         if ray < active[0]:
             behind = background_of(kind, learnt, seed, step[0], ray)
@@ -91,7 +94,12 @@ def loss(
     d_opacity: wp.array,
     d_learnt: wp.array,
 ) -> None:
-    """Squared errors, and the gradients of the loss times `scale`; squared where `huber` is 0."""
+    """Squared errors (R,), and the gradients of the loss times `scale`; squared where `huber` is 0.
+
+    Of the first `active` (1,) rays: `color` (R, 3) and `opacity` (R,) are held against `targets`
+    (R, 4), the colour and opacity seen. `kind` is a Background, `learnt` (3,) the colour of that
+    kind; `d_learnt` (R, 3) is its gradient for each ray alone. The other rays have errors of 0.
+    """
     count = opacity.shape[0]
     launch_each(
         loss_kernel,

@@ -1,6 +1,7 @@
 """Marching of rays through an occupancy grid, in Warp: where a field is looked at.
 
 One thread a ray, twice: to count its samples, and, when it is known where they go, to write them.
+Which cells are met is the same on every device: hence no fused multiply-add.
 """
 
 import warp as wp
@@ -10,7 +11,7 @@ from ._launch import launch, launch_each
 from ._radiance_space import cell_of, in_cube, is_set, level_of
 from ._random import random_unit
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.func
@@ -94,10 +95,10 @@ def march(
     while t < last and count < most:
         point = origin + t * direction
         level = level_of(point, levels)
+        step = spacing(t, finest, cone)
         if level == levels:  # on the outermost side
-            t += spacing(t, finest, cone)
+            t += step
         elif is_set(bits, cell_of(point, level, cells)):
-            step = spacing(t, finest, cone)
             if begin >= 0:
                 at = in_cube(point, unbounded)
                 for k in range(3):
@@ -109,7 +110,7 @@ def march(
             t += step
         else:  # by whole steps behind the cell, so that samples stay where they would have been
             goal = t + way_out(point, inverse, level, cells)
-            t += spacing(t, finest, cone)
+            t += step
             while t < goal:
                 t += spacing(t, finest, cone)
     return count
@@ -142,6 +143,7 @@ def march_kernel(
     distances: wp.array2d[float],  # (M, 2): distance, and length of the step
     rays: wp.array[int],  # (M,)
 ):
+    """Count the samples of each ray, or write them where `place` said."""
     for ray in range(first + wp.tid(), last, stride):
         begin = int(-1)
         limit = most
@@ -170,6 +172,7 @@ def place(
     spans: wp.array2d[int],  # (R, 2)
     total: wp.array[int],  # (1,)
 ):
+    """Give each ray the rows behind those of the ray before, as long as there are any."""
     end = int(0)
     kept = int(0)
     for ray in range(spans.shape[0]):
@@ -204,7 +207,15 @@ def march_rays(
     distances: wp.array,
     rays: wp.array,
 ) -> None:
-    """List the samples of rays in occupied cells, ray after ray; those that do not fit have none."""
+    """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
+
+    Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
+    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `bits` has one for
+    each of the cells^3 cells (a multiple of 4 a side) of each level. `spans` (R, 2) is filled with
+    the first row and the number of rows of each ray, `total` (1,) with their number, and that many
+    rows of `positions` (M, 3) in the cube of the field, `distances` (M, 2), the distance and the
+    length of the step, and `rays` (M,).
+    """
     count = origins.shape[0]
     march = [
         origins, directions, bits, levels, cells, near, far, finest, cone, most, jittered,

@@ -29,11 +29,11 @@ def visit_kernel(
     visited: wp.array[int],  # (N,)
     positions: wp.array2d[float],  # (N, 3)
 ):
+    """Draw a point of each cell that is visited."""
     for i in range(first + wp.tid(), last, stride):
-        cell = begin + i
+        cell = wp.min(begin + i, count - 1)
         if not every:
-            cell = random_index(seed, step[0], i, 8, count)
-        cell = wp.min(cell, count - 1)
+            cell = random_index(seed, step[0], begin + i, 8, count)
         visited[i] = cell
         at = in_cube(random_point(cell, cells, seed, step[0]), unbounded)
         for k in range(3):
@@ -49,6 +49,7 @@ def fade_kernel(
     # outputs
     density: wp.array[float],  # (count,)
 ):
+    """Multiply by the factor."""
     for i in range(first + wp.tid(), last, stride):
         density[i] = density[i] * factor
 
@@ -60,6 +61,7 @@ def raise_kernel(
     # outputs
     density: wp.array[float],  # (count,)
 ):
+    """Take maxima: their order cannot show."""
     i = wp.tid()
     wp.atomic_max(density, visited[i], sigma[i])
 
@@ -70,10 +72,11 @@ def sum_kernel(
     # outputs
     parts: wp.array[float],  # (P,)
 ):
+    """Sum a share of the cells."""
     part = wp.tid()
-    share = density.shape[0] // parts.shape[0]
+    share = (density.shape[0] + parts.shape[0] - 1) // parts.shape[0]
     total = float(0.0)
-    for i in range(part * share, (part + 1) * share):
+    for i in range(part * share, wp.min((part + 1) * share, density.shape[0])):
         total += density[i]
     parts[part] = total
 
@@ -86,6 +89,7 @@ def limit_kernel(
     # outputs
     limit: wp.array[float],  # (1,)
 ):
+    """Set the limit to the mean, but not above `least`."""
     total = float(0.0)
     for part in range(parts.shape[0]):
         total += parts[part]
@@ -102,6 +106,7 @@ def mark_kernel(
     # outputs
     bits: wp.array[wp.uint32],  # (count / 32,)
 ):
+    """Set the bits of 32 cells."""
     for word in range(first + wp.tid(), last, stride):
         found = wp.uint32(0)
         for bit in range(32):
@@ -121,7 +126,11 @@ def visit(
     visited: wp.array,
     positions: wp.array,
 ) -> None:
-    """Random points in cells: in the next ones from `begin` on, or in random ones."""
+    """Draw points in cells: in those from `begin` on if `every` one is, else in random ones.
+
+    Cells lie in `count` // cells^3 levels; `visited` (N,) is filled with their numbers, `positions`
+    (N, 3) with the points, in the cube of the field. Random cells are the `begin`-th and following.
+    """
     number = visited.shape[0]
     launch_each(
         visit_kernel,
@@ -133,17 +142,21 @@ def visit(
 
 
 def fade(factor: float, density: wp.array) -> None:
-    """Make what is known of all cells count less."""
+    """Make what is known of all cells, `density` (count,), count less."""
     launch_each(fade_kernel, density.shape[0], density.shape[0], [factor], [density])
 
 
 def raise_to(visited: wp.array, sigma: wp.array, density: wp.array) -> None:
-    """Raise cells to the densities that were found in them."""
+    """Raise `density` (count,) to the densities `sigma` (N,) found in the `visited` (N,) cells."""
     launch(raise_kernel, visited.shape[0], [visited, sigma], [density])
 
 
 def mark(density: wp.array, least: float, parts: wp.array, limit: wp.array, bits: wp.array) -> None:
-    """Set the bits of cells above the mean density, or above `least` where that is lower."""
+    """Set the bits of cells above the mean density, or above `least` where that is lower.
+
+    `density` has (count,) numbers, `bits` (count / 32,) words with the first cell in the lowest
+    bit; the mean is summed in `parts` (P,), and `limit` (1,) filled with what cells must exceed.
+    """
     count = density.shape[0]
     launch(sum_kernel, parts.shape[0], [density], [parts])
     launch(limit_kernel, 1, [parts, count, least], [limit])

@@ -13,7 +13,7 @@ vec9 = wp.types.vector(9, wp.float32)
 
 @wp.func
 def undistorted(lenses: wp.array2d[float], view: int, row: float, column: float) -> wp.vec2:
-    """Normalised image point whose distorted image is at the pixel, by Newton's method."""
+    """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method."""
     k1 = lenses[view, 4]
     k2 = lenses[view, 5]
     p1 = lenses[view, 6]
@@ -83,6 +83,7 @@ def view_rays_kernel(
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
 ):
+    """Write the ray through a pixel of the view."""
     for ray in range(first + wp.tid(), last, stride):
         pixel = begin + ray
         row = float(pixel // width)
@@ -99,7 +100,11 @@ def view_rays(
     origins: wp.array,
     directions: wp.array,
 ) -> None:
-    """Rays through the pixels of a view, in raster order from pixel `begin` on."""
+    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on.
+
+    `poses` (N, 3, 4) are camera to world; `lenses` (N, 9) are fx, fy, cx, cy, k1, k2, p1, p2, k3
+    in OpenCV's order and meaning.
+    """
     count = origins.shape[0]
     launch_each(
         view_rays_kernel,
@@ -128,6 +133,7 @@ def random_rays_kernel(
     directions: wp.array2d[float],  # (R, 3)
     targets: wp.array2d[float],  # (R, 4)
 ):
+    """Write the ray through a random pixel."""
     for ray in range(first + wp.tid(), last, stride):
         pixel = random_index(seed, step[0], ray, 0, images.shape[0])
         view = pixel // (width * height)
@@ -158,9 +164,10 @@ def random_rays(
     directions: wp.array,
     targets: wp.array,
 ) -> None:
-    """Rays through random pixels of all views, with the colours and opacities seen there.
+    """Make rays (R, 3) through random pixels of all views, with what is seen there.
 
-    A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre.
+    A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre. `images`
+    (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1.
     """
     count = origins.shape[0]
     launch_each(
