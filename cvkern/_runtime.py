@@ -115,6 +115,7 @@ class Runtime:
             radiance_occupancy,
             radiance_rays,
             radiance_shapes,
+            radiance_voxel,
             rank,
         )
 

@@ -16,6 +16,7 @@ from cvkern.radiance.scenes import Bounds, Scene, load_scene
 from cvkern.radiance.shapes import make_scene
 from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
 from cvkern.radiance.training import fit
+from cvkern.radiance.voxel_field import VoxelField
 
 __all__ = [
     "Bounds",
@@ -28,6 +29,7 @@ __all__ = [
     "Picture",
     "Scene",
     "Scores",
+    "VoxelField",
     "cameras",
     "evaluate",
     "fit",
