@@ -1,4 +1,4 @@
-"""Where a point lies: in the cells of the occupancy grid, and in the cube of a field.
+"""Where a ray is: in the cells of the occupancy grid, and in the cube of a field.
 
 Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
 has levels of cubes, each of twice the side of the one before, and as many cells.
@@ -7,8 +7,9 @@ has levels of cubes, each of twice the side of the one before, and as many cells
 import taichi as ti
 
 from ._random import random_unit
-from ._rounding import product
+from ._rounding import product, quotient
 
+vec2 = ti.types.vector(2, ti.f32)
 vec3 = ti.types.vector(3, ti.f32)
 
 
@@ -63,3 +64,52 @@ def in_cube(point: vec3, unbounded: ti.i32) -> vec3:
 def is_set(bits: ti.template(), cell: ti.i32) -> ti.i32:
     """Tell whether the bit of a cell is set."""
     return ti.cast((bits[cell >> 5] >> ti.cast(cell & 31, ti.u32)) & ti.u32(1), ti.i32)
+
+
+@ti.func
+def row(a: ti.template(), i: ti.i32) -> vec3:
+    """Return row `i` as a vector."""
+    return vec3(a[i, 0], a[i, 1], a[i, 2])
+
+
+@ti.func
+def spacing(t: ti.f32, finest: ti.f32, cone: ti.f32, zero: ti.i32) -> ti.f32:
+    """Distance between samples: it grows with the distance from the camera."""
+    return ti.max(finest, product(cone, t, zero))
+
+
+@ti.func
+def interval(origin: vec3, inverse: vec3, side: ti.f32, zero: ti.i32) -> vec2:
+    """Distances at which a ray enters and leaves the cube from -side to side."""
+    enter = -1.0e30
+    leave = 1.0e30
+    for k in ti.static(range(3)):
+        a = product(-side - origin[k], inverse[k], zero)
+        b = product(side - origin[k], inverse[k], zero)
+        enter = ti.max(enter, ti.min(a, b))
+        leave = ti.min(leave, ti.max(a, b))
+    return vec2(enter, leave)
+
+
+@ti.func
+def reciprocal(direction: vec3, zero: ti.i32) -> vec3:
+    """One over each part, finite where that is 0."""
+    inverse = vec3(0.0)
+    for k in ti.static(range(3)):
+        d = direction[k]
+        if ti.abs(d) < 1.0e-12:
+            d = -1.0e-12 if d < 0.0 else 1.0e-12
+        inverse[k] = quotient(1.0, d, zero)
+    return inverse
+
+
+@ti.func
+def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i32) -> ti.f32:
+    """Distance along the ray to where it leaves the cell of a point."""
+    size = quotient(2.0 * (1 << level), ti.cast(cells, ti.f32), zero)
+    way = 1.0e30
+    for k in ti.static(range(3)):
+        at = quotient(point[k], size, zero)
+        side = ti.floor(at) + (1.0 if inverse[k] > 0.0 else 0.0)
+        way = ti.min(way, ti.max(product(product(side - at, size, zero), inverse[k], zero), 0.0))
+    return way

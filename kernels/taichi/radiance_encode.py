@@ -3,34 +3,11 @@
 import numpy as np
 import taichi as ti
 
+from ._harmonics import harmonics
 from ._launch import primitive
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
-vec16 = ti.types.vector(16, ti.f32)
-
-
-@ti.func
-def harmonics(x: ti.f32, y: ti.f32, z: ti.f32) -> vec16:
-    """Real spherical harmonics of degree 0 to 3, orthonormal, in the order l^2 + l + m."""
-    h = vec16(0.0)
-    h[0] = 0.28209479177387814
-    h[1] = -0.4886025119029199 * y
-    h[2] = 0.4886025119029199 * z
-    h[3] = -0.4886025119029199 * x
-    h[4] = 1.0925484305920792 * x * y
-    h[5] = -1.0925484305920792 * y * z
-    h[6] = 0.31539156525252005 * (3.0 * z * z - 1.0)
-    h[7] = -1.0925484305920792 * x * z
-    h[8] = 0.5462742152960396 * (x * x - y * y)
-    h[9] = -0.5900435899266435 * y * (3.0 * x * x - y * y)
-    h[10] = 2.890611442640554 * x * y * z
-    h[11] = -0.4570457994644658 * y * (5.0 * z * z - 1.0)
-    h[12] = 0.3731763325901154 * z * (5.0 * z * z - 3.0)
-    h[13] = -0.4570457994644658 * x * (5.0 * z * z - 1.0)
-    h[14] = 1.445305721320277 * z * (x * x - y * y)
-    h[15] = -0.5900435899266435 * x * (x * x - 3.0 * y * y)
-    return h
 
 
 @ti.kernel

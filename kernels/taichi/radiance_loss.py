@@ -21,7 +21,7 @@ vec3 = ti.types.vector(3, ti.f32)
 
 
 @ti.func
-def background_of(
+def _background(
     kind: ti.i32, learnt: ti.template(), seed: ti.i32, step: ti.i32, ray: ti.i32
 ) -> vec3:
     """Return the colour behind a ray."""
@@ -56,7 +56,7 @@ def _loss(
 ):
     for ray in range(opacity.shape[0]):
         if ray < active[0]:
-            behind = background_of(kind, learnt, seed, step[0], ray)
+            behind = _background(kind, learnt, seed, step[0], ray)
             through = 1.0 - opacity[ray]
             seen = targets[ray, 3]
             error = 0.0

@@ -1,76 +1,36 @@
 """Marching of rays through an occupancy grid, in Taichi: where a field is looked at.
 
 One thread a ray, twice: to count its samples, and, when it is known where they go, to write them.
-Which cells are met is the same on every device: hence the care in rounding.
+Which cells are met is the same on every device: hence `product`.
 """
 
 import numpy as np
 import taichi as ti
 
 from ._launch import primitive
-from ._radiance_space import cell_of, in_cube, is_set, level_of
+from ._radiance_space import (
+    cell_of,
+    in_cube,
+    interval,
+    is_set,
+    level_of,
+    reciprocal,
+    row,
+    spacing,
+    way_out,
+)
 from ._random import random_unit
-from ._rounding import product, quotient
+from ._rounding import product
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
-vec2 = ti.types.vector(2, ti.f32)
 vec3 = ti.types.vector(3, ti.f32)
 
 
 @ti.func
-def row(a: ti.template(), i: ti.i32) -> vec3:
-    """Return row `i` as a vector."""
-    return vec3(a[i, 0], a[i, 1], a[i, 2])
-
-
-@ti.func
-def spacing(t: ti.f32, finest: ti.f32, cone: ti.f32, zero: ti.i32) -> ti.f32:
-    """Distance between samples: it grows with the distance from the camera."""
-    return ti.max(finest, product(cone, t, zero))
-
-
-@ti.func
-def interval(origin: vec3, inverse: vec3, side: ti.f32, zero: ti.i32) -> vec2:
-    """Distances at which a ray enters and leaves the cube from -side to side."""
-    enter = -1.0e30
-    leave = 1.0e30
-    for k in ti.static(range(3)):
-        a = product(-side - origin[k], inverse[k], zero)
-        b = product(side - origin[k], inverse[k], zero)
-        enter = ti.max(enter, ti.min(a, b))
-        leave = ti.min(leave, ti.max(a, b))
-    return vec2(enter, leave)
-
-
-@ti.func
-def reciprocal(direction: vec3, zero: ti.i32) -> vec3:
-    """One over each part, finite where that is 0."""
-    inverse = vec3(0.0)
-    for k in ti.static(range(3)):
-        d = direction[k]
-        if ti.abs(d) < 1.0e-12:
-            d = -1.0e-12 if d < 0.0 else 1.0e-12
-        inverse[k] = quotient(1.0, d, zero)
-    return inverse
-
-
-@ti.func
-def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i32) -> ti.f32:
-    """Distance along the ray to where it leaves the cell of a point."""
-    size = quotient(2.0 * (1 << level), ti.cast(cells, ti.f32), zero)
-    way = 1.0e30
-    for k in ti.static(range(3)):
-        at = quotient(point[k], size, zero)
-        side = ti.floor(at) + (1.0 if inverse[k] > 0.0 else 0.0)
-        way = ti.min(way, ti.max(product(product(side - at, size, zero), inverse[k], zero), 0.0))
-    return way
-
-
-@ti.func
-def march(
+def _walk(
     ray: ti.i32,
     origins: ti.template(),
     directions: ti.template(),
@@ -163,7 +123,7 @@ def _march(
             jitter = 0.5
             if jittered != 0:
                 jitter = random_unit(seed, step[0], ray, 4)
-            count = march(
+            count = _walk(
                 ray, origins, directions, bits, levels, cells, near, far, finest, cone, limit,
                 jitter, unbounded, zero, begin, positions, distances, rays,
             )  # fmt: skip
