@@ -39,7 +39,7 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
     if not Path(path).is_file():
         raise FileNotFoundError(f"path must be a file that exists, got {name!r}")
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files}
         header = json.loads(arrays.pop(HEADER).tobytes())
         made, version = header["format"], header["version"]

@@ -267,7 +267,7 @@ class Trainer:
     ) -> None:
         """Take steps until the budget is spent."""
         state, at = self.model.training, self.learning.step
-        state.stopped = False
+        state.stopped, first = False, state.step
         before, begin, saved, quality = state.seconds, time.perf_counter(), state.seconds, math.nan
 
         def spent() -> float:
@@ -302,8 +302,7 @@ class Trainer:
         self.keep()
         if checkpoint is not None:
             self.save(checkpoint)
-        done = state.marks and state.marks[-1].step == state.step and not evaluate_every
-        if not state.stopped and not done:
+        if not state.stopped and (state.step > first or not state.marks):
             self.mark(quality, None)
             if checkpoint is not None:
                 self.save(checkpoint)
@@ -323,6 +322,8 @@ class Trainer:
         if len(views):
             scores = evaluate(self.model, self.scene, views=views.tolist())
             found = [float(part.mean()) for part in scores]
+        if state.marks and state.marks[-1].step == state.step:
+            state.marks.pop()  # fewer views, or the end of a budget that is spent again
         state.marks.append(Mark(state.step, state.seconds, quality, *found))
 
     def save(self, checkpoint: Any) -> None:
