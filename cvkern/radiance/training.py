@@ -23,6 +23,7 @@ from cvkern.radiance.hash_field import BETAS, EPSILON, HashField, Parameters
 from cvkern.radiance.models import Mark, Model, Training, field_kind, load_model
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes import Scene
+from cvkern.radiance.voxel_field import VoxelField
 
 __all__ = ["fit"]
 
@@ -55,8 +56,8 @@ def fit(
     ----------
     scene : Scene
         Its views that are not kept back for testing are trained from.
-    field : HashField or another settings object, optional
-        What to train; by default a `HashField`, smaller on the CPU than on a GPU.
+    field : VoxelField or HashField, optional
+        What to train; by default `VoxelField()` on the CPU, and `HashField()` on a GPU.
     seconds : float, optional
         Time to train for, > 0, without looks at held-out views and saving; 60 by default.
     steps : int, optional
@@ -152,17 +153,13 @@ def fit(
 
 def default_field() -> Any:
     """Return settings that suit the chosen device."""
-    if runtime().device == "cpu":
-        return HashField(levels=8, table_bits=14, finest=128, samples=2**15, rays=2**12, cells=64)
-    return HashField()
+    return VoxelField() if runtime().device == "cpu" else HashField()
 
 
 def field_called(name: str) -> Any:
     """Return the settings of the kind of field that the command calls so."""
     kinds = {"hash": "HashField", "voxel": "VoxelField"}
     check_choice(name, tuple(kinds), "field")
-    if name == "hash":
-        return default_field()
     return field_kind(kinds[name])()
 
 
@@ -294,18 +291,19 @@ class Trainer:
                 if evaluates:
                     self.mark(quality, 4)
                 if saves:
-                    self.save(checkpoint)
+                    self.keep()
+                    self.model.save(checkpoint)
                     saved = state.seconds
                 begin += time.perf_counter() - paused
         self.rt.to_numpy(at)
         state.seconds, state.stopped = spent(), stop.is_set()
-        self.keep()
-        if checkpoint is not None:
-            self.save(checkpoint)
-        if not state.stopped and (state.step > first or not state.marks):
-            self.mark(quality, None)
+        try:
+            if not state.stopped and (state.step > first or not state.marks):
+                self.mark(quality, None)
+        finally:  # an interrupt of the looks at held-out views must not cost the training
+            self.keep()
             if checkpoint is not None:
-                self.save(checkpoint)
+                self.model.save(checkpoint)
 
     def quality(self) -> float:
         """Return the signal-to-noise ratio of the last batch, decibels."""
@@ -325,11 +323,6 @@ class Trainer:
         if state.marks and state.marks[-1].step == state.step:
             state.marks.pop()  # fewer views, or the end of a budget that is spent again
         state.marks.append(Mark(state.step, state.seconds, quality, *found))
-
-    def save(self, checkpoint: Any) -> None:
-        """Write the model as it is."""
-        self.keep()
-        self.model.save(checkpoint)
 
     def keep(self) -> None:
         """Take from the device what the model has beside the field."""
