@@ -35,7 +35,7 @@ class _ThreadState(threading.local):
 
 _thread = _ThreadState()
 _lock = threading.Lock()
-_loaded: set[tuple[str, str]] = set()
+_loaded: set[tuple[wp.Kernel, str]] = set()
 _pool: ThreadPoolExecutor | None = None
 
 
@@ -205,8 +205,11 @@ def _send(
 
 
 def load(kernel: wp.Kernel, device: wp.Device) -> None:
-    """Compile and load the module of `kernel`; Warp must not do that on two threads at once."""
-    key = (kernel.module.name, str(device))
+    """Compile and load the module of `kernel`; Warp must not do that on two threads at once.
+
+    Once for each kernel: one that was made later than others has to be added to its module.
+    """
+    key = (kernel, str(device))
     if key not in _loaded:
         with _lock:
             if key not in _loaded:

@@ -7,12 +7,13 @@ import warp as wp
 
 from ._launch import launch, launch_each
 
-wp.set_module_options({"enable_backward": False})
+OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
+wp.set_module_options(OPTIONS)
 
 
 @cache
 def _adam(scalar: Any) -> wp.Kernel:
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def adam(
         stride: int,
         first: int,

@@ -7,7 +7,7 @@ import warp as wp
 
 from ._launch import launch_each
 
-wp.set_module_options({"enable_backward": False})
+OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
 
 vec16 = wp.types.vector(16, wp.float32)
 
@@ -40,7 +40,7 @@ def harmonics(d: wp.vec3) -> vec16:
 
 @cache
 def _spherical(scalar: Any) -> wp.Kernel:
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def spherical(
         stride: int,
         first: int,

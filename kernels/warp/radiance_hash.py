@@ -14,7 +14,7 @@ import warp as wp
 
 from ._launch import launch, launch_each, launch_slabs, slabs, view
 
-wp.set_module_options({"enable_backward": False})
+OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
 
 PRIME_Y = wp.constant(wp.uint32(2654435761))
 PRIME_Z = wp.constant(wp.uint32(805459861))
@@ -84,7 +84,7 @@ def add(table: wp.array[wp.vec2], entry: int, x: float, y: float):
 def _encode(scalar: Any) -> wp.Kernel:
     pair = wp.types.vector(2, scalar)
 
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def encode(
         stride: int,
         first: int,
@@ -151,7 +151,7 @@ def _backward_blocks(scalar: Any) -> wp.Kernel:
     pair = wp.types.vector(2, scalar)
     scatter = _scatter(scalar)
 
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def backward(
         positions: wp.array2d[float],  # (M, 3)
         total: wp.array[int],  # (1,)
@@ -174,7 +174,7 @@ def _backward_blocks(scalar: Any) -> wp.Kernel:
 def _backward_levels() -> wp.Kernel:
     scatter = _scatter(wp.float32)
 
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def backward_levels(
         slab: int,
         first: int,

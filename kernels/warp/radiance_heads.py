@@ -11,14 +11,14 @@ import warp as wp
 
 from ._launch import launch_each
 
-wp.set_module_options({"enable_backward": False})
+OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
 
 MOST = wp.constant(11.0)  # a density of e^11 is opaque within any step
 
 
 @cache
 def _forward(scalar: Any) -> wp.Kernel:
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def forward(
         stride: int,
         first: int,
@@ -40,7 +40,7 @@ def _forward(scalar: Any) -> wp.Kernel:
 
 @cache
 def _color_backward(scalar: Any) -> wp.Kernel:
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def color_backward(
         stride: int,
         first: int,
@@ -62,7 +62,7 @@ def _color_backward(scalar: Any) -> wp.Kernel:
 
 @cache
 def _density_backward(scalar: Any) -> wp.Kernel:
-    @wp.kernel
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def density_backward(
         stride: int,
         first: int,
