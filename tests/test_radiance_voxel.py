@@ -65,6 +65,8 @@ def case(name):
         basis = 4
     elif name == "blocks of cells":
         resolution, cells, shift, scale, least, finest = 16, 4, -2.0, 1.0, -1.0, 0.06
+    elif name == "random cells are empty":
+        resolution, finest, count, active = 16, 0.03, 8, 8
     elif name == "not all rays":
         active = 3
     density, color = grid(resolution, basis, shift, scale)
@@ -80,6 +82,9 @@ def case(name):
         origins[3], directions[3] = (0.3, 0.2, 3), (0, 0, -1)
     far = 30.0 if unbounded else 4.0
     near, bits = 0.1, reference.mark(density, cells, least)
+    if name == "random cells are empty":
+        bits = np.random.default_rng(6).integers(0, 2**32, 16, U32, endpoint=False)
+        cells = 8
     march = near, far, finest, cone, unbounded, jittered, 7, np.array([5], I32), stop, least
     return (
         *(origins, directions, np.array([active], I32), bits, cells),
@@ -90,7 +95,8 @@ def case(name):
 CASES = [
     "fog", "jittered", "zero density", "thin samples are empty", "opaque first sample",
     "underflowing transmittance", "early stop", "one sample", "a ray that misses",
-    "along the axes", "unbounded", "degree 0", "degree 1", "blocks of cells", "not all rays",
+    "along the axes", "unbounded", "degree 0", "degree 1", "blocks of cells",
+    "random cells are empty", "not all rays",
 ]  # fmt: skip
 
 
