@@ -2,10 +2,12 @@
 
 import taichi as ti
 
+from ._harmonics import harmonics
+from ._radiance_space import in_cube, interval, is_set, reciprocal, row, way_out
 from ._random import random_unit
 
 MOST = 11.0  # a density of e^11 is opaque within any step
-FAR = 1.0e30
+ZERO = 0  # nothing here has to have the same bits everywhere: products may be fused with sums
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -15,62 +17,6 @@ i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
 vec3 = ti.types.vector(3, ti.f32)
-vec9 = ti.types.vector(9, ti.f32)
-
-
-@ti.func
-def _harmonics(d: vec3) -> vec9:
-    """Spherical harmonics up to degree 2, as in radiance_encode.py."""
-    x, y, z = d[0], d[1], d[2]
-    return vec9(
-        0.28209479177387814,
-        -0.4886025119029199 * y,
-        0.4886025119029199 * z,
-        -0.4886025119029199 * x,
-        1.0925484305920792 * x * y,
-        -1.0925484305920792 * y * z,
-        0.31539156525252005 * (3.0 * z * z - 1.0),
-        -1.0925484305920792 * x * z,
-        0.5462742152960396 * (x * x - y * y),
-    )
-
-
-@ti.func
-def _row(a: ti.template(), i: ti.i32) -> vec3:
-    return vec3(a[i, 0], a[i, 1], a[i, 2])
-
-
-@ti.func
-def _reciprocal(d: vec3) -> vec3:
-    """One over each part, finite where that is 0."""
-    inverse = vec3(0.0)
-    for k in ti.static(range(3)):
-        x = d[k]
-        if ti.abs(x) < 1e-12:
-            x = -1e-12 if x < 0.0 else 1e-12
-        inverse[k] = 1.0 / x
-    return inverse
-
-
-@ti.func
-def _contracted(point: vec3, unbounded: ti.i32) -> vec3:
-    """All of space in the ball of radius 2, as in mip-NeRF 360, if wanted."""
-    found = point
-    if unbounded:
-        length = point.norm()
-        if length > 1.0:
-            found = point * ((2.0 - 1.0 / length) / length)
-    return found
-
-
-@ti.func
-def _way_out(y: vec3, cell: ti.types.vector(3, ti.i32), inverse: vec3, cells: ti.i32) -> ti.f32:
-    """Distance along the ray to where it leaves a cell of the occupancy grid."""
-    way = FAR
-    for k in ti.static(range(3)):
-        side = cell[k] + (1 if inverse[k] > 0.0 else 0)
-        way = ti.min(way, (side * (2.0 / cells) - 1.0 - y[k]) * inverse[k])
-    return way
 
 
 @ti.func
@@ -122,20 +68,16 @@ def march(
     ti.loop_config(serialize=serial)
     for ray in range(origins.shape[0]):
         if ray < active[0]:
-            o = _row(origins, ray)
-            d = _row(directions, ray)
-            inverse = _reciprocal(d)
-            h = _harmonics(d)
+            o = row(origins, ray)
+            d = row(directions, ray)
+            inverse = reciprocal(d, ZERO)
+            h = harmonics(d[0], d[1], d[2])
             resolution = density.shape[0] - 1
             size = resolution // cells
             t, last = near, far
-            scale = 0.25 if unbounded else 0.5
             if not unbounded:
-                for k in ti.static(range(3)):
-                    a = (-1.0 - o[k]) * inverse[k]
-                    b = (1.0 - o[k]) * inverse[k]
-                    t = ti.max(t, ti.min(a, b))
-                    last = ti.min(last, ti.max(a, b))
+                inside = interval(o, inverse, 1.0, ZERO)
+                t, last = ti.max(near, inside[0]), ti.min(far, inside[1])
             jitter = random_unit(seed, step[0], ray, 4) if jittered else 0.5
             t += jitter * ti.max(finest, cone * t)
             left, sum_w, sum_wt, spread, found = 1.0, 0.0, 0.0, 0.0, 0
@@ -143,19 +85,18 @@ def march(
             # Of the backward pass: the gradients, and sum w_j G_j of the samples ahead.
             dc, do, dd, dx, rest = vec3(0.0), 0.0, 0.0, 0.0, 0.0
             if ti.static(backward):
-                dc = _row(d_colors, ray)
+                dc = row(d_colors, ray)
                 do, dd, dx = d_opacity[ray], d_depth[ray], d_distortion[ray]
-                rest = dc.dot(_row(colors, ray)) + do * opacity[ray] + dd * depth[ray]
+                rest = dc.dot(row(colors, ray)) + do * opacity[ray] + dd * depth[ray]
                 rest += 2.0 * dx * distortion[ray]
             while t < last and left > stop:
                 gap = ti.max(finest, cone * t)
-                y = _contracted(o + t * d, unbounded)
-                at = ti.math.clamp((y * scale + 0.5) * resolution, 0.0, ti.cast(resolution, ti.f32))
+                point = o + t * d
+                at = ti.math.clamp(in_cube(point, unbounded), 0.0, 1.0) * resolution
                 node = ti.min(ti.cast(at, ti.i32), resolution - 1)
                 f = at - node
                 cell = node // size
-                word = (cell[2] * cells + cell[1]) * cells + cell[0]
-                if bits[word >> 5] >> ti.cast(word & 31, ti.u32) & ti.u32(1):
+                if is_set(bits, (cell[2] * cells + cell[1]) * cells + cell[0]):
                     raw = 0.0
                     for corner in ti.static(range(8)):
                         k, j, i = (node[2] + (corner >> 2), node[1] + (corner >> 1 & 1),
@@ -205,7 +146,7 @@ def march(
                 elif unbounded:
                     t += gap
                 else:  # by whole steps behind the cell
-                    t += gap * ti.max(1.0, ti.ceil(_way_out(y, cell, inverse, cells) / gap))
+                    t += gap * ti.max(1.0, ti.ceil(way_out(point, inverse, 0, cells, ZERO) / gap))
             if ti.static(not backward):
                 for c in ti.static(range(3)):
                     colors[ray, c] = seen[c]
