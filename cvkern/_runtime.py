@@ -194,7 +194,7 @@ class Runtime:
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate kernel memory of one's own, filled with 0."""
         array = self.set.empty(shape, np.dtype(dtype), self.device)
-        self.write(array, np.zeros(shape, dtype))
+        self.set.clear(array)
         return array
 
     def write(self, array: Any, values: np.ndarray) -> None:

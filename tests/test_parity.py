@@ -70,7 +70,16 @@ def test_sets_offer_the_runtime_the_same_functions(name):
     """What the runtime asks of a set, under the same names and parameters."""
     first = importlib.import_module(f"cvkern.kernels.{KERNEL_SETS[0]}")
     this = importlib.import_module(f"cvkern.kernels.{name}")
-    for asked in ("start", "adopt", "empty", "scratch", "to_numpy", "own_scratch", "record"):
+    for asked in (
+        "start",
+        "adopt",
+        "empty",
+        "clear",
+        "scratch",
+        "to_numpy",
+        "own_scratch",
+        "record",
+    ):
         expected = list(inspect.signature(getattr(first, asked)).parameters)
         assert list(inspect.signature(getattr(this, asked)).parameters) == expected, asked
 

@@ -24,7 +24,17 @@ with warnings.catch_warnings():
 
 from ._launch import start, synchronize
 
-__all__ = ["adopt", "empty", "own_scratch", "record", "scratch", "start", "to_numpy", "write"]
+__all__ = [
+    "adopt",
+    "clear",
+    "empty",
+    "own_scratch",
+    "record",
+    "scratch",
+    "start",
+    "to_numpy",
+    "write",
+]
 MATRIX_DTYPES = {"cpu": "float32", "cuda": "float32"}
 
 
@@ -59,6 +69,18 @@ def write(array: Any, values: np.ndarray) -> None:
     else:
         synchronize()
         array.assign(values)
+
+
+def clear(array: Any) -> None:
+    """Fill `array` with 0."""
+    if isinstance(array, np.ndarray):
+        array[...] = 0
+    else:
+        import warp as wp
+
+        synchronize()
+        array.zero_()
+        wp.synchronize_stream(array.device.stream)  # not the one that Taichi launches on
 
 
 def to_numpy(array: Any) -> np.ndarray:

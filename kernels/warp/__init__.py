@@ -103,6 +103,15 @@ def write(array: wp.array, values: np.ndarray) -> None:
         wp.synchronize_stream(stream)
 
 
+def clear(array: wp.array) -> None:
+    """Fill `array` with 0, in order with the kernels."""
+    if array.device.is_cuda:
+        with wp.ScopedStream(_launch.current_stream(array.device)):
+            array.zero_()
+    else:
+        array.zero_()
+
+
 def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
     if array.device.is_cuda:
