@@ -1,5 +1,7 @@
 """The hash field as a whole: its gradients are slopes, and the same in both sets and every time."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -38,7 +40,7 @@ class Trial:
         self.rays = Rays(self.keep(origins), self.keep(directions), self.keep(RAYS, I32))
         self.gradients = [rng.normal(size=s).astype(F32) for s in ((64, 3), 64, 64, 64)]
 
-    def keep(self, values, dtype=F32):
+    def keep(self, values, dtype: Any = F32):
         values = np.atleast_1d(np.asarray(values, dtype))
         array = self.rt.zeros(values.shape, dtype)
         self.rt.write(array, values)

@@ -291,7 +291,7 @@ def test_march_through_nothing(kernels):
 
 def test_march_meets_the_same_cells_everywhere(all_kernels, space):
     origins, directions = bundle(500, seed=3)
-    occupied = blobs(*space[:2], 0.3)
+    occupied = blobs(space.levels, space.cells, 0.3)
     here = Primitives("warp", "cpu")
     first, *others = (
         march(kernels, origins, directions, occupied, space, room=60000)

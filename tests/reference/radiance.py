@@ -110,8 +110,8 @@ def background(kind, learnt, seed, step, rays):
     """Return the colours behind rays."""
     if kind == Background.RANDOM:
         return np.stack([random_unit(seed, step, np.arange(rays), w) for w in (5, 6, 7)], 1)
-    color = {Background.WHITE: np.ones(3), Background.BLACK: np.zeros(3)}.get(kind, learnt)
-    return np.broadcast_to(color, (rays, 3)).astype(float)
+    colors = {Background.WHITE: np.ones(3), Background.BLACK: np.zeros(3)}
+    return np.tile(np.asarray(colors.get(kind, learnt), float), (rays, 1))
 
 
 def losses(color, opacity, targets, behind, huber):
@@ -146,8 +146,9 @@ def hash_corners(positions, resolution, size):
     return np.stack(entries, 1), np.stack(weights, 1)
 
 
-def hash_encode(positions, resolutions, offsets, table):
-    """Return the features (N, 2 L) of samples."""
+def hash_encode(positions, grids, table):
+    """Return the features (N, 2 L) of samples, in grids of these resolutions and offsets."""
+    resolutions, offsets = grids
     found = []
     for resolution, begin, end in zip(resolutions, offsets[:-1], offsets[1:], strict=True):
         entries, weights = hash_corners(positions, resolution, end - begin)
@@ -155,8 +156,9 @@ def hash_encode(positions, resolutions, offsets, table):
     return np.hstack(found)
 
 
-def hash_backward(positions, resolutions, offsets, d_features):
+def hash_backward(positions, grids, d_features):
     """Return the gradients of the table."""
+    resolutions, offsets = grids
     d_table = np.zeros((offsets[-1], 2))
     for level, resolution in enumerate(resolutions):
         begin, end = offsets[level : level + 2]
