@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 import cvkern
+from cvkern.radiance import HashField, Scene, VoxelField, fit, make_scene
 
 SHAPE = (24, 40)
 
@@ -36,3 +38,18 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "canny", partial(cvkern.canny, byte, 0, 50, 100, operator="sobel", norm=norm)
         yield "canny", partial(cvkern.canny, real, 1, 5, 10, norm=norm)
     yield "subpixel_edges", partial(cvkern.subpixel_edges, real, 1, 5, 10)
+    yield "make_scene", _scene
+    for field in (
+        VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),
+        HashField(table_bits=10, samples=2**12, rays=64, cells=32),
+    ):
+        yield "fit", partial(_train, field)
+
+
+def _scene() -> Scene:
+    return make_scene(train=2, test=1, size=16)
+
+
+def _train(field: Any) -> None:
+    """Train for as long as a grid takes to be made finer."""
+    fit(_scene(), field, steps=18, background="learnt", progress=False)

@@ -76,7 +76,7 @@ def cameras(
         fx, fy, cx, cy in pixels, for pixel centres at integers.
     width, height : int
         Size of the images, in pixels.
-    distortion : array of shape (5,) or (N, 5), default 0
+    distortion : array of shape (5,) or (N, 5), default 0.0
         k1, k2, p1, p2, k3 of OpenCV's lens model.
 
     Returns
@@ -175,6 +175,11 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
     Returns
     -------
     origins, directions : array of shape (N, 3), float64
+
+    Raises
+    ------
+    IndexError
+        If there is no such view.
     """
     pixels = np.asarray(pixels, np.float64)
     fx, fy, cx, cy = cameras.intrinsics[view]
@@ -199,6 +204,11 @@ def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
     Returns
     -------
     array of shape (N, 2), float64
+
+    Raises
+    ------
+    IndexError
+        If there is no such view.
     """
     pose = cameras.poses[view]
     seen = (np.asarray(points, np.float64) - pose[:, 3]) @ pose[:, :3]

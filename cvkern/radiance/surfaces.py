@@ -190,7 +190,7 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_mesh(f"{folder}/one.ply", Mesh(corners, faces, np.zeros((3, 3), np.uint8)))
     ...     Path(folder, "one.ply").stat().st_size
-    290
+    287
     """
     if Path(path).suffix.lower() != ".ply":
         raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")

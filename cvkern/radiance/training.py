@@ -62,11 +62,11 @@ def fit(
         Time to train for, > 0, without looks at held-out views and saving; 60 by default.
     steps : int, optional
         Batches to train on, instead of `seconds`. On the CPU the same steps give the same model.
-    background : {"random", "white", "black", "learnt"}, default "random"
+    background : {'random', 'white', 'black', 'learnt'}, default 'random'
         What is behind everything. Random colours keep the field from painting a background of its
         own: photographs with opacity come out with theirs, and others are filled to the last
         pixel.
-    loss : {"squared", "huber"}, default "squared"
+    loss : {'squared', 'huber'}, default 'squared'
         What is made small; Huber's is linear from errors of 0.1 on.
     spread : float, default 0.0
         A ray goes through a random point of its pixel, within a square of this side, from 0 (its
