@@ -57,11 +57,12 @@ def _backward_input(
     dx: f32_2,  # (M, >= K)
 ):
     for i, k in ti.ndrange(ti.min(total[0], x.shape[0]), w.shape[0]):
-        found = 0.0
+        sums = vec16(0.0)
         if gated == 0 or x[i, k] > 0.0:
-            for n in range(w.shape[1]):
-                found += dy[i, column + n] * w[k, n]
-        dx[i, k] = found
+            for tile in range(w.shape[1] // 16):
+                for n in ti.static(range(16)):
+                    sums[n] += dy[i, column + 16 * tile + n] * w[k, 16 * tile + n]
+        dx[i, k] = sums.sum()
 
 
 @primitive
@@ -91,15 +92,17 @@ def _backward_weight(
     # outputs
     dw: f32_2,  # (K, N): added to
 ):
-    for k, tile, part in ti.ndrange(dw.shape[0], dw.shape[1] // 16, parts):
-        sums = vec16(0.0)
+    for row, tile, part in ti.ndrange(dw.shape[0] // 4, dw.shape[1] // 16, parts):
+        sums = ti.Matrix.zero(ti.f32, 4, 16)
         for turn in range((total[0] - part + parts - 1) // parts):
             i = part + turn * parts
-            value = x[i, k]
+            for k in ti.static(range(4)):
+                value = x[i, 4 * row + k]
+                for n in ti.static(range(16)):
+                    sums[k, n] += value * dy[i, column + 16 * tile + n]
+        for k in ti.static(range(4)):
             for n in ti.static(range(16)):
-                sums[n] += value * dy[i, column + 16 * tile + n]
-        for n in ti.static(range(16)):
-            ti.atomic_add(dw[k, 16 * tile + n], sums[n])
+                ti.atomic_add(dw[4 * row + k, 16 * tile + n], sums[k, n])
 
 
 @primitive
