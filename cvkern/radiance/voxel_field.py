@@ -68,7 +68,7 @@ class VoxelField:
     """Share of the learning rates at the end."""
     smooth_density: float = 0.0
     """Weight of squared differences of the logarithm of density between neighbours."""
-    smooth_color: float = 0.0
+    smooth_color: float = 1e-9
     """Weight of squared differences of the coefficients between neighbours."""
 
     def __post_init__(self) -> None:
@@ -142,15 +142,15 @@ class VoxelGrid(Field):
     def forward(self, rays: Rays, step: Any, *, training: bool) -> Rendered:
         """See :meth:`Field.forward`."""
         self._last = self._marched(rays, step, training)
-        self.rt.radiance_voxel.render(*self._last, *self.rendered, self.samples)
+        arguments = [*self._last, *self.rendered, self.samples]
+        self.rt.radiance_voxel.render(*arguments)
         return self.rendered
 
     def backward(self, gradients: Rendered) -> None:
         """See :meth:`Field.backward`."""
-        self.rt.radiance_voxel.render_backward(
-            *gradients, *self._last, *self.rendered, self.samples,
-            self.d_density, self.d_color, self.touched,
-        )  # fmt: skip
+        outputs = [self.d_density, self.d_color, self.touched]
+        arguments = [*gradients, *self._last, *self.rendered, self.samples, *outputs]
+        self.rt.radiance_voxel.render_backward(*arguments)
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
