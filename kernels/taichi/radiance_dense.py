@@ -1,4 +1,4 @@
-"""Layers of a perceptron in Taichi, in float32; depths and widths are multiples of 16."""
+"""Layers of a perceptron in Taichi, in float32."""
 
 import numpy as np
 import taichi as ti
@@ -40,7 +40,8 @@ def forward(
 ) -> None:
     """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
 
-    `x` is (M, >= K), `w` (K, N) with multiples of 16, `y` (M, >= column + N).
+    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16, and of 64
+    if they are larger than that.
     """
     _forward(x, w, total, relu, column, y)
 

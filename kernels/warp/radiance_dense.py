@@ -15,7 +15,8 @@ def forward(
 ) -> None:
     """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
 
-    `x` is (M, >= K), `w` (K, N) with multiples of 16, `y` (M, >= column + N).
+    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16, and of 64
+    if they are larger than that.
     """
     _product(x, w, x, total, False, 0, column, relu, False, y)
 
