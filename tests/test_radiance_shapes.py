@@ -9,11 +9,16 @@ from cvkern.radiance import make_scene, pixel_rays, project
 from cvkern.radiance.shapes import BALL, BOUNDS, SOLIDS
 
 
+def depths_of(scene):
+    assert scene.depths is not None
+    return scene.depths
+
+
 def seen(scene, view):
     """Return the pixels of a view that show something, and the points there."""
-    pixels = np.argwhere(np.isfinite(scene.depths[view]))
+    pixels = np.argwhere(np.isfinite(depths_of(scene)[view]))
     origins, directions = pixel_rays(scene.cameras, view, pixels)
-    away = scene.depths[view][tuple(pixels.T)][:, None]
+    away = depths_of(scene)[view][tuple(pixels.T)][:, None]
     return pixels, origins + away * directions
 
 
@@ -22,14 +27,14 @@ def test_rays_end_on_the_solids(backend):
     for view in range(3):
         pixels, points = seen(scene, view)
         assert len(pixels) > 300
-        assert (scene.images[view, ..., 3] == 255 * np.isfinite(scene.depths[view])).all()
+        assert (scene.images[view, ..., 3] == 255 * np.isfinite(depths_of(scene)[view])).all()
         # A walk ends 1e-3 before a surface; float32 and the bound for ellipsoids add a little.
         assert np.abs(distances(SOLIDS, points).min(axis=0)).max() < 1.5e-3
         origins, directions = pixel_rays(scene.cameras, view, pixels)
         for share in (0.9, 0.99):  # and nothing is in the way
-            way = share * scene.depths[view][tuple(pixels.T)][:, None]
+            way = share * depths_of(scene)[view][tuple(pixels.T)][:, None]
             assert distances(SOLIDS, origins + way * directions).min() > 0
-        missed = np.argwhere(np.isnan(scene.depths[view]))
+        missed = np.argwhere(np.isnan(depths_of(scene)[view]))
         origins, directions = pixel_rays(scene.cameras, view, missed)
         for way in np.linspace(scene.near, scene.far, 60):
             assert distances(SOLIDS, origins + way * directions).min() > 0
@@ -48,7 +53,7 @@ def test_views_agree():
     _, points = seen(scene, 7)
     at = np.round(project(scene.cameras, 4, points)).astype(int)
     inside = ((at >= 0) & (at < 120)).all(axis=1)
-    there = scene.depths[4][tuple(at[inside].T)]
+    there = depths_of(scene)[4][tuple(at[inside].T)]
     eye = scene.cameras.poses[4][:, 3]
     away = np.linalg.norm(points[inside] - eye, axis=1)
     # A pixel covers about 0.02; a surface seen aslant is deeper at its rim.
@@ -76,7 +81,7 @@ def test_gloss_is_seen_from_one_side_only():
         for view in range(len(scene)):
             row, column = np.round(project(scene.cameras, view, [point])[0]).astype(int)
             away = np.linalg.norm(scene.cameras.poses[view][:, 3] - point)
-            if abs(scene.depths[view, row, column] - away) < 0.02:
+            if abs(depths_of(scene)[view, row, column] - away) < 0.02:
                 colors.append(scene.images[view, row, column, :3].astype(float).mean())
         assert len(colors) > 5
         spread[name] = np.ptp(colors)
@@ -87,7 +92,7 @@ def test_gloss_is_seen_from_one_side_only():
 def test_what_a_scene_holds():
     scene = make_scene(train=5, test=2, size=32)
     assert scene.images.shape == (7, 32, 32, 4)
-    assert scene.depths.shape == (7, 32, 32)
+    assert depths_of(scene).shape == (7, 32, 32)
     assert scene.test.sum() == 2
     assert not scene.test[0]
     opacity = scene.images[..., 3]
@@ -95,7 +100,7 @@ def test_what_a_scene_holds():
     corners = np.concatenate([seen(scene, view)[1] for view in range(7)])
     assert (np.abs(corners - BOUNDS.center) < BOUNDS.half).all()
     assert (np.linalg.norm(corners - BALL[:3], axis=1) < BALL[3] + 2e-3).all()
-    away = np.nanmin(scene.depths), np.nanmax(scene.depths)
+    away = np.nanmin(depths_of(scene)), np.nanmax(depths_of(scene))
     assert scene.near < away[0] < away[1] < scene.far
 
 

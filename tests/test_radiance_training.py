@@ -67,7 +67,7 @@ def test_a_tiny_scene_is_learnt(backend, scene, field, steps, least):
     model = fit(scene, field, steps=steps, seed=1)
     found = evaluate(model, scene).psnr.mean()
     blank = [psnr(np.ones((24, 24, 3)), photograph(scene, v, np.ones(3)))
-             for v in np.flatnonzero(scene.test)]  # fmt: skip
+             for v in np.flatnonzero(scene.test).tolist()]  # fmt: skip
     assert model.training.marks[-1].test_psnr == found
     assert found > np.mean(blank) + 4  # an empty picture has about 11 dB
     assert found > least
@@ -387,7 +387,7 @@ def test_scenes_that_cannot_be_trained_from(scene):
     with pytest.raises(ValueError, match="scene must have views to train from, got 18 kept back"):
         fit(replace(scene, test=np.ones(len(scene), bool)), steps=1)
     with pytest.raises(TypeError, match="scene must be a Scene, got str"):
-        fit("scene", steps=1)
+        fit("scene", steps=1)  # type: ignore[arg-type]
     model = fit(scene, TINY, steps=1)
     with pytest.raises(ValueError, match="scene must have views kept back"):
         evaluate(model, replace(scene, test=np.zeros(len(scene), bool)))

@@ -175,7 +175,8 @@ def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
 def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
     settings = field_kind(header["field"])(**_tuples(header["settings"]))
     b = header["bounds"]
-    bounds = Bounds(tuple(map(float, b["center"])), float(b["half"]), bool(b["unbounded"]))
+    x, y, z = map(float, b["center"])
+    bounds = Bounds((x, y, z), float(b["half"]), bool(b["unbounded"]))
     frame = Frame(bounds, float(header["near"]), float(header["far"]))
     lenses = (arrays[f"cameras.{part}"] for part in ("poses", "intrinsics", "distortion"))
     poses, intrinsics, distortion = lenses

@@ -103,14 +103,16 @@ def make_scene(*, train: int = 40, test: int = 8, size: int = 100, samples: int 
     views = cameras(look_at(_eyes(count), TARGET), lens, fine, fine)
     rt = runtime()
     poses, lenses = on_device(rt, Frame(WORLD, 0.0, 0.0), views)
-    solids = [rt.constant(a) for a in _tables()]
-    rays = [rt.zeros((fine * fine, 3)) for _ in range(2)]
+    kinds, placements, sizes, paints, around, sun = (rt.constant(a) for a in _tables())
+    origins, directions = (rt.zeros((fine * fine, 3)) for _ in range(2))
     seen, depth = rt.zeros((fine * fine, 4)), rt.zeros((fine * fine,))
     images = np.empty((count, fine, fine, 4), np.uint8)
     depths = np.empty((count, fine, fine), np.float32)
     for view in range(count):
-        rt.radiance_rays.view_rays(poses, lenses, view, fine, 0, *rays)
-        rt.radiance_shapes.trace(*rays, *solids, seen, depth)
+        rt.radiance_rays.view_rays(poses, lenses, view, fine, 0, origins, directions)
+        rt.radiance_shapes.trace(
+            origins, directions, kinds, placements, sizes, paints, around, sun, seen, depth
+        )
         images[view] = np.round(255 * rt.to_numpy(seen)).reshape(fine, fine, 4)
         depths[view] = rt.to_numpy(depth).reshape(fine, fine)
     depths[depths == 0] = np.nan

@@ -284,15 +284,15 @@ class Trainer:
                 self.rt.write(self.active, np.array([state.rays], np.int32))
                 self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
                 show(state, quality, spent())
-            saves = looks and checkpoint is not None and spent() - saved >= save_every
-            if evaluates or saves:
+            file = checkpoint if looks and spent() - saved >= save_every else None
+            if evaluates or file is not None:
                 self.rt.to_numpy(at)  # what was launched is done, and paid for
                 state.seconds, paused = spent(), time.perf_counter()
                 if evaluates:
                     self.mark(quality, 4)
-                if saves:
+                if file is not None:
                     self.keep()
-                    self.model.save(checkpoint)
+                    self.model.save(file)
                     saved = state.seconds
                 begin += time.perf_counter() - paused
         self.rt.to_numpy(at)
