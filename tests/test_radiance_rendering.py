@@ -245,8 +245,10 @@ def test_films():
 def test_render_path(tmp_path):
     import imageio.v3 as iio
 
-    done = []
-    render_path(ball(), some_cameras(), tmp_path / "path.gif", progress=lambda *n: done.append(n))
+    done, path = [], some_cameras()
+    arms = path.poses[:, :, 3] - BOUNDS.center
+    path.poses[:, :, 3] += 0.1 * np.arange(5)[:, None] * arms  # or all frames were the same
+    render_path(ball(), path, tmp_path / "path.gif", progress=lambda *n: done.append(n))
     assert done == [(n, 5) for n in range(1, 6)]
     assert iio.imread(tmp_path / "path.gif").shape == (5, 18, 24, 3)
 
