@@ -1,5 +1,6 @@
 """The voxel field: its primitives against NumPy in float64, its training from run to run."""
 
+import threading
 from functools import cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from cvkern.radiance import VoxelField, fit, load_model, make_scene
 from cvkern.radiance.fields import Frame
 from cvkern.radiance.scenes import Bounds
 from cvkern.radiance.training import Trainer
+from cvkern.radiance.voxel_field import VoxelGrid
 
 F32, I32, U8, U32 = np.float32, np.int32, np.uint8, np.uint32
 ALL = -60.0  # a raw density that nothing is below
@@ -140,7 +142,8 @@ def sensitivities(arguments, gradients, nodes, coefficients):
     density, color = density.astype(float), color.astype(float)
 
     def loss():
-        found = reference.render(*fixed, density, color)
+        every = [*fixed, density, color]
+        found = reference.render(*every)
         return sum((a * g).sum() for a, g in zip(found[:4], gradients, strict=True))
 
     def slope(array, index, step=1e-4):
@@ -205,8 +208,8 @@ def test_gradients_are_added(kernels):
     density, color = arguments[-2:]
     results = []
     for start in (0, 3):
-        grids = [np.full_like(density, start), np.full_like(color, start)]
-        grids.append(np.zeros(density.shape, U8))
+        untouched = np.zeros(density.shape, U8)
+        grids = [np.full_like(density, start), np.full_like(color, start), untouched]
         results.append(
             kernels("radiance_voxel.render_backward", *gradients, *arguments, *seen, out=grids)
         )
@@ -232,9 +235,8 @@ def test_the_backward_pass_is_the_transpose_of_the_forward_pass(kernels):
     v_color[..., 27:] = 0
     losses = []
     for step in (1e-5, -1e-5):
-        moved = reference.render(
-            *arguments[:-2], density + step * v_density, color + step * v_color
-        )
+        moved = [*arguments[:-2], density + step * v_density, color + step * v_color]
+        moved = reference.render(*moved)
         losses.append(sum((a * g).sum() for a, g in zip(moved[:4], gradients, strict=True)))
     slope = (losses[0] - losses[1]) / 2e-5
     found = (d_density * v_density).sum() + (d_color * v_color).sum()
@@ -258,11 +260,11 @@ def test_homogeneous_fog_has_the_closed_form(kernels):
     s, length = 0.7, 2.0
     through = np.exp(-s * length)
     assert samples[0] in (511, 512, 513)  # by rounding at the sides
-    tolerance = {"rtol": 0.7 / 256}  # a sample more or less
-    np.testing.assert_allclose(opacity, 1 - through, **tolerance)
-    np.testing.assert_allclose(colors, 0.5 * (1 - through), **tolerance)
+    rtol = 0.7 / 256  # a sample more or less
+    np.testing.assert_allclose(opacity, 1 - through, rtol=rtol)
+    np.testing.assert_allclose(colors, 0.5 * (1 - through), rtol=rtol)
     mean = 2 * (1 - through) + (1 - through) / s - length * through
-    np.testing.assert_allclose(depth, mean, **tolerance)
+    np.testing.assert_allclose(depth, mean, rtol=rtol)
     # Twice the integral over b < a of w(a) w(b) (a - b), with w(t) = s e^(-s t).
     want = (1 - 2 * s * length * through - through**2) / s
     np.testing.assert_allclose(distortion, want, rtol=0.01)
@@ -341,9 +343,14 @@ def scene():
     return make_scene(train=12, test=2, size=32)
 
 
+def resolution_of(model):
+    assert isinstance(model.field, VoxelGrid)
+    return model.field.resolution
+
+
 def test_a_small_scene_is_learnt(backend, scene):
     model = fit(scene, SMALL, steps=120, progress=False)
-    assert model.field.resolution == 32
+    assert resolution_of(model) == 32
     assert model.training.marks[-1].test_psnr > 21
 
 
@@ -358,10 +365,11 @@ def test_training_is_the_same_from_run_to_run_and_with_any_number_of_threads(sce
             assert np.array_equal(state[name], values), name
 
 
-class After:
+class After(threading.Event):
     """An event that is set when it has been asked so many times."""
 
     def __init__(self, times):
+        super().__init__()
         self.times = times
 
     def is_set(self):
@@ -376,7 +384,7 @@ def test_a_training_goes_on_where_it_was_saved(scene, tmp_path):
         half = fit(scene, SMALL, steps=1, progress=False)
         for steps, model in ((40, half), (60, None)):  # the finer grid begins at 32
             model = model or load_model(file)
-            assert model.field.resolution == (16 if model is half else 32)
+            assert resolution_of(model) == (16 if model is half else 32)
             Trainer(model, scene, "squared", 0.0).train(
                 None, 60, After(steps - model.training.step), lambda *_: None, None, 1e9, None
             )
