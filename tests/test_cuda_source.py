@@ -24,6 +24,7 @@ SHARED = [
     "radiance_occupancy",
     "radiance_rays",
     "radiance_shapes",
+    "radiance_voxel",
 ]
 
 
