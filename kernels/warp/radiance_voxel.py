@@ -19,6 +19,7 @@ import numpy as np
 import warp as wp
 
 from . import _radiance_voxel_blocks as blocks
+from . import _radiance_voxel_nodes_blocks as nodes
 from . import _radiance_voxel_planes as planes
 from . import _radiance_voxel_rows as rows
 from ._launch import cpu_threads, launch, launch_each, launch_slabs, scratch, slabs, view
@@ -234,7 +235,7 @@ def total_variation(
     outputs = [d_density, d_color]
     if density.device.is_cuda:
         inputs = [*weights, *map(_flat, grid), side, width]
-        launch(blocks.total_variation, color.size, inputs, [_flat(a) for a in outputs])
+        launch(nodes.total_variation, color.size, inputs, [_flat(a) for a in outputs])
     else:
         kernel = planes.kernels(width).total_variation
         launch_slabs(kernel, side, _planes(side), [*weights, *grid], outputs)
@@ -265,7 +266,7 @@ def adam(
         color_square, color,
     ]  # fmt: skip
     if density.device.is_cuda:
-        launch(blocks.adam, color.size, [*inputs, width], [_flat(a) for a in outputs])
+        launch(nodes.adam, color.size, [*inputs, width], [_flat(a) for a in outputs])
     else:
         launch_slabs(planes.kernels(width).adam, side, _planes(side), inputs, outputs)
 
