@@ -58,7 +58,7 @@ GRIDS = {
     # resolutions, entries of each level: some hold every corner, some are hashed
     "one": ([4], [128]),
     "dense": ([1, 3, 7], [8, 64, 512]),
-    "hashed": ([5, 16, 100, 2048], [216, 1024, 1024, 1000]),
+    "hashed": ([5, 16, 100, 2048], [216, 1024, 1024, 256]),
 }
 
 

@@ -31,7 +31,7 @@ def _entry(corner: ivec3, resolution: ti.i32, size: ti.i32) -> ti.i32:
         i = ti.cast(corner[0], ti.u32)
         j = ti.cast(corner[1], ti.u32) * ti.u32(2654435761)
         k = ti.cast(corner[2], ti.u32) * ti.u32(805459861)
-        entry = ti.cast((i ^ j ^ k) % ti.cast(size, ti.u32), ti.i32)
+        entry = ti.cast((i ^ j ^ k) & ti.cast(size - 1, ti.u32), ti.i32)
     return entry
 
 
@@ -85,7 +85,7 @@ def encode(
     """Look up the features (M, 2 L) of the first `total` (1,) of `positions` (M, 3) in [0, 1].
 
     Level l has `resolutions` (L,) cells a side, and the rows of `table` (entries, 2) from
-    offsets[l] up to offsets[l + 1].
+    offsets[l] up to offsets[l + 1]: a power of 2 if there are more corners.
     """
     _encode(positions, total, resolutions, offsets, table, features)
 

@@ -52,7 +52,8 @@ def entry_of(cell: Cell, corner: int, resolution: int, size: int) -> int:
     side = wp.int64(resolution + 1)
     if side * side * side <= wp.int64(size):
         return (k * (resolution + 1) + j) * (resolution + 1) + i
-    return int((wp.uint32(i) ^ wp.uint32(j) * PRIME_Y ^ wp.uint32(k) * PRIME_Z) % wp.uint32(size))
+    mixed = wp.uint32(i) ^ wp.uint32(j) * PRIME_Y ^ wp.uint32(k) * PRIME_Z
+    return int(mixed & wp.uint32(size - 1))
 
 
 @wp.func
@@ -211,7 +212,7 @@ def encode(
     """Look up the features (M, 2 L) of the first `total` (1,) of `positions` (M, 3) in [0, 1].
 
     Level l has `resolutions` (L,) cells a side, and the rows of `table` (entries, 2) from
-    offsets[l] up to offsets[l + 1].
+    offsets[l] up to offsets[l + 1]: a power of 2 if there are more corners.
     """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels
