@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from reference import voxel as reference
 
-
 F32, I32, U8, U32 = np.float32, np.int32, np.uint8, np.uint32
 ALL = -60.0  # a raw density that nothing is below
 
