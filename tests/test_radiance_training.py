@@ -388,8 +388,20 @@ def test_scenes_that_cannot_be_trained_from(scene):
         fit(replace(scene, test=np.ones(len(scene), bool)), steps=1)
     with pytest.raises(TypeError, match="scene must be a Scene, got str"):
         fit("scene", steps=1)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="scene must have images of uint8, got float32"):
+        fit(replace(scene, images=np.full((18, 24, 24, 3), np.nan, np.float32)), steps=1)
+    for shape in ((17, 24, 24, 3), (18, 24, 23, 3), (18, 24, 24, 2), (18, 24, 24)):
+        with pytest.raises(ValueError, match=r"scene must have RGB or RGBA images of 24 x 24"):
+            fit(replace(scene, images=np.zeros(shape, np.uint8)), steps=1)
     model = fit(scene, TINY, steps=1)
     with pytest.raises(ValueError, match="scene must have views kept back"):
         evaluate(model, replace(scene, test=np.zeros(len(scene), bool)))
     with pytest.raises(ValueError, match=r"views must be in \[0, 17\], got 99"):
         evaluate(model, scene, views=[99])
+
+
+@pytest.mark.parametrize("name", ["fit", "make_scene"])
+def test_what_is_not_kernels_alone_is_refused(scene, name):
+    calls = {"fit": lambda image: fit(scene, TINY, steps=1), "make_scene": lambda _: make_scene()}
+    with pytest.raises(ValueError, match=f"captured functions must be kernels alone, got {name}"):
+        cvkern.capture(calls[name], np.zeros((4, 4), np.float32))

@@ -133,7 +133,7 @@ class Renderer:
                 continue
             yield begin, size, seen
             begin += size
-            if size == self.batch:
+            if size == self.batch < self.most:
                 wanted = self.field.rays_for(self.field.taken(), size)
                 self.batch = min(self.most, 2 * size, max(1, wanted))
 

@@ -101,8 +101,8 @@ def fit(
         If an argument is of another kind.
     ValueError
         If an option is unknown or out of its range, both `seconds` and `steps` are given, the
-        scene has no views to train from, or `checkpoint` is not a whole model of the same
-        settings.
+        scene has no views to train from or images that do not fit its cameras, or `checkpoint` is
+        not a whole model of the same settings.
 
     Notes
     -----
@@ -123,6 +123,17 @@ def fit(
         raise TypeError(f"field must be settings such as HashField(), got {field!r}")
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, got {type(scene).__name__}")
+    size = scene.cameras.height, scene.cameras.width
+    if scene.images.dtype != np.uint8:
+        raise TypeError(f"scene must have images of uint8, got {scene.images.dtype}")
+    if scene.images.shape[:3] != (len(scene.cameras), *size) or scene.images.shape[3:] not in (
+        (3,),
+        (4,),
+    ):
+        raise ValueError(
+            f"scene must have RGB or RGBA images of {size[0]} x {size[1]} pixels, one for each of "
+            f"{len(scene.cameras)} cameras, got shape {scene.images.shape}"
+        )
     if seconds is not None and steps is not None:
         raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
     if steps is not None:
