@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern._validate import check_integer, check_positive
+from cvkern._validate import check_integer, check_number, check_positive
 from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered
 from cvkern.radiance.sampled import STOP, taken
 
@@ -37,8 +37,8 @@ class VoxelField:
         If a number is of another kind.
     ValueError
         If a number is out of its range, `resolutions` do not grow, are no multiples of 16 or are
-        above 400, or there are not as many `shares` as changes of the resolution, growing from 0
-        to 1.
+        above 400, there are not as many `shares` as changes of the resolution, growing from 0 to
+        1, or the `first` density is taken for none.
 
     References
     ----------
@@ -87,8 +87,10 @@ class VoxelField:
         for name in ("spacing", "first", "thin", "density_rate", "color_rate", "final_rate"):
             check_positive(getattr(self, name), name)
         for name in ("smooth_density", "smooth_color"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"{name} must be >= 0, got {getattr(self, name)}")
+            check_number(getattr(self, name), name, low=0.0)
+        thin = self.thin * found[0] / (2 * self.spacing)  # as a density
+        if self.first <= thin:
+            raise ValueError(f"first must be above what is thin, {thin:g}, got {self.first}")
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> VoxelGrid:
         """Return the field itself: grey fog, the same everywhere."""
