@@ -4,7 +4,8 @@ Level l is a grid of resolutions[l] cells a side. A sample takes the two feature
 eight corners round it, weighted by nearness; corners have a place each where the level's table is
 large enough, else the place that a hash of their coordinates says.
 
-One thread a sample and level, the samples of a level together: those of one ray share corners.
+On CUDA one thread a sample and level, the samples of a level together: those of one ray share
+corners.
 """
 
 from functools import cache
@@ -12,7 +13,8 @@ from typing import Any
 
 import warp as wp
 
-from ._launch import launch, launch_each, launch_slabs, slabs, view
+from . import _radiance_hash_rows as rows
+from ._launch import launch, launch_slabs, slabs, view
 
 OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
 
@@ -69,16 +71,13 @@ def share_of(cell: Cell, corner: int) -> float:
     float* to = (float*)table.data + 2 * (size_t)entry;
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
     asm volatile("red.global.add.v2.f32 [%0], {%1, %2};" ::"l"(to), "f"(x), "f"(y) : "memory");
-#elif defined(__CUDA_ARCH__)
+#else
     atomicAdd(to, x);
     atomicAdd(to + 1, y);
-#else
-    to[0] += x;
-    to[1] += y;
 #endif
 """)
 def add(table: wp.array[wp.vec2], entry: int, x: float, y: float):
-    """Add to an entry: on CUDA atomically, both numbers at a time where it can."""
+    """Add to an entry atomically, both numbers at a time where the GPU can."""
 
 
 @cache
@@ -87,9 +86,6 @@ def _encode(scalar: Any) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def encode(
-        stride: int,
-        first: int,
-        last: int,
         positions: wp.array2d[float],  # (M, 3), in [0, 1]
         total: wp.array[int],  # (1,)
         resolutions: wp.array[int],  # (L,)
@@ -98,59 +94,26 @@ def _encode(scalar: Any) -> wp.Kernel:
         # outputs
         features: wp.array2d[pair],  # (M, L)
     ):
-        samples = positions.shape[0]
-        for item in range(first + wp.tid(), last, stride):
-            level = item // samples
-            sample = item - level * samples
-            if sample < total[0]:
-                resolution = resolutions[level]
-                begin = offsets[level]
-                size = offsets[level + 1] - begin
-                cell = cell_of(positions, sample, resolution)
-                found = wp.vec2()
-                for corner in range(8):
-                    entry = table[begin + entry_of(cell, corner, resolution, size)]
-                    found += share_of(cell, corner) * wp.vec2(float(entry[0]), float(entry[1]))
-                features[sample, level] = pair(scalar(found[0]), scalar(found[1]))
+        item = wp.tid()
+        level = item // positions.shape[0]
+        sample = item - level * positions.shape[0]
+        if sample < total[0]:
+            resolution = resolutions[level]
+            begin = offsets[level]
+            size = offsets[level + 1] - begin
+            cell = cell_of(positions, sample, resolution)
+            found = wp.vec2()
+            for corner in range(8):
+                entry = table[begin + entry_of(cell, corner, resolution, size)]
+                found += share_of(cell, corner) * wp.vec2(float(entry[0]), float(entry[1]))
+            features[sample, level] = pair(scalar(found[0]), scalar(found[1]))
 
     return encode
 
 
 @cache
-def _scatter(scalar: Any) -> wp.Function:
+def _backward(scalar: Any) -> wp.Kernel:
     pair = wp.types.vector(2, scalar)
-
-    @wp.func
-    def scatter(
-        level: int,
-        sample: int,
-        positions: wp.array2d[float],
-        resolutions: wp.array[int],
-        offsets: wp.array[int],
-        d_features: wp.array2d[pair],
-        d_table: wp.array[wp.vec2],
-    ):
-        # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
-        d = d_features[sample, level]
-        dx = float(d[0])
-        dy = float(d[1])
-        if dx != 0.0 or dy != 0.0:
-            resolution = resolutions[level]
-            begin = offsets[level]
-            size = offsets[level + 1] - begin
-            cell = cell_of(positions, sample, resolution)
-            for corner in range(8):
-                share = share_of(cell, corner)
-                entry = begin + entry_of(cell, corner, resolution, size)
-                add(d_table, entry, share * dx, share * dy)
-
-    return scatter
-
-
-@cache
-def _backward_blocks(scalar: Any) -> wp.Kernel:
-    pair = wp.types.vector(2, scalar)
-    scatter = _scatter(scalar)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def backward(
@@ -162,38 +125,25 @@ def _backward_blocks(scalar: Any) -> wp.Kernel:
         # outputs
         d_table: wp.array[wp.vec2],  # (entries,): added to
     ):
+        # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
         item = wp.tid()
         level = item // positions.shape[0]
         sample = item - level * positions.shape[0]
         if sample < total[0]:
-            scatter(level, sample, positions, resolutions, offsets, d_features, d_table)
+            d = d_features[sample, level]
+            dx = float(d[0])
+            dy = float(d[1])
+            if dx != 0.0 or dy != 0.0:
+                resolution = resolutions[level]
+                begin = offsets[level]
+                size = offsets[level + 1] - begin
+                cell = cell_of(positions, sample, resolution)
+                for corner in range(8):
+                    share = share_of(cell, corner)
+                    entry = begin + entry_of(cell, corner, resolution, size)
+                    add(d_table, entry, share * dx, share * dy)
 
     return backward
-
-
-@cache
-def _backward_levels() -> wp.Kernel:
-    scatter = _scatter(wp.float32)
-
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def backward_levels(
-        slab: int,
-        first: int,
-        last: int,
-        positions: wp.array2d[float],  # (M, 3)
-        total: wp.array[int],  # (1,)
-        resolutions: wp.array[int],  # (L,)
-        offsets: wp.array[int],  # (L + 1,)
-        d_features: wp.array2d[wp.vec2],  # (M, L)
-        # outputs
-        d_table: wp.array[wp.vec2],  # (entries,): added to
-    ):
-        # The slabs are levels: no two threads add to the same entry, and the order stays.
-        for level in range(first, last):
-            for sample in range(total[0]):
-                scatter(level, sample, positions, resolutions, offsets, d_features, d_table)
-
-    return backward_levels
 
 
 def _pairs(array: wp.array, scalar: Any) -> wp.array:
@@ -216,14 +166,14 @@ def encode(
     """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels
-    scalar = table.dtype
-    launch_each(
-        _encode(scalar),
-        count,
-        16 * count,
-        [positions, total, resolutions, offsets, _pairs(table, scalar)],
-        [view(features, wp.types.vector(2, scalar), (positions.shape[0], levels))],
-    )
+    inputs = [positions, total, resolutions, offsets]
+    if features.device.is_cuda:
+        pair = wp.types.vector(2, table.dtype)
+        pairs = view(features, pair, (positions.shape[0], levels))
+        launch(_encode(table.dtype), count, [*inputs, _pairs(table, table.dtype)], [pairs])
+    else:
+        parts = slabs(count, 16 * count)
+        launch_slabs(rows.encode, count, parts, [*inputs, table], [features])
 
 
 def backward(
@@ -240,16 +190,12 @@ def backward(
     """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels
-    scalar = d_features.dtype
-    pairs = view(d_features, wp.types.vector(2, scalar), (positions.shape[0], levels))
-    inputs = [positions, total, resolutions, offsets, pairs]
+    inputs = [positions, total, resolutions, offsets]
     if d_table.device.is_cuda:
-        launch(_backward_blocks(scalar), count, inputs, [_pairs(d_table, wp.float32)])
+        pair = wp.types.vector(2, d_features.dtype)
+        pairs = view(d_features, pair, (positions.shape[0], levels))
+        outputs = [_pairs(d_table, wp.float32)]
+        launch(_backward(d_features.dtype), count, [*inputs, pairs], outputs)
     else:
-        launch_slabs(
-            _backward_levels(),
-            levels,
-            min(levels, slabs(count, 16 * count)),
-            inputs,
-            [_pairs(d_table, wp.float32)],
-        )
+        parts = min(levels, slabs(count, 16 * count))
+        launch_slabs(rows.backward, levels, parts, [*inputs, d_features], [d_table])
