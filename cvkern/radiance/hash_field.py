@@ -50,7 +50,7 @@ class HashField:
     weight_decay: float = 1e-6
     """Of the perceptrons."""
     table_decay: float = 1e-6
-    """Of the tables: entries that no photograph needs go back to 0, which held-out views gain by."""
+    """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
         """Return the field itself, with random parameters."""
