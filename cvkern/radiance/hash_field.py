@@ -110,8 +110,8 @@ class HashNetwork(SampledField):
         rt, v, s = self.rt, self.values, self.samples
         rt.radiance_hash.encode(s.positions, s.total, *self.grids, self.table.copy, v["features"])
         layers = (
-            ("features", 0, True, "first"), ("first", 1, False, "hidden"), ("hidden", 2, True, "second"),
-            ("second", 3, True, "third"), ("third", 4, False, "raw"),
+            ("features", 0, True, "first"), ("first", 1, False, "hidden"),
+            ("hidden", 2, True, "second"), ("second", 3, True, "third"), ("third", 4, False, "raw"),
         )  # fmt: skip
         rt.radiance_encode.spherical(rays.directions, s.rays, s.total, FEATURES, v["hidden"])
         for source, layer, relu, target in layers:
@@ -120,7 +120,7 @@ class HashNetwork(SampledField):
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
-        rt, v, g, total = self.rt, self.values, self.gradients, self.samples.total
+        rt, g, total = self.rt, self.gradients, self.samples.total
         rt.radiance_heads.color_backward(self.d_rgb, self.rgb, total, g["raw"])
         self._layer_backward("third", 4, True, "raw")
         self._layer_backward("second", 3, True, "third")
