@@ -111,6 +111,19 @@ class Runtime:
             gradients,
             lines,
             points,
+            radiance_adam,
+            radiance_background,
+            radiance_composite,
+            radiance_dense,
+            radiance_encode,
+            radiance_hash,
+            radiance_heads,
+            radiance_loss,
+            radiance_march,
+            radiance_occupancy,
+            radiance_rays,
+            radiance_shapes,
+            radiance_voxel,
             rank,
             segments,
             semi_global,
@@ -202,8 +215,27 @@ class Runtime:
         if self.device == "cpu":
             return self.adopt(values, values.dtype)
         array = self.scratch(name, values.shape, values.dtype)
-        self.set.fill(array, np.ascontiguousarray(values))
+        self.write(array, values)
         return array
+
+    def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
+        """Allocate kernel memory of one's own, filled with 0."""
+        array = self.set.empty(shape, np.dtype(dtype), self.device)
+        self.set.clear(array)
+        return array
+
+    def write(self, array: Any, values: np.ndarray) -> None:
+        """Copy host values of the same shape and dtype into a kernel array."""
+        self.set.write(array, np.ascontiguousarray(values))
+
+    def record(self, call: Callable[[], None]) -> Callable[[], None]:
+        """Return what repeats the launches of `call`, as one where the kernel set can do that."""
+        return self.set.record(call, self.device)
+
+    @property
+    def matrix_dtype(self) -> np.dtype:
+        """The precision of matrix products: half where there are tensor cores for it."""
+        return np.dtype(self.set.MATRIX_DTYPES[self.device.partition(":")[0]])
 
     def release(self, result: Any, out: Any = None) -> Any:
         """Return what :meth:`empty` gave, once kernels have filled it, as the caller's array."""
@@ -224,7 +256,7 @@ class Runtime:
         if self.device == "cpu":
             np.asarray(result)[...] = values
         elif values.size:
-            self.set.fill(self.adopt(result, values.dtype), np.ascontiguousarray(values))
+            self.write(self.adopt(result, values.dtype), values)
         return self.release(result)
 
     def to_numpy(self, array: Any) -> np.ndarray:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 import cvkern
 from cvkern.clouds import turntable
+from cvkern.radiance import HashField, Scene, VoxelField, fit, make_scene
 
 SHAPE = (24, 40)
 
@@ -94,3 +96,18 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
                     channel_axis=axis,
                 ),
             )  # fmt: skip
+    yield "make_scene", _scene
+    for field in (
+        VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),
+        HashField(table_bits=10, samples=2**12, rays=64, cells=32),
+    ):
+        yield "fit", partial(_train, field)
+
+
+def _scene() -> Scene:
+    return make_scene(train=2, test=1, size=16)
+
+
+def _train(field: Any) -> None:
+    """Train for as long as a grid takes to be made finer."""
+    fit(_scene(), field, steps=18, background="learnt", progress=False)

@@ -11,11 +11,12 @@ from typing import Annotated
 import typer
 
 import cvkern
-from cvkern.commands import Backend, Device
+from cvkern.commands import Backend, Device, progress_bar
 from cvkern.commands.circles import circles
 from cvkern.commands.edges import edges
 from cvkern.commands.find import find
 from cvkern.commands.lines import lines
+from cvkern.commands.nerf import nerf
 from cvkern.commands.stereo import stereo
 
 app = typer.Typer(
@@ -61,6 +62,7 @@ app.command()(lines)
 app.command()(circles)
 app.command()(find)
 app.command()(stereo)
+app.add_typer(nerf, name="nerf")
 
 
 @app.command()
@@ -74,7 +76,7 @@ def tour(
     """Run everything on sample photographs, and write pictures, timings and a page."""
     from cvkern.tour import tour as run
 
-    with cvkern.use(backend=backend, device=device), _progress() as bar:
+    with cvkern.use(backend=backend, device=device), progress_bar() as bar:
         task = bar.add_task("", total=None)
         page = run(
             folder,
@@ -91,7 +93,7 @@ def warmup(backend: Backend = None, device: Device = None) -> None:
     from cvkern._warmup import calls
 
     todo = list(calls())
-    with cvkern.use(backend=backend, device=device), _progress() as bar:
+    with cvkern.use(backend=backend, device=device), progress_bar() as bar:
         task = bar.add_task("", total=len(todo))
         for name, call in todo:
             bar.update(task, description=name)
@@ -159,15 +161,6 @@ def _version(package: str) -> str:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
         return "not installed"
-
-
-def _progress():
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = (BarColumn(32), MofNCompleteColumn(), TextColumn("{task.description}"))
-    console = Console(stderr=True)
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
 
 
 if __name__ == "__main__":

@@ -110,3 +110,30 @@ CENSUS_WEIGHT = 2
 DIFFERENCE_SHIFT = 1
 DIFFERENCE_LIMIT = 6
 LARGEST_MATCH_COST = CENSUS_WEIGHT * CENSUS_BITS + DIFFERENCE_LIMIT
+
+
+class Background(IntEnum):
+    """What a ray sees behind everything."""
+
+    WHITE = 0
+    BLACK = 1
+    RANDOM = 2  # a colour of its own for each ray: nothing can be learnt from it
+    LEARNT = 3
+
+
+class Shape(IntEnum):
+    """Solids of synthetic scenes, by the distance to their surfaces."""
+
+    ELLIPSOID = 0  # half axes
+    BOX = 1  # half sides, rounding
+    TORUS = 2  # radius of the ring in its own x and y, radius of the tube
+    CYLINDER = 3  # radius, half height along its own z, -, rounding
+
+
+class Pattern(IntEnum):
+    """Where the surface of a solid has its second colour."""
+
+    PLAIN = 0
+    CHECKS = 1  # in x and y
+    RINGS = 2  # about z
+    STRIPES = 3  # along z

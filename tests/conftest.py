@@ -4,6 +4,7 @@ import os
 
 import pytest
 from hypothesis import HealthCheck, settings
+from primitives import Primitives
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
@@ -28,3 +29,18 @@ def backend(request):
     """Run the test once per kernel set."""
     with cvkern.use(backend=request.param):
         yield request.param
+
+
+@pytest.fixture(params=["cpu", "cuda:0"], scope="module")
+def device(request):
+    return request.param
+
+
+@pytest.fixture(params=KERNEL_SETS, scope="module")
+def kernels(request, device):
+    return Primitives(request.param, device)
+
+
+@pytest.fixture(scope="module")
+def all_kernels(device):
+    return [Primitives(name, device) for name in KERNEL_SETS]

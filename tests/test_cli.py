@@ -46,6 +46,7 @@ def test_help_names_every_command(command):
     code, out, _ = command("--help")
     assert code == 0
     assert all(name in out for name in ("doctor", "edges", "stereo", "tour", "warmup"))
+    assert all(name in out for name in ("doctor", "edges", "nerf", "tour", "warmup"))
 
 
 def test_edges(command, photo, tmp_path):
@@ -245,6 +246,7 @@ def test_warmup_calls_everything():
         and name not in ("capture", "reprojection_matrix")  # which have no kernels
     }
     assert {name for name, _ in _warmup.calls()} == functions | {"turntable"}
+    assert {name for name, _ in _warmup.calls()} == functions | {"fit", "make_scene"}
 
 
 def test_warmup(command, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 import scipy.ndimage as ndi
 from PIL import Image
 from reference import clouds as reference
-from test_primitives import Primitives
+from primitives import Primitives
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS

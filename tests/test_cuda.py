@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 from calls import TABLE
+from test_radiance_hash import Trial
 
 import cvkern
 from cvkern.clouds import turntable
@@ -501,6 +502,28 @@ def test_plain_calls_between_replays_do_not_disturb_them():
             mask = CALLS["canny"](y)
             np.testing.assert_array_equal(take(replay()), reference(CALLS["canny"], small))
             np.testing.assert_array_equal(take(mask), reference(CALLS["canny"], large))
+
+
+# --- radiance fields -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unbounded", [False, True])
+def test_a_hash_field_is_that_of_the_cpu(unbounded, kernels):
+    here = Trial(unbounded=unbounded)
+    with cvkern.use(backend=kernels, device="cuda"):
+        there = Trial(unbounded=unbounded)
+        found, slopes = there.look(), there.slopes()
+        taken = there.field.taken()
+    # Features, weights and what passes through layers have 11 digits with Warp; five layers.
+    exact = kernels == "taichi"
+    for got, want in zip(found, here.look(), strict=True):
+        np.testing.assert_allclose(
+            got, want, rtol=1e-4 if exact else 0.03, atol=1e-4 if exact else 0.03
+        )
+    for got, want in zip(slopes, here.slopes(), strict=True):
+        off = np.linalg.norm(got - want) / np.linalg.norm(want)
+        assert off < (1e-3 if exact else 0.05)
+    assert taken == here.field.taken()  # the same cells, whatever the precision
 
 
 # --- what must be refused ------------------------------------------------------------------------

@@ -9,7 +9,8 @@ import warp as wp
 
 import cvkern.kernels.warp as kernels
 
-ON_USE = {"_paths_blocks", "_semi_global_blocks"}  # all their kernels are made when first used
+# All their kernels are made when first used.
+ON_USE = {"_paths_blocks", "_radiance_dense_blocks", "_semi_global_blocks"}
 MODULES = [
     m.name
     for m in pkgutil.iter_modules(kernels.__path__)
@@ -26,8 +27,10 @@ def test_compiles_for_hopper(name, tmp_path):
     (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
     code = Path(ptx).read_text()
     assert ".target sm_90" in code
-    if name != "_edges_points":  # whose logarithm is CUDA's own
-        assert "fma.rn.f32" not in code  # equal bits: no product is fused with a sum
+    # Equal bits: no product is fused with a sum. But for a logarithm, which is CUDA's own, and
+    # radiance fields, which are held to tolerances.
+    if name != "_edges_points" and not name.startswith("_radiance"):
+        assert "fma.rn.f32" not in code
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -30,6 +30,23 @@ FAMILIES = [
     "window_matching",
 ]
 SHARED = ["points"]  # by several families; in cvkern/ their module is private
+FAMILIES = ["edges", "filters", "gradients", "rank"]
+# What radiance fields are made of: kernels of one package of the API.
+RADIANCE = [
+    "adam",
+    "background",
+    "composite",
+    "dense",
+    "encode",
+    "hash",
+    "heads",
+    "loss",
+    "march",
+    "occupancy",
+    "rays",
+    "shapes",
+    "voxel",
+]
 
 
 def signatures(kernel_set):
@@ -52,6 +69,9 @@ def test_the_families_are_those_of_the_api(name):
     assert modules == {*FAMILIES, *SHARED}
     for family in modules:
         importlib.import_module(f"cvkern.{'_' * (family in SHARED)}{family}")
+    assert modules == {*FAMILIES, *(f"radiance_{part}" for part in RADIANCE)}
+    for family in modules:
+        importlib.import_module(f"cvkern.{family.partition('_')[0]}")
         assert any(key.startswith(f"{family}.") for key in signatures(name))
 
 
@@ -78,6 +98,7 @@ def test_sets_offer_the_runtime_the_same_functions(name):
         "adopt",
         "empty",
         "fill",
+        "clear",
         "scratch",
         "to_numpy",
         "own_scratch",

@@ -3,7 +3,6 @@
 Kernels do float32 arithmetic in a stated order, so NumPy doing the same must give the same bits.
 """
 
-import importlib
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from reference import semi_global as semi_global_reference
 from reference import stereo_cost as stereo_reference
 
 from cvkern._line_votes import direction_windows, line_tables
-from cvkern._runtime import KERNEL_SETS
 from cvkern.kernels.codes import (
     CENSUS_BITS,
     DIRECTION_FACTOR,
@@ -37,52 +35,6 @@ from cvkern.kernels.codes import (
 )
 
 F32, I32, U8, U16, U64 = np.float32, np.int32, np.uint8, np.uint16, np.uint64
-
-
-class Primitives:
-    """The primitives of one kernel set on one device, from NumPy to NumPy."""
-
-    def __init__(self, name, device):
-        self._package = importlib.import_module(f"cvkern.kernels.{name}")
-        self._device = device
-        try:
-            self.start()
-        except ValueError as absent:
-            pytest.skip(str(absent))
-
-    def start(self):
-        self._package.start(self._device, None)
-
-    def __call__(self, primitive, *arguments, out):
-        """Call "FAMILY.NAME" with inputs, then with outputs of these (shape, dtype)."""
-        family, name = primitive.split(".")
-        function = getattr(importlib.import_module(f"{self._package.__name__}.{family}"), name)
-        self.start()
-        inputs = [self._adopt(a) if isinstance(a, np.ndarray) else a for a in arguments]
-        results = [np.full(shape, 77, dtype) for shape, dtype in out]
-        carried = [self._adopt(r) for r in results]
-        function(*inputs, *carried)
-        if self._device != "cpu":
-            results = [self._package.to_numpy(c) for c in carried]
-        return results if len(results) > 1 else results[0]
-
-    def _adopt(self, array):
-        return self._package.adopt(np.ascontiguousarray(array), self._device)
-
-
-@pytest.fixture(params=["cpu", "cuda:0"], scope="module")
-def device(request):
-    return request.param
-
-
-@pytest.fixture(params=KERNEL_SETS, scope="module")
-def kernels(request, device):
-    return Primitives(request.param, device)
-
-
-@pytest.fixture(scope="module")
-def all_kernels(device):
-    return [Primitives(name, device) for name in KERNEL_SETS]
 
 
 def noise(*shape, seed=0):

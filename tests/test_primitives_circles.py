@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from reference import circles as reference
-from test_primitives import F32, I32, U8, all_kernels, device, kernels, noise, waves  # noqa: F401
+from test_primitives import F32, I32, U8, noise, waves
 
 from cvkern.circles import _rings, direction_table
 from cvkern.kernels.codes import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE
@@ -26,7 +26,7 @@ def lines_of(count=3000, height=90, width=120, seed=0):
 
 @pytest.mark.parametrize("pad", [0, 20])
 @pytest.mark.parametrize("shape", [(1, 1), (7, 40), (37, 29), (20, 530)])
-def test_vote_rings(kernels, shape, pad):  # noqa: F811
+def test_vote_rings(kernels, shape, pad):
     mask = specks(*shape)
     offsets, _, starts = _rings(RADII)
     padded = np.pad(mask, pad + 20).astype(I32)
@@ -56,7 +56,7 @@ def directed(mask, tolerance):
 
 
 @pytest.mark.parametrize("pad", [0, 20])
-def test_vote_directed(kernels, pad):  # noqa: F811
+def test_vote_directed(kernels, pad):
     mask = specks(41, 53)
     given, angles = directed(mask, -1)
     want = reference.directed(mask, angles, RADII, pad)
@@ -64,7 +64,7 @@ def test_vote_directed(kernels, pad):  # noqa: F811
     np.testing.assert_array_equal(got, want)
 
 
-def test_peaks(kernels):  # noqa: F811
+def test_peaks(kernels):
     votes = np.round(3 * noise(3, 40, 70)).astype(F32)  # with many ties
     limits = np.array([2, 5, 100], F32)
     tops = kernels("circles.row_maxima", votes, out=[((120,), F32)])
@@ -91,7 +91,7 @@ def test_peaks(kernels):  # noqa: F811
 
 @pytest.mark.parametrize("dtype", [U8, F32])
 @pytest.mark.parametrize("factor", [1, 3, 5])
-def test_shrink(kernels, dtype, factor):  # noqa: F811
+def test_shrink(kernels, dtype, factor):
     image = np.random.default_rng(0).integers(0, 256, (41, 67)).astype(dtype)
     height, width = 41 // factor, 67 // factor
     got = kernels("circle_centers.shrink", image, factor, out=[((height, width), F32)])
@@ -101,7 +101,7 @@ def test_shrink(kernels, dtype, factor):  # noqa: F811
     np.testing.assert_array_equal(got, want)
 
 
-def test_aim(kernels):  # noqa: F811
+def test_aim(kernels):
     dy, dx = waves(60, 80)
     pixels = np.argwhere(np.hypot(dy, dx) > 0.5).astype(I32)
     assert len(pixels) > 500
@@ -121,7 +121,7 @@ def test_aim(kernels):  # noqa: F811
 
 @pytest.mark.parametrize("sides", [(1, -1), (1, 1), (-1, -1)])
 @pytest.mark.parametrize("cell", [1, 3])
-def test_vote_centers(kernels, sides, cell):  # noqa: F811
+def test_vote_centers(kernels, sides, cell):
     lines, (low, high) = lines_of(), (4, 25)
     shape = -(-90 // cell), -(-120 // cell)
     want = np.zeros(shape, F32)
@@ -153,7 +153,7 @@ def seen(lines, row, column, slack, slope, sides):
 
 
 @pytest.mark.parametrize("sides", [(1, -1), (1, 1), (-1, -1)])
-def test_vote_radii(kernels, sides):  # noqa: F811
+def test_vote_radii(kernels, sides):
     lines = lines_of()
     centers = np.array([[40.5, 60.25], [0, 0], [89, 10], [300, 300]], F32)
     got = kernels(
@@ -169,7 +169,7 @@ def test_vote_radii(kernels, sides):  # noqa: F811
     assert not got[3].any()
 
 
-def test_support(kernels):  # noqa: F811
+def test_support(kernels):
     lines = lines_of()
     circles = np.array([[40.5, 60.25, 20], [5, 5, 30], [300, 300, 9]], F32)
     sums, arcs = kernels(
@@ -192,7 +192,7 @@ def test_support(kernels):  # noqa: F811
     assert sums[0, 5] > 20
 
 
-def test_the_sets_give_equal_bits(all_kernels):  # noqa: F811
+def test_the_sets_give_equal_bits(all_kernels):
     mask, lines = specks(60, 80, share=0.05), lines_of(200)
     shape, pairs = (len(RADII), 60, 80), (200, 200)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -30,3 +30,13 @@ def write_csv(file: Path, names: str, *columns: np.ndarray) -> None:
     """Write columns, (N,) or (N, K), under a line with their names."""
     table = np.column_stack(columns)
     np.savetxt(file, table, fmt="%.9g", delimiter=",", header=names, comments="")  # 9: float32
+
+
+def progress_bar() -> Any:
+    """Return a bar on the standard error, which shows itself on a terminal only."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (BarColumn(32), MofNCompleteColumn(), TextColumn("{task.description}"))
+    console = Console(stderr=True)
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

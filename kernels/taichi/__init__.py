@@ -24,7 +24,18 @@ with warnings.catch_warnings():
 
 from ._launch import start, synchronize
 
-__all__ = ["adopt", "empty", "fill", "own_scratch", "record", "scratch", "start", "to_numpy"]
+__all__ = [
+    "adopt",
+    "clear",
+    "empty",
+    "own_scratch",
+    "record",
+    "scratch",
+    "start",
+    "to_numpy",
+    "write",
+]
+MATRIX_DTYPES = {"cpu": "float32", "cuda": "float32"}
 
 
 def adopt(array: Any, device: str) -> Any:
@@ -51,11 +62,26 @@ def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> 
     return empty(shape, np.dtype(np.uint8 if dtype == np.bool_ else dtype), device)
 
 
-def fill(array: Any, values: np.ndarray) -> None:
-    """Copy a contiguous host array into a CUDA array of its shape and dtype; wait for it."""
-    from . import _cuda
+def write(array: Any, values: np.ndarray) -> None:
+    """Copy contiguous host values of its shape and dtype into `array`; wait for that on CUDA."""
+    if isinstance(array, np.ndarray):
+        array[...] = values
+    else:
+        from . import _cuda
 
-    _cuda.fill(array, values)
+        _cuda.fill(array, values)
+
+
+def clear(array: Any) -> None:
+    """Fill `array` with 0."""
+    if isinstance(array, np.ndarray):
+        array[...] = 0
+    else:
+        import warp as wp
+
+        synchronize()
+        array.zero_()
+        wp.synchronize_stream(array.device.stream)  # not the one that Taichi launches on
 
 
 def to_numpy(array: Any) -> np.ndarray:

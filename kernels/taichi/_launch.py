@@ -88,6 +88,11 @@ def scratch(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     return _cuda.header(_cuda.empty(shape, np.dtype(dtype)))
 
 
+def on_cpu() -> bool:
+    """Tell whether the primitive that runs is at work on the CPU."""
+    return _caller.device == "cpu"
+
+
 def synchronize() -> None:
     """Wait for every launch so far."""
     _check_process()

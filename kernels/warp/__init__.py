@@ -94,11 +94,23 @@ def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> 
     return _launch.scratch(name, shape, carried, wp.get_device(device))
 
 
-def fill(array: wp.array, values: np.ndarray) -> None:
-    """Copy a contiguous host array into a CUDA array of its shape and dtype; wait for it."""
+def write(array: wp.array, values: np.ndarray) -> None:
+    """Copy contiguous host values of its shape and dtype into `array`; wait for that on CUDA."""
+    if not array.device.is_cuda:
+        wp.copy(array, adopt(values, "cpu"))
+        return
     stream = _launch.current_stream(array.device)
     wp.copy(array, adopt(values, array.device.alias), stream=stream)
     wp.synchronize_stream(stream)
+
+
+def clear(array: wp.array) -> None:
+    """Fill `array` with 0, in order with the kernels."""
+    if array.device.is_cuda:
+        with wp.ScopedStream(_launch.current_stream(array.device)):
+            array.zero_()
+    else:
+        array.zero_()
 
 
 def to_numpy(array: wp.array) -> np.ndarray:
@@ -109,6 +121,7 @@ def to_numpy(array: wp.array) -> np.ndarray:
 
 
 own_scratch = _launch.own_scratch
+MATRIX_DTYPES = {"cpu": "float32", "cuda": "float16"}
 
 
 def record(call: Callable[[], None], device: str) -> Callable[[], None]:

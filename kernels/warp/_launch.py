@@ -9,7 +9,7 @@ import contextlib
 import math
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import Any
 
@@ -36,7 +36,7 @@ class _ThreadState(threading.local):
 
 _thread = _ThreadState()
 _lock = threading.Lock()
-_loaded: set[tuple[str, str, int]] = set()
+_loaded: set[tuple[wp.Kernel, str, int]] = set()
 _pool: ThreadPoolExecutor | None = None
 
 
@@ -145,11 +145,44 @@ def launch_slabs(
     device = outputs[0].device
     load(kernel, device)
     bounds = [rows * i // count for i in range(count + 1)]
+    _share(count, lambda i: (i, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
+
+
+def launch_each(
+    kernel: wp.Kernel,
+    count: int,
+    elements: int,
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
+) -> None:
+    """Launch a kernel over `count` items, of so many elements in all: a thread each, or in slabs.
+
+    The first three arguments of the kernel are a stride, the first item and the one behind the
+    last; its loop is ``for i in range(first + wp.tid(), last, stride)``.
+    """
+    device = outputs[0].device
+    if device.is_cuda:
+        launch(kernel, count, [count, 0, count, *inputs], outputs)
+        return
+    load(kernel, device)
+    number = slabs(count, elements)
+    bounds = [count * i // number for i in range(number + 1)]
+    _share(number, lambda i: (1, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
+
+
+def _share(
+    count: int,
+    head: Callable[[int], tuple[int, int, int]],
+    kernel: wp.Kernel,
+    arguments: Sequence[Any],
+    device: wp.Device,
+) -> None:
+    """Launch a CPU kernel `count` times; each thread takes the next one left."""
     left = iter(range(count))
 
     def work() -> None:
         for slab in left:
-            _send(kernel, 1, (slab, bounds[slab], bounds[slab + 1], *inputs, *outputs), device)
+            _send(kernel, 1, (*head(slab), *arguments), device)
 
     others = [_threads().submit(work) for _ in range(min(cpu_threads(), count) - 1)]
     work()
@@ -185,8 +218,11 @@ def _send(
 
 
 def load(kernel: wp.Kernel, device: wp.Device, block: int = BLOCK) -> None:
-    """Compile and load the module of `kernel`; Warp must not do that on two threads at once."""
-    key = (kernel.module.name, str(device), block)
+    """Compile and load the module of `kernel`; Warp must not do that on two threads at once.
+
+    Once for each kernel: one that was made later than others has to be added to its module.
+    """
+    key = (kernel, str(device), block)
     if key not in _loaded:
         with _lock:
             if key not in _loaded:

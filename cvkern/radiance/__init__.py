@@ -1,0 +1,50 @@
+"""Radiance fields: from posed photographs to a model that renders new views."""
+
+from cvkern.radiance.cameras import Cameras, cameras, look_at, pixel_rays, project
+from cvkern.radiance.hash_field import HashField
+from cvkern.radiance.metrics import psnr, ssim
+from cvkern.radiance.models import Mark, Model, load_model
+from cvkern.radiance.rendering import (
+    Picture,
+    Scores,
+    evaluate,
+    orbit_cameras,
+    render,
+    render_path,
+)
+from cvkern.radiance.scenes import Bounds, Scene, load_scene
+from cvkern.radiance.shapes import make_scene
+from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
+from cvkern.radiance.training import fit
+from cvkern.radiance.voxel_field import VoxelField
+
+__all__ = [
+    "Bounds",
+    "Cameras",
+    "Cloud",
+    "HashField",
+    "Mark",
+    "Mesh",
+    "Model",
+    "Picture",
+    "Scene",
+    "Scores",
+    "VoxelField",
+    "cameras",
+    "evaluate",
+    "fit",
+    "load_model",
+    "load_scene",
+    "look_at",
+    "make_scene",
+    "mesh",
+    "orbit_cameras",
+    "pixel_rays",
+    "point_cloud",
+    "project",
+    "psnr",
+    "render",
+    "render_path",
+    "ssim",
+    "write_mesh",
+]

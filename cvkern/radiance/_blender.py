@@ -1,0 +1,162 @@
+"""Scenes of Blender (``transforms_<split>.json``) and instant-ngp (``transforms.json``)."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvkern.radiance.cameras import Cameras, cameras
+from cvkern.radiance.scenes import Bounds, Scene, every, read_images
+
+SPLITS = ("train", "val", "test")
+# The synthetic scenes lie in a cube of side 3, and their cameras 4 from its middle.
+BLENDER_HALF, BLENDER_NEAR, BLENDER_FAR = 1.5, 2.0, 6.0
+DEPTH_RANGE = 8.0  # of their depth pictures: 8 (1 - v / 255)
+# instant-ngp's unit cube is the world times 0.33, moved by 0.5.
+NGP_SCALE = 0.33
+SUFFIXES = ("", ".png", ".jpg", ".jpeg")
+TURN = np.diag([1.0, -1.0, -1.0])  # from OpenGL's axes to OpenCV's
+
+
+def load(file: Path, test_every: int) -> Scene:
+    """Read a scene; see :func:`cvkern.radiance.load_scene`."""
+    if file.stem.removeprefix("transforms_") not in SPLITS:
+        return _instant_ngp(file, test_every)
+    parts = [(s, file.with_name(f"transforms_{s}.json")) for s in SPLITS]
+    parts = [(split, part) for split, part in parts if part.exists() and split != "val"]
+    files, poses, held, lenses = [], [], [], []
+    for split, part in parts:
+        content = _content(part)
+        for number, frame in enumerate(content["frames"]):
+            files.append(_photograph(part, frame, number))
+            poses.append(_pose(part, frame, number))
+            held.append(split == "test")
+        lenses += [(part, content)] * len(content["frames"])
+    images = read_images(files)
+    height, width = images.shape[1:3]
+    intrinsics = [_intrinsics(part, content, width, height)[0] for part, content in lenses]
+    return Scene(
+        images,
+        _cameras(file, poses, np.array(intrinsics), width, height),
+        np.array(held),
+        Bounds((0.0, 0.0, 0.0), BLENDER_HALF, False),
+        BLENDER_NEAR,
+        BLENDER_FAR,
+        _depths(files, height, width),
+    )
+
+
+def _instant_ngp(file: Path, test_every: int) -> Scene:
+    content = _content(file)
+    frames = content["frames"]
+    order = sorted(range(len(frames)), key=lambda i: str(frames[i].get("file_path")))
+    frames = [frames[i] for i in order]
+    images = read_images([_photograph(file, frame, i) for i, frame in enumerate(frames)])
+    height, width = images.shape[1:3]
+    lenses = [_intrinsics(file, content | frame, width, height) for frame in frames]
+    poses = [_pose(file, frame, i) for i, frame in enumerate(frames)]
+    if any("split" in frame for frame in frames):
+        held = np.array([frame.get("split") == "test" for frame in frames])
+    else:
+        held = every(len(frames), test_every)
+    half = 0.5 * float(content.get("aabb_scale", 1)) / NGP_SCALE
+    views = _cameras(
+        file, poses, np.array([a for a, _ in lenses]), width, height,
+        np.array([b for _, b in lenses]),
+    )  # fmt: skip
+    near = 0.05 / NGP_SCALE
+    return Scene(images, views, held, Bounds((0.0, 0.0, 0.0), half, False), near, math.inf)
+
+
+def _content(file: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text())
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{file} must be JSON: {error}") from None
+    if not isinstance(content, dict) or not content.get("frames"):
+        raise ValueError(f"{file} must have frames, got none")
+    return content
+
+
+def _photograph(file: Path, frame: dict[str, Any], number: int) -> Path:
+    name = frame.get("file_path")
+    if not isinstance(name, str):
+        raise ValueError(f"{file} must give file_path for each frame, got {name!r} in {number}")
+    stem = file.parent / name
+    for suffix in SUFFIXES:
+        found = stem.with_name(stem.name + suffix)
+        if found.is_file():
+            return found
+    raise FileNotFoundError(f"scene must have all its photographs, but {stem} is not there")
+
+
+def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
+    try:
+        pose = np.array(frame["transform_matrix"], np.float64)
+    except (KeyError, TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape not in ((3, 4), (4, 4)):
+        raise ValueError(
+            f"{file} must give a transform_matrix of 4 x 4 for each frame, "
+            f"got shape {pose.shape} in {number}"
+        )
+    pose = pose[:3]
+    # Some writers scale the rotation; the axes of a view have no length.
+    lengths = np.linalg.norm(pose[:, :3], axis=0)
+    turn = pose[:, :3] / np.where(lengths > 0, lengths, 1)
+    return np.concatenate((turn @ TURN, pose[:, 3:]), axis=1)
+
+
+def _intrinsics(
+    file: Path, lens: dict[str, Any], width: int, height: int
+) -> tuple[list[float], list[float]]:
+    """Return fx, fy, cx, cy and the distortion, for images as large as they are."""
+    scale = (width / float(lens.get("w", width)), height / float(lens.get("h", height)))
+    fx, fy = lens.get("fl_x"), lens.get("fl_y")
+    if fx is None:
+        angle = lens.get("camera_angle_x")
+        if angle is None or not 0 < angle < math.pi:
+            raise ValueError(f"{file} must give fl_x, or camera_angle_x in (0, pi), got {angle}")
+        fx = 0.5 * width / math.tan(0.5 * angle) / scale[0]
+    if fy is None:
+        angle = lens.get("camera_angle_y")
+        fy = 0.5 * height / math.tan(0.5 * angle) / scale[1] if angle else fx
+    cx = float(lens.get("cx", 0.5 * width / scale[0]))
+    cy = float(lens.get("cy", 0.5 * height / scale[1]))
+    # These files count from the corner of the first pixel.
+    found = [fx * scale[0], fy * scale[1], cx * scale[0] - 0.5, cy * scale[1] - 0.5]
+    return found, [float(lens.get(name, 0.0)) for name in ("k1", "k2", "p1", "p2", "k3")]
+
+
+def _cameras(
+    file: Path,
+    poses: list[np.ndarray],
+    intrinsics: np.ndarray,
+    width: int,
+    height: int,
+    distortion: Any = 0.0,
+) -> Cameras:
+    try:
+        return cameras(np.stack(poses), intrinsics, width, height, distortion=distortion)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def _depths(files: list[Path], height: int, width: int) -> np.ndarray | None:
+    """Read the depth pictures beside the photographs, where there are any."""
+    from cvkern.images import read_image
+
+    depths = np.full((len(files), height, width), np.nan, np.float32)
+    for depth, file in zip(depths, files, strict=True):
+        beside = next(iter(sorted(file.parent.glob(f"{file.stem}_depth*.png"))), None)
+        if beside is not None:
+            shown = read_image(beside)
+            values = shown if shown.ndim == 2 else shown[..., 0]
+            if values.shape != depth.shape:
+                raise ValueError(f"{beside} must be {depth.shape}, got {values.shape}")
+            depth[...] = np.where(values > 0, DEPTH_RANGE * (1 - values / 255.0), np.nan)
+    return depths if np.isfinite(depths).any() else None

@@ -1,0 +1,63 @@
+"""Models as files: one ``.npz`` of plain arrays, with a line of JSON that says what they are."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvkern._files import replacing
+
+FORMAT, VERSION = "cvkern radiance field", 1
+HEADER = "header"
+
+
+def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """Write a model, whole or not at all."""
+    check_suffix(path)
+    text = json.dumps({"format": FORMAT, "version": VERSION, **header}, allow_nan=False)
+    with replacing(path) as beside, beside.open("wb") as file:
+        np.savez(file, **{HEADER: np.frombuffer(text.encode(), np.uint8)}, **arrays)
+
+
+def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return the header and the arrays of a model.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no model, was cut short or damaged, or is of another version.
+    """
+    name = os.fspath(path)
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"path must be a file that exists, got {name!r}")
+    try:
+        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
+            arrays = {key: file[key] for key in file.files}
+        header = json.loads(arrays.pop(HEADER).tobytes())
+        made, version = header["format"], header["version"]
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, TypeError,
+            AttributeError, NotImplementedError) as error:  # fmt: skip
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"path must be a whole model, got {name!r}: {reason}") from error
+    if made != FORMAT or version != VERSION:
+        raise ValueError(
+            f"path must hold a {FORMAT} of version {VERSION}, got {made!r} of version {version!r} "
+            f"in {name!r}"
+        )
+    return header, arrays
+
+
+def check_suffix(path: str | os.PathLike[str]) -> None:
+    """Refuse the name of a model that does not say what it is."""
+    if Path(path).suffix.lower() != ".npz":
+        raise ValueError(f"path must end in .npz, got {os.fspath(path)!r}")
+    if not Path(os.path.realpath(path)).parent.is_dir():
+        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")

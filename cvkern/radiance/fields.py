@@ -1,0 +1,133 @@
+"""What every radiance field does: render a batch of rays, take gradients back, learn, be saved.
+
+Inside a field, lengths are in units of half the side of the scene's cube, whose middle is the
+origin: a :class:`Frame` says how the world lies in it.
+"""
+
+from __future__ import annotations
+
+import abc
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.radiance.scenes import Bounds
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The region that rays are marched through."""
+
+    bounds: Bounds
+    near: float
+    """Distance before which there is nothing, in units of half the cube's side."""
+    far: float
+    """Distance behind which there is nothing, in the same units; large if there is no end."""
+
+    @classmethod
+    def of(cls, bounds: Bounds, near: float, far: float) -> Frame:
+        """Return the frame of a scene whose distances are in units of the world."""
+        return cls(bounds, near / bounds.half, min(far / bounds.half, 1e9))
+
+    def inside(self, poses: np.ndarray) -> np.ndarray:
+        """Return poses, camera to world, (N, 3, 4), as float32 poses of this frame."""
+        moved = poses.copy()
+        moved[:, :, 3] = (poses[:, :, 3] - np.array(self.bounds.center)) / self.bounds.half
+        return moved.astype(np.float32)
+
+
+class Rays(NamedTuple):
+    """A batch of rays, as kernel arrays with room for R."""
+
+    origins: Any
+    """(R, 3) float32."""
+    directions: Any
+    """Unit vectors, (R, 3) float32."""
+    active: Any
+    """How many of them there are, (1,) int32."""
+
+
+class Rendered(NamedTuple):
+    """What rays see before any background, or gradients of it; kernel arrays."""
+
+    color: Any
+    """(R, 3) float32."""
+    opacity: Any
+    """(R,) float32."""
+    depth: Any
+    """Sum of the distances of the samples, each by its weight, (R,) float32."""
+    distortion: Any
+    """How far the weights are spread along the ray, as in mip-NeRF 360, (R,) float32."""
+
+
+class Learning(NamedTuple):
+    """What an optimizer step needs, on the device."""
+
+    step: Any
+    """Number of the step, (1,) int32."""
+    progress: Any
+    """Share of the training that is done, (1,) float32."""
+    scale: float
+    """What gradients have to be multiplied by."""
+
+
+class Field(abc.ABC):
+    """A radiance field on one device, being trained or used."""
+
+    rt: Runtime
+    frame: Frame
+    rays: int
+    """How many rays a batch has room for."""
+    first_rays: int
+    """How many of them the first batch should have, before any is counted."""
+    edition: int = 0
+    """Counted up when arrays are replaced: what was recorded with the old ones is void."""
+    gradient_scale: float = 1.0
+    """What losses are multiplied by, so that half precision can hold their gradients."""
+
+    @abc.abstractmethod
+    def forward(self, rays: Rays, step: Any, *, training: bool) -> Rendered:
+        """Render rays; `step` (1,) int32 draws the places of the samples in training."""
+
+    @abc.abstractmethod
+    def backward(self, gradients: Rendered) -> None:
+        """Add the gradients of what :meth:`forward` last returned to those of the parameters."""
+
+    @abc.abstractmethod
+    def learn(self, learning: Learning) -> None:
+        """Move the parameters by their gradients, and forget those."""
+
+    @abc.abstractmethod
+    def taken(self) -> int:
+        """Return how many samples :meth:`forward` last took; waits for the device."""
+
+    def complete(self) -> bool:
+        """Return whether there was room for all rays of the last :meth:`forward`, if not full."""
+        return True
+
+    @abc.abstractmethod
+    def densities(self, points: np.ndarray) -> np.ndarray:
+        """Return the density at points (N, 3) of the frame, per unit of its length, (N,)."""
+
+    @abc.abstractmethod
+    def rays_for(self, samples: int, rays: int) -> int:
+        """Return how many rays fill a batch, after so many took so many samples."""
+
+    def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (not all have to)
+        """Do what is due now and then, before step `step`: look where space is empty, refine."""
+
+    @abc.abstractmethod
+    def state(self) -> dict[str, np.ndarray]:
+        """Return everything that is needed to go on, or to render, by name."""
+
+    @abc.abstractmethod
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Take up what :meth:`state` gave.
+
+        Raises
+        ------
+        ValueError
+            If an array is missing or has the wrong shape.
+        """

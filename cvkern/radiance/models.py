@@ -1,0 +1,197 @@
+"""Trained radiance fields, with everything that it takes to render and to save them."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime, runtime
+from cvkern._validate import check_choice
+from cvkern.radiance import checkpoints
+from cvkern.radiance.cameras import Cameras, cameras
+from cvkern.radiance.fields import Field, Frame
+from cvkern.radiance.scenes import Bounds
+
+__all__ = ["Mark", "Model", "load_model"]
+
+FIELDS = {"HashField": "hash_field", "VoxelField": "voxel_field", "MLPField": "mlp_field"}
+
+
+class Mark(NamedTuple):
+    """How far a training was at one moment."""
+
+    step: int
+    """Steps done."""
+    seconds: float
+    """Time spent in them."""
+    psnr: float
+    """Of the rays of the last steps before, decibels."""
+    test_psnr: float
+    """Mean over views that were kept back, decibels; NaN where there are none."""
+    test_ssim: float
+    """Mean structural similarity of the same views."""
+
+
+@dataclass
+class Training:
+    """Where a training stands, beside the field itself."""
+
+    step: int = 0
+    seconds: float = 0.0
+    rays: int = 0
+    """How many are in a batch now."""
+    progress: float = 0.0
+    """Share that was done when the host last looked."""
+    marks: list[Mark] = field(default_factory=list)
+    stopped: bool = False
+    """Whether an interrupt ended it before its time."""
+
+
+@dataclass(eq=False)
+class Model:
+    """A radiance field made from the photographs of a scene.
+
+    :func:`fit` makes one, :func:`load_model` reads one from a file, and :func:`render` and its like
+    make pictures of it.
+    """
+
+    field: Field
+    """The field, on the device that it was made on."""
+    settings: Any
+    """What it was made with: a `HashField`, say."""
+    background: str
+    """What it was trained before: white, black, random or learnt."""
+    behind: np.ndarray
+    """The colour behind everything that pictures have, (3,) float32; white for random."""
+    cameras: Cameras
+    """Those of the photographs: where to look from."""
+    seed: int
+    training: Training
+    """How it came about; ``training.marks`` is the curve of its quality."""
+    extra: dict[str, np.ndarray]
+    """What a training that goes on needs beside the state of the field."""
+
+    @property
+    def frame(self) -> Frame:
+        """The region of the world that the field fills."""
+        return self.field.frame
+
+    @property
+    def rt(self) -> Runtime:
+        """The kernels of the field, ready for this thread."""
+        rt = self.field.rt
+        rt.set.start(rt.device, None)
+        return rt
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model as one ``.npz`` without pickled objects, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.npz``; an existing file is replaced once the new one is complete.
+
+        Raises
+        ------
+        FileNotFoundError
+            If the folder of `path` does not exist.
+        ValueError
+            If `path` has another ending.
+        OSError
+            If the disk is full, say; the old file stays.
+        """
+        checkpoints.check_suffix(path)
+        frame, views, training = self.frame, self.cameras, self.training
+        header = {
+            "field": type(self.settings).__name__,
+            "settings": asdict(self.settings),
+            "bounds": frame.bounds._asdict(),
+            "near": frame.near,
+            "far": frame.far,
+            "background": self.background,
+            "seed": self.seed,
+            "size": [views.width, views.height],
+            "training": asdict(training) | {"marks": []},
+        }
+        arrays = {
+            "behind": self.behind,
+            "marks": np.array(training.marks, np.float64).reshape(-1, len(Mark._fields)),
+            "cameras.poses": views.poses,
+            "cameras.intrinsics": views.intrinsics,
+            "cameras.distortion": views.distortion,
+        }
+        self.rt  # noqa: B018  (this thread may not have used the device yet)
+        arrays |= {f"extra.{name}": values for name, values in self.extra.items()}
+        arrays |= {f"state.{name}": values for name, values in self.field.state().items()}
+        checkpoints.write(path, header, arrays)
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Read a model that :meth:`Model.save` or :func:`fit` wrote, onto the chosen device.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    Model
+        Ready to render; with :func:`fit` its training can go on.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is no model, was cut short or damaged, is of another version, or its arrays do not
+        have the shapes that its settings ask for.
+    """
+    header, arrays = checkpoints.read(path)
+    try:
+        model = _from(header, arrays)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        reason = f"no {error}" if isinstance(error, KeyError) else str(error)
+        raise ValueError(
+            f"path must be a whole model, got {os.fspath(path)!r}: {reason}"
+        ) from error
+    return model
+
+
+def field_kind(name: str) -> Any:
+    """Return the class of settings of that name."""
+    check_choice(name, tuple(FIELDS), "field")
+    return getattr(importlib.import_module(f"cvkern.radiance.{FIELDS[name]}"), name)
+
+
+def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings as they were: JSON makes lists of tuples."""
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+
+
+def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
+    settings = field_kind(header["field"])(**_tuples(header["settings"]))
+    b = header["bounds"]
+    x, y, z = map(float, b["center"])
+    bounds = Bounds((x, y, z), float(b["half"]), bool(b["unbounded"]))
+    frame = Frame(bounds, float(header["near"]), float(header["far"]))
+    lenses = (arrays[f"cameras.{part}"] for part in ("poses", "intrinsics", "distortion"))
+    poses, intrinsics, distortion = lenses
+    views = cameras(poses, intrinsics, *header["size"], distortion=distortion)
+    training = replace(Training(**header["training"]))
+    training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in arrays["marks"]]
+    behind = arrays["behind"]
+    if behind.shape != (3,):
+        raise ValueError(f"behind must have shape (3,), got {behind.shape}")
+    made = settings.build(runtime(), frame, int(header["seed"]))
+    made.restore(_part(arrays, "state."))
+    extra = _part(arrays, "extra.")
+    return Model(made, settings, header["background"], behind.astype(np.float32), views,
+                 int(header["seed"]), training, extra)  # fmt: skip
+
+
+def _part(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}

@@ -1,0 +1,344 @@
+"""Pictures of radiance fields: single ones, paths, and how near they come to photographs."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern._validate import check_integer, check_positive
+from cvkern.radiance.cameras import Cameras, cameras, look_at
+from cvkern.radiance.fields import Field, Frame, Rays
+from cvkern.radiance.metrics import psnr, ssim
+from cvkern.radiance.models import Model
+from cvkern.radiance.scenes import Scene, focus_of
+
+__all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
+
+SOLID = 0.5  # opacity from which on a ray has a depth
+
+
+class Picture(NamedTuple):
+    """What a camera sees of a field."""
+
+    color: np.ndarray
+    """Composited over the background, in [0, 1], (H, W, 3) float32."""
+    opacity: np.ndarray
+    """Share of the light that the field stops, (H, W) float32."""
+    depth: np.ndarray
+    """Mean distance along the ray of what stops it, units of the world, (H, W) float32; NaN where
+    the opacity is below one half."""
+
+
+class Scores(NamedTuple):
+    """How near pictures come to photographs."""
+
+    psnr: np.ndarray
+    """Decibels of each view, (V,) float64."""
+    ssim: np.ndarray
+    """Structural similarity of each view, (V,) float64; NaN for images too small for it."""
+
+
+def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = None) -> Picture:
+    """Render a view of a model.
+
+    Parameters
+    ----------
+    model : Model
+    cameras : Cameras
+        In the world of the model's photographs; ``model.cameras`` took those.
+    view : int, default 0
+        Which of the cameras.
+    background : (red, green, blue), optional
+        In [0, 1]; by default ``model.behind``.
+
+    Returns
+    -------
+    Picture
+
+    Raises
+    ------
+    TypeError
+        If `view` is not an integer, or the background holds no numbers.
+    ValueError
+        If there is no such view, or the background is not three finite numbers.
+
+    Examples
+    --------
+    >>> from cvkern.radiance import HashField, fit, make_scene, render
+    >>> scene = make_scene(train=3, test=1, size=16)
+    >>> small = HashField(levels=8, table_bits=10, samples=2**12, rays=64, cells=32)
+    >>> model = fit(scene, small, steps=2)
+    >>> render(model, scene.cameras, view=3).color.shape
+    (16, 16, 3)
+    """
+    view = check_integer(view, "view", 0, len(cameras) - 1)
+    behind = model.behind if background is None else check_behind(background)
+    return Renderer(model.field, model.rt)(cameras, view, behind)
+
+
+class Renderer:
+    """What renders views of a field, in as many batches of rays as they take."""
+
+    def __init__(self, field: Field, rt: Runtime):
+        self.field, self.rt = field, rt
+        self.active, self.step = rt.zeros((1,), np.int32), rt.zeros((1,), np.int32)
+        self.rays = Rays(rt.zeros((field.rays, 3)), rt.zeros((field.rays, 3)), self.active)
+        self.most = max(1, field.rays - 1)  # a full batch does not tell that it lacked room
+        self.batch = min(self.most, field.first_rays)
+
+    def __call__(self, cameras: Cameras, view: int, behind: np.ndarray) -> Picture:
+        """Render a view."""
+        field, rt = self.field, self.rt
+        lens = on_device(rt, field.frame, cameras.select([view]))
+        count = cameras.height * cameras.width
+        color, opacity, depth = (np.empty((count, *tail), np.float32) for tail in ((3,), (), ()))
+
+        def cast(begin: int, size: int) -> Any:
+            rt.radiance_rays.view_rays(
+                *lens, 0, cameras.width, begin, self.rays.origins, self.rays.directions
+            )
+            return self.forward(size)
+
+        for begin, size, seen in self.batches(count, cast):
+            part = slice(begin, begin + size)
+            color[part] = rt.to_numpy(seen.color)[:size]
+            opacity[part] = rt.to_numpy(seen.opacity)[:size]
+            depth[part] = rt.to_numpy(seen.depth)[:size]
+        color += (1 - opacity)[:, None] * behind
+        half = np.float32(field.frame.bounds.half)
+        solid = opacity >= SOLID
+        depth = np.where(solid, half * depth / np.where(solid, opacity, 1), np.float32(np.nan))
+        shape = cameras.height, cameras.width
+        np.clip(color, 0, 1, out=color)
+        return Picture(color.reshape(*shape, 3), opacity.reshape(shape), depth.reshape(shape))
+
+    def forward(self, size: int) -> Any:
+        """Render the first `size` rays."""
+        self.rt.write(self.active, np.array([size], np.int32))
+        return self.field.forward(self.rays, self.step, training=False)
+
+    def batches(self, count: int, cast: Callable[[int, int], Any]) -> Any:
+        """Yield where each batch begins, its size and what it saw, so that none lacks room."""
+        begin = 0
+        while begin < count:
+            size = min(self.batch, count - begin)
+            seen = cast(begin, size)
+            if not self.field.complete() and size > 1:
+                self.batch = max(1, size // 2)
+                continue
+            yield begin, size, seen
+            begin += size
+            if size == self.batch < self.most:
+                wanted = self.field.rays_for(self.field.taken(), size)
+                self.batch = min(self.most, 2 * size, max(1, wanted))
+
+
+def render_path(
+    model: Model,
+    cameras: Cameras,
+    path: str | os.PathLike[str],
+    *,
+    fps: float = 20.0,
+    background: Any = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Render views one after the other as a film.
+
+    Parameters
+    ----------
+    model : Model
+    cameras : Cameras
+        One view for each frame: those of :func:`orbit_cameras`, say.
+    path : path
+        Ends in ``.gif``, or in ``.mp4`` where imageio-ffmpeg is installed.
+    fps : float, default 20.0
+        Frames a second.
+    background : (red, green, blue), optional
+        In [0, 1]; by default ``model.behind``.
+    progress : function, optional
+        Called with the number of frames done and of all.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder of `path` does not exist.
+    ModuleNotFoundError
+        If `path` ends in ``.mp4`` and imageio-ffmpeg is not installed.
+    TypeError
+        If the background holds no numbers.
+    ValueError
+        If `path` ends otherwise, or `fps` or the background is out of its range.
+    """
+    from cvkern.clouds import write_animation
+
+    # Before the work, not after it.
+    suffix = os.path.splitext(os.fspath(path))[1].lower()
+    if suffix not in (".gif", ".mp4"):
+        raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
+    if not os.path.isdir(os.path.dirname(os.path.realpath(path))):
+        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
+    frames = film(model, cameras, background=background, progress=progress)
+    write_animation(path, frames, fps=fps)
+
+
+def film(
+    model: Model,
+    cameras: Cameras,
+    *,
+    background: Any = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """Return the views of `cameras`, (F, H, W, 3) uint8; see :func:`render_path`."""
+    behind = model.behind if background is None else check_behind(background)
+    draw = Renderer(model.field, model.rt)
+    frames = np.empty((len(cameras), cameras.height, cameras.width, 3), np.uint8)
+    for i in range(len(cameras)):
+        frames[i] = np.round(255 * draw(cameras, i, behind).color)
+        if progress:
+            progress(i + 1, len(cameras))
+    return frames
+
+
+def orbit_cameras(views: Cameras, frames: int = 60, *, factor: float = 1.0) -> Cameras:
+    """Return cameras on a round trip about what given cameras look at.
+
+    Parameters
+    ----------
+    views : Cameras
+        Those of the photographs, as in ``scene.cameras`` or ``model.cameras``.
+    frames : int, default 60
+        How many; they make a loop.
+    factor : float, default 1.0
+        Size of the images over that of the photographs, > 0.
+
+    Returns
+    -------
+    Cameras
+        At the mean height and distance of the given ones, upright as they are on average, with
+        the lens of the first one but without its distortion. Where those stand on less than half
+        of a circle, the trip swings to and fro within it.
+
+    Raises
+    ------
+    TypeError
+        If `frames` is not an integer, or `factor` no number.
+    ValueError
+        If either is out of its range.
+    """
+    count = check_integer(frames, "frames", 1, 2**12)
+    sized = views.scaled(check_positive(factor, "factor"))
+    poses = views.poses
+    middle = focus_of(poses)
+    up = -poses[:, :, 1].mean(axis=0)
+    up = up / np.linalg.norm(up) if np.linalg.norm(up) > 0.1 else np.array([0.0, 0.0, 1.0])
+    arms = poses[:, :, 3] - middle
+    height = arms @ up
+    flat = arms - height[:, None] * up
+    reach = np.linalg.norm(flat, axis=1)
+    # Angles about `up`, from the first of two axes across it.
+    east = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    east /= np.linalg.norm(east)
+    north = np.cross(up, east)
+    angles = np.sort(np.arctan2(flat @ north, flat @ east))
+    gaps = np.diff(angles, append=angles[0] + 2 * math.pi)
+    widest = int(gaps.argmax())
+    turn = np.arange(count) / count
+    if gaps[widest] < math.pi:
+        path = angles[0] + 2 * math.pi * turn
+    else:
+        begin = angles[(widest + 1) % len(angles)]
+        spread = 2 * math.pi - gaps[widest]
+        path = begin + spread * (0.5 - 0.5 * np.cos(2 * math.pi * turn))
+    around = np.cos(path)[:, None] * east + np.sin(path)[:, None] * north
+    radius = max(float(reach.mean()), 1e-6 * (1 + float(np.abs(height).max())))
+    eyes = middle + height.mean() * up + radius * around
+    poses = look_at(eyes, middle, up)
+    return cameras(poses, sized.intrinsics[0], sized.width, sized.height)
+
+
+def evaluate(
+    model: Model,
+    scene: Scene,
+    *,
+    test: bool = True,
+    views: Sequence[int] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Scores:
+    """Compare a model with the photographs of a scene.
+
+    Parameters
+    ----------
+    model : Model
+    scene : Scene
+    test : bool, default True
+        Compare with the views that are kept back, else with the others.
+    views : sequence of int, optional
+        Compare with these views instead.
+    progress : function, optional
+        Called with the number of views done and of all.
+
+    Returns
+    -------
+    Scores
+        Photographs with opacity stand before ``model.behind``, as the pictures do.
+
+    Raises
+    ------
+    ValueError
+        If there is no such view.
+    """
+    if views is None:
+        views = np.flatnonzero(scene.test == test).tolist()
+    if not views:
+        kind = "kept back" if test else "to train from"
+        raise ValueError(f"scene must have views {kind}, got {len(scene)} others")
+    chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]
+    draw = Renderer(model.field, model.rt)
+    scores = np.full((2, len(chosen)), np.nan)
+    for i, view in enumerate(chosen):
+        found = draw(scene.cameras, view, model.behind).color
+        wanted = photograph(scene, view, model.behind)
+        scores[0, i] = psnr(found, wanted)
+        if min(found.shape[:2]) >= 11:
+            scores[1, i] = ssim(found, wanted)
+        if progress:
+            progress(i + 1, len(chosen))
+    return Scores(*scores)
+
+
+def photograph(scene: Scene, view: int, behind: np.ndarray) -> np.ndarray:
+    """Return a photograph before a background, (H, W, 3) float32 in [0, 1]."""
+    image = scene.images[view].astype(np.float32) / 255
+    if image.shape[2] == 3:
+        return image
+    seen = image[..., 3:]
+    return image[..., :3] * seen + (1 - seen) * behind
+
+
+def on_device(rt: Runtime, frame: Frame, views: Cameras) -> tuple[Any, Any]:
+    """Return poses (N, 3, 4) of the frame and lenses (N, 9), as kernels take them."""
+    lenses = np.hstack((views.intrinsics, views.distortion)).astype(np.float32)
+    return owned(rt, frame.inside(views.poses)), owned(rt, lenses)
+
+
+def owned(rt: Runtime, values: np.ndarray) -> Any:
+    """Return a kernel array of one's own with these values."""
+    array = rt.zeros(values.shape, values.dtype)
+    rt.write(array, np.ascontiguousarray(values))
+    return array
+
+
+def check_behind(background: Any) -> np.ndarray:
+    """Return a colour, (3,) float32."""
+    try:
+        color = np.asarray(background, np.float32)
+    except (TypeError, ValueError):
+        raise TypeError(f"background must be three numbers, got {background!r}") from None
+    if color.shape != (3,) or not ((color >= 0) & (color <= 1)).all():
+        raise ValueError(f"background must be three numbers in [0, 1], got {background!r}")
+    return color

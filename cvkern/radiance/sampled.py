@@ -1,0 +1,182 @@
+"""Fields that are looked at in batches of samples: marched, evaluated, composited."""
+
+from __future__ import annotations
+
+import abc
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered
+
+CELLS = 128  # of the occupancy grid along a side, in each level
+LEVELS = 5  # of it in unbounded space: the outermost cube is 16 times as large
+STEPS = 1024  # along the diagonal of the innermost cube; also the most on any ray
+CONE = 1 / 256  # samples of unbounded space are this share of their distance apart
+STOP = 1e-4  # of the light is left: nothing behind is looked at
+FILL = 0.92  # of the room for samples that a batch should take
+EVERY = 16  # steps between looks at where space is empty
+SETTLED = 256  # steps after which no longer all of it is looked at
+FADE = 0.95
+OPTICAL_THICKNESS = 0.01  # of a step through a cell that is looked at however thin it is
+
+
+class Samples(NamedTuple):
+    """The samples of a batch of rays, as kernel arrays with room for M."""
+
+    spans: Any
+    """The first one and the number of each ray, (R, 2) int32."""
+    total: Any
+    """Their number, (1,) int32."""
+    positions: Any
+    """In the cube from 0 to 1, (M, 3) float32."""
+    distances: Any
+    """Distance from the camera, and length of the step, (M, 2) float32."""
+    rays: Any
+    """(M,) int32."""
+
+
+class SampledField(Field):
+    """A field that gives density and colour for a batch of samples; this class does the rest."""
+
+    def __init__(self, rt: Runtime, frame: Frame, room: int, rays: int, cells: int, seed: int):
+        self.rt, self.frame, self.room, self.cells, self.seed = rt, frame, room, cells, seed
+        self.rays, self.first_rays = rays, max(1, min(rays, room // STEPS))
+        unbounded = frame.bounds.unbounded
+        self.levels = LEVELS if unbounded else 1
+        self.finest = 2 * math.sqrt(3) / STEPS
+        self.cone = CONE if self.levels > 1 else 0.0
+        count = self.levels * cells**3
+        self.density = rt.zeros((count,))
+        self.bits = rt.zeros((count // 32,), np.uint32)
+        rt.write(self.bits, np.full(count // 32, 0xFFFFFFFF, np.uint32))
+        self._parts, self._limit = rt.zeros((1024,)), rt.zeros((1,))
+        self._visited = rt.zeros((room,), np.int32)
+        self._all = rt.zeros((1,), np.int32)
+        rt.write(self._all, np.array([room], np.int32))
+        self.samples = Samples(
+            rt.zeros((rays, 2), np.int32),
+            rt.zeros((1,), np.int32),
+            rt.zeros((room, 3)),
+            rt.zeros((room, 2)),
+            rt.zeros((room,), np.int32),
+        )
+        self.sigma, self.rgb = rt.zeros((room,)), rt.zeros((room, 3))
+        self.d_sigma, self.d_rgb = rt.zeros((room,)), rt.zeros((room, 3))
+        self.rendered = Rendered(
+            rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
+        )
+        self._looks: dict[bool, Any] = {}
+
+    @abc.abstractmethod
+    def evaluate(self, rays: Rays) -> None:
+        """Fill `sigma` and `rgb` for the samples."""
+
+    @abc.abstractmethod
+    def evaluate_density(self, total: Any) -> None:
+        """Fill `sigma` for the first `total` positions of the samples."""
+
+    @abc.abstractmethod
+    def evaluate_backward(self) -> None:
+        """Add the gradients of the parameters, from `d_sigma` and `d_rgb`."""
+
+    def forward(self, rays: Rays, step: Any, *, training: bool) -> Rendered:
+        """See :meth:`Field.forward`."""
+        s = self.samples
+        self.rt.radiance_march.march_rays(
+            rays.origins, rays.directions, self.bits, self.levels, self.cells, self.frame.near,
+            self.frame.far, self.finest, self.cone, STEPS, training, self.frame.bounds.unbounded,
+            self.seed, step, rays.active, *s,
+        )  # fmt: skip
+        self.evaluate(rays)
+        self.rt.radiance_composite.forward(
+            self.sigma, self.rgb, s.distances, s.spans, STOP, *self.rendered
+        )
+        return self.rendered
+
+    def backward(self, gradients: Rendered) -> None:
+        """See :meth:`Field.backward`."""
+        s = self.samples
+        self.rt.radiance_composite.backward(
+            *gradients, self.sigma, self.rgb, s.distances, s.spans, STOP, self.d_sigma, self.d_rgb
+        )
+        self.evaluate_backward()
+
+    def taken(self) -> int:
+        """See :meth:`Field.taken`."""
+        return int(self.rt.to_numpy(self.samples.total)[0])
+
+    def complete(self) -> bool:
+        """See :meth:`Field.complete`."""
+        # The place of the last row is the sum of all before it, those without room among them.
+        last = self.samples.spans[self.rays - 1 : self.rays]
+        return int(self.rt.to_numpy(last)[0, 0]) <= self.room
+
+    def densities(self, points: np.ndarray) -> np.ndarray:
+        """See :meth:`Field.densities`."""
+        places = np.asarray(points, np.float32)
+        if self.frame.bounds.unbounded:
+            size = np.maximum(np.linalg.norm(places, axis=1, keepdims=True), 1.0)
+            places = places * ((2 - 1 / size) / size) / 2
+        places = 0.5 * places + 0.5
+        found = np.empty(len(places), np.float32)
+        block = np.zeros((self.room, 3), np.float32)
+        for begin in range(0, len(places), self.room):
+            part = places[begin : begin + self.room]
+            block[: len(part)] = part
+            self.rt.write(self.samples.positions, block)
+            self.evaluate_density(self._all)
+            found[begin : begin + len(part)] = self.rt.to_numpy(self.sigma)[: len(part)]
+        return found
+
+    def rays_for(self, samples: int, rays: int) -> int:
+        """See :meth:`Field.rays_for`."""
+        most = self.samples.spans.shape[0]
+        return max(1, min(most, int(rays * FILL * self.room / max(samples, 1))))
+
+    def tend(self, step: int, learning: Learning) -> None:
+        """Look where space is empty, every now and then."""
+        if step % EVERY == 0:
+            everywhere = step < SETTLED
+            if everywhere not in self._looks:
+                self._look(everywhere, learning.step)
+                self._looks[everywhere] = self.rt.record(
+                    lambda: self._look(everywhere, learning.step)
+                )
+            else:
+                self._looks[everywhere]()
+
+    def _look(self, everywhere: bool, step: Any) -> None:
+        """Raise each cell to the density at a random point of it: all cells, or a random part."""
+        occupancy, count = self.rt.radiance_occupancy, self.levels * self.cells**3
+        occupancy.fade(FADE, self.density)
+        for begin in range(0, count if everywhere else -(-count // 4), self.room):
+            occupancy.visit(
+                self.cells, count, everywhere, self.frame.bounds.unbounded, self.seed, step, begin,
+                self._visited, self.samples.positions,
+            )  # fmt: skip
+            self.evaluate_density(self._all)
+            occupancy.raise_to(self._visited, self.sigma, self.density)
+        least = OPTICAL_THICKNESS / self.finest
+        occupancy.mark(self.density, least, self._parts, self._limit, self.bits)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """See :meth:`Field.state`."""
+        return {"occupancy.density": self.rt.to_numpy(self.density).copy(),
+                "occupancy.bits": self.rt.to_numpy(self.bits).copy()}  # fmt: skip
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """See :meth:`Field.restore`."""
+        self.rt.write(self.density, taken(state, "occupancy.density", self.density.shape))
+        self.rt.write(self.bits, taken(state, "occupancy.bits", self.bits.shape))
+
+
+def taken(state: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of a state, if it is there and as it should be."""
+    if name not in state:
+        raise ValueError(f"state must have {name!r}, got {tuple(state)}")
+    if state[name].shape != tuple(shape):
+        raise ValueError(f"{name} must have shape {tuple(shape)}, got {state[name].shape}")
+    return state[name]

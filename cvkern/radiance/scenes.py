@@ -1,0 +1,183 @@
+"""Posed photographs: what a radiance field is made from, and where they are read from."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern.radiance.cameras import Cameras
+
+
+class Bounds(NamedTuple):
+    """The cube of the world that the scene's detail is in."""
+
+    center: tuple[float, float, float]
+    """World position of the middle."""
+    half: float
+    """Half of the side, in units of the world."""
+    unbounded: bool
+    """Whether rays go on behind the cube, to a background far away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Photographs with their cameras, and which of them are kept back for testing."""
+
+    images: np.ndarray
+    """(N, H, W, 3) or, with opacity, (N, H, W, 4), uint8; colours are not premultiplied."""
+    cameras: Cameras
+    """One view for each image."""
+    test: np.ndarray
+    """Whether a view is kept back, (N,) bool."""
+    bounds: Bounds
+    near: float
+    """Distance from a camera before which there is nothing, in units of the world."""
+    far: float
+    """Distance behind which nothing is looked for; infinite in an unbounded scene."""
+    depths: np.ndarray | None = None
+    """Distance along the rays of the views, (N, H, W) float32; NaN where it is not known."""
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def resized(self, factor: int) -> Scene:
+        """Return the scene with its images averaged over blocks of `factor` x `factor` pixels."""
+        small = self.cameras.resized(factor)
+        depths = self.depths
+        if depths is not None:
+            depths = depths[:, factor // 2 :: factor, factor // 2 :: factor]
+            depths = depths[:, : small.height, : small.width]
+        images = np.stack([_averaged(image, factor) for image in self.images])
+        return replace(self, images=images, cameras=small, depths=depths)
+
+
+def load_scene(path: Any, *, test_every: int = 8) -> Scene:
+    """Read a folder of posed photographs.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, or the JSON file in it. What it holds decides the format:
+        ``transforms_train.json`` and its like (Blender), ``transforms.json`` (instant-ngp, with
+        lens distortion), ``sparse/0`` or ``cameras.bin`` / ``cameras.txt`` (COLMAP; photographs
+        in ``images``), ``poses_bounds.npy`` (LLFF).
+    test_every : int, default 8
+        Every so many of the photographs, in order of their names, is kept back for testing where
+        the format does not say which.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder, it is in none of the formats, or a file that it names is not
+        there.
+    ValueError
+        If a file is broken, there are no photographs, they differ in size, a number is not
+        finite, or a pose has no rotation in it; names the file.
+
+    Notes
+    -----
+    Formats that put pixel centres at halves are moved by half a pixel, and the OpenGL axes (y up,
+    z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
+    the unit of the files.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"path must be a folder of posed photographs, got {str(path)!r}")
+    folder = path if path.is_dir() else path.parent
+    formats = (
+        ("_blender", path if path.is_file() else folder / "transforms_train.json"),
+        ("_blender", folder / "transforms.json"),
+        ("_llff", folder / "poses_bounds.npy"),
+        *(
+            ("_colmap", model / f"cameras.{kind}")
+            for model in (folder / "sparse" / "0", folder / "sparse", folder)
+            for kind in ("bin", "txt")
+        ),
+    )
+    for name, file in formats:
+        if file.exists():
+            return importlib.import_module(f"cvkern.radiance.{name}").load(file, test_every)
+    raise FileNotFoundError(
+        "path must hold transforms_train.json, transforms.json, poses_bounds.npy or a COLMAP "
+        f"model, got {str(path)!r}"
+    )
+
+
+def read_images(files: list[Path]) -> np.ndarray:
+    """Read photographs of one size, (N, H, W, 3 or 4) uint8."""
+    from cvkern.images import read_image
+
+    if not files:
+        raise ValueError("scene must have at least one photograph, got none")
+    found = []
+    for file in files:
+        if not file.exists():
+            raise FileNotFoundError(f"scene must have all its photographs, but {file} is not there")
+        image = _as_bytes(read_image(file), file)
+        if found and image.shape != found[0].shape:
+            raise ValueError(
+                f"photographs must have one size, got {image.shape} in {file}, "
+                f"and {found[0].shape} in {files[0]}"
+            )
+        found.append(image)
+    return np.stack(found)
+
+
+def view_directions(poses: np.ndarray) -> np.ndarray:
+    """Return the unit vector along which each camera looks, (N, 3)."""
+    return poses[:, :, 2]
+
+
+def focus_of(poses: np.ndarray) -> np.ndarray:
+    """Return the point that is nearest to the optical axes of all cameras, (3,)."""
+    eyes, ahead = poses[:, :, 3], view_directions(poses)
+    # The distance from an axis is |(I - d d^T)(p - o)|: least squares over all axes.
+    across = np.eye(3) - ahead[:, :, None] * ahead[:, None]
+    system = across.sum(axis=0) + 1e-9 * len(poses) * np.eye(3)  # parallel axes have no such point
+    wanted = (across @ eyes[:, :, None])[..., 0].sum(axis=0) + 1e-9 * eyes.sum(axis=0)
+    return np.linalg.solve(system, wanted)
+
+
+def every(count: int, step: int) -> np.ndarray:
+    """Mark the first of every `step` views, but not the only one."""
+    marks = np.zeros(count, bool)
+    if count > 1:
+        marks[::step] = True
+    return marks
+
+
+def _as_bytes(image: np.ndarray, file: Path) -> np.ndarray:
+    if not np.isfinite(image).all():
+        raise ValueError(f"photographs must be finite, got NaN or infinity in {file}")
+    if image.dtype == np.uint16:
+        image = (image // 257).astype(np.uint8)
+    elif image.dtype.kind == "f":
+        image = np.round(255 * image.clip(0, 1)).astype(np.uint8)
+    elif image.dtype != np.uint8:
+        raise ValueError(f"photographs must be uint8, uint16 or float, got {image.dtype} in {file}")
+    if image.ndim == 2:
+        image = np.repeat(image[..., None], 3, axis=2)
+    if image.shape[2] not in (3, 4):
+        raise ValueError(f"photographs must be grey, RGB or RGBA, got {image.shape} in {file}")
+    return image
+
+
+def _averaged(image: np.ndarray, factor: int) -> np.ndarray:
+    """Average blocks; colours count as much as they are opaque."""
+    height, width = (n // factor for n in image.shape[:2])
+    blocks = image[: height * factor, : width * factor].astype(np.float64)
+    blocks = blocks.reshape(height, factor, width, factor, -1)
+    if image.shape[2] == 3:
+        return np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    opacity = blocks[..., 3:]
+    weight = opacity.mean(axis=(1, 3))
+    color = (blocks[..., :3] * opacity).mean(axis=(1, 3)) / np.maximum(weight, 1e-9)
+    return np.round(np.concatenate((color, weight), axis=2)).astype(np.uint8)

@@ -1,0 +1,212 @@
+"""Points and surfaces of radiance fields, for other programs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._files import replacing
+from cvkern._validate import check_integer, check_positive
+from cvkern.radiance.cameras import Cameras, pixel_rays
+from cvkern.radiance.models import Model
+from cvkern.radiance.rendering import Renderer
+
+__all__ = ["Cloud", "Mesh", "mesh", "point_cloud", "write_mesh"]
+
+BEFORE = 2.0  # cells before a surface, from where its colour is looked at
+
+
+class Cloud(NamedTuple):
+    """Points with colours."""
+
+    points: np.ndarray
+    """World positions, (N, 3) float32."""
+    colors: np.ndarray
+    """Red, green, blue, (N, 3) uint8."""
+
+
+class Mesh(NamedTuple):
+    """Triangles, with a colour at each corner."""
+
+    points: np.ndarray
+    """World positions of the corners, (N, 3) float32."""
+    faces: np.ndarray
+    """Numbers of the corners of each triangle, anticlockwise from outside, (F, 3) int32."""
+    colors: np.ndarray
+    """Red, green, blue of each corner, (N, 3) uint8."""
+
+
+def point_cloud(
+    model: Model, cameras: Cameras | None = None, *, views: Sequence[int] | None = None
+) -> Cloud:
+    """Return the points that the pixels of some views show.
+
+    Parameters
+    ----------
+    model : Model
+    cameras : Cameras, optional
+        By default ``model.cameras``.
+    views : sequence of int, optional
+        By default twelve of them, or all if there are fewer.
+
+    Returns
+    -------
+    Cloud
+        A point for each pixel through which the field stops half of the light; may be empty.
+        ``cvkern.clouds.write_ply(path, *cloud)`` writes it.
+
+    Raises
+    ------
+    TypeError
+        If a number of a view is not an integer.
+    ValueError
+        If there is no such view.
+    """
+    cameras = model.cameras if cameras is None else cameras
+    if views is None:
+        views = range(0, len(cameras), max(1, len(cameras) // 12))
+    chosen = [check_integer(v, "views", 0, len(cameras) - 1) for v in views]
+    draw = Renderer(model.field, model.rt)
+    points, colors = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.uint8)]
+    for view in chosen:
+        seen = draw(cameras, view, model.behind)
+        solid = np.isfinite(seen.depth)
+        origins, directions = pixel_rays(cameras, view, np.argwhere(solid))
+        places = origins + seen.depth[solid][:, None] * directions
+        points.append(places.astype(np.float32))
+        colors.append(np.round(255 * seen.color[solid]).astype(np.uint8))
+    return Cloud(np.concatenate(points), np.concatenate(colors))
+
+
+def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
+    """Return the surface on which the density of a model has one value, by marching cubes.
+
+    Parameters
+    ----------
+    model : Model
+    resolution : int, default 128
+        Cells along a side of the scene's cube, from 8 to 1024; what lies outside of it is left
+        out.
+    density : float, default 25.0
+        The value, per half of the cube's side, > 0: light that goes so far through it is left
+        with ``exp(-density)`` of itself.
+
+    Returns
+    -------
+    Mesh
+        Colours are those seen along the normals.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If scikit-image is not installed.
+    TypeError
+        If a parameter is no number.
+    ValueError
+        If a parameter is out of its range, or the density is nowhere on both sides of the value.
+    """
+    cells = check_integer(resolution, "resolution", 8, 1024)
+    density = check_positive(density, "density")
+    try:
+        from skimage.measure import marching_cubes
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            "mesh needs the marching cubes of scikit-image: pip install 'cvkern[demo]'"
+        ) from None
+    rt, bounds = model.rt, model.frame.bounds
+    axis = np.linspace(-1, 1, cells + 1, dtype=np.float32)
+    grid = np.empty((cells + 3,) * 3, np.float32)
+    grid[...] = 0  # nothing outside: the surface is closed
+    plane = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=2).reshape(-1, 2)
+    for i, x in enumerate(axis):  # a plane at a time: all points at once would fill the memory
+        points = np.column_stack((np.full(len(plane), x), plane))
+        grid[i + 1, 1:-1, 1:-1] = model.field.densities(points).reshape(cells + 1, cells + 1)
+    if not grid.max() > density:
+        raise ValueError(
+            f"density must be below the model's greatest, {grid.max():g}, got {density:g}"
+        )
+    side = 2 / cells
+    corners, faces, normals, _ = marching_cubes(
+        grid, density, spacing=(side,) * 3, gradient_direction="ascent"
+    )
+    corners = (corners - 1 - side).astype(np.float32)
+    faces = np.ascontiguousarray(faces, np.int32)
+    normals = normals.astype(np.float32)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    # Rays see nothing before `near`: they start that much farther away.
+    away = model.frame.near + BEFORE * side
+    colors = _looked_at(model, rt, corners + np.float32(away) * normals, -normals)
+    points = bounds.half * corners + np.array(bounds.center, np.float32)
+    return Mesh(points.astype(np.float32), faces, colors)
+
+
+def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Return the colours that rays of the frame see close by, (N, 3) uint8."""
+    draw = Renderer(model.field, rt)
+    colors = np.empty((len(origins), 3), np.uint8)
+    block = np.zeros((2, model.field.rays, 3), np.float32)
+    block[1, :, 2] = 1
+
+    def cast(begin: int, size: int) -> Any:
+        for source, part, target in zip((origins, directions), block, draw.rays[:2], strict=True):
+            part[:size] = source[begin : begin + size]
+            rt.write(target, part)
+        return draw.forward(size)
+
+    for begin, size, seen in draw.batches(len(origins), cast):
+        light = rt.to_numpy(seen.color)[:size]
+        opacity = np.maximum(rt.to_numpy(seen.opacity)[:size, None], 1e-3)
+        colors[begin : begin + size] = np.round(255 * (light / opacity).clip(0, 1))
+    return colors
+
+
+def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
+    """Write a mesh as binary PLY (little-endian), whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        An existing file is replaced once the new one is complete.
+    surface : Mesh
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder of `path` does not exist.
+    ValueError
+        If `path` does not end in ``.ply``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from cvkern.radiance import Mesh, write_mesh
+    >>> corners, faces = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_mesh(f"{folder}/one.ply", Mesh(corners, faces, np.zeros((3, 3), np.uint8)))
+    ...     Path(folder, "one.ply").stat().st_size
+    287
+    """
+    if Path(path).suffix.lower() != ".ply":
+        raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")
+    place = [(name, "<f4") for name in ("x", "y", "z")]
+    tint = [(name, "u1") for name in ("red", "green", "blue")]
+    table = np.empty(len(surface.points), place + tint)
+    columns = [*np.asarray(surface.points).T, *np.asarray(surface.colors).T]
+    for (name, _), column in zip(place + tint, columns, strict=True):
+        table[name] = column
+    triangles = np.empty(len(surface.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    triangles["count"], triangles["corners"] = 3, surface.faces
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
+    head += [f"property float {name}" for name, _ in place]
+    head += [f"property uchar {name}" for name, _ in tint]
+    head += [f"element face {len(triangles)}", "property list uchar int vertex_indices"]
+    with replacing(path) as beside, beside.open("wb") as file:
+        file.write("\n".join([*head, "end_header", ""]).encode("ascii"))
+        file.write(table.tobytes())
+        file.write(triangles.tobytes())

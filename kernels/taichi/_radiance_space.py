@@ -1,0 +1,115 @@
+"""Where a ray is: in the cells of the occupancy grid, and in the cube of a field.
+
+Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
+has levels of cubes, each of twice the side of the one before, and as many cells.
+"""
+
+import taichi as ti
+
+from ._random import random_unit
+from ._rounding import product, quotient
+
+vec2 = ti.types.vector(2, ti.f32)
+vec3 = ti.types.vector(3, ti.f32)
+
+
+@ti.func
+def level_of(point: vec3, levels: ti.i32) -> ti.i32:
+    """Return the innermost level whose cube has the point; `levels` where none has."""
+    far = ti.abs(point).max()
+    level = 0
+    side = 1.0
+    while far >= side and level < levels:
+        side *= 2.0
+        level += 1
+    return level
+
+
+@ti.func
+def cell_of(point: vec3, level: ti.i32, cells: ti.i32, zero: ti.i32) -> ti.i32:
+    """Return the number of the cell of a level that the point is in."""
+    middle = 0.5 * cells
+    scale = middle / (1 << level)  # by a power of 2: nothing to round
+    i = ti.math.clamp(ti.cast(product(point[0], scale, zero) + middle, ti.i32), 0, cells - 1)
+    j = ti.math.clamp(ti.cast(product(point[1], scale, zero) + middle, ti.i32), 0, cells - 1)
+    k = ti.math.clamp(ti.cast(product(point[2], scale, zero) + middle, ti.i32), 0, cells - 1)
+    return ((level * cells + k) * cells + j) * cells + i
+
+
+@ti.func
+def random_point(cell: ti.i32, cells: ti.i32, seed: ti.i32, step: ti.i32) -> vec3:
+    """Return a random point of a cell."""
+    layer = cell // (cells * cells)
+    level = layer // cells
+    side = ti.cast(1 << level, ti.f32)
+    size = 2.0 * side / cells
+    corner = ti.Vector([cell % cells, cell // cells % cells, layer % cells])
+    offset = ti.Vector([random_unit(seed, step, cell, k) for k in ti.static(range(1, 4))])
+    return (corner + offset) * size - side
+
+
+@ti.func
+def in_cube(point: vec3, unbounded: ti.i32) -> vec3:
+    """Coordinates in [0, 1] for a field; all of space contracted as in mip-NeRF 360 if wanted."""
+    scale = 0.5
+    if unbounded != 0:
+        length = point.norm()
+        scale = 0.25
+        if length > 1.0:
+            scale *= (2.0 - 1.0 / length) / length
+    return scale * point + 0.5
+
+
+@ti.func
+def is_set(bits: ti.template(), cell: ti.i32) -> ti.i32:
+    """Tell whether the bit of a cell is set."""
+    return ti.cast((bits[cell >> 5] >> ti.cast(cell & 31, ti.u32)) & ti.u32(1), ti.i32)
+
+
+@ti.func
+def row(a: ti.template(), i: ti.i32) -> vec3:
+    """Return row `i` as a vector."""
+    return vec3(a[i, 0], a[i, 1], a[i, 2])
+
+
+@ti.func
+def spacing(t: ti.f32, finest: ti.f32, cone: ti.f32, zero: ti.i32) -> ti.f32:
+    """Distance between samples: it grows with the distance from the camera."""
+    return ti.max(finest, product(cone, t, zero))
+
+
+@ti.func
+def interval(origin: vec3, inverse: vec3, side: ti.f32, zero: ti.i32) -> vec2:
+    """Distances at which a ray enters and leaves the cube from -side to side."""
+    enter = -1.0e30
+    leave = 1.0e30
+    for k in ti.static(range(3)):
+        a = product(-side - origin[k], inverse[k], zero)
+        b = product(side - origin[k], inverse[k], zero)
+        enter = ti.max(enter, ti.min(a, b))
+        leave = ti.min(leave, ti.max(a, b))
+    return vec2(enter, leave)
+
+
+@ti.func
+def reciprocal(direction: vec3, zero: ti.i32) -> vec3:
+    """One over each part, finite where that is 0."""
+    inverse = vec3(0.0)
+    for k in ti.static(range(3)):
+        d = direction[k]
+        if ti.abs(d) < 1.0e-12:
+            d = -1.0e-12 if d < 0.0 else 1.0e-12
+        inverse[k] = quotient(1.0, d, zero)
+    return inverse
+
+
+@ti.func
+def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i32) -> ti.f32:
+    """Distance along the ray to where it leaves the cell of a point."""
+    size = quotient(2.0 * (1 << level), ti.cast(cells, ti.f32), zero)
+    way = 1.0e30
+    for k in ti.static(range(3)):
+        at = quotient(point[k], size, zero)
+        side = ti.floor(at) + (1.0 if inverse[k] > 0.0 else 0.0)
+        way = ti.min(way, ti.max(product(product(side - at, size, zero), inverse[k], zero), 0.0))
+    return way

@@ -1,0 +1,193 @@
+"""Marching of rays through an occupancy grid, in Taichi: where a field is looked at.
+
+One thread a ray, twice: to count its samples, and, when it is known where they go, to write them.
+Which cells are met is the same on every device: hence `product`.
+"""
+
+import numpy as np
+import taichi as ti
+
+from ._launch import primitive
+from ._radiance_space import (
+    cell_of,
+    in_cube,
+    interval,
+    is_set,
+    level_of,
+    reciprocal,
+    row,
+    spacing,
+    way_out,
+)
+from ._random import random_unit
+from ._rounding import product
+
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
+vec3 = ti.types.vector(3, ti.f32)
+
+
+@ti.func
+def _walk(
+    ray: ti.i32,
+    origins: ti.template(),
+    directions: ti.template(),
+    bits: ti.template(),
+    levels: ti.i32,
+    cells: ti.i32,
+    near: ti.f32,
+    far: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    most: ti.i32,
+    jitter: ti.f32,
+    unbounded: ti.i32,
+    zero: ti.i32,
+    begin: ti.i32,
+    positions: ti.template(),
+    distances: ti.template(),
+    rays: ti.template(),
+) -> ti.i32:
+    """Count the samples of a ray, and write them from `begin` on unless that is negative."""
+    origin = row(origins, ray)
+    direction = row(directions, ray)
+    inverse = reciprocal(direction, zero)
+    inside = interval(origin, inverse, ti.cast(1 << (levels - 1), ti.f32), zero)
+    t = ti.max(near, inside[0])
+    last = ti.min(far, inside[1])
+    t += product(jitter, spacing(t, finest, cone, zero), zero)
+    count = 0
+    while t < last and count < most:
+        point = vec3(0.0)
+        for k in ti.static(range(3)):
+            point[k] = origin[k] + product(t, direction[k], zero)
+        level = level_of(point, levels)
+        step = spacing(t, finest, cone, zero)
+        if level == levels:  # on the outermost side
+            t += step
+        elif is_set(bits, cell_of(point, level, cells, zero)) != 0:
+            if begin >= 0:
+                at = in_cube(point, unbounded)
+                for k in ti.static(range(3)):
+                    positions[begin + count, k] = at[k]
+                distances[begin + count, 0] = t
+                distances[begin + count, 1] = step
+                rays[begin + count] = ray
+            count += 1
+            t += step
+        else:  # by whole steps behind the cell, so that samples stay where they would have been
+            goal = t + way_out(point, inverse, level, cells, zero)
+            t += step
+            while t < goal:
+                t += spacing(t, finest, cone, zero)
+    return count
+
+
+@ti.kernel
+def _march(
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    bits: u32_1,  # (levels cells^3 / 32,)
+    levels: ti.i32,
+    cells: ti.i32,
+    near: ti.f32,
+    far: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    most: ti.i32,
+    jittered: ti.i32,
+    unbounded: ti.i32,
+    seed: ti.i32,
+    step: i32_1,  # (1,)
+    active: i32_1,  # (1,): rays behind so many have no samples
+    writes: ti.i32,
+    zero: ti.i32,
+    # outputs
+    spans: i32_2,  # (R, 2): counted unless `writes`
+    positions: f32_2,  # (M, 3)
+    distances: f32_2,  # (M, 2): distance, and length of the step
+    rays: i32_1,  # (M,)
+):
+    for ray in range(origins.shape[0]):
+        begin = -1
+        limit = most
+        if writes != 0:
+            begin = spans[ray, 0]
+            limit = spans[ray, 1]
+        elif ray >= active[0]:
+            spans[ray, 1] = 0
+            limit = 0
+        if limit > 0:
+            jitter = 0.5
+            if jittered != 0:
+                jitter = random_unit(seed, step[0], ray, 4)
+            count = _walk(
+                ray, origins, directions, bits, levels, cells, near, far, finest, cone, limit,
+                jitter, unbounded, zero, begin, positions, distances, rays,
+            )  # fmt: skip
+            if writes == 0:
+                spans[ray, 1] = count
+
+
+@ti.kernel
+def _place(
+    capacity: ti.i32,
+    # outputs
+    spans: i32_2,  # (R, 2)
+    total: i32_1,  # (1,)
+):
+    for _ in range(1):
+        end = 0
+        kept = 0
+        for ray in range(spans.shape[0]):
+            spans[ray, 0] = end
+            end += spans[ray, 1]
+            if end > capacity:
+                spans[ray, 1] = 0
+            else:
+                kept = end
+        total[0] = kept
+
+
+@primitive
+def march_rays(
+    origins: np.ndarray,
+    directions: np.ndarray,
+    bits: np.ndarray,
+    levels: int,
+    cells: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    jittered: bool,
+    unbounded: bool,
+    seed: int,
+    step: np.ndarray,
+    active: np.ndarray,
+    spans: np.ndarray,
+    total: np.ndarray,
+    positions: np.ndarray,
+    distances: np.ndarray,
+    rays: np.ndarray,
+) -> None:
+    """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
+
+    Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
+    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `bits` has one for
+    each of the cells^3 cells (a multiple of 4 a side) of each level. `spans` (R, 2) is filled with
+    the first row and the number of rows of each ray, `total` (1,) with their number, and that many
+    rows of `positions` (M, 3) in the cube of the field, `distances` (M, 2), the distance and the
+    length of the step, and `rays` (M,).
+    """
+    march = (
+        origins, directions, bits, levels, cells, near, far, finest, cone, most, jittered,
+        unbounded, seed, step, active,
+    )  # fmt: skip
+    outputs = spans, positions, distances, rays
+    _march(*march, False, 0, *outputs)
+    _place(positions.shape[0], spans, total)
+    _march(*march, True, 0, *outputs)

@@ -1,0 +1,376 @@
+"""Rays through a grid of density and colour on CUDA: one warp a ray.
+
+Its threads are 32 places along the ray, empty or not, and then the up to 32 coefficients of one
+sample after the other, so that a row of the grid is read, or added to, at once.
+"""
+
+import warp as wp
+
+from ._random import random_unit
+
+wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+
+THREADS = 32  # of a ray
+
+# BEFORE and AFTER differ between the passes: AFTER has, in each thread, one sample.
+_WALK = """
+    const unsigned all = 0xffffffffu;
+    const int lane = threadIdx.x & 31, width = color.shape[3];
+    const int side = resolution + 1, plane = side * side;
+    const float* o = origins.data + 3 * (size_t)ray;
+    const float* d = directions.data + 3 * (size_t)ray;
+    float bands[3];
+    {
+        const float x = d[0], y = d[1], z = d[2];
+        const int b = lane % basis;
+        const float h =
+            b == 0 ? 0.28209479177387814f :
+            b == 1 ? -0.4886025119029199f * y :
+            b == 2 ? 0.4886025119029199f * z :
+            b == 3 ? -0.4886025119029199f * x :
+            b == 4 ? 1.0925484305920792f * x * y :
+            b == 5 ? -1.0925484305920792f * y * z :
+            b == 6 ? 0.31539156525252005f * (3.0f * z * z - 1.0f) :
+            b == 7 ? -1.0925484305920792f * x * z : 0.5462742152960396f * (x * x - y * y);
+        for (int c = 0; c < 3; ++c) bands[c] = lane / basis == c ? h : 0.0f;
+    }
+    const float scale = (unbounded ? 0.25f : 0.5f) * (float)resolution;
+    const float middle = 0.5f * (float)resolution, most = (float)resolution;
+    float first = near, last = far;
+    if (!unbounded)
+        for (int k = 0; k < 3; ++k) {
+            const float inverse = 1.0f / (fabsf(d[k]) < 1e-12f ? copysignf(1e-12f, d[k]) : d[k]);
+            const float a = (-1.0f - o[k]) * inverse, b = (1.0f - o[k]) * inverse;
+            first = fmaxf(first, fminf(a, b));
+            last = fminf(last, fmaxf(a, b));
+        }
+    first += jitter * fmaxf(finest, cone * first);
+    float left = 1.0f, sum_w = 0.0f, sum_wt = 0.0f;
+    BEFORE
+    while (first < last && left > stop) {
+        float t = first + (float)lane * finest;
+        float gap = finest;
+        if (cone > 0.0f) {
+            t = first;
+            gap = fmaxf(finest, cone * t);
+            for (int s = 0; s < lane; ++s) {
+                t += gap;
+                gap = fmaxf(finest, cone * t);
+            }
+        }
+        first = __shfl_sync(all, t + gap, 31);
+        float y[3] = {o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]};
+        if (unbounded) {
+            const float square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2];
+            if (square > 1.0f) {
+                const float r = rsqrtf(square), shrink = (2.0f - r) * r;
+                for (int k = 0; k < 3; ++k) y[k] *= shrink;
+            }
+        }
+        int i[3];
+        float f[3];
+        for (int k = 0; k < 3; ++k) {
+            const float g = fminf(fmaxf(y[k] * scale + middle, 0.0f), most);
+            i[k] = min((int)g, resolution - 1);
+            f[k] = g - (float)i[k];
+        }
+        const int node = (i[2] * side + i[1]) * side + i[0];
+        const int cell = ((i[2] >> shift) * cells + (i[1] >> shift)) * cells + (i[0] >> shift);
+        float raw = -1e30f;
+        if (t < last && (bits.data[cell >> 5] >> (cell & 31) & 1u)) {
+            const float* at = density.data + node;
+            const float a = at[0] + f[0] * (at[1] - at[0]);
+            const float b = at[side] + f[0] * (at[side + 1] - at[side]);
+            const float c = at[plane] + f[0] * (at[plane + 1] - at[plane]);
+            const float e = at[plane + side] + f[0] * (at[plane + side + 1] - at[plane + side]);
+            const float g = a + f[1] * (b - a), h = c + f[1] * (e - c);
+            raw = g + f[2] * (h - g);
+        }
+        if (!__any_sync(all, raw > least)) continue;
+        const float sigma = raw > least ? expf(fminf(raw, 11.0f)) : 0.0f;
+        const float alpha = 1.0f - expf(-sigma * gap);
+        float through = 1.0f - alpha;  // up to and with this sample
+        for (int s = 1; s < 32; s *= 2) {
+            const float before = __shfl_up_sync(all, through, s);
+            through *= lane >= s ? before : 1.0f;
+        }
+        float before = __shfl_up_sync(all, through, 1);
+        before = left * (lane ? before : 1.0f);
+        const bool lit = raw > least && before > stop;
+        const float w = lit ? before * alpha : 0.0f, behind = before - w;
+        left *= __shfl_sync(all, through, 31);
+        float rgb[3] = {0.0f, 0.0f, 0.0f};
+        const unsigned seen = __ballot_sync(all, lit);
+        for (unsigned rest = seen; rest; rest &= rest - 1) {
+            const int s = __ffs(rest) - 1;
+            const int at = __shfl_sync(all, node, s);
+            const float x = __shfl_sync(all, f[0], s), y = __shfl_sync(all, f[1], s);
+            const float z = __shfl_sync(all, f[2], s);
+            float v = 0.0f;
+            if (lane < width) {
+                const float* row = color.data + (size_t)at * width + lane;
+                const size_t up = (size_t)side * width, in = (size_t)plane * width;
+                const float a = row[0] + x * (row[width] - row[0]);
+                const float b = row[up] + x * (row[up + width] - row[up]);
+                const float c = row[in] + x * (row[in + width] - row[in]);
+                const float e = row[in + up] + x * (row[in + up + width] - row[in + up]);
+                const float g = a + y * (b - a), h = c + y * (e - c);
+                v = g + z * (h - g);
+            }
+            float sums[3];
+            for (int c = 0; c < 3; ++c) {
+                sums[c] = v * bands[c];
+                for (int k = 16; k; k /= 2) sums[c] += __shfl_xor_sync(all, sums[c], k);
+            }
+            if (lane == s)
+                for (int c = 0; c < 3; ++c) rgb[c] = 1.0f / (1.0f + expf(-sums[c]));
+        }
+        // Sums of w and w t up to and with this sample.
+        float upto_w = w, upto_wt = w * t;
+        for (int s = 1; s < 32; s *= 2) {
+            const float a = __shfl_up_sync(all, upto_w, s), b = __shfl_up_sync(all, upto_wt, s);
+            upto_w += lane >= s ? a : 0.0f;
+            upto_wt += lane >= s ? b : 0.0f;
+        }
+        const float ahead_w = sum_w + upto_w - w, ahead_wt = sum_wt + upto_wt - w * t;
+        sum_w += __shfl_sync(all, upto_w, 31);
+        sum_wt += __shfl_sync(all, upto_wt, 31);
+        AFTER
+    }
+    END
+"""
+
+_FORWARD = {
+    "BEFORE": """
+    float out[4] = {0.0f, 0.0f, 0.0f, 0.0f};  // of this thread's samples: colour, distortion
+    int found = 0;
+    """,
+    "AFTER": """
+        for (int c = 0; c < 3; ++c) out[c] += w * rgb[c];
+        out[3] += w * (2.0f * (t * ahead_w - ahead_wt) + w * gap * (1.0f / 3.0f));
+        found += __popc(seen);
+    """,
+    "END": """
+    for (int c = 0; c < 4; ++c)
+        for (int k = 16; k; k /= 2) out[c] += __shfl_xor_sync(all, out[c], k);
+    if (lane == 0) {
+        for (int c = 0; c < 3; ++c) colors.data[3 * (size_t)ray + c] = out[c];
+        opacity.data[ray] = sum_w;
+        depth.data[ray] = sum_wt;
+        distortion.data[ray] = out[3];
+        samples.data[ray] = found;
+    }
+    """,
+}
+
+_BACKWARD = {
+    "BEFORE": """
+    const float* dc = d_colors.data + 3 * (size_t)ray;
+    const float d_o = d_opacity.data[ray], d_t = d_depth.data[ray], d_x = d_distortion.data[ray];
+    const float all_w = opacity.data[ray], all_wt = depth.data[ray];
+    float rest = d_o * all_w + d_t * all_wt + 2.0f * d_x * distortion.data[ray];
+    for (int c = 0; c < 3; ++c) rest += dc[c] * colors.data[3 * (size_t)ray + c];
+    """,
+    "AFTER": """
+        const float after_w = ahead_w + w, after_wt = ahead_wt + w * t;
+        const float apart =
+            t * ahead_w - ahead_wt + (all_wt - after_wt) - t * (all_w - after_w);
+        float g = d_o + d_t * t + d_x * (2.0f * apart + (2.0f / 3.0f) * w * gap);
+        for (int c = 0; c < 3; ++c) g += dc[c] * rgb[c];
+        float upto = w * g;
+        for (int s = 1; s < 32; s *= 2) {
+            const float a = __shfl_up_sync(all, upto, s);
+            upto += lane >= s ? a : 0.0f;
+        }
+        const float d_raw = sigma * gap * (behind * g - (rest - upto));
+        rest -= __shfl_sync(all, upto, 31);
+        for (unsigned left_over = seen; left_over; left_over &= left_over - 1) {
+            const int s = __ffs(left_over) - 1;
+            const int at = __shfl_sync(all, node, s);
+            const float d_node = __shfl_sync(all, d_raw, s), weight = __shfl_sync(all, w, s);
+            float fs[3], d_row = 0.0f;
+            for (int k = 0; k < 3; ++k) fs[k] = __shfl_sync(all, f[k], s);
+            for (int c = 0; c < 3; ++c) {
+                const float v = __shfl_sync(all, rgb[c], s);
+                d_row += weight * dc[c] * v * (1.0f - v) * bands[c];
+            }
+            for (int corner = 0; corner < 8; ++corner) {
+                const int to = at + (corner & 1) + (corner >> 1 & 1) * side + (corner >> 2) * plane;
+                const float share = (corner & 1 ? fs[0] : 1.0f - fs[0])
+                    * (corner & 2 ? fs[1] : 1.0f - fs[1]) * (corner & 4 ? fs[2] : 1.0f - fs[2]);
+                if (lane < 3 * basis)
+                    atomicAdd(d_color.data + (size_t)to * width + lane, share * d_row);
+                if (lane == 31 - corner) {
+                    atomicAdd(d_density.data + to, share * d_node);
+                    touched.data[to] = 1;
+                }
+            }
+        }
+    """,
+    "END": "",
+}
+
+
+def _text(parts: dict[str, str]) -> str:
+    text = _WALK
+    for name, part in parts.items():
+        text = text.replace(name, part)
+    return text
+
+
+@wp.func_native("return blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32;")
+def warp_number() -> int: ...
+
+
+@wp.func_native(_text(_FORWARD))
+def walk_forward(
+    ray: int,
+    jitter: float,
+    origins: wp.array2d[float],
+    directions: wp.array2d[float],
+    bits: wp.array[wp.uint32],
+    cells: int,
+    shift: int,
+    resolution: int,
+    basis: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    unbounded: bool,
+    stop: float,
+    least: float,
+    density: wp.array3d[float],
+    color: wp.array4d[float],
+    colors: wp.array2d[float],
+    opacity: wp.array[float],
+    depth: wp.array[float],
+    distortion: wp.array[float],
+    samples: wp.array[int],
+): ...
+
+
+@wp.func_native(_text(_BACKWARD))
+def walk_backward(
+    ray: int,
+    jitter: float,
+    d_colors: wp.array2d[float],
+    d_opacity: wp.array[float],
+    d_depth: wp.array[float],
+    d_distortion: wp.array[float],
+    origins: wp.array2d[float],
+    directions: wp.array2d[float],
+    bits: wp.array[wp.uint32],
+    cells: int,
+    shift: int,
+    resolution: int,
+    basis: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    unbounded: bool,
+    stop: float,
+    least: float,
+    density: wp.array3d[float],
+    color: wp.array4d[float],
+    colors: wp.array2d[float],
+    opacity: wp.array[float],
+    depth: wp.array[float],
+    distortion: wp.array[float],
+    d_density: wp.array3d[float],
+    d_color: wp.array4d[float],
+    touched: wp.array3d[wp.uint8],
+): ...
+
+
+@wp.kernel
+def render(
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    active: wp.array[int],  # (1,)
+    bits: wp.array[wp.uint32],  # (cells^3 / 32,)
+    cells: int,
+    shift: int,
+    resolution: int,
+    basis: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    unbounded: bool,
+    jittered: bool,
+    seed: int,
+    step: wp.array[int],  # (1,)
+    stop: float,
+    least: float,
+    density: wp.array3d[float],
+    color: wp.array4d[float],
+    # outputs
+    colors: wp.array2d[float],  # (R, 3)
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+    distortion: wp.array[float],  # (R,)
+    samples: wp.array[int],  # (R,)
+):
+    ray = warp_number()
+    if ray < active[0]:
+        jitter = float(0.5)
+        if jittered:
+            jitter = random_unit(seed, step[0], ray, 4)
+        walk_forward(
+            ray, jitter, origins, directions, bits, cells, shift, resolution, basis, near, far,
+            finest, cone, unbounded, stop, least, density, color, colors, opacity, depth,
+            distortion, samples,
+        )  # fmt: skip
+    elif ray < samples.shape[0]:
+        samples[ray] = 0
+
+
+@wp.kernel
+def render_backward(
+    d_colors: wp.array2d[float],  # (R, 3)
+    d_opacity: wp.array[float],  # (R,)
+    d_depth: wp.array[float],  # (R,)
+    d_distortion: wp.array[float],  # (R,)
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    active: wp.array[int],  # (1,)
+    bits: wp.array[wp.uint32],  # (cells^3 / 32,)
+    cells: int,
+    shift: int,
+    resolution: int,
+    basis: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    unbounded: bool,
+    jittered: bool,
+    seed: int,
+    step: wp.array[int],  # (1,)
+    stop: float,
+    least: float,
+    density: wp.array3d[float],
+    color: wp.array4d[float],
+    colors: wp.array2d[float],  # (R, 3)
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+    distortion: wp.array[float],  # (R,)
+    samples: wp.array[int],  # (R,)
+    # outputs
+    d_density: wp.array3d[float],  # added to
+    d_color: wp.array4d[float],  # added to
+    touched: wp.array3d[wp.uint8],
+):
+    ray = warp_number()
+    if ray < active[0]:
+        if samples[ray] > 0:
+            jitter = float(0.5)
+            if jittered:
+                jitter = random_unit(seed, step[0], ray, 4)
+            walk_backward(
+                ray, jitter, d_colors, d_opacity, d_depth, d_distortion, origins, directions, bits,
+                cells, shift, resolution, basis, near, far, finest, cone, unbounded, stop, least,
+                density, color, colors, opacity, depth, distortion, d_density, d_color, touched,
+            )  # fmt: skip

@@ -1,0 +1,85 @@
+"""Layers of a perceptron in Warp: float16 on CUDA's tensor cores, else float32."""
+
+import warp as wp
+
+from . import _radiance_dense_blocks as blocks
+from . import _radiance_dense_rows as rows
+from ._launch import launch, launch_slabs, scratch, slabs
+
+# Blocks for each multiprocessor of the largest GPUs: enough to hide what memory takes.
+_BLOCKS = 132 * 2
+
+
+def forward(
+    x: wp.array, w: wp.array, total: wp.array, relu: bool, column: int, y: wp.array
+) -> None:
+    """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
+
+    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16, and of 64
+    if they are larger than that.
+    """
+    _product(x, w, x, total, False, 0, column, relu, False, y)
+
+
+def backward_input(
+    dy: wp.array, w: wp.array, x: wp.array, total: wp.array, gated: bool, column: int, dx: wp.array
+) -> None:
+    """``dx = dy[:, column:column + N] w^T``, from y = x w, for the first `total` (1,) rows.
+
+    Where `gated`, `x` (M, K) is what a layer with `relu` gave, and `dx` (M, K) is 0 where `x` is.
+    """
+    _product(dy, w, x, total, True, column, 0, False, gated, dx)
+
+
+def backward_weight(dy: wp.array, x: wp.array, total: wp.array, column: int, dw: wp.array) -> None:
+    """``dw += x^T dy[:, column:column + N]``, from y = x w, over the first `total` (1,) rows.
+
+    `dw` (K, N) is float32. On the CPU the order of the sums depends on the number of threads alone.
+    """
+    depth, columns = dw.shape
+    if dw.device.is_cuda:
+        tile = min(depth, blocks.TILE), min(columns, blocks.TILE)
+        tiles = depth // tile[0] * (columns // tile[1])
+        count = max(1, _BLOCKS // 2 // tiles) * tiles
+        launch(blocks.outer(*tile), count * blocks.BLOCK, [dy, x, total, column], [dw])
+        return
+    count = slabs(x.shape[0], x.shape[0] * columns * 8)
+    padded = -(-columns // rows.LANES) * rows.LANES
+    parts = scratch("dense.parts", (count, depth, padded), wp.float32, dw.device)
+    launch_slabs(rows.outer, x.shape[0], count, [dy, x, total, column, columns], [parts])
+    launch(rows.gather, depth, [parts], [dw])
+
+
+def _product(
+    src: wp.array,
+    w: wp.array,
+    gates: wp.array,
+    total: wp.array,
+    transposed: bool,
+    column_in: int,
+    column_out: int,
+    relu: bool,
+    gated: bool,
+    dst: wp.array,
+) -> None:
+    depth, columns = w.shape[::-1] if transposed else w.shape
+    if dst.device.is_cuda:
+        tile = min(columns, blocks.TILE)
+        count = max(1, _BLOCKS // (columns // tile)) * (columns // tile)
+        launch(
+            blocks.product(depth, tile, transposed),
+            count * blocks.BLOCK,
+            [src, w, gates, total, columns, column_in, column_out, relu, gated],
+            [dst],
+        )
+        return
+    padded = -(-columns // rows.LANES) * rows.LANES
+    weights = scratch("dense.weights", (depth, padded), wp.float32, w.device)
+    launch(rows.pad, depth, [w, transposed], [weights])
+    launch_slabs(
+        rows.product,
+        src.shape[0],
+        slabs(src.shape[0], src.shape[0] * columns * 8),
+        [src, weights, gates, total, depth, columns, column_in, column_out, relu, gated],
+        [dst],
+    )

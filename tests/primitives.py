@@ -1,0 +1,40 @@
+"""The primitives of a kernel set, called with NumPy arrays wherever they run."""
+
+import importlib
+
+import numpy as np
+import pytest
+
+
+class Primitives:
+    """The primitives of one kernel set on one device, from NumPy to NumPy."""
+
+    def __init__(self, name, device):
+        self.name, self.device = name, device
+        self._package = importlib.import_module(f"cvkern.kernels.{name}")
+        try:
+            self.start()
+        except ValueError as absent:
+            pytest.skip(str(absent))
+
+    def start(self):
+        self._package.start(self.device, None)
+
+    def __call__(self, primitive, *arguments, out):
+        """Call "FAMILY.NAME" with inputs, then with outputs.
+
+        An output is the (shape, dtype) of an array of nothing useful, or an array to begin with.
+        """
+        family, name = primitive.split(".")
+        function = getattr(importlib.import_module(f"{self._package.__name__}.{family}"), name)
+        self.start()
+        inputs = [self._adopt(a) if isinstance(a, np.ndarray) else a for a in arguments]
+        results = [o.copy() if isinstance(o, np.ndarray) else np.full(o[0], 77, o[1]) for o in out]
+        carried = [self._adopt(r) for r in results]
+        function(*inputs, *carried)
+        if self.device != "cpu":
+            results = [self._package.to_numpy(c) for c in carried]
+        return results if len(results) > 1 else results[0]
+
+    def _adopt(self, array):
+        return self._package.adopt(np.ascontiguousarray(array), self.device)

@@ -1,0 +1,194 @@
+"""Plain NumPy statements of the primitives of radiance fields, in float64 unless it must not be."""
+
+import numpy as np
+
+from cvkern.kernels.codes import Background
+
+F32, U32 = np.float32, np.uint32
+
+
+# ------------------------------------------------------------------------------ random numbers
+
+
+def _mix(x):
+    """PCG-RXS-M-XS-32 [O'Neill 2014] of one step of its generator, in integers of Python's size."""
+    state = (x.astype(np.uint64) * 747796405 + 2891336453) & 0xFFFFFFFF
+    word = ((((state >> ((state >> 28) + 4)) ^ state) & 0xFFFFFFFF) * 277803737) & 0xFFFFFFFF
+    return (word >> 22) ^ word
+
+
+def random_bits(seed, step, item, which):
+    """Return 32 bits for numbers `which` of items."""
+    item = np.asarray(item, np.int64)
+    mask = np.uint64(0xFFFFFFFF)
+    x = _mix(np.uint64((seed & 0xFFFFFFFF) ^ (0x1E3779B9 * which & 0xFFFFFFFF)))
+    return _mix((item.astype(np.uint64) + _mix((np.uint64(step) + x) & mask)) & mask)
+
+
+def random_unit(seed, step, item, which):
+    """Return numbers in [0, 1)."""
+    return (random_bits(seed, step, item, which) >> np.uint64(8)).astype(float) / 2**24
+
+
+def random_index(seed, step, item, which, count):
+    """Return integers in [0, count)."""
+    return (random_bits(seed, step, item, which) * np.uint64(count) >> np.uint64(32)).astype(int)
+
+
+# --------------------------------------------------------------------------------------- space
+
+
+def in_cube(points, unbounded):
+    """Return (N, 3) points as coordinates from 0 to 1 [mip-NeRF 360, equation 10]."""
+    if not unbounded:
+        return (points + 1) / 2
+    size = np.linalg.norm(points, axis=1, keepdims=True)
+    outside = (2 - 1 / np.maximum(size, 1)) * points / np.maximum(size, 1)
+    return np.where(size > 1, outside, points) / 4 + 0.5
+
+
+def cells_of(points, levels, cells):
+    """Return the levels of (N, 3) float32 points, and the numbers of their cells there."""
+    far = np.abs(points).max(1)
+    level = np.where(far < 1, 0, np.floor(np.log2(np.maximum(far, 1))).astype(int) + 1)
+    scale = (F32(cells / 2) / F32(2) ** level.astype(F32))[:, None]
+    i, j, k = np.clip((points * scale + F32(cells / 2)).astype(int), 0, cells - 1).T
+    return level, ((level * cells + k) * cells + j) * cells + i
+
+
+def random_points(numbers, cells, seed, step):
+    """Return a random point in each cell."""
+    level, k, j, i = np.unravel_index(numbers, (64, cells, cells, cells))
+    offset = np.stack([random_unit(seed, step, numbers, which) for which in (1, 2, 3)], 1)
+    side = 2.0 ** level[:, None]
+    return (np.stack([i, j, k], 1) + offset) * 2 * side / cells - side
+
+
+def march(origin, direction, occupied, levels, cells, near, far, finest, cone, jitter):
+    """Return the distances of all samples of a ray in occupied cells, by asking at every step.
+
+    In float32 where a kernel could not otherwise come to the same places.
+    """
+    side = F32(2.0 ** (levels - 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.stack([-side - origin, side - origin]) * (F32(1) / direction)
+    enter, leave = np.nanmin(ends, 0).max(), np.nanmax(ends, 0).min()
+    if enter >= leave:
+        return np.empty(0, F32)
+    finest, cone = F32(finest), F32(cone)
+    t, last = F32(max(near, enter)), F32(min(far, leave))
+    t = F32(t + F32(jitter) * max(finest, F32(cone * t)))
+    steps = []
+    while t < last:
+        steps.append(t)
+        t = F32(t + max(finest, F32(cone * t)))
+    steps = np.array(steps, F32)
+    points = origin + steps[:, None] * direction
+    level, cell = cells_of(points, levels, cells)
+    inside = level < levels
+    return steps[inside & occupied[np.where(inside, cell, 0)]]
+
+
+# --------------------------------------------------------------------------------- compositing
+
+
+def composite(sigma, rgb, distances, spans, stop):
+    """Return colour, opacity, depth and distortion of rays, from their definitions."""
+    found = np.zeros((len(spans), 6))
+    for ray, (begin, count) in enumerate(spans):
+        own = slice(begin, begin + count)
+        s, c = sigma[own].astype(float), rgb[own].astype(float)
+        t, d = distances[own].astype(float).T
+        left = np.exp(-np.concatenate([[0.0], np.cumsum(s * d)]))
+        w = np.where(left[:-1] > stop, left[:-1] - left[1:], 0.0)
+        distortion = w @ np.abs(t[:, None] - t) @ w + (w * w * d).sum() / 3
+        found[ray] = *(w @ c), w.sum(), w @ t, distortion
+    return found[:, :3], found[:, 3], found[:, 4], found[:, 5]
+
+
+def background(kind, learnt, seed, step, rays):
+    """Return the colours behind rays."""
+    if kind == Background.RANDOM:
+        return np.stack([random_unit(seed, step, np.arange(rays), w) for w in (5, 6, 7)], 1)
+    colors = {Background.WHITE: np.ones(3), Background.BLACK: np.zeros(3)}
+    return np.tile(np.asarray(colors.get(kind, learnt), float), (rays, 1))
+
+
+def losses(color, opacity, targets, behind, huber):
+    """Return the loss and the mean squared error of each ray before a background."""
+    seen = targets[:, 3:].astype(float)
+    truth = seen * targets[:, :3] + (1 - seen) * behind
+    e = color + (1 - opacity[:, None]) * behind - truth
+    size = np.abs(e)
+    loss = e * e
+    if huber > 0:
+        loss = np.where(size < huber, e * e / 2, huber * (size - huber / 2))
+    return loss.mean(1), (e * e).mean(1)
+
+
+# ---------------------------------------------------------------------------------- encodings
+
+
+def hash_corners(positions, resolution, size):
+    """Return the entries of the corners of each sample's cell, (N, 8), and their weights."""
+    at = positions.astype(F32) * F32(resolution)  # in float32: which cell it is depends on it
+    cell = np.clip(np.floor(at), 0, resolution - 1).astype(np.int64)
+    f = at.astype(float) - cell
+    entries, weights = [], []
+    for corner in np.ndindex(2, 2, 2):
+        i, j, k = (cell + corner).T
+        if (resolution + 1) ** 3 <= size:
+            entries.append((k * (resolution + 1) + j) * (resolution + 1) + i)
+        else:
+            mask = 2**32 - 1
+            entries.append((i ^ (j * 2654435761 & mask) ^ (k * 805459861 & mask)) % size)
+        weights.append(np.where(corner, f, 1 - f).prod(1))
+    return np.stack(entries, 1), np.stack(weights, 1)
+
+
+def hash_encode(positions, grids, table):
+    """Return the features (N, 2 L) of samples, in grids of these resolutions and offsets."""
+    resolutions, offsets = grids
+    found = []
+    for resolution, begin, end in zip(resolutions, offsets[:-1], offsets[1:], strict=True):
+        entries, weights = hash_corners(positions, resolution, end - begin)
+        found.append((weights[:, :, None] * table[begin + entries].astype(float)).sum(1))
+    return np.hstack(found)
+
+
+def hash_backward(positions, grids, d_features):
+    """Return the gradients of the table."""
+    resolutions, offsets = grids
+    d_table = np.zeros((offsets[-1], 2))
+    for level, resolution in enumerate(resolutions):
+        begin, end = offsets[level : level + 2]
+        entries, weights = hash_corners(positions, resolution, end - begin)
+        d = d_features[:, None, 2 * level : 2 * level + 2].astype(float)
+        np.add.at(d_table, begin + entries, weights[:, :, None] * d)
+    return d_table
+
+
+# ----------------------------------------------------------------------------------- learning
+
+
+def adam(weights, gradients, rate, beta1, beta2, epsilon):
+    """Return the weights after a step for each gradient [Kingma and Ba 2015, algorithm 1]."""
+    m = v = np.zeros_like(weights)
+    for t, g in enumerate(gradients, 1):
+        m = beta1 * m + (1 - beta1) * g
+        v = beta2 * v + (1 - beta2) * g**2
+        weights = weights - rate * (m / (1 - beta1**t)) / (np.sqrt(v / (1 - beta2**t)) + epsilon)
+    return weights
+
+
+def slope(function, at, step=1e-5):
+    """Return the gradient of a number with respect to an array, by central differences."""
+    at = np.asarray(at, float)
+    found = np.zeros_like(at)
+    for i in np.ndindex(at.shape):
+        there = at.copy()
+        there[i] += step
+        above = function(there)
+        there[i] -= 2 * step
+        found[i] = (above - function(there)) / (2 * step)
+    return found

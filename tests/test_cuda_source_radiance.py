@@ -1,0 +1,88 @@
+"""The CUDA kernels of radiance fields compile: Warp brings the compiler, which needs no GPU."""
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+
+import cvkern.kernels.warp as kernels
+
+# Plain kernels of radiance fields, which CUDA and the CPU share.
+SHARED = [
+    "radiance_adam",
+    "radiance_background",
+    "radiance_composite",
+    "radiance_loss",
+    "radiance_march",
+    "radiance_occupancy",
+    "radiance_rays",
+    "radiance_shapes",
+    "radiance_voxel",
+]
+
+
+def compile_for_hopper(module, folder):
+    (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=folder, use_ptx=True)
+    code = Path(ptx).read_text()
+    assert ".target sm_90" in code
+    return code
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _started():
+    kernels.start("cpu", None)
+
+
+def load(name):
+    return importlib.import_module(f"{kernels.__name__}.{name}")
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_shared_kernels_compile_for_hopper(name, tmp_path):
+    compile_for_hopper(load(name), tmp_path)
+
+
+def test_marching_meets_the_same_cells(tmp_path):
+    """Which cells a ray meets is an integer: no product is fused with a sum."""
+    code = compile_for_hopper(load("radiance_march"), tmp_path)
+    assert "div.rn.f32" in code  # not an approximate one
+    assert "fma.rn.f32" not in code
+
+
+@pytest.mark.parametrize("transposed", [False, True])
+@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (192, 48)])
+def test_products_compile_for_hopper(depth, columns, transposed, tmp_path):
+    kernel = load("_radiance_dense_blocks").product(depth, columns, transposed)
+    code = compile_for_hopper(kernel.module, tmp_path)
+    # All products of a block of 16 samples are unrolled, for all or eight columns at a time.
+    assert code.count("mma.sync.aligned.m16n8k16") == depth // 16 * columns // 8
+
+
+@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64)])
+def test_outer_products_compile_for_hopper(depth, columns, tmp_path):
+    kernel = load("_radiance_dense_blocks").outer(depth, columns)
+    code = compile_for_hopper(kernel.module, tmp_path)
+    assert code.count("mma.sync.aligned.m16n8k16") == depth // 16 * columns // 8
+    assert "movmatrix.sync.aligned.m8n8.trans.b16" in code
+
+
+def made(scalar):
+    """Yield the kernels that are made for a precision."""
+    for family, names in {
+        "radiance_adam": ["_adam"],
+        "radiance_encode": ["_spherical"],
+        "radiance_hash": ["_encode", "_backward"],
+        "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
+    }.items():
+        for name in names:
+            yield f"{family}.{name}", getattr(load(family), name)(scalar)
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
+    for name, kernel in made(wp.dtype_from_numpy(dtype)):
+        code = compile_for_hopper(kernel.module, tmp_path / name)
+        if name == "radiance_hash._backward":  # both numbers of an entry at a time
+            assert "red.global.add.v2.f32" in code

@@ -1,0 +1,372 @@
+"""Cameras and the loaders of posed photographs, on small scenes that the tests write."""
+
+import json
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from truth import truth
+
+from cvkern.images import write_image
+from cvkern.radiance import cameras, load_scene, look_at, pixel_rays, project
+from cvkern.radiance.scenes import focus_of
+
+RNG = np.random.default_rng(0)
+WIDTH, HEIGHT, COUNT = 20, 12, 9
+LENS = [-0.11, 0.04, 0.002, -0.003, 0.01]
+INTRINSICS = [19.0, 21.0, 9.2, 5.7]
+
+
+def some_poses(count=COUNT):
+    eyes = RNG.normal(size=(count, 3)) * [1, 1, 0.3] + [0, 0, 2]
+    eyes[:, :2] += 3 * np.stack((np.cos(np.arange(count)), np.sin(np.arange(count))), axis=1)
+    return look_at(eyes, (0.1, -0.2, 0.3))
+
+
+def some_images(count=COUNT, channels=3):
+    return RNG.integers(0, 256, (count, HEIGHT, WIDTH, channels), np.uint8)
+
+
+def write_images(folder, images):
+    folder.mkdir(parents=True)
+    names = [f"v{i:03}.png" for i in range(len(images))]
+    for name, image in zip(names, images, strict=True):
+        write_image(folder / name, image)
+    return names
+
+
+def opengl(poses):
+    """Return 4 x 4 matrices with the axes x right, y up, z backward."""
+    full = np.tile(np.eye(4), (len(poses), 1, 1))
+    full[:, :3] = poses * [1, -1, -1, 1]
+    return full.tolist()
+
+
+def assert_views(scene, poses, images, intrinsics=INTRINSICS, distortion=(0,) * 5):
+    np.testing.assert_array_equal(scene.images, images)
+    # Text formats round to nine digits or more; binary ones and JSON do not.
+    np.testing.assert_allclose(scene.cameras.poses, poses, atol=1e-7)
+    np.testing.assert_allclose(scene.cameras.intrinsics, np.tile(intrinsics, (len(poses), 1)))
+    np.testing.assert_allclose(scene.cameras.distortion, np.tile(distortion, (len(poses), 1)))
+
+
+def test_projection_is_that_of_opencv():
+    views = cameras(some_poses(), INTRINSICS, WIDTH, HEIGHT, distortion=LENS)
+    fx, fy, cx, cy = INTRINSICS
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    points = RNG.normal(size=(50, 3)) * 0.5
+    for view, pose in enumerate(views.poses):
+        turn, _ = cv2.Rodrigues(pose[:, :3].T)
+        theirs, _ = cv2.projectPoints(
+            points, turn, -pose[:, :3].T @ pose[:, 3], matrix, np.array(LENS)
+        )
+        np.testing.assert_allclose(project(views, view, points)[:, ::-1], theirs[:, 0], atol=1e-9)
+
+
+def test_rays_pass_through_what_their_pixels_see():
+    views = cameras(some_poses(), INTRINSICS, WIDTH, HEIGHT, distortion=LENS)
+    pixels = RNG.uniform([-0.5, -0.5], [HEIGHT - 0.5, WIDTH - 0.5], (40, 2))
+    for view in range(len(views)):
+        origins, directions = pixel_rays(views, view, pixels)
+        np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
+        seen = project(views, view, origins + 2.5 * directions)
+        np.testing.assert_allclose(seen, pixels, atol=1e-9)
+
+
+def test_points_behind_a_camera_are_not_seen():
+    views = cameras(np.eye(4)[None], INTRINSICS, WIDTH, HEIGHT)
+    assert np.isnan(project(views, 0, [[0, 0, -1], [0, 0, 0]])).all()
+    np.testing.assert_allclose(project(views, 0, [[0, 0, 1]]), [[5.7, 9.2]])
+
+
+def test_resized_cameras_see_the_middle_of_each_block():
+    views = cameras(some_poses(), INTRINSICS, WIDTH, HEIGHT)
+    small = views.resized(4)
+    assert (small.width, small.height) == (5, 3)
+    block = np.array([[1, 2]])
+    _, large_ray = pixel_rays(views, 0, 4 * block + 1.5)
+    _, small_ray = pixel_rays(small, 0, block)
+    np.testing.assert_allclose(small_ray, large_ray, atol=1e-12)
+
+
+def test_look_at_and_the_focus_of_its_cameras():
+    poses = some_poses()
+    np.testing.assert_allclose(focus_of(poses), (0.1, -0.2, 0.3), atol=1e-6)
+    np.testing.assert_allclose(np.linalg.det(poses[:, :, :3]), 1)
+    assert (poses[:, 2, 1] < 0).all()  # down is down
+    with pytest.raises(ValueError, match="not look along up"):
+        look_at((0, 0, 1), (0, 0, 0))
+
+
+def test_blender(tmp_path):
+    images, poses = some_images(channels=4), some_poses()
+    angle = 2 * np.arctan(WIDTH / (2 * 19.0))
+    for split, part in (("train", slice(0, 6)), ("test", slice(6, None))):
+        names = write_images(tmp_path / split, images[part])
+        frames = [
+            {"file_path": f"./{split}/{name[:-4]}", "transform_matrix": matrix}
+            for name, matrix in zip(names, opengl(poses[part]), strict=True)
+        ]
+        content = {"camera_angle_x": angle, "frames": frames}
+        (tmp_path / f"transforms_{split}.json").write_text(json.dumps(content))
+    depth = np.full((HEIGHT, WIDTH), 128, np.uint8)
+    depth[0] = 0
+    write_image(tmp_path / "test" / "v000_depth_0001.png", depth)
+    scene = load_scene(tmp_path)
+    assert_views(scene, poses, images, [19.0, 19.0, 9.5, 5.5])
+    assert scene.test.tolist() == [False] * 6 + [True] * 3
+    assert not scene.bounds.unbounded
+    assert scene.depths is not None
+    np.testing.assert_allclose(scene.depths[6, 1:], 8 * (1 - 128 / 255), rtol=1e-6)
+    assert np.isnan(scene.depths[6, 0]).all()
+    assert np.isnan(scene.depths[:6]).all()
+    small = scene.resized(4)
+    assert small.images.shape == (COUNT, 3, 5, 4)
+    assert small.depths is not None
+    assert small.depths.shape == (COUNT, 3, 5)
+    solid = images[0, :4, :4].astype(float)
+    weights = solid[..., 3:]
+    np.testing.assert_allclose(
+        small.images[0, 0, 0],
+        [*(solid[..., :3] * weights).sum((0, 1)) / weights.sum(), weights.mean()],
+        atol=0.5,  # rounded to bytes
+    )
+
+
+def instant_ngp(folder, frames=None, **changes):
+    images, poses = some_images(), some_poses()
+    names = write_images(folder / "images", images)
+    made = [
+        {"file_path": f"images/{name}", "transform_matrix": matrix}
+        for name, matrix in zip(names, opengl(poses), strict=True)
+    ]
+    lens = dict(zip(("fl_x", "fl_y", "cx", "cy"), (19.0, 21.0, 9.7, 6.2), strict=True))
+    lens |= dict(zip(("k1", "k2", "p1", "p2", "k3"), LENS, strict=True))
+    content = lens | {"w": WIDTH, "h": HEIGHT, "aabb_scale": 4, "frames": frames or made} | changes
+    (folder / "transforms.json").write_text(json.dumps(content))
+    return images, poses, content
+
+
+def test_instant_ngp(tmp_path):
+    images, poses, content = instant_ngp(tmp_path)
+    scene = load_scene(tmp_path)
+    assert_views(scene, poses, images, distortion=LENS)
+    assert np.flatnonzero(scene.test).tolist() == [0, 8]
+    assert np.flatnonzero(load_scene(tmp_path, test_every=3).test).tolist() == [0, 3, 6]
+    for i, frame in enumerate(content["frames"]):
+        frame["split"] = "test" if i == 4 else "train"
+    content |= {"w": 2 * WIDTH, "h": 2 * HEIGHT, "frames": content["frames"][::-1]}
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    scene = load_scene(tmp_path / "transforms.json")
+    assert_views(scene, poses, images, [9.5, 10.5, 4.35, 2.6], LENS)
+    assert np.flatnonzero(scene.test).tolist() == [4]
+
+
+def test_llff(tmp_path):
+    images, poses = some_images(), some_poses()
+    write_images(tmp_path / "images", images)
+    blocks = np.stack(
+        (poses[:, :, 1], poses[:, :, 0], -poses[:, :, 2], poses[:, :, 3],
+         np.tile([2 * HEIGHT, 2 * WIDTH, 38.0], (COUNT, 1))), axis=2
+    )  # fmt: skip
+    bounds = np.tile([1.5, 9.0], (COUNT, 1))
+    np.save(tmp_path / "poses_bounds.npy", np.hstack((blocks.reshape(COUNT, 15), bounds)))
+    scene = load_scene(tmp_path)
+    assert_views(scene, poses, images, [19.0, 19.0, 9.5, 5.5])
+    assert (scene.near, scene.far, scene.bounds.unbounded) == (pytest.approx(1.35), 9.0, True)
+    np.testing.assert_allclose(scene.bounds.center, (0.1, -0.2, 0.3), atol=1e-6)
+
+
+def colmap_views(poses):
+    """Return quaternion and translation, world to camera, by SciPy."""
+    from scipy.spatial.transform import Rotation
+
+    turns = poses[:, :, :3].transpose(0, 2, 1)
+    x, y, z, w = Rotation.from_matrix(turns).as_quat().T
+    return np.stack((w, x, y, z), axis=1), -(turns @ poses[:, :, 3:])[..., 0]
+
+
+POINTS = RNG.normal(size=(200, 3)) * 0.2 + [0.1, -0.2, 0.3]
+
+
+def text_model(folder, names, poses):
+    folder.mkdir(parents=True)
+    lens = [19.0, 21.0, 9.7, 6.2, *LENS[:4]]
+    line = " ".join(map(str, lens))
+    (folder / "cameras.txt").write_text(f"# comment\n7 OPENCV {WIDTH} {HEIGHT} {line}\n")
+    lines = ["# comment"]
+    for i, (name, q, t) in enumerate(zip(names, *colmap_views(poses), strict=True)):
+        lines += [f"{i + 1} " + " ".join(f"{v:.17g}" for v in (*q, *t)) + f" 7 {name}"]
+        lines += ["" if i % 2 else "1.5 2.5 -1"]
+    (folder / "images.txt").write_text("\n".join(lines) + "\n")
+    points = [f"{i} {x} {y} {z} 1 2 3 0.5 1 2" for i, (x, y, z) in enumerate(POINTS)]
+    (folder / "points3D.txt").write_text("\n".join(points))
+
+
+def binary_model(folder, names, poses):
+    folder.mkdir(parents=True)
+    lens = [19.0, 21.0, 9.7, 6.2, *LENS[:4]]
+    head = struct.pack("<QiiQQ", 1, 7, 4, WIDTH, HEIGHT)
+    (folder / "cameras.bin").write_bytes(head + struct.pack("<8d", *lens))
+    data = struct.pack("<Q", len(names))
+    for i, (name, q, t) in enumerate(zip(names, *colmap_views(poses), strict=True)):
+        data += struct.pack("<i7di", i + 1, *q, *t, 7) + name.encode() + b"\0"
+        data += struct.pack("<Q", i) + i * struct.pack("<ddq", 1.5, 2.5, -1)
+    (folder / "images.bin").write_bytes(data)
+    data = struct.pack("<Q", len(POINTS))
+    for i, point in enumerate(POINTS):
+        data += struct.pack("<Q3d3Bd", i, *point, 1, 2, 3, 0.5)
+        data += struct.pack("<Q", i % 3) + (i % 3) * struct.pack("<ii", 1, 2)
+    (folder / "points3D.bin").write_bytes(data)
+
+
+@pytest.mark.parametrize("write", [text_model, binary_model])
+@pytest.mark.parametrize("where", ["sparse/0", "sparse", "."])
+def test_colmap(tmp_path, write, where):
+    images, poses = some_images(), some_poses()
+    names = write_images(tmp_path / "images", images)
+    order = RNG.permutation(COUNT)  # COLMAP's files are in no order
+    folder = tmp_path / where
+    if where == ".":
+        write(tmp_path / "model", [names[i] for i in order], poses[order])
+        for file in (tmp_path / "model").iterdir():
+            file.rename(tmp_path / file.name)
+    else:
+        write(folder, [names[i] for i in order], poses[order])
+    scene = load_scene(tmp_path)
+    assert_views(scene, poses, images, distortion=[*LENS[:4], 0])
+    depths = ((POINTS[None] - poses[:, None, :, 3]) * poses[:, None, :, 2]).sum(axis=2)
+    assert 0 < scene.near < depths.min()
+    assert scene.far > depths.max()
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters", "distortion"),
+    [
+        ("SIMPLE_PINHOLE", [20, 9.7, 6.2], [0, 0]),
+        ("PINHOLE", [20, 20, 9.7, 6.2], [0, 0]),
+        ("SIMPLE_RADIAL", [20, 9.7, 6.2, 0.1], [0.1, 0]),
+        ("RADIAL", [20, 9.7, 6.2, 0.1, 0.02], [0.1, 0.02]),
+    ],
+)
+def test_colmap_lenses(tmp_path, model, parameters, distortion):
+    poses = some_poses(2)
+    images = some_images(2)
+    names = write_images(tmp_path / "images", images)
+    text_model(tmp_path / "sparse", names, poses)
+    line = " ".join(map(str, parameters))
+    (tmp_path / "sparse/cameras.txt").write_text(f"7 {model} {WIDTH} {HEIGHT} {line}\n")
+    scene = load_scene(tmp_path)
+    assert_views(scene, poses, images, [20, 20, 9.2, 5.7], [*distortion, 0, 0, 0])
+
+
+def test_missing_files_are_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="path must be a folder"):
+        load_scene(tmp_path / "nowhere")
+    with pytest.raises(FileNotFoundError, match=r"transforms\.json, poses_bounds\.npy"):
+        load_scene(tmp_path)
+    instant_ngp(tmp_path)
+    (tmp_path / "images" / "v003.png").unlink()
+    with pytest.raises(FileNotFoundError, match=r"v003\.png is not there"):
+        load_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"frames": []}, "must have frames, got none"),
+        ({"fl_x": None}, "must give fl_x, or camera_angle_x"),
+        ({"fl_x": -3.0}, "fx, fy > 0"),
+        ({"k1": float("nan")}, "distortion must be finite"),
+        ({"frames": [{"file_path": 3}]}, "must give file_path"),
+        ({"frames": [{"file_path": "images/v000"}]}, "must give a transform_matrix"),
+        (
+            {
+                "frames": [
+                    {"file_path": "images/v000", "transform_matrix": np.zeros((4, 4)).tolist()}
+                ]
+            },
+            "poses must have rotations, got in view 0",
+        ),
+    ],
+)
+def test_broken_instant_ngp(tmp_path, changes, message):
+    *_, content = instant_ngp(tmp_path)
+    (tmp_path / "transforms.json").write_text(json.dumps(content | changes))
+    with pytest.raises(ValueError, match=message):
+        load_scene(tmp_path)
+
+
+def test_broken_files_are_named(tmp_path):
+    *_, content = instant_ngp(tmp_path)
+    (tmp_path / "transforms.json").write_text(json.dumps(content)[:-20])
+    with pytest.raises(ValueError, match=r"transforms\.json must be JSON"):
+        load_scene(tmp_path)
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    write_image(tmp_path / "images" / "v004.png", np.zeros((HEIGHT, WIDTH + 1, 3), np.uint8))
+    with pytest.raises(ValueError, match=r"must have one size, got .*v004\.png"):
+        load_scene(tmp_path)
+    image = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    image[3, 4] = np.nan
+    (tmp_path / "images" / "v004.png").unlink()
+    write_image(tmp_path / "images" / "v004.tif", image)
+    content["frames"][4]["file_path"] = "images/v004.tif"
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    with pytest.raises(ValueError, match=r"must be finite, got NaN or infinity in .*v004\.tif"):
+        load_scene(tmp_path)
+
+
+def test_broken_llff(tmp_path):
+    (tmp_path / "poses_bounds.npy").write_bytes(b"no array")
+    with pytest.raises(ValueError, match="must be an array of NumPy"):
+        load_scene(tmp_path)
+    np.save(tmp_path / "poses_bounds.npy", np.zeros((3, 16)))
+    with pytest.raises(ValueError, match=r"of shape \(N, 17\), got \(3, 16\)"):
+        load_scene(tmp_path)
+    np.save(tmp_path / "poses_bounds.npy", np.zeros((3, 17)))
+    with pytest.raises(FileNotFoundError, match="folder 'images'"):
+        load_scene(tmp_path)
+    write_images(tmp_path / "images", some_images(2))
+    with pytest.raises(ValueError, match="must have 3 photographs, got 2"):
+        load_scene(tmp_path)
+
+
+def test_broken_colmap(tmp_path):
+    poses = some_poses()
+    names = write_images(tmp_path / "images", some_images())
+    binary_model(tmp_path / "sparse/0", names, poses)
+    file = tmp_path / "sparse/0/images.bin"
+    whole = file.read_bytes()
+    for end in (3, 40, len(whole) - 5):
+        file.write_bytes(whole[:end])
+        with pytest.raises(ValueError, match="must be a whole COLMAP model"):
+            load_scene(tmp_path)
+    file.unlink()
+    with pytest.raises(FileNotFoundError, match=r"must have images\.bin"):
+        load_scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"poses": np.zeros((0, 3, 4))}, r"poses must have shape \(N, 3, 4\)"),
+        ({"poses": np.full((1, 3, 4), np.nan)}, "poses must be finite, got view 0"),
+        ({"poses": np.diag([1, 1, -1, 1])[None]}, "poses must have rotations"),
+        ({"intrinsics": [1, 2, 3]}, r"intrinsics must have shape \(4,\)"),
+        ({"intrinsics": np.ones((2, 4))}, "one row for each of 1 views, got 2"),
+        ({"distortion": [np.inf, 0, 0, 0, 0]}, "distortion must be finite"),
+        ({"width": 0}, r"width must be in \[1, 32768\]"),
+    ],
+)
+def test_bad_cameras(changes, message):
+    good = {"poses": np.eye(4)[None], "intrinsics": INTRINSICS, "width": 3, "height": 4}
+    with pytest.raises(ValueError, match=message):
+        cameras(**(good | changes))
+
+
+def test_real_scenes():
+    for name, shape, tests in (("lego", (200, 200, 4), 25), ("fox", (480, 270, 3), 8)):
+        scene = load_scene(truth("nerf") / name)
+        assert scene.images.shape[1:] == shape
+        assert scene.test.sum() == tests
