@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.ndimage as ndi
 from PIL import Image
-from reference import clouds as reference
 from primitives import Primitives
+from reference import clouds as reference
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS

@@ -185,6 +185,14 @@ def test_export(command, trained, tmp_path):
     assert out == f"{file}: {count} triangles\n"
 
 
+def test_export_of_a_smaller_model(command, trained, tmp_path):
+    file = tmp_path / "small.npz"
+    code, out, _ = command("export", trained, "-o", file)
+    assert code == 0
+    assert out == f"{file}: {file.stat().st_size / 2**20:.1f} MiB\n"
+    assert file.stat().st_size < 0.6 * trained.stat().st_size
+
+
 @clouds
 def test_export_points(command, trained, tmp_path):
     file = tmp_path / "points.ply"
@@ -220,7 +228,7 @@ def test_the_synthetic_scene(command, tmp_path, monkeypatch):
         (["render", "MODEL", "-o", "p.gif", "--orbit", "--depth", "d.png"], "depth must go with"),
         (["render", "MODEL", "-o", "p.xyz"], "path must end in one of"),
         (["eval", "MODEL", "none"], "path must be a folder of posed photographs"),
-        (["export", "MODEL", "-o", "m.obj"], "output must end in .ply, got 'm.obj'"),
+        (["export", "MODEL", "-o", "m.obj"], "output must end in .ply or .npz, got 'm.obj'"),
         (["export", "MODEL", "-o", "m.ply", "--density", "1e9"], "density must be below"),
     ],
 )

@@ -228,6 +228,24 @@ def test_saved_models_render_the_same(backend, scene, tmp_path):
         np.testing.assert_array_equal(a, b)
 
 
+@FIELDS
+def test_models_for_rendering_alone(scene, tmp_path, field):
+    model = fit(scene, field, steps=20)
+    model.save(tmp_path / "whole.npz")
+    model.save(tmp_path / "small.npz", resumable=False)
+    small, whole = ((tmp_path / f"{name}.npz").stat().st_size for name in ("small", "whole"))
+    assert small < 0.6 * whole
+    read = load_model(tmp_path / "small.npz")
+    for a, b in zip(
+        render(read, scene.cameras, 3), render(model, scene.cameras, 3), strict=True
+    ):  # fmt: skip
+        np.testing.assert_array_equal(a, b)
+    read.save(tmp_path / "again.npz")
+    for name in ("small.npz", "again.npz"):
+        with pytest.raises(ValueError, match="checkpoint must be saved to go on with, got"):
+            fit(scene, field, steps=30, checkpoint=tmp_path / name, resume=True)
+
+
 def test_models_go_from_one_kernel_set_to_the_other(model, scene, tmp_path):
     model.save(tmp_path / "model.npz")
     with cvkern.use(backend="taichi"):
@@ -323,11 +341,14 @@ def test_a_full_disk(model, scene, tmp_path, monkeypatch):
     model.save(file)
     before = file.read_bytes()
 
-    def full(stream, **arrays):
-        stream.write(b"PK")
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    write = np.lib.format.write_array
 
-    monkeypatch.setattr(np, "savez", full)
+    def full(stream, array, **options):
+        if array.nbytes > 1000:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(stream, array, **options)
+
+    monkeypatch.setattr(np.lib.format, "write_array", full)
     with pytest.raises(OSError, match="No space left on device"):
         model.save(file)
     with pytest.raises(OSError, match="No space left on device"):

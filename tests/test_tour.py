@@ -57,6 +57,8 @@ def made(tmp_path_factory):
     steps = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(socket.socket, "connect", refuse)
+        patch.setattr("cvkern.tour.radiance.SECONDS", 4.0)
+        patch.setattr("cvkern.tour.radiance.FRAMES", 4)
         page = tour(folder, progress=lambda *step: steps.append(step))
     assert page == folder / "index.html"
     assert [done for done, _, _ in steps] == list(range(steps[0][1] + 1))

@@ -158,7 +158,12 @@ def judge(
 @nerf.command()
 def export(
     model: ModelAt,
-    output: Annotated[Path, typer.Option("--output", "-o", help="PLY to write.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", "-o", help="PLY to write, or a smaller model, .npz, for rendering alone."
+        ),
+    ],
     points: Annotated[
         bool, typer.Option("--points", help="Write a point cloud instead of a mesh.")
     ] = False,
@@ -167,13 +172,17 @@ def export(
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Write a model as a coloured mesh, or as a point cloud."""
+    """Write a model as a coloured mesh, as a point cloud, or without what only training needs."""
     from cvkern.radiance import load_model, mesh, point_cloud, write_mesh
 
-    if output.suffix.lower() != ".ply":
-        raise ValueError(f"output must end in .ply, got {str(output)!r}")
+    if output.suffix.lower() not in (".ply", ".npz"):
+        raise ValueError(f"output must end in .ply or .npz, got {str(output)!r}")
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
+        if output.suffix.lower() == ".npz":
+            made.save(output, resumable=False)
+            typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
+            return
         if points:
             from cvkern.clouds import write_ply
 

@@ -21,8 +21,14 @@ def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str
     """Write a model, whole or not at all."""
     check_suffix(path)
     text = json.dumps({"format": FORMAT, "version": VERSION, **header}, allow_nan=False)
-    with replacing(path) as beside, beside.open("wb") as file:
-        np.savez(file, **{HEADER: np.frombuffer(text.encode(), np.uint8)}, **arrays)
+    arrays = {HEADER: np.frombuffer(text.encode(), np.uint8), **arrays}
+    with replacing(path) as beside, zipfile.ZipFile(beside, "w") as archive:
+        for name, array in arrays.items():
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            if not array.any():  # anything else hardly gets smaller
+                entry.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(entry, "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)
 
 
 def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -115,12 +115,19 @@ class Field(abc.ABC):
     def rays_for(self, samples: int, rays: int) -> int:
         """Return how many rays fill a batch, after so many took so many samples."""
 
+<<<<<<< HEAD
     def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (not all have to)
+=======
+    def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (may be nothing)
+>>>>>>> radiance
         """Do what is due now and then, before step `step`: look where space is empty, refine."""
 
     @abc.abstractmethod
     def state(self) -> dict[str, np.ndarray]:
-        """Return everything that is needed to go on, or to render, by name."""
+        """Return everything that is needed to go on, or to render, by name.
+
+        Names that end in ``.mean`` or ``.square`` are the optimizer's: to render, zeros do.
+        """
 
     @abc.abstractmethod
     def restore(self, state: dict[str, np.ndarray]) -> None:

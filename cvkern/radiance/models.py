@@ -49,6 +49,8 @@ class Training:
     marks: list[Mark] = field(default_factory=list)
     stopped: bool = False
     """Whether an interrupt ended it before its time."""
+    resumable: bool = True
+    """Whether it can go on."""
 
 
 @dataclass(eq=False)
@@ -87,13 +89,15 @@ class Model:
         rt.set.start(rt.device, None)
         return rt
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, resumable: bool = True) -> None:
         """Write the model as one ``.npz`` without pickled objects, whole or not at all.
 
         Parameters
         ----------
         path : path
             Ends in ``.npz``; an existing file is replaced once the new one is complete.
+        resumable : bool, default True
+            Keep what training needs to go on: two thirds of the file.
 
         Raises
         ------
@@ -115,7 +119,8 @@ class Model:
             "background": self.background,
             "seed": self.seed,
             "size": [views.width, views.height],
-            "training": asdict(training) | {"marks": []},
+            "training": asdict(training)
+            | {"marks": [], "resumable": resumable and training.resumable},
         }
         arrays = {
             "behind": self.behind,
@@ -126,7 +131,9 @@ class Model:
         }
         self.rt  # noqa: B018  (this thread may not have used the device yet)
         arrays |= {f"extra.{name}": values for name, values in self.extra.items()}
-        arrays |= {f"state.{name}": values for name, values in self.field.state().items()}
+        for name, values in self.field.state().items():
+            needless = not resumable and name.endswith((".mean", ".square"))
+            arrays[f"state.{name}"] = np.zeros_like(values) if needless else values
         checkpoints.write(path, header, arrays)
 
 

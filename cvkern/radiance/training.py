@@ -179,6 +179,11 @@ def _begin(scene: Scene, settings: Any, background: str, seed: int, checkpoint: 
     frame = Frame.of(scene.bounds, scene.near, scene.far)
     if checkpoint is not None and Path(checkpoint).exists():
         model = load_model(checkpoint)
+        if not model.training.resumable:
+            raise ValueError(
+                f"checkpoint must be saved to go on with, got {os.fspath(checkpoint)!r}, which is "
+                "for rendering alone"
+            )
         asked = {"field": settings, "background": background, "seed": seed, "scene": frame}
         found = (model.settings, model.background, model.seed, model.frame)
         for (name, wanted), saved in zip(asked.items(), found, strict=True):
