@@ -115,11 +115,7 @@ class Field(abc.ABC):
     def rays_for(self, samples: int, rays: int) -> int:
         """Return how many rays fill a batch, after so many took so many samples."""
 
-<<<<<<< HEAD
-    def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (not all have to)
-=======
     def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (may be nothing)
->>>>>>> radiance
         """Do what is due now and then, before step `step`: look where space is empty, refine."""
 
     @abc.abstractmethod

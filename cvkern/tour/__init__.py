@@ -22,7 +22,7 @@ from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
 from cvkern.clouds import write_animation
 from cvkern.images import write_image
-from cvkern.tour import circles, edges, lines, page, shapes, stereo
+from cvkern.tour import circles, edges, lines, page, radiance, shapes, stereo
 from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure
 
@@ -30,6 +30,7 @@ __all__ = ["CHAPTERS", "tour"]
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, stereo.chapter,
+    radiance.chapter,
 )  # fmt: skip
 
 
