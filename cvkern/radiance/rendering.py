@@ -221,7 +221,7 @@ def orbit_cameras(views: Cameras, frames: int = 60, *, factor: float = 1.0) -> C
     Cameras
         At the mean height and distance of the given ones, upright as they are on average, with
         the lens of the first one but without its distortion. Where those stand on less than half
-        of a circle, the trip swings to and back within it.
+        of a circle, the trip swings forth and back within it.
 
     Raises
     ------

@@ -8,7 +8,7 @@ import warp as wp
 
 from ._random import random_unit
 
-wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
+wp.set_module_options({"enable_backward": False})
 
 THREADS = 32  # of a ray
 
