@@ -74,25 +74,21 @@ def _votes(scene: np.ndarray, template: np.ndarray) -> float:
     return float(mask.sum()) * entries * len(SCALES)
 
 
-def _opencv(kind: str) -> Any:
-    def call(cv2: Any, scene: np.ndarray, template: np.ndarray) -> Arrays:
-        hough = getattr(cv2, f"createGeneralizedHough{kind}")()
-        hough.setCannyLowThresh(LOW)
-        hough.setCannyHighThresh(HIGH)
-        if kind == "Guil":
-            hough.setMinScale(float(SCALES[0]))
-            hough.setMaxScale(float(SCALES[-1]))
-            hough.setScaleStep(STEP)
-            hough.setMaxAngle(360)
-            hough.setAngleStep(360 / ROTATIONS)
-        hough.setTemplate(template)
-        places, _ = hough.detect(scene)
-        if places is None:
-            return np.empty((0, 2)), np.empty(0), np.empty(0)
-        x, y, scale, degrees = places[0, 0]
-        return np.array([[y, x]]), np.array([math.radians(degrees)]), np.array([scale])
-
-    return call
+def _guil(cv2: Any, scene: np.ndarray, template: np.ndarray) -> Arrays:
+    hough = cv2.createGeneralizedHoughGuil()
+    hough.setCannyLowThresh(LOW)
+    hough.setCannyHighThresh(HIGH)
+    hough.setMinScale(float(SCALES[0]))
+    hough.setMaxScale(float(SCALES[-1]))
+    hough.setScaleStep(STEP)
+    hough.setMaxAngle(360)
+    hough.setAngleStep(360 / ROTATIONS)
+    hough.setTemplate(template)
+    places, _ = hough.detect(scene)
+    if places is None:
+        return np.empty((0, 2)), np.empty(0), np.empty(0)
+    x, y, scale, degrees = places[0, 0]
+    return np.array([[y, x]]), np.array([math.radians(degrees)]), np.array([scale])
 
 
 CASES = (
@@ -107,10 +103,7 @@ CASES = (
         tolerance=1.0,
         bytes_per_pixel=1,
         operations_per_pixel=0,
-        peers=(
-            Peer("OpenCV, Guil", "cv2", _opencv("Guil")),
-            Peer("OpenCV, Ballard", "cv2", _opencv("Ballard"), note="neither rotation nor scale"),
-        ),
+        peers=(Peer("OpenCV, Guil", "cv2", _guil),),
         captures=False,
         work=Work("votes", _votes),
         sizes=("VGA",),  # the time of Guil grows with the square of the pixels
