@@ -48,6 +48,7 @@ def test_everything(command, pair, made, tmp_path):  # noqa: F811
     steps = read_image(out / "disparity-x256.png")
     assert steps.dtype == np.uint16
     np.testing.assert_array_equal(steps > 0, valid)
+    # The file has steps of 1/256 pixel.
     np.testing.assert_allclose(steps[valid] / 256, found.disparity[valid], atol=1 / 256)
 
     depth = read_image(out / "depth.tif")

@@ -15,7 +15,7 @@ _BEFORE = ((0, -1), (-1, -1), (-1, 0), (-1, 1))  # a pixel's neighbours before i
 
 
 @ti.func
-def _find(label: ti.i32, parents: ti.template()) -> ti.i32:
+def find(label: ti.i32, parents: ti.template()) -> ti.i32:
     r = label
     while parents[r] != r:
         r = parents[r]
@@ -23,10 +23,10 @@ def _find(label: ti.i32, parents: ti.template()) -> ti.i32:
 
 
 @ti.func
-def _join(first: ti.i32, second: ti.i32, parents: ti.template()):
+def join(first: ti.i32, second: ti.i32, parents: ti.template()):
     """Make two labels hang below one root, the smaller, while other threads do the same."""
-    a = _find(first, parents)
-    b = _find(second, parents)
+    a = find(first, parents)
+    b = find(second, parents)
     while a != b:
         high = ti.max(a, b)
         b = ti.min(a, b)
@@ -34,8 +34,8 @@ def _join(first: ti.i32, second: ti.i32, parents: ti.template()):
         if a == high:  # it was still a root, and now hangs below b
             a = b
         else:  # another thread had hung it below a, which must now join b
-            a = _find(a, parents)
-            b = _find(b, parents)
+            a = find(a, parents)
+            b = find(b, parents)
 
 
 @ti.kernel
@@ -64,7 +64,7 @@ def unite(
                 if y + dy >= 0 and 0 <= x + dx < states.shape[1]:
                     if states[y + dy, x + dx] != Edge.NONE:
                         label = y * states.shape[1] + x + 1
-                        _join(label, label + dy * states.shape[1] + dx, parents)
+                        join(label, label + dy * states.shape[1] + dx, parents)
 
 
 @ti.kernel
@@ -78,6 +78,6 @@ def keep(
     for y, x in states:
         kept = 0
         if states[y, x] != Edge.NONE:
-            if _find(y * states.shape[1] + x + 1, parents) == 0:
+            if find(y * states.shape[1] + x + 1, parents) == 0:
                 kept = 1
         mask[y, x] = ti.cast(kept, ti.u8)

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from ._hysteresis import find, join
 from ._launch import primitive, scratch
 
 any_2 = ti.types.ndarray(ndim=2)
@@ -83,30 +84,6 @@ def _alike(a: ti.f32, b: ti.f32, difference: ti.f32) -> ti.i32:
     return alike
 
 
-@ti.func
-def _find(label: ti.i32, parents: ti.template()) -> ti.i32:
-    r = label
-    while parents[r] != r:
-        r = parents[r]
-    return r
-
-
-@ti.func
-def _join(first: ti.i32, second: ti.i32, parents: ti.template()):
-    """Make two labels hang below one root, the smaller, while other threads do the same."""
-    a = _find(first, parents)
-    b = _find(second, parents)
-    while a != b:
-        high = ti.max(a, b)
-        b = ti.min(a, b)
-        a = ti.atomic_min(parents[high], b)
-        if a == high:  # it was still a root, and now hangs below b
-            a = b
-        else:  # another thread had hung it below a, which must now join b
-            a = _find(a, parents)
-            b = _find(b, parents)
-
-
 @ti.kernel
 def _plant(
     # outputs
@@ -129,10 +106,10 @@ def _unite(
         label = y * disparity.shape[1] + x
         if x > 0:
             if _alike(disparity[y, x], disparity[y, x - 1], difference):
-                _join(label, label - 1, parents)
+                join(label, label - 1, parents)
         if y > 0:
             if _alike(disparity[y, x], disparity[y - 1, x], difference):
-                _join(label, label - disparity.shape[1], parents)
+                join(label, label - disparity.shape[1], parents)
 
 
 @ti.kernel
@@ -142,7 +119,7 @@ def _count(
     sizes: i32_1,
 ):
     for i in parents:
-        ti.atomic_add(sizes[_find(i, parents)], 1)
+        ti.atomic_add(sizes[find(i, parents)], 1)
 
 
 @ti.kernel
@@ -156,7 +133,7 @@ def _keep(
 ):
     for y, x in disparity:
         label = y * disparity.shape[1] + x
-        large = sizes[_find(label, parents)] >= min_size
+        large = sizes[find(label, parents)] >= min_size
         kept[y, x] = disparity[y, x] if large else _none()
 
 

@@ -13,7 +13,7 @@ import warp as wp
 WARPS = 8
 BLOCK = 32 * WARPS  # Warp's own
 TILE = 64  # columns that a block makes, of however many there are
-OPTIONS = {"enable_backward": False, "default_grid_stride": False}
+OPTIONS = {"enable_backward": False}
 
 _WARP = """
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3;
