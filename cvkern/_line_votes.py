@@ -90,7 +90,7 @@ def _fixed_weights(rt: Runtime, found: Points, weights: Any, crossing: int) -> A
         raise ValueError(
             f"weights must be small enough for votes below 2^31, got up to {listed.max():g}"
         )
-    return rt.adopt(fixed if len(fixed) else np.zeros(1), np.int32)
+    return rt.send("lines.votes", (fixed if len(fixed) else np.zeros(1)).astype(np.int32))
 
 
 def subpixel_points(rt: Runtime, points: Any, size: tuple[int, int]) -> Points:
@@ -106,7 +106,8 @@ def subpixel_points(rt: Runtime, points: Any, size: tuple[int, int]) -> Points:
     number = len(host)
     fixed = np.zeros((max(number, 1), 2), np.int32)
     fixed[:number] = np.floor(host.astype(np.float64) * SUBPIXEL + 0.5)
-    return Points(rt.adopt(fixed, np.int32), rt.adopt(np.array([number]), np.int32), number, 0)
+    count = rt.send("lines.count", np.array([number], np.int32))
+    return Points(rt.send("lines.fixed", fixed), count, number, 0)
 
 
 def reach(size: tuple[int, int], step: float) -> int:

@@ -184,7 +184,7 @@ def subpixel_edges(
     results = SubpixelEdges(rt.empty((total, 2)), rt.empty((total,)), rt.empty((total,)))
     if total:
         views = [rt.adopt(a) for a in results]
-        rt.edges.gather_edges(dy, dx, mask, rt.adopt(starts, np.int32), *views)
+        rt.edges.gather_edges(dy, dx, mask, rt.send("subpixel.starts", starts), *views)
     return SubpixelEdges(*(rt.release(a) for a in results))
 
 

@@ -199,7 +199,7 @@ def _send(
     block: int = BLOCK,
 ) -> None:
     """Launch through a command that this thread keeps, which spares most of Warp's Python."""
-    key = (kernel, dim, device.alias, arguments[-1] is None)
+    key = (kernel, dim, block, device.alias, arguments[-1] is None)
     command = _thread.commands.get(key)
     if command is None:
         if len(_thread.commands) >= _MAX_COMMANDS:
