@@ -10,7 +10,7 @@ import numpy as np
 from cvkern._poses import Scene, apart, strongest
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern._validate import MAX_ELEMENTS, check_image, check_integer, check_number
-from cvkern.edges import _canny
+from cvkern.edges import find_edges
 from cvkern.kernels.codes import (
     DIRECTION_FACTOR,
     DIRECTIONS,
@@ -163,7 +163,7 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
     if orientation is None:
         sigma, low, high, use_quantiles = options
         mask = rt.scratch("shapes.mask", shape, bool)
-        dy, dx = _canny(
+        dy, dx = find_edges(
             rt, image, sigma, low, high, use_quantiles, "gaussian", "l2", "reflect", 0.0, mask
         )
     else:

@@ -11,8 +11,7 @@ from cvkern._libraries import library
 from cvkern._runtime import Runtime, runtime
 from cvkern._validate import check_choice, check_image, check_number, check_positive, check_sides
 from cvkern.circles import local_maxima
-from cvkern.edges import _canny as edge_gradient
-from cvkern.edges import _thresholds as edge_thresholds
+from cvkern.edges import edge_thresholds, find_edges
 from cvkern.kernels.codes import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Border
 
 POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
@@ -186,9 +185,7 @@ def edge_lines(
         small = rt.release(small)
     shape = tuple(small.shape)
     mask = rt.scratch("circles.mask", shape, bool)
-    dy, dx = edge_gradient(
-        rt, small, sigma, low, high, False, "gaussian", "l2", "reflect", 0.0, mask
-    )
+    dy, dx = find_edges(rt, small, sigma, low, high, False, "gaussian", "l2", "reflect", 0.0, mask)
     starts = rt.scratch("circles.starts", (shape[0] + 1,), np.int32)
     rt.points.count(mask, starts)
     count = int(rt.to_numpy(starts)[-1])
@@ -240,7 +237,7 @@ def _radii(
     bins = math.ceil(end - begin)
     counts = rt.scratch("circles.counts", (len(centers), bins), np.int32)
     rt.circle_centers.vote_radii(
-        lines, rt.set.adopt(centers, rt.device), begin, end, 1.0, 1.0 + cell, SLOPE, *sides, counts
+        lines, rt.send("circles.near", centers), begin, end, 1.0, 1.0 + cell, SLOPE, *sides, counts
     )
     near = np.pad(rt.to_numpy(counts), ((0, 0), (1, 1)))
     near = near[:, :-2] + near[:, 1:-1] + near[:, 2:]
@@ -262,15 +259,15 @@ def _fitted(
     With e the distance of a point from the circle and n the circle's normal there, a small move
     (y, x) and growth r leave e - n (y, x) - r (a step of Gauss and Newton).
     """
-    sums = rt.scratch("circles.sums", (max(len(circles), 1), 9), np.int64)
-    arcs = rt.scratch("circles.arcs", (max(len(circles), 1), ARCS), np.int32)
     support = np.zeros(len(circles), np.float32)
+    if not len(circles):
+        return circles, support
+    sums = rt.scratch("circles.sums", (len(circles), 9), np.int64)
+    arcs = rt.scratch("circles.arcs", (len(circles), ARCS), np.int32)
     exact = circles.astype(np.float64)
     for step in range(FITS + 1):
-        if not len(circles):
-            break
         band = max(BAND, 4.0 - 1.5 * step)
-        near = rt.set.adopt(np.ascontiguousarray(exact, np.float32), rt.device)
+        near = rt.send("circles.near", exact.astype(np.float32))
         rt.circle_centers.support(lines, near, band, 1.0, SLOPE, *sides, sums, arcs)
         if step == FITS:
             # A row or a column of pixels has one point of the edge that crosses it.

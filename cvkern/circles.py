@@ -250,7 +250,7 @@ def local_maxima(
         tops = rt.scratch("peaks.tops", (planes * height,))
         rt.circles.row_maxima(votes, tops)
         limits = rt.to_numpy(tops).reshape(planes, height).max(axis=1) * np.float32(0.5)
-    limits = rt.constant(limits)
+    limits = rt.send("peaks.limits", limits)
     counts = rt.scratch("peaks.counts", (planes * height,), np.int32)
     rt.circles.count_peaks(votes, limits, *apart, counts)
     ends = np.zeros(planes * height + 1, np.int32)
@@ -258,7 +258,7 @@ def local_maxima(
     total = int(ends[-1])
     if not total:
         return np.empty(0, np.float32), np.empty((0, 3), np.int32)
-    starts = rt.set.adopt(ends, rt.device)
+    starts = rt.send("peaks.starts", ends)
     places = rt.scratch("peaks.places", (total, 3), np.int32)
     values = rt.scratch("peaks.values", (total,))
     rt.circles.gather_peaks(votes, limits, *apart, starts, places, values)

@@ -104,7 +104,7 @@ def canny(
     check_choice(operator, OPERATORS, "operator")
     rt = runtime(image)
     edges = rt.empty(tuple(image.shape), bool)
-    _canny(
+    find_edges(
         rt, image, sigma, low_threshold, high_threshold, use_quantiles, operator, norm, mode, cval,
         rt.adopt(edges, bool),
     )  # fmt: skip
@@ -172,7 +172,7 @@ def subpixel_edges(
     rt = runtime(image)
     shape = tuple(image.shape)
     mask = rt.scratch("subpixel.mask", shape, bool)
-    dy, dx = _canny(
+    dy, dx = find_edges(
         rt, image, sigma, low_threshold, high_threshold, use_quantiles, "gaussian", "l2", mode,
         cval, mask,
     )  # fmt: skip
@@ -188,7 +188,7 @@ def subpixel_edges(
     return SubpixelEdges(*(rt.release(a) for a in results))
 
 
-def _canny(
+def find_edges(
     rt: Runtime,
     image: Any,
     sigma: float,
@@ -207,7 +207,7 @@ def _canny(
     cval = check_number(cval, "cval")
     sigma = check_number(sigma, "sigma", low=0)
     dtype = library(image).dtype(image)
-    low, high = _thresholds(low_threshold, high_threshold, use_quantiles, operator, dtype)
+    low, high = edge_thresholds(low_threshold, high_threshold, use_quantiles, operator, dtype)
     shape = tuple(image.shape)
     states = rt.scratch("canny.states", shape, np.uint8)
     dy = dx = None
@@ -227,7 +227,7 @@ def _canny(
     return dy, dx
 
 
-def _thresholds(
+def edge_thresholds(
     low: float | None, high: float | None, use_quantiles: bool, operator: str, dtype: np.dtype
 ) -> tuple[float, float]:
     """Return the thresholds, checked, with their defaults filled in."""

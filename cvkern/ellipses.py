@@ -173,7 +173,7 @@ def paired(
     narrow, wide = (b * b for b in widths)
     bins = math.floor(widths[1] / accuracy + 0.5) + 2
     rt.ellipses.vote_pairs(
-        rt.set.adopt(points, rt.device), shortest, longest, narrow, wide, 1 / accuracy, bins, turn,
+        rt.send("pairs.points", points), shortest, longest, narrow, wide, 1 / accuracy, bins, turn,
         votes, axes,
     )  # fmt: skip
     most = rt.to_numpy(votes)
