@@ -1,7 +1,8 @@
 """Marching of rays through an occupancy grid, in Taichi: where a field is looked at.
 
-One thread a ray, twice: to count its samples, and, when it is known where they go, to write them.
-Which cells are met is the same on every device: hence `product`.
+Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
+The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
+in occupied cells, up to so many. They are the same on every device: hence `product`.
 """
 
 import numpy as np

@@ -1,13 +1,14 @@
 """Marching of rays through an occupancy grid, in Warp: where a field is looked at.
 
-One thread a ray, twice: to count its samples, and, when it is known where they go, to write them.
-Which cells are met is the same on every device: hence no fused multiply-add.
+Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
+The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
+in occupied cells, up to so many. They are the same on every device: hence no fused multiply-add.
 """
 
 import warp as wp
 
 from . import _radiance_march_blocks as blocks
-from ._launch import launch, launch_each
+from ._launch import BLOCK, launch, launch_each
 from ._radiance_space import (
     cell_at,
     is_set,
@@ -177,12 +178,17 @@ def march_rays(
     length of the step, and `rays` (M,).
     """
     count = origins.shape[0]
-    march = [
+    inputs = [
         origins, directions, bits, levels, cells, near, far, finest, cone, most, jittered,
         unbounded, seed, step, active,
     ]  # fmt: skip
     outputs = [spans, positions, distances, rays]
-    launch_each(march_kernel, count, 256 * count, [*march, False], outputs)
-    scan, threads = (blocks.place, 256) if spans.device.is_cuda else (place, 1)
-    launch(scan, threads, [positions.shape[0]], [spans, total])
-    launch_each(march_kernel, count, 256 * count, [*march, True], outputs)
+    if spans.device.is_cuda:
+        threads = blocks.THREADS * count
+        launch(blocks.march, threads, [*inputs, False], outputs)
+        launch(blocks.place, BLOCK, [positions.shape[0]], [spans, total])
+        launch(blocks.march, threads, [*inputs, True], outputs)
+        return
+    launch_each(march_kernel, count, 256 * count, [*inputs, False], outputs)
+    launch(place, 1, [positions.shape[0]], [spans, total])
+    launch_each(march_kernel, count, 256 * count, [*inputs, True], outputs)
