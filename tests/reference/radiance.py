@@ -70,9 +70,10 @@ def march(origin, direction, occupied, levels, cells, near, far, finest, cone, j
     In float32 where a kernel could not otherwise come to the same places.
     """
     side = F32(2.0 ** (levels - 1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.stack([-side - origin, side - origin]) * (F32(1) / direction)
-    enter, leave = np.nanmin(ends, 0).max(), np.nanmax(ends, 0).min()
+    least = np.where(direction < 0, F32(-1e-12), F32(1e-12))
+    inverse = F32(1) / np.where(np.abs(direction) < F32(1e-12), least, direction)
+    ends = np.stack([-side - origin, side - origin]) * inverse
+    enter, leave = ends.min(0).max(), ends.max(0).min()
     if enter >= leave:
         return np.empty(0, F32)
     finest, cone = F32(finest), F32(cone)
