@@ -44,9 +44,10 @@ def test_shared_kernels_compile_for_hopper(name, tmp_path):
     compile_for_hopper(load(name), tmp_path)
 
 
-def test_marching_meets_the_same_cells(tmp_path):
+@pytest.mark.parametrize("name", ["radiance_march", "_radiance_march_blocks"])
+def test_marching_meets_the_same_cells(name, tmp_path):
     """Which cells a ray meets is an integer: no product is fused with a sum."""
-    code = compile_for_hopper(load("radiance_march"), tmp_path)
+    code = compile_for_hopper(load(name), tmp_path)
     assert "div.rn.f32" in code  # not an approximate one
     assert "fma.rn.f32" not in code
 
