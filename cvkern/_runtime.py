@@ -221,8 +221,12 @@ class Runtime:
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate kernel memory of one's own, filled with 0."""
         array = self.set.empty(shape, np.dtype(dtype), self.device)
-        self.set.clear(array)
+        self.clear(array)
         return array
+
+    def clear(self, array: Any) -> None:
+        """Fill a kernel array with 0."""
+        self.set.clear(array)
 
     def write(self, array: Any, values: np.ndarray) -> None:
         """Copy host values of the same shape and dtype into a kernel array."""

@@ -85,9 +85,13 @@ def encode(kernels, positions, total, grids, table, dtype: Any = F32):
 def test_hash_encode(kernels, grids):
     positions, table = places(300), noise(grids[1][-1], 2)
     features = encode(kernels, positions, 250, grids, table)
-    want = reference.hash_encode(positions[:250], grids, table)
-    # The place in a cell, a difference of numbers up to 2048, is exact; eight products are summed.
-    np.testing.assert_allclose(features[:250], want, rtol=0, atol=3e-6)
+    # A GPU may round the product whose cell is taken away from it, or not: of 100 cells that moves
+    # a place by 4e-6. Then eight products of numbers up to 4 are summed.
+    off = [
+        np.abs(features[:250] - reference.hash_encode(positions[:250], grids, table, fused))
+        for fused in (False, True)
+    ]
+    assert (off[0] if kernels.device == "cpu" else np.minimum(*off)).max() <= 3e-6
     assert (features[250:] == 77).all()
 
 

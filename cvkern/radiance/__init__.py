@@ -1,6 +1,12 @@
 """Radiance fields: from posed photographs to a model that renders new views."""
 
 from cvkern.radiance.cameras import Cameras, cameras, look_at, pixel_rays, project
+from cvkern.radiance.compositing import (
+    Composite,
+    CompositeGradient,
+    composite_rays,
+    composite_rays_backward,
+)
 from cvkern.radiance.hash_field import HashField
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Mark, Model, load_model
@@ -22,6 +28,8 @@ __all__ = [
     "Bounds",
     "Cameras",
     "Cloud",
+    "Composite",
+    "CompositeGradient",
     "HashField",
     "Mark",
     "Mesh",
@@ -31,6 +39,8 @@ __all__ = [
     "Scores",
     "VoxelField",
     "cameras",
+    "composite_rays",
+    "composite_rays_backward",
     "evaluate",
     "fit",
     "load_model",

@@ -130,11 +130,14 @@ def losses(color, opacity, targets, behind, huber):
 # ---------------------------------------------------------------------------------- encodings
 
 
-def hash_corners(positions, resolution, size):
-    """Return the entries of the corners of each sample's cell, (N, 8), and their weights."""
+def hash_corners(positions, resolution, size, fused=False):
+    """Return the entries of the corners of each sample's cell, (N, 8), and their weights.
+
+    The place in the cell is what is left of a product rounded to float32, or not if `fused`.
+    """
     at = positions.astype(F32) * F32(resolution)  # in float32: which cell it is depends on it
     cell = np.clip(np.floor(at), 0, resolution - 1).astype(np.int64)
-    f = at.astype(float) - cell
+    f = (positions.astype(float) * resolution if fused else at.astype(float)) - cell
     entries, weights = [], []
     for corner in np.ndindex(2, 2, 2):
         i, j, k = (cell + corner).T
@@ -147,12 +150,12 @@ def hash_corners(positions, resolution, size):
     return np.stack(entries, 1), np.stack(weights, 1)
 
 
-def hash_encode(positions, grids, table):
+def hash_encode(positions, grids, table, fused=False):
     """Return the features (N, 2 L) of samples, in grids of these resolutions and offsets."""
     resolutions, offsets = grids
     found = []
     for resolution, begin, end in zip(resolutions, offsets[:-1], offsets[1:], strict=True):
-        entries, weights = hash_corners(positions, resolution, end - begin)
+        entries, weights = hash_corners(positions, resolution, end - begin, fused)
         found.append((weights[:, :, None] * table[begin + entries].astype(float)).sum(1))
     return np.hstack(found)
 
