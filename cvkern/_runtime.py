@@ -120,6 +120,7 @@ class Runtime:
             radiance_heads,
             radiance_loss,
             radiance_march,
+            radiance_network,
             radiance_occupancy,
             radiance_rays,
             radiance_shapes,

@@ -69,6 +69,26 @@ def test_outer_products_compile_for_hopper(depth, columns, tmp_path):
     assert "movmatrix.sync.aligned.m8n8.trans.b16" in code
 
 
+@pytest.mark.parametrize("inputs", [16, 32, 48, 64])
+def test_networks_compile_for_hopper(inputs, tmp_path):
+    """To machine code: there are registers and shared memory enough."""
+    blocks = load("_radiance_network_blocks")
+    compile_for_hopper(blocks, tmp_path / "gather")
+    layers = [inputs // 2, 8, 16, 32, 8]  # products of 16 samples x 16 with 16 x 8
+    counts = {
+        "density": sum(layers[:2]),
+        "forward": sum(layers),
+        # It needs neither the last layer's values nor gradients of the view.
+        "backward": 3 * sum(layers) - 8 - 8,
+    }
+    for name, count in counts.items():
+        module = getattr(blocks, name)(inputs).module
+        code = compile_for_hopper(module, tmp_path / name)
+        assert code.count("mma.sync.aligned.m16n8k16") == count
+        (cubin,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=False)
+        assert Path(cubin).stat().st_size > 0
+
+
 def made(scalar):
     """Yield the kernels that are made for a precision."""
     for family, names in {

@@ -10,10 +10,10 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern._validate import check_integer, check_number, check_positive
+from cvkern.kernels.codes import network_layers, network_room
 from cvkern.radiance.fields import Frame, Learning, Rays
 from cvkern.radiance.sampled import CELLS, STEPS, SampledField, taken
 
-FEATURES, WIDTH, HARMONICS = 16, 64, 16  # of the density's perceptron, of a layer, of the view
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 CELLS_OF_PIXEL = 2.0  # of the finest grid: with more, held-out views of small photographs lose
 HALF_SCALE = 128.0  # lifts gradients above what float16 takes for 0
@@ -104,71 +104,45 @@ class HashNetwork(SampledField):
         offsets = np.concatenate(([0], np.cumsum(sizes))).astype(np.int32)
         self.grids = rt.constant(resolutions), rt.constant(offsets)
         self.table = Parameters(rt, rng.uniform(-1e-4, 1e-4, (int(offsets[-1]), 2)), self.half)
-        inner = FEATURES + HARMONICS
-        shapes = [
-            (2 * levels, WIDTH),
-            (WIDTH, FEATURES),
-            (inner, WIDTH),
-            (WIDTH, WIDTH),
-            (WIDTH, 16),
-        ]
         # Xavier's limits keep the size of what passes through a layer.
+        shapes = network_layers(2 * levels)
         layers = [rng.uniform(-1, 1, s) * math.sqrt(6 / (s[0] + s[1])) for s in shapes]
         self.layers = Parameters(rt, np.concatenate([w.ravel() for w in layers]), self.half)
-        ends = np.cumsum([w.size for w in layers])
-        parts = [(slice(e - w.size, e), w.shape) for e, w in zip(ends, layers, strict=True)]
-        self.weights = [self.layers.copy[at].reshape(shape) for at, shape in parts]
-        self.d_weights = [self.layers.gradients[at].reshape(shape) for at, shape in parts]
-        widths = {"features": 2 * levels, "first": WIDTH, "hidden": inner, "second": WIDTH,
-                  "third": WIDTH, "raw": 16}  # fmt: skip
-        self.values, self.gradients = (
-            {name: rt.zeros((settings.samples, width), self.half) for name, width in widths.items()}
-            for _ in range(2)
+        self.features, self.d_features = (
+            rt.zeros((settings.samples, 2 * levels), self.half) for _ in range(2)
         )
+        self.memory = rt.zeros(network_room(2 * levels, settings.samples, self.half == np.float16))
         self._rate, self._factor, self._parts_of_norm = (rt.zeros((n,)) for n in (3, 1, 1024))
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
-        rt, v = self.rt, self.values
-        positions = self.samples.positions
-        rt.radiance_hash.encode(positions, total, *self.grids, self.table.copy, v["features"])
-        rt.radiance_dense.forward(v["features"], self.weights[0], total, True, 0, v["first"])
-        rt.radiance_dense.forward(v["first"], self.weights[1], total, False, 0, v["hidden"])
-        rt.radiance_heads.forward(v["hidden"], v["raw"], total, self.sigma, self.rgb)
+        self._encode(total)
+        self.rt.radiance_network.density(
+            self.features, total, self.layers.copy, self.memory, self.sigma
+        )
 
     def evaluate(self, rays: Rays) -> None:
         """See :meth:`SampledField.evaluate`."""
-        rt, v, s = self.rt, self.values, self.samples
-        rt.radiance_hash.encode(s.positions, s.total, *self.grids, self.table.copy, v["features"])
-        layers = (
-            ("features", 0, True, "first"), ("first", 1, False, "hidden"),
-            ("hidden", 2, True, "second"), ("second", 3, True, "third"), ("third", 4, False, "raw"),
+        self._encode(self.samples.total)
+        self._inputs = (
+            self.features, rays.directions, self.samples.rays, self.samples.total, self.layers.copy,
         )  # fmt: skip
-        rt.radiance_encode.spherical(rays.directions, s.rays, s.total, FEATURES, v["hidden"])
-        for source, layer, relu, target in layers:
-            rt.radiance_dense.forward(v[source], self.weights[layer], s.total, relu, 0, v[target])
-        rt.radiance_heads.forward(v["hidden"], v["raw"], s.total, self.sigma, self.rgb)
+        self.rt.radiance_network.forward(*self._inputs, self.memory, self.sigma, self.rgb)
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
-        rt, g, total = self.rt, self.gradients, self.samples.total
-        rt.radiance_heads.color_backward(self.d_rgb, self.rgb, total, g["raw"])
-        self._layer_backward("third", 4, True, "raw")
-        self._layer_backward("second", 3, True, "third")
-        self._layer_backward("hidden", 2, False, "second")
-        rt.radiance_heads.density_backward(self.d_sigma, self.sigma, total, g["hidden"])
-        self._layer_backward("first", 1, True, "hidden")
-        self._layer_backward("features", 0, False, "first")
-        rt.radiance_hash.backward(
-            self.samples.positions, total, *self.grids, g["features"], self.table.gradients
+        s = self.samples
+        self.rt.radiance_network.backward(
+            self.d_sigma, self.d_rgb, *self._inputs, self.sigma, self.rgb, self.memory,
+            self.d_features, self.layers.gradients,
+        )  # fmt: skip
+        self.rt.radiance_hash.backward(
+            s.positions, s.total, *self.grids, self.d_features, self.table.gradients
         )
 
-    def _layer_backward(self, source: str, layer: int, gated: bool, target: str) -> None:
-        """Take the gradients of a layer's output to its input, and to its weights."""
-        dense, total = self.rt.radiance_dense, self.samples.total
-        x, dy = self.values[source], self.gradients[target]
-        dense.backward_input(dy, self.weights[layer], x, total, gated, 0, self.gradients[source])
-        dense.backward_weight(dy, x, total, 0, self.d_weights[layer])
+    def _encode(self, total: Any) -> None:
+        positions = self.samples.positions
+        self.rt.radiance_hash.encode(positions, total, *self.grids, self.table.copy, self.features)
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""

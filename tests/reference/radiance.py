@@ -196,3 +196,44 @@ def slope(function, at, step=1e-5):
         there[i] -= 2 * step
         found[i] = (above - function(there)) / (2 * step)
     return found
+
+
+# ------------------------------------------------------------------------------------ networks
+
+
+def network_parts(weights, inputs):
+    """Cut the weights of the two perceptrons of a hash field into layers."""
+    shapes = [(inputs, 64), (64, 16), (32, 64), (64, 64), (64, 16)]
+    ends = np.cumsum([k * n for k, n in shapes])
+    return [w.reshape(s) for w, s in zip(np.split(weights, ends[:-1]), shapes, strict=True)]
+
+
+def network(features, views, weights, kept=lambda x: x):
+    """Return density, colour and what layers give, from features and harmonics of the view.
+
+    What a layer gives to the next goes through `kept`: it may be rounded.
+    """
+    a, b, c, d, e = network_parts(weights, features.shape[1])
+    first = kept(np.maximum(features @ a, 0))
+    numbers = first @ b
+    hidden = kept(np.concatenate([numbers, views], 1))
+    second = kept(np.maximum(hidden @ c, 0))
+    third = kept(np.maximum(second @ d, 0))
+    sigma = np.exp(np.minimum(numbers[:, 0], 11))
+    return sigma, 1 / (1 + np.exp(-(third @ e)[:, :3])), (first, hidden, second, third)
+
+
+def network_backward(d_sigma, d_rgb, features, views, weights, kept=lambda x: x):
+    """Return the gradients of features and weights, by the chain rule from end to beginning."""
+    sigma, rgb, (first, hidden, second, third) = network(features, views, weights, kept)
+    a, b, c, d, e = network_parts(weights, features.shape[1])
+    d_raw = kept(np.pad(d_rgb * rgb * (1 - rgb), ((0, 0), (0, 13))))
+    d_third = kept(d_raw @ e.T * (third > 0))
+    d_second = kept(d_third @ d.T * (second > 0))
+    d_numbers = (d_second @ c.T)[:, :16]
+    d_numbers[:, 0] += np.clip(d_sigma * sigma, -30000, 30000)
+    d_numbers = kept(d_numbers)
+    d_first = kept(d_numbers @ b.T * (first > 0))
+    pairs = ((features, d_first), (first, d_numbers), (hidden, d_second), (second, d_third),
+             (third, d_raw))  # fmt: skip
+    return d_first @ a.T, np.concatenate([(x.T @ dy).ravel() for x, dy in pairs])
