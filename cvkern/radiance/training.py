@@ -19,8 +19,9 @@ from cvkern._validate import check_choice, check_code, check_integer, check_numb
 from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.fields import Frame, Learning, Rays, Rendered
-from cvkern.radiance.hash_field import BETAS, EPSILON, HashField, Parameters
+from cvkern.radiance.hash_field import BETAS, EPSILON, HashField
 from cvkern.radiance.models import Mark, Model, Training, field_kind, load_model
+from cvkern.radiance.parameters import Parameters
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes import Scene
 from cvkern.radiance.voxel_field import VoxelField
