@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
+from cvkern._validate import check_positive
 from cvkern.radiance.fields import Frame, Learning, Rays
-from cvkern.radiance.parameters import Parameters
+from cvkern.radiance.parameters import Clip, Parameters
 from cvkern.radiance.sampled import CELLS, SampledField
 
 FEATURES, WIDTH, HARMONICS = 16, 64, 16  # of the density's perceptron, of a layer, of the view
 BETAS, EPSILON = (0.9, 0.99), 1e-15
-HALF_SCALE = 128.0  # lifts gradients above what float16 takes for 0
+LIFT = 128.0  # of gradients above what float16, or a fixed-point number, takes for 0
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,12 @@ class HashField:
     """Of the perceptrons."""
     table_decay: float = 1e-6
     """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
+    gradient_clip: float | None = None
+    """Norm of all gradients together, > 0, which larger ones are shrunk to."""
+
+    def __post_init__(self) -> None:
+        if self.gradient_clip is not None:
+            check_positive(self.gradient_clip, "gradient_clip")
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
         """Return the field itself, with random parameters."""
@@ -65,7 +72,7 @@ class HashNetwork(SampledField):
         super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
         self.settings = settings
         self.half = rt.matrix_dtype
-        self.gradient_scale = 1.0 if self.half == np.float32 else HALF_SCALE
+        self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
         growth = (settings.finest / settings.coarsest) ** (1 / max(levels - 1, 1))
         resolutions = np.round(settings.coarsest * growth ** np.arange(levels)).astype(np.int32)
@@ -95,7 +102,7 @@ class HashNetwork(SampledField):
             {name: rt.zeros((settings.samples, width), self.half) for name, width in widths.items()}
             for _ in range(2)
         )
-        self._rate, self._factor, self._parts_of_norm = (rt.zeros((n,)) for n in (3, 1, 1024))
+        self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
@@ -130,8 +137,9 @@ class HashNetwork(SampledField):
         self._layer_backward("first", 1, True, "hidden")
         self._layer_backward("features", 0, False, "first")
         rt.radiance_hash.backward(
-            self.samples.positions, total, *self.grids, g["features"], self.table.gradients
+            self.samples.positions, total, *self.grids, g["features"], self.table.sums
         )
+        self.table.collect(rt)
 
     def _layer_backward(self, source: str, layer: int, gated: bool, target: str) -> None:
         """Take the gradients of a layer's output to its input, and to its weights."""
@@ -140,18 +148,26 @@ class HashNetwork(SampledField):
         dense.backward_input(dy, self.weights[layer], x, total, gated, 0, self.gradients[source])
         dense.backward_weight(dy, x, total, 0, self.d_weights[layer])
 
+    def make_deterministic(self) -> None:
+        """See :meth:`Field.make_deterministic`: tables are added to by atomics on a GPU."""
+        if self.rt.device != "cpu":
+            self.gradient_scale = LIFT
+            self.table.make_deterministic(self.rt)
+
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         adam, s = self.rt.radiance_adam, self.settings
         adam.learning_rate(
             learning.step, learning.progress, s.learning_rate, 100, s.final_rate, *BETAS, self._rate
         )
-        adam.clip(learning.scale / self.gradient_scale, 1e30, self._parts_of_norm, self._factor)
+        gradients = self.table.gradients, self.layers.gradients
+        self._clip.update(learning.scale / self.gradient_scale, *gradients)
         for parameters, decay, sparse in (
             (self.table, s.table_decay, s.table_decay == 0.0),
             (self.layers, s.weight_decay, False),
         ):
-            adam.adam(self._rate, self._factor, *BETAS, EPSILON, decay, sparse, *parameters.flat())
+            given = self._rate, self._clip.factor, *BETAS, EPSILON, decay, sparse
+            adam.adam(*given, *parameters.flat())
 
     def state(self) -> dict[str, np.ndarray]:
         """See :meth:`Field.state`."""

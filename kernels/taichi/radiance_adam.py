@@ -74,18 +74,18 @@ def adam(
 def _collect(
     # outputs
     sums: i64_1,  # (N,): set to 0
-    gradients: f32_1,  # (N,)
+    gradients: f32_1,  # (N,): added to
 ):
     for i in range(sums.shape[0]):
-        gradients[i] = ti.cast(sums[i], ti.f32) * UNIT
+        gradients[i] += ti.cast(sums[i], ti.f32) * UNIT
         sums[i] = 0
 
 
 @primitive
 def collect(sums: np.ndarray, gradients: np.ndarray) -> None:
-    """Fill `gradients` (N,) with `sums` (N,) int64, fixed-point numbers that are left at 0.
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave them at 0.
 
-    These are what gradients are added up in where the order must not show. On CUDA each array
+    They are what gradients are added up in where the order must not show. On CUDA each array
     begins at a multiple of 16 bytes.
     """
     _collect(sums, gradients)

@@ -129,12 +129,18 @@ def adam(scalar: Any) -> wp.Kernel:
     if (thread < quads) {{
         longlong2* four = (longlong2*)sums.data + 2 * (size_t)thread;
         const longlong2 a = four[0], b = four[1];
-        ((float4*)gradients.data)[thread] =
-            make_float4(fraction(a.x), fraction(a.y), fraction(b.x), fraction(b.y));
-        if (a.x | a.y | b.x | b.y) four[0] = four[1] = make_longlong2(0, 0);
+        if (a.x | a.y | b.x | b.y) {{
+            four[0] = four[1] = make_longlong2(0, 0);
+            float4 g = ((float4*)gradients.data)[thread];
+            g.x += fraction(a.x);
+            g.y += fraction(a.y);
+            g.z += fraction(b.x);
+            g.w += fraction(b.y);
+            ((float4*)gradients.data)[thread] = g;
+        }}
     }} else {{
         const int i = 3 * quads + thread;
-        gradients.data[i] = fraction(sums.data[i]);
+        gradients.data[i] += fraction(sums.data[i]);
         sums.data[i] = 0;
     }}
 """)
@@ -145,7 +151,7 @@ def collect_some(thread: int, sums: wp.array[wp.int64], gradients: wp.array[floa
 def collect(
     # outputs
     sums: wp.array[wp.int64],  # (N,): set to 0
-    gradients: wp.array[float],  # (N,)
+    gradients: wp.array[float],  # (N,): added to
 ):
     collect_some(wp.tid(), sums, gradients)
 

@@ -77,10 +77,10 @@ def collect(
     last: int,
     # outputs
     sums: wp.array[wp.int64],  # (N,): set to 0
-    gradients: wp.array[float],  # (N,)
+    gradients: wp.array[float],  # (N,): added to
 ):
     for i in range(first, last):
-        gradients[i] = float(sums[i]) * UNIT
+        gradients[i] = gradients[i] + float(sums[i]) * UNIT
         sums[i] = wp.int64(0)
 
 

@@ -70,9 +70,9 @@ def adam(
 
 
 def collect(sums: wp.array, gradients: wp.array) -> None:
-    """Fill `gradients` (N,) with `sums` (N,) int64, fixed-point numbers that are left at 0.
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave them at 0.
 
-    These are what gradients are added up in where the order must not show. On CUDA each array
+    They are what gradients are added up in where the order must not show. On CUDA each array
     begins at a multiple of 16 bytes.
     """
     count = sums.shape[0]
