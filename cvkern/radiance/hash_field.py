@@ -54,7 +54,10 @@ class HashField:
     table_decay: float = 1e-6
     """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
     gradient_clip: float | None = None
-    """Norm of all gradients together, > 0, which larger ones are shrunk to."""
+    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+
+    They are those of the sum of the losses of a batch's rays over 4096.
+    """
 
     def __post_init__(self) -> None:
         if self.gradient_clip is not None:

@@ -81,7 +81,11 @@ class VoxelField:
     smooth_color: float = 1e-9
     """Weight of squared differences of the coefficients between neighbours."""
     gradient_clip: float | None = None
-    """Norm of all gradients together, > 0, which larger ones are shrunk to; takes a look at all."""
+    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+
+    They are those of the sum of the losses of a batch's rays over 4096, and of the smoothness. To
+    find their norm takes a look at the whole grid in each step.
+    """
 
     def __post_init__(self) -> None:
         found = [check_integer(n, "resolutions", 16, MOST_CELLS) for n in self.resolutions]
