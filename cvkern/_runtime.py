@@ -237,6 +237,20 @@ class Runtime:
         """Return what repeats the launches of `call`, as one where the kernel set can do that."""
         return self.set.record(call, self.device)
 
+    def rehearse(self, call: Callable[[], None]) -> Callable[[], None]:
+        """Do `call`, and return what repeats its launches, as :meth:`record` does.
+
+        They have scratch memory of their own: a recording keeps the addresses of what it used.
+        """
+        scratch: dict[Any, Any] = {}
+
+        def again() -> None:
+            with self.set.own_scratch(scratch):
+                call()
+
+        again()
+        return self.record(again)
+
     @property
     def matrix_dtype(self) -> np.dtype:
         """The precision of matrix products: half where there are tensor cores for it."""

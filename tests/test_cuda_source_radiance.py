@@ -92,9 +92,9 @@ def test_networks_compile_for_hopper(inputs, tmp_path):
 def made(scalar):
     """Yield the kernels that are made for a precision."""
     for family, names in {
-        "radiance_adam": ["_adam"],
+        "_radiance_adam_blocks": ["adam"],
         "radiance_encode": ["_spherical"],
-        "radiance_hash": ["_encode", "_backward"],
+        "radiance_hash": ["_encode"],
         "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -105,5 +105,34 @@ def made(scalar):
 def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
     for name, kernel in made(wp.dtype_from_numpy(dtype)):
         code = compile_for_hopper(kernel.module, tmp_path / name)
-        if name == "radiance_hash._backward":  # both numbers of an entry at a time
-            assert "red.global.add.v2.f32" in code
+        if name == "_radiance_adam_blocks.adam":
+            assert code.count("ld.global.v4.f32") == 4
+            assert code.count("st.global.v4.f32") == (4 if dtype is np.float16 else 5)
+
+
+# Two numbers at a time, or integers, whose sums have no order.
+ADDS = pytest.mark.parametrize(
+    ("sums", "add"), [(wp.float32, "add.v2.f32"), (wp.int64, "add.u64")], ids=["float", "fixed"]
+)
+
+
+@ADDS
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_hash_backward_compiles_for_hopper(dtype, sums, add, tmp_path):
+    kernel = load("radiance_hash")._backward(wp.dtype_from_numpy(dtype), sums)
+    code = compile_for_hopper(kernel.module, tmp_path)
+    assert f".global.{add}" in code
+
+
+@pytest.mark.parametrize(
+    ("sums", "add"), [(wp.float32, "add.f32"), (wp.int64, "add.u64")], ids=["float", "fixed"]
+)
+def test_voxel_backward_compiles_for_hopper(sums, add, tmp_path):
+    kernel = load("_radiance_voxel_blocks").render_backward(sums)
+    code = compile_for_hopper(kernel.module, tmp_path)
+    assert f".global.{add}" in code
+    assert (".global.add.f32" in code) == (sums is wp.float32)
+
+
+def test_sums_of_layers_compile_for_hopper(tmp_path):
+    compile_for_hopper(load("_radiance_dense_blocks").gather.module, tmp_path)

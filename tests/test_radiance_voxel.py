@@ -303,7 +303,9 @@ def test_adam_moves_touched_nodes(kernels):
 
     before = [touched, *like(density), *like(color)]
     rates = np.array([0.1, 0.9, 0.8], F32), np.array([0.02, 0.9, 0.8], F32)
-    after = kernels("radiance_voxel.adam", *rates, 0.5, 0.9, 0.99, 1e-8, out=before)
+    after = kernels(
+        "radiance_voxel.adam", *rates, np.array([0.5], F32), 0.9, 0.99, 1e-8, out=before
+    )
     assert not after[0].any()
     moved = touched == 1
     for k, rate in ((1, 0.1), (5, 0.02)):

@@ -44,6 +44,9 @@ def train(
     ] = "random",
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
     seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+    deterministic: Annotated[
+        bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
+    ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the output, if it is there.")
     ] = False,
@@ -64,6 +67,7 @@ def train(
             background=background,
             loss=loss,
             seed=seed,
+            deterministic=deterministic,
             checkpoint=output,
             resume=resume,
         )

@@ -89,7 +89,7 @@ class Field(abc.ABC):
     edition: int = 0
     """Counted up when arrays are replaced: what was recorded with the old ones is void."""
     gradient_scale: float = 1.0
-    """What losses are multiplied by, so that half precision can hold their gradients."""
+    """What losses are multiplied by, so that numbers of few bits can hold their gradients."""
 
     @abc.abstractmethod
     def forward(self, rays: Rays, step: Any, *, training: bool) -> Rendered:
@@ -102,6 +102,9 @@ class Field(abc.ABC):
     @abc.abstractmethod
     def learn(self, learning: Learning) -> None:
         """Move the parameters by their gradients, and forget those."""
+
+    def make_deterministic(self) -> None:  # noqa: B027  (may be so anyway)
+        """Make gradients that are equal from run to run, from now on."""
 
     @abc.abstractmethod
     def taken(self) -> int:

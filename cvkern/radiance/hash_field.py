@@ -12,11 +12,12 @@ from cvkern._runtime import Runtime
 from cvkern._validate import check_integer, check_number, check_positive
 from cvkern.kernels.codes import network_layers, network_room
 from cvkern.radiance.fields import Frame, Learning, Rays
-from cvkern.radiance.sampled import CELLS, STEPS, SampledField, taken
+from cvkern.radiance.parameters import Clip, Parameters
+from cvkern.radiance.sampled import CELLS, STEPS, SampledField
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 CELLS_OF_PIXEL = 2.0  # of the finest grid: with more, held-out views of small photographs lose
-HALF_SCALE = 128.0  # lifts gradients above what float16 takes for 0
+LIFT = 128.0  # of gradients above what float16, or a fixed-point number, takes for 0
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,11 @@ class HashField:
     """Of the perceptrons."""
     table_decay: float = 1e-7
     """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
+    gradient_clip: float | None = None
+    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+
+    They are those of the sum of the losses of a batch's rays over 4096.
+    """
 
     def __post_init__(self) -> None:
         for name, least, most in (
@@ -77,6 +83,8 @@ class HashField:
             check_positive(getattr(self, name), name)
         for name in ("weight_decay", "table_decay"):
             check_number(getattr(self, name), name, low=0.0)
+        if self.gradient_clip is not None:
+            check_positive(self.gradient_clip, "gradient_clip")
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
         """Return the field itself, with random parameters."""
@@ -90,7 +98,7 @@ class HashNetwork(SampledField):
         super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
         self.settings = settings
         self.half = rt.matrix_dtype
-        self.gradient_scale = 1.0 if self.half == np.float32 else HALF_SCALE
+        self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
         finest = settings.finest
         if finest is None:
@@ -112,7 +120,7 @@ class HashNetwork(SampledField):
             rt.zeros((settings.samples, 2 * levels), self.half) for _ in range(2)
         )
         self.memory = rt.zeros(network_room(2 * levels, settings.samples, self.half == np.float16))
-        self._rate, self._factor, self._parts_of_norm = (rt.zeros((n,)) for n in (3, 1, 1024))
+        self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
@@ -137,12 +145,19 @@ class HashNetwork(SampledField):
             self.d_features, self.layers.gradients,
         )  # fmt: skip
         self.rt.radiance_hash.backward(
-            s.positions, s.total, *self.grids, self.d_features, self.table.gradients
+            s.positions, s.total, *self.grids, self.d_features, self.table.sums
         )
+        self.table.collect(self.rt)
 
     def _encode(self, total: Any) -> None:
         positions = self.samples.positions
         self.rt.radiance_hash.encode(positions, total, *self.grids, self.table.copy, self.features)
+
+    def make_deterministic(self) -> None:
+        """See :meth:`Field.make_deterministic`: tables are added to by atomics on a GPU."""
+        if self.rt.device != "cpu":
+            self.gradient_scale = LIFT
+            self.table.make_deterministic(self.rt)
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
@@ -150,12 +165,14 @@ class HashNetwork(SampledField):
         adam.learning_rate(
             learning.step, learning.progress, s.learning_rate, 100, s.final_rate, *BETAS, self._rate
         )
-        adam.clip(learning.scale / self.gradient_scale, 1e30, self._parts_of_norm, self._factor)
+        gradients = self.table.gradients, self.layers.gradients
+        self._clip.update(learning.scale / self.gradient_scale, *gradients)
         for parameters, decay, sparse in (
             (self.table, s.table_decay, s.table_decay == 0.0),
             (self.layers, s.weight_decay, False),
         ):
-            adam.adam(self._rate, self._factor, *BETAS, EPSILON, decay, sparse, *parameters.flat())
+            given = self._rate, self._clip.factor, *BETAS, EPSILON, decay, sparse
+            adam.adam(*given, *parameters.flat())
 
     def state(self) -> dict[str, np.ndarray]:
         """See :meth:`Field.state`."""
@@ -170,34 +187,3 @@ class HashNetwork(SampledField):
         super().restore(state)
         self.table.restore("table.", state, self.rt)
         self.layers.restore("layers.", state, self.rt)
-
-
-class Parameters:
-    """Parameters with what Adam keeps for them, and a copy in the precision they are used in."""
-
-    def __init__(self, rt: Runtime, values: np.ndarray, dtype: Any):
-        shape = values.shape
-        self.values, self.gradients, self.mean, self.square = (rt.zeros(shape) for _ in range(4))
-        self.copy = self.values if dtype == np.float32 else rt.zeros(shape, dtype)
-        self._write(values, rt)
-
-    def _write(self, values: np.ndarray, rt: Runtime) -> None:
-        rt.write(self.values, values.astype(np.float32))
-        if self.copy is not self.values:
-            rt.write(self.copy, values.astype(np.float16))
-
-    def flat(self) -> list[Any]:
-        """Return gradients, means, squares, values and copy, as Adam takes them."""
-        arrays = (self.gradients, self.mean, self.square, self.values, self.copy)
-        return [a.reshape((-1,)) if len(a.shape) > 1 else a for a in arrays]
-
-    def state(self, prefix: str, rt: Runtime) -> dict[str, np.ndarray]:
-        """Return what has to be saved."""
-        arrays = {"values": self.values, "mean": self.mean, "square": self.square}
-        return {prefix + name: rt.to_numpy(a).copy() for name, a in arrays.items()}
-
-    def restore(self, prefix: str, state: dict[str, np.ndarray], rt: Runtime) -> None:
-        """Take up what was saved."""
-        self._write(taken(state, prefix + "values", self.values.shape), rt)
-        rt.write(self.mean, taken(state, prefix + "mean", self.mean.shape))
-        rt.write(self.square, taken(state, prefix + "square", self.square.shape))

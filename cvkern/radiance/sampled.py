@@ -141,8 +141,7 @@ class SampledField(Field):
         if step % EVERY == 0:
             everywhere = step < SETTLED
             if everywhere not in self._looks:
-                self._look(everywhere, learning.step)
-                self._looks[everywhere] = self.rt.record(
+                self._looks[everywhere] = self.rt.rehearse(
                     lambda: self._look(everywhere, learning.step)
                 )
             else:

@@ -19,8 +19,9 @@ from cvkern._validate import check_choice, check_code, check_integer, check_numb
 from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.fields import Frame, Learning, Rays, Rendered
-from cvkern.radiance.hash_field import BETAS, EPSILON, HashField, Parameters
+from cvkern.radiance.hash_field import BETAS, EPSILON, HashField
 from cvkern.radiance.models import Mark, Model, Training, field_kind, load_model
+from cvkern.radiance.parameters import Clip, Parameters
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes import Scene
 from cvkern.radiance.voxel_field import VoxelField
@@ -44,6 +45,7 @@ def fit(
     loss: str = "squared",
     spread: float = 0.0,
     seed: int = 0,
+    deterministic: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     save_every: float = 60.0,
@@ -61,7 +63,8 @@ def fit(
     seconds : float, optional
         Time to train for, > 0, without looks at held-out views and saving; 60 by default.
     steps : int, optional
-        Batches to train on, instead of `seconds`. On the CPU the same steps give the same model.
+        Batches to train on, instead of `seconds`. On the CPU the same steps give the same model,
+        bit for bit, with the same number of threads.
     background : {'random', 'white', 'black', 'learnt'}, default 'random'
         What is behind everything. Random colours keep the field from painting a background of its
         own: photographs with opacity come out with theirs, and others are filled to the last
@@ -73,6 +76,10 @@ def fit(
         centre) to 1 (all of it).
     seed : int, default 0
         Of all random numbers.
+    deterministic : bool, default False
+        On a GPU too, give the same model for the same `steps`, bit for bit, as long as the kind of
+        GPU and the versions of its software stay the same. Steps take longer, and gradients twice
+        the memory again: they are added up as integers, which have the same sum in any order.
     checkpoint : path, optional
         File, ``.npz``, that the model is saved to every now and then and at the end; each time
         whole or not at all.
@@ -108,6 +115,10 @@ def fit(
     -----
     Each step draws rays through random pixels of all views, as many as fill the field's room for
     samples. The launches of a step are recorded once, on CUDA as a graph.
+
+    What is deterministic on a GPU counts gradients in units of 2^-28, after the loss has been
+    multiplied by 128 (of a voxel field, by 4096). A single one is cut off beyond 2^16, where half
+    precision ends as well; with that, sums of 2^18 of them cannot overflow.
 
     Examples
     --------
@@ -156,6 +167,8 @@ def fit(
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     model = _begin(scene, settings, background, seed, checkpoint if resume else None)
+    if deterministic:
+        model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
     with _shown(progress) as show, _stoppable() as stop:
         trainer.train(seconds, steps, stop, show, checkpoint, save_every, evaluate_every)
@@ -222,7 +235,7 @@ class Trainer:
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
         self.d_behind, self.parts = rt.zeros((count, 3)), rt.zeros((PARTS, 3))
-        self.rate, self.factor, self.norm = rt.zeros((3,)), rt.zeros((1,)), rt.zeros((1,))
+        self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
         self.learning = Learning(
             owned(rt, np.array([state.step], np.int32)),
             owned(rt, np.array([state.progress], np.float32)),
@@ -255,16 +268,16 @@ class Trainer:
             adam.learning_rate(
                 at, self.learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate
             )
-            adam.clip(SHARE / field.gradient_scale, 1e30, self.norm, self.factor)
-            adam.adam(self.rate, self.factor, *BETAS, EPSILON, 0.0, False, *self.behind.flat())
+            self.clip.update(SHARE / field.gradient_scale)
+            given = self.rate, self.clip.factor, *BETAS, EPSILON, 0.0, False
+            adam.adam(*given, *self.behind.flat())
         rt.radiance_adam.advance(at)
 
     def repeat(self) -> None:
         """Take a step: the first one with the field's arrays as it is, the others as recorded."""
         if self._edition != self.field.edition:
             self._edition = self.field.edition
-            self.step()
-            self._step = self.rt.record(self.step)
+            self._step = self.rt.rehearse(self.step)
         else:
             self._step()
 
