@@ -1,8 +1,10 @@
 """Radiance fields: from posed photographs to a model that renders new views."""
 
 from cvkern.radiance.cameras import Cameras, cameras, look_at, pixel_rays, project
+from cvkern.radiance.encodings import positional_encoding, spherical_harmonics
 from cvkern.radiance.hash_field import HashField
 from cvkern.radiance.metrics import psnr, ssim
+from cvkern.radiance.mlp_field import MLPField
 from cvkern.radiance.models import Mark, Model, load_model
 from cvkern.radiance.rendering import (
     Picture,
@@ -23,6 +25,7 @@ __all__ = [
     "Cameras",
     "Cloud",
     "HashField",
+    "MLPField",
     "Mark",
     "Mesh",
     "Model",
@@ -41,10 +44,12 @@ __all__ = [
     "orbit_cameras",
     "pixel_rays",
     "point_cloud",
+    "positional_encoding",
     "project",
     "psnr",
     "render",
     "render_path",
+    "spherical_harmonics",
     "ssim",
     "write_mesh",
 ]
