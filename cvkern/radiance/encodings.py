@@ -17,9 +17,7 @@ MOST_FREQUENCIES = 32  # 2^24 cycles a unit are already all that float32 tells a
 MOST_DEGREE = 3
 
 
-def positional_encoding(
-    points: Any, frequencies: int = 10, *, include_input: bool = True
-) -> Any:
+def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bool = True) -> Any:
     """Write each coordinate as sines and cosines of growing frequency.
 
     Parameters

@@ -138,9 +138,7 @@ class MLPNetwork(SampledField):
         self.gradient_scale = 1.0 if half == np.float32 else HALF_SCALE
         # Limits that keep the size of what passes through a layer [He et al. 2015; Glorot 2010].
         rng, shapes = np.random.default_rng(seed), [(a.depth, a.columns) for a in self.layers]
-        limits = [
-            math.sqrt(6 / (a.depth if a.relu else a.depth + a.columns)) for a in self.layers
-        ]
+        limits = [math.sqrt(6 / (a.depth if a.relu else a.depth + a.columns)) for a in self.layers]
         weights = [e * rng.uniform(-1, 1, s) for e, s in zip(limits, shapes, strict=True)]
         self.parameters = Parameters(rt, np.concatenate([w.ravel() for w in weights]), half)
         ends = np.cumsum([w.size for w in weights])

@@ -161,9 +161,7 @@ def positional_backward(
     d_points: np.ndarray,
 ) -> None:
     """Take the gradient of what :func:`positional` wrote to `d_points` (N, D)."""
-    _positional_backward(
-        points, total, frequencies, include_input, column, d_features, d_points
-    )
+    _positional_backward(points, total, frequencies, include_input, column, d_features, d_points)
 
 
 @ti.kernel
