@@ -60,7 +60,7 @@ def spherical_harmonics(directions: np.ndarray, values: np.ndarray) -> None:
 
 
 @ti.func
-def turn(value: ti.f32) -> ti.f32:
+def _turn(value: ti.f32) -> ti.f32:
     """Return `value` less a multiple of 2, in [-1, 1]: exact, whatever its size."""
     return value - 2.0 * ti.floor(0.5 * value + 0.5)
 
@@ -86,7 +86,7 @@ def _positional(
         for d in range(points.shape[1]):
             value = points[i, d]
             for _ in range(frequencies):
-                angle = math.pi * turn(value)
+                angle = math.pi * _turn(value)
                 features[i, at] = ti.sin(angle)
                 features[i, at + 1] = ti.cos(angle)
                 value *= 2.0
@@ -141,7 +141,7 @@ def _positional_backward(
             if include_input != 0:
                 sum = d_features[i, column + d]
             for _ in range(frequencies):
-                angle = math.pi * turn(value)
+                angle = math.pi * _turn(value)
                 d_sine, d_cosine = d_features[i, at], d_features[i, at + 1]
                 sum += slope * (d_sine * ti.cos(angle) - d_cosine * ti.sin(angle))
                 value *= 2.0
