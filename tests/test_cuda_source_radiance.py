@@ -14,6 +14,7 @@ SHARED = [
     "radiance_adam",
     "radiance_background",
     "radiance_composite",
+    "radiance_encode",
     "radiance_loss",
     "radiance_march",
     "radiance_occupancy",
@@ -53,7 +54,9 @@ def test_marching_meets_the_same_cells(name, tmp_path):
 
 
 @pytest.mark.parametrize("transposed", [False, True])
-@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (192, 48)])
+@pytest.mark.parametrize(
+    ("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (192, 48), (320, 64), (352, 64)]
+)
 def test_products_compile_for_hopper(depth, columns, transposed, tmp_path):
     kernel = load("_radiance_dense_blocks").product(depth, columns, transposed)
     code = compile_for_hopper(kernel.module, tmp_path)
@@ -61,7 +64,7 @@ def test_products_compile_for_hopper(depth, columns, transposed, tmp_path):
     assert code.count("mma.sync.aligned.m16n8k16") == depth // 16 * columns // 8
 
 
-@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64)])
+@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (48, 64)])
 def test_outer_products_compile_for_hopper(depth, columns, tmp_path):
     kernel = load("_radiance_dense_blocks").outer(depth, columns)
     code = compile_for_hopper(kernel.module, tmp_path)
@@ -93,7 +96,7 @@ def made(scalar):
     """Yield the kernels that are made for a precision."""
     for family, names in {
         "_radiance_adam_blocks": ["adam"],
-        "radiance_encode": ["_spherical"],
+        "radiance_encode": ["_spherical", "_positional", "_positional_backward", "_gather"],
         "radiance_hash": ["_encode"],
         "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():

@@ -146,7 +146,7 @@ def test_hash_backward_is_the_transpose(kernels, grids):
 
 # ---------------------------------------------------------------------------------------- layers
 
-SIZES = [(16, 16), (32, 64), (64, 16), (64, 64), (128, 192)]
+SIZES = [(16, 16), (32, 64), (64, 16), (64, 64), (128, 192), (320, 80), (288, 128)]
 
 
 def close(got, want, size, dtype):
@@ -189,11 +189,11 @@ def test_dense_backward_input(kernels, half, depth, columns, gated):
 @pytest.mark.parametrize(("depth", "columns"), SIZES)
 def test_dense_backward_weight(kernels, half, depth, columns, total):
     rows, column = 3000, 16
-    dy, x = noise(rows, columns + 32, dtype=half), noise(rows, depth, dtype=half, seed=1)
+    dy, x = noise(rows, columns + 32, dtype=half), noise(rows, depth + 16, dtype=half, seed=1)
     before = noise(depth, columns, seed=2)
     given = dy, x, number(total), column
     dw = kernels("radiance_dense.backward_weight", *given, out=[before])
-    a, b = x[:total].astype(float), dy[:total, column : column + columns].astype(float)
+    a, b = x[:total, :depth].astype(float), dy[:total, column : column + columns].astype(float)
     close(dw, before + a.T @ b, np.abs(before) + np.abs(a).T @ np.abs(b), F32)
     again = kernels("radiance_dense.backward_weight", *given, out=[before])
     np.testing.assert_array_equal(again, dw)

@@ -33,7 +33,7 @@ def train(
     output: Annotated[Path, typer.Option("--output", "-o", help="Model to write, .npz.")],
     field: Annotated[
         str | None,
-        typer.Option(help="Kind of field: hash or voxel.", show_default="what suits the device"),
+        typer.Option(help="Kind: hash, voxel or mlp.", show_default="what suits the device"),
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(help="Time to train for.", show_default="60")

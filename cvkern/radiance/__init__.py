@@ -7,8 +7,10 @@ from cvkern.radiance.compositing import (
     composite_rays,
     composite_rays_backward,
 )
+from cvkern.radiance.encodings import positional_encoding, spherical_harmonics
 from cvkern.radiance.hash_field import HashField
 from cvkern.radiance.metrics import psnr, ssim
+from cvkern.radiance.mlp_field import MLPField
 from cvkern.radiance.models import Mark, Model, load_model
 from cvkern.radiance.rendering import (
     Picture,
@@ -31,6 +33,7 @@ __all__ = [
     "Composite",
     "CompositeGradient",
     "HashField",
+    "MLPField",
     "Mark",
     "Mesh",
     "Model",
@@ -51,10 +54,12 @@ __all__ = [
     "orbit_cameras",
     "pixel_rays",
     "point_cloud",
+    "positional_encoding",
     "project",
     "psnr",
     "render",
     "render_path",
+    "spherical_harmonics",
     "ssim",
     "write_mesh",
 ]

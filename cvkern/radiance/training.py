@@ -58,7 +58,7 @@ def fit(
     ----------
     scene : Scene
         Its views that are not kept back for testing are trained from.
-    field : VoxelField or HashField, optional
+    field : VoxelField, HashField or MLPField, optional
         What to train; by default `VoxelField()` on the CPU, and `HashField()` on a GPU.
     seconds : float, optional
         Time to train for, > 0, without looks at held-out views and saving; 60 by default.
@@ -182,7 +182,7 @@ def default_field() -> Any:
 
 def field_called(name: str) -> Any:
     """Return the settings of the kind of field that the command calls so."""
-    kinds = {"hash": "HashField", "voxel": "VoxelField"}
+    kinds = {"hash": "HashField", "voxel": "VoxelField", "mlp": "MLPField"}
     check_choice(name, tuple(kinds), "field")
     return field_kind(kinds[name])()
 

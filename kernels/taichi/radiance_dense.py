@@ -41,8 +41,7 @@ def forward(
 ) -> None:
     """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
 
-    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16, and of 64
-    if they are larger than that.
+    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16.
     """
     _forward(x, w, total, relu, column, y)
 
@@ -117,7 +116,7 @@ def backward_weight(
 ) -> None:
     """``dw += x^T dy[:, column:column + N]``, from y = x w, over the first `total` (1,) rows.
 
-    `dw` (K, N) is float32. The order of the sums is always the same.
+    `x` is (M, >= K), `dw` (K, N) float32. The order of the sums is always the same.
     """
     parts = scratch((1 if on_cpu() else PARTS, *dw.shape), np.float32)
     _backward_weight(dy, x, total, column, parts, dw)

@@ -12,7 +12,7 @@ import warp as wp
 
 WARPS = 8
 BLOCK = 32 * WARPS  # Warp's own
-TILE = 64  # columns that a block makes, of however many there are
+TILE = 64  # columns that a block makes at most, of however many there are
 OPTIONS = {"enable_backward": False}
 
 _WARP = """
@@ -165,6 +165,11 @@ _OUTER = f"""{_WARP}
 """
 
 
+def tile(size: int) -> int:
+    """Return the largest tile that divides a multiple of 16 evenly."""
+    return max(part for part in range(16, TILE + 1, 16) if size % part == 0)
+
+
 @cache
 def product(depth: int, columns: int, transposed: bool) -> wp.Kernel:
     """Return the kernel of ``dst = src w`` for a depth, in tiles of so many columns."""
@@ -219,7 +224,7 @@ def outer(depth: int, columns: int) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=OPTIONS)
     def outer(
         dy: wp.array2d[wp.float16],  # (M, >= columns)
-        src: wp.array2d[wp.float16],  # (M, depth)
+        src: wp.array2d[wp.float16],  # (M, >= K)
         total: wp.array[int],  # (1,)
         column: int,
         # outputs
