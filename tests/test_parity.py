@@ -44,6 +44,7 @@ RADIANCE = [
     "occupancy",
     "rays",
     "shapes",
+    "view",
     "voxel",
 ]
 

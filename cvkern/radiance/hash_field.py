@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.radiance.fields import Frame, Learning, Rays
-from cvkern.radiance.sampled import CELLS, SampledField, taken
+from cvkern.radiance.fields import Frame, Learning
+from cvkern.radiance.sampled import CELLS, SampledField, Samples, taken
 
 FEATURES, WIDTH, HARMONICS = 16, 64, 16  # of the density's perceptron, of a layer, of the view
 BETAS, EPSILON = (0.9, 0.99), 1e-15
@@ -61,9 +61,8 @@ class HashNetwork(SampledField):
     """A field with the settings of a :class:`HashField`."""
 
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: HashField):
+        self.settings, self.half = settings, rt.matrix_dtype
         super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
-        self.settings = settings
-        self.half = rt.matrix_dtype
         self.gradient_scale = 1.0 if self.half == np.float32 else HALF_SCALE
         levels, rng = settings.levels, np.random.default_rng(seed)
         growth = (settings.finest / settings.coarsest) ** (1 / max(levels - 1, 1))
@@ -88,54 +87,55 @@ class HashNetwork(SampledField):
         parts = [(slice(e - w.size, e), w.shape) for e, w in zip(ends, layers, strict=True)]
         self.weights = [self.layers.copy[at].reshape(shape) for at, shape in parts]
         self.d_weights = [self.layers.gradients[at].reshape(shape) for at, shape in parts]
-        widths = {"features": 2 * levels, "first": WIDTH, "hidden": inner, "second": WIDTH,
-                  "third": WIDTH, "raw": 16}  # fmt: skip
-        self.values, self.gradients = (
-            {name: rt.zeros((settings.samples, width), self.half) for name, width in widths.items()}
-            for _ in range(2)
-        )
+        self.gradients = self.inner(settings.samples)
         self._rate, self._factor, self._parts_of_norm = (rt.zeros((n,)) for n in (3, 1, 1024))
+
+    def inner(self, room: int) -> dict[str, Any]:
+        """See :meth:`SampledField.inner`: what the layers take and give."""
+        widths = {"features": 2 * self.settings.levels, "first": WIDTH,
+                  "hidden": FEATURES + HARMONICS, "second": WIDTH, "third": WIDTH,
+                  "raw": 16}  # fmt: skip
+        return {name: self.rt.zeros((room, width), self.half) for name, width in widths.items()}
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
-        rt, v = self.rt, self.values
-        positions = self.samples.positions
-        rt.radiance_hash.encode(positions, total, *self.grids, self.table.copy, v["features"])
+        rt, s, v = self.rt, self.samples, self.samples.inner
+        rt.radiance_hash.encode(s.positions, total, *self.grids, self.table.copy, v["features"])
         rt.radiance_dense.forward(v["features"], self.weights[0], total, True, 0, v["first"])
         rt.radiance_dense.forward(v["first"], self.weights[1], total, False, 0, v["hidden"])
-        rt.radiance_heads.forward(v["hidden"], v["raw"], total, self.sigma, self.rgb)
+        rt.radiance_heads.forward(v["hidden"], v["raw"], total, s.sigma, s.rgb)
 
-    def evaluate(self, rays: Rays) -> None:
+    def evaluate(self, directions: Any, samples: Samples) -> None:
         """See :meth:`SampledField.evaluate`."""
-        rt, v, s = self.rt, self.values, self.samples
+        rt, s, v = self.rt, samples, samples.inner
         rt.radiance_hash.encode(s.positions, s.total, *self.grids, self.table.copy, v["features"])
         layers = (
             ("features", 0, True, "first"), ("first", 1, False, "hidden"),
             ("hidden", 2, True, "second"), ("second", 3, True, "third"), ("third", 4, False, "raw"),
         )  # fmt: skip
-        rt.radiance_encode.spherical(rays.directions, s.rays, s.total, FEATURES, v["hidden"])
+        rt.radiance_encode.spherical(directions, s.rays, s.total, FEATURES, v["hidden"])
         for source, layer, relu, target in layers:
             rt.radiance_dense.forward(v[source], self.weights[layer], s.total, relu, 0, v[target])
-        rt.radiance_heads.forward(v["hidden"], v["raw"], s.total, self.sigma, self.rgb)
+        rt.radiance_heads.forward(v["hidden"], v["raw"], s.total, s.sigma, s.rgb)
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
-        rt, g, total = self.rt, self.gradients, self.samples.total
-        rt.radiance_heads.color_backward(self.d_rgb, self.rgb, total, g["raw"])
+        rt, g, s, total = self.rt, self.gradients, self.samples, self.samples.total
+        rt.radiance_heads.color_backward(self.d_rgb, s.rgb, total, g["raw"])
         self._layer_backward("third", 4, True, "raw")
         self._layer_backward("second", 3, True, "third")
         self._layer_backward("hidden", 2, False, "second")
-        rt.radiance_heads.density_backward(self.d_sigma, self.sigma, total, g["hidden"])
+        rt.radiance_heads.density_backward(self.d_sigma, s.sigma, total, g["hidden"])
         self._layer_backward("first", 1, True, "hidden")
         self._layer_backward("features", 0, False, "first")
         rt.radiance_hash.backward(
-            self.samples.positions, total, *self.grids, g["features"], self.table.gradients
+            s.positions, total, *self.grids, g["features"], self.table.gradients
         )
 
     def _layer_backward(self, source: str, layer: int, gated: bool, target: str) -> None:
         """Take the gradients of a layer's output to its input, and to its weights."""
         dense, total = self.rt.radiance_dense, self.samples.total
-        x, dy = self.values[source], self.gradients[target]
+        x, dy = self.samples.inner[source], self.gradients[target]
         dense.backward_input(dy, self.weights[layer], x, total, gated, 0, self.gradients[source])
         dense.backward_weight(dy, x, total, 0, self.d_weights[layer])
 
