@@ -198,12 +198,6 @@ def blobs(levels, cells, share, seed=1):
     return rng.random(levels * cells**3) < share
 
 
-def faces(points, level, cells):
-    """Return how far points are from the sides of their cells, as a share of these."""
-    at = points / (2 * 2.0 ** level[:, None] / cells)
-    return np.abs(at - np.round(at)).min(1)
-
-
 @pytest.mark.parametrize("jittered", [False, True])
 @pytest.mark.parametrize("share", [0.1, 0.6])
 def test_march_finds_what_asking_at_every_step_does(kernels, space, share, jittered):
@@ -220,18 +214,11 @@ def test_march_finds_what_asking_at_every_step_does(kernels, space, share, jitte
     jitter = np.full(64, 0.5)
     if jittered:
         jitter = reference.random_unit(5, 7, np.arange(64), 4)
-    strays = 0
     for ray, (begin, count) in enumerate(spans):
         t = distances[begin : begin + count, 0]
         given = occupied, levels, cells, 0.05, far, finest, cone, jitter[ray]
         want = reference.march(origins[ray], directions[ray], *given)
-        # A sample on a side of its cell may fall to either, as sides are rounded too.
-        differ = np.setxor1d(t, want)
-        places = origins[ray] + differ[:, None] * directions[ray]
-        level, _ = reference.cells_of(places, levels, cells)
-        assert (faces(places, level, cells) < 1e-5).all()
-        strays += len(differ)
-    assert strays <= 1e-3 * total[0]
+        np.testing.assert_array_equal(t, want)
 
     found = slice(0, total[0])
     t, step = distances[found].T

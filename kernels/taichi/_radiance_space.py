@@ -1,7 +1,12 @@
 """Where a ray is: in the cells of the occupancy grid, and in the cube of a field.
 
 Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
-has levels of cubes, each of twice the side of the one before, and as many cells.
+has levels of cubes, each of twice the side of the one before, and as many cells, a multiple of 4 a
+side. A point belongs to the innermost cube that has it; cubes and cells have their lower sides.
+
+Rounding keeps the order of numbers. So each coordinate of the places on a ray, and the number of
+its cell, only grow or only fall; and as the sides of cubes are met exactly, a cell of one level has
+no point of another. Hence what lies between two places in a cell is in it as well, to the bit.
 """
 
 import taichi as ti
@@ -14,26 +19,48 @@ vec3 = ti.types.vector(3, ti.f32)
 
 
 @ti.func
+def within(point: vec3, side: ti.f32) -> ti.i32:
+    """Tell whether the cube from -side to side has the point."""
+    return point.min() >= -side and point.max() < side
+
+
+@ti.func
 def level_of(point: vec3, levels: ti.i32) -> ti.i32:
     """Return the innermost level whose cube has the point; `levels` where none has."""
-    far = ti.abs(point).max()
     level = 0
     side = 1.0
-    while far >= side and level < levels:
+    while level < levels and not within(point, side):
         side *= 2.0
         level += 1
     return level
 
 
 @ti.func
-def cell_of(point: vec3, level: ti.i32, cells: ti.i32, zero: ti.i32) -> ti.i32:
-    """Return the number of the cell of a level that the point is in."""
-    middle = 0.5 * cells
-    scale = middle / (1 << level)  # by a power of 2: nothing to round
-    i = ti.math.clamp(ti.cast(product(point[0], scale, zero) + middle, ti.i32), 0, cells - 1)
-    j = ti.math.clamp(ti.cast(product(point[1], scale, zero) + middle, ti.i32), 0, cells - 1)
-    k = ti.math.clamp(ti.cast(product(point[2], scale, zero) + middle, ti.i32), 0, cells - 1)
-    return ((level * cells + k) * cells + j) * cells + i
+def cell_of(point: vec3, level: ti.i32, cells: ti.i32) -> ti.i32:
+    """Return the number of the cell of a level that the point, in its cube, is in."""
+    middle = cells // 2
+    scale = ti.cast(middle, ti.f32) / (1 << level)  # by a power of 2: nothing to round
+    at = ti.floor(point * scale, ti.i32) + middle
+    return ((level * cells + at[2]) * cells + at[1]) * cells + at[0]
+
+
+@ti.func
+def cell_at(point: vec3, levels: ti.i32, cells: ti.i32) -> ti.i32:
+    """Return the number of the cell that the point is in; -1 where it is in none."""
+    level = level_of(point, levels)
+    cell = -1
+    if level < levels:
+        cell = cell_of(point, level, cells)
+    return cell
+
+
+@ti.func
+def place(origin: vec3, t: ti.f32, direction: vec3, zero: ti.i32) -> vec3:
+    """Return the place at a distance on a ray."""
+    point = vec3(0.0)
+    for k in ti.static(range(3)):
+        point[k] = origin[k] + product(t, direction[k], zero)
+    return point
 
 
 @ti.func

@@ -1,7 +1,8 @@
 """Marching of rays through an occupancy grid, in Taichi: where a field is looked at.
 
-One thread a ray, twice: to count its samples, and, when it is known where they go, to write them.
-Which cells are met is the same on every device: hence `product`.
+Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
+The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
+in occupied cells, up to so many. They are the same on every device: hence `product`.
 """
 
 import numpy as np
@@ -9,11 +10,11 @@ import taichi as ti
 
 from ._launch import primitive
 from ._radiance_space import (
-    cell_of,
+    cell_at,
     in_cube,
     interval,
     is_set,
-    level_of,
+    place,
     reciprocal,
     row,
     spacing,
@@ -54,20 +55,18 @@ def _walk(
     origin = row(origins, ray)
     direction = row(directions, ray)
     inverse = reciprocal(direction, zero)
-    inside = interval(origin, inverse, ti.cast(1 << (levels - 1), ti.f32), zero)
-    t = ti.max(near, inside[0])
-    last = ti.min(far, inside[1])
+    ends = interval(origin, inverse, ti.cast(1 << (levels - 1), ti.f32), zero)
+    t = ti.max(near, ends[0])
+    last = ti.min(far, ends[1])
     t += product(jitter, spacing(t, finest, cone, zero), zero)
     count = 0
     while t < last and count < most:
-        point = vec3(0.0)
-        for k in ti.static(range(3)):
-            point[k] = origin[k] + product(t, direction[k], zero)
-        level = level_of(point, levels)
+        point = place(origin, t, direction, zero)
+        cell = cell_at(point, levels, cells)
         step = spacing(t, finest, cone, zero)
-        if level == levels:  # on the outermost side
+        if cell < 0:  # on the outermost side
             t += step
-        elif is_set(bits, cell_of(point, level, cells, zero)) != 0:
+        elif is_set(bits, cell) != 0:
             if begin >= 0:
                 at = in_cube(point, unbounded)
                 for k in ti.static(range(3)):
@@ -77,11 +76,18 @@ def _walk(
                 rays[begin + count] = ray
             count += 1
             t += step
-        else:  # by whole steps behind the cell, so that samples stay where they would have been
-            goal = t + way_out(point, inverse, level, cells, zero)
-            t += step
+        else:  # by whole steps behind the cell
+            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells, zero)
+            next = t + step
+            inside = t
+            t = next
             while t < goal:
+                inside = t
                 t += spacing(t, finest, cone, zero)
+            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
+            if inside >= next:
+                if cell_at(place(origin, inside, direction, zero), levels, cells) != cell:
+                    t = next
     return count
 
 

@@ -1,7 +1,12 @@
-"""Where a point lies: in the cells of the occupancy grid, and in the cube of a field.
+"""Where a ray is: in the cells of the occupancy grid, and in the cube of a field.
 
 Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
-has levels of cubes, each of twice the side of the one before, and as many cells.
+has levels of cubes, each of twice the side of the one before, and as many cells, a multiple of 4 a
+side. A point belongs to the innermost cube that has it; cubes and cells have their lower sides.
+
+Rounding keeps the order of numbers. So each coordinate of the places on a ray, and the number of
+its cell, only grow or only fall; and as the sides of cubes are met exactly, a cell of one level has
+no point of another. Hence what lies between two places in a cell is in it as well, to the bit.
 """
 
 import warp as wp
@@ -10,12 +15,19 @@ from ._random import random_unit
 
 
 @wp.func
+def within(point: wp.vec3, side: float) -> bool:
+    """Tell whether the cube from -side to side has the point."""
+    inside = point[0] >= -side and point[0] < side
+    inside = inside and point[1] >= -side and point[1] < side
+    return inside and point[2] >= -side and point[2] < side
+
+
+@wp.func
 def level_of(point: wp.vec3, levels: int) -> int:
     """Return the innermost level whose cube has the point; `levels` where none has."""
-    far = wp.max(wp.max(wp.abs(point[0]), wp.abs(point[1])), wp.abs(point[2]))
     level = int(0)
     side = float(1.0)
-    while far >= side and level < levels:
+    while level < levels and not within(point, side):
         side *= 2.0
         level += 1
     return level
@@ -23,13 +35,23 @@ def level_of(point: wp.vec3, levels: int) -> int:
 
 @wp.func
 def cell_of(point: wp.vec3, level: int, cells: int) -> int:
-    """Return the number of the cell of a level that the point is in."""
-    middle = 0.5 * float(cells)
-    scale = middle / float(1 << level)
-    i = wp.clamp(int(point[0] * scale + middle), 0, cells - 1)
-    j = wp.clamp(int(point[1] * scale + middle), 0, cells - 1)
-    k = wp.clamp(int(point[2] * scale + middle), 0, cells - 1)
+    """Return the number of the cell of a level that the point, in its cube, is in."""
+    middle = cells // 2
+    scale = float(middle) / float(1 << level)
+    i = int(wp.floor(point[0] * scale)) + middle
+    j = int(wp.floor(point[1] * scale)) + middle
+    k = int(wp.floor(point[2] * scale)) + middle
     return ((level * cells + k) * cells + j) * cells + i
+
+
+@wp.func
+def cell_at(point: wp.vec3, levels: int, cells: int) -> int:
+    """Return the number of the cell that the point is in; -1 where it is in none."""
+    level = level_of(point, levels)
+    cell = int(-1)
+    if level < levels:
+        cell = cell_of(point, level, cells)
+    return cell
 
 
 @wp.func
@@ -61,3 +83,90 @@ def in_cube(point: wp.vec3, unbounded: bool) -> wp.vec3:
 def is_set(bits: wp.array[wp.uint32], cell: int) -> bool:
     """Tell whether the bit of a cell is set."""
     return (bits[cell >> 5] >> wp.uint32(cell & 31)) & wp.uint32(1) != wp.uint32(0)
+
+
+@wp.func
+def row(a: wp.array2d[float], i: int) -> wp.vec3:
+    """Return row `i` as a vector."""
+    return wp.vec3(a[i, 0], a[i, 1], a[i, 2])
+
+
+@wp.func
+def spacing(t: float, finest: float, cone: float) -> float:
+    """Distance between samples: it grows with the distance from the camera."""
+    return wp.max(finest, cone * t)
+
+
+@wp.func
+def interval(origin: wp.vec3, inverse: wp.vec3, side: float) -> wp.vec2:
+    """Distances at which a ray enters and leaves the cube from -side to side."""
+    enter = float(-1.0e30)
+    leave = float(1.0e30)
+    for k in range(3):
+        a = (-side - origin[k]) * inverse[k]
+        b = (side - origin[k]) * inverse[k]
+        enter = wp.max(enter, wp.min(a, b))
+        leave = wp.min(leave, wp.max(a, b))
+    return wp.vec2(enter, leave)
+
+
+@wp.func
+def reciprocal(direction: wp.vec3) -> wp.vec3:
+    """One over each part, finite where that is 0."""
+    inverse = wp.vec3()
+    for k in range(3):
+        d = direction[k]
+        if wp.abs(d) < 1.0e-12:
+            d = wp.where(d < 0.0, -1.0e-12, 1.0e-12)
+        inverse[k] = 1.0 / d
+    return inverse
+
+
+@wp.func
+def way_out(point: wp.vec3, inverse: wp.vec3, level: int, cells: int) -> float:
+    """Distance along the ray to where it leaves the cell of a point."""
+    size = 2.0 * float(1 << level) / float(cells)
+    way = float(1.0e30)
+    for k in range(3):
+        at = point[k] / size
+        side = wp.floor(at) + wp.where(inverse[k] > 0.0, 1.0, 0.0)
+        way = wp.min(way, wp.max((side - at) * size * inverse[k], 0.0))
+    return way
+
+
+@wp.func
+def reach(
+    origin: wp.vec3,
+    inverse: wp.vec3,
+    levels: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    jitter: float,
+) -> wp.vec2:
+    """Distances of the first place on a ray, a share of a step behind its entry, and of its end."""
+    inside = interval(origin, inverse, float(1 << (levels - 1)))
+    entry = wp.max(near, inside[0])
+    return wp.vec2(entry + jitter * spacing(entry, finest, cone), wp.min(far, inside[1]))
+
+
+@wp.func
+def keep_sample(
+    at: int,
+    ray: int,
+    point: wp.vec3,
+    t: float,
+    step: float,
+    unbounded: bool,
+    positions: wp.array2d[float],
+    distances: wp.array2d[float],
+    rays: wp.array[int],
+):
+    """Write a sample of a ray to row `at`."""
+    position = in_cube(point, unbounded)
+    for k in range(3):
+        positions[at, k] = position[k]
+    distances[at, 0] = t
+    distances[at, 1] = step
+    rays[at] = ray

@@ -1,66 +1,27 @@
 """Marching of rays through an occupancy grid, in Warp: where a field is looked at.
 
-One thread a ray, twice: to count its samples, and, when it is known where they go, to write them.
-Which cells are met is the same on every device: hence no fused multiply-add.
+Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
+The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
+in occupied cells, up to so many. They are the same on every device: hence no fused multiply-add.
 """
 
 import warp as wp
 
 from . import _radiance_march_blocks as blocks
-from ._launch import launch, launch_each
-from ._radiance_space import cell_of, in_cube, is_set, level_of
+from ._launch import BLOCK, launch, launch_each
+from ._radiance_space import (
+    cell_at,
+    is_set,
+    keep_sample,
+    reach,
+    reciprocal,
+    row,
+    spacing,
+    way_out,
+)
 from ._random import random_unit
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
-
-
-@wp.func
-def row(a: wp.array2d[float], i: int) -> wp.vec3:
-    """Return row `i` as a vector."""
-    return wp.vec3(a[i, 0], a[i, 1], a[i, 2])
-
-
-@wp.func
-def spacing(t: float, finest: float, cone: float) -> float:
-    """Distance between samples: it grows with the distance from the camera."""
-    return wp.max(finest, cone * t)
-
-
-@wp.func
-def interval(origin: wp.vec3, inverse: wp.vec3, side: float) -> wp.vec2:
-    """Distances at which a ray enters and leaves the cube from -side to side."""
-    enter = float(-1.0e30)
-    leave = float(1.0e30)
-    for k in range(3):
-        a = (-side - origin[k]) * inverse[k]
-        b = (side - origin[k]) * inverse[k]
-        enter = wp.max(enter, wp.min(a, b))
-        leave = wp.min(leave, wp.max(a, b))
-    return wp.vec2(enter, leave)
-
-
-@wp.func
-def reciprocal(direction: wp.vec3) -> wp.vec3:
-    """One over each part, finite where that is 0."""
-    inverse = wp.vec3()
-    for k in range(3):
-        d = direction[k]
-        if wp.abs(d) < 1.0e-12:
-            d = wp.where(d < 0.0, -1.0e-12, 1.0e-12)
-        inverse[k] = 1.0 / d
-    return inverse
-
-
-@wp.func
-def way_out(point: wp.vec3, inverse: wp.vec3, level: int, cells: int) -> float:
-    """Distance along the ray to where it leaves the cell of a point."""
-    size = 2.0 * float(1 << level) / float(cells)
-    way = float(1.0e30)
-    for k in range(3):
-        at = point[k] / size
-        side = wp.floor(at) + wp.where(inverse[k] > 0.0, 1.0, 0.0)
-        way = wp.min(way, wp.max((side - at) * size * inverse[k], 0.0))
-    return way
 
 
 @wp.func
@@ -87,32 +48,32 @@ def march(
     origin = row(origins, ray)
     direction = row(directions, ray)
     inverse = reciprocal(direction)
-    inside = interval(origin, inverse, float(1 << (levels - 1)))
-    t = wp.max(near, inside[0])
-    last = wp.min(far, inside[1])
-    t += jitter * spacing(t, finest, cone)
+    ends = reach(origin, inverse, levels, near, far, finest, cone, jitter)
+    t = ends[0]
     count = int(0)
-    while t < last and count < most:
+    while t < ends[1] and count < most:
         point = origin + t * direction
-        level = level_of(point, levels)
+        cell = cell_at(point, levels, cells)
         step = spacing(t, finest, cone)
-        if level == levels:  # on the outermost side
+        if cell < 0:  # on the outermost side
             t += step
-        elif is_set(bits, cell_of(point, level, cells)):
+        elif is_set(bits, cell):
             if begin >= 0:
-                at = in_cube(point, unbounded)
-                for k in range(3):
-                    positions[begin + count, k] = at[k]
-                distances[begin + count, 0] = t
-                distances[begin + count, 1] = step
-                rays[begin + count] = ray
+                at = begin + count
+                keep_sample(at, ray, point, t, step, unbounded, positions, distances, rays)
             count += 1
             t += step
-        else:  # by whole steps behind the cell, so that samples stay where they would have been
-            goal = t + way_out(point, inverse, level, cells)
-            t += step
+        else:  # by whole steps behind the cell
+            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells)
+            next = t + step
+            inside = t
+            t = next
             while t < goal:
+                inside = t
                 t += spacing(t, finest, cone)
+            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
+            if inside >= next and cell_at(origin + inside * direction, levels, cells) != cell:
+                t = next
     return count
 
 
@@ -217,12 +178,17 @@ def march_rays(
     length of the step, and `rays` (M,).
     """
     count = origins.shape[0]
-    march = [
+    inputs = [
         origins, directions, bits, levels, cells, near, far, finest, cone, most, jittered,
         unbounded, seed, step, active,
     ]  # fmt: skip
     outputs = [spans, positions, distances, rays]
-    launch_each(march_kernel, count, 256 * count, [*march, False], outputs)
-    scan, threads = (blocks.place, 256) if spans.device.is_cuda else (place, 1)
-    launch(scan, threads, [positions.shape[0]], [spans, total])
-    launch_each(march_kernel, count, 256 * count, [*march, True], outputs)
+    if spans.device.is_cuda:
+        threads = blocks.THREADS * count
+        launch(blocks.march, threads, [*inputs, False], outputs)
+        launch(blocks.place, BLOCK, [positions.shape[0]], [spans, total])
+        launch(blocks.march, threads, [*inputs, True], outputs)
+        return
+    launch_each(march_kernel, count, 256 * count, [*inputs, False], outputs)
+    launch(place, 1, [positions.shape[0]], [spans, total])
+    launch_each(march_kernel, count, 256 * count, [*inputs, True], outputs)

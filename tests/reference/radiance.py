@@ -49,10 +49,10 @@ def in_cube(points, unbounded):
 
 def cells_of(points, levels, cells):
     """Return the levels of (N, 3) float32 points, and the numbers of their cells there."""
-    far = np.abs(points).max(1)
-    level = np.where(far < 1, 0, np.floor(np.log2(np.maximum(far, 1))).astype(int) + 1)
+    sides = F32(2) ** np.arange(levels)[:, None]  # cubes have their lower sides
+    level = ((points.max(1) >= sides) | (points.min(1) < -sides)).sum(0)
     scale = (F32(cells / 2) / F32(2) ** level.astype(F32))[:, None]
-    i, j, k = np.clip((points * scale + F32(cells / 2)).astype(int), 0, cells - 1).T
+    i, j, k = np.floor(points * scale).astype(int).T + cells // 2
     return level, ((level * cells + k) * cells + j) * cells + i
 
 
