@@ -11,15 +11,13 @@ import taichi as ti
 
 from ._launch import primitive
 from ._radiance_space import (
-    cell_of,
-    in_cube,
     interval,
-    is_set,
-    level_of,
+    keep_sample,
+    next_sample,
+    place,
     reciprocal,
     row,
     spacing,
-    way_out,
 )
 from ._rounding import product
 
@@ -128,39 +126,37 @@ def _march_on(
             t = at[ray]
             count = 0
             while t < last and count < limit:
-                point = vec3(0.0)
-                for k in ti.static(range(3)):
-                    point[k] = origin[k] + product(t, direction[k], zero)
-                level = level_of(point, levels)
-                step = spacing(t, finest, cone, zero)
-                if level == levels:  # on the outermost side
-                    t += step
-                elif is_set(bits, cell_of(point, level, cells, zero)) != 0:
+                t = next_sample(
+                    origin, direction, inverse, bits, levels, cells, t, last, finest, cone, zero
+                )
+                if t < last:
+                    step = spacing(t, finest, cone, zero)
                     if writes != 0:
-                        place = in_cube(point, unbounded)
-                        for k in ti.static(range(3)):
-                            positions[begin + count, k] = place[k]
-                        distances[begin + count, 0] = t
-                        distances[begin + count, 1] = step
-                        rays[begin + count] = ray
+                        point = place(origin, t, direction, zero)
+                        keep_sample(
+                            begin + count,
+                            ray,
+                            point,
+                            t,
+                            step,
+                            unbounded,
+                            positions,
+                            distances,
+                            rays,
+                        )
                     elif count == 0:
                         at[ray] = t
                     count += 1
                     t += step
-                else:  # by whole steps behind the cell, so that samples stay where they were
-                    goal = t + way_out(point, inverse, level, cells, zero)
-                    t += step
-                    while t < goal:
-                        t += spacing(t, finest, cone, zero)
             if writes != 0:
                 at[ray] = t
                 taken[ray] += count
             elif count > 0:
                 begin = ti.atomic_add(counts[0], count)
-                place = ti.atomic_add(counts[1], 1)
-                going[place] = ray
-                spans[place, 0] = begin
-                spans[place, 1] = count
+                entry = ti.atomic_add(counts[1], 1)
+                going[entry] = ray
+                spans[entry, 0] = begin
+                spans[entry, 1] = count
             limit = count
 
 

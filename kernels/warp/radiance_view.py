@@ -10,8 +10,15 @@ import warp as wp
 
 from . import _radiance_view_blocks as blocks
 from ._launch import launch, launch_each, scratch
-from ._radiance_space import cell_of, in_cube, is_set, level_of
-from .radiance_march import interval, reciprocal, row, spacing, way_out
+from ._radiance_space import (
+    interval,
+    keep_sample,
+    next_sample,
+    reach,
+    reciprocal,
+    row,
+    spacing,
+)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -40,9 +47,8 @@ def set_out_kernel(
     """Put a ray where it enters the field."""
     for ray in range(first + wp.tid(), last, stride):
         inverse = reciprocal(row(directions, ray))
-        inside = interval(row(origins, ray), inverse, float(1 << (levels - 1)))
-        t = wp.max(near, inside[0])
-        at[ray] = t + 0.5 * spacing(t, finest, cone)
+        ends = reach(row(origins, ray), inverse, levels, near, NEVER, finest, cone, 0.5)
+        at[ray] = ends[0]
         taken[ray] = 0
         listing[ray] = ray
         for k in range(3):
@@ -107,28 +113,18 @@ def walk(
     t = at[ray]
     count = int(0)
     while t < last and count < limit:
-        point = origin + t * direction
-        level = level_of(point, levels)
-        step = spacing(t, finest, cone)
-        if level == levels:  # on the outermost side
-            t += step
-        elif is_set(bits, cell_of(point, level, cells)):
+        t = next_sample(origin, direction, inverse, bits, levels, cells, t, last, finest, cone)
+        if t < last:
+            step = spacing(t, finest, cone)
             if begin >= 0:
-                place = in_cube(point, unbounded)
-                for k in range(3):
-                    positions[begin + count, k] = place[k]
-                distances[begin + count, 0] = t
-                distances[begin + count, 1] = step
-                rays[begin + count] = ray
+                point = origin + t * direction
+                keep_sample(
+                    begin + count, ray, point, t, step, unbounded, positions, distances, rays
+                )
             elif count == 0:
                 at[ray] = t
             count += 1
             t += step
-        else:  # by whole steps behind the cell, so that samples stay where they would have been
-            goal = t + way_out(point, inverse, level, cells)
-            t += step
-            while t < goal:
-                t += spacing(t, finest, cone)
     if begin >= 0:
         at[ray] = t
     return count
