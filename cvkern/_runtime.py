@@ -124,6 +124,7 @@ class Runtime:
             radiance_occupancy,
             radiance_rays,
             radiance_shapes,
+            radiance_view,
             radiance_voxel,
             rank,
             segments,

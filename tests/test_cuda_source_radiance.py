@@ -20,6 +20,7 @@ SHARED = [
     "radiance_occupancy",
     "radiance_rays",
     "radiance_shapes",
+    "radiance_view",
     "radiance_voxel",
 ]
 

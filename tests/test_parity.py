@@ -45,6 +45,7 @@ RADIANCE = [
     "occupancy",
     "rays",
     "shapes",
+    "view",
     "voxel",
 ]
 

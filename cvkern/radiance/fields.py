@@ -1,4 +1,4 @@
-"""What every radiance field does: render a batch of rays, take gradients back, learn, be saved.
+"""What every radiance field does: render rays, take gradients back, learn, be saved.
 
 Inside a field, lengths are in units of half the side of the scene's cube, whose middle is the
 origin: a :class:`Frame` says how the world lies in it.
@@ -53,8 +53,8 @@ class Rays(NamedTuple):
     """How many of them there are, (1,) int32."""
 
 
-class Rendered(NamedTuple):
-    """What rays see before any background, or gradients of it; kernel arrays."""
+class Seen(NamedTuple):
+    """What rays see before any background; kernel arrays."""
 
     color: Any
     """(R, 3) float32."""
@@ -62,6 +62,17 @@ class Rendered(NamedTuple):
     """(R,) float32."""
     depth: Any
     """Sum of the distances of the samples, each by its weight, (R,) float32."""
+
+
+class Rendered(NamedTuple):
+    """What a batch of rays in training sees, or gradients of it; kernel arrays."""
+
+    color: Any
+    """(R, 3) float32."""
+    opacity: Any
+    """(R,) float32."""
+    depth: Any
+    """As in :class:`Seen`, (R,) float32."""
     distortion: Any
     """How far the weights are spread along the ray, as in mip-NeRF 360, (R,) float32."""
 
@@ -83,7 +94,7 @@ class Field(abc.ABC):
     rt: Runtime
     frame: Frame
     rays: int
-    """How many rays a batch has room for."""
+    """How many rays a batch of training has room for."""
     first_rays: int
     """How many of them the first batch should have, before any is counted."""
     edition: int = 0
@@ -92,8 +103,12 @@ class Field(abc.ABC):
     """What losses are multiplied by, so that numbers of few bits can hold their gradients."""
 
     @abc.abstractmethod
-    def forward(self, rays: Rays, step: Any, *, training: bool) -> Rendered:
-        """Render rays; `step` (1,) int32 draws the places of the samples in training."""
+    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+        """Fill `seen` with what rays see: origins and unit directions (R, 3), for any R."""
+
+    @abc.abstractmethod
+    def forward(self, rays: Rays, step: Any) -> Rendered:
+        """Render rays in training; `step` (1,) int32 draws the places of the samples."""
 
     @abc.abstractmethod
     def backward(self, gradients: Rendered) -> None:
@@ -109,10 +124,6 @@ class Field(abc.ABC):
     @abc.abstractmethod
     def taken(self) -> int:
         """Return how many samples :meth:`forward` last took; waits for the device."""
-
-    def complete(self) -> bool:
-        """Return whether there was room for all rays of the last :meth:`forward`, if not full."""
-        return True
 
     @abc.abstractmethod
     def densities(self, points: np.ndarray) -> np.ndarray:

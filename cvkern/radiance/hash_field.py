@@ -11,13 +11,12 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern._validate import check_integer, check_number, check_positive
 from cvkern.kernels.codes import network_layers, network_room
-from cvkern.radiance.fields import Frame, Learning, Rays
-from cvkern.radiance.parameters import Clip, Parameters
-from cvkern.radiance.sampled import CELLS, STEPS, SampledField
+from cvkern.radiance.fields import Frame, Learning
+from cvkern.radiance.parameters import LIFT, Clip, Parameters
+from cvkern.radiance.sampled import CELLS, STEPS, SampledField, Samples
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 CELLS_OF_PIXEL = 2.0  # of the finest grid: with more, held-out views of small photographs lose
-LIFT = 128.0  # of gradients above what float16, or a fixed-point number, takes for 0
 
 
 @dataclass(frozen=True)
@@ -95,9 +94,8 @@ class HashNetwork(SampledField):
     """A field with the settings of a :class:`HashField`."""
 
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: HashField):
+        self.settings, self.half = settings, rt.matrix_dtype
         super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
-        self.settings = settings
-        self.half = rt.matrix_dtype
         self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
         finest = settings.finest
@@ -116,32 +114,33 @@ class HashNetwork(SampledField):
         shapes = network_layers(2 * levels)
         layers = [rng.uniform(-1, 1, s) * math.sqrt(6 / (s[0] + s[1])) for s in shapes]
         self.layers = Parameters(rt, np.concatenate([w.ravel() for w in layers]), self.half)
-        self.features, self.d_features = (
-            rt.zeros((settings.samples, 2 * levels), self.half) for _ in range(2)
-        )
+        self.d_features = rt.zeros((settings.samples, 2 * levels), self.half)
         self.memory = rt.zeros(network_room(2 * levels, settings.samples, self.half == np.float16))
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
+    def inner(self, room: int) -> dict[str, Any]:
+        """See :meth:`SampledField.inner`."""
+        return {"features": self.rt.zeros((room, 2 * self.settings.levels), self.half)}
+
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
-        self._encode(total)
+        features = self._encode(self.samples, total)
         self.rt.radiance_network.density(
-            self.features, total, self.layers.copy, self.memory, self.sigma
+            features, total, self.layers.copy, self.memory, self.samples.sigma
         )
 
-    def evaluate(self, rays: Rays) -> None:
+    def evaluate(self, directions: Any, samples: Samples) -> None:
         """See :meth:`SampledField.evaluate`."""
-        self._encode(self.samples.total)
-        self._inputs = (
-            self.features, rays.directions, self.samples.rays, self.samples.total, self.layers.copy,
-        )  # fmt: skip
-        self.rt.radiance_network.forward(*self._inputs, self.memory, self.sigma, self.rgb)
+        s = samples
+        features = self._encode(s, s.total)
+        self._inputs = features, directions, s.rays, s.total, self.layers.copy
+        self.rt.radiance_network.forward(*self._inputs, self.memory, s.sigma, s.rgb)
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
         s = self.samples
         self.rt.radiance_network.backward(
-            self.d_sigma, self.d_rgb, *self._inputs, self.sigma, self.rgb, self.memory,
+            self.d_sigma, self.d_rgb, *self._inputs, s.sigma, s.rgb, self.memory,
             self.d_features, self.layers.gradients,
         )  # fmt: skip
         self.rt.radiance_hash.backward(
@@ -149,9 +148,13 @@ class HashNetwork(SampledField):
         )
         self.table.collect(self.rt)
 
-    def _encode(self, total: Any) -> None:
-        positions = self.samples.positions
-        self.rt.radiance_hash.encode(positions, total, *self.grids, self.table.copy, self.features)
+    def _encode(self, samples: Samples, total: Any) -> Any:
+        """Look up the features of the first `total` (1,) samples, and return them."""
+        features = samples.inner["features"]
+        self.rt.radiance_hash.encode(
+            samples.positions, total, *self.grids, self.table.copy, features
+        )
+        return features
 
     def make_deterministic(self) -> None:
         """See :meth:`Field.make_deterministic`: tables are added to by atomics on a GPU."""

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern._validate import check_integer
-from cvkern.radiance.fields import Frame, Learning, Rays
-from cvkern.radiance.parameters import Parameters
-from cvkern.radiance.sampled import SampledField
+from cvkern._validate import check_integer, check_number, check_positive
+from cvkern.radiance.fields import Frame, Learning
+from cvkern.radiance.parameters import LIFT, Clip, Parameters
+from cvkern.radiance.sampled import STEPS, SampledField, Samples
 
 BETAS, EPSILON, WARMUP = (0.9, 0.999), 1e-8, 100
-HALF_SCALE = 128.0  # lifts gradients above what float16 takes for 0
+VIEW_ROOM = 2**17  # samples of a round of rendering, on a GPU, of 5 kB each
 PIECE = 16  # numbers of features come in multiples of it: tensor cores want that
 MOST_FREQUENCIES, MOST_WIDTH = 14, 256  # a layer's weights have to fit into shared memory
 
@@ -71,6 +71,11 @@ class MLPField:
     final_rate: float = 0.1
     """Share of the learning rate at the end."""
     weight_decay: float = 0.0
+    gradient_clip: float | None = None
+    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+
+    They are those of the sum of the losses of a batch's rays over 4096.
+    """
 
     def __post_init__(self) -> None:
         if check_integer(self.width, "width", PIECE, MOST_WIDTH) % PIECE:
@@ -79,7 +84,16 @@ class MLPField:
         check_integer(self.skip, "skip", 0, self.layers - 1)
         check_integer(self.frequencies, "frequencies", 1, MOST_FREQUENCIES)
         check_integer(self.view_frequencies, "view_frequencies", 1, MOST_FREQUENCIES)
-        check_integer(self.steps, "steps", 1, 1024)
+        check_integer(self.steps, "steps", 1, STEPS)
+        check_integer(self.samples, "samples", self.steps, 2**24)
+        check_integer(self.rays, "rays", 1, 2**24)
+        if check_integer(self.cells, "cells", 8, 512) % 8:
+            raise ValueError(f"cells must be a multiple of 8, got {self.cells}")
+        for name in ("learning_rate", "final_rate"):
+            check_positive(getattr(self, name), name)
+        check_number(self.weight_decay, "weight_decay", low=0.0)
+        if self.gradient_clip is not None:
+            check_positive(self.gradient_clip, "gradient_clip")
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> MLPNetwork:
         """Return the field itself, with random parameters."""
@@ -130,93 +144,93 @@ class MLPNetwork(SampledField):
     """A field with the settings of an :class:`MLPField`."""
 
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: MLPField):
+        self.layers, self.half = plan(settings), rt.matrix_dtype
+        self.widths: dict[str, int] = {}
+        for a in self.layers:
+            self.widths[a.source] = max(self.widths.get(a.source, 0), a.depth)
+            self.widths[a.target] = max(self.widths.get(a.target, 0), a.column + a.columns)
         super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
         self.finest = 2 * math.sqrt(3) / settings.steps
         self.first_rays = max(1, min(settings.rays, settings.samples // settings.steps))
-        self.settings, self.layers = settings, plan(settings)
-        half = rt.matrix_dtype
-        self.gradient_scale = 1.0 if half == np.float32 else HALF_SCALE
+        self.settings = settings
+        self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         # Limits that keep the size of what passes through a layer [He et al. 2015; Glorot 2010].
         rng, shapes = np.random.default_rng(seed), [(a.depth, a.columns) for a in self.layers]
         limits = [math.sqrt(6 / (a.depth if a.relu else a.depth + a.columns)) for a in self.layers]
         weights = [e * rng.uniform(-1, 1, s) for e, s in zip(limits, shapes, strict=True)]
-        self.parameters = Parameters(rt, np.concatenate([w.ravel() for w in weights]), half)
+        self.parameters = Parameters(rt, np.concatenate([w.ravel() for w in weights]), self.half)
         ends = np.cumsum([w.size for w in weights])
         parts = [slice(e - w.size, e) for e, w in zip(ends, weights, strict=True)]
         self.weights, self.d_weights = (
             [flat[part].reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
             for flat in (self.parameters.copy, self.parameters.gradients)
         )
-        widths: dict[str, int] = {}
-        for a in self.layers:
-            widths[a.source] = max(widths.get(a.source, 0), a.depth)
-            widths[a.target] = max(widths.get(a.target, 0), a.column + a.columns)
-        room = settings.samples
-        self.values = {name: rt.zeros((room, width), half) for name, width in widths.items()}
         # A layer's backward pass reads the gradients of one matrix, and writes those of another.
         pool: dict[tuple[int, int], Any] = {}
         self.gradients = {}
-        for turn, (name, width) in enumerate(widths.items()):
+        for turn, (name, width) in enumerate(self.widths.items()):
             key = width, turn % 2
             if key not in pool:
-                pool[key] = rt.zeros((room, width), half)
+                pool[key] = rt.zeros((settings.samples, width), self.half)
             self.gradients[name] = pool[key]
-        self.directions = rt.zeros((settings.rays, encoded(settings.view_frequencies)), half)
-        self._rate, self._factor, self._parts_of_norm = (rt.zeros((n,)) for n in (3, 1, 1))
+        self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
+
+    def inner(self, room: int) -> dict[str, Any]:
+        """See :meth:`SampledField.inner`: what the layers take and give."""
+        return {name: self.rt.zeros((room, w), self.half) for name, w in self.widths.items()}
+
+    @property
+    def view_room(self) -> int:
+        """See :attr:`SampledField.view_room`."""
+        return VIEW_ROOM
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
-        self._encode_positions(total)
-        for number in range(len(self.layers) - 2):
-            self._layer(number, total)
-        self._heads(total)
+        self._encode_positions(self.samples, total)
+        self._forward(self.layers[:-2], self.samples, total)
 
-    def evaluate(self, rays: Rays) -> None:
+    def evaluate(self, directions: Any, samples: Samples) -> None:
         """See :meth:`SampledField.evaluate`."""
-        encode, samples = self.rt.radiance_encode, self.samples
-        self._encode_positions(samples.total)
-        encode.positional(
-            rays.directions, rays.active, self.settings.view_frequencies, True, True, 0,
-            self.directions.shape[1], self.directions,
-        )  # fmt: skip
-        encode.gather(
-            self.directions, samples.rays, samples.total, self.settings.width, self.values["view"]
+        rt, count, frequencies = self.rt, directions.shape[0], self.settings.view_frequencies
+        self._encode_positions(samples, samples.total)
+        views = rt.scratch("mlp.views", (count, encoded(frequencies)), self.half)
+        all_rays = rt.constant(np.array([count], np.int32))
+        rt.radiance_encode.positional(
+            directions, all_rays, frequencies, True, True, 0, views.shape[1], views
         )
-        for number in range(len(self.layers)):
-            self._layer(number, samples.total)
-        self._heads(samples.total)
+        rt.radiance_encode.gather(
+            views, samples.rays, samples.total, self.settings.width, samples.inner["view"]
+        )
+        self._forward(self.layers, samples, samples.total)
 
-    def _encode_positions(self, total: Any) -> None:
+    def _encode_positions(self, samples: Samples, total: Any) -> None:
         frequencies = self.settings.frequencies
         self.rt.radiance_encode.positional(
-            self.samples.positions, total, frequencies, True, True, 0, encoded(frequencies),
-            self.values["position"],
+            samples.positions, total, frequencies, True, True, 0, encoded(frequencies),
+            samples.inner["position"],
         )  # fmt: skip
 
-    def _layer(self, number: int, total: Any) -> None:
-        a, v = self.layers[number], self.values
-        self.rt.radiance_dense.forward(
-            v[a.source], self.weights[number], total, a.relu, a.column, v[a.target]
-        )
-
-    def _heads(self, total: Any) -> None:
-        v = self.values
-        self.rt.radiance_heads.forward(v["view"], v["raw"], total, self.sigma, self.rgb)
+    def _forward(self, layers: list[Layer], samples: Samples, total: Any) -> None:
+        """Pass through the layers, and to what the last two outputs mean."""
+        rt, v = self.rt, samples.inner
+        for a, w in zip(layers, self.weights, strict=False):
+            rt.radiance_dense.forward(v[a.source], w, total, a.relu, a.column, v[a.target])
+        rt.radiance_heads.forward(v["view"], v["raw"], total, samples.sigma, samples.rgb)
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
-        rt, total, g = self.rt, self.samples.total, self.gradients
-        rt.radiance_heads.color_backward(self.d_rgb, self.rgb, total, g["raw"])
+        rt, s, g, total = self.rt, self.samples, self.gradients, self.samples.total
+        rt.radiance_heads.color_backward(self.d_rgb, s.rgb, total, g["raw"])
         for number in range(len(self.layers) - 1, -1, -1):
             a, w = self.layers[number], self.weights[number]
-            x, dy = self.values[a.source], g[a.target]
+            x, dy = s.inner[a.source], g[a.target]
             rt.radiance_dense.backward_weight(dy, x, total, a.column, self.d_weights[number])
             if number:  # positions do not learn
                 # What is not the output of a rectifier is the features before colour, or encoded.
                 gated = a.source != "view"
                 rt.radiance_dense.backward_input(dy, w, x, total, gated, a.column, g[a.source])
             if a.source == "view":
-                rt.radiance_heads.density_backward(self.d_sigma, self.sigma, total, g["view"])
+                rt.radiance_heads.density_backward(self.d_sigma, s.sigma, total, g["view"])
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
@@ -225,9 +239,9 @@ class MLPNetwork(SampledField):
             learning.step, learning.progress, s.learning_rate, WARMUP, s.final_rate, *BETAS,
             self._rate,
         )  # fmt: skip
-        adam.clip(learning.scale / self.gradient_scale, 1e30, self._parts_of_norm, self._factor)
+        self._clip.update(learning.scale / self.gradient_scale, self.parameters.gradients)
         adam.adam(
-            self._rate, self._factor, *BETAS, EPSILON, s.weight_decay, False,
+            self._rate, self._clip.factor, *BETAS, EPSILON, s.weight_decay, False,
             *self.parameters.flat(),
         )  # fmt: skip
 

@@ -10,6 +10,7 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern.radiance.sampled import taken
 
+LIFT = 128.0  # of gradients above what float16, or a fixed-point number, takes for 0
 PARTS = 1024  # that a sum of squares is made in
 
 

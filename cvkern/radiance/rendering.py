@@ -12,7 +12,7 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern._validate import check_integer, check_positive
 from cvkern.radiance.cameras import Cameras, cameras, look_at
-from cvkern.radiance.fields import Field, Frame, Rays
+from cvkern.radiance.fields import Field, Frame, Seen
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
 from cvkern.radiance.scenes import Scene, focus_of
@@ -20,6 +20,7 @@ from cvkern.radiance.scenes import Scene, focus_of
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
 
 SOLID = 0.5  # opacity from which on a ray has a depth
+RAYS = 2**20  # that a field looks along at once: what is kept of them stays small
 
 
 class Picture(NamedTuple):
@@ -82,60 +83,27 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
 
 
 class Renderer:
-    """What renders views of a field, in as many batches of rays as they take."""
+    """What renders views of a field."""
 
     def __init__(self, field: Field, rt: Runtime):
         self.field, self.rt = field, rt
-        self.active, self.step = rt.zeros((1,), np.int32), rt.zeros((1,), np.int32)
-        self.rays = Rays(rt.zeros((field.rays, 3)), rt.zeros((field.rays, 3)), self.active)
-        self.most = max(1, field.rays - 1)  # a full batch does not tell that it lacked room
-        self.batch = min(self.most, field.first_rays)
 
     def __call__(self, cameras: Cameras, view: int, behind: np.ndarray) -> Picture:
         """Render a view."""
-        field, rt = self.field, self.rt
-        lens = on_device(rt, field.frame, cameras.select([view]))
-        count = cameras.height * cameras.width
-        color, opacity, depth = (np.empty((count, *tail), np.float32) for tail in ((3,), (), ()))
-
-        def cast(begin: int, size: int) -> Any:
-            rt.radiance_rays.view_rays(
-                *lens, 0, cameras.width, begin, self.rays.origins, self.rays.directions
-            )
-            return self.forward(size)
-
-        for begin, size, seen in self.batches(count, cast):
-            part = slice(begin, begin + size)
-            color[part] = rt.to_numpy(seen.color)[:size]
-            opacity[part] = rt.to_numpy(seen.opacity)[:size]
-            depth[part] = rt.to_numpy(seen.depth)[:size]
-        color += (1 - opacity)[:, None] * behind
-        half = np.float32(field.frame.bounds.half)
-        solid = opacity >= SOLID
-        depth = np.where(solid, half * depth / np.where(solid, opacity, 1), np.float32(np.nan))
-        shape = cameras.height, cameras.width
-        np.clip(color, 0, 1, out=color)
-        return Picture(color.reshape(*shape, 3), opacity.reshape(shape), depth.reshape(shape))
-
-    def forward(self, size: int) -> Any:
-        """Render the first `size` rays."""
-        self.rt.write(self.active, np.array([size], np.int32))
-        return self.field.forward(self.rays, self.step, training=False)
-
-    def batches(self, count: int, cast: Callable[[int, int], Any]) -> Any:
-        """Yield where each batch begins, its size and what it saw, so that none lacks room."""
-        begin = 0
-        while begin < count:
-            size = min(self.batch, count - begin)
-            seen = cast(begin, size)
-            if not self.field.complete() and size > 1:
-                self.batch = max(1, size // 2)
-                continue
-            yield begin, size, seen
-            begin += size
-            if size == self.batch < self.most:
-                wanted = self.field.rays_for(self.field.taken(), size)
-                self.batch = min(self.most, 2 * size, max(1, wanted))
+        rt, frame, width = self.rt, self.field.frame, cameras.width
+        lens = on_device(rt, frame, cameras.select([view]))
+        count = cameras.height * width
+        pictures = [rt.empty((cameras.height, width, *tail)) for tail in ((3,), (), ())]
+        flat = (count, 3), (count,), (count,)
+        seen = Seen(*(rt.adopt(p, shape=s) for p, s in zip(pictures, flat, strict=True)))
+        for begin in range(0, count, RAYS):
+            part = slice(begin, min(begin + RAYS, count))
+            shape = part.stop - begin, 3
+            rays = [rt.scratch(f"view.{name}", shape) for name in ("origins", "directions")]
+            rt.radiance_rays.view_rays(*lens, 0, width, begin, *rays)
+            self.field.see(*rays, Seen(*(a[part] for a in seen)))
+        rt.radiance_view.finish(*map(float, behind), frame.bounds.half, SOLID, *seen)
+        return Picture(*(rt.release(p) for p in pictures))
 
 
 def render_path(

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered
+from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered, Seen
 
 CELLS = 128  # of the occupancy grid along a side, in each level
 LEVELS = 5  # of it in unbounded space: the outermost cube is 16 times as large
@@ -21,13 +21,14 @@ EVERY = 16  # steps between looks at where space is empty
 SETTLED = 256  # steps after which no longer all of it is looked at
 FADE = 0.95
 OPTICAL_THICKNESS = 0.01  # of a step through a cell that is looked at however thin it is
+VIEW_ROOM = 2**20  # samples of a round of rendering, on a GPU
+VIEW_FEW = 32  # of them on a ray, at most: it may be opaque behind the first
+PARTS = 16  # that room for samples is cut into
 
 
 class Samples(NamedTuple):
-    """The samples of a batch of rays, as kernel arrays with room for M."""
+    """Samples along rays, as kernel arrays with room for M."""
 
-    spans: Any
-    """The first one and the number of each ray, (R, 2) int32."""
     total: Any
     """Their number, (1,) int32."""
     positions: Any
@@ -36,6 +37,33 @@ class Samples(NamedTuple):
     """Distance from the camera, and length of the step, (M, 2) float32."""
     rays: Any
     """(M,) int32."""
+    sigma: Any
+    """Density, (M,) float32."""
+    rgb: Any
+    """Colour, (M, 3) float32."""
+    inner: dict[str, Any]
+    """What the field makes on the way to these, M rows each."""
+
+    def first(self, rows: int) -> Samples:
+        """Return the room of the first rows."""
+        parts = (a[:rows] for a in self[1:-1])
+        return Samples(self.total, *parts, {name: a[:rows] for name, a in self.inner.items()})
+
+
+class Viewing:
+    """Room for the samples of a round of rendering, and how many rays at most take part."""
+
+    def __init__(self, samples: Samples, counts: Any, rays: int):
+        self.samples, self.counts, self.rays = samples, counts, rays
+        self.room = samples.positions.shape[0]
+        self._parts: dict[int, Samples] = {}
+
+    def first(self, count: int) -> Samples:
+        """Return room for so many samples and a few more, of one of a few sizes."""
+        rows = -(-count // (part := -(-self.room // PARTS))) * part
+        if rows not in self._parts:
+            self._parts[rows] = self.samples.first(min(rows, self.room))
+        return self._parts[rows]
 
 
 class SampledField(Field):
@@ -56,43 +84,102 @@ class SampledField(Field):
         self._visited = rt.zeros((room,), np.int32)
         self._all = rt.zeros((1,), np.int32)
         rt.write(self._all, np.array([room], np.int32))
-        self.samples = Samples(
-            rt.zeros((rays, 2), np.int32),
-            rt.zeros((1,), np.int32),
-            rt.zeros((room, 3)),
-            rt.zeros((room, 2)),
-            rt.zeros((room,), np.int32),
-        )
-        self.sigma, self.rgb = rt.zeros((room,)), rt.zeros((room, 3))
+        self.samples = self._room_for(room, rt.zeros((1,), np.int32))
+        self.spans = rt.zeros((rays, 2), np.int32)
         self.d_sigma, self.d_rgb = rt.zeros((room,)), rt.zeros((room, 3))
         self.rendered = Rendered(
             rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
         )
         self._looks: dict[bool, Any] = {}
+        self._viewing: Viewing | None = None
 
     @abc.abstractmethod
-    def evaluate(self, rays: Rays) -> None:
-        """Fill `sigma` and `rgb` for the samples."""
+    def inner(self, room: int) -> dict[str, Any]:
+        """Allocate what :meth:`evaluate` makes on the way, for so many samples."""
+
+    @abc.abstractmethod
+    def evaluate(self, directions: Any, samples: Samples) -> None:
+        """Fill `sigma` and `rgb` of samples of rays with these directions, (R, 3)."""
 
     @abc.abstractmethod
     def evaluate_density(self, total: Any) -> None:
-        """Fill `sigma` for the first `total` positions of the samples."""
+        """Fill `sigma` for the first `total` positions of the field's own samples."""
 
     @abc.abstractmethod
     def evaluate_backward(self) -> None:
-        """Add the gradients of the parameters, from `d_sigma` and `d_rgb`."""
+        """Add the gradients of the parameters, from `d_sigma` and `d_rgb` of its own samples."""
 
-    def forward(self, rays: Rays, step: Any, *, training: bool) -> Rendered:
+    def _room_for(self, room: int, total: Any) -> Samples:
+        """Allocate samples, of which there are `total` (1,)."""
+        rt = self.rt
+        return Samples(
+            total, rt.zeros((room, 3)), rt.zeros((room, 2)), rt.zeros((room,), np.int32),
+            rt.zeros((room,)), rt.zeros((room, 3)), self.inner(room),
+        )  # fmt: skip
+
+    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+        """See :meth:`Field.see`."""
+        if self._viewing is None:
+            self._viewing = self._room_to_view()
+        count, most = origins.shape[0], self._viewing.rays
+        for begin in range(0, count, most):
+            part = slice(begin, min(begin + most, count))
+            self._see(
+                self._viewing, origins[part], directions[part], Seen(*(a[part] for a in seen))
+            )
+
+    @property
+    def view_room(self) -> int:
+        """For how many samples a round of rendering has room, on a GPU."""
+        return VIEW_ROOM
+
+    def _room_to_view(self) -> Viewing:
+        """Take memory of its own on a GPU, where rounds of many samples are fast; else what is."""
+        counts = self.rt.zeros((2,), np.int32)
+        if self.rt.device == "cpu":
+            samples = self.samples._replace(total=counts[:1])
+        else:
+            samples = self._room_for(self.view_room, counts[:1])
+        return Viewing(samples, counts, samples.positions.shape[0])
+
+    def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: Seen) -> None:
+        """Take the next samples of all rays, until each is opaque or has left the field."""
+        rt, view, living = self.rt, self.rt.radiance_view, origins.shape[0]
+        at = rt.scratch("view.at", (living,))
+        taken, listing, going = (
+            rt.scratch(f"view.{name}", (living,), np.int32) for name in ("taken", "list", "going")
+        )
+        spans = rt.scratch("view.spans", (living, 2), np.int32)
+        space = self.levels, self.frame.near, self.finest, self.cone
+        view.set_out(origins, directions, *space, at, taken, listing, *seen)
+        while living:
+            s = viewing.samples
+            few = min(viewing.room // living, VIEW_FEW)
+            view.march_on(
+                origins, directions, self.bits, self.levels, self.cells, self.frame.far,
+                self.finest, self.cone, STEPS, self.frame.bounds.unbounded, few, living, listing,
+                at, taken, going, spans, viewing.counts, s.positions, s.distances, s.rays,
+            )  # fmt: skip
+            total, living = map(int, rt.to_numpy(viewing.counts))
+            if living:
+                s = viewing.first(total)
+                self.evaluate(directions, s)
+                view.composite_on(
+                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, at, *seen
+                )
+                listing, going = going, listing
+
+    def forward(self, rays: Rays, step: Any) -> Rendered:
         """See :meth:`Field.forward`."""
         s = self.samples
         self.rt.radiance_march.march_rays(
             rays.origins, rays.directions, self.bits, self.levels, self.cells, self.frame.near,
-            self.frame.far, self.finest, self.cone, STEPS, training, self.frame.bounds.unbounded,
-            self.seed, step, rays.active, *s,
+            self.frame.far, self.finest, self.cone, STEPS, True, self.frame.bounds.unbounded,
+            self.seed, step, rays.active, self.spans, s.total, s.positions, s.distances, s.rays,
         )  # fmt: skip
-        self.evaluate(rays)
+        self.evaluate(rays.directions, s)
         self.rt.radiance_composite.forward(
-            self.sigma, self.rgb, s.distances, s.spans, STOP, *self.rendered
+            s.sigma, s.rgb, s.distances, self.spans, STOP, *self.rendered
         )
         return self.rendered
 
@@ -100,19 +187,13 @@ class SampledField(Field):
         """See :meth:`Field.backward`."""
         s = self.samples
         self.rt.radiance_composite.backward(
-            *gradients, self.sigma, self.rgb, s.distances, s.spans, STOP, self.d_sigma, self.d_rgb
+            *gradients, s.sigma, s.rgb, s.distances, self.spans, STOP, self.d_sigma, self.d_rgb
         )
         self.evaluate_backward()
 
     def taken(self) -> int:
         """See :meth:`Field.taken`."""
         return int(self.rt.to_numpy(self.samples.total)[0])
-
-    def complete(self) -> bool:
-        """See :meth:`Field.complete`."""
-        # The place of the last row is the sum of all before it, those without room among them.
-        last = self.samples.spans[self.rays - 1 : self.rays]
-        return int(self.rt.to_numpy(last)[0, 0]) <= self.room
 
     def densities(self, points: np.ndarray) -> np.ndarray:
         """See :meth:`Field.densities`."""
@@ -128,13 +209,12 @@ class SampledField(Field):
             block[: len(part)] = part
             self.rt.write(self.samples.positions, block)
             self.evaluate_density(self._all)
-            found[begin : begin + len(part)] = self.rt.to_numpy(self.sigma)[: len(part)]
+            found[begin : begin + len(part)] = self.rt.to_numpy(self.samples.sigma)[: len(part)]
         return found
 
     def rays_for(self, samples: int, rays: int) -> int:
         """See :meth:`Field.rays_for`."""
-        most = self.samples.spans.shape[0]
-        return max(1, min(most, int(rays * FILL * self.room / max(samples, 1))))
+        return max(1, min(self.rays, int(rays * FILL * self.room / max(samples, 1))))
 
     def tend(self, step: int, learning: Learning) -> None:
         """Look where space is empty, every now and then."""
@@ -157,7 +237,7 @@ class SampledField(Field):
                 self._visited, self.samples.positions,
             )  # fmt: skip
             self.evaluate_density(self._all)
-            occupancy.raise_to(self._visited, self.sigma, self.density)
+            occupancy.raise_to(self._visited, self.samples.sigma, self.density)
         least = OPTICAL_THICKNESS / self.finest
         occupancy.mark(self.density, least, self._parts, self._limit, self.bits)
 

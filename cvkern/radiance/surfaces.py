@@ -12,8 +12,9 @@ import numpy as np
 from cvkern._files import replacing
 from cvkern._validate import check_integer, check_positive
 from cvkern.radiance.cameras import Cameras, pixel_rays
+from cvkern.radiance.fields import Seen
 from cvkern.radiance.models import Model
-from cvkern.radiance.rendering import Renderer
+from cvkern.radiance.rendering import RAYS, Renderer
 
 __all__ = ["Cloud", "Mesh", "mesh", "point_cloud", "write_mesh"]
 
@@ -146,21 +147,16 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
 
 def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return the colours that rays of the frame see close by, (N, 3) uint8."""
-    draw = Renderer(model.field, rt)
     colors = np.empty((len(origins), 3), np.uint8)
-    block = np.zeros((2, model.field.rays, 3), np.float32)
-    block[1, :, 2] = 1
-
-    def cast(begin: int, size: int) -> Any:
-        for source, part, target in zip((origins, directions), block, draw.rays[:2], strict=True):
-            part[:size] = source[begin : begin + size]
-            rt.write(target, part)
-        return draw.forward(size)
-
-    for begin, size, seen in draw.batches(len(origins), cast):
-        light = rt.to_numpy(seen.color)[:size]
-        opacity = np.maximum(rt.to_numpy(seen.opacity)[:size, None], 1e-3)
-        colors[begin : begin + size] = np.round(255 * (light / opacity).clip(0, 1))
+    for begin in range(0, len(origins), RAYS):
+        part = slice(begin, begin + RAYS)
+        rays = rt.send("mesh.origins", origins[part]), rt.send("mesh.directions", directions[part])
+        count = len(origins[part])
+        shapes = {"color": (count, 3), "opacity": (count,), "depth": (count,)}
+        seen = Seen(*(rt.scratch(f"mesh.{name}", shape) for name, shape in shapes.items()))
+        model.field.see(*rays, seen)
+        opacity = np.maximum(rt.to_numpy(seen.opacity)[:, None], 1e-3)
+        colors[part] = np.round(255 * (rt.to_numpy(seen.color) / opacity).clip(0, 1))
     return colors
 
 

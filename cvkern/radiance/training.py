@@ -252,7 +252,7 @@ class Trainer:
             *self.views, self.images, *self.size, self.spread, self.model.seed, at, *self.rays[:2],
             self.targets,
         )  # fmt: skip
-        seen = field.forward(self.rays, at, training=True)
+        seen = field.forward(self.rays, at)
         rt.radiance_loss.loss(
             seen.color, seen.opacity, self.targets, self.active, self.background,
             self.behind.values, self.huber, field.gradient_scale, self.model.seed, at, self.errors,

@@ -11,7 +11,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern._validate import check_integer, check_number, check_positive
-from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered
+from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered, Seen
 from cvkern.radiance.parameters import Clip, flat
 from cvkern.radiance.sampled import STOP, taken
 
@@ -174,9 +174,19 @@ class VoxelGrid(Field):
             self.density, self.color,
         ]  # fmt: skip
 
-    def forward(self, rays: Rays, step: Any, *, training: bool) -> Rendered:
+    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+        """See :meth:`Field.see`."""
+        rt, count = self.rt, origins.shape[0]
+        active = rt.constant(np.array([2**31 - 1], np.int32))
+        distortion = rt.scratch("view.distortion", (count,))
+        samples = rt.scratch("view.samples", (count,), np.int32)
+        # Any step: without training, no places are drawn.
+        rays = self._marched(Rays(origins, directions, active), active, False)
+        rt.radiance_voxel.render(*rays, *seen, distortion, samples)
+
+    def forward(self, rays: Rays, step: Any) -> Rendered:
         """See :meth:`Field.forward`."""
-        self._last = self._marched(rays, step, training)
+        self._last = self._marched(rays, step, True)
         arguments = [*self._last, *self.rendered, self.samples]
         self.rt.radiance_voxel.render(*arguments)
         return self.rendered

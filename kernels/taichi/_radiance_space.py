@@ -140,3 +140,67 @@ def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i
         side = ti.floor(at) + (1.0 if inverse[k] > 0.0 else 0.0)
         way = ti.min(way, ti.max(product(product(side - at, size, zero), inverse[k], zero), 0.0))
     return way
+
+
+@ti.func
+def next_sample(
+    origin: vec3,
+    direction: vec3,
+    inverse: vec3,
+    bits: ti.template(),
+    levels: ti.i32,
+    cells: ti.i32,
+    begin: ti.f32,
+    last: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    zero: ti.i32,
+) -> ti.f32:
+    """Distance of the first sample of a ray from `begin` on; not below `last` if there is none.
+
+    Samples are the places t, t + spacing(t), ... that are in occupied cells.
+    """
+    t = begin
+    found = False
+    while t < last and not found:
+        point = place(origin, t, direction, zero)
+        cell = cell_at(point, levels, cells)
+        step = spacing(t, finest, cone, zero)
+        if cell < 0:  # on the outermost side
+            t += step
+        elif is_set(bits, cell) != 0:
+            found = True
+        else:  # by whole steps behind the cell
+            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells, zero)
+            next = t + step
+            inside = t
+            t = next
+            while t < goal:
+                inside = t
+                t += spacing(t, finest, cone, zero)
+            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
+            if inside >= next:
+                if cell_at(place(origin, inside, direction, zero), levels, cells) != cell:
+                    t = next
+    return t
+
+
+@ti.func
+def keep_sample(
+    at: ti.i32,
+    ray: ti.i32,
+    point: vec3,
+    t: ti.f32,
+    step: ti.f32,
+    unbounded: ti.i32,
+    positions: ti.template(),
+    distances: ti.template(),
+    rays: ti.template(),
+):
+    """Write a sample of a ray to row `at`."""
+    position = in_cube(point, unbounded)
+    for k in ti.static(range(3)):
+        positions[at, k] = position[k]
+    distances[at, 0] = t
+    distances[at, 1] = step
+    rays[at] = ray

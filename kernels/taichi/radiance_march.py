@@ -10,15 +10,13 @@ import taichi as ti
 
 from ._launch import primitive
 from ._radiance_space import (
-    cell_at,
-    in_cube,
     interval,
-    is_set,
+    keep_sample,
+    next_sample,
     place,
     reciprocal,
     row,
     spacing,
-    way_out,
 )
 from ._random import random_unit
 from ._rounding import product
@@ -61,33 +59,18 @@ def _walk(
     t += product(jitter, spacing(t, finest, cone, zero), zero)
     count = 0
     while t < last and count < most:
-        point = place(origin, t, direction, zero)
-        cell = cell_at(point, levels, cells)
-        step = spacing(t, finest, cone, zero)
-        if cell < 0:  # on the outermost side
-            t += step
-        elif is_set(bits, cell) != 0:
+        t = next_sample(
+            origin, direction, inverse, bits, levels, cells, t, last, finest, cone, zero
+        )
+        if t < last:
+            step = spacing(t, finest, cone, zero)
             if begin >= 0:
-                at = in_cube(point, unbounded)
-                for k in ti.static(range(3)):
-                    positions[begin + count, k] = at[k]
-                distances[begin + count, 0] = t
-                distances[begin + count, 1] = step
-                rays[begin + count] = ray
+                point = place(origin, t, direction, zero)
+                keep_sample(
+                    begin + count, ray, point, t, step, unbounded, positions, distances, rays
+                )
             count += 1
             t += step
-        else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells, zero)
-            next = t + step
-            inside = t
-            t = next
-            while t < goal:
-                inside = t
-                t += spacing(t, finest, cone, zero)
-            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
-            if inside >= next:
-                if cell_at(place(origin, inside, direction, zero), levels, cells) != cell:
-                    t = next
     return count
 
 

@@ -152,6 +152,46 @@ def reach(
 
 
 @wp.func
+def next_sample(
+    origin: wp.vec3,
+    direction: wp.vec3,
+    inverse: wp.vec3,
+    bits: wp.array[wp.uint32],
+    levels: int,
+    cells: int,
+    t: float,
+    last: float,
+    finest: float,
+    cone: float,
+) -> float:
+    """Distance of the first sample of a ray from t on; not below `last` if there is none.
+
+    Samples are the places t, t + spacing(t), ... that are in occupied cells.
+    """
+    found = bool(False)
+    while t < last and not found:
+        point = origin + t * direction
+        cell = cell_at(point, levels, cells)
+        step = spacing(t, finest, cone)
+        if cell < 0:  # on the outermost side
+            t += step
+        elif is_set(bits, cell):
+            found = True
+        else:  # by whole steps behind the cell
+            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells)
+            next = t + step
+            inside = t
+            t = next
+            while t < goal:
+                inside = t
+                t += spacing(t, finest, cone)
+            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
+            if inside >= next and cell_at(origin + inside * direction, levels, cells) != cell:
+                t = next
+    return t
+
+
+@wp.func
 def keep_sample(
     at: int,
     ray: int,

@@ -10,14 +10,12 @@ import warp as wp
 from . import _radiance_march_blocks as blocks
 from ._launch import BLOCK, launch, launch_each
 from ._radiance_space import (
-    cell_at,
-    is_set,
     keep_sample,
+    next_sample,
     reach,
     reciprocal,
     row,
     spacing,
-    way_out,
 )
 from ._random import random_unit
 
@@ -52,28 +50,16 @@ def march(
     t = ends[0]
     count = int(0)
     while t < ends[1] and count < most:
-        point = origin + t * direction
-        cell = cell_at(point, levels, cells)
-        step = spacing(t, finest, cone)
-        if cell < 0:  # on the outermost side
-            t += step
-        elif is_set(bits, cell):
+        t = next_sample(origin, direction, inverse, bits, levels, cells, t, ends[1], finest, cone)
+        if t < ends[1]:
+            step = spacing(t, finest, cone)
             if begin >= 0:
-                at = begin + count
-                keep_sample(at, ray, point, t, step, unbounded, positions, distances, rays)
+                point = origin + t * direction
+                keep_sample(
+                    begin + count, ray, point, t, step, unbounded, positions, distances, rays
+                )
             count += 1
             t += step
-        else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells)
-            next = t + step
-            inside = t
-            t = next
-            while t < goal:
-                inside = t
-                t += spacing(t, finest, cone)
-            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
-            if inside >= next and cell_at(origin + inside * direction, levels, cells) != cell:
-                t = next
     return count
 
 

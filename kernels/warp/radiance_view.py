@@ -1,0 +1,397 @@
+"""Views of a field of samples in rounds, in Warp: each looks at the next few samples of each ray.
+
+A ray has the distance where it goes on, how many samples it took, and what it saw so far. A list
+has the numbers of the rays that go on; behind each round it is made anew without those that left
+the field, or that no more than `stop` of the light gets through. The samples of a ray are those of
+`radiance_march`, however many of them a round takes.
+"""
+
+import warp as wp
+
+from . import _radiance_view_blocks as blocks
+from ._launch import launch, launch_each, scratch
+from ._radiance_space import (
+    interval,
+    keep_sample,
+    next_sample,
+    reach,
+    reciprocal,
+    row,
+    spacing,
+)
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+NEVER = wp.constant(1.0e30)  # where a ray goes on that is done
+
+
+@wp.kernel
+def set_out_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    levels: int,
+    near: float,
+    finest: float,
+    cone: float,
+    # outputs
+    at: wp.array[float],  # (R,)
+    taken: wp.array[int],  # (R,)
+    listing: wp.array[int],  # (R,)
+    color: wp.array2d[float],  # (R, 3)
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+):
+    """Put a ray where it enters the field."""
+    for ray in range(first + wp.tid(), last, stride):
+        inverse = reciprocal(row(directions, ray))
+        ends = reach(row(origins, ray), inverse, levels, near, NEVER, finest, cone, 0.5)
+        at[ray] = ends[0]
+        taken[ray] = 0
+        listing[ray] = ray
+        for k in range(3):
+            color[ray, k] = 0.0
+        opacity[ray] = 0.0
+        depth[ray] = 0.0
+
+
+def set_out(
+    origins: wp.array,
+    directions: wp.array,
+    levels: int,
+    near: float,
+    finest: float,
+    cone: float,
+    at: wp.array,
+    taken: wp.array,
+    listing: wp.array,
+    color: wp.array,
+    opacity: wp.array,
+    depth: wp.array,
+) -> None:
+    """Begin the views of all rays, `origins` and unit `directions` (R, 3).
+
+    What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
+    `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
+    `color` (R, 3), `opacity` and `depth` (R,) are 0.
+    """
+    count = origins.shape[0]
+    inputs = [origins, directions, levels, near, finest, cone]
+    outputs = [at, taken, listing, color, opacity, depth]
+    launch_each(set_out_kernel, count, 32 * count, inputs, outputs)
+
+
+@wp.func
+def walk(
+    ray: int,
+    origins: wp.array2d[float],
+    directions: wp.array2d[float],
+    bits: wp.array[wp.uint32],
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    unbounded: bool,
+    limit: int,
+    begin: int,
+    at: wp.array[float],
+    positions: wp.array2d[float],
+    distances: wp.array2d[float],
+    rays: wp.array[int],
+) -> int:
+    """Count the next samples of a ray, and have it go on from the first of them.
+
+    Unless `begin` is negative: then write them from there on, and have it go on behind the last.
+    """
+    origin = row(origins, ray)
+    direction = row(directions, ray)
+    inverse = reciprocal(direction)
+    last = wp.min(far, interval(origin, inverse, float(1 << (levels - 1)))[1])
+    t = at[ray]
+    count = int(0)
+    while t < last and count < limit:
+        t = next_sample(origin, direction, inverse, bits, levels, cells, t, last, finest, cone)
+        if t < last:
+            step = spacing(t, finest, cone)
+            if begin >= 0:
+                point = origin + t * direction
+                keep_sample(
+                    begin + count, ray, point, t, step, unbounded, positions, distances, rays
+                )
+            elif count == 0:
+                at[ray] = t
+            count += 1
+            t += step
+    if begin >= 0:
+        at[ray] = t
+    return count
+
+
+@wp.kernel
+def count_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    bits: wp.array[wp.uint32],  # (levels cells^3 / 32,)
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    unbounded: bool,
+    few: int,
+    living: int,
+    listing: wp.array[int],  # (R,)
+    taken: wp.array[int],  # (R,)
+    # not touched
+    positions: wp.array2d[float],
+    distances: wp.array2d[float],
+    rays: wp.array[int],
+    # outputs
+    at: wp.array[float],  # (R,)
+    numbers: wp.array[int],  # (R,): of samples, in the order of the list
+    counts: wp.array[int],  # (2,): 0
+):
+    """Count the next samples of a ray."""
+    for i in range(first + wp.tid(), last, stride):
+        if i == 0:
+            counts[0] = 0
+            counts[1] = 0
+        if i < living:
+            ray = listing[i]
+            numbers[i] = walk(
+                ray, origins, directions, bits, levels, cells, far, finest, cone, unbounded,
+                wp.min(few, most - taken[ray]), -1, at, positions, distances, rays,
+            )  # fmt: skip
+
+
+@wp.kernel
+def place(
+    living: int,
+    listing: wp.array[int],  # (R,)
+    numbers: wp.array[int],  # (R,)
+    # outputs
+    going: wp.array[int],  # (R,)
+    spans: wp.array2d[int],  # (R, 2)
+    counts: wp.array[int],  # (2,)
+):
+    """List the rays that have samples, and give them rows, in one thread."""
+    total = int(0)
+    rays = int(0)
+    for i in range(living):
+        if numbers[i] > 0:
+            going[rays] = listing[i]
+            spans[rays, 0] = total
+            spans[rays, 1] = numbers[i]
+            total += numbers[i]
+            rays += 1
+    counts[0] = total
+    counts[1] = rays
+
+
+@wp.kernel
+def write_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    bits: wp.array[wp.uint32],  # (levels cells^3 / 32,)
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    unbounded: bool,
+    going: wp.array[int],  # (R,)
+    spans: wp.array2d[int],  # (R, 2)
+    counts: wp.array[int],  # (2,)
+    # outputs
+    at: wp.array[float],  # (R,)
+    taken: wp.array[int],  # (R,)
+    positions: wp.array2d[float],  # (M, 3)
+    distances: wp.array2d[float],  # (M, 2)
+    rays: wp.array[int],  # (M,)
+):
+    """Write the next samples of a ray."""
+    for i in range(first + wp.tid(), wp.min(last, counts[1]), stride):
+        ray = going[i]
+        number = spans[i, 1]
+        taken[ray] = taken[ray] + walk(
+            ray, origins, directions, bits, levels, cells, far, finest, cone, unbounded, number,
+            spans[i, 0], at, positions, distances, rays,
+        )  # fmt: skip
+
+
+def march_on(
+    origins: wp.array,
+    directions: wp.array,
+    bits: wp.array,
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    unbounded: bool,
+    few: int,
+    living: int,
+    listing: wp.array,
+    at: wp.array,
+    taken: wp.array,
+    going: wp.array,
+    spans: wp.array,
+    counts: wp.array,
+    positions: wp.array,
+    distances: wp.array,
+    rays: wp.array,
+) -> None:
+    """List the next samples, `few` at most, of each of the first `living` rays of a list.
+
+    The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
+    takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
+    of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
+    rows of each of those, and `counts` (2,) with how many samples and rays there are. The samples
+    are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few living. In which
+    order the rays are listed is left open: nothing that they see depends on it.
+    """
+    device = counts.device
+    count = _threads(living, device)
+    numbers = scratch("view.numbers", listing.shape, wp.int32, device)
+    march = [origins, directions, bits, levels, cells, far, finest, cone]
+    samples = [positions, distances, rays]
+    inputs = [*march, most, unbounded, few, living, listing, taken, *samples]
+    launch_each(count_kernel, count, 256 * living, inputs, [at, numbers, counts])
+    outputs = [going, spans, counts]
+    if device.is_cuda:
+        launch(blocks.place, count, [living, listing, numbers], outputs)
+    else:
+        launch(place, 1, [living, listing, numbers], outputs)
+    inputs = [*march, unbounded, going, spans, counts]
+    launch_each(write_kernel, count, 256 * living, inputs, [at, taken, *samples])
+
+
+@wp.kernel
+def composite_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    sigma: wp.array[float],  # (M,)
+    rgb: wp.array2d[float],  # (M, 3)
+    distances: wp.array2d[float],  # (M, 2)
+    going: wp.array[int],  # (R,)
+    spans: wp.array2d[int],  # (R, 2)
+    living: int,
+    stop: float,
+    # outputs
+    at: wp.array[float],  # (R,)
+    color: wp.array2d[float],  # (R, 3): added to, as the others
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+):
+    """Walk along the samples of a ray."""
+    for i in range(first + wp.tid(), wp.min(last, living), stride):
+        ray = going[i]
+        c = row(color, ray)
+        sum_w = opacity[ray]
+        sum_wt = depth[ray]
+        s = spans[i, 0]
+        end = s + spans[i, 1]
+        while s < end and 1.0 - sum_w > stop:
+            w = (1.0 - sum_w) * (1.0 - wp.exp(-sigma[s] * distances[s, 1]))
+            c += w * row(rgb, s)
+            sum_w += w
+            sum_wt += w * distances[s, 0]
+            s += 1
+        for k in range(3):
+            color[ray, k] = c[k]
+        opacity[ray] = sum_w
+        depth[ray] = sum_wt
+        if 1.0 - sum_w <= stop:
+            at[ray] = NEVER
+
+
+def composite_on(
+    sigma: wp.array,
+    rgb: wp.array,
+    distances: wp.array,
+    going: wp.array,
+    spans: wp.array,
+    living: int,
+    stop: float,
+    at: wp.array,
+    color: wp.array,
+    opacity: wp.array,
+    depth: wp.array,
+) -> None:
+    """Composite the samples of a round behind what their rays saw.
+
+    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
+    to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
+    `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
+    nowhere: its `at` (R,) is behind everything.
+    """
+    count = _threads(living, at.device)
+    inputs = [sigma, rgb, distances, going, spans, living, stop]
+    launch_each(composite_kernel, count, 64 * living, inputs, [at, color, opacity, depth])
+
+
+@wp.kernel
+def finish_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    red: float,
+    green: float,
+    blue: float,
+    unit: float,
+    solid: float,
+    # outputs
+    color: wp.array2d[float],  # (R, 3)
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+):
+    """Finish a pixel."""
+    for ray in range(first + wp.tid(), last, stride):
+        o = opacity[ray]
+        seen = row(color, ray) + (1.0 - o) * wp.vec3(red, green, blue)
+        for k in range(3):
+            color[ray, k] = wp.clamp(seen[k], 0.0, 1.0)
+        mean = float(wp.nan)
+        if o >= solid:
+            mean = unit * depth[ray] / o
+        depth[ray] = mean
+
+
+def finish(
+    red: float,
+    green: float,
+    blue: float,
+    unit: float,
+    solid: float,
+    color: wp.array,
+    opacity: wp.array,
+    depth: wp.array,
+) -> None:
+    """Make pictures of what rays saw, in place: `color` (R, 3), `opacity` and `depth` (R,).
+
+    Colours come to stand before that of the background, within [0, 1]; depths become means, times
+    `unit`, and NaN where the opacity is below `solid`.
+    """
+    count = opacity.shape[0]
+    inputs = [red, green, blue, unit, solid]
+    launch_each(finish_kernel, count, 16 * count, inputs, [color, opacity, depth])
+
+
+def _threads(living: int, device: wp.Device) -> int:
+    """Return for how many entries of a list to launch: on CUDA one of a few numbers of warps.
+
+    Launches are kept by their size.
+    """
+    return living if device.is_cpu else 1 << max(living - 1, 31).bit_length()
