@@ -47,7 +47,7 @@ class Trial:
         self.rt, self.settings = runtime(np.empty(0)), settings
         rng, s = np.random.default_rng(seed), settings
         bounds = Bounds((0.0, 0.0, 0.0), 1.0, False)
-        self.network = MLPNetwork(self.rt, Frame.of(bounds, 0.5, 4.0), seed, settings)
+        self.network = MLPNetwork(self.rt, Frame(bounds, 0.5, 4.0), seed, settings)
         self.total = s.samples - 7
         self.positions = rng.random((s.samples, 3)).astype(F32)
         self.directions = rng.normal(size=(s.rays, 3)).astype(F32)
@@ -72,9 +72,10 @@ class Trial:
         return array
 
     def forward(self):
-        self.network.evaluate(self.rays)
+        self.network.evaluate(self.rays.directions, self.network.samples)
         return [
-            self.rt.to_numpy(a)[: self.total].copy() for a in (self.network.sigma, self.network.rgb)
+            self.rt.to_numpy(a)[: self.total].copy()
+            for a in (self.network.samples.sigma, self.network.samples.rgb)
         ]
 
     def backward(self):
@@ -119,7 +120,7 @@ def test_the_field_is_that_of_the_paper(anywhere, name):
     np.testing.assert_allclose(sigma, want_sigma, rtol=error, atol=error)
     np.testing.assert_allclose(rgb, want_rgb, rtol=0, atol=error)
     trial.network.evaluate_density(trial.network.samples.total)
-    again = trial.rt.to_numpy(trial.network.sigma)[: trial.total]
+    again = trial.rt.to_numpy(trial.network.samples.sigma)[: trial.total]
     np.testing.assert_array_equal(again, sigma)
 
 

@@ -186,9 +186,3 @@ def test_gradients_stay_within_half_precision(kernels, half):
     want = reference.network_backward(*case.exact(), case.kept)
     if half == F32:  # in halves products of 30000 are cut off in turn
         case.close(d_features, want[0])
-
-
-@pytest.mark.parametrize("levels", [0, 4, 12, 40])
-def test_levels_that_the_network_does_not_take(levels):
-    with pytest.raises(ValueError, match=f"levels must be 8, 16, 24 or 32, got {levels}"):
-        HashField(levels=levels)

@@ -85,7 +85,7 @@ class MLPField:
         check_integer(self.frequencies, "frequencies", 1, MOST_FREQUENCIES)
         check_integer(self.view_frequencies, "view_frequencies", 1, MOST_FREQUENCIES)
         check_integer(self.steps, "steps", 1, STEPS)
-        check_integer(self.samples, "samples", self.steps, 2**24)
+        check_integer(self.samples, "samples", 1, 2**24)
         check_integer(self.rays, "rays", 1, 2**24)
         if check_integer(self.cells, "cells", 8, 512) % 8:
             raise ValueError(f"cells must be a multiple of 8, got {self.cells}")
