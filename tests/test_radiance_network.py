@@ -8,7 +8,6 @@ import pytest
 from reference import radiance as reference
 
 from cvkern.kernels.codes import network_layers, network_room
-from cvkern.radiance import HashField
 
 F16, F32, I32 = np.float16, np.float32, np.int32
 RAYS = 40
