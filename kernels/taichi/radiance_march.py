@@ -10,10 +10,11 @@ import taichi as ti
 
 from ._launch import primitive
 from ._radiance_space import (
-    cell_at,
+    cell_of,
     in_cube,
     interval,
     is_set,
+    level_of,
     place,
     reciprocal,
     row,
@@ -62,8 +63,11 @@ def _walk(
     count = 0
     while t < last and count < most:
         point = place(origin, t, direction, zero)
-        cell = cell_at(point, levels, cells)
+        level = level_of(point, levels)
         step = spacing(t, finest, cone, zero)
+        cell = -1
+        if level < levels:
+            cell = cell_of(point, level, cells)
         if cell < 0:  # on the outermost side
             t += step
         elif is_set(bits, cell) != 0:
@@ -77,7 +81,7 @@ def _walk(
             count += 1
             t += step
         else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells, zero)
+            goal = t + way_out(point, inverse, level, cells, zero)
             next = t + step
             inside = t
             t = next
@@ -86,7 +90,7 @@ def _walk(
                 t += spacing(t, finest, cone, zero)
             # The goal is rounded: what was passed may be left out if the last of it is in the cell.
             if inside >= next:
-                if cell_at(place(origin, inside, direction, zero), levels, cells) != cell:
+                if cell_of(place(origin, inside, direction, zero), level, cells) != cell:
                     t = next
     return count
 

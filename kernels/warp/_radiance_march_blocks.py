@@ -7,9 +7,10 @@ see `nth_step`. No cell is skipped: 32 steps through empty ones cost as much as 
 import warp as wp
 
 from ._radiance_space import (
-    cell_at,
+    cell_of,
     is_set,
     keep_sample,
+    level_of,
     reach,
     reciprocal,
     row,
@@ -69,6 +70,7 @@ def march(
     active: wp.array[int],  # (1,): rays behind so many have no samples
     writes: bool,
     # outputs
+    starts: wp.array[float],  # (R,): the first of the 32 steps with the first sample
     spans: wp.array2d[int],  # (R, 2): counted unless `writes`
     positions: wp.array2d[float],  # (M, 3)
     distances: wp.array2d[float],  # (M, 2): distance, and length of the step
@@ -92,6 +94,8 @@ def march(
         direction = row(directions, ray)
         ends = reach(origin, reciprocal(direction), levels, near, far, finest, cone, jitter)
         first = ends[0]  # of 32 steps
+        if writes:
+            first = starts[ray]
         before = (wp.uint32(1) << wp.uint32(lane)) - wp.uint32(1)
         while first < ends[1] and count < limit:
             t = nth_step(lane, first, finest, cone)
@@ -99,14 +103,16 @@ def march(
             point = origin + t * direction
             found = bool(False)
             if t < ends[1]:
-                cell = cell_at(point, levels, cells)
-                if cell >= 0:
-                    found = is_set(bits, cell)
+                level = level_of(point, levels)
+                if level < levels:
+                    found = is_set(bits, cell_of(point, level, cells))
             lanes = found_by(found)
             own = count + number_of(lanes & before)
             if writes and found and own < limit:
                 at = begin + own
                 keep_sample(at, ray, point, t, length, unbounded, positions, distances, rays)
+            if lane == 0 and count == 0 and not writes:
+                starts[ray] = first
             count += number_of(lanes)
             first = of_last_lane(t + length)
     if lane == 0 and not writes:

@@ -45,16 +45,6 @@ def cell_of(point: wp.vec3, level: int, cells: int) -> int:
 
 
 @wp.func
-def cell_at(point: wp.vec3, levels: int, cells: int) -> int:
-    """Return the number of the cell that the point is in; -1 where it is in none."""
-    level = level_of(point, levels)
-    cell = int(-1)
-    if level < levels:
-        cell = cell_of(point, level, cells)
-    return cell
-
-
-@wp.func
 def random_point(cell: int, cells: int, seed: int, step: int) -> wp.vec3:
     """Return a random point of a cell."""
     layer = cell // (cells * cells)

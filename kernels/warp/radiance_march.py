@@ -8,11 +8,12 @@ in occupied cells, up to so many. They are the same on every device: hence no fu
 import warp as wp
 
 from . import _radiance_march_blocks as blocks
-from ._launch import BLOCK, launch, launch_each
+from ._launch import BLOCK, launch, launch_each, scratch
 from ._radiance_space import (
-    cell_at,
+    cell_of,
     is_set,
     keep_sample,
+    level_of,
     reach,
     reciprocal,
     row,
@@ -53,8 +54,11 @@ def march(
     count = int(0)
     while t < ends[1] and count < most:
         point = origin + t * direction
-        cell = cell_at(point, levels, cells)
+        level = level_of(point, levels)
         step = spacing(t, finest, cone)
+        cell = int(-1)
+        if level < levels:
+            cell = cell_of(point, level, cells)
         if cell < 0:  # on the outermost side
             t += step
         elif is_set(bits, cell):
@@ -64,7 +68,7 @@ def march(
             count += 1
             t += step
         else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells)
+            goal = t + way_out(point, inverse, level, cells)
             next = t + step
             inside = t
             t = next
@@ -72,7 +76,7 @@ def march(
                 inside = t
                 t += spacing(t, finest, cone)
             # The goal is rounded: what was passed may be left out if the last of it is in the cell.
-            if inside >= next and cell_at(origin + inside * direction, levels, cells) != cell:
+            if inside >= next and cell_of(origin + inside * direction, level, cells) != cell:
                 t = next
     return count
 
@@ -185,6 +189,8 @@ def march_rays(
     outputs = [spans, positions, distances, rays]
     if spans.device.is_cuda:
         threads = blocks.THREADS * count
+        starts = scratch("march.starts", (count,), wp.float32, spans.device)
+        outputs = [starts, *outputs]
         launch(blocks.march, threads, [*inputs, False], outputs)
         launch(blocks.place, BLOCK, [positions.shape[0]], [spans, total])
         launch(blocks.march, threads, [*inputs, True], outputs)
