@@ -70,7 +70,6 @@ def march(
     active: wp.array[int],  # (1,): rays behind so many have no samples
     writes: bool,
     # outputs
-    starts: wp.array[float],  # (R,): the first of the 32 steps with the first sample
     spans: wp.array2d[int],  # (R, 2): counted unless `writes`
     positions: wp.array2d[float],  # (M, 3)
     distances: wp.array2d[float],  # (M, 2): distance, and length of the step
@@ -94,8 +93,6 @@ def march(
         direction = row(directions, ray)
         ends = reach(origin, reciprocal(direction), levels, near, far, finest, cone, jitter)
         first = ends[0]  # of 32 steps
-        if writes:
-            first = starts[ray]
         before = (wp.uint32(1) << wp.uint32(lane)) - wp.uint32(1)
         while first < ends[1] and count < limit:
             t = nth_step(lane, first, finest, cone)
@@ -111,8 +108,6 @@ def march(
             if writes and found and own < limit:
                 at = begin + own
                 keep_sample(at, ray, point, t, length, unbounded, positions, distances, rays)
-            if lane == 0 and count == 0 and not writes:
-                starts[ray] = first
             count += number_of(lanes)
             first = of_last_lane(t + length)
     if lane == 0 and not writes:

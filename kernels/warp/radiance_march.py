@@ -8,7 +8,7 @@ in occupied cells, up to so many. They are the same on every device: hence no fu
 import warp as wp
 
 from . import _radiance_march_blocks as blocks
-from ._launch import BLOCK, launch, launch_each, scratch
+from ._launch import BLOCK, launch, launch_each
 from ._radiance_space import (
     cell_of,
     is_set,
@@ -189,8 +189,6 @@ def march_rays(
     outputs = [spans, positions, distances, rays]
     if spans.device.is_cuda:
         threads = blocks.THREADS * count
-        starts = scratch("march.starts", (count,), wp.float32, spans.device)
-        outputs = [starts, *outputs]
         launch(blocks.march, threads, [*inputs, False], outputs)
         launch(blocks.place, BLOCK, [positions.shape[0]], [spans, total])
         launch(blocks.march, threads, [*inputs, True], outputs)
