@@ -21,7 +21,7 @@ vec3 = ti.types.vector(3, ti.f32)
 @ti.func
 def within(point: vec3, side: ti.f32) -> ti.i32:
     """Tell whether the cube from -side to side has the point."""
-    return point.min() >= -side and point.max() < side
+    return (point >= -side).all() and (point < side).all()
 
 
 @ti.func
@@ -42,6 +42,15 @@ def cell_of(point: vec3, level: ti.i32, cells: ti.i32) -> ti.i32:
     scale = ti.cast(middle, ti.f32) / (1 << level)  # by a power of 2: nothing to round
     at = ti.floor(point * scale, ti.i32) + middle
     return ((level * cells + at[2]) * cells + at[1]) * cells + at[0]
+
+
+@ti.func
+def place(origin: vec3, t: ti.f32, direction: vec3, zero: ti.i32) -> vec3:
+    """Return the place at a distance on a ray."""
+    point = vec3(0.0)
+    for k in ti.static(range(3)):
+        point[k] = origin[k] + product(t, direction[k], zero)
+    return point
 
 
 @ti.func
