@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern._validate import check_positive
+from cvkern._validate import check_integer, check_number, check_positive
 from cvkern.radiance.fields import Frame, Learning, Rays
 from cvkern.radiance.parameters import Clip, Parameters
-from cvkern.radiance.sampled import CELLS, SampledField
+from cvkern.radiance.sampled import CELLS, STEPS, SampledField
 
 FEATURES, WIDTH, HARMONICS = 16, 64, 16  # of the density's perceptron, of a layer, of the view
 BETAS, EPSILON = (0.9, 0.99), 1e-15
+CELLS_OF_PIXEL = 2.0  # of the finest grid: with more, held-out views of small photographs lose
 LIFT = 128.0  # of gradients above what float16, or a fixed-point number, takes for 0
 
 
@@ -26,20 +27,28 @@ class HashField:
     A sample's features come from tables for grids of growing fineness; a small perceptron makes a
     density and 16 numbers of them, and a second one a colour of these and the direction of view.
 
+    Raises
+    ------
+    TypeError
+        If a number is of another kind.
+    ValueError
+        If a number is out of its range, `levels` or `cells` are no multiples of 8, or `finest` is
+        below `coarsest`.
+
     References
     ----------
     .. [1] T. Mueller, A. Evans, C. Schied and A. Keller, "Instant neural graphics primitives with
        a multiresolution hash encoding", ACM Transactions on Graphics 41(4), 2022.
     """
 
-    levels: int = 16
-    """Grids; twice as many must be a multiple of 16."""
+    levels: int = 8
+    """Grids, a multiple of 8."""
     table_bits: int = 19
     """Base-2 logarithm of the entries of a grid's table."""
     coarsest: int = 16
     """Cells of the coarsest grid along a side."""
-    finest: int = 2048
-    """Cells of the finest grid along a side."""
+    finest: int | None = None
+    """Cells of the finest grid along a side; by default two for each pixel of the photographs."""
     samples: int = 2**18
     """Of a batch."""
     rays: int = 2**14
@@ -51,7 +60,7 @@ class HashField:
     """Share of the learning rate at the end."""
     weight_decay: float = 1e-6
     """Of the perceptrons."""
-    table_decay: float = 1e-6
+    table_decay: float = 1e-7
     """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
     gradient_clip: float | None = None
     """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
@@ -60,6 +69,20 @@ class HashField:
     """
 
     def __post_init__(self) -> None:
+        for name, least, most in (
+            ("levels", 8, 32), ("table_bits", 3, 24), ("coarsest", 1, 2**14), ("rays", 1, 2**24),
+            ("samples", STEPS, 2**24), ("cells", 8, 512),
+        ):  # fmt: skip
+            check_integer(getattr(self, name), name, least, most)
+        if self.finest is not None:
+            check_integer(self.finest, "finest", self.coarsest, 2**20)
+        for name in ("levels", "cells"):
+            if getattr(self, name) % 8:
+                raise ValueError(f"{name} must be a multiple of 8, got {getattr(self, name)}")
+        for name in ("learning_rate", "final_rate"):
+            check_positive(getattr(self, name), name)
+        for name in ("weight_decay", "table_decay"):
+            check_number(getattr(self, name), name, low=0.0)
         if self.gradient_clip is not None:
             check_positive(self.gradient_clip, "gradient_clip")
 
@@ -77,7 +100,12 @@ class HashNetwork(SampledField):
         self.half = rt.matrix_dtype
         self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
-        growth = (settings.finest / settings.coarsest) ** (1 / max(levels - 1, 1))
+        finest = settings.finest
+        if finest is None:
+            # All of space is contracted into twice the cube.
+            side = 4 if frame.bounds.unbounded else 2
+            finest = max(2 * settings.coarsest, round(CELLS_OF_PIXEL * side / frame.pixel))
+        growth = (finest / settings.coarsest) ** (1 / max(levels - 1, 1))
         resolutions = np.round(settings.coarsest * growth ** np.arange(levels)).astype(np.int32)
         corners = (resolutions.astype(np.int64) + 1) ** 3
         sizes = np.minimum(-(-corners // 8) * 8, 2**settings.table_bits)
