@@ -235,22 +235,11 @@ class Runtime:
         self.set.write(array, np.ascontiguousarray(values))
 
     def record(self, call: Callable[[], None]) -> Callable[[], None]:
-        """Return what repeats the launches of `call`, as one where the kernel set can do that."""
-        return self.set.record(call, self.device)
+        """Return what repeats the launches of `call`, as one where the kernel set can do that.
 
-    def rehearse(self, call: Callable[[], None]) -> Callable[[], None]:
-        """Do `call`, and return what repeats its launches, as :meth:`record` does.
-
-        They have scratch memory of their own: a recording keeps the addresses of what it used.
+        This thread has done `call` before: its launches use the scratch memory that they used then.
         """
-        scratch: dict[Any, Any] = {}
-
-        def again() -> None:
-            with self.set.own_scratch(scratch):
-                call()
-
-        again()
-        return self.record(again)
+        return self.set.record(call, self.device)
 
     @property
     def matrix_dtype(self) -> np.dtype:

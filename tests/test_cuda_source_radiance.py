@@ -115,12 +115,9 @@ def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
 
 
 # Two numbers at a time, or integers, whose sums have no order.
-ADDS = pytest.mark.parametrize(
+@pytest.mark.parametrize(
     ("sums", "add"), [(wp.float32, "add.v2.f32"), (wp.int64, "add.u64")], ids=["float", "fixed"]
 )
-
-
-@ADDS
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
 def test_hash_backward_compiles_for_hopper(dtype, sums, add, tmp_path):
     kernel = load("radiance_hash")._backward(wp.dtype_from_numpy(dtype), sums)

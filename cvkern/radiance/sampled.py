@@ -221,7 +221,8 @@ class SampledField(Field):
         if step % EVERY == 0:
             everywhere = step < SETTLED
             if everywhere not in self._looks:
-                self._looks[everywhere] = self.rt.rehearse(
+                self._look(everywhere, learning.step)
+                self._looks[everywhere] = self.rt.record(
                     lambda: self._look(everywhere, learning.step)
                 )
             else:

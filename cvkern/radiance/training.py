@@ -277,7 +277,8 @@ class Trainer:
         """Take a step: the first one with the field's arrays as it is, the others as recorded."""
         if self._edition != self.field.edition:
             self._edition = self.field.edition
-            self._step = self.rt.rehearse(self.step)
+            self.step()
+            self._step = self.rt.record(self.step)
         else:
             self._step()
 

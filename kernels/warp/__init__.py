@@ -130,13 +130,16 @@ def record(call: Callable[[], None], device: str) -> Callable[[], None]:
     if device == "cpu":
         return call
     stream = wp.Stream(device)  # the legacy default stream, where torch works, cannot record
-    with _launch.only_stream(stream), wp.ScopedCapture(stream=stream) as captured:
-        call()
+    scratch = _launch.known_scratch(stream.device)  # nothing can be allocated in a recording
+    with own_scratch(scratch), _launch.only_stream(stream):
+        with wp.ScopedCapture(stream=stream) as captured:
+            call()
 
     def launch_graph() -> None:
         wp.capture_launch(captured.graph, stream=_launch.current_stream(stream.device))
 
-    launch_graph.call = call  # pyright: ignore  (keeps alive the memory that the graph addresses)
+    # Keeps alive the memory that the graph addresses.
+    launch_graph.kept = call, scratch  # pyright: ignore[reportFunctionMemberAccess]
     return launch_graph
 
 

@@ -83,6 +83,17 @@ def own_scratch(scratch: dict[tuple[str, str, int], wp.array]) -> Iterator[None]
         _thread.scratch = shared
 
 
+def known_scratch(device: wp.Device) -> dict[tuple[str, str, int], wp.array]:
+    """Return what :func:`scratch` has given this thread on its stream, for :func:`own_scratch`."""
+    shared = _thread.scratch is _thread.streams_scratch
+    stream = current_stream(device).cuda_stream or 0 if shared else 0
+    return {
+        (name, where, 0): block
+        for (name, where, of), block in _thread.scratch.items()
+        if (where, of) == (str(device), stream)
+    }
+
+
 def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) -> wp.array:
     """Return uninitialised memory that stays valid until this thread asks for `name` again."""
     shared = _thread.scratch is _thread.streams_scratch
