@@ -10,7 +10,16 @@ import numpy as np
 
 import cvkern
 from cvkern.clouds import turntable
-from cvkern.radiance import HashField, Scene, VoxelField, fit, make_scene
+from cvkern.radiance import (
+    HashField,
+    MLPField,
+    Scene,
+    VoxelField,
+    fit,
+    make_scene,
+    positional_encoding,
+    spherical_harmonics,
+)
 
 SHAPE = (24, 40)
 
@@ -96,10 +105,15 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
                     channel_axis=axis,
                 ),
             )  # fmt: skip
+    yield "positional_encoding", partial(positional_encoding, real)
+    yield "spherical_harmonics", partial(spherical_harmonics, color)
     yield "make_scene", _scene
     for field in (
         VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),
         HashField(table_bits=10, samples=2**12, rays=64, cells=32),
+        MLPField(
+            samples=2**8, rays=16, cells=8, steps=16
+        ),  # of the widths that kernels are made for
     ):
         yield "fit", partial(_train, field)
 
