@@ -13,12 +13,15 @@ from cvkern.clouds import turntable
 from cvkern.radiance import (
     Composite,
     HashField,
+    MLPField,
     Scene,
     VoxelField,
     composite_rays,
     composite_rays_backward,
     fit,
     make_scene,
+    positional_encoding,
+    spherical_harmonics,
 )
 
 SHAPE = (24, 40)
@@ -109,10 +112,15 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     seen = Composite(real[:1, :3], real[0, :1], real[0, :1], real[0, :1])
     yield "composite_rays", partial(composite_rays, *samples)
     yield "composite_rays_backward", partial(composite_rays_backward, seen, *samples)
+    yield "positional_encoding", partial(positional_encoding, real)
+    yield "spherical_harmonics", partial(spherical_harmonics, color)
     yield "make_scene", _scene
     for field in (
         VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),
         HashField(table_bits=10, samples=2**12, rays=64, cells=32),
+        MLPField(
+            samples=2**8, rays=16, cells=8, steps=16
+        ),  # of the widths that kernels are made for
     ):
         yield "fit", partial(_train, field)
 

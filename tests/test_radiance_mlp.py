@@ -59,8 +59,8 @@ class Trial:
         self.rt.write(samples.total, np.array([self.total], I32))
         self.d_sigma = rng.normal(size=s.samples).astype(F32)
         self.d_rgb = rng.normal(size=(s.samples, 3)).astype(F32)
-        self.rays = Rays(*(self.keep(a) for a in (0 * self.directions, self.directions)),
-                         self.keep(np.array([s.rays], I32)))  # fmt: skip
+        origins, directions = self.keep(0 * self.directions), self.keep(self.directions)
+        self.rays = Rays(origins, directions, self.keep(np.array([s.rays], I32)))
         self.shapes = reference.shapes(s.width, s.layers, s.skip, s.frequencies, s.view_frequencies)
         used = self.rt.to_numpy(self.network.parameters.copy)
         self.half = used.dtype == np.float16
@@ -150,7 +150,8 @@ def test_gradients_of_a_batch_are_slopes(anywhere):
 
 
 def test_gradients_are_equal_from_run_to_run(backend):
-    np.testing.assert_array_equal(*(Trial(REAL).backward() for _ in range(2)))
+    first, second = (Trial(REAL).backward() for _ in range(2))
+    np.testing.assert_array_equal(first, second)
 
 
 # --------------------------------------------------------------------------------------- training
@@ -215,6 +216,7 @@ def test_densities_are_those_of_the_network(backend, scene):
     model = fit(scene, TINY, steps=20)
     points = np.random.default_rng(0).uniform(-1, 1, (3000, 3))  # more than a batch holds
     s, network = TINY, model.field
+    assert isinstance(network, MLPNetwork)
     weights = reference.split(
         model.rt.to_numpy(network.parameters.values).astype(float),
         reference.shapes(s.width, s.layers, s.skip, s.frequencies, s.view_frequencies),
