@@ -33,7 +33,7 @@ REPROJECTION = cvkern.reprojection_matrix(700.0, 0.12, 20.5, 10.25, 3.5)
 
 def _samples(image):
     """Take an image for samples of rays: densities, colours, distances and lengths, and spans."""
-    return image[:, 0], image[:, :3], image[:, 3:5], np.array([[0, 9], [9, 0], [9, 12]], np.int32)
+    return image[:, 0], image[:, :3], image[:, 3:5], np.array([[0, 5], [5, 0], [5, 7]], np.int32)
 
 
 CALLS = {

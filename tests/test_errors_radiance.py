@@ -1,5 +1,7 @@
 """Errors of compositing."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from refusals import no_kernel_runs, refused  # noqa: F401
@@ -7,7 +9,7 @@ from refusals import no_kernel_runs, refused  # noqa: F401
 import cvkern
 from cvkern.radiance import Composite, composite_rays, composite_rays_backward
 
-GOOD = {
+GOOD: Any = {
     "density": np.ones(5),
     "color": np.ones((5, 3)),
     "distances": np.ones((5, 2)),

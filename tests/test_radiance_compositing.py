@@ -31,10 +31,10 @@ def test_each_branch(backend, branch):
         np.testing.assert_allclose(ours, want, rtol=1e-6, atol=2e-6)
     gradients = Composite(*draw(1))
     d_density, d_color = composite_rays_backward(gradients, *samples, stop=stop)
-    density, color, *rest = samples
+    density, color, distances, spans = samples
 
     def loss(s, c):
-        return inner(gradients, reference.composite(s, c, *rest, stop))
+        return inner(gradients, reference.composite(s, c, distances, spans, stop))
 
     own = slice(1, 1 + len(thickness))
     for found, want in (
@@ -195,8 +195,8 @@ def test_what_torch_derives(backend):
     w = torch.exp(thickness - torch.cumsum(thickness, 0)) * (1 - torch.exp(-thickness))
     spread = (w * w[:, None] * (t - t[:, None]).abs()).sum() + (w * w * d).sum() / 3
     seen = (w @ c)[None], w.sum()[None], (w @ t)[None], spread[None]
-    loss = sum((torch.tensor(g) * a).sum() for g, a in zip(gradients, seen, strict=True))
-    loss.backward()
+    losses = [(torch.tensor(g) * a).sum() for g, a in zip(gradients, seen, strict=True)]
+    torch.stack(losses).sum().backward()
     got = composite_rays_backward(gradients, density, color, distances, [[0, count]], stop=0)
     # Sums of 50 terms below 10, each of 24 digits.
     np.testing.assert_allclose(got.density, s.grad, rtol=2e-5, atol=5e-6)

@@ -105,6 +105,8 @@ def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
             f"got shape {pose.shape} in {number}"
         )
     pose = pose[:3]
+    if not np.isfinite(pose).all():
+        raise ValueError(f"{file} must give finite poses, got {pose.tolist()} in {number}")
     # Some writers scale the rotation; the axes of a view have no length.
     lengths = np.linalg.norm(pose[:, :3], axis=0)
     turn = pose[:, :3] / np.where(lengths > 0, lengths, 1)

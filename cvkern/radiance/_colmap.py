@@ -51,6 +51,8 @@ def load(file: Path, test_every: int) -> Scene:
         lens, bent = _lens(lenses[camera], width, height, file)
         intrinsics.append(lens)
         distortion.append(bent)
+        if not np.isfinite(place).all() or not any(place[:4]):
+            raise ValueError(f"{beside['images']} must have finite poses, got {place} for {name}")
         poses.append(_pose(place))
     try:
         seen = cameras(np.stack(poses), intrinsics, width, height, distortion=distortion)
@@ -120,7 +122,8 @@ def _text_cameras(file: Path) -> dict[int, Lens]:
     for words in _lines(file):
         if words:
             values = tuple(_number(w, file) for w in words[4:])
-            found[int(words[0])] = words[1], int(words[2]), int(words[3]), values
+            number, width, height = (_integer(words[i], file) for i in (0, 2, 3))
+            found[number] = words[1], width, height, values
     return found
 
 
@@ -128,7 +131,10 @@ def _text_images(file: Path) -> list[View]:
     lines = list(_lines(file))
     # Two lines a photograph; the second, its points, may be empty.
     heads = [words for words in lines[::2] if words]
-    return [(" ".join(w[9:]), int(w[8]), tuple(_number(v, file) for v in w[1:8])) for w in heads]
+    return [
+        (" ".join(w[9:]), _integer(w[8], file), tuple(_number(v, file) for v in w[1:8]))
+        for w in heads
+    ]
 
 
 def _text_points(file: Path) -> np.ndarray:
@@ -141,6 +147,13 @@ def _number(word: str, file: Path) -> float:
         return float(word)
     except ValueError:
         raise ValueError(f"{file} must have numbers, got {word!r}") from None
+
+
+def _integer(word: str, file: Path) -> int:
+    try:
+        return int(word)
+    except ValueError:
+        raise ValueError(f"{file} must have integers, got {word!r}") from None
 
 
 class _Bytes:
@@ -191,9 +204,9 @@ def _binary_images(file: Path) -> list[View]:
 
 def _binary_points(file: Path) -> np.ndarray:
     data = _Bytes(file)
-    points = np.empty((data.take("Q")[0], 3))
-    for point in points:
+    points = []
+    for _ in range(data.take("Q")[0]):  # of which there may be fewer than it says
         _, *place, _, _, _, _ = data.take("Q3d3Bd")
-        point[:] = place
+        points.append(place)
         data.skip(8 * data.take("Q")[0])  # the photographs that see it
-    return points
+    return np.array(points, np.float64).reshape(-1, 3)

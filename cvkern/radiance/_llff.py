@@ -25,6 +25,8 @@ def load(file: Path, test_every: int) -> Scene:
     images = read_images(photographs(file, len(table)))
     height, width = images.shape[1:3]
     blocks = table[:, :15].reshape(-1, 3, 5)
+    if not (blocks[:, :, 4] > 0).all():
+        raise ValueError(f"{file} must give heights, widths and focal lengths > 0")
     # The columns are down, right, backward, the centre, and height, width, focal length.
     down, right, back, eye = (blocks[:, :, i] for i in range(4))
     poses = np.stack((right, down, -back, eye), axis=2)

@@ -116,7 +116,7 @@ def composite_rays(
     results = Composite(
         rt.empty((rays, 3)), rt.empty((rays,)), rt.empty((rays,)), rt.empty((rays,))
     )
-    views = [rt.adopt(a) for a in results]
+    views = Composite(*(rt.adopt(a) for a in results))
     if rays and len(samples.density):
         rt.radiance_composite.forward(*_adopted(rt, samples), stop, *views)
     else:
@@ -165,7 +165,7 @@ def composite_rays_backward(
 
     Examples
     --------
-    How the light that is left, the product of exp(-s_i d_i), falls with either density:
+    How the opacity, 1 - exp(-s_1 d_1 - s_2 d_2), grows with either density:
 
     >>> import numpy as np
     >>> from cvkern.radiance import Composite, composite_rays_backward
@@ -182,7 +182,7 @@ def composite_rays_backward(
     if check:
         _check_spans(rt, spans, count, apart=True)
     results = CompositeGradient(rt.empty((count,)), rt.empty((count, 3)))
-    views = [rt.adopt(a) for a in results]
+    views = CompositeGradient(*(rt.adopt(a) for a in results))
     for view in views:  # the kernels leave out samples of no ray
         rt.clear(view)
     if count and len(samples.spans):
@@ -194,7 +194,7 @@ def composite_rays_backward(
                 rt.clear(carried[-1])
             else:
                 carried.append(rt.adopt(values))
-        rt.radiance_composite.backward(*carried, *_adopted(rt, samples), stop, *views)
+        rt.radiance_composite.backward(*Composite(*carried), *_adopted(rt, samples), stop, *views)
     return CompositeGradient(*(rt.release(a) for a in results))
 
 
@@ -260,6 +260,9 @@ def _check_spans(rt: Runtime, spans: Any, count: int, *, apart: bool) -> None:
             )
 
 
-def _adopted(rt: Runtime, samples: _Samples) -> list[Any]:
-    *real, spans = samples
-    return [*(rt.adopt(a) for a in real), rt.adopt(spans, np.int32)]
+def _adopted(rt: Runtime, samples: _Samples) -> _Samples:
+    """View the samples for kernels."""
+    density, color, distances, spans = samples
+    return _Samples(
+        rt.adopt(density), rt.adopt(color), rt.adopt(distances), rt.adopt(spans, np.int32)
+    )

@@ -2,7 +2,7 @@
 
 # Kernel bodies are Warp's language: no Python type checker reads them.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false
-# pyright: reportAssignmentType=false, reportOptionalMemberAccess=false, reportAttributeAccessIssue=false
+# pyright: reportAssignmentType=false, reportCallIssue=false, reportOptionalMemberAccess=false, reportAttributeAccessIssue=false
 
 import numpy as np
 import warp as wp
