@@ -8,7 +8,6 @@ import pytest
 from reference import radiance as reference
 
 from cvkern.kernels.codes import network_layers, network_room
-from cvkern.radiance import HashField
 
 F16, F32, I32 = np.float16, np.float32, np.int32
 RAYS = 40
@@ -92,7 +91,7 @@ class Case:
         assert np.abs(got - want).max(initial=0) <= (4e-3 if self.half == F16 else 2e-5) * size
 
 
-@pytest.fixture(params=[32, 16, 48, 64])
+@pytest.fixture(params=[16, 32, 48, 64])
 def inputs(request):
     return request.param
 
@@ -186,9 +185,3 @@ def test_gradients_stay_within_half_precision(kernels, half):
     want = reference.network_backward(*case.exact(), case.kept)
     if half == F32:  # in halves products of 30000 are cut off in turn
         case.close(d_features, want[0])
-
-
-@pytest.mark.parametrize("levels", [0, 4, 12, 40])
-def test_levels_that_the_network_does_not_take(levels):
-    with pytest.raises(ValueError, match=f"levels must be 8, 16, 24 or 32, got {levels}"):
-        HashField(levels=levels)

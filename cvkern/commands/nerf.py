@@ -68,7 +68,8 @@ def train(
             resume=resume,
         )
     done = model.training
-    said = f"{output}: {done.step} steps in {done.seconds:.1f} s"
+    rate = done.total_rays / max(done.seconds, 1e-9)
+    said = f"{output}: {done.step} steps in {done.seconds:.1f} s, {rate:,.0f} rays/s"
     if done.stopped:
         said += ", stopped"
     elif done.marks and done.marks[-1].test_psnr == done.marks[-1].test_psnr:

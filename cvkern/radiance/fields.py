@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.radiance.scenes import Bounds
+from cvkern.radiance.scenes import Bounds, Scene
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,15 @@ class Frame:
     """Distance before which there is nothing, in units of half the cube's side."""
     far: float
     """Distance behind which there is nothing, in the same units; large if there is no end."""
+    pixel: float = 0.01
+    """Side of what a pixel of the photographs sees at the middle of the cube, in the same units."""
 
     @classmethod
-    def of(cls, bounds: Bounds, near: float, far: float) -> Frame:
-        """Return the frame of a scene whose distances are in units of the world."""
-        return cls(bounds, near / bounds.half, min(far / bounds.half, 1e9))
+    def of(cls, scene: Scene) -> Frame:
+        """Return the frame of a scene."""
+        half = scene.bounds.half
+        pixel = scene.footprint / half
+        return cls(scene.bounds, scene.near / half, min(scene.far / half, 1e9), pixel)
 
     def inside(self, poses: np.ndarray) -> np.ndarray:
         """Return poses, camera to world, (N, 3, 4), as float32 poses of this frame."""

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
+from cvkern._validate import check_integer, check_number, check_positive
 from cvkern.kernels.codes import network_layers, network_room
 from cvkern.radiance.fields import Frame, Learning, Rays
-from cvkern.radiance.sampled import CELLS, SampledField, taken
+from cvkern.radiance.sampled import CELLS, STEPS, SampledField, taken
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
+CELLS_OF_PIXEL = 2.0  # of the finest grid: with more, held-out views of small photographs lose
 HALF_SCALE = 128.0  # lifts gradients above what float16 takes for 0
 
 
@@ -26,8 +28,11 @@ class HashField:
 
     Raises
     ------
+    TypeError
+        If a number is of another kind.
     ValueError
-        If there are not 8, 16, 24 or 32 `levels`.
+        If a number is out of its range, `levels` or `cells` are no multiples of 8, or `finest` is
+        below `coarsest`.
 
     References
     ----------
@@ -35,14 +40,14 @@ class HashField:
        a multiresolution hash encoding", ACM Transactions on Graphics 41(4), 2022.
     """
 
-    levels: int = 16
-    """Grids: 8, 16, 24 or 32."""
+    levels: int = 8
+    """Grids, a multiple of 8."""
     table_bits: int = 19
     """Base-2 logarithm of the entries of a grid's table."""
     coarsest: int = 16
     """Cells of the coarsest grid along a side."""
-    finest: int = 2048
-    """Cells of the finest grid along a side."""
+    finest: int | None = None
+    """Cells of the finest grid along a side; by default two for each pixel of the photographs."""
     samples: int = 2**18
     """Of a batch."""
     rays: int = 2**14
@@ -54,12 +59,24 @@ class HashField:
     """Share of the learning rate at the end."""
     weight_decay: float = 1e-6
     """Of the perceptrons."""
-    table_decay: float = 1e-6
+    table_decay: float = 1e-7
     """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
 
     def __post_init__(self) -> None:
-        if self.levels not in (8, 16, 24, 32):  # two numbers of each, by 16 at a time
-            raise ValueError(f"levels must be 8, 16, 24 or 32, got {self.levels}")
+        for name, least, most in (
+            ("levels", 8, 32), ("table_bits", 3, 24), ("coarsest", 1, 2**14), ("rays", 1, 2**24),
+            ("samples", STEPS, 2**24), ("cells", 8, 512),
+        ):  # fmt: skip
+            check_integer(getattr(self, name), name, least, most)
+        if self.finest is not None:
+            check_integer(self.finest, "finest", self.coarsest, 2**20)
+        for name in ("levels", "cells"):
+            if getattr(self, name) % 8:
+                raise ValueError(f"{name} must be a multiple of 8, got {getattr(self, name)}")
+        for name in ("learning_rate", "final_rate"):
+            check_positive(getattr(self, name), name)
+        for name in ("weight_decay", "table_decay"):
+            check_number(getattr(self, name), name, low=0.0)
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
         """Return the field itself, with random parameters."""
@@ -75,7 +92,12 @@ class HashNetwork(SampledField):
         self.half = rt.matrix_dtype
         self.gradient_scale = 1.0 if self.half == np.float32 else HALF_SCALE
         levels, rng = settings.levels, np.random.default_rng(seed)
-        growth = (settings.finest / settings.coarsest) ** (1 / max(levels - 1, 1))
+        finest = settings.finest
+        if finest is None:
+            # All of space is contracted into twice the cube.
+            side = 4 if frame.bounds.unbounded else 2
+            finest = max(2 * settings.coarsest, round(CELLS_OF_PIXEL * side / frame.pixel))
+        growth = (finest / settings.coarsest) ** (1 / max(levels - 1, 1))
         resolutions = np.round(settings.coarsest * growth ** np.arange(levels)).astype(np.int32)
         corners = (resolutions.astype(np.int64) + 1) ** 3
         sizes = np.minimum(-(-corners // 8) * 8, 2**settings.table_bits)

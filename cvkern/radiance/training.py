@@ -176,7 +176,7 @@ def field_called(name: str) -> Any:
 
 def _begin(scene: Scene, settings: Any, background: str, seed: int, checkpoint: Any) -> Model:
     """Return a new model, or the one to go on with."""
-    frame = Frame.of(scene.bounds, scene.near, scene.far)
+    frame = Frame.of(scene)
     if checkpoint is not None and Path(checkpoint).exists():
         model = load_model(checkpoint)
         if not model.training.resumable:
@@ -290,12 +290,15 @@ class Trainer:
             self.field.tend(state.step, self.learning)
             self.repeat()
             state.step += 1
+            state.total_rays += state.rays
             looks = state.step % LOOK == 0
             evaluates = evaluate_every is not None and state.step % evaluate_every == 0
             if looks or evaluates:
                 quality = self.quality()
             if looks:
-                state.rays = self.field.rays_for(self.field.taken(), state.rays)
+                samples = self.field.taken()
+                state.total_samples += LOOK * samples
+                state.rays = self.field.rays_for(samples, state.rays)
                 state.progress = min(1.0, state.step / steps if steps else spent() / (seconds or 1))
                 self.rt.write(self.active, np.array([state.rays], np.int32))
                 self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
