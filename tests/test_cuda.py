@@ -10,6 +10,7 @@ from test_radiance_hash import Trial
 
 import cvkern
 from cvkern.clouds import turntable
+from cvkern.radiance import sampled
 
 # JAX would take most of the memory that torch, CuPy and Warp work in.
 os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
@@ -524,6 +525,19 @@ def test_a_hash_field_is_that_of_the_cpu(unbounded, kernels):
         off = np.linalg.norm(got - want) / np.linalg.norm(want)
         assert off < (1e-3 if exact else 0.05)
     assert taken == here.field.taken()  # the same cells, whatever the precision
+
+
+@pytest.mark.parametrize("unbounded", [False, True])
+def test_a_hash_field_sees_what_it_does_on_the_cpu(unbounded, kernels, monkeypatch):
+    found = []
+    for room in (2**16, 100):
+        monkeypatch.setattr(sampled, "VIEW_ROOM", room)
+        with cvkern.use(backend=kernels, device="cuda"):
+            found.append(Trial(unbounded=unbounded).see())
+    bound = 1e-4 if kernels == "taichi" else 0.03  # as above
+    for wide, narrow, on_cpu in zip(*found, Trial(unbounded=unbounded).see(), strict=True):
+        np.testing.assert_array_equal(narrow, wide)  # the same sums in the same order
+        np.testing.assert_allclose(wide, on_cpu, rtol=bound, atol=bound)
 
 
 # --- what must be refused ------------------------------------------------------------------------
