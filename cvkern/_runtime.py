@@ -120,6 +120,7 @@ class Runtime:
             radiance_heads,
             radiance_loss,
             radiance_march,
+            radiance_network,
             radiance_occupancy,
             radiance_rays,
             radiance_shapes,
@@ -222,8 +223,12 @@ class Runtime:
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate kernel memory of one's own, filled with 0."""
         array = self.set.empty(shape, np.dtype(dtype), self.device)
-        self.set.clear(array)
+        self.clear(array)
         return array
+
+    def clear(self, array: Any) -> None:
+        """Fill a kernel array with 0."""
+        self.set.clear(array)
 
     def write(self, array: Any, values: np.ndarray) -> None:
         """Copy host values of the same shape and dtype into a kernel array."""
@@ -232,6 +237,20 @@ class Runtime:
     def record(self, call: Callable[[], None]) -> Callable[[], None]:
         """Return what repeats the launches of `call`, as one where the kernel set can do that."""
         return self.set.record(call, self.device)
+
+    def rehearse(self, call: Callable[[], None]) -> Callable[[], None]:
+        """Do `call`, and return what repeats its launches, as :meth:`record` does.
+
+        They have scratch memory of their own: a recording keeps the addresses of what it used.
+        """
+        scratch: dict[Any, Any] = {}
+
+        def again() -> None:
+            with self.set.own_scratch(scratch):
+                call()
+
+        again()
+        return self.record(again)
 
     @property
     def matrix_dtype(self) -> np.dtype:

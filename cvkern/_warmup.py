@@ -10,7 +10,16 @@ import numpy as np
 
 import cvkern
 from cvkern.clouds import turntable
-from cvkern.radiance import HashField, Scene, VoxelField, fit, make_scene
+from cvkern.radiance import (
+    Composite,
+    HashField,
+    Scene,
+    VoxelField,
+    composite_rays,
+    composite_rays_backward,
+    fit,
+    make_scene,
+)
 
 SHAPE = (24, 40)
 
@@ -96,6 +105,10 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
                     channel_axis=axis,
                 ),
             )  # fmt: skip
+    samples = real[:, 0], real[:, :3], real[:, :2], np.array([[0, 4]])
+    seen = Composite(real[:1, :3], real[0, :1], real[0, :1], real[0, :1])
+    yield "composite_rays", partial(composite_rays, *samples)
+    yield "composite_rays_backward", partial(composite_rays_backward, seen, *samples)
     yield "make_scene", _scene
     for field in (
         VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),

@@ -112,6 +112,29 @@ DIFFERENCE_LIMIT = 6
 LARGEST_MATCH_COST = CENSUS_WEIGHT * CENSUS_BITS + DIFFERENCE_LIMIT
 
 
+# The two perceptrons of a hash field. The first makes a density and 15 numbers more, the second
+# a colour of these 16 and 16 harmonics of the view; 13 numbers beside the colour mean nothing.
+NETWORK_RECTIFIED = True, False, True, True, False
+NETWORK_VALUES = 64, 16 + 16, 64, 64, 16  # that layers give, with the harmonics beside the second
+NETWORK_PARTS = 264  # of sums over samples: two for each multiprocessor of the largest GPUs
+
+
+def network_layers(inputs: int) -> tuple[tuple[int, int], ...]:
+    """Return the inputs and outputs of the layers, in the order of their weights."""
+    return (inputs, 64), (64, 16), (32, 64), (64, 64), (64, 16)
+
+
+def network_room(inputs: int, samples: int, half: bool) -> tuple[int, int]:
+    """Return the shape of the working memory, in float32, for products in half precision or not.
+
+    In half precision layers stay in registers, and weights have gradients of parts of the samples;
+    otherwise there are the values that layers give, and their gradients.
+    """
+    if half:
+        return NETWORK_PARTS, sum(k * n for k, n in network_layers(inputs))
+    return 2 * sum(NETWORK_VALUES), samples
+
+
 class Background(IntEnum):
     """What a ray sees behind everything."""
 

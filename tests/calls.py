@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import cvkern
+import cvkern.radiance
 from cvkern.kernels.codes import Border
 
 MODES = [border.name.lower() for border in Border]
@@ -28,6 +29,12 @@ TABLE = cvkern.RTable(
     (19, 19),
 )
 REPROJECTION = cvkern.reprojection_matrix(700.0, 0.12, 20.5, 10.25, 3.5)
+
+
+def _samples(image):
+    """Take an image for samples of rays: densities, colours, distances and lengths, and spans."""
+    return image[:, 0], image[:, :3], image[:, 3:5], np.array([[0, 9], [9, 0], [9, 12]], np.int32)
+
 
 CALLS = {
     "gaussian": lambda x: cvkern.gaussian(x, 1.5),
@@ -61,7 +68,14 @@ CALLS = {
     "remove_speckles": lambda x: cvkern.remove_speckles(x, 9, difference=3),
     "fill_disparity": cvkern.fill_disparity,
     "stereo_match": lambda x: cvkern.stereo_match(x, x, (1, 9), data_range=255, speckle_size=5),
+    "radiance.composite_rays": lambda x: cvkern.radiance.composite_rays(*_samples(x)),
+    "radiance.composite_rays_backward": lambda x: cvkern.radiance.composite_rays_backward(
+        cvkern.radiance.Composite(x[:3, :3], x[:3, 0], None, x[:3, 2]), *_samples(x)
+    ),
 }
+# What has an exponential or a logarithm in it agrees to rounding only, and what is made of it.
+ROUNDED = {"subpixel_edges", "detect_lines", "detect_segments",
+           *(name for name in CALLS if name.startswith("radiance."))}  # fmt: skip
 
 DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
           "float16", "float32", "float64"]  # fmt: skip

@@ -31,6 +31,18 @@ def backend(request):
         yield request.param
 
 
+@pytest.fixture
+def gpu():
+    """Skip where there is none. NumPy work stays on the CPU."""
+    import warp
+
+    warp.init()
+    if warp.get_cuda_device_count() == 0:
+        pytest.skip("needs a CUDA device")
+    with cvkern.use(device="cpu"):
+        yield
+
+
 @pytest.fixture(params=["cpu", "cuda:0"], scope="module")
 def device(request):
     return request.param

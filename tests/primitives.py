@@ -1,9 +1,12 @@
-"""The primitives of a kernel set, called with NumPy arrays wherever they run."""
+"""The primitives of a kernel set, called with NumPy arrays wherever they run, and such arrays."""
 
 import importlib
 
 import numpy as np
 import pytest
+import scipy.ndimage as ndi
+
+F32, I32, U8, U16, U64 = np.float32, np.int32, np.uint8, np.uint16, np.uint64
 
 
 class Primitives:
@@ -38,3 +41,17 @@ class Primitives:
 
     def _adopt(self, array):
         return self._package.adopt(np.ascontiguousarray(array), self.device)
+
+
+def noise(*shape, seed=0):
+    """Return normal numbers."""
+    return np.random.default_rng(seed).normal(size=shape).astype(F32)
+
+
+def waves(height, width, seed=0):
+    """Return smooth gradients in every direction, with flat parts and ties."""
+    values = ndi.gaussian_filter(noise(height, width, seed=seed).astype(float), 2.0) * 50
+    values[: height // 4] = 0
+    values[:, : width // 5] = np.round(values[:, : width // 5])
+    dy, dx = np.gradient(values) if min(values.shape) > 1 else (values, -values)
+    return np.asarray(dy, F32), np.asarray(dx, F32)

@@ -9,7 +9,8 @@ from cvkern._runtime import runtime
 
 KERNELS_ALONE = ["gaussian", "derivative", "correlate_separable", "box", "sobel", "scharr",
                  "gradient", "gradient_sobel", "canny_sobel", "hough_circle", "hough_line",
-                 "hough_line_slope", "stereo_match"]  # fmt: skip
+                 "hough_line_slope", "stereo_match", "radiance.composite_rays",
+                 "radiance.composite_rays_backward"]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", KERNELS_ALONE)

@@ -10,7 +10,12 @@ import warp as wp
 import cvkern.kernels.warp as kernels
 
 # All their kernels are made when first used.
-ON_USE = {"_paths_blocks", "_radiance_dense_blocks", "_semi_global_blocks"}
+ON_USE = {
+    "_paths_blocks",
+    "_radiance_dense_blocks",
+    "_radiance_network_blocks",
+    "_semi_global_blocks",
+}
 BLOCKS = [m.name for m in pkgutil.iter_modules(kernels.__path__) if m.name.endswith("_blocks")]
 MODULES = [name for name in BLOCKS if name not in ON_USE]
 

@@ -14,6 +14,7 @@ SHARED = [
     "radiance_adam",
     "radiance_background",
     "radiance_composite",
+    "radiance_encode",
     "radiance_loss",
     "radiance_march",
     "radiance_occupancy",
@@ -45,15 +46,18 @@ def test_shared_kernels_compile_for_hopper(name, tmp_path):
     compile_for_hopper(load(name), tmp_path)
 
 
-def test_marching_meets_the_same_cells(tmp_path):
+@pytest.mark.parametrize("name", ["radiance_march", "_radiance_march_blocks"])
+def test_marching_meets_the_same_cells(name, tmp_path):
     """Which cells a ray meets is an integer: no product is fused with a sum."""
-    code = compile_for_hopper(load("radiance_march"), tmp_path)
+    code = compile_for_hopper(load(name), tmp_path)
     assert "div.rn.f32" in code  # not an approximate one
     assert "fma.rn.f32" not in code
 
 
 @pytest.mark.parametrize("transposed", [False, True])
-@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (192, 48)])
+@pytest.mark.parametrize(
+    ("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (192, 48), (320, 64), (352, 64)]
+)
 def test_products_compile_for_hopper(depth, columns, transposed, tmp_path):
     kernel = load("_radiance_dense_blocks").product(depth, columns, transposed)
     code = compile_for_hopper(kernel.module, tmp_path)
@@ -61,7 +65,7 @@ def test_products_compile_for_hopper(depth, columns, transposed, tmp_path):
     assert code.count("mma.sync.aligned.m16n8k16") == depth // 16 * columns // 8
 
 
-@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64)])
+@pytest.mark.parametrize(("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (48, 64)])
 def test_outer_products_compile_for_hopper(depth, columns, tmp_path):
     kernel = load("_radiance_dense_blocks").outer(depth, columns)
     code = compile_for_hopper(kernel.module, tmp_path)
@@ -69,12 +73,32 @@ def test_outer_products_compile_for_hopper(depth, columns, tmp_path):
     assert "movmatrix.sync.aligned.m8n8.trans.b16" in code
 
 
+@pytest.mark.parametrize("inputs", [16, 32, 48, 64])
+def test_networks_compile_for_hopper(inputs, tmp_path):
+    """To machine code: there are registers and shared memory enough."""
+    blocks = load("_radiance_network_blocks")
+    compile_for_hopper(blocks, tmp_path / "gather")
+    layers = [inputs // 2, 8, 16, 32, 8]  # products of 16 samples x 16 with 16 x 8
+    counts = {
+        "density": sum(layers[:2]),
+        "forward": sum(layers),
+        # It needs neither the last layer's values nor gradients of the view.
+        "backward": 3 * sum(layers) - 8 - 8,
+    }
+    for name, count in counts.items():
+        module = getattr(blocks, name)(inputs).module
+        code = compile_for_hopper(module, tmp_path / name)
+        assert code.count("mma.sync.aligned.m16n8k16") == count
+        (cubin,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=False)
+        assert Path(cubin).stat().st_size > 0
+
+
 def made(scalar):
     """Yield the kernels that are made for a precision."""
     for family, names in {
-        "radiance_adam": ["_adam"],
-        "radiance_encode": ["_spherical"],
-        "radiance_hash": ["_encode", "_backward"],
+        "_radiance_adam_blocks": ["adam"],
+        "radiance_encode": ["_spherical", "_positional", "_positional_backward", "_gather"],
+        "radiance_hash": ["_encode"],
         "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -85,5 +109,34 @@ def made(scalar):
 def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
     for name, kernel in made(wp.dtype_from_numpy(dtype)):
         code = compile_for_hopper(kernel.module, tmp_path / name)
-        if name == "radiance_hash._backward":  # both numbers of an entry at a time
-            assert "red.global.add.v2.f32" in code
+        if name == "_radiance_adam_blocks.adam":
+            assert code.count("ld.global.v4.f32") == 4
+            assert code.count("st.global.v4.f32") == (4 if dtype is np.float16 else 5)
+
+
+# Two numbers at a time, or integers, whose sums have no order.
+ADDS = pytest.mark.parametrize(
+    ("sums", "add"), [(wp.float32, "add.v2.f32"), (wp.int64, "add.u64")], ids=["float", "fixed"]
+)
+
+
+@ADDS
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_hash_backward_compiles_for_hopper(dtype, sums, add, tmp_path):
+    kernel = load("radiance_hash")._backward(wp.dtype_from_numpy(dtype), sums)
+    code = compile_for_hopper(kernel.module, tmp_path)
+    assert f".global.{add}" in code
+
+
+@pytest.mark.parametrize(
+    ("sums", "add"), [(wp.float32, "add.f32"), (wp.int64, "add.u64")], ids=["float", "fixed"]
+)
+def test_voxel_backward_compiles_for_hopper(sums, add, tmp_path):
+    kernel = load("_radiance_voxel_blocks").render_backward(sums)
+    code = compile_for_hopper(kernel.module, tmp_path)
+    assert f".global.{add}" in code
+    assert (".global.add.f32" in code) == (sums is wp.float32)
+
+
+def test_sums_of_layers_compile_for_hopper(tmp_path):
+    compile_for_hopper(load("_radiance_dense_blocks").gather.module, tmp_path)

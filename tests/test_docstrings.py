@@ -11,8 +11,7 @@ from calls import CALLS, blobs, fields
 
 import cvkern
 
-MODULES = ["cvkern", "cvkern.clouds", "cvkern.images"]
-MODULES = ["cvkern", "cvkern.images", "cvkern.radiance"]
+MODULES = ["cvkern", "cvkern.clouds", "cvkern.images", "cvkern.radiance"]
 HEIGHT, WIDTH = 21, 34
 
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 import skimage.data
-from calls import CALLS, DTYPES, MODES, blobs, fields, noise
+from calls import CALLS, DTYPES, MODES, ROUNDED, blobs, fields, noise
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -119,9 +119,7 @@ def test_hough_line(shape, seed, rho_step, angles, tolerance, weighted):
     assert_equal_bits(lambda: cvkern.hough_line_segments(mask, *lines, min_length=2, distance=3))
 
 
-@pytest.mark.parametrize(
-    "name", sorted(set(CALLS) - {"subpixel_edges", "detect_lines", "detect_segments"})
-)
+@pytest.mark.parametrize("name", sorted(set(CALLS) - ROUNDED))
 def test_a_photograph(name):
     """Large enough for several threads in either set."""
     camera = cv2.resize(skimage.data.camera(), (701, 487))

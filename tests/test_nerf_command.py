@@ -93,8 +93,9 @@ def test_train(command, folder, tmp_path):
     model = load_model(file)
     assert (model.training.step, model.seed, model.settings) == (20, 3, SMALL)
     last = model.training.marks[-1]
+    rate = model.training.total_rays / model.training.seconds
     assert out == (
-        f"{file}: 20 steps in {model.training.seconds:.1f} s, held-out views "
+        f"{file}: 20 steps in {model.training.seconds:.1f} s, {rate:,.0f} rays/s, held-out views "
         f"{last.test_psnr:.2f} dB, SSIM {last.test_ssim:.3f}\n"
     )
     code, out, _ = command(

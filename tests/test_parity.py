@@ -41,6 +41,7 @@ RADIANCE = [
     "heads",
     "loss",
     "march",
+    "network",
     "occupancy",
     "rays",
     "shapes",

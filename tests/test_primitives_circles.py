@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from primitives import F32, I32, U8, noise, waves
 from reference import circles as reference
-from test_primitives import F32, I32, U8, noise, waves
 
 from cvkern.circles import _rings, direction_table
 from cvkern.kernels.codes import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE

@@ -7,10 +7,10 @@ import pytest
 
 import cvkern
 from cvkern._runtime import runtime
-from cvkern.radiance import sampled
+from cvkern.radiance import cameras, sampled
 from cvkern.radiance.fields import Frame, Rays, Rendered, Seen
 from cvkern.radiance.hash_field import HashField
-from cvkern.radiance.scenes import Bounds
+from cvkern.radiance.scenes import Bounds, Scene
 
 F32, I32 = np.float32, np.int32
 SETTINGS = HashField(
@@ -25,7 +25,7 @@ class Trial:
     def __init__(self, *, unbounded=False, seed=0):
         self.rt = rt = runtime(np.empty(0))
         rng = np.random.default_rng(seed)
-        frame = Frame.of(Bounds((0.0, 0.0, 0.0), 1.0, unbounded), 0.5, 30.0 if unbounded else 4.0)
+        frame = Frame(Bounds((0.0, 0.0, 0.0), 1.0, unbounded), 0.5, 30.0 if unbounded else 4.0)
         self.field = SETTINGS.build(rt, frame, seed=3)
         state = self.field.state()
         state["table.values"] = rng.uniform(-0.5, 0.5, state["table.values"].shape).astype(F32)
@@ -112,3 +112,36 @@ def test_the_sets_agree(unbounded):
         np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-5)  # sums of some 100, in any order
     for a, b in zip(*slopes, strict=True):
         assert np.abs(a - b).max() < 1e-4 * np.abs(a).max()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"levels": 12}, "levels must be a multiple of 8, got 12"),
+        ({"levels": 40}, r"levels must be in \[8, 32\], got 40"),
+        ({"table_bits": 25}, r"table_bits must be in \[3, 24\], got 25"),
+        ({"finest": 15}, r"finest must be in \[16, 1048576\], got 15"),
+        ({"samples": 512}, r"samples must be in \[1024, 16777216\], got 512"),
+        ({"rays": 0}, r"rays must be in \[1, 16777216\], got 0"),
+        ({"cells": 100}, "cells must be a multiple of 8, got 100"),
+        ({"learning_rate": 0.0}, "learning_rate must be > 0, got 0.0"),
+        ({"table_decay": -1.0}, "table_decay must be >= 0 and finite, got -1.0"),
+    ],
+)
+def test_settings_are_checked(settings, message):
+    with pytest.raises(ValueError, match=message):
+        HashField(**settings)
+
+
+def test_the_finest_grid_has_two_cells_for_a_pixel():
+    half, distance, focal = 1.5, 4.0, 278.0
+    poses = np.array([[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -distance]]], np.float64)
+    views = cameras(poses, (focal, focal, 100.0, 100.0), 200, 200)
+    for unbounded, side in ((False, 2 * half), (True, 4 * half)):
+        bounds = Bounds((0.0, 0.0, 0.0), half, unbounded)
+        scene = Scene(np.zeros((1, 200, 200, 3), np.uint8), views, np.array([False]), bounds, 1, 9)
+        field = HashField(table_bits=8, samples=1024, rays=8, cells=8).build(
+            runtime(), Frame.of(scene), 0
+        )
+        finest = field.rt.to_numpy(field.grids[0])[-1]
+        assert finest == round(2 * side / (distance / focal))

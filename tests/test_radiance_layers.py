@@ -85,9 +85,13 @@ def encode(kernels, positions, total, grids, table, dtype: Any = F32):
 def test_hash_encode(kernels, grids):
     positions, table = places(300), noise(grids[1][-1], 2)
     features = encode(kernels, positions, 250, grids, table)
-    want = reference.hash_encode(positions[:250], grids, table)
-    # The place in a cell, a difference of numbers up to 2048, is exact; eight products are summed.
-    np.testing.assert_allclose(features[:250], want, rtol=0, atol=3e-6)
+    # A GPU may round the product whose cell is taken away from it, or not: of 100 cells that moves
+    # a place by 4e-6. Then eight products of numbers up to 4 are summed.
+    off = [
+        np.abs(features[:250] - reference.hash_encode(positions[:250], grids, table, fused))
+        for fused in (False, True)
+    ]
+    assert (off[0] if kernels.device == "cpu" else np.minimum(*off)).max() <= 3e-6
     assert (features[250:] == 77).all()
 
 
@@ -142,7 +146,7 @@ def test_hash_backward_is_the_transpose(kernels, grids):
 
 # ---------------------------------------------------------------------------------------- layers
 
-SIZES = [(16, 16), (32, 64), (64, 16), (64, 64), (128, 192)]
+SIZES = [(16, 16), (32, 64), (64, 16), (64, 64), (128, 192), (320, 80), (288, 128)]
 
 
 def close(got, want, size, dtype):
@@ -185,15 +189,14 @@ def test_dense_backward_input(kernels, half, depth, columns, gated):
 @pytest.mark.parametrize(("depth", "columns"), SIZES)
 def test_dense_backward_weight(kernels, half, depth, columns, total):
     rows, column = 3000, 16
-    dy, x = noise(rows, columns + 32, dtype=half), noise(rows, depth, dtype=half, seed=1)
+    dy, x = noise(rows, columns + 32, dtype=half), noise(rows, depth + 16, dtype=half, seed=1)
     before = noise(depth, columns, seed=2)
     given = dy, x, number(total), column
     dw = kernels("radiance_dense.backward_weight", *given, out=[before])
-    a, b = x[:total].astype(float), dy[:total, column : column + columns].astype(float)
+    a, b = x[:total, :depth].astype(float), dy[:total, column : column + columns].astype(float)
     close(dw, before + a.T @ b, np.abs(before) + np.abs(a).T @ np.abs(b), F32)
-    if kernels.device == "cpu":
-        again = kernels("radiance_dense.backward_weight", *given, out=[before])
-        np.testing.assert_array_equal(again, dw)
+    again = kernels("radiance_dense.backward_weight", *given, out=[before])
+    np.testing.assert_array_equal(again, dw)
 
 
 def perceptron(kernels, half, x, first, second, total):
@@ -297,10 +300,10 @@ def learn(kernels, rate, arrays, *, factor=1.0, decay=0.0, sparse=False):
     return kernels("radiance_adam.adam", *given, out=arrays)
 
 
-def test_adam_is_that_of_the_paper(kernels, half):
-    weights, gradients = noise(1000), [noise(1000, seed=t) for t in range(1, 20)]
-    arrays = [np.zeros(1000, F32), np.zeros(1000, F32), np.zeros(1000, F32), weights,
-              np.zeros(1000, half)]  # fmt: skip
+@pytest.mark.parametrize("count", [1, 3, 4, 1002])  # by four, and what is left over
+def test_adam_is_that_of_the_paper(kernels, half, count):
+    weights, gradients = noise(count), [noise(count, seed=t) for t in range(1, 20)]
+    arrays = [*np.zeros((3, count), F32), weights, np.zeros(count, half)]
     for step, g in enumerate(gradients):
         arrays[0] = g
         arrays = learn(kernels, schedule(kernels, step), arrays, factor=0.5)
@@ -322,8 +325,9 @@ def test_adam_decays_weights(kernels):
 
 
 def test_sparse_adam_leaves_what_has_no_gradient(kernels):
-    arrays = [noise(100, seed=k) for k in range(4)]
+    arrays = [noise(102, seed=k) for k in range(4)]
     arrays[2] = np.abs(arrays[2])
+    arrays[0][:8] = 0  # whole groups of four
     arrays[0][::2] = 0
     arrays.append(arrays[3])
     rate = schedule(kernels, 5)
@@ -331,7 +335,8 @@ def test_sparse_adam_leaves_what_has_no_gradient(kernels):
     whole = learn(kernels, rate, arrays, decay=0.1)
     for a, b, c in zip(after[1:], arrays[1:], whole[1:], strict=True):
         np.testing.assert_array_equal(a[::2], b[::2])
-        np.testing.assert_array_equal(a[1::2], c[1::2])
+        np.testing.assert_array_equal(a[:8], b[:8])
+        np.testing.assert_array_equal(a[9::2], c[9::2])
         assert (c != b).all()
 
 
@@ -348,10 +353,14 @@ def test_learning_rate(kernels, warmup, progress, step):
 @pytest.mark.parametrize("most", [1.0, 1e30])
 @pytest.mark.parametrize("parts", [1, 64, 5000])
 def test_clip(kernels, parts, most):
-    first, second = noise(3000), noise(50, seed=1)
+    first, second = noise(70003), noise(50, seed=1)
     sums = np.zeros(parts, F32)
     for gradients in (first, second):
-        sums = kernels("radiance_adam.add_squares", gradients, out=[sums])
+        before = sums
+        sums, again = (
+            kernels("radiance_adam.add_squares", gradients, out=[before]) for _ in range(2)
+        )
+        np.testing.assert_array_equal(sums, again)
     square = (first.astype(float) ** 2).sum() + (second.astype(float) ** 2).sum()
     np.testing.assert_allclose(sums.sum(dtype=float), square, rtol=1e-5)
     sums, factor = kernels("radiance_adam.clip", 0.25, most, out=[sums, ((1,), F32)])

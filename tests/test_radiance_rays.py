@@ -231,6 +231,55 @@ def test_march_finds_what_asking_at_every_step_does(kernels, space, share, jitte
     assert (positions[total[0] :] == 77).all()
 
 
+@pytest.mark.parametrize("cone", [0.0, 1 / 64])
+@pytest.mark.parametrize("cells", [8, 12])
+def test_march_along_the_sides_of_cells(kernels, cells, cone):
+    """Places exactly on sides, edges and corners, where a ray enters an inner cube among them."""
+    levels, finest = 3, 2.0**-5
+    towards = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1.0
+    corners = np.array(list(np.ndindex(3, 3, 3))) - 1.0
+    corners, towards = np.repeat(corners, len(towards), 0), np.tile(towards, (len(corners), 1))
+    sides = [4.0, 2.0, 1.0, 0.5, 1 / 3]
+    directions = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    # Half a step behind the nearest, and as they are: the first step is half of one.
+    origins = np.concatenate([side * corners - (2 + finest / 2) * directions for side in sides])
+    origins = np.concatenate([origins, origins + (finest / 2) * np.tile(directions, (5, 1))])
+    origins, directions = origins.astype(F32), np.tile(directions, (10, 1)).astype(F32)
+    occupied = blobs(levels, cells, 0.5)
+    space = Space(levels, cells, 5.0, finest, cone, True)
+    spans, total, _, distances, _ = march(
+        kernels, origins, directions, occupied, space, near=0.0, jittered=False, room=700000
+    )
+    assert total[0] == spans[:, 1].sum() > 1e5
+    given = occupied, levels, cells, 0.0, 5.0, finest, cone, 0.5
+    want = [reference.march(o, d, *given) for o, d in zip(origins, directions, strict=True)]
+    np.testing.assert_array_equal(spans[:, 1], [len(t) for t in want])
+    np.testing.assert_array_equal(distances[: total[0], 0], np.concatenate(want))
+
+
+@pytest.mark.parametrize("cone", [0.0, 1e-4])
+def test_march_takes_thousands_of_samples_of_a_ray(kernels, cone):
+    origins, directions = bundle(8)
+    space = Space(1, 16, 1e9, 1e-3, cone, False)
+    spans, total, _, distances, _ = march(
+        kernels, origins, directions, np.ones(16**3, bool), space, jittered=False
+    )
+    assert spans[:, 1].max() > 1024
+    assert (spans[-4:, 1] == 0).all()  # those that miss
+    given = np.ones(16**3, bool), 1, 16, 0.05, 1e9, 1e-3, cone, 0.5
+    want = [reference.march(o, d, *given) for o, d in zip(origins, directions, strict=True)]
+    np.testing.assert_array_equal(distances[: total[0], 0], np.concatenate(want))
+
+
+def test_march_no_rays(kernels):
+    origins, directions = bundle(16)
+    occupied = np.ones(16**3, bool)
+    spans, total, *rest = march(kernels, origins, directions, occupied, SPACES["cube"], active=0)
+    assert total[0] == 0
+    assert (spans == 0).all()
+    assert all((array == 77).all() for array in rest)
+
+
 def test_march_takes_so_many_samples_and_rays_at_most(kernels):
     space = SPACES["cube"]
     origins, directions = bundle(64)
@@ -337,7 +386,7 @@ def test_fade_and_raise(kernels):
 
 
 @pytest.mark.parametrize("least", [0.1, 10.0])
-@pytest.mark.parametrize(("count", "parts"), [(64, 1024), (4096, 128), (4096, 100)])
+@pytest.mark.parametrize(("count", "parts"), [(64, 1024), (4096, 128), (4128, 100), (2**17, 50)])
 def test_mark(kernels, count, parts, least):
     density = np.random.default_rng(5).random(count).astype(F32)
     found, limit, bits = kernels(

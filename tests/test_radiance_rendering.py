@@ -90,7 +90,7 @@ def some_cameras(count=5, size=24):
 
 
 def ball():
-    field = Ball(runtime(), Frame.of(BOUNDS, 0.1, 10.0))
+    field = Ball(runtime(), Frame(BOUNDS, 0.1, 10.0))
     behind = np.array([1.0, 0.5, 0.0], np.float32)
     return Model(field, None, "white", behind, some_cameras(), 0, Training(), {})
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import cvkern
-from cvkern import cli, images
+from cvkern import cli, images, radiance
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -84,6 +84,9 @@ def test_table_is_complete():
     assert sorted(n for row in rows for n in quoted(row.split("|")[1])) == sorted(cvkern.__all__)
     about_images = section.split("`cvkern.images`")[1].split("\n\n")[0]
     assert set(quoted(about_images)) == set(images.__all__)
+    about_fields = README.split("\n### Radiance fields\n")[1].split("\n### ")[0]
+    rows = [line for line in about_fields.splitlines() if line.startswith("| `")]
+    assert sorted(n for row in rows for n in quoted(row.split("|")[1])) == sorted(radiance.__all__)
     about_commands = section.split("The command `cvkern`:")[1]
     for name in quoted(about_commands):
         assert callable(getattr(cli, name))

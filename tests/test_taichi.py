@@ -221,5 +221,8 @@ def test_kernels_take_the_memory_of_device_arrays():
     filters.correlate_separable(given[0], given[1], given[1], 1, Border.REFLECT, 0.0, header)
     np.testing.assert_array_equal(dst.numpy(), blur(src, taps))
     assert _cuda.header(wp.zeros((0, 3), dtype=wp.int32, device="cpu")).shape == (0, 3)
+    begin = np.int64(4)  # it makes the address of a slice NumPy's as well
+    part = wp.zeros(9, dtype=wp.int32, device="cpu")[begin:]
+    assert _cuda.header(part).ctypes.data == part.ptr
     assert _cuda.view(Exporter(src > 0.5), "cpu").dtype is wp.uint8
     assert _cuda.adopt(wp.zeros(3, dtype=wp.bool, device="cpu")).dtype is wp.uint8

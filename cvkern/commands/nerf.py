@@ -33,7 +33,7 @@ def train(
     output: Annotated[Path, typer.Option("--output", "-o", help="Model to write, .npz.")],
     field: Annotated[
         str | None,
-        typer.Option(help="Kind of field: hash or voxel.", show_default="what suits the device"),
+        typer.Option(help="Kind: hash, voxel or mlp.", show_default="what suits the device"),
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(help="Time to train for.", show_default="60")
@@ -44,6 +44,9 @@ def train(
     ] = "random",
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
     seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+    deterministic: Annotated[
+        bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
+    ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the output, if it is there.")
     ] = False,
@@ -64,11 +67,13 @@ def train(
             background=background,
             loss=loss,
             seed=seed,
+            deterministic=deterministic,
             checkpoint=output,
             resume=resume,
         )
     done = model.training
-    said = f"{output}: {done.step} steps in {done.seconds:.1f} s"
+    rate = done.total_rays / max(done.seconds, 1e-9)
+    said = f"{output}: {done.step} steps in {done.seconds:.1f} s, {rate:,.0f} rays/s"
     if done.stopped:
         said += ", stopped"
     elif done.marks and done.marks[-1].test_psnr == done.marks[-1].test_psnr:

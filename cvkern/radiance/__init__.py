@@ -1,8 +1,16 @@
 """Radiance fields: from posed photographs to a model that renders new views."""
 
 from cvkern.radiance.cameras import Cameras, cameras, look_at, pixel_rays, project
+from cvkern.radiance.compositing import (
+    Composite,
+    CompositeGradient,
+    composite_rays,
+    composite_rays_backward,
+)
+from cvkern.radiance.encodings import positional_encoding, spherical_harmonics
 from cvkern.radiance.hash_field import HashField
 from cvkern.radiance.metrics import psnr, ssim
+from cvkern.radiance.mlp_field import MLPField
 from cvkern.radiance.models import Mark, Model, load_model
 from cvkern.radiance.rendering import (
     Picture,
@@ -22,7 +30,10 @@ __all__ = [
     "Bounds",
     "Cameras",
     "Cloud",
+    "Composite",
+    "CompositeGradient",
     "HashField",
+    "MLPField",
     "Mark",
     "Mesh",
     "Model",
@@ -31,6 +42,8 @@ __all__ = [
     "Scores",
     "VoxelField",
     "cameras",
+    "composite_rays",
+    "composite_rays_backward",
     "evaluate",
     "fit",
     "load_model",
@@ -41,10 +54,12 @@ __all__ = [
     "orbit_cameras",
     "pixel_rays",
     "point_cloud",
+    "positional_encoding",
     "project",
     "psnr",
     "render",
     "render_path",
+    "spherical_harmonics",
     "ssim",
     "write_mesh",
 ]

@@ -16,6 +16,12 @@ from cvkern._files import replacing
 FORMAT, VERSION = "cvkern radiance field", 1
 HEADER = "header"
 
+# What reading raises where bytes are missing, or are not what we write.
+DAMAGED = (
+    AttributeError, EOFError, KeyError, NotImplementedError, OSError, TypeError, ValueError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
 
 def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, Any]) -> None:
     """Write a model, whole or not at all."""
@@ -49,8 +55,7 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
             arrays = {key: file[key] for key in file.files}
         header = json.loads(arrays.pop(HEADER).tobytes())
         made, version = header["format"], header["version"]
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, KeyError, TypeError,
-            AttributeError, NotImplementedError) as error:  # fmt: skip
+    except DAMAGED as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"path must be a whole model, got {name!r}: {reason}") from error
     if made != FORMAT or version != VERSION:

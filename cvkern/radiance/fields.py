@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.radiance.scenes import Bounds
+from cvkern.radiance.scenes import Bounds, Scene
 
 
 @dataclass(frozen=True)
@@ -25,11 +25,15 @@ class Frame:
     """Distance before which there is nothing, in units of half the cube's side."""
     far: float
     """Distance behind which there is nothing, in the same units; large if there is no end."""
+    pixel: float = 0.01
+    """Side of what a pixel of the photographs sees at the middle of the cube, in the same units."""
 
     @classmethod
-    def of(cls, bounds: Bounds, near: float, far: float) -> Frame:
-        """Return the frame of a scene whose distances are in units of the world."""
-        return cls(bounds, near / bounds.half, min(far / bounds.half, 1e9))
+    def of(cls, scene: Scene) -> Frame:
+        """Return the frame of a scene."""
+        half = scene.bounds.half
+        pixel = scene.footprint / half
+        return cls(scene.bounds, scene.near / half, min(scene.far / half, 1e9), pixel)
 
     def inside(self, poses: np.ndarray) -> np.ndarray:
         """Return poses, camera to world, (N, 3, 4), as float32 poses of this frame."""
@@ -96,7 +100,7 @@ class Field(abc.ABC):
     edition: int = 0
     """Counted up when arrays are replaced: what was recorded with the old ones is void."""
     gradient_scale: float = 1.0
-    """What losses are multiplied by, so that half precision can hold their gradients."""
+    """What losses are multiplied by, so that numbers of few bits can hold their gradients."""
 
     @abc.abstractmethod
     def see(self, origins: Any, directions: Any, seen: Seen) -> None:
@@ -113,6 +117,9 @@ class Field(abc.ABC):
     @abc.abstractmethod
     def learn(self, learning: Learning) -> None:
         """Move the parameters by their gradients, and forget those."""
+
+    def make_deterministic(self) -> None:  # noqa: B027  (may be so anyway)
+        """Make gradients that are equal from run to run, from now on."""
 
     @abc.abstractmethod
     def taken(self) -> int:

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
+from cvkern._validate import check_integer, check_number, check_positive
+from cvkern.kernels.codes import network_layers, network_room
 from cvkern.radiance.fields import Frame, Learning
-from cvkern.radiance.sampled import CELLS, SampledField, Samples, taken
+from cvkern.radiance.parameters import LIFT, Clip, Parameters
+from cvkern.radiance.sampled import CELLS, STEPS, SampledField, Samples
 
-FEATURES, WIDTH, HARMONICS = 16, 64, 16  # of the density's perceptron, of a layer, of the view
 BETAS, EPSILON = (0.9, 0.99), 1e-15
-HALF_SCALE = 128.0  # lifts gradients above what float16 takes for 0
+CELLS_OF_PIXEL = 2.0  # of the finest grid: with more, held-out views of small photographs lose
 
 
 @dataclass(frozen=True)
@@ -24,20 +26,28 @@ class HashField:
     A sample's features come from tables for grids of growing fineness; a small perceptron makes a
     density and 16 numbers of them, and a second one a colour of these and the direction of view.
 
+    Raises
+    ------
+    TypeError
+        If a number is of another kind.
+    ValueError
+        If a number is out of its range, `levels` or `cells` are no multiples of 8, or `finest` is
+        below `coarsest`.
+
     References
     ----------
     .. [1] T. Mueller, A. Evans, C. Schied and A. Keller, "Instant neural graphics primitives with
        a multiresolution hash encoding", ACM Transactions on Graphics 41(4), 2022.
     """
 
-    levels: int = 16
-    """Grids; twice as many must be a multiple of 16."""
+    levels: int = 8
+    """Grids, a multiple of 8."""
     table_bits: int = 19
     """Base-2 logarithm of the entries of a grid's table."""
     coarsest: int = 16
     """Cells of the coarsest grid along a side."""
-    finest: int = 2048
-    """Cells of the finest grid along a side."""
+    finest: int | None = None
+    """Cells of the finest grid along a side; by default two for each pixel of the photographs."""
     samples: int = 2**18
     """Of a batch."""
     rays: int = 2**14
@@ -49,8 +59,31 @@ class HashField:
     """Share of the learning rate at the end."""
     weight_decay: float = 1e-6
     """Of the perceptrons."""
-    table_decay: float = 1e-6
+    table_decay: float = 1e-7
     """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
+    gradient_clip: float | None = None
+    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+
+    They are those of the sum of the losses of a batch's rays over 4096.
+    """
+
+    def __post_init__(self) -> None:
+        for name, least, most in (
+            ("levels", 8, 32), ("table_bits", 3, 24), ("coarsest", 1, 2**14), ("rays", 1, 2**24),
+            ("samples", STEPS, 2**24), ("cells", 8, 512),
+        ):  # fmt: skip
+            check_integer(getattr(self, name), name, least, most)
+        if self.finest is not None:
+            check_integer(self.finest, "finest", self.coarsest, 2**20)
+        for name in ("levels", "cells"):
+            if getattr(self, name) % 8:
+                raise ValueError(f"{name} must be a multiple of 8, got {getattr(self, name)}")
+        for name in ("learning_rate", "final_rate"):
+            check_positive(getattr(self, name), name)
+        for name in ("weight_decay", "table_decay"):
+            check_number(getattr(self, name), name, low=0.0)
+        if self.gradient_clip is not None:
+            check_positive(self.gradient_clip, "gradient_clip")
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
         """Return the field itself, with random parameters."""
@@ -63,81 +96,77 @@ class HashNetwork(SampledField):
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: HashField):
         self.settings, self.half = settings, rt.matrix_dtype
         super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
-        self.gradient_scale = 1.0 if self.half == np.float32 else HALF_SCALE
+        self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
-        growth = (settings.finest / settings.coarsest) ** (1 / max(levels - 1, 1))
+        finest = settings.finest
+        if finest is None:
+            # All of space is contracted into twice the cube.
+            side = 4 if frame.bounds.unbounded else 2
+            finest = max(2 * settings.coarsest, round(CELLS_OF_PIXEL * side / frame.pixel))
+        growth = (finest / settings.coarsest) ** (1 / max(levels - 1, 1))
         resolutions = np.round(settings.coarsest * growth ** np.arange(levels)).astype(np.int32)
         corners = (resolutions.astype(np.int64) + 1) ** 3
         sizes = np.minimum(-(-corners // 8) * 8, 2**settings.table_bits)
         offsets = np.concatenate(([0], np.cumsum(sizes))).astype(np.int32)
         self.grids = rt.constant(resolutions), rt.constant(offsets)
         self.table = Parameters(rt, rng.uniform(-1e-4, 1e-4, (int(offsets[-1]), 2)), self.half)
-        inner = FEATURES + HARMONICS
-        shapes = [
-            (2 * levels, WIDTH),
-            (WIDTH, FEATURES),
-            (inner, WIDTH),
-            (WIDTH, WIDTH),
-            (WIDTH, 16),
-        ]
         # Xavier's limits keep the size of what passes through a layer.
+        shapes = network_layers(2 * levels)
         layers = [rng.uniform(-1, 1, s) * math.sqrt(6 / (s[0] + s[1])) for s in shapes]
         self.layers = Parameters(rt, np.concatenate([w.ravel() for w in layers]), self.half)
-        ends = np.cumsum([w.size for w in layers])
-        parts = [(slice(e - w.size, e), w.shape) for e, w in zip(ends, layers, strict=True)]
-        self.weights = [self.layers.copy[at].reshape(shape) for at, shape in parts]
-        self.d_weights = [self.layers.gradients[at].reshape(shape) for at, shape in parts]
-        self.gradients = self.inner(settings.samples)
-        self._rate, self._factor, self._parts_of_norm = (rt.zeros((n,)) for n in (3, 1, 1024))
+        self.d_features = rt.zeros((settings.samples, 2 * levels), self.half)
+        self.memory = rt.zeros(network_room(2 * levels, settings.samples, self.half == np.float16))
+        self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
+
+    @property
+    def view_room(self) -> int:
+        """See :meth:`SampledField.view_room`: in full precision it shares the memory of layers."""
+        half = self.half == np.float16
+        return super().view_room if half else min(super().view_room, self.room)
 
     def inner(self, room: int) -> dict[str, Any]:
-        """See :meth:`SampledField.inner`: what the layers take and give."""
-        widths = {"features": 2 * self.settings.levels, "first": WIDTH,
-                  "hidden": FEATURES + HARMONICS, "second": WIDTH, "third": WIDTH,
-                  "raw": 16}  # fmt: skip
-        return {name: self.rt.zeros((room, width), self.half) for name, width in widths.items()}
+        """See :meth:`SampledField.inner`."""
+        return {"features": self.rt.zeros((room, 2 * self.settings.levels), self.half)}
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
-        rt, s, v = self.rt, self.samples, self.samples.inner
-        rt.radiance_hash.encode(s.positions, total, *self.grids, self.table.copy, v["features"])
-        rt.radiance_dense.forward(v["features"], self.weights[0], total, True, 0, v["first"])
-        rt.radiance_dense.forward(v["first"], self.weights[1], total, False, 0, v["hidden"])
-        rt.radiance_heads.forward(v["hidden"], v["raw"], total, s.sigma, s.rgb)
+        features = self._encode(self.samples, total)
+        self.rt.radiance_network.density(
+            features, total, self.layers.copy, self.memory, self.samples.sigma
+        )
 
     def evaluate(self, directions: Any, samples: Samples) -> None:
         """See :meth:`SampledField.evaluate`."""
-        rt, s, v = self.rt, samples, samples.inner
-        rt.radiance_hash.encode(s.positions, s.total, *self.grids, self.table.copy, v["features"])
-        layers = (
-            ("features", 0, True, "first"), ("first", 1, False, "hidden"),
-            ("hidden", 2, True, "second"), ("second", 3, True, "third"), ("third", 4, False, "raw"),
-        )  # fmt: skip
-        rt.radiance_encode.spherical(directions, s.rays, s.total, FEATURES, v["hidden"])
-        for source, layer, relu, target in layers:
-            rt.radiance_dense.forward(v[source], self.weights[layer], s.total, relu, 0, v[target])
-        rt.radiance_heads.forward(v["hidden"], v["raw"], s.total, s.sigma, s.rgb)
+        s = samples
+        features = self._encode(s, s.total)
+        self._inputs = features, directions, s.rays, s.total, self.layers.copy
+        self.rt.radiance_network.forward(*self._inputs, self.memory, s.sigma, s.rgb)
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
-        rt, g, s, total = self.rt, self.gradients, self.samples, self.samples.total
-        rt.radiance_heads.color_backward(self.d_rgb, s.rgb, total, g["raw"])
-        self._layer_backward("third", 4, True, "raw")
-        self._layer_backward("second", 3, True, "third")
-        self._layer_backward("hidden", 2, False, "second")
-        rt.radiance_heads.density_backward(self.d_sigma, s.sigma, total, g["hidden"])
-        self._layer_backward("first", 1, True, "hidden")
-        self._layer_backward("features", 0, False, "first")
-        rt.radiance_hash.backward(
-            s.positions, total, *self.grids, g["features"], self.table.gradients
+        s = self.samples
+        self.rt.radiance_network.backward(
+            self.d_sigma, self.d_rgb, *self._inputs, s.sigma, s.rgb, self.memory,
+            self.d_features, self.layers.gradients,
+        )  # fmt: skip
+        self.rt.radiance_hash.backward(
+            s.positions, s.total, *self.grids, self.d_features, self.table.sums
         )
+        self.table.collect(self.rt)
 
-    def _layer_backward(self, source: str, layer: int, gated: bool, target: str) -> None:
-        """Take the gradients of a layer's output to its input, and to its weights."""
-        dense, total = self.rt.radiance_dense, self.samples.total
-        x, dy = self.samples.inner[source], self.gradients[target]
-        dense.backward_input(dy, self.weights[layer], x, total, gated, 0, self.gradients[source])
-        dense.backward_weight(dy, x, total, 0, self.d_weights[layer])
+    def _encode(self, samples: Samples, total: Any) -> Any:
+        """Look up the features of the first `total` (1,) samples, and return them."""
+        features = samples.inner["features"]
+        self.rt.radiance_hash.encode(
+            samples.positions, total, *self.grids, self.table.copy, features
+        )
+        return features
+
+    def make_deterministic(self) -> None:
+        """See :meth:`Field.make_deterministic`: tables are added to by atomics on a GPU."""
+        if self.rt.device != "cpu":
+            self.gradient_scale = LIFT
+            self.table.make_deterministic(self.rt)
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
@@ -145,12 +174,14 @@ class HashNetwork(SampledField):
         adam.learning_rate(
             learning.step, learning.progress, s.learning_rate, 100, s.final_rate, *BETAS, self._rate
         )
-        adam.clip(learning.scale / self.gradient_scale, 1e30, self._parts_of_norm, self._factor)
+        gradients = self.table.gradients, self.layers.gradients
+        self._clip.update(learning.scale / self.gradient_scale, *gradients)
         for parameters, decay, sparse in (
             (self.table, s.table_decay, s.table_decay == 0.0),
             (self.layers, s.weight_decay, False),
         ):
-            adam.adam(self._rate, self._factor, *BETAS, EPSILON, decay, sparse, *parameters.flat())
+            given = self._rate, self._clip.factor, *BETAS, EPSILON, decay, sparse
+            adam.adam(*given, *parameters.flat())
 
     def state(self) -> dict[str, np.ndarray]:
         """See :meth:`Field.state`."""
@@ -165,34 +196,3 @@ class HashNetwork(SampledField):
         super().restore(state)
         self.table.restore("table.", state, self.rt)
         self.layers.restore("layers.", state, self.rt)
-
-
-class Parameters:
-    """Parameters with what Adam keeps for them, and a copy in the precision they are used in."""
-
-    def __init__(self, rt: Runtime, values: np.ndarray, dtype: Any):
-        shape = values.shape
-        self.values, self.gradients, self.mean, self.square = (rt.zeros(shape) for _ in range(4))
-        self.copy = self.values if dtype == np.float32 else rt.zeros(shape, dtype)
-        self._write(values, rt)
-
-    def _write(self, values: np.ndarray, rt: Runtime) -> None:
-        rt.write(self.values, values.astype(np.float32))
-        if self.copy is not self.values:
-            rt.write(self.copy, values.astype(np.float16))
-
-    def flat(self) -> list[Any]:
-        """Return gradients, means, squares, values and copy, as Adam takes them."""
-        arrays = (self.gradients, self.mean, self.square, self.values, self.copy)
-        return [a.reshape((-1,)) if len(a.shape) > 1 else a for a in arrays]
-
-    def state(self, prefix: str, rt: Runtime) -> dict[str, np.ndarray]:
-        """Return what has to be saved."""
-        arrays = {"values": self.values, "mean": self.mean, "square": self.square}
-        return {prefix + name: rt.to_numpy(a).copy() for name, a in arrays.items()}
-
-    def restore(self, prefix: str, state: dict[str, np.ndarray], rt: Runtime) -> None:
-        """Take up what was saved."""
-        self._write(taken(state, prefix + "values", self.values.shape), rt)
-        rt.write(self.mean, taken(state, prefix + "mean", self.mean.shape))
-        rt.write(self.square, taken(state, prefix + "square", self.square.shape))

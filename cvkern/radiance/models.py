@@ -44,6 +44,10 @@ class Training:
     seconds: float = 0.0
     rays: int = 0
     """How many are in a batch now."""
+    total_rays: int = 0
+    """How many have been cast in all steps."""
+    total_samples: int = 0
+    """How many samples these took, by one step in 16."""
     progress: float = 0.0
     """Share that was done when the host last looked."""
     marks: list[Mark] = field(default_factory=list)
@@ -116,6 +120,7 @@ class Model:
             "bounds": frame.bounds._asdict(),
             "near": frame.near,
             "far": frame.far,
+            "pixel": frame.pixel,
             "background": self.background,
             "seed": self.seed,
             "size": [views.width, views.height],
@@ -184,7 +189,7 @@ def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
     b = header["bounds"]
     x, y, z = map(float, b["center"])
     bounds = Bounds((x, y, z), float(b["half"]), bool(b["unbounded"]))
-    frame = Frame(bounds, float(header["near"]), float(header["far"]))
+    frame = Frame(bounds, *(float(header[name]) for name in ("near", "far", "pixel")))
     lenses = (arrays[f"cameras.{part}"] for part in ("poses", "intrinsics", "distortion"))
     poses, intrinsics, distortion = lenses
     views = cameras(poses, intrinsics, *header["size"], distortion=distortion)

@@ -44,6 +44,15 @@ class Scene:
     def __len__(self) -> int:
         return len(self.images)
 
+    @property
+    def footprint(self) -> float:
+        """Side of what a pixel sees where the detail is, units of the world; median of the views.
+
+        That is at the middle of the bounds, or, for cameras near it, as far away as their sides.
+        """
+        away = np.linalg.norm(self.cameras.poses[:, :, 3] - np.array(self.bounds.center), axis=1)
+        return float(np.median(np.maximum(away, self.bounds.half) / self.cameras.intrinsics[:, 0]))
+
     def resized(self, factor: int) -> Scene:
         """Return the scene with its images averaged over blocks of `factor` x `factor` pixels."""
         small = self.cameras.resized(factor)

@@ -19,8 +19,9 @@ from cvkern._validate import check_choice, check_code, check_integer, check_numb
 from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.fields import Frame, Learning, Rays, Rendered
-from cvkern.radiance.hash_field import BETAS, EPSILON, HashField, Parameters
+from cvkern.radiance.hash_field import BETAS, EPSILON, HashField
 from cvkern.radiance.models import Mark, Model, Training, field_kind, load_model
+from cvkern.radiance.parameters import Clip, Parameters
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes import Scene
 from cvkern.radiance.voxel_field import VoxelField
@@ -44,6 +45,7 @@ def fit(
     loss: str = "squared",
     spread: float = 0.0,
     seed: int = 0,
+    deterministic: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     save_every: float = 60.0,
@@ -56,12 +58,13 @@ def fit(
     ----------
     scene : Scene
         Its views that are not kept back for testing are trained from.
-    field : VoxelField or HashField, optional
+    field : VoxelField, HashField or MLPField, optional
         What to train; by default `VoxelField()` on the CPU, and `HashField()` on a GPU.
     seconds : float, optional
         Time to train for, > 0, without looks at held-out views and saving; 60 by default.
     steps : int, optional
-        Batches to train on, instead of `seconds`. On the CPU the same steps give the same model.
+        Batches to train on, instead of `seconds`. On the CPU the same steps give the same model,
+        bit for bit, with the same number of threads.
     background : {'random', 'white', 'black', 'learnt'}, default 'random'
         What is behind everything. Random colours keep the field from painting a background of its
         own: photographs with opacity come out with theirs, and others are filled to the last
@@ -73,6 +76,10 @@ def fit(
         centre) to 1 (all of it).
     seed : int, default 0
         Of all random numbers.
+    deterministic : bool, default False
+        On a GPU too, give the same model for the same `steps`, bit for bit, as long as the kind of
+        GPU and the versions of its software stay the same. Steps take longer, and gradients twice
+        the memory again: they are added up as integers, which have the same sum in any order.
     checkpoint : path, optional
         File, ``.npz``, that the model is saved to every now and then and at the end; each time
         whole or not at all.
@@ -108,6 +115,10 @@ def fit(
     -----
     Each step draws rays through random pixels of all views, as many as fill the field's room for
     samples. The launches of a step are recorded once, on CUDA as a graph.
+
+    What is deterministic on a GPU counts gradients in units of 2^-28, after the loss has been
+    multiplied by 128 (of a voxel field, by 4096). A single one is cut off beyond 2^16, where half
+    precision ends as well; with that, sums of 2^18 of them cannot overflow.
 
     Examples
     --------
@@ -156,6 +167,8 @@ def fit(
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     model = _begin(scene, settings, background, seed, checkpoint if resume else None)
+    if deterministic:
+        model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
     with _shown(progress) as show, _stoppable() as stop:
         trainer.train(seconds, steps, stop, show, checkpoint, save_every, evaluate_every)
@@ -169,14 +182,14 @@ def default_field() -> Any:
 
 def field_called(name: str) -> Any:
     """Return the settings of the kind of field that the command calls so."""
-    kinds = {"hash": "HashField", "voxel": "VoxelField"}
+    kinds = {"hash": "HashField", "voxel": "VoxelField", "mlp": "MLPField"}
     check_choice(name, tuple(kinds), "field")
     return field_kind(kinds[name])()
 
 
 def _begin(scene: Scene, settings: Any, background: str, seed: int, checkpoint: Any) -> Model:
     """Return a new model, or the one to go on with."""
-    frame = Frame.of(scene.bounds, scene.near, scene.far)
+    frame = Frame.of(scene)
     if checkpoint is not None and Path(checkpoint).exists():
         model = load_model(checkpoint)
         if not model.training.resumable:
@@ -222,7 +235,7 @@ class Trainer:
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
         self.d_behind, self.parts = rt.zeros((count, 3)), rt.zeros((PARTS, 3))
-        self.rate, self.factor, self.norm = rt.zeros((3,)), rt.zeros((1,)), rt.zeros((1,))
+        self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
         self.learning = Learning(
             owned(rt, np.array([state.step], np.int32)),
             owned(rt, np.array([state.progress], np.float32)),
@@ -255,16 +268,16 @@ class Trainer:
             adam.learning_rate(
                 at, self.learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate
             )
-            adam.clip(SHARE / field.gradient_scale, 1e30, self.norm, self.factor)
-            adam.adam(self.rate, self.factor, *BETAS, EPSILON, 0.0, False, *self.behind.flat())
+            self.clip.update(SHARE / field.gradient_scale)
+            given = self.rate, self.clip.factor, *BETAS, EPSILON, 0.0, False
+            adam.adam(*given, *self.behind.flat())
         rt.radiance_adam.advance(at)
 
     def repeat(self) -> None:
         """Take a step: the first one with the field's arrays as it is, the others as recorded."""
         if self._edition != self.field.edition:
             self._edition = self.field.edition
-            self.step()
-            self._step = self.rt.record(self.step)
+            self._step = self.rt.rehearse(self.step)
         else:
             self._step()
 
@@ -290,12 +303,15 @@ class Trainer:
             self.field.tend(state.step, self.learning)
             self.repeat()
             state.step += 1
+            state.total_rays += state.rays
             looks = state.step % LOOK == 0
             evaluates = evaluate_every is not None and state.step % evaluate_every == 0
             if looks or evaluates:
                 quality = self.quality()
             if looks:
-                state.rays = self.field.rays_for(self.field.taken(), state.rays)
+                samples = self.field.taken()
+                state.total_samples += LOOK * samples
+                state.rays = self.field.rays_for(samples, state.rays)
                 state.progress = min(1.0, state.step / steps if steps else spent() / (seconds or 1))
                 self.rt.write(self.active, np.array([state.rays], np.int32))
                 self.rt.write(self.learning.progress, np.array([state.progress], np.float32))

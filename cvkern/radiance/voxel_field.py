@@ -12,6 +12,7 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern._validate import check_integer, check_number, check_positive
 from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered, Seen
+from cvkern.radiance.parameters import Clip, flat
 from cvkern.radiance.sampled import STOP, taken
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
@@ -19,6 +20,7 @@ WARMUP = 20  # steps until the learning rates are full
 EVERY = 16  # steps between looks at where space is empty
 BLOCK = 4  # cells of the grid along a side of one of the occupancy grid
 LANES = 16  # the coefficients of a node are padded to a multiple
+LIFT = 4096.0  # of gradients above what a fixed-point number takes for 0
 MOST_CELLS = 400  # a grid of more has too many numbers for 32-bit indices
 
 
@@ -43,7 +45,8 @@ class VoxelField:
     Notes
     -----
     On the CPU the same steps give the same model, bit for bit, with any number of threads. On
-    CUDA gradients are added up in the order in which they happen to come.
+    CUDA gradients are added up in the order in which they happen to come, unless training is to be
+    deterministic.
 
     A grid of N cells takes 0.5 kB for each of (N + 1)^3 nodes: 1.1 GB for 128.
 
@@ -77,6 +80,12 @@ class VoxelField:
     """Weight of squared differences of the logarithm of density between neighbours."""
     smooth_color: float = 1e-9
     """Weight of squared differences of the coefficients between neighbours."""
+    gradient_clip: float | None = None
+    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+
+    They are those of the sum of the losses of a batch's rays over 4096, and of the smoothness. To
+    find their norm takes a look at the whole grid in each step.
+    """
 
     def __post_init__(self) -> None:
         found = [check_integer(n, "resolutions", 16, MOST_CELLS) for n in self.resolutions]
@@ -95,6 +104,8 @@ class VoxelField:
             check_positive(getattr(self, name), name)
         for name in ("smooth_density", "smooth_color"):
             check_number(getattr(self, name), name, low=0.0)
+        if self.gradient_clip is not None:
+            check_positive(self.gradient_clip, "gradient_clip")
         thin = self.thin * found[0] / (2 * self.spacing)  # as a density
         if self.first <= thin:
             raise ValueError(f"first must be above what is thin, {thin:g}, got {self.first}")
@@ -115,7 +126,8 @@ class VoxelGrid(Field):
             rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
         )
         self.samples = rt.zeros((rays,), np.int32)
-        self._rates = rt.zeros((3,)), rt.zeros((3,))
+        self._rates, self._clip = (rt.zeros((3,)), rt.zeros((3,))), Clip(rt, settings.gradient_clip)
+        self._exact = False
         self._open(0)
         first = np.full(self.density.shape, math.log(settings.first), np.float32)
         rt.write(self.density, first)
@@ -130,6 +142,7 @@ class VoxelGrid(Field):
         width = -(-3 * self.basis // LANES) * LANES
         self.density, self.d_density, *self._density_means = (rt.zeros(side) for _ in range(4))
         self.color, self.d_color, *self._color_means = (rt.zeros((*side, width)) for _ in range(4))
+        self._sums = self._take_sums()
         self.touched = rt.zeros(side, np.uint8)
         self.cells = self.resolution // BLOCK
         self.bits = rt.zeros((self.cells**3 // 32,), np.uint32)
@@ -138,6 +151,19 @@ class VoxelGrid(Field):
         # Cells of contracted space grow with the distance at least as much as that does.
         self.cone = self.finest if unbounded else 0.0
         self.least = math.log(s.thin / self.finest)
+
+    def _take_sums(self) -> tuple[Any, Any]:
+        """Return what the gradients of density and colour are added to."""
+        if not self._exact:
+            return self.d_density, self.d_color
+        density, color = (self.rt.zeros(a.shape, np.int64) for a in (self.density, self.color))
+        return density, color
+
+    def make_deterministic(self) -> None:
+        """See :meth:`Field.make_deterministic`: the grid is added to by atomics on a GPU."""
+        if self.rt.device != "cpu":
+            self._exact, self.gradient_scale = True, LIFT
+            self._sums = self._take_sums()
 
     def _marched(self, rays: Rays, step: Any, training: bool) -> list[Any]:
         """Return the arguments that the forward and the backward pass share."""
@@ -167,24 +193,29 @@ class VoxelGrid(Field):
 
     def backward(self, gradients: Rendered) -> None:
         """See :meth:`Field.backward`."""
-        outputs = [self.d_density, self.d_color, self.touched]
+        outputs = [*self._sums, self.touched]
         arguments = [*gradients, *self._last, *self.rendered, self.samples, *outputs]
         self.rt.radiance_voxel.render_backward(*arguments)
+        if self._exact:
+            for sums, array in zip(self._sums, (self.d_density, self.d_color), strict=True):
+                self.rt.radiance_adam.collect(flat(sums), flat(array))
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         s, voxel = self.settings, self.rt.radiance_voxel
+        scale = learning.scale / self.gradient_scale
         for rate, base in zip(self._rates, (s.density_rate, s.color_rate), strict=True):
             self.rt.radiance_adam.learning_rate(
                 learning.step, learning.progress, base, WARMUP, s.final_rate, *BETAS, rate
             )
         if s.smooth_density or s.smooth_color:
             voxel.total_variation(
-                s.smooth_density / learning.scale, s.smooth_color / learning.scale, self.touched,
-                self.density, self.color, self.d_density, self.d_color,
+                s.smooth_density / scale, s.smooth_color / scale, self.touched, self.density,
+                self.color, self.d_density, self.d_color,
             )  # fmt: skip
+        self._clip.update(scale, self.d_density, self.d_color)
         voxel.adam(
-            *self._rates, learning.scale, *BETAS, EPSILON, self.touched, self.d_density,
+            *self._rates, self._clip.factor, *BETAS, EPSILON, self.touched, self.d_density,
             *self._density_means, self.density, self.d_color, *self._color_means, self.color,
         )  # fmt: skip
 

@@ -66,5 +66,5 @@ class _Interface:
             "version": 3,
             "shape": tuple(array.shape),
             "typestr": dtype.str,
-            "data": (array.ptr, False),
+            "data": (int(array.ptr), False),  # NumPy's integer where a slice had NumPy's bounds
         }

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from ._fixed_point import add
 from ._harmonics import harmonics
 from ._radiance_space import in_cube, interval, is_set, reciprocal, row, way_out
 from ._random import random_unit
@@ -32,6 +33,7 @@ def _share(f: vec3, corner: ti.template()) -> ti.f32:
 def march(
     backward: ti.template(),
     serial: ti.template(),
+    exact: ti.template(),
     d_colors: f32_2,
     d_opacity: f32_1,
     d_depth: f32_1,
@@ -60,9 +62,9 @@ def march(
     depth: f32_1,
     distortion: f32_1,
     samples: i32_1,
-    # outputs of the backward pass
-    d_density: f32_3,
-    d_color: f32_4,
+    # outputs of the backward pass, int64 if exact
+    d_density: ti.types.ndarray(ndim=3),
+    d_color: ti.types.ndarray(ndim=4),
     touched: u8_3,
 ):
     ti.loop_config(serialize=serial)
@@ -131,11 +133,12 @@ def march(
                                 k, j, i = (node[2] + (corner >> 2), node[1] + (corner >> 1 & 1),
                                            node[0] + (corner & 1))  # fmt: skip
                                 touched[k, j, i] = ti.u8(1)
-                                d_density[k, j, i] += share * d_raw
+                                add(d_density[k, j, i], share * d_raw, exact)
                                 for n in ti.static(range(9)):
                                     if n < basis:
                                         for c in ti.static(range(3)):
-                                            d_color[k, j, i, c * basis + n] += share * h[n] * d_s[c]
+                                            v = share * h[n] * d_s[c]
+                                            add(d_color[k, j, i, c * basis + n], v, exact)
                         else:
                             seen += w * rgb
                             spread += w * (2.0 * (t * sum_w - sum_wt) + w * gap / 3.0)

@@ -3,9 +3,11 @@
 import numpy as np
 import taichi as ti
 
+from ._fixed_point import UNIT
 from ._launch import primitive
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
@@ -59,11 +61,34 @@ def adam(
     """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
 
     `rate` (3,) is that of :func:`learning_rate`, `decay` the share of each weight that is added to
-    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are.
+    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,)
+    is filled with the weights in its own precision; it may be `weights` itself. On CUDA each array
+    begins at a multiple of 16 bytes.
     """
     _adam(
         rate, factor, beta1, beta2, epsilon, decay, sparse, gradients, mean, square, weights, copy
     )
+
+
+@ti.kernel
+def _collect(
+    # outputs
+    sums: i64_1,  # (N,): set to 0
+    gradients: f32_1,  # (N,): added to
+):
+    for i in range(sums.shape[0]):
+        gradients[i] += ti.cast(sums[i], ti.f32) * UNIT
+        sums[i] = 0
+
+
+@primitive
+def collect(sums: np.ndarray, gradients: np.ndarray) -> None:
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave them at 0.
+
+    They are what gradients are added up in where the order must not show. On CUDA each array
+    begins at a multiple of 16 bytes.
+    """
+    _collect(sums, gradients)
 
 
 @ti.kernel
@@ -122,7 +147,10 @@ def _add_squares(
 
 @primitive
 def add_squares(gradients: np.ndarray, parts: np.ndarray) -> None:
-    """Add the squares of `gradients` (N,) to `parts` (P,)."""
+    """Add the squares of `gradients` (N,) to `parts` (P,), always in the same order.
+
+    On CUDA the gradients begin at a multiple of 16 bytes.
+    """
     _add_squares(gradients, parts)
 
 

@@ -12,8 +12,8 @@ As dw_i/dsigma_i = d_i T_{i+1} and dw_j/dsigma_i = -d_i w_j for j > i, with G_i 
 
     G_i = <dL/dC, c_i> + dL/dO + dL/dD t_i + dL/dX (2 sum_j w_j |t_i - t_j| + 2/3 w_i d_i).
 
-One thread a ray: the backward pass walks twice, and makes the weights again instead of keeping
-them. Both stop where less than `stop` of the light is left; samples behind that have no gradient.
+The backward pass walks twice, and makes the weights again instead of keeping them. Both stop where
+no more than `stop` of the light is left; samples behind that have no gradient.
 """
 
 import numpy as np

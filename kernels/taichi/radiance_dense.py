@@ -3,9 +3,10 @@
 import numpy as np
 import taichi as ti
 
-from ._launch import on_cpu, primitive
+from ._launch import on_cpu, primitive, scratch
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 vec16 = ti.types.vector(16, ti.f32)
 
@@ -40,8 +41,7 @@ def forward(
 ) -> None:
     """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
 
-    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16, and of 64
-    if they are larger than that.
+    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16.
     """
     _forward(x, w, total, relu, column, y)
 
@@ -89,21 +89,25 @@ def _backward_weight(
     x: f32_2,  # (M, >= K)
     total: i32_1,  # (1,)
     column: ti.i32,
-    parts: ti.i32,
     # outputs
+    parts: f32_3,  # (P, K, N)
     dw: f32_2,  # (K, N): added to
 ):
-    for row, tile, part in ti.ndrange(dw.shape[0] // 4, dw.shape[1] // 16, parts):
+    count = parts.shape[0]
+    for row, tile, part in ti.ndrange(dw.shape[0] // 4, dw.shape[1] // 16, count):
         sums = ti.Matrix.zero(ti.f32, 4, 16)
-        for turn in range((total[0] - part + parts - 1) // parts):
-            i = part + turn * parts
+        for turn in range((total[0] - part + count - 1) // count):
+            i = part + turn * count
             for k in ti.static(range(4)):
                 value = x[i, 4 * row + k]
                 for n in ti.static(range(16)):
                     sums[k, n] += value * dy[i, column + 16 * tile + n]
         for k in ti.static(range(4)):
             for n in ti.static(range(16)):
-                ti.atomic_add(dw[4 * row + k, 16 * tile + n], sums[k, n])
+                parts[part, 4 * row + k, 16 * tile + n] = sums[k, n]
+    for k, n in dw:
+        for part in range(count):
+            dw[k, n] = dw[k, n] + parts[part, k, n]
 
 
 @primitive
@@ -112,6 +116,7 @@ def backward_weight(
 ) -> None:
     """``dw += x^T dy[:, column:column + N]``, from y = x w, over the first `total` (1,) rows.
 
-    `dw` (K, N) is float32. On the CPU the order of the sums is that of the samples.
+    `x` is (M, >= K), `dw` (K, N) float32. The order of the sums is always the same.
     """
-    _backward_weight(dy, x, total, column, 1 if on_cpu() else PARTS, dw)
+    parts = scratch((1 if on_cpu() else PARTS, *dw.shape), np.float32)
+    _backward_weight(dy, x, total, column, parts, dw)

@@ -8,6 +8,7 @@ large enough, else the place that a hash of their coordinates says.
 import numpy as np
 import taichi as ti
 
+from ._fixed_point import add
 from ._launch import on_cpu, primitive
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -98,8 +99,9 @@ def _backward(
     offsets: i32_1,  # (L + 1,)
     d_features: f32_2,  # (M, 2 L)
     threads: ti.i32,
+    exact: ti.template(),
     # outputs
-    d_table: f32_2,  # (entries, 2): added to
+    d_table: ti.types.ndarray(ndim=2),  # (entries, 2), int64 if exact: added to
 ):
     # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
     for level, thread in ti.ndrange(resolutions.shape[0], threads):
@@ -117,8 +119,8 @@ def _backward(
                 for i, j, k in ti.static(ti.ndrange(2, 2, 2)):
                     entry = begin + _entry(cell + ivec3(i, j, k), resolution, size)
                     share = _share(at - cell, (i, j, k))
-                    ti.atomic_add(d_table[entry, 0], share * dx)
-                    ti.atomic_add(d_table[entry, 1], share * dy)
+                    add(d_table[entry, 0], share * dx, exact)
+                    add(d_table[entry, 1], share * dy, exact)
 
 
 @primitive
@@ -132,7 +134,8 @@ def backward(
 ) -> None:
     """Add to `d_table` (entries, 2), float32, what `d_features` (M, 2 L) make of it.
 
-    On the CPU in the order of the samples, as no two threads add to one level.
+    On the CPU in the order of the samples, as no two threads add to one level. On CUDA it may be
+    int64, of fixed-point numbers: their sums are the same in any order.
     """
-    threads = 1 if on_cpu() else positions.shape[0]
-    _backward(positions, total, resolutions, offsets, d_features, threads, d_table)
+    threads, exact = 1 if on_cpu() else positions.shape[0], d_table.dtype == np.int64
+    _backward(positions, total, resolutions, offsets, d_features, threads, exact, d_table)

@@ -53,7 +53,7 @@ def _total_variation(
 def _adam(
     rate_density: f32_1,
     rate_color: f32_1,
-    factor: ti.f32,
+    factor: f32_1,
     beta1: ti.f32,
     beta2: ti.f32,
     epsilon: ti.f32,
@@ -71,7 +71,7 @@ def _adam(
     for k, j, i in touched:
         if touched[k, j, i]:
             touched[k, j, i] = ti.u8(0)
-            g = d_density[k, j, i] * factor
+            g = d_density[k, j, i] * factor[0]
             m = beta1 * density_mean[k, j, i] + (1.0 - beta1) * g
             v = beta2 * density_square[k, j, i] + (1.0 - beta2) * g * g
             d_density[k, j, i] = 0.0
@@ -80,7 +80,7 @@ def _adam(
                 rate_density[0] / rate_density[1] * m / (ti.sqrt(v / rate_density[2]) + epsilon)
             )
             for c in range(color.shape[3]):
-                g = d_color[k, j, i, c] * factor
+                g = d_color[k, j, i, c] * factor[0]
                 m = beta1 * color_mean[k, j, i, c] + (1.0 - beta1) * g
                 v = beta2 * color_square[k, j, i, c] + (1.0 - beta2) * g * g
                 d_color[k, j, i, c] = 0.0
@@ -171,9 +171,9 @@ def render(
     rendered = colors, opacity, depth, distortion
     # The gradients are not looked at.
     march(
-        False, False, *rendered, origins, directions, active, bits, cells, near, far, finest, cone,
-        unbounded, jittered, seed, step, stop, least, basis, density, color, *rendered, samples,
-        density, color, scratch((1, 1, 1), np.uint8),
+        False, False, False, *rendered, origins, directions, active, bits, cells, near, far, finest,
+        cone, unbounded, jittered, seed, step, stop, least, basis, density, color, *rendered,
+        samples, density, color, scratch((1, 1, 1), np.uint8),
     )  # fmt: skip
 
 
@@ -212,13 +212,14 @@ def render_backward(
 ) -> None:
     """Add the gradients of the grid, and mark its nodes that have any.
 
-    `colors` to `samples` are what :func:`render` made of the same rays. On the CPU one thread does
-    all rays in turn: the sums do not change from run to run.
+    `colors` to `samples` are what :func:`render` made of the same rays. On CUDA `d_density` and
+    `d_color` may be int64, of fixed-point numbers: their sums are the same in any order. On the CPU
+    one thread does all rays in turn: the sums do not change from run to run.
     """
     march(
-        True, on_cpu(), d_colors, d_opacity, d_depth, d_distortion, origins,
-        directions, active, bits, cells, near, far, finest, cone, unbounded, jittered, seed, step,
-        stop, least, basis, density, color, colors, opacity, depth, distortion, samples,
+        True, on_cpu(), d_color.dtype == np.int64, d_colors, d_opacity, d_depth, d_distortion,
+        origins, directions, active, bits, cells, near, far, finest, cone, unbounded, jittered,
+        seed, step, stop, least, basis, density, color, colors, opacity, depth, distortion, samples,
         d_density, d_color, touched,
     )  # fmt: skip
 
@@ -244,7 +245,7 @@ def total_variation(
 def adam(
     rate_density: np.ndarray,
     rate_color: np.ndarray,
-    factor: float,
+    factor: np.ndarray,
     beta1: float,
     beta2: float,
     epsilon: float,
@@ -258,7 +259,10 @@ def adam(
     color_square: np.ndarray,
     color: np.ndarray,
 ) -> None:
-    """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0."""
+    """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
+
+    Before, these are multiplied by `factor` (1,).
+    """
     _adam(
         rate_density, rate_color, factor, beta1, beta2, epsilon, touched, d_density, density_mean,
         density_square, density, d_color, color_mean, color_square, color,

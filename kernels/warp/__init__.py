@@ -107,7 +107,8 @@ def write(array: wp.array, values: np.ndarray) -> None:
 def clear(array: wp.array) -> None:
     """Fill `array` with 0, in order with the kernels."""
     if array.device.is_cuda:
-        with wp.ScopedStream(_launch.current_stream(array.device)):
+        # To wait for Warp's own stream here, its default, is what no graph could record.
+        with wp.ScopedStream(_launch.current_stream(array.device), sync_enter=False):
             array.zero_()
     else:
         array.zero_()

@@ -12,7 +12,7 @@ import warp as wp
 
 WARPS = 8
 BLOCK = 32 * WARPS  # Warp's own
-TILE = 64  # columns that a block makes, of however many there are
+TILE = 64  # columns that a block makes at most, of however many there are
 OPTIONS = {"enable_backward": False}
 
 _WARP = """
@@ -97,14 +97,14 @@ _PRODUCT = f"""{_WARP}
     }}
 """
 
-# dw += src^T dy. An 8 x 8 piece turned by `movmatrix` has the samples where the instruction sums.
+# A block's part of src^T dy. An 8 x 8 piece turned by `movmatrix` has the samples where the
+# instruction sums. The warps' sums are added in turn, and the blocks' by `gather`: always in the
+# same order.
 _OUTER = f"""{_WARP}
     constexpr int INS = K_SIZE / 16, OUTS = N_SIZE / 16;
     __shared__ float sums[K_SIZE * N_SIZE];
-    for (int i = threadIdx.x; i < K_SIZE * N_SIZE; i += {BLOCK}) sums[i] = 0.0f;
-    __syncthreads();
-    const int tiles_n = (dw.shape[1] + N_SIZE - 1) / N_SIZE;
-    const int tiles = (dw.shape[0] + K_SIZE - 1) / K_SIZE * tiles_n, blocks = gridDim.x / tiles;
+    const int tiles_n = (parts.shape[2] + N_SIZE - 1) / N_SIZE, blocks = parts.shape[0];
+    const int tiles = (parts.shape[1] + K_SIZE - 1) / K_SIZE * tiles_n;
     const int k0 = blockIdx.x % tiles / tiles_n * K_SIZE, n0 = blockIdx.x % tiles_n * N_SIZE;
     const unsigned short* xs = (const unsigned short*)src.data + k0 + 4 * t;
     const unsigned short* ys = (const unsigned short*)dy.data + column + n0 + 4 * t;
@@ -143,20 +143,31 @@ _OUTER = f"""{_WARP}
             }}
         }}
     }}
-    #pragma unroll
-    for (int i = 0; i < INS; ++i)
-        #pragma unroll
-        for (int o = 0; o < 2 * OUTS; ++o)
+    for (int turn = 0; turn < {WARPS}; ++turn) {{
+        if (warp == turn) {{
             #pragma unroll
-            for (int j = 0; j < 4; ++j) {{
-                const int k = 16 * i + 4 * (g >> 1) + (g & 1) + (j & 2);
-                const int n = 16 * (o / 2) + 4 * t + (j & 1) + 2 * (o & 1);
-                atomicAdd(&sums[k * N_SIZE + n], acc[i][o][j]);
-            }}
-    __syncthreads();
+            for (int i = 0; i < INS; ++i)
+                #pragma unroll
+                for (int o = 0; o < 2 * OUTS; ++o)
+                    #pragma unroll
+                    for (int j = 0; j < 4; ++j) {{
+                        const int k = 16 * i + 4 * (g >> 1) + (g & 1) + (j & 2);
+                        const int n = 16 * (o / 2) + 4 * t + (j & 1) + 2 * (o & 1);
+                        float& sum = sums[k * N_SIZE + n];
+                        sum = turn ? sum + acc[i][o][j] : acc[i][o][j];
+                    }}
+        }}
+        __syncthreads();
+    }}
+    float* part = parts.data + (size_t)(blockIdx.x / tiles) * parts.shape[1] * parts.shape[2];
     for (int i = threadIdx.x; i < K_SIZE * N_SIZE; i += {BLOCK})
-        atomicAdd(dw.data + (k0 + i / N_SIZE) * dw.shape[1] + n0 + i % N_SIZE, sums[i]);
+        part[(k0 + i / N_SIZE) * parts.shape[2] + n0 + i % N_SIZE] = sums[i];
 """
+
+
+def tile(size: int) -> int:
+    """Return the largest tile that divides a multiple of 16 evenly."""
+    return max(part for part in range(16, TILE + 1, 16) if size % part == 0)
 
 
 @cache
@@ -199,7 +210,7 @@ def product(depth: int, columns: int, transposed: bool) -> wp.Kernel:
 
 @cache
 def outer(depth: int, columns: int) -> wp.Kernel:
-    """Return the kernel of ``dw += src^T dy``, in tiles of depth x columns."""
+    """Return the kernel of P parts of ``src^T dy``, in tiles of depth x columns."""
 
     @wp.func_native(_OUTER.replace("K_SIZE", str(depth)).replace("N_SIZE", str(columns)))
     def accumulate(
@@ -207,18 +218,46 @@ def outer(depth: int, columns: int) -> wp.Kernel:
         src: wp.array2d[wp.float16],
         total: wp.array[int],
         column: int,
-        dw: wp.array2d[float],
+        parts: wp.array3d[float],
     ): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def outer(
         dy: wp.array2d[wp.float16],  # (M, >= columns)
-        src: wp.array2d[wp.float16],  # (M, depth)
+        src: wp.array2d[wp.float16],  # (M, >= K)
         total: wp.array[int],  # (1,)
         column: int,
         # outputs
-        dw: wp.array2d[float],  # (K, N): added to
+        parts: wp.array3d[float],  # (P, K, N)
     ):
-        accumulate(dy, src, total, column, dw)
+        accumulate(dy, src, total, column, parts)
 
     return outer
+
+
+# A warp has 32 numbers, each of them a share of the parts: eight warps, eight shares.
+@wp.func_native(f"""
+    __shared__ float sums[{WARPS}][32];
+    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    const int size = parts.shape[1] * parts.shape[2], at = blockIdx.x * 32 + lane;
+    const int first = parts.shape[0] * warp / {WARPS}, last = parts.shape[0] * (warp + 1) / {WARPS};
+    float sum = 0.0f;
+    #pragma unroll 8
+    for (int part = first; part < last; ++part) sum += parts.data[(size_t)part * size + at];
+    sums[warp][lane] = sum;
+    __syncthreads();
+    if (warp == 0) {{
+        for (int other = 1; other < {WARPS}; ++other) sum += sums[other][lane];
+        dw.data[at] += sum;
+    }}
+""")
+def gather_block(parts: wp.array3d[float], dw: wp.array2d[float]): ...
+
+
+@wp.kernel(module="unique", module_options=OPTIONS)
+def gather(
+    parts: wp.array3d[float],  # (P, K, N)
+    # outputs
+    dw: wp.array2d[float],  # (K, N), a multiple of 32 numbers: added to
+):
+    gather_block(parts, dw)

@@ -83,7 +83,8 @@ def product(
     // For 16 samples at a time: sum over them of src[row, k] dy[row, n].
     #pragma clang fp contract(fast)
     const int rows = total.data[0] < last ? total.data[0] : last;
-    const int depth = src.shape[1], pitch = dy.shape[1], padded = parts.shape[2];
+    const int depth = parts.shape[1], padded = parts.shape[2];
+    const int pitch = dy.shape[1], pitch_in = src.shape[1];
     float* own = parts.data + (size_t)slab * depth * padded;
     for (int i = 0; i < depth * padded; ++i) own[i] = 0.0f;
     for (int begin = first; begin < rows; begin += 16) {
@@ -101,7 +102,7 @@ def product(
                 #pragma clang loop vectorize(assume_safety)
                 for (int n = 0; n < 64; ++n) sums[n] = to[n];
                 for (int s = 0; s < count; ++s) {
-                    const float value = src.data[(size_t)(begin + s) * depth + k];
+                    const float value = src.data[(size_t)(begin + s) * pitch_in + k];
                     #pragma clang loop vectorize(assume_safety)
                     for (int n = 0; n < 64; ++n) sums[n] += value * ys[64 * s + n];
                 }
@@ -130,7 +131,7 @@ def outer(
     first: int,
     last: int,
     dy: wp.array2d[float],  # (M, >= columns)
-    src: wp.array2d[float],  # (M, K)
+    src: wp.array2d[float],  # (M, >= K)
     total: wp.array[int],  # (1,)
     column: int,
     columns: int,

@@ -4,11 +4,16 @@ Its threads are 32 places along the ray, empty or not, and then the up to 32 coe
 sample after the other, so that a row of the grid is read, or added to, at once.
 """
 
+from functools import cache
+from typing import Any
+
 import warp as wp
 
+from ._fixed_point import FIXED
 from ._random import random_unit
 
-wp.set_module_options({"enable_backward": False})
+OPTIONS = {"enable_backward": False}
+wp.set_module_options(OPTIONS)
 
 THREADS = 32  # of a ray
 
@@ -163,8 +168,10 @@ _FORWARD = {
     """,
 }
 
+# ADD is how a `value` is added to the number at `to`.
 _BACKWARD = {
     "BEFORE": """
+    auto add = [](auto* to, float value) { ADD };
     const float* dc = d_colors.data + 3 * (size_t)ray;
     const float d_o = d_opacity.data[ray], d_t = d_depth.data[ray], d_x = d_distortion.data[ray];
     const float all_w = opacity.data[ray], all_wt = depth.data[ray];
@@ -199,15 +206,20 @@ _BACKWARD = {
                 const float share = (corner & 1 ? fs[0] : 1.0f - fs[0])
                     * (corner & 2 ? fs[1] : 1.0f - fs[1]) * (corner & 4 ? fs[2] : 1.0f - fs[2]);
                 if (lane < 3 * basis)
-                    atomicAdd(d_color.data + (size_t)to * width + lane, share * d_row);
+                    add(d_color.data + (size_t)to * width + lane, share * d_row);
                 if (lane == 31 - corner) {
-                    atomicAdd(d_density.data + to, share * d_node);
+                    add(d_density.data + to, share * d_node);
                     touched.data[to] = 1;
                 }
             }
         }
     """,
     "END": "",
+}
+
+_ADD = {
+    wp.float32: "atomicAdd(to, value);",
+    wp.int64: f"atomicAdd((unsigned long long*)to, (unsigned long long){FIXED});",
 }
 
 
@@ -247,40 +259,6 @@ def walk_forward(
     depth: wp.array[float],
     distortion: wp.array[float],
     samples: wp.array[int],
-): ...
-
-
-@wp.func_native(_text(_BACKWARD))
-def walk_backward(
-    ray: int,
-    jitter: float,
-    d_colors: wp.array2d[float],
-    d_opacity: wp.array[float],
-    d_depth: wp.array[float],
-    d_distortion: wp.array[float],
-    origins: wp.array2d[float],
-    directions: wp.array2d[float],
-    bits: wp.array[wp.uint32],
-    cells: int,
-    shift: int,
-    resolution: int,
-    basis: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    stop: float,
-    least: float,
-    density: wp.array3d[float],
-    color: wp.array4d[float],
-    colors: wp.array2d[float],
-    opacity: wp.array[float],
-    depth: wp.array[float],
-    distortion: wp.array[float],
-    d_density: wp.array3d[float],
-    d_color: wp.array4d[float],
-    touched: wp.array3d[wp.uint8],
 ): ...
 
 
@@ -327,50 +305,90 @@ def render(
         samples[ray] = 0
 
 
-@wp.kernel
-def render_backward(
-    d_colors: wp.array2d[float],  # (R, 3)
-    d_opacity: wp.array[float],  # (R,)
-    d_depth: wp.array[float],  # (R,)
-    d_distortion: wp.array[float],  # (R,)
-    origins: wp.array2d[float],  # (R, 3)
-    directions: wp.array2d[float],  # (R, 3)
-    active: wp.array[int],  # (1,)
-    bits: wp.array[wp.uint32],  # (cells^3 / 32,)
-    cells: int,
-    shift: int,
-    resolution: int,
-    basis: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    jittered: bool,
-    seed: int,
-    step: wp.array[int],  # (1,)
-    stop: float,
-    least: float,
-    density: wp.array3d[float],
-    color: wp.array4d[float],
-    colors: wp.array2d[float],  # (R, 3)
-    opacity: wp.array[float],  # (R,)
-    depth: wp.array[float],  # (R,)
-    distortion: wp.array[float],  # (R,)
-    samples: wp.array[int],  # (R,)
-    # outputs
-    d_density: wp.array3d[float],  # added to
-    d_color: wp.array4d[float],  # added to
-    touched: wp.array3d[wp.uint8],
-):
-    ray = warp_number()
-    if ray < active[0]:
-        if samples[ray] > 0:
-            jitter = float(0.5)
-            if jittered:
-                jitter = random_unit(seed, step[0], ray, 4)
-            walk_backward(
-                ray, jitter, d_colors, d_opacity, d_depth, d_distortion, origins, directions, bits,
-                cells, shift, resolution, basis, near, far, finest, cone, unbounded, stop, least,
-                density, color, colors, opacity, depth, distortion, d_density, d_color, touched,
-            )  # fmt: skip
+@cache
+def render_backward(sums: Any) -> wp.Kernel:
+    """Return the kernel that adds to float32, or to int64 of fixed-point numbers."""
+
+    @wp.func_native(_text(_BACKWARD).replace("ADD", _ADD[sums]))
+    def walk_backward(
+        ray: int,
+        jitter: float,
+        d_colors: wp.array2d[float],
+        d_opacity: wp.array[float],
+        d_depth: wp.array[float],
+        d_distortion: wp.array[float],
+        origins: wp.array2d[float],
+        directions: wp.array2d[float],
+        bits: wp.array[wp.uint32],
+        cells: int,
+        shift: int,
+        resolution: int,
+        basis: int,
+        near: float,
+        far: float,
+        finest: float,
+        cone: float,
+        unbounded: bool,
+        stop: float,
+        least: float,
+        density: wp.array3d[float],
+        color: wp.array4d[float],
+        colors: wp.array2d[float],
+        opacity: wp.array[float],
+        depth: wp.array[float],
+        distortion: wp.array[float],
+        d_density: wp.array3d[sums],
+        d_color: wp.array4d[sums],
+        touched: wp.array3d[wp.uint8],
+    ): ...
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def render_backward(
+        d_colors: wp.array2d[float],  # (R, 3)
+        d_opacity: wp.array[float],  # (R,)
+        d_depth: wp.array[float],  # (R,)
+        d_distortion: wp.array[float],  # (R,)
+        origins: wp.array2d[float],  # (R, 3)
+        directions: wp.array2d[float],  # (R, 3)
+        active: wp.array[int],  # (1,)
+        bits: wp.array[wp.uint32],  # (cells^3 / 32,)
+        cells: int,
+        shift: int,
+        resolution: int,
+        basis: int,
+        near: float,
+        far: float,
+        finest: float,
+        cone: float,
+        unbounded: bool,
+        jittered: bool,
+        seed: int,
+        step: wp.array[int],  # (1,)
+        stop: float,
+        least: float,
+        density: wp.array3d[float],
+        color: wp.array4d[float],
+        colors: wp.array2d[float],  # (R, 3)
+        opacity: wp.array[float],  # (R,)
+        depth: wp.array[float],  # (R,)
+        distortion: wp.array[float],  # (R,)
+        samples: wp.array[int],  # (R,)
+        # outputs
+        d_density: wp.array3d[sums],  # added to
+        d_color: wp.array4d[sums],  # added to
+        touched: wp.array3d[wp.uint8],
+    ):
+        ray = warp_number()
+        if ray < active[0]:
+            if samples[ray] > 0:
+                jitter = float(0.5)
+                if jittered:
+                    jitter = random_unit(seed, step[0], ray, 4)
+                walk_backward(
+                    ray, jitter, d_colors, d_opacity, d_depth, d_distortion, origins, directions,
+                    bits, cells, shift, resolution, basis, near, far, finest, cone, unbounded, stop,
+                    least, density, color, colors, opacity, depth, distortion, d_density, d_color,
+                    touched,
+                )  # fmt: skip
+
+    return render_backward

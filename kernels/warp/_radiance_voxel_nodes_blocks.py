@@ -49,7 +49,7 @@ def sync_warp(): ...
 def moved(
     i: int,
     rate: wp.array[float],
-    factor: float,
+    factor: wp.array[float],
     beta1: float,
     beta2: float,
     epsilon: float,
@@ -59,7 +59,7 @@ def moved(
     weights: wp.array[float],
 ):
     """One step of Adam with one number."""
-    g = gradients[i] * factor
+    g = gradients[i] * factor[0]
     m = beta1 * mean[i] + (1.0 - beta1) * g
     v = beta2 * square[i] + (1.0 - beta2) * g * g
     gradients[i] = 0.0
@@ -72,7 +72,7 @@ def moved(
 def adam(
     rate_density: wp.array[float],  # (3,)
     rate_color: wp.array[float],  # (3,)
-    factor: float,
+    factor: wp.array[float],  # (1,)
     beta1: float,
     beta2: float,
     epsilon: float,

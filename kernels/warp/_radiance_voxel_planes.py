@@ -131,7 +131,7 @@ def kernels(width: int) -> Kernels:
         last: int,
         rate_density: wp.array[float],  # (3,)
         rate_color: wp.array[float],  # (3,)
-        factor: float,
+        factor: wp.array[float],  # (1,)
         beta1: float,
         beta2: float,
         epsilon: float,
@@ -150,7 +150,7 @@ def kernels(width: int) -> Kernels:
         mend = 1.0 / rate_color[2]
         for k in range(first, last):
             adam_plane(
-                k, of_density, of_color, factor, beta1, beta2, mend, epsilon, touched, d_density,
+                k, of_density, of_color, factor[0], beta1, beta2, mend, epsilon, touched, d_density,
                 density_mean, density_square, density, d_color, color_mean, color_square, color,
             )  # fmt: skip
 

@@ -1,55 +1,12 @@
 """Adam [Kingma and Ba 2015], learning rates and gradient clipping, in Warp."""
 
-from functools import cache
-from typing import Any
-
 import warp as wp
 
-from ._launch import launch, launch_each
+from . import _radiance_adam_blocks as blocks
+from . import _radiance_adam_rows as rows
+from ._launch import launch, launch_slabs, slabs
 
-OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
-wp.set_module_options(OPTIONS)
-
-
-@cache
-def _adam(scalar: Any) -> wp.Kernel:
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def adam(
-        stride: int,
-        first: int,
-        last: int,
-        rate: wp.array[float],  # (3,): of learning, and what the two means have to be divided by
-        factor: wp.array[float],  # (1,): of the gradients
-        beta1: float,
-        beta2: float,
-        epsilon: float,
-        decay: float,
-        sparse: bool,
-        # outputs
-        gradients: wp.array[float],  # (N,): set to 0
-        mean: wp.array[float],  # (N,)
-        square: wp.array[float],  # (N,)
-        weights: wp.array[float],  # (N,)
-        copy: wp.array[scalar],  # (N,): the weights again
-    ):
-        learning = rate[0] / rate[1]
-        mend = 1.0 / rate[2]
-        for i in range(first + wp.tid(), last, stride):
-            g = gradients[i] * factor[0]
-            gradients[i] = 0.0
-            # Entries of a table that no sample touched stay as they are.
-            if not sparse or g != 0.0:
-                w = weights[i]
-                g += decay * w
-                m = beta1 * mean[i] + (1.0 - beta1) * g
-                v = beta2 * square[i] + (1.0 - beta2) * g * g
-                mean[i] = m
-                square[i] = v
-                w -= learning * m / (wp.sqrt(v * mend) + epsilon)
-                weights[i] = w
-                copy[i] = scalar(w)
-
-    return adam
+wp.set_module_options({"enable_backward": False})
 
 
 @wp.kernel
@@ -71,40 +28,6 @@ def rate_kernel(
     # Both means begin at 0, and are too small by these factors.
     rate[1] = 1.0 - wp.pow(beta1, steps)
     rate[2] = 1.0 - wp.pow(beta2, steps)
-
-
-@wp.kernel
-def squares_kernel(
-    gradients: wp.array[float],  # (N,)
-    # outputs
-    parts: wp.array[float],  # (P,): added to
-):
-    """Sum the squares of every P-th gradient."""
-    part = wp.tid()
-    total = float(0.0)
-    for i in range(part, gradients.shape[0], parts.shape[0]):
-        total += gradients[i] * gradients[i]
-    parts[part] = parts[part] + total
-
-
-@wp.kernel
-def factor_kernel(
-    scale: float,
-    most: float,
-    # outputs
-    parts: wp.array[float],  # (P,): set to 0
-    factor: wp.array[float],  # (1,)
-):
-    """Sum the parts, and shrink."""
-    total = float(0.0)
-    for part in range(parts.shape[0]):
-        total += parts[part]
-        parts[part] = 0.0
-    norm = wp.sqrt(total) * scale
-    shrink = float(1.0)
-    if norm > most:
-        shrink = most / norm
-    factor[0] = scale * shrink
 
 
 @wp.kernel
@@ -133,16 +56,30 @@ def adam(
     """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
 
     `rate` (3,) is that of :func:`learning_rate`, `decay` the share of each weight that is added to
-    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are.
+    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,)
+    is filled with the weights in its own precision; it may be `weights` itself. On CUDA each array
+    begins at a multiple of 16 bytes.
     """
     count = weights.shape[0]
-    launch_each(
-        _adam(copy.dtype),
-        count,
-        4 * count,
-        [rate, factor, beta1, beta2, epsilon, decay, sparse],
-        [gradients, mean, square, weights, copy],
-    )
+    inputs = [rate, factor, beta1, beta2, epsilon, decay, sparse]
+    outputs = [gradients, mean, square, weights, copy]
+    if weights.device.is_cuda:
+        launch(blocks.adam(copy.dtype), blocks.threads(count), inputs, outputs)
+    else:
+        launch_slabs(rows.adam, count, slabs(count, 4 * count), inputs, outputs)
+
+
+def collect(sums: wp.array, gradients: wp.array) -> None:
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave them at 0.
+
+    They are what gradients are added up in where the order must not show. On CUDA each array
+    begins at a multiple of 16 bytes.
+    """
+    count = sums.shape[0]
+    if sums.device.is_cuda:
+        launch(blocks.collect, blocks.threads(count), [], [sums, gradients])
+    else:
+        launch_slabs(rows.collect, count, slabs(count, 2 * count), [], [sums, gradients])
 
 
 def learning_rate(
@@ -164,8 +101,16 @@ def learning_rate(
 
 
 def add_squares(gradients: wp.array, parts: wp.array) -> None:
-    """Add the squares of `gradients` (N,) to `parts` (P,)."""
-    launch(squares_kernel, parts.shape[0], [gradients], [parts])
+    """Add the squares of `gradients` (N,) to `parts` (P,), always in the same order.
+
+    On CUDA the gradients begin at a multiple of 16 bytes.
+    """
+    count = parts.shape[0]
+    if parts.device.is_cuda:
+        launch(blocks.squares, count * blocks.BLOCK, [gradients], [parts])
+    else:
+        number = slabs(count, gradients.shape[0])
+        launch_slabs(rows.squares, count, number, [gradients], [parts])
 
 
 def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
@@ -173,7 +118,9 @@ def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
 
     `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
     """
-    launch(factor_kernel, 1, [scale, most], [parts, factor])
+    cuda = parts.device.is_cuda
+    kernel, threads = (blocks.clip, blocks.BLOCK) if cuda else (rows.clip, 1)
+    launch(kernel, threads, [scale, most], [parts, factor])
 
 
 def advance(step: wp.array) -> None:

@@ -12,13 +12,14 @@ As dw_i/dsigma_i = d_i T_{i+1} and dw_j/dsigma_i = -d_i w_j for j > i, with G_i 
 
     G_i = <dL/dC, c_i> + dL/dO + dL/dD t_i + dL/dX (2 sum_j w_j |t_i - t_j| + 2/3 w_i d_i).
 
-One thread a ray: the backward pass walks twice, and makes the weights again instead of keeping
-them. Both stop where less than `stop` of the light is left; samples behind that have no gradient.
+The backward pass walks twice, and makes the weights again instead of keeping them. Both stop where
+no more than `stop` of the light is left; samples behind that have no gradient.
 """
 
 import warp as wp
 
-from ._launch import launch_each
+from . import _radiance_composite_blocks as blocks
+from ._launch import launch, launch_each
 
 wp.set_module_options({"enable_backward": False})
 
@@ -150,13 +151,11 @@ def forward(
     says, make `color` (R, 3), `opacity`, `depth` and `distortion` (R,).
     """
     count = spans.shape[0]
-    launch_each(
-        forward_kernel,
-        count,
-        256 * count,
-        [sigma, rgb, distances, spans, stop],
-        [color, opacity, depth, distortion],
-    )
+    inputs, outputs = [sigma, rgb, distances, spans, stop], [color, opacity, depth, distortion]
+    if spans.device.is_cuda:
+        launch(blocks.forward, blocks.THREADS * count, inputs, outputs)
+    else:
+        launch_each(forward_kernel, count, 256 * count, inputs, outputs)
 
 
 def backward(
@@ -177,10 +176,9 @@ def backward(
     Rows of no ray are not touched.
     """
     count = spans.shape[0]
-    launch_each(
-        backward_kernel,
-        count,
-        512 * count,
-        [d_color, d_opacity, d_depth, d_distortion, sigma, rgb, distances, spans, stop],
-        [d_sigma, d_rgb],
-    )
+    gradients = [d_color, d_opacity, d_depth, d_distortion]
+    inputs, outputs = [*gradients, sigma, rgb, distances, spans, stop], [d_sigma, d_rgb]
+    if spans.device.is_cuda:
+        launch(blocks.backward, blocks.THREADS * count, inputs, outputs)
+    else:
+        launch_each(backward_kernel, count, 512 * count, inputs, outputs)

@@ -15,8 +15,7 @@ def forward(
 ) -> None:
     """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
 
-    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16, and of 64
-    if they are larger than that.
+    `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16.
     """
     _product(x, w, x, total, False, 0, column, relu, False, y)
 
@@ -34,14 +33,18 @@ def backward_input(
 def backward_weight(dy: wp.array, x: wp.array, total: wp.array, column: int, dw: wp.array) -> None:
     """``dw += x^T dy[:, column:column + N]``, from y = x w, over the first `total` (1,) rows.
 
-    `dw` (K, N) is float32. On the CPU the order of the sums depends on the number of threads alone.
+    `x` is (M, >= K), `dw` (K, N) float32. The order of the sums is always the same on CUDA, and
+    depends on the number of threads alone on the CPU.
     """
     depth, columns = dw.shape
     if dw.device.is_cuda:
-        tile = min(depth, blocks.TILE), min(columns, blocks.TILE)
+        tile = blocks.tile(depth), blocks.tile(columns)
         tiles = depth // tile[0] * (columns // tile[1])
-        count = max(1, _BLOCKS // 2 // tiles) * tiles
-        launch(blocks.outer(*tile), count * blocks.BLOCK, [dy, x, total, column], [dw])
+        count = max(1, _BLOCKS // 2 // tiles)
+        parts = scratch("dense.parts", (count, depth, columns), wp.float32, dw.device)
+        threads = count * tiles * blocks.BLOCK
+        launch(blocks.outer(*tile), threads, [dy, x, total, column], [parts])
+        launch(blocks.gather, depth * columns // 32 * blocks.BLOCK, [parts], [dw])
         return
     count = slabs(x.shape[0], x.shape[0] * columns * 8)
     padded = -(-columns // rows.LANES) * rows.LANES
@@ -64,7 +67,7 @@ def _product(
 ) -> None:
     depth, columns = w.shape[::-1] if transposed else w.shape
     if dst.device.is_cuda:
-        tile = min(columns, blocks.TILE)
+        tile = blocks.tile(columns)
         count = max(1, _BLOCKS // (columns // tile)) * (columns // tile)
         launch(
             blocks.product(depth, tile, transposed),

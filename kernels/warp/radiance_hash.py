@@ -5,7 +5,8 @@ eight corners round it, weighted by nearness; corners have a place each where th
 large enough, else the place that a hash of their coordinates says.
 
 On CUDA one thread a sample and level, the samples of a level together: those of one ray share
-corners.
+corners. The backward pass adds in the order in which samples happen to come, which does not show
+where sums are integers.
 """
 
 from functools import cache
@@ -14,6 +15,7 @@ from typing import Any
 import warp as wp
 
 from . import _radiance_hash_rows as rows
+from ._fixed_point import fixed
 from ._launch import launch, launch_slabs, slabs, view
 
 OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
@@ -76,8 +78,15 @@ def share_of(cell: Cell, corner: int) -> float:
     atomicAdd(to + 1, y);
 #endif
 """)
-def add(table: wp.array[wp.vec2], entry: int, x: float, y: float):
+def add_pair(table: wp.array[wp.vec2], entry: int, x: float, y: float):
     """Add to an entry atomically, both numbers at a time where the GPU can."""
+
+
+@wp.func
+def add_fixed(table: wp.array2d[wp.int64], entry: int, x: float, y: float):
+    """Add to an entry of fixed-point numbers."""
+    wp.atomic_add(table, entry, 0, fixed(x))
+    wp.atomic_add(table, entry, 1, fixed(y))
 
 
 @cache
@@ -112,8 +121,11 @@ def _encode(scalar: Any) -> wp.Kernel:
 
 
 @cache
-def _backward(scalar: Any) -> wp.Kernel:
+def _backward(scalar: Any, sums: Any) -> wp.Kernel:
     pair = wp.types.vector(2, scalar)
+    exact = sums is wp.int64
+    table = wp.array2d[sums] if exact else wp.array[wp.vec2]
+    add = add_fixed if exact else add_pair
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def backward(
@@ -123,7 +135,7 @@ def _backward(scalar: Any) -> wp.Kernel:
         offsets: wp.array[int],  # (L + 1,)
         d_features: wp.array2d[pair],  # (M, L)
         # outputs
-        d_table: wp.array[wp.vec2],  # (entries,): added to
+        d_table: table,  # (entries,) pairs, or (entries, 2): added to
     ):
         # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
         item = wp.tid()
@@ -186,7 +198,8 @@ def backward(
 ) -> None:
     """Add to `d_table` (entries, 2), float32, what `d_features` (M, 2 L) make of it.
 
-    On the CPU in the order of the samples, as no two threads add to one level.
+    On the CPU in the order of the samples, as no two threads add to one level. On CUDA it may be
+    int64, of fixed-point numbers: their sums are the same in any order.
     """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels
@@ -194,8 +207,9 @@ def backward(
     if d_table.device.is_cuda:
         pair = wp.types.vector(2, d_features.dtype)
         pairs = view(d_features, pair, (positions.shape[0], levels))
-        outputs = [_pairs(d_table, wp.float32)]
-        launch(_backward(d_features.dtype), count, [*inputs, pairs], outputs)
+        outputs = [_pairs(d_table, wp.float32) if d_table.dtype is wp.float32 else d_table]
+        kernel = _backward(d_features.dtype, d_table.dtype)
+        launch(kernel, count, [*inputs, pairs], outputs)
     else:
         parts = min(levels, slabs(count, 16 * count))
         launch_slabs(rows.backward, levels, parts, [*inputs, d_features], [d_table])

@@ -6,7 +6,8 @@ mean, or above a least density, are marched through.
 
 import warp as wp
 
-from ._launch import launch, launch_each
+from . import _radiance_occupancy_blocks as blocks
+from ._launch import BLOCK, launch, launch_each
 from ._radiance_space import in_cube, random_point
 from ._random import random_index
 
@@ -158,6 +159,11 @@ def mark(density: wp.array, least: float, parts: wp.array, limit: wp.array, bits
     bit; the mean is summed in `parts` (P,), and `limit` (1,) filled with what cells must exceed.
     """
     count = density.shape[0]
+    if density.device.is_cuda:
+        launch(blocks.sum_parts, BLOCK * parts.shape[0], [density], [parts])
+        threads = BLOCK * min(blocks.BLOCKS, -(-count // (4 * BLOCK)))
+        launch(blocks.mark, threads, [density, parts, least], [limit, bits])
+        return
     launch(sum_kernel, parts.shape[0], [density], [parts])
     launch(limit_kernel, 1, [parts, count, least], [limit])
     launch_each(mark_kernel, count // 32, count, [density, limit], [bits])

@@ -11,8 +11,9 @@ colour 1 / (1 + e^-s). With w_i, T_i, G_i as in radiance_composite.py:
 
 The backward pass walks again. What it needs of the samples behind i is what the forward pass
 returned, less what has been passed: sum_j w_j G_j is linear in that. On CUDA a warp walks a ray and
-adds by atomics; on the CPU a thread walks some rays and notes what each sample has to add, and
-then each thread adds to nodes of its own, in the order of the rays.
+adds by atomics, whose order does not show where sums are integers; on the CPU a thread walks some
+rays and notes what each sample has to add, and then each thread adds to nodes of its own, in the
+order of the rays.
 """
 
 import numpy as np
@@ -189,7 +190,8 @@ def render_backward(
 ) -> None:
     """Add the gradients of the grid, and mark its nodes that have any.
 
-    `colors` to `samples` are what :func:`render` made of the same rays.
+    `colors` to `samples` are what :func:`render` made of the same rays. On CUDA `d_density` and
+    `d_color` may be int64, of fixed-point numbers: their sums are the same in any order.
     """
     count = origins.shape[0]
     resolution = density.shape[0] - 1
@@ -202,7 +204,7 @@ def render_backward(
     outputs = [d_density, d_color, touched]
     if density.device.is_cuda:
         inputs = [*gradients, origins, directions, active, *march, samples]
-        launch(blocks.render_backward, blocks.THREADS * count, inputs, outputs)
+        launch(blocks.render_backward(d_color.dtype), blocks.THREADS * count, inputs, outputs)
         return
     kernels = rows.kernels(color.shape[3])
     # Kernels of the CPU are done when their launch is: the host can read what they wrote.
@@ -244,7 +246,7 @@ def total_variation(
 def adam(
     rate_density: wp.array,
     rate_color: wp.array,
-    factor: float,
+    factor: wp.array,
     beta1: float,
     beta2: float,
     epsilon: float,
@@ -258,7 +260,10 @@ def adam(
     color_square: wp.array,
     color: wp.array,
 ) -> None:
-    """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0."""
+    """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
+
+    Before, these are multiplied by `factor` (1,).
+    """
     side, width = density.shape[0], color.shape[3]
     inputs = [rate_density, rate_color, factor, beta1, beta2, epsilon]
     outputs = [

@@ -70,9 +70,10 @@ def march(origin, direction, occupied, levels, cells, near, far, finest, cone, j
     In float32 where a kernel could not otherwise come to the same places.
     """
     side = F32(2.0 ** (levels - 1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.stack([-side - origin, side - origin]) * (F32(1) / direction)
-    enter, leave = np.nanmin(ends, 0).max(), np.nanmax(ends, 0).min()
+    least = np.where(direction < 0, F32(-1e-12), F32(1e-12))
+    inverse = F32(1) / np.where(np.abs(direction) < F32(1e-12), least, direction)
+    ends = np.stack([-side - origin, side - origin]) * inverse
+    enter, leave = ends.min(0).max(), ends.max(0).min()
     if enter >= leave:
         return np.empty(0, F32)
     finest, cone = F32(finest), F32(cone)
@@ -129,11 +130,14 @@ def losses(color, opacity, targets, behind, huber):
 # ---------------------------------------------------------------------------------- encodings
 
 
-def hash_corners(positions, resolution, size):
-    """Return the entries of the corners of each sample's cell, (N, 8), and their weights."""
+def hash_corners(positions, resolution, size, fused=False):
+    """Return the entries of the corners of each sample's cell, (N, 8), and their weights.
+
+    The place in the cell is what is left of a product rounded to float32, or not if `fused`.
+    """
     at = positions.astype(F32) * F32(resolution)  # in float32: which cell it is depends on it
     cell = np.clip(np.floor(at), 0, resolution - 1).astype(np.int64)
-    f = at.astype(float) - cell
+    f = (positions.astype(float) * resolution if fused else at.astype(float)) - cell
     entries, weights = [], []
     for corner in np.ndindex(2, 2, 2):
         i, j, k = (cell + corner).T
@@ -146,12 +150,12 @@ def hash_corners(positions, resolution, size):
     return np.stack(entries, 1), np.stack(weights, 1)
 
 
-def hash_encode(positions, grids, table):
+def hash_encode(positions, grids, table, fused=False):
     """Return the features (N, 2 L) of samples, in grids of these resolutions and offsets."""
     resolutions, offsets = grids
     found = []
     for resolution, begin, end in zip(resolutions, offsets[:-1], offsets[1:], strict=True):
-        entries, weights = hash_corners(positions, resolution, end - begin)
+        entries, weights = hash_corners(positions, resolution, end - begin, fused)
         found.append((weights[:, :, None] * table[begin + entries].astype(float)).sum(1))
     return np.hstack(found)
 
@@ -192,3 +196,44 @@ def slope(function, at, step=1e-5):
         there[i] -= 2 * step
         found[i] = (above - function(there)) / (2 * step)
     return found
+
+
+# ------------------------------------------------------------------------------------ networks
+
+
+def network_parts(weights, inputs):
+    """Cut the weights of the two perceptrons of a hash field into layers."""
+    shapes = [(inputs, 64), (64, 16), (32, 64), (64, 64), (64, 16)]
+    ends = np.cumsum([k * n for k, n in shapes])
+    return [w.reshape(s) for w, s in zip(np.split(weights, ends[:-1]), shapes, strict=True)]
+
+
+def network(features, views, weights, kept=lambda x: x):
+    """Return density, colour and what layers give, from features and harmonics of the view.
+
+    What a layer gives to the next goes through `kept`: it may be rounded.
+    """
+    a, b, c, d, e = network_parts(weights, features.shape[1])
+    first = kept(np.maximum(features @ a, 0))
+    numbers = first @ b
+    hidden = kept(np.concatenate([numbers, views], 1))
+    second = kept(np.maximum(hidden @ c, 0))
+    third = kept(np.maximum(second @ d, 0))
+    sigma = np.exp(np.minimum(numbers[:, 0], 11))
+    return sigma, 1 / (1 + np.exp(-(third @ e)[:, :3])), (first, hidden, second, third)
+
+
+def network_backward(d_sigma, d_rgb, features, views, weights, kept=lambda x: x):
+    """Return the gradients of features and weights, by the chain rule from end to beginning."""
+    sigma, rgb, (first, hidden, second, third) = network(features, views, weights, kept)
+    a, b, c, d, e = network_parts(weights, features.shape[1])
+    d_raw = kept(np.pad(d_rgb * rgb * (1 - rgb), ((0, 0), (0, 13))))
+    d_third = kept(d_raw @ e.T * (third > 0))
+    d_second = kept(d_third @ d.T * (second > 0))
+    d_numbers = (d_second @ c.T)[:, :16]
+    d_numbers[:, 0] += np.clip(d_sigma * sigma, -30000, 30000)
+    d_numbers = kept(d_numbers)
+    d_first = kept(d_numbers @ b.T * (first > 0))
+    pairs = ((features, d_first), (first, d_numbers), (hidden, d_second), (second, d_third),
+             (third, d_raw))  # fmt: skip
+    return d_first @ a.T, np.concatenate([(x.T @ dy).ravel() for x, dy in pairs])

@@ -1,0 +1,184 @@
+"""Where does a training step go? ``python -m profiling.experiments.radiance_steps``
+
+Trains a field on the library's own scene, or on the one in SCENE, then times each primitive of one
+more step by itself, and adds up what goes forth and what goes back. Beside each stand the bytes
+that it streams (its arrays of rays, samples and parameters, once each) and those that it gathers
+or scatters (eight corners of each sample's cells), and their sum over the time as a share of the
+rate of a plain copy; that is above 100 % where caches hold a table. Writes
+profiling/results/radiance_steps_FIELD_DEVICE.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+import cvkern
+from cvkern.radiance import fit, load_scene, make_scene
+from cvkern.radiance.training import Trainer, default_field, field_called
+
+from .. import clock
+from ..record import ROOT, surroundings, write_json
+
+Call = tuple[str, Callable[..., None], tuple[Any, ...]]  # its name, itself, its arguments
+
+STEPS_TIMED = 30
+AHEAD = 8  # steps that a GPU is given before the one that is timed
+
+
+class Listener:
+    """A family of primitives that notes its calls."""
+
+    def __init__(self, family: str, module: Any, calls: list[Call]):
+        self._family, self._module, self._calls = family, module, calls
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        primitive = getattr(self._module, name)
+
+        def call(*arguments: Any) -> None:
+            self._calls.append((f"{self._family}.{name}", primitive, arguments))
+            primitive(*arguments)
+
+        return call
+
+
+def calls_of(trainer: Trainer) -> list[Call]:
+    """Take a step, and return its calls of primitives."""
+    rt, calls = trainer.rt, []
+    trainer.step()
+    families = [name for name in vars(rt) if name.startswith("radiance_")]
+    modules = {name: getattr(rt, name) for name in families}
+    try:
+        for name, module in modules.items():
+            setattr(rt, name, Listener(name.removeprefix("radiance_"), module, calls))
+        trainer.step()
+    finally:
+        for name, module in modules.items():
+            setattr(rt, name, module)
+    return calls
+
+
+def timed(trainer: Trainer) -> tuple[list[Call], list[float]]:
+    """Return the calls of a step, and the median time that each takes in it, in microseconds."""
+    trainer.repeat()
+    trainer.repeat()
+    calls, times = calls_of(trainer), []
+    for _ in range(STEPS_TIMED):
+        if trainer.rt.device == "cpu":  # a call is done when it returns
+            marks = [time.perf_counter()]
+            for _, primitive, arguments in calls:
+                primitive(*arguments)
+                marks.append(time.perf_counter())
+            times.append(1e6 * np.diff(marks))
+            continue
+        for _ in range(AHEAD):  # the host gets ahead, so that only the device's time counts
+            trainer.repeat()
+        stream = wp.get_stream()
+        events = [stream.record_event(wp.Event(enable_timing=True))]
+        for _, primitive, arguments in calls:
+            primitive(*arguments)
+            events.append(stream.record_event(wp.Event(enable_timing=True)))
+        wp.synchronize_stream(stream)
+        times.append([1e3 * wp.get_event_elapsed_time(a, b) for a, b in itertools.pairwise(events)])
+    return calls, np.median(times, axis=0).tolist()
+
+
+def corners(trainer: Trainer, name: str) -> int:
+    """Return the bytes that a primitive gathers or scatters for each sample."""
+    field = trainer.field
+    if name in ("hash.encode", "hash.backward"):
+        item = 4 if name == "hash.backward" else field.table.copy.dtype.itemsize
+        return 8 * field.settings.levels * 2 * item
+    if name in ("voxel.render", "voxel.render_backward"):
+        node = 4 * (1 + field.color.shape[3])
+        return 8 * node * (1 if name == "voxel.render" else 3)  # read; and added to
+    return 0
+
+
+def streamed(trainer: Trainer, call: Call, samples: int) -> int:
+    """Return the bytes of a call's arrays, once each, of as many rows as are in use."""
+    name, _, arguments = call
+    room = getattr(trainer.field, "room", None)
+    rows = {trainer.field.rays: trainer.model.training.rays, room: samples}
+    total = 0
+    for array in {id(a): a for a in arguments if hasattr(a, "shape")}.values():
+        # Not of what is gathered from, or of grids of which few nodes are touched.
+        sparse = corners(trainer, name) or name.startswith(("voxel.", "rays."))
+        whole = 0 if sparse else array.shape[0]
+        total += rows.get(array.shape[0], whole) * math.prod(array.shape[1:]) * size_of(array)
+    return total
+
+
+def size_of(array: Any) -> int:
+    """Return the bytes of an item."""
+    return array.nbytes // array.size if isinstance(array, np.ndarray) else array.strides[-1]
+
+
+def part_of(name: str) -> str:
+    """Return which third of a step a primitive is in."""
+    if name.startswith(("adam.", "voxel.adam", "voxel.total_variation")):
+        return "learning"
+    return "backward" if "backward" in name or name == "background.gather" else "forward"
+
+
+def main(command: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m profiling.experiments.radiance_steps", description=__doc__
+    )
+    parser.add_argument("scene", type=Path, nargs="?")
+    parser.add_argument("--field", help="hash, voxel or mlp")
+    parser.add_argument("--steps", type=int, default=2000, help="to train for before")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--output", type=Path, default=ROOT / "profiling" / "results")
+    args = parser.parse_args(command)
+
+    with cvkern.use(device=args.device):
+        scene = load_scene(args.scene) if args.scene else make_scene()
+        settings = field_called(args.field) if args.field else default_field()
+        model = fit(scene, settings, steps=args.steps, progress=False)
+        trainer = Trainer(model, scene, "squared", 0.0)
+        copy = clock.copy_bandwidth(clock.clock(args.device), clock.COPY_BYTES)
+        calls, times = timed(trainer)
+        samples = trainer.field.taken()
+    rows, sums = [], dict.fromkeys(("forward", "backward", "learning"), 0.0)
+    for call, us in zip(calls, times, strict=True):
+        name = call[0]
+        stream, gathered = streamed(trainer, call, samples), corners(trainer, name) * samples
+        share = (stream + gathered) / (1e-6 * us * copy)
+        sums[part_of(name)] += us
+        rows.append(
+            {
+                "primitive": name,
+                "us": round(us, 1),
+                "streamed_mb": round(stream / 1e6, 1),
+                "gathered_mb": round(gathered / 1e6, 1),
+                "of_copy": round(share, 3),
+            }
+        )
+        print(
+            f"{name:28}{us:10.1f} us{stream / 1e6:9.1f} MB{gathered / 1e6:9.1f} MB"
+            f"{100 * share:7.0f} %"
+        )
+    step = sum(sums.values())
+    print(f"{samples:,} samples of {model.training.rays:,} rays, {samples / step:.1f} M samples/s")
+    print(", ".join(f"{part} {us:.0f} us" for part, us in sums.items()))
+    told = surroundings(args.device.partition(":")[0], [])
+    told["command"] = "python -m profiling.experiments.radiance_steps"
+    told |= {"field": type(settings).__name__, "copy_gb_per_s": round(copy / 1e9, 1)}
+    told |= {"samples": samples, "rays": model.training.rays}
+    told |= {"parts_us": {part: round(us, 1) for part, us in sums.items()}, "primitives": rows}
+    path = args.output / f"radiance_steps_{told['field']}_{told['device']['kind']}.json"
+    write_json(path, told)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,100 @@
+"""Clipping of the gradients of a field: by the norm of all of them, as the loss has them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from radiance_runs import FIELDS, GRID, TINY, same
+
+from cvkern._runtime import runtime
+from cvkern.radiance import HashField, VoxelField, fit, make_scene
+from cvkern.radiance.fields import Learning
+from cvkern.radiance.hash_field import BETAS
+from cvkern.radiance.parameters import Clip
+
+F32, I32 = np.float32, np.int32
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return make_scene(train=16, test=2, size=24)
+
+
+def learnt(field, scale):
+    """Learn from random gradients; return these times the scale, and what Adam was given."""
+    rt, rng = field.rt, np.random.default_rng(0)
+    if hasattr(field, "table"):
+        parts = field.table, field.layers
+        pairs = [(p.gradients, p.mean) for p in parts]
+    else:
+        means = field._density_means[0], field._color_means[0]
+        pairs = list(zip((field.d_density, field.d_color), means, strict=True))
+        rt.write(field.touched, np.ones(field.touched.shape, np.uint8))
+    gradients = [rng.normal(size=g.shape).astype(F32) for g, _ in pairs]
+    for (array, _), values in zip(pairs, gradients, strict=True):
+        rt.write(array, values)
+    field.learn(Learning(rt.zeros((1,), I32), rt.zeros((1,)), scale))
+    found = [rt.to_numpy(mean) / (1 - BETAS[0]) for _, mean in pairs]
+    return [np.concatenate([a.ravel() for a in each]) for each in (gradients, found)]
+
+
+@FIELDS
+@pytest.mark.parametrize("most", [None, 0.3, 1e9])
+def test_the_norm_is_of_all_gradients_as_the_loss_has_them(backend, scene, field, most):
+    plain = {"weight_decay": 0.0, "table_decay": 0.0} if field is TINY else {"smooth_color": 0.0}
+    made = fit(scene, replace(field, gradient_clip=most, **plain), steps=1).field
+    means = [made.table, made.layers] if field is TINY else []
+    rt = made.rt
+    for part in means:
+        rt.write(part.mean, np.zeros(part.mean.shape, F32))
+    if not means:
+        for array in (made._density_means[0], made._color_means[0]):
+            rt.write(array, np.zeros(array.shape, F32))
+    made.gradient_scale = 4.0
+    given, found = learnt(made, 0.5)
+    given = given.astype(float) / 8
+    norm = np.linalg.norm(given)
+    assert norm > 1
+    want = given * min(1.0, (most or np.inf) / norm)
+    np.testing.assert_allclose(found, want, rtol=1e-4, atol=1e-7)
+
+
+@FIELDS
+def test_training_with_clipping(backend, scene, field):
+    free, loose, tight = (
+        fit(scene, replace(field, gradient_clip=most), steps=40) for most in (None, 1e9, 1e-6)
+    )
+    assert same(free, loose)
+    assert not same(free, tight)
+    # Adam does not see a factor that all gradients have: it learns nearly as well.
+    assert tight.training.marks[-1].test_psnr > free.training.marks[-1].test_psnr - 2
+
+
+def test_factor(backend):
+    rt = runtime(np.empty(0))
+    clip = Clip(rt, 2.0)
+    three, four = rt.zeros((1,)), rt.zeros((1, 1))
+    rt.write(three, np.full(1, 3, F32))
+    rt.write(four, np.full((1, 1), 4, F32))
+    for scale, want in ((0.1, 0.1), (1.0, 0.4), (8.0, 0.4)):  # the norm is 5
+        clip.update(scale, three, four)
+        np.testing.assert_allclose(rt.to_numpy(clip.factor), want, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", [HashField, VoxelField])
+def test_errors(kind):
+    for value, rule in ((0, "> 0, got 0"), (-1.0, "> 0, got -1.0"), (np.nan, "finite, got nan")):
+        with pytest.raises(ValueError, match=f"gradient_clip must be {rule}"):
+            kind(gradient_clip=value)
+    with pytest.raises(TypeError, match="gradient_clip must be a number, got 'all'"):
+        kind(gradient_clip="all")
+    assert kind(gradient_clip=2).gradient_clip == 2
+
+
+def test_clipping_is_saved(scene, tmp_path):
+    field = replace(GRID, gradient_clip=0.5)
+    fit(scene, field, steps=2, checkpoint=tmp_path / "model.npz")
+    on = fit(scene, field, steps=4, checkpoint=tmp_path / "model.npz", resume=True)
+    assert on.settings == field
+    with pytest.raises(ValueError, match="checkpoint must be of the same field"):
+        fit(scene, GRID, steps=5, checkpoint=tmp_path / "model.npz", resume=True)

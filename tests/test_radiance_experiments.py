@@ -1,0 +1,45 @@
+"""The experiments on radiance fields."""
+
+import json
+
+import pytest
+
+from cvkern.radiance import VoxelField, make_scene
+from profiling.experiments import radiance_quality, radiance_steps
+
+SETTINGS = VoxelField(resolutions=(16,), shares=(), degree=1, rays=64)
+
+
+@pytest.fixture(autouse=True)
+def tiny(monkeypatch):
+    for module in (radiance_quality, radiance_steps):
+        monkeypatch.setattr(module, "make_scene", lambda: make_scene(train=4, test=1, size=24))
+        monkeypatch.setattr(module, "default_field", lambda: SETTINGS)
+    monkeypatch.setattr(radiance_quality, "VIEW", 16)
+    monkeypatch.setattr(radiance_quality, "REPEATS", 1)
+    monkeypatch.setattr(radiance_steps, "STEPS_TIMED", 3)
+    monkeypatch.delenv("CVKERN_DATA", raising=False)
+
+
+def test_quality(tmp_path, capsys):
+    assert radiance_quality.main(["--seconds", "0.05", "0.5", "--output", str(tmp_path)]) == 0
+    told = json.loads((tmp_path / "radiance_quality_cpu.json").read_text())
+    assert told["field"] == "VoxelField"
+    short, long = told["results"]["shapes"]["times"]
+    assert short["steps"] < long["steps"]
+    assert short["psnr"] < long["psnr"]
+    assert long["rays_per_second"] > 64
+    assert long["samples_per_second"] > 64
+    assert f"psnr {long['psnr']}" in capsys.readouterr().out
+
+
+def test_steps(tmp_path, capsys):
+    assert radiance_steps.main(["--steps", "20", "--output", str(tmp_path)]) == 0
+    told = json.loads((tmp_path / "radiance_steps_VoxelField_cpu.json").read_text())
+    rows = {row["primitive"]: row for row in told["primitives"]}
+    assert {"rays.random_rays", "voxel.render", "loss.loss", "voxel.render_backward"} <= set(rows)
+    assert rows["voxel.render"]["gathered_mb"] > 0
+    assert all(us > 0 for us in told["parts_us"].values())
+    parts = sum(told["parts_us"].values())
+    assert parts == pytest.approx(sum(row["us"] for row in told["primitives"]), rel=0.01)
+    assert "samples/s" in capsys.readouterr().out
