@@ -21,7 +21,7 @@ vec3 = ti.types.vector(3, ti.f32)
 @ti.func
 def within(point: vec3, side: ti.f32) -> ti.i32:
     """Tell whether the cube from -side to side has the point."""
-    return point.min() >= -side and point.max() < side
+    return (point >= -side).all() and (point < side).all()
 
 
 @ti.func
@@ -42,16 +42,6 @@ def cell_of(point: vec3, level: ti.i32, cells: ti.i32) -> ti.i32:
     scale = ti.cast(middle, ti.f32) / (1 << level)  # by a power of 2: nothing to round
     at = ti.floor(point * scale, ti.i32) + middle
     return ((level * cells + at[2]) * cells + at[1]) * cells + at[0]
-
-
-@ti.func
-def cell_at(point: vec3, levels: ti.i32, cells: ti.i32) -> ti.i32:
-    """Return the number of the cell that the point is in; -1 where it is in none."""
-    level = level_of(point, levels)
-    cell = -1
-    if level < levels:
-        cell = cell_of(point, level, cells)
-    return cell
 
 
 @ti.func
@@ -164,14 +154,17 @@ def next_sample(
     found = False
     while t < last and not found:
         point = place(origin, t, direction, zero)
-        cell = cell_at(point, levels, cells)
+        level = level_of(point, levels)
         step = spacing(t, finest, cone, zero)
+        cell = -1
+        if level < levels:
+            cell = cell_of(point, level, cells)
         if cell < 0:  # on the outermost side
             t += step
         elif is_set(bits, cell) != 0:
             found = True
         else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells, zero)
+            goal = t + way_out(point, inverse, level, cells, zero)
             next = t + step
             inside = t
             t = next
@@ -180,7 +173,7 @@ def next_sample(
                 t += spacing(t, finest, cone, zero)
             # The goal is rounded: what was passed may be left out if the last of it is in the cell.
             if inside >= next:
-                if cell_at(place(origin, inside, direction, zero), levels, cells) != cell:
+                if cell_of(place(origin, inside, direction, zero), level, cells) != cell:
                     t = next
     return t
 

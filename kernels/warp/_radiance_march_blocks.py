@@ -7,9 +7,10 @@ see `nth_step`. No cell is skipped: 32 steps through empty ones cost as much as 
 import warp as wp
 
 from ._radiance_space import (
-    cell_at,
+    cell_of,
     is_set,
     keep_sample,
+    level_of,
     reach,
     reciprocal,
     row,
@@ -99,9 +100,9 @@ def march(
             point = origin + t * direction
             found = bool(False)
             if t < ends[1]:
-                cell = cell_at(point, levels, cells)
-                if cell >= 0:
-                    found = is_set(bits, cell)
+                level = level_of(point, levels)
+                if level < levels:
+                    found = is_set(bits, cell_of(point, level, cells))
             lanes = found_by(found)
             own = count + number_of(lanes & before)
             if writes and found and own < limit:
