@@ -7,7 +7,7 @@ from test_radiance_composite import bundle, draw
 from test_radiance_hash import Trial
 
 import cvkern
-from cvkern.radiance import Composite, composite_rays, composite_rays_backward
+from cvkern.radiance import Composite, composite_rays, composite_rays_backward, sampled
 
 pytestmark = pytest.mark.usefixtures("gpu")
 
@@ -31,6 +31,19 @@ def test_a_hash_field_is_that_of_the_cpu(unbounded, backend):
         off = np.linalg.norm(got - want) / np.linalg.norm(want)
         assert off < (1e-3 if exact else 0.05)
     assert taken_there == taken_here  # the same cells, whatever the precision
+
+
+@pytest.mark.parametrize("unbounded", [False, True])
+def test_a_hash_field_sees_what_it_does_on_the_cpu(unbounded, backend, monkeypatch):
+    answers = []
+    for device, room in (("cpu", 0), ("cuda", 2**16), ("cuda", 100)):
+        monkeypatch.setattr(sampled, "VIEW_ROOM", room)  # on a GPU
+        with cvkern.use(backend=backend, device=device):
+            answers.append(Trial(unbounded=unbounded).see())
+    bound = 1e-4 if backend == "taichi" else 0.03  # as above
+    for here, wide, narrow in zip(*answers, strict=True):
+        np.testing.assert_array_equal(narrow, wide)  # the same sums in the same order
+        np.testing.assert_allclose(wide, here, rtol=bound, atol=bound)
 
 
 @pytest.mark.parametrize("library", ["numpy", *LIBRARIES])

@@ -8,7 +8,7 @@ import pytest
 import cvkern
 from cvkern._runtime import runtime
 from cvkern.radiance import cameras, sampled
-from cvkern.radiance.fields import Frame, Rays, Rendered
+from cvkern.radiance.fields import Frame, Rays, Rendered, Seen
 from cvkern.radiance.hash_field import HashField
 from cvkern.radiance.scenes import Bounds, Scene
 
@@ -49,8 +49,15 @@ class Trial:
     def look(self, **changes):
         """Render with some arrays of the state exchanged."""
         self.field.restore(self.start | changes)
-        found = self.field.forward(self.rays, self.keep(1, I32), training=True)
+        found = self.field.forward(self.rays, self.keep(1, I32))
         return [self.rt.to_numpy(a)[:RAYS].copy() for a in found]
+
+    def see(self):
+        """Render as pictures are."""
+        self.field.restore(self.start)
+        seen = Seen(*(self.keep(np.zeros(shape)) for shape in ((64, 3), 64, 64)))
+        self.field.see(*self.rays[:2], seen)
+        return [self.rt.to_numpy(a).copy() for a in seen]
 
     def loss(self, **changes):
         pairs = zip(self.look(**changes), self.gradients, strict=True)

@@ -23,9 +23,10 @@ from cvkern.radiance import (
     point_cloud,
     render,
     render_path,
+    rendering,
     write_mesh,
 )
-from cvkern.radiance.fields import Field, Frame, Rendered
+from cvkern.radiance.fields import Field, Frame
 from cvkern.radiance.models import Training
 from cvkern.radiance.rendering import Renderer, film
 from cvkern.radiance.scenes import Bounds
@@ -33,50 +34,35 @@ from cvkern.radiance.scenes import Bounds
 BOUNDS = Bounds((0.5, -0.25, 1.0), 2.0, False)
 RADIUS = 0.5  # of the ball, in halves of the cube's side: 1 in the world
 COLOR = np.array([0.2, 0.5, 0.9], np.float32)
-ROOM = 3000  # samples
 clouds = pytest.mark.skipif(
     not Path(cvkern.__file__).with_name("clouds.py").exists(), reason="needs cvkern.clouds"
 )
 
 
 class Ball(Field):
-    """A ball of one colour: rays that hit it end there; each takes as many samples as it is told.
+    """A ball of one colour: rays that hit it end there."""
 
-    Batches that take more samples than there is room for come out wrong, as those of any field.
-    """
+    def __init__(self, rt, frame):
+        self.rt, self.frame, self.looks = rt, frame, []
 
-    def __init__(self, rt, frame, rays=256, samples=10):
-        self.rt, self.frame, self.rays, self.first_rays = rt, frame, rays, rays // 2
-        self.samples, self.batches = samples, []
-
-    def forward(self, rays, step, *, training):
-        count = int(self.rt.to_numpy(rays.active)[0])
-        o, d = (self.rt.to_numpy(a)[:count].astype(float) for a in rays[:2])
+    def see(self, origins, directions, seen):
+        o, d = (self.rt.to_numpy(a).astype(float) for a in (origins, directions))
+        self.looks.append(len(o))
         middle = -(o * d).sum(axis=1)
         inside = RADIUS**2 - (o**2).sum(axis=1) + middle**2
         hit = inside > 0
-        self.batches.append(count)
-        room = self.complete()
-        full = np.zeros(self.rays, np.float32)
-        full[:count] = hit if room else 0.25
-        depth = np.zeros(self.rays, np.float32)
-        depth[:count] = np.where(hit, middle - np.sqrt(np.maximum(inside, 0)), 0)
-        made = full[:, None] * COLOR, full, depth, np.zeros_like(full)
-        arrays = []
-        for values in made:
-            array = self.rt.zeros(values.shape)
+        depth = np.where(hit, middle - np.sqrt(np.maximum(inside, 0)), 0)
+        for array, values in zip(seen, (hit[:, None] * COLOR, hit, depth), strict=True):
             self.rt.write(array, np.ascontiguousarray(values, np.float32))
-            arrays.append(array)
-        return Rendered(*arrays)
+
+    def forward(self, rays, step):
+        raise AssertionError("rendering is no training")
 
     def taken(self):
-        return self.batches[-1] * self.samples
-
-    def complete(self):
-        return self.taken() <= ROOM
+        raise AssertionError("rendering is no training")
 
     def rays_for(self, samples, rays):
-        return max(1, rays * ROOM // max(samples, 1))
+        raise AssertionError("rendering is no training")
 
     def densities(self, points):
         # exp(-density) is how much is left of light through half of the cube.
@@ -103,15 +89,15 @@ def some_cameras(count=5, size=24):
     return cameras(look_at(eyes, BOUNDS.center), lens, size, size - 6)
 
 
-def ball(**options):
-    field = Ball(runtime(), Frame(BOUNDS, 0.1, 10.0), **options)
+def ball():
+    field = Ball(runtime(), Frame(BOUNDS, 0.1, 10.0))
     behind = np.array([1.0, 0.5, 0.0], np.float32)
     return Model(field, None, "white", behind, some_cameras(), 0, Training(), {})
 
 
-def batches_of(model):
+def looks_of(model):
     assert isinstance(model.field, Ball)
-    return model.field.batches
+    return model.field.looks
 
 
 def hits(views, view):
@@ -144,17 +130,15 @@ def test_pictures(backend):
     assert (black.color[~hit & sure] == 0).all()
 
 
-@pytest.mark.parametrize("samples", [1, 10, 13, 200, 2999])
-def test_no_ray_is_dropped(samples):
-    """Batches shrink until they fit, and grow again where rays are cheap."""
-    model, views = ball(samples=samples), some_cameras()
-    picture = render(model, views, 1)
-    np.testing.assert_array_equal(picture.opacity, render(ball(samples=1), views, 1).opacity)
-    batches = batches_of(model)
-    fitting = [n for n in batches if n * samples <= ROOM]
-    assert sum(fitting) == views.width * views.height
-    assert len(batches) - len(fitting) <= 8  # halvings
-    assert all(n < model.field.rays for n in batches)  # a full batch would not tell
+@pytest.mark.parametrize("most", [1, 100, 431, 432, 500])
+def test_large_pictures_are_made_part_by_part(backend, most, monkeypatch):
+    model, views = ball(), some_cameras()
+    want = render(model, views, 1)
+    monkeypatch.setattr(rendering, "RAYS", most)
+    for a, b in zip(render(model, views, 1), want, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert sum(looks_of(model)[1:]) == views.width * views.height
+    assert max(looks_of(model)[1:]) <= most
 
 
 def test_a_field_with_little_room_renders_the_same():
@@ -260,7 +244,7 @@ def test_render_path_refuses_before_it_renders(tmp_path):
         render_path(model, some_cameras(), "path.png")
     with pytest.raises(FileNotFoundError, match="path must lie in a folder that exists"):
         render_path(model, some_cameras(), tmp_path / "none" / "path.gif")
-    assert batches_of(model) == []
+    assert looks_of(model) == []
 
 
 # --------------------------------------------------------------------------------------- surfaces

@@ -182,7 +182,7 @@ class MLPNetwork(SampledField):
     @property
     def view_room(self) -> int:
         """See :attr:`SampledField.view_room`."""
-        return VIEW_ROOM
+        return min(super().view_room, VIEW_ROOM)
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""

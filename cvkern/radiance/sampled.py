@@ -51,10 +51,10 @@ class Samples(NamedTuple):
 
 
 class Viewing:
-    """Room for the samples of a round of rendering, and how many rays at most take part."""
+    """Room for the samples of a round of rendering."""
 
-    def __init__(self, samples: Samples, counts: Any, rays: int):
-        self.samples, self.counts, self.rays = samples, counts, rays
+    def __init__(self, samples: Samples, counts: Any):
+        self.samples, self.counts = samples._replace(total=counts[:1]), counts
         self.room = samples.positions.shape[0]
         self._parts: dict[int, Samples] = {}
 
@@ -121,7 +121,7 @@ class SampledField(Field):
         """See :meth:`Field.see`."""
         if self._viewing is None:
             self._viewing = self._room_to_view()
-        count, most = origins.shape[0], self._viewing.rays
+        count, most = origins.shape[0], self._viewing.room  # a sample of each at least
         for begin in range(0, count, most):
             part = slice(begin, min(begin + most, count))
             self._see(
@@ -130,17 +130,15 @@ class SampledField(Field):
 
     @property
     def view_room(self) -> int:
-        """For how many samples a round of rendering has room, on a GPU."""
-        return VIEW_ROOM
+        """For how many samples a round of rendering has room: on a GPU for many, as rounds cost."""
+        return self.room if self.rt.device == "cpu" else VIEW_ROOM
 
     def _room_to_view(self) -> Viewing:
-        """Take memory of its own on a GPU, where rounds of many samples are fast; else what is."""
+        """Take that room: of what training has as far as there is enough, else of its own."""
         counts = self.rt.zeros((2,), np.int32)
-        if self.rt.device == "cpu":
-            samples = self.samples._replace(total=counts[:1])
-        else:
-            samples = self._room_for(self.view_room, counts[:1])
-        return Viewing(samples, counts, samples.positions.shape[0])
+        if self.view_room <= self.room:
+            return Viewing(self.samples.first(self.view_room), counts)
+        return Viewing(self._room_for(self.view_room, counts[:1]), counts)
 
     def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: Seen) -> None:
         """Take the next samples of all rays, until each is opaque or has left the field."""

@@ -173,14 +173,17 @@ def next_sample(
     found = False
     while t < last and not found:
         point = place(origin, t, direction, zero)
-        cell = cell_at(point, levels, cells)
+        level = level_of(point, levels)
         step = spacing(t, finest, cone, zero)
+        cell = -1
+        if level < levels:
+            cell = cell_of(point, level, cells)
         if cell < 0:  # on the outermost side
             t += step
         elif is_set(bits, cell) != 0:
             found = True
         else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells, zero)
+            goal = t + way_out(point, inverse, level, cells, zero)
             next = t + step
             inside = t
             t = next
@@ -189,7 +192,7 @@ def next_sample(
                 t += spacing(t, finest, cone, zero)
             # The goal is rounded: what was passed may be left out if the last of it is in the cell.
             if inside >= next:
-                if cell_at(place(origin, inside, direction, zero), levels, cells) != cell:
+                if cell_of(place(origin, inside, direction, zero), level, cells) != cell:
                     t = next
     return t
 

@@ -29,7 +29,7 @@ def forward(
     `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them;
     `memory` has the shape that `network_room` tells.
     """
-    values = _views(memory, 0)
+    values = _views(memory, 0, features)
     encode.spherical(directions, rays, total, 16, values[1])
     _pass(features, total, weights, values)
     heads.forward(values[1], values[-1], total, sigma, rgb)
@@ -43,7 +43,7 @@ def density(
     sigma: np.ndarray,
 ) -> None:
     """Find density (M,) alone, from features (M, K)."""
-    values = _views(memory, 0)[:2]
+    values = _views(memory, 0, features)[:2]
     _pass(features, total, weights, values)
     unused = memory[:3].reshape((memory.shape[1], 3))  # a colour, over what the first layer gave
     heads.forward(values[1], values[1], total, sigma, unused)
@@ -67,8 +67,8 @@ def backward(
 
     What is between is in `memory`, which nothing else must have used. `d_weights` is added to.
     """
-    values = [features, *_views(memory, 0)]
-    gradients = [d_features, *_views(memory, sum(NETWORK_VALUES))]
+    values = [features, *_views(memory, 0, features)]
+    gradients = [d_features, *_views(memory, sum(NETWORK_VALUES), features)]
     layers, d_layers = _layers(weights, features), _layers(d_weights, features)
     heads.color_backward(d_rgb, rgb, total, gradients[5])
     for k in reversed(range(5)):
@@ -99,11 +99,11 @@ def _layers(weights: np.ndarray, features: np.ndarray) -> list[np.ndarray]:
     return found
 
 
-def _views(memory: np.ndarray, begin: int) -> list[np.ndarray]:
-    """Cut the memory, from a row on, into what is kept of each layer."""
+def _views(memory: np.ndarray, begin: int, features: np.ndarray) -> list[np.ndarray]:
+    """Cut the memory, from a row on, into what is kept of each layer, a row for each sample."""
     found = []
     for width in NETWORK_VALUES:
         rows = memory[begin : begin + width]
-        found.append(rows.reshape((memory.shape[1], width)))
+        found.append(rows.reshape((memory.shape[1], width))[: features.shape[0]])
         begin += width
     return found

@@ -171,14 +171,17 @@ def next_sample(
     found = bool(False)
     while t < last and not found:
         point = origin + t * direction
-        cell = cell_at(point, levels, cells)
+        level = level_of(point, levels)
         step = spacing(t, finest, cone)
+        cell = int(-1)
+        if level < levels:
+            cell = cell_of(point, level, cells)
         if cell < 0:  # on the outermost side
             t += step
         elif is_set(bits, cell):
             found = True
         else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, cell // (cells * cells * cells), cells)
+            goal = t + way_out(point, inverse, level, cells)
             next = t + step
             inside = t
             t = next
@@ -186,7 +189,7 @@ def next_sample(
                 inside = t
                 t += spacing(t, finest, cone)
             # The goal is rounded: what was passed may be left out if the last of it is in the cell.
-            if inside >= next and cell_at(origin + inside * direction, levels, cells) != cell:
+            if inside >= next and cell_of(origin + inside * direction, level, cells) != cell:
                 t = next
     return t
 

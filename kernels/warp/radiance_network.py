@@ -37,7 +37,7 @@ def forward(
         given = [features, directions, rays, total, weights]
         launch(kernel, NETWORK_PARTS * blocks.FORWARD, given, [sigma, rgb], blocks.FORWARD)
         return
-    values = _views(memory, 0)
+    values = _views(memory, 0, features)
     encode.spherical(directions, rays, total, 16, values[1])
     _pass(features, total, weights, values)
     heads.forward(values[1], values[-1], total, sigma, rgb)
@@ -57,7 +57,7 @@ def density(
             blocks.FORWARD,
         )
         return
-    values = _views(memory, 0)[:2]
+    values = _views(memory, 0, features)[:2]
     _pass(features, total, weights, values)
     unused = memory[:3].reshape((memory.shape[1], 3))  # a colour, over what the first layer gave
     heads.forward(values[1], values[1], total, sigma, unused)
@@ -89,8 +89,8 @@ def backward(
         launch(kernel, threads, given, [d_features, memory], blocks.BACKWARD)
         launch(blocks.gather, 8 * weights.shape[0], [memory], [d_weights], blocks.SUM)
         return
-    values = [features, *_views(memory, 0)]
-    gradients = [d_features, *_views(memory, sum(NETWORK_VALUES))]
+    values = [features, *_views(memory, 0, features)]
+    gradients = [d_features, *_views(memory, sum(NETWORK_VALUES), features)]
     layers, d_layers = _layers(weights, features), _layers(d_weights, features)
     heads.color_backward(d_rgb, rgb, total, gradients[5])
     for k in reversed(range(5)):
@@ -119,11 +119,11 @@ def _layers(weights: wp.array, features: wp.array) -> list[wp.array]:
     return found
 
 
-def _views(memory: wp.array, begin: int) -> list[wp.array]:
-    """Cut the memory, from a row on, into what is kept of each layer."""
+def _views(memory: wp.array, begin: int, features: wp.array) -> list[wp.array]:
+    """Cut the memory, from a row on, into what is kept of each layer, a row for each sample."""
     found = []
     for width in NETWORK_VALUES:
         rows = memory[begin : begin + width]
-        found.append(rows.reshape((memory.shape[1], width)))
+        found.append(rows.reshape((memory.shape[1], width))[: features.shape[0]])
         begin += width
     return found
