@@ -35,7 +35,7 @@ def parts(field):
 def test_the_norm_is_of_all_gradients_as_the_loss_has_them(backend, field, most):
     plain = {"weight_decay": 0.0, "table_decay": 0.0} if field is TINY else {"smooth_color": 0.0}
     rt, rng = runtime(np.empty(0)), np.random.default_rng(0)
-    frame = Frame.of(Bounds((0.0, 0.0, 0.0), 1.0, False), 0.5, 4.0)
+    frame = Frame(Bounds((0.0, 0.0, 0.0), 1.0, False), 0.5, 4.0)
     made = replace(field, gradient_clip=most, **plain).build(rt, frame, 0)
     made.gradient_scale = 4.0
     given = []

@@ -117,8 +117,8 @@ def fit(
     samples. The launches of a step are recorded once, on CUDA as a graph.
 
     What is deterministic on a GPU counts gradients in units of 2^-28, after the loss has been
-    multiplied by 128 (of a voxel field, by 4096). A single one is cut off beyond 2^16, where half
-    precision ends as well; with that, sums of 2^18 of them cannot overflow.
+    multiplied by 128 (of a voxel field, by 4096). What is added at a time is cut off beyond 2^16,
+    where half precision ends as well; with that, sums of 2^18 samples cannot overflow.
 
     Examples
     --------
