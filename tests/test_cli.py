@@ -246,7 +246,8 @@ def test_warmup_calls_everything():
         and name not in ("capture", "reprojection_matrix")  # which have no kernels
     }
     called = {name for name, _ in _warmup.calls()}
-    assert called == functions | {"fit", "make_scene", "turntable"}
+    others = {"fit", "make_scene", "positional_encoding", "spherical_harmonics", "turntable"}
+    assert called == functions | others
 
 
 def test_warmup(command, monkeypatch):
