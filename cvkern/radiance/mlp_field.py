@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -136,6 +137,20 @@ def plan(settings: MLPField) -> list[Layer]:
     ]
 
 
+def initial(layers: list[Layer], seed: int) -> list[np.ndarray]:
+    """Return random weights that keep the size of what passes through a layer.
+
+    They are uniform up to the limit of He et al. 2015 for layers with rectifiers, and to that of
+    Glorot and Bengio 2010 for the others.
+    """
+    rng = np.random.default_rng(seed)
+    limits = [math.sqrt(6 / (a.depth if a.relu else a.depth + a.columns)) for a in layers]
+    return [
+        limit * rng.uniform(-1, 1, (a.depth, a.columns))
+        for limit, a in zip(limits, layers, strict=True)
+    ]
+
+
 class MLPNetwork(SampledField):
     """A field with the settings of an :class:`MLPField`."""
 
@@ -146,40 +161,32 @@ class MLPNetwork(SampledField):
         self.settings, self.layers = settings, plan(settings)
         half = rt.matrix_dtype
         self.gradient_scale = 1.0 if half == np.float32 else HALF_SCALE
-        # Limits that keep the size of what passes through a layer [He et al. 2015; Glorot 2010].
-        rng, shapes = np.random.default_rng(seed), [(a.depth, a.columns) for a in self.layers]
-        limits = [math.sqrt(6 / (a.depth if a.relu else a.depth + a.columns)) for a in self.layers]
-        weights = [e * rng.uniform(-1, 1, s) for e, s in zip(limits, shapes, strict=True)]
+        weights = initial(self.layers, seed)
         self.parameters = Parameters(rt, np.concatenate([w.ravel() for w in weights]), half)
         ends = np.cumsum([w.size for w in weights])
-        parts = [slice(e - w.size, e) for e, w in zip(ends, weights, strict=True)]
+        parts = [(slice(e - w.size, e), w.shape) for e, w in zip(ends, weights, strict=True)]
         self.weights, self.d_weights = (
-            [flat[part].reshape(shape) for part, shape in zip(parts, shapes, strict=True)]
+            [flat[part].reshape(shape) for part, shape in parts]
             for flat in (self.parameters.copy, self.parameters.gradients)
         )
         widths: dict[str, int] = {}
         for a in self.layers:
             widths[a.source] = max(widths.get(a.source, 0), a.depth)
             widths[a.target] = max(widths.get(a.target, 0), a.column + a.columns)
-        room = settings.samples
-        self.values = {name: rt.zeros((room, width), half) for name, width in widths.items()}
-        # A layer's backward pass reads the gradients of one matrix, and writes those of another.
-        pool: dict[tuple[int, int], Any] = {}
-        self.gradients = {}
-        for turn, (name, width) in enumerate(widths.items()):
-            key = width, turn % 2
-            if key not in pool:
-                pool[key] = rt.zeros((room, width), half)
-            self.gradients[name] = pool[key]
-        self.directions = rt.zeros((settings.rays, encoded(settings.view_frequencies)), half)
+        matrix = partial(rt.zeros, dtype=half)
+        self.values = {name: matrix((settings.samples, width)) for name, width in widths.items()}
+        # A layer's backward pass reads the gradients of one matrix and writes those of the one
+        # before, so that every other matrix of a width can share its gradients' memory.
+        places = {name: (turn % 2, width) for turn, (name, width) in enumerate(widths.items())}
+        pool = {place: matrix((settings.samples, place[1])) for place in set(places.values())}
+        self.gradients = {name: pool[place] for name, place in places.items()}
+        self.directions = matrix((settings.rays, encoded(settings.view_frequencies)))
         self._rate, self._factor, self._parts_of_norm = (rt.zeros((n,)) for n in (3, 1, 1))
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""
         self._encode_positions(total)
-        for number in range(len(self.layers) - 2):
-            self._layer(number, total)
-        self._heads(total)
+        self._take_through(self.layers[:-2], total)
 
     def evaluate(self, rays: Rays) -> None:
         """See :meth:`SampledField.evaluate`."""
@@ -192,9 +199,7 @@ class MLPNetwork(SampledField):
         encode.gather(
             self.directions, samples.rays, samples.total, self.settings.width, self.values["view"]
         )
-        for number in range(len(self.layers)):
-            self._layer(number, samples.total)
-        self._heads(samples.total)
+        self._take_through(self.layers, samples.total)
 
     def _encode_positions(self, total: Any) -> None:
         frequencies = self.settings.frequencies
@@ -203,27 +208,23 @@ class MLPNetwork(SampledField):
             self.values["position"],
         )  # fmt: skip
 
-    def _layer(self, number: int, total: Any) -> None:
-        a, v = self.layers[number], self.values
-        self.rt.radiance_dense.forward(
-            v[a.source], self.weights[number], total, a.relu, a.column, v[a.target]
-        )
-
-    def _heads(self, total: Any) -> None:
-        v = self.values
-        self.rt.radiance_heads.forward(v["view"], v["raw"], total, self.sigma, self.rgb)
+    def _take_through(self, layers: list[Layer], total: Any) -> None:
+        """Take the samples through the first so many layers, and to density and colour."""
+        rt, v = self.rt, self.values
+        for a, w in zip(layers, self.weights, strict=False):
+            rt.radiance_dense.forward(v[a.source], w, total, a.relu, a.column, v[a.target])
+        rt.radiance_heads.forward(v["view"], v["raw"], total, self.sigma, self.rgb)
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
         rt, total, g = self.rt, self.samples.total, self.gradients
         rt.radiance_heads.color_backward(self.d_rgb, self.rgb, total, g["raw"])
-        for number in range(len(self.layers) - 1, -1, -1):
-            a, w = self.layers[number], self.weights[number]
+        steps = list(zip(self.layers, self.weights, self.d_weights, strict=True))
+        for a, w, dw in reversed(steps):
             x, dy = self.values[a.source], g[a.target]
-            rt.radiance_dense.backward_weight(dy, x, total, a.column, self.d_weights[number])
-            if number:  # positions do not learn
-                # What is not the output of a rectifier is the features before colour, or encoded.
-                gated = a.source != "view"
+            rt.radiance_dense.backward_weight(dy, x, total, a.column, dw)
+            if a is not self.layers[0]:  # nothing learns from gradients of positions
+                gated = a.source != "view"  # all others are outputs of rectifiers, or encoded
                 rt.radiance_dense.backward_input(dy, w, x, total, gated, a.column, g[a.source])
             if a.source == "view":
                 rt.radiance_heads.density_backward(self.d_sigma, self.sigma, total, g["view"])
