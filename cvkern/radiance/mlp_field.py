@@ -28,7 +28,7 @@ class MLPField:
     Layers with rectifiers take the encoded position (see :func:`positional_encoding`) to `width`
     features. The first one of them is the logarithm of the density; from all of them and the
     encoded direction of view, a layer of half the width makes the colour. It is small on disk and
-    slow: nearly all of its half a million weights take part in every sample.
+    slow: nearly all of its 600 000 weights take part in every sample.
 
     Raises
     ------
