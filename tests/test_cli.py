@@ -246,7 +246,10 @@ def test_warmup_calls_everything():
         and name not in ("capture", "reprojection_matrix")  # which have no kernels
     }
     called = {name for name, _ in _warmup.calls()}
-    others = {"composite_rays", "composite_rays_backward", "fit", "make_scene", "turntable"}
+    others = {
+        "composite_rays", "composite_rays_backward", "fit", "make_scene", "positional_encoding",
+        "spherical_harmonics", "turntable",
+    }  # fmt: skip
     assert called == functions | others
 
 

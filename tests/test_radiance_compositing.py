@@ -17,7 +17,9 @@ def give(library, array):
     module = pytest.importorskip(library)
     if library == "torch":
         return module.from_numpy(array.copy())
-    return module.numpy.asarray(array) if library == "jax" else module.array(array, device="cpu")
+    if library == "jax":
+        return module.device_put(array, module.devices("cpu")[0])
+    return module.array(array, device="cpu")
 
 
 @pytest.mark.parametrize("branch", BRANCHES)
