@@ -93,7 +93,7 @@ def made(scalar):
     for family, names in {
         "radiance_adam": ["_adam"],
         "radiance_encode": ["_spherical"],
-        "radiance_hash": ["_encode", "_backward"],
+        "_radiance_hash_blocks": ["encode", "backward"],
         "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -104,5 +104,5 @@ def made(scalar):
 def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
     for name, kernel in made(wp.dtype_from_numpy(dtype)):
         code = compile_for_hopper(kernel.module, tmp_path / name)
-        if name == "radiance_hash._backward":  # both numbers of an entry at a time
-            assert "red.global.add.v2.f32" in code
+        if name == "_radiance_hash_blocks.backward":  # all numbers of two entries at a time
+            assert "red.global.add.v4.f32" in code
