@@ -13,6 +13,7 @@ import cvkern.kernels.warp as kernels
 ON_USE = {
     "_paths_blocks",
     "_radiance_dense_blocks",
+    "_radiance_hash_blocks",
     "_radiance_network_blocks",
     "_semi_global_blocks",
 }

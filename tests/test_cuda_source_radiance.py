@@ -98,7 +98,7 @@ def made(scalar):
     for family, names in {
         "_radiance_adam_blocks": ["adam"],
         "radiance_encode": ["_spherical", "_positional", "_positional_backward", "_gather"],
-        "radiance_hash": ["_encode"],
+        "_radiance_hash_blocks": ["encode"],
         "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -120,7 +120,7 @@ def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
 )
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
 def test_hash_backward_compiles_for_hopper(dtype, sums, add, tmp_path):
-    kernel = load("radiance_hash")._backward(wp.dtype_from_numpy(dtype), sums)
+    kernel = load("_radiance_hash_blocks").backward(wp.dtype_from_numpy(dtype), sums)
     code = compile_for_hopper(kernel.module, tmp_path)
     assert f".global.{add}" in code
 

@@ -64,15 +64,6 @@ def cell_at(point: vec3, levels: ti.i32, cells: ti.i32) -> ti.i32:
 
 
 @ti.func
-def place(origin: vec3, t: ti.f32, direction: vec3, zero: ti.i32) -> vec3:
-    """Return the place at a distance on a ray."""
-    point = vec3(0.0)
-    for k in ti.static(range(3)):
-        point[k] = origin[k] + product(t, direction[k], zero)
-    return point
-
-
-@ti.func
 def random_point(cell: ti.i32, cells: ti.i32, seed: ti.i32, step: ti.i32) -> vec3:
     """Return a random point of a cell."""
     layer = cell // (cells * cells)

@@ -86,7 +86,7 @@ def encode(
     """Look up the features (M, 2 L) of the first `total` (1,) of `positions` (M, 3) in [0, 1].
 
     Level l has `resolutions` (L,) cells a side, and the rows of `table` (entries, 2) from
-    offsets[l] up to offsets[l + 1]: a power of 2 if there are more corners.
+    offsets[l] up to offsets[l + 1]: a power of 2 if there are more corners, else a multiple of 8.
     """
     _encode(positions, total, resolutions, offsets, table, features)
 

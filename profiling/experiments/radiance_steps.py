@@ -95,7 +95,7 @@ def corners(trainer: Trainer, name: str) -> int:
     """Return the bytes that a primitive gathers or scatters for each sample."""
     field = trainer.field
     if name in ("hash.encode", "hash.backward"):
-        item = 4 if name == "hash.backward" else field.table.copy.dtype.itemsize
+        item = 4 if name == "hash.backward" else size_of(field.table.copy)
         return 8 * field.settings.levels * 2 * item
     if name in ("voxel.render", "voxel.render_backward"):
         node = 4 * (1 + field.color.shape[3])

@@ -1,0 +1,159 @@
+"""What the CUDA kernels of a hash field's perceptrons have in common: pieces of their native code.
+
+What `mma.m16n8k16` gives, 16 samples x 8 columns, is half of what it takes as its first operand:
+lane 4 g + t has columns 2 t and 2 t + 1 of samples g and g + 8 of it. So the sums of a layer become
+the operand of the next one where they are. Weights are in shared memory as in global memory, but
+for rows 16 bytes longer, which puts 8 of them on different banks: `ldmatrix` takes 8 x 8 pieces of
+them, turned for a layer, and as they are for the gradient of its inputs.
+"""
+
+# What a warp does together, and how its lanes round.
+INSTRUCTIONS = """
+    // c += a b for 16 samples x 16 and 16 x 8
+    auto mma = [](float* c, const unsigned int* a, unsigned int b0, unsigned int b1) {
+        asm volatile(
+            "mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 "
+            "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+            : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
+            : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
+    };
+    // Four 8 x 8 pieces; lane 8 i + j points at row j of piece i.
+    auto load = [](unsigned int* p, const unsigned short* row) {
+        asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
+            : "=r"(p[0]), "=r"(p[1]), "=r"(p[2]), "=r"(p[3])
+            : "r"((unsigned int)__cvta_generic_to_shared(row)) : "memory");
+    };
+    auto load_turned = [](unsigned int* p, const unsigned short* row) {
+        asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
+            : "=r"(p[0]), "=r"(p[1]), "=r"(p[2]), "=r"(p[3])
+            : "r"((unsigned int)__cvta_generic_to_shared(row)) : "memory");
+    };
+    auto pack = [](float low, float high) {  // within what float16 can hold
+        unsigned int both;
+        asm("cvt.rn.satfinite.f16x2.f32 %0, %1, %2;" : "=r"(both) : "f"(high), "f"(low));
+        return both;
+    };
+"""
+
+# Where each layer is in `weights`, and in shared memory: AT and IN; the first two make a density.
+LAYERS = """
+    constexpr int WIDE = 64 + 8, NARROW = 16 + 8;
+    constexpr int AT1 = INPUTS * 64, AT2 = AT1 + 64 * 16, AT3 = AT2 + 32 * 64, AT4 = AT3 + 64 * 64;
+    constexpr int IN1 = INPUTS * WIDE, IN2 = IN1 + 64 * NARROW, IN3 = IN2 + 32 * WIDE;
+    constexpr int IN4 = IN3 + 64 * WIDE, IN5 = IN4 + 64 * NARROW;
+    __shared__ __align__(16) unsigned short layers[COLOR ? IN5 : IN2];
+    auto copy = [&](int in, int at, int depth, int columns) {
+        const uint4* from = (const uint4*)((const unsigned short*)weights.data + at);
+        const int pieces = columns / 8;
+        for (int i = threadIdx.x; i < depth * pieces; i += blockDim.x)
+            *(uint4*)(layers + in + i / pieces * (columns + 8) + i % pieces * 8) = from[i];
+    };
+    copy(0, 0, INPUTS, 64);
+    copy(IN1, AT1, 64, 16);
+    if (COLOR) {
+        copy(IN2, AT2, 32, 64);
+        copy(IN3, AT3, 64, 64);
+        copy(IN4, AT4, 64, 16);
+    }
+    __syncthreads();
+"""
+
+# Operands are [columns / 16][4], sums [columns / 8][4].
+PRODUCTS = f"""
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3;
+    const int rows = total.data[0];
+    {INSTRUCTIONS}
+    auto multiply = [&](auto& sums, const auto& x, const unsigned short* w, int pitch) {{  // x w
+        constexpr int depth = sizeof(x) / sizeof(x[0]), columns = sizeof(sums) / sizeof(sums[0]);
+        const unsigned short* row = w + (lane & 15) * pitch + (lane >> 4) * 8;
+        #pragma unroll
+        for (int n = 0; n < columns; ++n)
+            for (int i = 0; i < 4; ++i) sums[n][i] = 0.0f;
+        #pragma unroll
+        for (int k = 0; k < depth; ++k)
+            #pragma unroll
+            for (int n = 0; n < columns; n += 2) {{
+                unsigned int b[4];
+                load_turned(b, row + 16 * k * pitch + 8 * n);
+                mma(sums[n], x[k], b[0], b[1]);
+                mma(sums[n + 1], x[k], b[2], b[3]);
+            }}
+    }};
+    auto operand = [&](auto& x, const auto& sums) {{
+        constexpr int groups = sizeof(sums) / sizeof(sums[0]) / 2;
+        #pragma unroll
+        for (int k = 0; k < groups; ++k)
+            #pragma unroll
+            for (int i = 0; i < 4; ++i) {{
+                const float* two = sums[2 * k + i / 2] + i % 2 * 2;
+                x[k][i] = pack(two[0], two[1]);
+            }}
+    }};
+    auto rectified = [&](auto& x, auto& sums) {{
+        #pragma unroll
+        for (auto& piece : sums)
+            #pragma unroll
+            for (auto& value : piece) value = value > 0.0f ? value : 0.0f;
+        operand(x, sums);
+    }};
+    auto read = [&](auto& x, int row) {{  // the features of samples `row` and `row` + 8
+        const unsigned short* from = (const unsigned short*)features.data + 2 * t;
+        #pragma unroll
+        for (int k = 0; k < INPUTS / 16; ++k)
+            #pragma unroll
+            for (int i = 0; i < 4; ++i) {{
+                const int line = row + i % 2 * 8;
+                const size_t at = (size_t)line * INPUTS + 16 * k + i / 2 * 8;
+                x[k][i] = line < rows ? *(const unsigned int*)(from + at) : 0u;
+            }}
+    }};
+"""
+
+# The harmonics of radiance_encode.py: this lane's four of the 16.
+VIEW = """
+    auto view = [&](unsigned int* x, int row) {
+        #pragma unroll
+        for (int half = 0; half < 2; ++half) {
+            const int line = row + 8 * half;
+            x[half] = x[half + 2] = 0u;
+            if (line >= rows) continue;
+            const float* d = directions.data + 3 * (size_t)rays.data[line];
+            const float x1 = d[0], y1 = d[1], z1 = d[2];
+            const float xx = x1 * x1, yy = y1 * y1, zz = z1 * z1;
+            const float h[16] = {
+                0.28209479177387814f, -0.4886025119029199f * y1,
+                0.4886025119029199f * z1, -0.4886025119029199f * x1,
+                1.0925484305920792f * x1 * y1, -1.0925484305920792f * y1 * z1,
+                0.31539156525252005f * (3.0f * zz - 1.0f), -1.0925484305920792f * x1 * z1,
+                0.5462742152960396f * (xx - yy), -0.5900435899266435f * y1 * (3.0f * xx - yy),
+                2.890611442640554f * x1 * y1 * z1, -0.4570457994644658f * y1 * (5.0f * zz - 1.0f),
+                0.3731763325901154f * z1 * (5.0f * zz - 3.0f),
+                -0.4570457994644658f * x1 * (5.0f * zz - 1.0f),
+                1.445305721320277f * z1 * (xx - yy), -0.5900435899266435f * x1 * (xx - 3.0f * yy)};
+            auto own = [&](int k) {  // h[k + 2 t], of registers
+                return t & 2 ? t & 1 ? h[k + 6] : h[k + 4] : t & 1 ? h[k + 2] : h[k];
+            };
+            x[half] = pack(own(0), own(1));
+            x[half + 2] = pack(own(8), own(9));
+        }
+    };
+"""
+
+# Samples `row` and `row` + 8 from their features to the last layer's inputs; all values are kept.
+DENSITY_LAYERS = """
+        unsigned int x[INPUTS / 16][4], first[4][4], hidden[2][4];
+        float wide[8][4], density[2][4];
+        read(x, row);
+        multiply(wide, x, layers, WIDE);
+        rectified(first, wide);
+        multiply(density, first, layers + IN1, NARROW);
+"""
+COLOR_LAYERS = """
+        unsigned int second[4][4], third[4][4];
+        view(hidden[1], row);
+        operand(hidden, density);
+        multiply(wide, hidden, layers + IN2, WIDE);
+        rectified(second, wide);
+        multiply(wide, second, layers + IN3, WIDE);
+        rectified(third, wide);
+"""
