@@ -46,8 +46,9 @@ class Samples(NamedTuple):
 
     def first(self, rows: int) -> Samples:
         """Return the room of the first rows."""
-        parts = (a[:rows] for a in self[1:-1])
-        return Samples(self.total, *parts, {name: a[:rows] for name, a in self.inner.items()})
+        arrays = {name: getattr(self, name)[:rows] for name in self._fields[1:-1]}
+        inner = {name: a[:rows] for name, a in self.inner.items()}
+        return self._replace(**arrays, inner=inner)
 
 
 class Viewing:
