@@ -54,6 +54,14 @@ def test_marching_meets_the_same_cells(name, tmp_path):
     assert "fma.rn.f32" not in code
 
 
+def test_views_meet_the_same_cells(tmp_path):
+    """As above; the exponentials of the same file are of fused products."""
+    code = compile_for_hopper(load("radiance_view"), tmp_path)
+    kernels = [k for k in code.split(".visible .entry ") if k.startswith(("count_", "write_"))]
+    assert len(kernels) == 2
+    assert not any("fma.rn.f32" in kernel for kernel in kernels)
+
+
 @pytest.mark.parametrize("transposed", [False, True])
 @pytest.mark.parametrize(
     ("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (192, 48), (320, 64), (352, 64)]

@@ -99,10 +99,11 @@ class Renderer:
         for begin in range(0, count, RAYS):
             part = slice(begin, min(begin + RAYS, count))
             shape = part.stop - begin, 3
-            rays = [rt.scratch(f"view.{name}", shape) for name in ("origins", "directions")]
-            rt.radiance_rays.view_rays(*lens, 0, width, begin, *rays)
-            self.field.see(*rays, Seen(*(a[part] for a in seen)))
-        rt.radiance_view.finish(*map(float, behind), frame.bounds.half, SOLID, *seen)
+            origins, directions = (rt.scratch(f"view.{n}", shape) for n in ("from", "towards"))
+            rt.radiance_rays.view_rays(*lens, 0, width, begin, origins, directions)
+            self.field.see(origins, directions, Seen(*(a[part] for a in seen)))
+        red, green, blue = map(float, behind)
+        rt.radiance_view.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
         return Picture(*(rt.release(p) for p in pictures))
 
 

@@ -23,7 +23,7 @@ FADE = 0.95
 OPTICAL_THICKNESS = 0.01  # of a step through a cell that is looked at however thin it is
 VIEW_ROOM = 2**20  # samples of a round of rendering, on a GPU
 VIEW_FEW = 32  # of them on a ray, at most: it may be opaque behind the first
-PARTS = 16  # that room for samples is cut into
+PARTS = 16  # that this room is cut into, so that small rounds do not cost as much as large ones
 
 
 class Samples(NamedTuple):
@@ -46,8 +46,9 @@ class Samples(NamedTuple):
 
     def first(self, rows: int) -> Samples:
         """Return the room of the first rows."""
-        parts = (a[:rows] for a in self[1:-1])
-        return Samples(self.total, *parts, {name: a[:rows] for name, a in self.inner.items()})
+        arrays = {name: getattr(self, name)[:rows] for name in self._fields[1:-1]}
+        inner = {name: a[:rows] for name, a in self.inner.items()}
+        return self._replace(**arrays, inner=inner)
 
 
 class Viewing:
@@ -60,9 +61,10 @@ class Viewing:
 
     def first(self, count: int) -> Samples:
         """Return room for so many samples and a few more, of one of a few sizes."""
-        rows = -(-count // (part := -(-self.room // PARTS))) * part
+        part = -(-self.room // PARTS)
+        rows = min(-(-count // part) * part, self.room)
         if rows not in self._parts:
-            self._parts[rows] = self.samples.first(min(rows, self.room))
+            self._parts[rows] = self.samples.first(rows)
         return self._parts[rows]
 
 

@@ -181,8 +181,9 @@ class VoxelGrid(Field):
         distortion = rt.scratch("view.distortion", (count,))
         samples = rt.scratch("view.samples", (count,), np.int32)
         # Any step: without training, no places are drawn.
-        rays = self._marched(Rays(origins, directions, active), active, False)
-        rt.radiance_voxel.render(*rays, *seen, distortion, samples)
+        marched = self._marched(Rays(origins, directions, active), active, False)
+        arguments = [*marched, *seen, distortion, samples]
+        rt.radiance_voxel.render(*arguments)
 
     def forward(self, rays: Rays, step: Any) -> Rendered:
         """See :meth:`Field.forward`."""
