@@ -24,8 +24,8 @@ THREADS = 32  # of a ray
 
 
 @wp.func_native("""
-    // Equal spacings add up to multiples of what the first became when it was rounded, as long as
-    // numbers have the same exponent. Where that is not so, a neighbour tells.
+    // While the spacing is the same, and the exponent of t, each step is rounded as the first one.
+    // Whether that holds is checked: a step from a lane's place must lead to that of the next.
     const unsigned all = 0xffffffffu;
     const float gap = first + fmaxf(finest, cone * first) - first;
     float t = first + (float)lane * gap;
