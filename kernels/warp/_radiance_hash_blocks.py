@@ -196,8 +196,9 @@ def add_two_fixed(
 def backward(scalar: Any, sums: Any) -> wp.Kernel:
     """Return the kernel that takes gradients of features of a precision to the table.
 
-    That is of float32, or of int64 for fixed-point numbers. The gradients of samples side by side in one cell are added up first. It is for whole blocks of
-    threads, more than samples and levels if need be.
+    That is of float32, or of int64 for fixed-point numbers. The gradients of samples side by side
+    in one cell are added up first. It is for whole blocks of threads, more than samples and levels
+    if need be.
     """
     pair = wp.types.vector(2, scalar)
     exact = sums is wp.int64

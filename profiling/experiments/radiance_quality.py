@@ -81,6 +81,7 @@ def main(command: list[str] | None = None) -> int:
             begin = time.perf_counter()
             fit(scene, settings, steps=1, progress=False)  # compiles what is not compiled yet
             results[name] = {"first_step": round(time.perf_counter() - begin, 1), "times": []}
+            model = None
             for seconds in args.seconds:
                 row, model = trained(scene, settings, seconds)
                 results[name]["times"].append(row)

@@ -93,7 +93,7 @@ def timed(trainer: Trainer) -> tuple[list[Call], list[float]]:
 
 def corners(trainer: Trainer, name: str) -> int:
     """Return the bytes that a primitive gathers or scatters for each sample."""
-    field = trainer.field
+    field: Any = trainer.field
     if name in ("hash.encode", "hash.backward"):
         item = 4 if name == "hash.backward" else size_of(field.table.copy)
         return 8 * field.settings.levels * 2 * item
@@ -148,7 +148,8 @@ def main(command: list[str] | None = None) -> int:
         copy = clock.copy_bandwidth(clock.clock(args.device), clock.COPY_BYTES)
         calls, times = timed(trainer)
         samples = trainer.field.taken()
-    rows, sums = [], dict.fromkeys(("forward", "backward", "learning"), 0.0)
+    rows: list[dict[str, Any]] = []
+    sums: dict[str, float] = dict.fromkeys(("forward", "backward", "learning"), 0.0)
     for call, us in zip(calls, times, strict=True):
         name = call[0]
         stream, gathered = streamed(trainer, call, samples), corners(trainer, name) * samples
