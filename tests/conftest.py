@@ -1,6 +1,7 @@
 """What all tests share: the kernel sets, and property tests that draw the same examples always."""
 
 import os
+import signal
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -12,6 +13,9 @@ from cvkern._runtime import KERNEL_SETS
 # JAX looks for a GPU on import otherwise, and takes most of its memory.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+
+# Shells start commands in the background with Ctrl-C ignored; tests of it need it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile(
     "cvkern",

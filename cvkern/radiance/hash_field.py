@@ -16,7 +16,7 @@ from cvkern.radiance.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.sampled import CELLS, STEPS, SampledField, Samples
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
-CELLS_OF_PIXEL = 2.0  # of the finest grid: with more, held-out views of small photographs lose
+CELLS_OF_PIXEL = 1.5  # of the finest grid: with more, held-out views of small photographs lose
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,14 @@ class HashField:
        a multiresolution hash encoding", ACM Transactions on Graphics 41(4), 2022.
     """
 
-    levels: int = 8
+    levels: int = 16
     """Grids, a multiple of 8."""
     table_bits: int = 19
     """Base-2 logarithm of the entries of a grid's table."""
     coarsest: int = 16
     """Cells of the coarsest grid along a side."""
     finest: int | None = None
-    """Cells of the finest grid along a side; by default two for each pixel of the photographs."""
+    """Cells of the finest grid along a side; by default three for two pixels of the photographs."""
     samples: int = 2**18
     """Of a batch."""
     rays: int = 2**14
