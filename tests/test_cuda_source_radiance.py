@@ -57,7 +57,7 @@ def test_marching_meets_the_same_cells(name, tmp_path):
 def test_views_meet_the_same_cells(tmp_path):
     """As above; the exponentials of the same file are of fused products."""
     code = compile_for_hopper(load("radiance_view"), tmp_path)
-    kernels = [k for k in code.split(".visible .entry ") if k.startswith(("count_", "write_"))]
+    kernels = [k for k in code.split(".visible .entry ") if k.startswith(("look_", "write_"))]
     assert len(kernels) == 2
     assert not any("fma.rn.f32" in kernel for kernel in kernels)
 

@@ -155,6 +155,7 @@ SPACES = {
     "near and far": Space(1, 16, 2.2, 0.011, 0.0, False),
     "unbounded": Space(3, 8, 1e9, 0.02, 1 / 64, True),
     "cells that are no power of 2": Space(4, 12, 5.0, 0.05, 0.0, False),
+    "blocks that are skipped": Space(3, 48, 1e9, 0.01, 1 / 256, True),
 }
 
 
@@ -194,8 +195,11 @@ def march(kernels, origins, directions, occupied, space, *, near=0.05, most=10**
 
 
 def blobs(levels, cells, share, seed=1):
+    """Return which cells are occupied: such a share, but none in many of the blocks."""
     rng = np.random.default_rng(seed)
-    return rng.random(levels * cells**3) < share
+    occupied = rng.random((levels * cells**3 // 64, 64)) < share
+    occupied[rng.random(len(occupied)) < 0.4] = False
+    return occupied.ravel()
 
 
 @pytest.mark.parametrize("jittered", [False, True])
@@ -232,7 +236,7 @@ def test_march_finds_what_asking_at_every_step_does(kernels, space, share, jitte
 
 
 @pytest.mark.parametrize("cone", [0.0, 1 / 64])
-@pytest.mark.parametrize("cells", [8, 12])
+@pytest.mark.parametrize("cells", [8, 12, 16])
 def test_march_along_the_sides_of_cells(kernels, cells, cone):
     """Places exactly on sides, edges and corners, where a ray enters an inner cube among them."""
     levels, finest = 3, 2.0**-5

@@ -118,11 +118,11 @@ class HashNetwork(SampledField):
         self.memory = rt.zeros(network_room(2 * levels, settings.samples, self.half == np.float16))
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
-    @property
-    def view_room(self) -> int:
+    def view_room(self, rays: int) -> int:
         """See :meth:`SampledField.view_room`: in full precision it shares the memory of layers."""
         half = self.half == np.float16
-        return super().view_room if half else min(super().view_room, self.room)
+        room = super().view_room(rays)
+        return room if half else min(room, self.room)
 
     def inner(self, room: int) -> dict[str, Any]:
         """See :meth:`SampledField.inner`."""

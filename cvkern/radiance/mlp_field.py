@@ -197,10 +197,9 @@ class MLPNetwork(SampledField):
         """See :meth:`SampledField.inner`: what the layers take and give."""
         return {name: self.rt.zeros((room, w), self.half) for name, w in self.widths.items()}
 
-    @property
-    def view_room(self) -> int:
-        """See :attr:`SampledField.view_room`."""
-        return min(super().view_room, VIEW_ROOM)
+    def view_room(self, rays: int) -> int:
+        """See :meth:`SampledField.view_room`."""
+        return min(super().view_room(rays), VIEW_ROOM)
 
     def evaluate_density(self, total: Any) -> None:
         """See :meth:`SampledField.evaluate_density`."""

@@ -21,8 +21,9 @@ EVERY = 16  # steps between looks at where space is empty
 SETTLED = 256  # steps after which no longer all of it is looked at
 FADE = 0.95
 OPTICAL_THICKNESS = 0.01  # of a step through a cell that is looked at however thin it is
-VIEW_ROOM = 2**20  # samples of a round of rendering, on a GPU
-VIEW_FEW = 32  # of them on a ray, at most: it may be opaque behind the first
+VIEW_ROOM = 2**22  # samples of a round of rendering, at most, on a GPU
+VIEW_EACH = 16  # of them for each ray of a view, where that is less
+VIEW_FEW = 64  # of them on a ray, at most: it may be opaque behind the first
 PARTS = 16  # that this room is cut into, so that small rounds do not cost as much as large ones
 
 
@@ -121,26 +122,29 @@ class SampledField(Field):
 
     def see(self, origins: Any, directions: Any, seen: Seen) -> None:
         """See :meth:`Field.see`."""
-        if self._viewing is None:
-            self._viewing = self._room_to_view()
-        count, most = origins.shape[0], self._viewing.room  # a sample of each at least
+        count = origins.shape[0]
+        room = self.view_room(count)
+        if self._viewing is None or self._viewing.room < room:
+            self._viewing = self._room_to_view(room)
+        most = self._viewing.room  # a sample of each at least
         for begin in range(0, count, most):
             part = slice(begin, min(begin + most, count))
             self._see(
                 self._viewing, origins[part], directions[part], Seen(*(a[part] for a in seen))
             )
 
-    @property
-    def view_room(self) -> int:
-        """For how many samples a round of rendering has room: on a GPU for many, as rounds cost."""
-        return self.room if self.rt.device == "cpu" else VIEW_ROOM
+    def view_room(self, rays: int) -> int:
+        """For how many samples a round of rendering needs room: on a GPU for many, as rounds cost."""
+        if self.rt.device == "cpu":
+            return self.room
+        return min(max(VIEW_EACH * rays, self.room), VIEW_ROOM)
 
-    def _room_to_view(self) -> Viewing:
+    def _room_to_view(self, room: int) -> Viewing:
         """Take that room: of what training has as far as there is enough, else of its own."""
         counts = self.rt.zeros((2,), np.int32)
-        if self.view_room <= self.room:
-            return Viewing(self.samples.first(self.view_room), counts)
-        return Viewing(self._room_for(self.view_room, counts[:1]), counts)
+        if room <= self.room:
+            return Viewing(self.samples.first(room), counts)
+        return Viewing(self._room_for(room, counts[:1]), counts)
 
     def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: Seen) -> None:
         """Take the next samples of all rays, until each is opaque or has left the field."""

@@ -3,10 +3,13 @@
 Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
 has levels of cubes, each of twice the side of the one before, and as many cells, a multiple of 4 a
 side. A point belongs to the innermost cube that has it; cubes and cells have their lower sides.
+Cells are numbered block by block, of 4 x 4 x 4: the bits of a block are two words.
 
 Rounding keeps the order of numbers. So each coordinate of the places on a ray, and the number of
 its cell, only grow or only fall; and as the sides of cubes are met exactly, a cell of one level has
-no point of another. Hence what lies between two places in a cell is in it as well, to the bit.
+no point of another. Hence what lies between two places in a cell is in it as well, to the bit. So
+it is with a block, if those of one level have no point of another either: with 16 cells a side, or
+a multiple.
 """
 
 import taichi as ti
@@ -41,7 +44,9 @@ def cell_of(point: vec3, level: ti.i32, cells: ti.i32) -> ti.i32:
     middle = cells // 2
     scale = ti.cast(middle, ti.f32) / (1 << level)  # by a power of 2: nothing to round
     at = ti.floor(point * scale, ti.i32) + middle
-    return ((level * cells + at[2]) * cells + at[1]) * cells + at[0]
+    block, blocks = at >> 2, cells >> 2
+    number = ((level * blocks + block[2]) * blocks + block[1]) * blocks + block[0]
+    return number << 6 | (at[2] & 3) << 4 | (at[1] & 3) << 2 | at[0] & 3
 
 
 @ti.func
@@ -54,23 +59,15 @@ def place(origin: vec3, t: ti.f32, direction: vec3, zero: ti.i32) -> vec3:
 
 
 @ti.func
-def cell_at(point: vec3, levels: ti.i32, cells: ti.i32) -> ti.i32:
-    """Return the number of the cell that the point is in; -1 where it is in none."""
-    level = level_of(point, levels)
-    cell = -1
-    if level < levels:
-        cell = cell_of(point, level, cells)
-    return cell
-
-
-@ti.func
 def random_point(cell: ti.i32, cells: ti.i32, seed: ti.i32, step: ti.i32) -> vec3:
     """Return a random point of a cell."""
-    layer = cell // (cells * cells)
-    level = layer // cells
+    blocks, block = cells >> 2, cell >> 6
+    layer = block // (blocks * blocks)
+    level = layer // blocks
     side = ti.cast(1 << level, ti.f32)
     size = 2.0 * side / cells
-    corner = ti.Vector([cell % cells, cell // cells % cells, layer % cells])
+    corner = 4 * ti.Vector([block % blocks, block // blocks % blocks, layer % blocks])
+    corner += ti.Vector([cell, cell >> 2, cell >> 4]) & 3
     offset = ti.Vector([random_unit(seed, step, cell, k) for k in ti.static(range(1, 4))])
     return (corner + offset) * size - side
 
@@ -91,6 +88,12 @@ def in_cube(point: vec3, unbounded: ti.i32) -> vec3:
 def is_set(bits: ti.template(), cell: ti.i32) -> ti.i32:
     """Tell whether the bit of a cell is set."""
     return ti.cast((bits[cell >> 5] >> ti.cast(cell & 31, ti.u32)) & ti.u32(1), ti.i32)
+
+
+@ti.func
+def is_block_empty(bits: ti.template(), cell: ti.i32) -> ti.i32:
+    """Tell whether no bit of the block of a cell is set."""
+    return (bits[cell >> 6 << 1] | bits[cell >> 6 << 1 | 1]) == 0
 
 
 @ti.func
@@ -143,49 +146,44 @@ def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i
 
 
 @ti.func
-def next_sample(
+def skip(
     origin: vec3,
     direction: vec3,
     inverse: vec3,
     bits: ti.template(),
     levels: ti.i32,
     cells: ti.i32,
-    begin: ti.f32,
-    last: ti.f32,
+    t: ti.f32,
     finest: ti.f32,
     cone: ti.f32,
     zero: ti.i32,
 ) -> ti.f32:
-    """Distance of the first sample of a ray from `begin` on; not below `last` if there is none.
+    """Return where to look next if there is no sample at t: no sample of the ray is before.
 
-    Samples are the places t, t + spacing(t), ... that are in occupied cells.
+    Its samples are the places t, t + spacing(t), ... that are in occupied cells; of one, return t.
     """
-    t = begin
-    found = False
-    while t < last and not found:
-        point = place(origin, t, direction, zero)
-        level = level_of(point, levels)
-        step = spacing(t, finest, cone, zero)
-        cell = -1
-        if level < levels:
-            cell = cell_of(point, level, cells)
-        if cell < 0:  # on the outermost side
-            t += step
-        elif is_set(bits, cell) != 0:
-            found = True
-        else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, level, cells, zero)
-            next = t + step
+    point = place(origin, t, direction, zero)
+    level = level_of(point, levels)
+    found = t + spacing(t, finest, cone, zero)  # unless `point` is not on the outermost side
+    if level < levels:
+        cell = cell_of(point, level, cells)
+        if is_set(bits, cell) != 0:
+            found = t
+        else:
+            shift = 0  # binary digits of the side of what is empty, in cells
+            if cells % 16 == 0 and is_block_empty(bits, cell):
+                shift = 2
+            goal = t + way_out(point, inverse, level, cells >> shift, zero)
             inside = t
-            t = next
-            while t < goal:
-                inside = t
-                t += spacing(t, finest, cone, zero)
-            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
-            if inside >= next:
-                if cell_of(place(origin, inside, direction, zero), level, cells) != cell:
-                    t = next
-    return t
+            behind = found
+            while behind < goal:
+                inside = behind
+                behind += spacing(behind, finest, cone, zero)
+            # The goal is rounded: what was passed may be left out if the last of it is inside.
+            own = cell_of(place(origin, inside, direction, zero), level, cells)
+            if own >> 3 * shift == cell >> 3 * shift:
+                found = behind
+    return found
 
 
 @ti.func

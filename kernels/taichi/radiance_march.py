@@ -12,10 +12,10 @@ from ._launch import primitive
 from ._radiance_space import (
     interval,
     keep_sample,
-    next_sample,
     place,
     reciprocal,
     row,
+    skip,
     spacing,
 )
 from ._random import random_unit
@@ -59,10 +59,8 @@ def _walk(
     t += product(jitter, spacing(t, finest, cone, zero), zero)
     count = 0
     while t < last and count < most:
-        t = next_sample(
-            origin, direction, inverse, bits, levels, cells, t, last, finest, cone, zero
-        )
-        if t < last:
+        next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
+        if next == t:
             step = spacing(t, finest, cone, zero)
             if begin >= 0:
                 point = place(origin, t, direction, zero)
@@ -70,7 +68,8 @@ def _walk(
                     begin + count, ray, point, t, step, unbounded, positions, distances, rays
                 )
             count += 1
-            t += step
+            next = t + step
+        t = next
     return count
 
 

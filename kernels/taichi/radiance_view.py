@@ -13,10 +13,10 @@ from ._launch import primitive
 from ._radiance_space import (
     interval,
     keep_sample,
-    next_sample,
     place,
     reciprocal,
     row,
+    skip,
     spacing,
 )
 from ._rounding import product
@@ -126,10 +126,8 @@ def _march_on(
             t = at[ray]
             count = 0
             while t < last and count < limit:
-                t = next_sample(
-                    origin, direction, inverse, bits, levels, cells, t, last, finest, cone, zero
-                )
-                if t < last:
+                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
+                if next == t:
                     step = spacing(t, finest, cone, zero)
                     if writes != 0:
                         point = place(origin, t, direction, zero)
@@ -147,7 +145,8 @@ def _march_on(
                     elif count == 0:
                         at[ray] = t
                     count += 1
-                    t += step
+                    next = t + step
+                t = next
             if writes != 0:
                 at[ray] = t
                 taken[ray] += count

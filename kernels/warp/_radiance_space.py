@@ -3,10 +3,13 @@
 Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
 has levels of cubes, each of twice the side of the one before, and as many cells, a multiple of 4 a
 side. A point belongs to the innermost cube that has it; cubes and cells have their lower sides.
+Cells are numbered block by block, of 4 x 4 x 4: the bits of a block are two words.
 
 Rounding keeps the order of numbers. So each coordinate of the places on a ray, and the number of
 its cell, only grow or only fall; and as the sides of cubes are met exactly, a cell of one level has
-no point of another. Hence what lies between two places in a cell is in it as well, to the bit.
+no point of another. Hence what lies between two places in a cell is in it as well, to the bit. So
+it is with a block, if those of one level have no point of another either: with 16 cells a side, or
+a multiple.
 """
 
 import warp as wp
@@ -41,30 +44,27 @@ def cell_of(point: wp.vec3, level: int, cells: int) -> int:
     i = int(wp.floor(point[0] * scale)) + middle
     j = int(wp.floor(point[1] * scale)) + middle
     k = int(wp.floor(point[2] * scale)) + middle
-    return ((level * cells + k) * cells + j) * cells + i
-
-
-@wp.func
-def cell_at(point: wp.vec3, levels: int, cells: int) -> int:
-    """Return the number of the cell that the point is in; -1 where it is in none."""
-    level = level_of(point, levels)
-    cell = int(-1)
-    if level < levels:
-        cell = cell_of(point, level, cells)
-    return cell
+    blocks = cells >> 2
+    block = ((level * blocks + (k >> 2)) * blocks + (j >> 2)) * blocks + (i >> 2)
+    return block << 6 | (k & 3) << 4 | (j & 3) << 2 | i & 3
 
 
 @wp.func
 def random_point(cell: int, cells: int, seed: int, step: int) -> wp.vec3:
     """Return a random point of a cell."""
-    layer = cell // (cells * cells)
-    level = layer // cells
+    blocks = cells >> 2
+    block = cell >> 6
+    layer = block // (blocks * blocks)
+    level = layer // blocks
+    i = block % blocks << 2 | cell & 3
+    j = block // blocks % blocks << 2 | cell >> 2 & 3
+    k = layer % blocks << 2 | cell >> 4 & 3
     side = float(1 << level)
     size = 2.0 * side / float(cells)
     return wp.vec3(
-        (float(cell % cells) + random_unit(seed, step, cell, 1)) * size - side,
-        (float(cell // cells % cells) + random_unit(seed, step, cell, 2)) * size - side,
-        (float(layer % cells) + random_unit(seed, step, cell, 3)) * size - side,
+        (float(i) + random_unit(seed, step, cell, 1)) * size - side,
+        (float(j) + random_unit(seed, step, cell, 2)) * size - side,
+        (float(k) + random_unit(seed, step, cell, 3)) * size - side,
     )
 
 
@@ -83,6 +83,12 @@ def in_cube(point: wp.vec3, unbounded: bool) -> wp.vec3:
 def is_set(bits: wp.array[wp.uint32], cell: int) -> bool:
     """Tell whether the bit of a cell is set."""
     return (bits[cell >> 5] >> wp.uint32(cell & 31)) & wp.uint32(1) != wp.uint32(0)
+
+
+@wp.func
+def is_block_empty(bits: wp.array[wp.uint32], cell: int) -> bool:
+    """Tell whether no bit of the block of a cell is set."""
+    return bits[cell >> 6 << 1] | bits[cell >> 6 << 1 | 1] == wp.uint32(0)
 
 
 @wp.func
@@ -125,10 +131,11 @@ def reciprocal(direction: wp.vec3) -> wp.vec3:
 @wp.func
 def way_out(point: wp.vec3, inverse: wp.vec3, level: int, cells: int) -> float:
     """Distance along the ray to where it leaves the cell of a point."""
-    size = 2.0 * float(1 << level) / float(cells)
+    scale = float(cells // 2) / float(1 << level)
+    size = 1.0 / scale
     way = float(1.0e30)
     for k in range(3):
-        at = point[k] / size
+        at = point[k] * scale
         side = wp.floor(at) + wp.where(inverse[k] > 0.0, 1.0, 0.0)
         way = wp.min(way, wp.max((side - at) * size * inverse[k], 0.0))
     return way
@@ -152,7 +159,7 @@ def reach(
 
 
 @wp.func
-def next_sample(
+def skip(
     origin: wp.vec3,
     direction: wp.vec3,
     inverse: wp.vec3,
@@ -160,38 +167,33 @@ def next_sample(
     levels: int,
     cells: int,
     t: float,
-    last: float,
     finest: float,
     cone: float,
 ) -> float:
-    """Distance of the first sample of a ray from t on; not below `last` if there is none.
+    """Return where to look next if there is no sample at t: no sample of the ray is before.
 
-    Samples are the places t, t + spacing(t), ... that are in occupied cells.
+    Its samples are the places t, t + spacing(t), ... that are in occupied cells; of one, return t.
     """
-    found = bool(False)
-    while t < last and not found:
-        point = origin + t * direction
-        level = level_of(point, levels)
-        step = spacing(t, finest, cone)
-        cell = int(-1)
-        if level < levels:
-            cell = cell_of(point, level, cells)
-        if cell < 0:  # on the outermost side
-            t += step
-        elif is_set(bits, cell):
-            found = True
-        else:  # by whole steps behind the cell
-            goal = t + way_out(point, inverse, level, cells)
-            next = t + step
-            inside = t
-            t = next
-            while t < goal:
-                inside = t
-                t += spacing(t, finest, cone)
-            # The goal is rounded: what was passed may be left out if the last of it is in the cell.
-            if inside >= next and cell_of(origin + inside * direction, level, cells) != cell:
-                t = next
-    return t
+    point = origin + t * direction
+    level = level_of(point, levels)
+    next = t + spacing(t, finest, cone)
+    if level == levels:  # on the outermost side
+        return next
+    cell = cell_of(point, level, cells)
+    if is_set(bits, cell):
+        return t
+    shift = int(0)  # binary digits of the side of what is empty, in cells
+    if cells % 16 == 0 and is_block_empty(bits, cell):
+        shift = 2
+    goal = t + way_out(point, inverse, level, cells >> shift)
+    inside = t
+    behind = next
+    while behind < goal:
+        inside = behind
+        behind += spacing(behind, finest, cone)
+    # The goal is rounded: what was passed may be left out if the last of it is inside indeed.
+    own = cell_of(origin + inside * direction, level, cells)
+    return wp.where(own >> 3 * shift == cell >> 3 * shift, behind, next)
 
 
 @wp.func

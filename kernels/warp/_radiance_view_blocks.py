@@ -6,30 +6,42 @@ wp.set_module_options({"enable_backward": False})
 
 
 @wp.func_native("""
-    // A warp takes rows and places for its 32 rays at once, in whatever order the warps come.
+    // A block takes rows and places for its rays at once, in whatever order the blocks come: rays
+    // stay beside those they came with, which go through much the same cells.
     const unsigned all = 0xffffffffu;
-    const int lane = threadIdx.x & 31;
+    __shared__ int2 sums[32];  // of warps: samples, rays
+    __shared__ int2 begin;  // of the block
+    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, warps = blockDim.x >> 5;
     int upto = number;  // up to and with this ray
     for (int s = 1; s < 32; s *= 2) {
         const int before = __shfl_up_sync(all, upto, s);
         upto += lane >= s ? before : 0;
     }
     const unsigned found = __ballot_sync(all, number > 0);
-    int row = 0, place = 0;
-    if (lane == 31 && found) {
-        row = atomicAdd(counts.data, upto);
-        place = atomicAdd(counts.data + 1, __popc(found));
+    if (lane == 31) sums[warp] = make_int2(upto, __popc(found));
+    __syncthreads();
+    int row = upto - number, place = __popc(found & ((1u << lane) - 1));
+    int samples = 0, rays = 0;
+    for (int w = 0; w < warps; ++w) {
+        row += w < warp ? sums[w].x : 0;
+        place += w < warp ? sums[w].y : 0;
+        samples += sums[w].x;
+        rays += sums[w].y;
     }
-    row = __shfl_sync(all, row, 31) + upto - number;
-    place = __shfl_sync(all, place, 31) + __popc(found & ((1u << lane) - 1));
+    if (threadIdx.x == 0 && rays) {
+        begin = make_int2(atomicAdd(counts.data, samples), atomicAdd(counts.data + 1, rays));
+    }
+    __syncthreads();
+    row += begin.x;
     if (number > 0) {
-        going.data[place] = ray;
-        ((int2*)spans.data)[place] = make_int2(row, number);
+        going.data[begin.y + place] = ray;
+        ((int2*)spans.data)[begin.y + place] = make_int2(row, number);
     }
+    return row;
 """)
 def append(
     ray: int, number: int, going: wp.array[int], spans: wp.array2d[int], counts: wp.array[int]
-): ...
+) -> int: ...
 
 
 @wp.kernel
@@ -40,13 +52,16 @@ def place(
     # outputs
     going: wp.array[int],  # (R,)
     spans: wp.array2d[int],  # (R, 2)
+    rows: wp.array[int],  # (R,): the first of each ray, in the order of the list
     counts: wp.array[int],  # (2,): added to
 ):
-    """List the rays that have samples, and give them rows; whole warps alone."""
+    """List the rays that have samples, and give them rows; whole blocks alone."""
     i = wp.tid()
     ray = int(0)
     number = int(0)
     if i < living:
         ray = listing[i]
         number = numbers[i]
-    append(ray, number, going, spans, counts)
+    row = append(ray, number, going, spans, counts)
+    if i < living:
+        rows[i] = row

@@ -11,10 +11,10 @@ from . import _radiance_march_blocks as blocks
 from ._launch import BLOCK, launch, launch_each
 from ._radiance_space import (
     keep_sample,
-    next_sample,
     reach,
     reciprocal,
     row,
+    skip,
     spacing,
 )
 from ._random import random_unit
@@ -50,8 +50,8 @@ def march(
     t = ends[0]
     count = int(0)
     while t < ends[1] and count < most:
-        t = next_sample(origin, direction, inverse, bits, levels, cells, t, ends[1], finest, cone)
-        if t < ends[1]:
+        next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone)
+        if next == t:
             step = spacing(t, finest, cone)
             if begin >= 0:
                 point = origin + t * direction
@@ -59,7 +59,8 @@ def march(
                     begin + count, ray, point, t, step, unbounded, positions, distances, rays
                 )
             count += 1
-            t += step
+            next = t + step
+        t = next
     return count
 
 

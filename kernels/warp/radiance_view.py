@@ -9,14 +9,14 @@ the field, or that no more than `stop` of the light gets through. The samples of
 import warp as wp
 
 from . import _radiance_view_blocks as blocks
-from ._launch import launch, launch_each, scratch
+from ._launch import BLOCK, launch, launch_each, scratch
 from ._radiance_space import (
     interval,
     keep_sample,
-    next_sample,
     reach,
     reciprocal,
     row,
+    skip,
     spacing,
 )
 
@@ -83,55 +83,8 @@ def set_out(
     launch_each(set_out_kernel, count, 32 * count, inputs, outputs)
 
 
-@wp.func
-def walk(
-    ray: int,
-    origins: wp.array2d[float],
-    directions: wp.array2d[float],
-    bits: wp.array[wp.uint32],
-    levels: int,
-    cells: int,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    limit: int,
-    begin: int,
-    at: wp.array[float],
-    positions: wp.array2d[float],
-    distances: wp.array2d[float],
-    rays: wp.array[int],
-) -> int:
-    """Count the next samples of a ray, and have it go on from the first of them.
-
-    Unless `begin` is negative: then write them from there on, and have it go on behind the last.
-    """
-    origin = row(origins, ray)
-    direction = row(directions, ray)
-    inverse = reciprocal(direction)
-    last = wp.min(far, interval(origin, inverse, float(1 << (levels - 1)))[1])
-    t = at[ray]
-    count = int(0)
-    while t < last and count < limit:
-        t = next_sample(origin, direction, inverse, bits, levels, cells, t, last, finest, cone)
-        if t < last:
-            step = spacing(t, finest, cone)
-            if begin >= 0:
-                point = origin + t * direction
-                keep_sample(
-                    begin + count, ray, point, t, step, unbounded, positions, distances, rays
-                )
-            elif count == 0:
-                at[ray] = t
-            count += 1
-            t += step
-    if begin >= 0:
-        at[ray] = t
-    return count
-
-
 @wp.kernel
-def count_kernel(
+def look_kernel(
     stride: int,
     first: int,
     last: int,
@@ -144,31 +97,40 @@ def count_kernel(
     finest: float,
     cone: float,
     most: int,
-    unbounded: bool,
     few: int,
     living: int,
     listing: wp.array[int],  # (R,)
-    taken: wp.array[int],  # (R,)
-    # not touched
-    positions: wp.array2d[float],
-    distances: wp.array2d[float],
-    rays: wp.array[int],
     # outputs
     at: wp.array[float],  # (R,)
+    taken: wp.array[int],  # (R,)
+    times: wp.array[float],  # (M,): distances of samples, the first ones of all rays first
     numbers: wp.array[int],  # (R,): of samples, in the order of the list
     counts: wp.array[int],  # (2,): 0
 ):
-    """Count the next samples of a ray."""
+    """Find the next samples of a ray, and have it go on behind the last."""
     for i in range(first + wp.tid(), last, stride):
         if i == 0:
             counts[0] = 0
             counts[1] = 0
         if i < living:
             ray = listing[i]
-            numbers[i] = walk(
-                ray, origins, directions, bits, levels, cells, far, finest, cone, unbounded,
-                wp.min(few, most - taken[ray]), -1, at, positions, distances, rays,
-            )  # fmt: skip
+            origin = row(origins, ray)
+            direction = row(directions, ray)
+            inverse = reciprocal(direction)
+            end = wp.min(far, interval(origin, inverse, float(1 << (levels - 1)))[1])
+            t = at[ray]
+            limit = wp.min(few, most - taken[ray])
+            count = int(0)
+            while t < end and count < limit:
+                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone)
+                if next == t:
+                    times[count * living + i] = t
+                    count += 1
+                    next = t + spacing(t, finest, cone)
+                t = next
+            at[ray] = t
+            taken[ray] = taken[ray] + count
+            numbers[i] = count
 
 
 @wp.kernel
@@ -179,12 +141,14 @@ def place(
     # outputs
     going: wp.array[int],  # (R,)
     spans: wp.array2d[int],  # (R, 2)
+    rows: wp.array[int],  # (R,): the first of each ray, in the order of the list
     counts: wp.array[int],  # (2,)
 ):
     """List the rays that have samples, and give them rows, in one thread."""
     total = int(0)
     rays = int(0)
     for i in range(living):
+        rows[i] = total
         if numbers[i] > 0:
             going[rays] = listing[i]
             spans[rays, 0] = total
@@ -202,31 +166,30 @@ def write_kernel(
     last: int,
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
-    bits: wp.array[wp.uint32],  # (levels cells^3 / 32,)
-    levels: int,
-    cells: int,
-    far: float,
     finest: float,
     cone: float,
     unbounded: bool,
-    going: wp.array[int],  # (R,)
-    spans: wp.array2d[int],  # (R, 2)
-    counts: wp.array[int],  # (2,)
+    living: int,
+    listing: wp.array[int],  # (R,)
+    times: wp.array[float],  # (M,)
+    numbers: wp.array[int],  # (R,)
+    rows: wp.array[int],  # (R,)
     # outputs
-    at: wp.array[float],  # (R,)
-    taken: wp.array[int],  # (R,)
     positions: wp.array2d[float],  # (M, 3)
     distances: wp.array2d[float],  # (M, 2)
     rays: wp.array[int],  # (M,)
 ):
-    """Write the next samples of a ray."""
-    for i in range(first + wp.tid(), wp.min(last, counts[1]), stride):
-        ray = going[i]
-        number = spans[i, 1]
-        taken[ray] = taken[ray] + walk(
-            ray, origins, directions, bits, levels, cells, far, finest, cone, unbounded, number,
-            spans[i, 0], at, positions, distances, rays,
-        )  # fmt: skip
+    """Write the samples that were found on a ray."""
+    for i in range(first + wp.tid(), wp.min(last, living), stride):
+        ray = listing[i]
+        origin = row(origins, ray)
+        direction = row(directions, ray)
+        begin = rows[i]
+        for n in range(numbers[i]):
+            t = times[n * living + i]
+            step = spacing(t, finest, cone)
+            point = origin + t * direction
+            keep_sample(begin + n, ray, point, t, step, unbounded, positions, distances, rays)
 
 
 def march_on(
@@ -263,18 +226,21 @@ def march_on(
     """
     device = counts.device
     count = _threads(living, device)
-    numbers = scratch("view.numbers", listing.shape, wp.int32, device)
-    march = [origins, directions, bits, levels, cells, far, finest, cone]
-    samples = [positions, distances, rays]
-    inputs = [*march, most, unbounded, few, living, listing, taken, *samples]
-    launch_each(count_kernel, count, 256 * living, inputs, [at, numbers, counts])
-    outputs = [going, spans, counts]
+    numbers, rows = (
+        scratch(f"view.{name}", listing.shape, wp.int32, device) for name in ("numbers", "rows")
+    )
+    times = scratch("view.times", rays.shape, wp.float32, device)
+    inputs = [
+        origins, directions, bits, levels, cells, far, finest, cone, most, few, living, listing,
+    ]  # fmt: skip
+    launch_each(look_kernel, count, 256 * living, inputs, [at, taken, times, numbers, counts])
+    outputs = [going, spans, rows, counts]
     if device.is_cuda:
         launch(blocks.place, count, [living, listing, numbers], outputs)
     else:
         launch(place, 1, [living, listing, numbers], outputs)
-    inputs = [*march, unbounded, going, spans, counts]
-    launch_each(write_kernel, count, 256 * living, inputs, [at, taken, *samples])
+    inputs = [origins, directions, finest, cone, unbounded, living, listing, times, numbers, rows]
+    launch_each(write_kernel, count, 64 * living, inputs, [positions, distances, rays])
 
 
 @wp.kernel
@@ -390,8 +356,8 @@ def finish(
 
 
 def _threads(living: int, device: wp.Device) -> int:
-    """Return for how many entries of a list to launch: on CUDA one of a few numbers of warps.
+    """Return for how many entries of a list to launch: on CUDA one of a few numbers of blocks.
 
     Launches are kept by their size.
     """
-    return living if device.is_cpu else 1 << max(living - 1, 31).bit_length()
+    return living if device.is_cpu else max(BLOCK, 1 << (living - 1).bit_length())
