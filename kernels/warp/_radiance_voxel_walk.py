@@ -4,6 +4,8 @@ A ray is walked 16 samples at a time: where they are, then their densities, then
 are seen, the rows of colour coefficients round them, which are vectors of WIDTH numbers.
 """
 
+from ._harmonics import HARMONICS
+
 RECORD = 8  # numbers kept of a sample between the two halves of the backward pass
 
 # e^x = 2^n e^f with |f| <= ln(2) / 2: the Taylor series of e^f up to f^7 is right within 1e-7.
@@ -24,17 +26,13 @@ EXPONENTIAL = """
     };
 """
 
-# The harmonics of radiance_encode.py up to degree 2; bands[c] has them where channel c's are.
+# Of the ray's direction: bands[c] has the harmonics where the coefficients of channel c are.
 BANDS = """
     const float* d = directions.data + 3 * (size_t)ray;
     float bands[3][WIDTH];
     {
         const float x = d[0], y = d[1], z = d[2];
-        const float h[9] = {
-            0.28209479177387814f, -0.4886025119029199f * y, 0.4886025119029199f * z,
-            -0.4886025119029199f * x, 1.0925484305920792f * x * y, -1.0925484305920792f * y * z,
-            0.31539156525252005f * (3.0f * z * z - 1.0f), -1.0925484305920792f * x * z,
-            0.5462742152960396f * (x * x - y * y)};
+        const float h[9] = {HARMONICS};
         for (int c = 0; c < 3; ++c) {
             for (int k = 0; k < WIDTH; ++k) bands[c][k] = 0.0f;
             for (int k = 0; k < basis; ++k) bands[c][c * basis + k] = h[k];
@@ -292,6 +290,7 @@ SCATTER = """
 
 def text(template: str, width: int, parts: dict[str, str]) -> str:
     """Return the code for rows of one width."""
-    for name, part in (parts | {"EXPONENTIAL": EXPONENTIAL, "BANDS": BANDS}).items():
+    shared = {"EXPONENTIAL": EXPONENTIAL, "BANDS": BANDS, "HARMONICS": ", ".join(HARMONICS[:9])}
+    for name, part in (parts | shared).items():
         template = template.replace(name, part)
     return template.replace("WIDTH", str(width))
