@@ -12,12 +12,9 @@ import warp as wp
 
 from ._radiance_network_layers import COLOR_LAYERS, DENSITY_LAYERS, LAYERS, PRODUCTS, VIEW
 
-wp.set_module_options({"enable_backward": False})
-
 OPTIONS = {"enable_backward": False}
 FORWARD = 256  # threads of a block
 BACKWARD = 128
-SUM = 256
 
 # What forward passes write: see radiance_heads.py.
 _WRITE_SIGMA = """
@@ -176,22 +173,6 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
     write(dw4, AT4, 16, 16 * warp, 0);
 """
 
-# A warp adds up an eighth of the rows for 32 columns.
-SUM_TEXT = """
-    __shared__ float sums[8][32];
-    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, column = blockIdx.x * 32 + lane;
-    const int rows = parts.shape[0], last = rows * (warp + 1) / 8;
-    float sum = 0.0f;
-    #pragma unroll 8
-    for (int row = rows * warp / 8; row < last; ++row)
-        sum += parts.data[(size_t)row * parts.shape[1] + column];
-    sums[warp][lane] = sum;
-    __syncthreads();
-    if (warp) return;
-    for (int i = 1; i < 8; ++i) sum += sums[i][lane];
-    d_weights.data[column] += sum;
-"""
-
 
 def forward_text(inputs: int, color: bool) -> str:
     """Return the code of a forward pass, or of its half up to the density."""
@@ -297,30 +278,8 @@ def backward(inputs: int) -> wp.Kernel:
         parts: wp.array2d[float],  # (blocks, W)
     ):
         pass_back(
-            d_sigma,
-            d_rgb,
-            features,
-            directions,
-            rays,
-            total,
-            weights,
-            sigma,
-            rgb,
-            d_features,
+            d_sigma, d_rgb, features, directions, rays, total, weights, sigma, rgb, d_features,
             parts,
-        )
+        )  # fmt: skip
 
     return backward
-
-
-@wp.func_native(SUM_TEXT)
-def add_up(parts: wp.array2d[float], d_weights: wp.array[float]): ...
-
-
-@wp.kernel
-def gather(
-    parts: wp.array2d[float],  # (blocks, W)
-    # outputs
-    d_weights: wp.array[float],  # (W,): added to
-):
-    add_up(parts, d_weights)

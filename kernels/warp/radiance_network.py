@@ -11,6 +11,7 @@ import warp as wp
 
 from ..codes import NETWORK_PARTS, NETWORK_RECTIFIED, NETWORK_VALUES, network_layers
 from . import _radiance_network_blocks as blocks
+from . import _radiance_parts_blocks as parts_blocks
 from . import radiance_dense as dense
 from . import radiance_encode as encode
 from . import radiance_heads as heads
@@ -87,7 +88,8 @@ def backward(
         kernel = blocks.backward(features.shape[1])
         threads = memory.shape[0] * blocks.BACKWARD
         launch(kernel, threads, given, [d_features, memory], blocks.BACKWARD)
-        launch(blocks.gather, 8 * weights.shape[0], [memory], [d_weights], blocks.SUM)
+        count = parts_blocks.threads(weights.shape[0])
+        launch(parts_blocks.gather, count, [memory], [d_weights])
         return
     values = [features, *_views(memory, 0, features)]
     gradients = [d_features, *_views(memory, sum(NETWORK_VALUES), features)]
