@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from ._adam import adam_step
 from ._fixed_point import UNIT
 from ._launch import primitive
 
@@ -34,13 +35,10 @@ def _adam(
         if sparse == 0 or g != 0.0:
             w = weights[i]
             g += decay * w
-            m = beta1 * mean[i] + (1.0 - beta1) * g
-            v = beta2 * square[i] + (1.0 - beta2) * g * g
-            mean[i] = m
-            square[i] = v
-            w -= rate[0] / rate[1] * m / (ti.sqrt(v / rate[2]) + epsilon)
-            weights[i] = w
-            copy[i] = w
+            mean[i], square[i], weights[i] = adam_step(
+                g, mean[i], square[i], w, rate, beta1, beta2, epsilon
+            )
+            copy[i] = weights[i]
 
 
 @primitive

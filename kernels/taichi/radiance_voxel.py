@@ -16,6 +16,7 @@ returned, less what has been passed: sum_j w_j G_j is linear in that.
 import numpy as np
 import taichi as ti
 
+from ._adam import adam_step
 from ._launch import on_cpu, primitive, scratch
 from ._radiance_voxel_march import march
 
@@ -72,22 +73,18 @@ def _adam(
         if touched[k, j, i]:
             touched[k, j, i] = ti.u8(0)
             g = d_density[k, j, i] * factor[0]
-            m = beta1 * density_mean[k, j, i] + (1.0 - beta1) * g
-            v = beta2 * density_square[k, j, i] + (1.0 - beta2) * g * g
             d_density[k, j, i] = 0.0
-            density_mean[k, j, i], density_square[k, j, i] = m, v
-            density[k, j, i] -= (
-                rate_density[0] / rate_density[1] * m / (ti.sqrt(v / rate_density[2]) + epsilon)
-            )
+            density_mean[k, j, i], density_square[k, j, i], density[k, j, i] = adam_step(
+                g, density_mean[k, j, i], density_square[k, j, i], density[k, j, i], rate_density,
+                beta1, beta2, epsilon,
+            )  # fmt: skip
             for c in range(color.shape[3]):
                 g = d_color[k, j, i, c] * factor[0]
-                m = beta1 * color_mean[k, j, i, c] + (1.0 - beta1) * g
-                v = beta2 * color_square[k, j, i, c] + (1.0 - beta2) * g * g
                 d_color[k, j, i, c] = 0.0
-                color_mean[k, j, i, c], color_square[k, j, i, c] = m, v
-                color[k, j, i, c] -= (
-                    rate_color[0] / rate_color[1] * m / (ti.sqrt(v / rate_color[2]) + epsilon)
-                )
+                color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c] = adam_step(
+                    g, color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c],
+                    rate_color, beta1, beta2, epsilon,
+                )  # fmt: skip
 
 
 @ti.kernel
