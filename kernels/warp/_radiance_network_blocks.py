@@ -10,6 +10,7 @@ from functools import cache
 
 import warp as wp
 
+from ..codes import MOST_LOG_DENSITY, MOST_LOG_DENSITY_GRADIENT
 from ._radiance_network_layers import COLOR_LAYERS, DENSITY_LAYERS, LAYERS, PRODUCTS, VIEW
 
 OPTIONS = {"enable_backward": False}
@@ -17,10 +18,11 @@ FORWARD = 256  # threads of a block
 BACKWARD = 128
 
 # What forward passes write: see radiance_heads.py.
-_WRITE_SIGMA = """
+_WRITE_SIGMA = f"""
         for (int half = 0; half < 2; ++half)
             if (t == 0 && row + 8 * half < rows)
-                sigma.data[row + 8 * half] = expf(fminf(density[0][2 * half], 11.0f));
+                sigma.data[row + 8 * half] =
+                    expf(fminf(density[0][2 * half], {MOST_LOG_DENSITY}f));
 """
 _WRITE_RGB = """
         float raw[2][4];
@@ -99,6 +101,7 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
             }}
         }}
     }};
+    const float most_up = {MOST_LOG_DENSITY_GRADIENT}f;
     float dw0[INPUTS / 16][2][4] = {{}}, dw1[1][2][4] = {{}}, dw2[2][2][4] = {{}};
     float dw3[4][2][4] = {{}}, dw4[1][2][4] = {{}};
     for (int begin = blockIdx.x * 64; begin < rows; begin += gridDim.x * 64) {{
@@ -118,9 +121,8 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
                     d[j] = d_rgb.data[at] * rgb.data[at] * (1.0f - rgb.data[at]);
                 }}
             d_raw[0][half] = pack(d[0], d[1]);
-            if (t == 0)  // float16 ends at 65504
-                up[half] =
-                    fminf(fmaxf(d_sigma.data[line] * sigma.data[line], -30000.0f), 30000.0f);
+            if (t == 0)
+                up[half] = fminf(fmaxf(d_sigma.data[line] * sigma.data[line], -most_up), most_up);
         }}
         {DENSITY_LAYERS}{COLOR_LAYERS}
         share(third, d_raw);

@@ -9,6 +9,7 @@ from typing import Any
 
 import warp as wp
 
+from ..codes import MOST_LOG_DENSITY
 from ._fixed_point import FIXED
 from ._harmonics import HARMONICS
 from ._random import random_unit
@@ -88,7 +89,7 @@ _WALK = """
             raw = g + f[2] * (h - g);
         }
         if (!__any_sync(all, raw > least)) continue;
-        const float sigma = raw > least ? expf(fminf(raw, 11.0f)) : 0.0f;
+        const float sigma = raw > least ? expf(fminf(raw, MOST_LOG_DENSITY)) : 0.0f;
         const float alpha = 1.0f - expf(-sigma * gap);
         float through = 1.0f - alpha;  // up to and with this sample
         for (int s = 1; s < 32; s *= 2) {
@@ -220,8 +221,9 @@ _ADD = {
 
 
 def _text(parts: dict[str, str]) -> str:
-    text = _WALK.replace("HARMONIC", _HARMONIC)
-    for name, part in parts.items():
+    text = _WALK
+    shared = {"HARMONIC": _HARMONIC, "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f"}
+    for name, part in (parts | shared).items():
         text = text.replace(name, part)
     return text
 

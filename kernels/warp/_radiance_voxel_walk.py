@@ -4,6 +4,7 @@ A ray is walked 16 samples at a time: where they are, then their densities, then
 are seen, the rows of colour coefficients round them, which are vectors of WIDTH numbers.
 """
 
+from ..codes import MOST_LOG_DENSITY
 from ._harmonics import HARMONICS
 
 RECORD = 8  # numbers kept of a sample between the two halves of the backward pass
@@ -51,6 +52,7 @@ WALK = """
     const float* o = origins.data + 3 * (size_t)ray;
     const float scale = (unbounded ? 0.25f : 0.5f) * (float)(resolution);
     const float middle = 0.5f * (float)(resolution), most = (float)(resolution);
+    const float most_raw = MOST_LOG_DENSITY;
     const float block = (float)(1 << shift) / scale;  // the side of an occupancy cell
     const float inverse_gap = 1.0f / finest;
     float inverse[3], t = near, last = far;
@@ -138,7 +140,7 @@ WALK = """
         }
         #pragma clang loop vectorize(assume_safety)
         for (int s = 0; s < 16; ++s) {
-            const float e = exponential(raw[s] < 11.0f ? raw[s] : 11.0f);
+            const float e = exponential(raw[s] < most_raw ? raw[s] : most_raw);
             sigma[s] = raw[s] > least ? e : 0.0f;
             alpha[s] = 1.0f - exponential(-sigma[s] * gaps[s]);
         }
@@ -290,7 +292,12 @@ SCATTER = """
 
 def text(template: str, width: int, parts: dict[str, str]) -> str:
     """Return the code for rows of one width."""
-    shared = {"EXPONENTIAL": EXPONENTIAL, "BANDS": BANDS, "HARMONICS": ", ".join(HARMONICS[:9])}
+    shared = {
+        "EXPONENTIAL": EXPONENTIAL,
+        "BANDS": BANDS,
+        "HARMONICS": ", ".join(HARMONICS[:9]),
+        "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f",
+    }
     for name, part in (parts | shared).items():
         template = template.replace(name, part)
     return template.replace("WIDTH", str(width))
