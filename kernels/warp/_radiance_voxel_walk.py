@@ -7,7 +7,9 @@ are seen, the rows of colour coefficients round them, which are vectors of WIDTH
 from ..codes import MOST_LOG_DENSITY
 from ._harmonics import HARMONICS
 
-RECORD = 8  # numbers kept of a sample between the two halves of the backward pass
+# Numbers kept of a sample between the two halves of the backward pass: its cell, its place in it
+# (3), and the gradients by its raw density and by the channels' sums of harmonics (3).
+RECORD = 8
 
 # e^x = 2^n e^f with |f| <= ln(2) / 2: the Taylor series of e^f up to f^7 is right within 1e-7.
 EXPONENTIAL = """
@@ -222,8 +224,8 @@ BACKWARD = {
     float rest = d_o * all_w + d_t * all_wt + 2.0f * d_x * distortion.data[ray];
     for (int c = 0; c < 3; ++c) rest += dc[c] * colors.data[3 * (size_t)ray + c];
     float sum_w = 0.0f, sum_wt = 0.0f;
-    float* record = records.data + (size_t)8 * begin;
-    float* const end = record + (size_t)8 * room;
+    float* record = records.data + (size_t)RECORD * begin;
+    float* const end = record + (size_t)RECORD * room;
     """,
     "AFTER": """
         for (int s = 0; s < seen; ++s) {
@@ -242,7 +244,7 @@ BACKWARD = {
             record[4] = sigma[s] * gaps[s] * (behind[s] * g - rest);
             for (int c = 0; c < 3; ++c)
                 record[5 + c] = w * dc[c] * rgb[c][s] * (1.0f - rgb[c][s]);
-            record += 8;
+            record += RECORD;
         }
     """,
     # Should the walk have ended sooner than it did in the forward pass, by a rounding.
@@ -258,8 +260,8 @@ SCATTER = """
     BANDS
     const int side = resolution + 1;
     const int own_z = owner & 1, own_y = owner >> 1;
-    const float* record = records.data + (size_t)8 * begin;
-    for (int s = 0; s < room; ++s, record += 8) {
+    const float* record = records.data + (size_t)RECORD * begin;
+    for (int s = 0; s < room; ++s, record += RECORD) {
         const int at = __builtin_bit_cast(int, record[0]);
         const int i = at & 1023, j0 = at >> 10 & 1023, k0 = at >> 20;
         const int far_z = (k0 ^ own_z) & 1;
@@ -295,6 +297,7 @@ def text(template: str, width: int, parts: dict[str, str]) -> str:
     shared = {
         "EXPONENTIAL": EXPONENTIAL,
         "BANDS": BANDS,
+        "RECORD": str(RECORD),
         "HARMONICS": ", ".join(HARMONICS[:9]),
         "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f",
     }
