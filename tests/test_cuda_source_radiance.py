@@ -104,7 +104,7 @@ def made(scalar):
     """Yield the kernels that are made for a precision."""
     for family, names in {
         "_radiance_adam_blocks": ["adam"],
-        "radiance_encode": ["_spherical", "_positional", "_positional_backward", "_gather"],
+        "radiance_encode": ["_spherical", "_positional", "_gather"],
         "_radiance_hash_blocks": ["encode"],
         "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():

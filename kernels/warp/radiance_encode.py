@@ -121,45 +121,6 @@ def _positional(scalar: Any) -> wp.Kernel:
 
 
 @cache
-def _positional_backward(scalar: Any) -> wp.Kernel:
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def positional_backward(
-        stride: int,
-        first: int,
-        last: int,
-        points: wp.array2d[float],  # (N, D)
-        total: wp.array[int],  # (1,)
-        frequencies: int,
-        include_input: bool,
-        column: int,
-        d_features: wp.array2d[scalar],
-        # outputs
-        d_points: wp.array2d[float],  # (N, D)
-    ):
-        for i in range(first + wp.tid(), wp.min(last, total[0]), stride):
-            at = column
-            if include_input:
-                at += points.shape[1]
-            for d in range(points.shape[1]):
-                value = points[i, d]
-                slope = float(PI)
-                sum = float(0.0)
-                if include_input:
-                    sum = float(d_features[i, column + d])
-                for _k in range(frequencies):
-                    angle = PI * turn(value)
-                    d_sine = float(d_features[i, at])
-                    d_cosine = float(d_features[i, at + 1])
-                    sum += slope * (d_sine * wp.cos(angle) - d_cosine * wp.sin(angle))
-                    value *= 2.0
-                    slope *= 2.0
-                    at += 2
-                d_points[i, d] = sum
-
-    return positional_backward
-
-
-@cache
 def _gather(scalar: Any) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=OPTIONS)
     def gather(
@@ -205,26 +166,6 @@ def positional(
         16 * width * count,
         [points, total, frequencies, include_input, constant, column, column + width],
         [features],
-    )
-
-
-def positional_backward(
-    points: wp.array,
-    total: wp.array,
-    frequencies: int,
-    include_input: bool,
-    column: int,
-    d_features: wp.array,
-    d_points: wp.array,
-) -> None:
-    """Take the gradient of what :func:`positional` wrote to `d_points` (N, D)."""
-    count, size = points.shape
-    launch_each(
-        _positional_backward(d_features.dtype),
-        count,
-        32 * size * frequencies * count,
-        [points, total, frequencies, include_input, column, d_features],
-        [d_points],
     )
 
 
