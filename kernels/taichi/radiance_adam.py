@@ -58,8 +58,8 @@ def adam(
 ) -> None:
     """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
 
-    `rate` (3,) is that of :func:`learning_rate`, `decay` the share of each weight that is added to
-    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,)
+    `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
+    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,)
     is filled with the weights in its own precision; it may be `weights` itself. On CUDA each array
     begins at a multiple of 16 bytes.
     """
@@ -81,7 +81,7 @@ def _collect(
 
 @primitive
 def collect(sums: np.ndarray, gradients: np.ndarray) -> None:
-    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave them at 0.
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave the sums at 0.
 
     They are what gradients are added up in where the order must not show. On CUDA each array
     begins at a multiple of 16 bytes.
@@ -191,5 +191,5 @@ def _advance(
 
 @primitive
 def advance(step: np.ndarray) -> None:
-    """Count a step, (1,)."""
+    """Add 1 to `step` (1,)."""
     _advance(step)

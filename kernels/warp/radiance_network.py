@@ -31,7 +31,8 @@ def forward(
     """Find density (M,) and colour (M, 3) from features (M, K) and directions of view (R, 3).
 
     `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them,
-    for K = 16, 32, 48 or 64; `memory` has the shape that `network_room` tells.
+    for K = 16, 32, 48 or 64, with `weights` (W,) of all layers and `memory` of the shape that
+    `network_room` tells.
     """
     if sigma.device.is_cuda:
         kernel = blocks.forward(features.shape[1])
@@ -47,7 +48,7 @@ def forward(
 def density(
     features: wp.array, total: wp.array, weights: wp.array, memory: wp.array, sigma: wp.array
 ) -> None:
-    """Find density (M,) alone, from features (M, K)."""
+    """Find density (M,) alone, as :func:`forward` does."""
     if sigma.device.is_cuda:
         kernel = blocks.density(features.shape[1])
         launch(
