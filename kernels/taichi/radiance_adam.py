@@ -59,9 +59,10 @@ def adam(
     """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
 
     `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
-    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,)
-    is filled with the weights in its own precision; it may be `weights` itself. On CUDA each array
-    begins at a multiple of 16 bytes.
+    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If
+    `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,) is filled with the
+    weights in its own precision; it may be `weights` itself. On CUDA each array begins at a
+    multiple of 16 bytes.
     """
     _adam(
         rate, factor, beta1, beta2, epsilon, decay, sparse, gradients, mean, square, weights, copy

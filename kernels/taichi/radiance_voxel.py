@@ -220,9 +220,9 @@ def render_backward(
 
     `d_colors` (R, 3), `d_opacity`, `d_depth` and `d_distortion` (R,) are those of what
     :func:`render` made of the same rays, `colors` to `samples`. `d_density` and `d_color` have the
-    shapes of the grid, as has `touched` (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On CUDA `d_density` and
-    `d_color` may be int64, of fixed-point numbers: their sums are the same in any order. On the CPU
-    one thread does all rays in turn: the sums do not change from run to run.
+    shapes of the grid, as has `touched` (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On
+    CUDA `d_density` and `d_color` may be int64, of fixed-point numbers: their sums are the same in
+    any order. On the CPU one thread does all rays in turn: the sums do not change from run to run.
     """
     march(
         True, on_cpu(), d_color.dtype == np.int64, d_colors, d_opacity, d_depth, d_distortion,
