@@ -112,6 +112,11 @@ DIFFERENCE_LIMIT = 6
 LARGEST_MATCH_COST = CENSUS_WEIGHT * CENSUS_BITS + DIFFERENCE_LIMIT
 
 
+# Of radiance fields: densities are e^x for x up to this, opaque within any step; and gradients by x
+# are cut off, as float16 ends at 65504.
+MOST_LOG_DENSITY = 11.0
+MOST_LOG_DENSITY_GRADIENT = 30000.0
+
 # The two perceptrons of a hash field. The first makes a density and 15 numbers more, the second
 # a colour of these 16 and 16 harmonics of the view; 13 numbers beside the colour mean nothing.
 NETWORK_RECTIFIED = True, False, True, True, False

@@ -91,6 +91,18 @@ def test_view_rays_meet_their_pixels(kernels, distorted):
         np.testing.assert_allclose(found, want, rtol=0, atol=1e-4)
 
 
+def test_view_rays_of_pixels_that_no_point_is_seen_at(kernels):
+    """Behind the fold of a lens Newton's method ends anywhere: rays must have a direction."""
+    size = 400
+    poses = np.eye(3, 4, dtype=F32)[None]
+    middle, focal = size / 2, size / 2.4
+    lens = np.array([[focal, focal, middle, middle, -0.35, 0.15, 1e-3, 1e-3, -0.03]], F32)
+    rays = [((size * size, 3), F32)] * 2
+    _, directions = kernels("radiance_rays.view_rays", poses, lens, 0, size, 0, out=rays)
+    # Two sums, a root and a quotient are rounded.
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=0, atol=4 * 2**-23)
+
+
 @pytest.mark.parametrize("channels", [3, 4])
 def test_random_rays_are_those_of_the_pixels_they_show(kernels, channels):
     width, height, views, rays = 16, 12, 3, 3000

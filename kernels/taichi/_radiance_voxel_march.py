@@ -2,12 +2,12 @@
 
 import taichi as ti
 
+from ..codes import MOST_LOG_DENSITY
 from ._fixed_point import add
 from ._harmonics import harmonics
 from ._radiance_space import in_cube, interval, is_set, reciprocal, row, way_out
 from ._random import random_unit
 
-MOST = 11.0  # a density of e^11 is opaque within any step
 ZERO = 0  # nothing here has to have the same bits everywhere: products may be fused with sums
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
@@ -105,7 +105,7 @@ def march(
                                    node[0] + (corner & 1))  # fmt: skip
                         raw += _share(f, corner) * density[k, j, i]
                     if raw > least:
-                        sigma = ti.exp(ti.min(raw, MOST))
+                        sigma = ti.exp(ti.min(raw, MOST_LOG_DENSITY))
                         w = left * (1.0 - ti.exp(-sigma * gap))
                         s = vec3(0.0)
                         for corner in ti.static(range(8)):

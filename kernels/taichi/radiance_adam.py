@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from ._adam import adam_step
 from ._fixed_point import UNIT
 from ._launch import primitive
 
@@ -34,13 +35,10 @@ def _adam(
         if sparse == 0 or g != 0.0:
             w = weights[i]
             g += decay * w
-            m = beta1 * mean[i] + (1.0 - beta1) * g
-            v = beta2 * square[i] + (1.0 - beta2) * g * g
-            mean[i] = m
-            square[i] = v
-            w -= rate[0] / rate[1] * m / (ti.sqrt(v / rate[2]) + epsilon)
-            weights[i] = w
-            copy[i] = w
+            mean[i], square[i], weights[i] = adam_step(
+                g, mean[i], square[i], w, rate, beta1, beta2, epsilon
+            )
+            copy[i] = weights[i]
 
 
 @primitive
@@ -60,10 +58,11 @@ def adam(
 ) -> None:
     """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
 
-    `rate` (3,) is that of :func:`learning_rate`, `decay` the share of each weight that is added to
-    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,)
-    is filled with the weights in its own precision; it may be `weights` itself. On CUDA each array
-    begins at a multiple of 16 bytes.
+    `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
+    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If
+    `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,) is filled with the
+    weights in its own precision; it may be `weights` itself. On CUDA each array begins at a
+    multiple of 16 bytes.
     """
     _adam(
         rate, factor, beta1, beta2, epsilon, decay, sparse, gradients, mean, square, weights, copy
@@ -83,7 +82,7 @@ def _collect(
 
 @primitive
 def collect(sums: np.ndarray, gradients: np.ndarray) -> None:
-    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave them at 0.
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave the sums at 0.
 
     They are what gradients are added up in where the order must not show. On CUDA each array
     begins at a multiple of 16 bytes.
@@ -193,5 +192,5 @@ def _advance(
 
 @primitive
 def advance(step: np.ndarray) -> None:
-    """Count a step, (1,)."""
+    """Add 1 to `step` (1,)."""
     _advance(step)

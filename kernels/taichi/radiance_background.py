@@ -34,5 +34,8 @@ def _gather(
 def gather(
     d_learnt: np.ndarray, active: np.ndarray, parts: np.ndarray, gradients: np.ndarray
 ) -> None:
-    """Add the gradients of the first `active` rays, (R, 3), to (3,), over `parts` (P, 3)."""
+    """Add `d_learnt` (R, 3) of the first `active` (1,) rays to `gradients` (3,).
+
+    Always in the same order: in `parts` (P, 3) of the rays, and then those.
+    """
     _gather(d_learnt, active, parts, gradients)

@@ -122,49 +122,6 @@ def positional(
 
 
 @ti.kernel
-def _positional_backward(
-    points: f32_2,  # (N, D)
-    total: i32_1,  # (1,)
-    frequencies: ti.i32,
-    include_input: ti.i32,
-    column: ti.i32,
-    d_features: f32_2,
-    # outputs
-    d_points: f32_2,  # (N, D)
-):
-    for i in range(ti.min(total[0], points.shape[0])):
-        at = column
-        if include_input != 0:
-            at += points.shape[1]
-        for d in range(points.shape[1]):
-            value, slope, sum = points[i, d], math.pi, 0.0
-            if include_input != 0:
-                sum = d_features[i, column + d]
-            for _ in range(frequencies):
-                angle = math.pi * _turn(value)
-                d_sine, d_cosine = d_features[i, at], d_features[i, at + 1]
-                sum += slope * (d_sine * ti.cos(angle) - d_cosine * ti.sin(angle))
-                value *= 2.0
-                slope *= 2.0
-                at += 2
-            d_points[i, d] = sum
-
-
-@primitive
-def positional_backward(
-    points: np.ndarray,
-    total: np.ndarray,
-    frequencies: int,
-    include_input: bool,
-    column: int,
-    d_features: np.ndarray,
-    d_points: np.ndarray,
-) -> None:
-    """Take the gradient of what :func:`positional` wrote to `d_points` (N, D)."""
-    _positional_backward(points, total, frequencies, include_input, column, d_features, d_points)
-
-
-@ti.kernel
 def _gather(
     table: f32_2,  # (R, C)
     rows: i32_1,  # (M,)

@@ -1,19 +1,18 @@
 """What the last layers of a perceptron mean: density and colour, forward and backward, in Taichi.
 
 With s = exp(h), ds/dh = s; with c = 1 / (1 + exp(-r)), dc/dr = c (1 - c). The density is cut off
-at e^11, but its gradient is not: it must be able to come back.
+at e^11, but the gradient by h is not made 0 there: the density must be able to come back.
 """
 
 import numpy as np
 import taichi as ti
 
+from ..codes import MOST_LOG_DENSITY, MOST_LOG_DENSITY_GRADIENT
 from ._launch import primitive
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
-
-MOST = 11.0  # a density of e^11 is opaque within any step
 
 
 @ti.kernel
@@ -26,7 +25,7 @@ def _forward(
     rgb: f32_2,  # (M, 3)
 ):
     for i in range(ti.min(total[0], sigma.shape[0])):
-        sigma[i] = ti.exp(ti.min(hidden[i, 0], MOST))
+        sigma[i] = ti.exp(ti.min(hidden[i, 0], MOST_LOG_DENSITY))
         for k in range(3):
             rgb[i, k] = 1.0 / (1.0 + ti.exp(-raw[i, k]))
 
@@ -75,7 +74,10 @@ def _density_backward(
     d_hidden: f32_2,  # (M, >= 1): column 0 is added to
 ):
     for i in range(ti.min(total[0], sigma.shape[0])):
-        d_hidden[i, 0] = d_hidden[i, 0] + ti.math.clamp(d_sigma[i] * sigma[i], -30000.0, 30000.0)
+        d = ti.math.clamp(
+            d_sigma[i] * sigma[i], -MOST_LOG_DENSITY_GRADIENT, MOST_LOG_DENSITY_GRADIENT
+        )
+        d_hidden[i, 0] = d_hidden[i, 0] + d
 
 
 @primitive

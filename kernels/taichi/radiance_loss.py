@@ -95,11 +95,14 @@ def loss(
     d_opacity: np.ndarray,
     d_learnt: np.ndarray,
 ) -> None:
-    """Squared errors (R,), and the gradients of the loss times `scale`; squared where `huber` is 0.
+    """Find the squared error of each ray, and the gradients of its loss times `scale`.
 
-    Of the first `active` (1,) rays: `color` (R, 3) and `opacity` (R,) are held against `targets`
-    (R, 4), the colour and opacity seen. `kind` is a Background, `learnt` (3,) the colour of that
-    kind; `d_learnt` (R, 3) is its gradient for each ray alone. The other rays have errors of 0.
+    Of the first `active` (1,) rays, `color` (R, 3) and `opacity` (R,) are held against `targets`
+    (R, 4), the colour and opacity of the photographs. The loss is Huber's with k = `huber`, or
+    squared where that is 0. `kind` is a Background, `learnt` (3,) the colour of the learnt kind.
+    `errors` (R,) are means over the channels, whatever the loss, and 0 for the other rays;
+    `d_color` (R, 3), `d_opacity` (R,) and `d_learnt` (R, 3), for each ray alone, are not written
+    for those.
     """
     _loss(
         color, opacity, targets, active, kind, learnt, huber, scale, seed, step,

@@ -26,8 +26,8 @@ def forward(
 ) -> None:
     """Find density (M,) and colour (M, 3) from features (M, K) and directions of view (R, 3).
 
-    `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them;
-    `memory` has the shape that `network_room` tells.
+    `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them,
+    with `weights` (W,) of all layers and `memory` of the shape that `network_room` tells.
     """
     values = _views(memory, 0, features)
     encode.spherical(directions, rays, total, 16, values[1])
@@ -42,7 +42,7 @@ def density(
     memory: np.ndarray,
     sigma: np.ndarray,
 ) -> None:
-    """Find density (M,) alone, from features (M, K)."""
+    """Find density (M,) alone, as :func:`forward` does."""
     values = _views(memory, 0, features)[:2]
     _pass(features, total, weights, values)
     unused = memory[:3].reshape((memory.shape[1], 3))  # a colour, over what the first layer gave

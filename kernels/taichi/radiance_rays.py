@@ -13,11 +13,15 @@ u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 vec2 = ti.types.vector(2, ti.f32)
 
 NEWTON_STEPS = 5
+WIDEST = 1.0e6  # tangent of the angle of a ray from the middle: farther is astray
 
 
 @ti.func
 def _undistorted(lenses: ti.template(), view: ti.i32, row: ti.f32, column: ti.f32) -> vec2:
-    """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method."""
+    """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method.
+
+    Where there is none, it is any; not one so far away that a ray would have no direction.
+    """
     k1 = lenses[view, 4]
     k2 = lenses[view, 5]
     p1 = lenses[view, 6]
@@ -40,6 +44,8 @@ def _undistorted(lenses: ti.template(), view: ti.i32, row: ti.f32, column: ti.f3
             det = xx * yy - xy * xy
             x -= (yy * off_x - xy * off_y) / det
             y -= (xx * off_y - xy * off_x) / det
+        if not (ti.abs(x) < WIDEST and ti.abs(y) < WIDEST):
+            x, y = want_x, want_y
     return vec2(x, y)
 
 

@@ -16,6 +16,7 @@ returned, less what has been passed: sum_j w_j G_j is linear in that.
 import numpy as np
 import taichi as ti
 
+from ._adam import adam_step
 from ._launch import on_cpu, primitive, scratch
 from ._radiance_voxel_march import march
 
@@ -72,22 +73,18 @@ def _adam(
         if touched[k, j, i]:
             touched[k, j, i] = ti.u8(0)
             g = d_density[k, j, i] * factor[0]
-            m = beta1 * density_mean[k, j, i] + (1.0 - beta1) * g
-            v = beta2 * density_square[k, j, i] + (1.0 - beta2) * g * g
             d_density[k, j, i] = 0.0
-            density_mean[k, j, i], density_square[k, j, i] = m, v
-            density[k, j, i] -= (
-                rate_density[0] / rate_density[1] * m / (ti.sqrt(v / rate_density[2]) + epsilon)
-            )
+            density_mean[k, j, i], density_square[k, j, i], density[k, j, i] = adam_step(
+                g, density_mean[k, j, i], density_square[k, j, i], density[k, j, i], rate_density,
+                beta1, beta2, epsilon,
+            )  # fmt: skip
             for c in range(color.shape[3]):
                 g = d_color[k, j, i, c] * factor[0]
-                m = beta1 * color_mean[k, j, i, c] + (1.0 - beta1) * g
-                v = beta2 * color_square[k, j, i, c] + (1.0 - beta2) * g * g
                 d_color[k, j, i, c] = 0.0
-                color_mean[k, j, i, c], color_square[k, j, i, c] = m, v
-                color[k, j, i, c] -= (
-                    rate_color[0] / rate_color[1] * m / (ti.sqrt(v / rate_color[2]) + epsilon)
-                )
+                color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c] = adam_step(
+                    g, color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c],
+                    rate_color, beta1, beta2, epsilon,
+                )  # fmt: skip
 
 
 @ti.kernel
@@ -167,7 +164,16 @@ def render(
     distortion: np.ndarray,
     samples: np.ndarray,
 ) -> None:
-    """Make out what the first `active` rays see, and how many samples of each had any density."""
+    """Make out what the first `active` (1,) rays see, and how many samples had any density.
+
+    `origins` and unit `directions` (R, 3), `near` to `jittered`, `seed` and `step` (1,) are as in
+    `radiance_march.march_rays`; `bits` has one level of cells^3, each a power of 2 of the grid's
+    cells along a side. A ray ends where no more than `stop` of the light is left. `density`
+    (N + 1, N + 1, N + 1) has raw densities, `color` (N + 1, N + 1, N + 1, C), of C = 16 or 32, the
+    `basis` (1, 4 or 9) coefficients of each channel in turn. `colors` (R, 3), `opacity`, `depth`
+    and `distortion` (R,) are filled as by `radiance_composite.forward`, and `samples` (R,) with
+    the numbers of samples, 0 for the other rays.
+    """
     rendered = colors, opacity, depth, distortion
     # The gradients are not looked at.
     march(
@@ -212,9 +218,11 @@ def render_backward(
 ) -> None:
     """Add the gradients of the grid, and mark its nodes that have any.
 
-    `colors` to `samples` are what :func:`render` made of the same rays. On CUDA `d_density` and
-    `d_color` may be int64, of fixed-point numbers: their sums are the same in any order. On the CPU
-    one thread does all rays in turn: the sums do not change from run to run.
+    `d_colors` (R, 3), `d_opacity`, `d_depth` and `d_distortion` (R,) are those of what
+    :func:`render` made of the same rays, `colors` to `samples`. `d_density` and `d_color` have the
+    shapes of the grid, as has `touched` (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On
+    CUDA `d_density` and `d_color` may be int64, of fixed-point numbers: their sums are the same in
+    any order. On the CPU one thread does all rays in turn: the sums do not change from run to run.
     """
     march(
         True, on_cpu(), d_color.dtype == np.int64, d_colors, d_opacity, d_depth, d_distortion,
@@ -236,7 +244,8 @@ def total_variation(
 ) -> None:
     """At touched nodes, add the gradients of `weight / 2` times the squares of differences.
 
-    Those are the differences from the six neighbours of a node, each pair counted once.
+    Those are the differences from the six neighbours of a node, each pair counted once. `touched`,
+    `density` and `d_density` are (N, N, N), `color` and `d_color` (N, N, N, C).
     """
     _total_variation(weight_density, weight_color, touched, density, color, d_density, d_color)
 
@@ -261,7 +270,9 @@ def adam(
 ) -> None:
     """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
 
-    Before, these are multiplied by `factor` (1,).
+    Before, these are multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those of
+    `radiance_adam.learning_rate` for the same step. What is of density, and `touched`, is
+    (N, N, N), what is of colour (N, N, N, C).
     """
     _adam(
         rate_density, rate_color, factor, beta1, beta2, epsilon, touched, d_density, density_mean,
@@ -271,14 +282,19 @@ def adam(
 
 @primitive
 def mark(density: np.ndarray, cells: int, least: float, bits: np.ndarray) -> None:
-    """Set the bits of cells with a node of a raw density above `least`, or on their sides."""
+    """Set the bits of cells with a node of a raw density above `least`, in them or on their sides.
+
+    `density` has (N + 1, N + 1, N + 1) nodes, `bits` (cells^3 / 32,) words with the first cell in
+    the lowest bit; N is a multiple of `cells`.
+    """
     _mark(density, cells, least, bits)
 
 
 @primitive
 def upsample(density: np.ndarray, least: float, coarse: np.ndarray, fine: np.ndarray) -> None:
-    """Interpolate a grid, (N, N, N, C), at the nodes of a finer one.
+    """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    Nodes that are in no cell with a node of a raw density above `least` become 0.
+    Nodes that are in no coarse cell with a node of a raw density above `least` become 0; `density`
+    (N, N, N) has those.
     """
     _upsample(density, least, coarse, fine)

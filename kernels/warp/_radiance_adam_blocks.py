@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from ._adam import STEP_ON_CUDA
 from ._fixed_point import UNIT
 
 OPTIONS = {"enable_backward": False}
@@ -18,14 +19,13 @@ def threads(count: int) -> int:
     return count // 4 + count % 4
 
 
-_ADAM = """
+_ADAM = (
+    STEP_ON_CUDA
+    + """
     auto move = [&](float slope, float& m, float& v, float& w) {
-        float g = slope * factor;
+        const float g = slope * factor;
         if (sparse && g == 0.0f) return;
-        g += decay * w;
-        m = beta1 * m + (1.0f - beta1) * g;
-        v = beta2 * v + (1.0f - beta2) * g * g;
-        w -= learning * m / (sqrtf(v * mend) + epsilon);
+        step(g + decay * w, m, v, w, learning);
     };
     const int quads = weights.shape[0] / 4;
     if (thread < quads) {
@@ -54,6 +54,7 @@ _ADAM = """
         COPY_ONE
     }
 """
+)
 
 _COPIES = {
     wp.float32: {

@@ -2,29 +2,29 @@
 
 import warp as wp
 
+from ._adam import STEP_ON_CPU
 from ._fixed_point import UNIT
 
 wp.set_module_options({"enable_backward": False})
 
 
-@wp.func_native("""
+@wp.func_native(f"""
     #pragma clang fp contract(fast)
+    {STEP_ON_CPU}
     float *gs = gradients.data, *ms = mean.data, *vs = square.data, *ws = weights.data;
     float* again = copy.data;
     #pragma clang loop vectorize(assume_safety)
-    for (int i = first; i < last; ++i) {
+    for (int i = first; i < last; ++i) {{
         const float slope = gs[i] * factor, m0 = ms[i], v0 = vs[i], w0 = ws[i];
-        const float g = slope + decay * w0;
-        const float m1 = beta1 * m0 + (1.0f - beta1) * g;
-        const float v1 = beta2 * v0 + (1.0f - beta2) * g * g;
-        const float w1 = w0 - learning * m1 / (__builtin_sqrtf(v1 * mend) + epsilon);
+        float m1 = m0, v1 = v0, w1 = w0;
+        step(slope + decay * w0, m1, v1, w1, learning);
         const bool moves = !sparse || slope != 0.0f;
         gs[i] = 0.0f;
         ms[i] = moves ? m1 : m0;
         vs[i] = moves ? v1 : v0;
         ws[i] = moves ? w1 : w0;
         again[i] = moves ? w1 : w0;
-    }
+    }}
 """)
 def move(
     first: int,

@@ -10,25 +10,20 @@ from functools import cache
 
 import warp as wp
 
+from ._tensor_cores import INSTRUCTIONS
+
 WARPS = 8
 BLOCK = 32 * WARPS  # Warp's own
 TILE = 64  # columns that a block makes at most, of however many there are
 OPTIONS = {"enable_backward": False}
 
-_WARP = """
+_WARP = f"""
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, g = lane >> 2, t = lane & 3;
     const int rows = total.data[0];
-    // c += a b for 16 samples x 16 and 16 x 8
-    auto mma = [](float* c, const unsigned int* a, unsigned int b0, unsigned int b1) {
-        asm volatile(
-            "mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 "
-            "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-            : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
-            : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
-    };
-    auto four = [&](const unsigned short* from, int row, int pitch) {  // columns of a row
+    {INSTRUCTIONS}
+    auto four = [&](const unsigned short* from, int row, int pitch) {{  // columns of a row
         return row < rows ? *(const uint2*)(from + (size_t)row * pitch) : make_uint2(0u, 0u);
-    };
+    }};
 """
 
 # dst = src w, or src w^T. The block's part of w is in shared memory, in the order of the pieces.
@@ -36,7 +31,7 @@ _PRODUCT = f"""{_WARP}
     constexpr int DEPTH = K_SIZE / 16, PIECES = N_SIZE / 8;
     __shared__ uint2 pieces[DEPTH * PIECES * 32];
     const unsigned short* weights = (const unsigned short*)w.data;
-    const int tiles = (columns + N_SIZE - 1) / N_SIZE, blocks = gridDim.x / tiles;
+    const int tiles = columns / N_SIZE, blocks = gridDim.x / tiles;
     const int n0 = blockIdx.x % tiles * N_SIZE, pitch_w = w.shape[1];
     for (int i = threadIdx.x; i < DEPTH * PIECES * 32; i += {BLOCK}) {{
         const int gi = i % 32 / 4, ti = i % 4, piece = i / 32 % PIECES;
@@ -45,7 +40,7 @@ _PRODUCT = f"""{_WARP}
         unsigned int v[4];
         for (int j = 0; j < 4; ++j) {{
             const int at = TRANSPOSED ? n * pitch_w + k + j : (k + j) * pitch_w + n;
-            v[j] = n < columns ? weights[at] : 0;
+            v[j] = weights[at];
         }}
         pieces[i] = make_uint2(v[0] | v[1] << 16, v[2] | v[3] << 16);
     }}
@@ -77,7 +72,7 @@ _PRODUCT = f"""{_WARP}
             #pragma unroll
             for (int half = 0; half < 4; half += 2) {{
                 const int line = row + 4 * half;
-                if (line >= rows || n0 + 8 * n >= columns) continue;
+                if (line >= rows) continue;
                 float v[4] = {{
                     sums[n][half], sums[n][half + 1], sums[n + 1][half], sums[n + 1][half + 1]}};
                 if (relu)
@@ -89,22 +84,20 @@ _PRODUCT = f"""{_WARP}
                     v[2] = z.y & 0xffffu ? v[2] : 0.0f;
                     v[3] = z.y >> 16 ? v[3] : 0.0f;
                 }}
-                uint2 out;
-                asm("cvt.rn.satfinite.f16x2.f32 %0, %1, %2;" : "=r"(out.x) : "f"(v[1]), "f"(v[0]));
-                asm("cvt.rn.satfinite.f16x2.f32 %0, %1, %2;" : "=r"(out.y) : "f"(v[3]), "f"(v[2]));
+                const uint2 out = make_uint2(pack(v[0], v[1]), pack(v[2], v[3]));
                 *(uint2*)(to + (size_t)line * pitch_out + 8 * n) = out;
             }}
     }}
 """
 
 # A block's part of src^T dy. An 8 x 8 piece turned by `movmatrix` has the samples where the
-# instruction sums. The warps' sums are added in turn, and the blocks' by `gather`: always in the
-# same order.
+# instruction sums. The warps' sums are added one after the other, and the blocks' by
+# _radiance_parts_blocks.py: always in the same order.
 _OUTER = f"""{_WARP}
     constexpr int INS = K_SIZE / 16, OUTS = N_SIZE / 16;
     __shared__ float sums[K_SIZE * N_SIZE];
-    const int tiles_n = (parts.shape[2] + N_SIZE - 1) / N_SIZE, blocks = parts.shape[0];
-    const int tiles = (parts.shape[1] + K_SIZE - 1) / K_SIZE * tiles_n;
+    const int tiles_n = parts.shape[2] / N_SIZE, blocks = parts.shape[0];
+    const int tiles = parts.shape[1] / K_SIZE * tiles_n;
     const int k0 = blockIdx.x % tiles / tiles_n * K_SIZE, n0 = blockIdx.x % tiles_n * N_SIZE;
     const unsigned short* xs = (const unsigned short*)src.data + k0 + 4 * t;
     const unsigned short* ys = (const unsigned short*)dy.data + column + n0 + 4 * t;
@@ -143,8 +136,8 @@ _OUTER = f"""{_WARP}
             }}
         }}
     }}
-    for (int turn = 0; turn < {WARPS}; ++turn) {{
-        if (warp == turn) {{
+    for (int adder = 0; adder < {WARPS}; ++adder) {{
+        if (warp == adder) {{
             #pragma unroll
             for (int i = 0; i < INS; ++i)
                 #pragma unroll
@@ -154,7 +147,7 @@ _OUTER = f"""{_WARP}
                         const int k = 16 * i + 4 * (g >> 1) + (g & 1) + (j & 2);
                         const int n = 16 * (o / 2) + 4 * t + (j & 1) + 2 * (o & 1);
                         float& sum = sums[k * N_SIZE + n];
-                        sum = turn ? sum + acc[i][o][j] : acc[i][o][j];
+                        sum = adder ? sum + acc[i][o][j] : acc[i][o][j];
                     }}
         }}
         __syncthreads();
@@ -233,31 +226,3 @@ def outer(depth: int, columns: int) -> wp.Kernel:
         accumulate(dy, src, total, column, parts)
 
     return outer
-
-
-# A warp has 32 numbers, each of them a share of the parts: eight warps, eight shares.
-@wp.func_native(f"""
-    __shared__ float sums[{WARPS}][32];
-    const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    const int size = parts.shape[1] * parts.shape[2], at = blockIdx.x * 32 + lane;
-    const int first = parts.shape[0] * warp / {WARPS}, last = parts.shape[0] * (warp + 1) / {WARPS};
-    float sum = 0.0f;
-    #pragma unroll 8
-    for (int part = first; part < last; ++part) sum += parts.data[(size_t)part * size + at];
-    sums[warp][lane] = sum;
-    __syncthreads();
-    if (warp == 0) {{
-        for (int other = 1; other < {WARPS}; ++other) sum += sums[other][lane];
-        dw.data[at] += sum;
-    }}
-""")
-def gather_block(parts: wp.array3d[float], dw: wp.array2d[float]): ...
-
-
-@wp.kernel(module="unique", module_options=OPTIONS)
-def gather(
-    parts: wp.array3d[float],  # (P, K, N)
-    # outputs
-    dw: wp.array2d[float],  # (K, N), a multiple of 32 numbers: added to
-):
-    gather_block(parts, dw)

@@ -10,20 +10,19 @@ from functools import cache
 
 import warp as wp
 
+from ..codes import MOST_LOG_DENSITY, MOST_LOG_DENSITY_GRADIENT
 from ._radiance_network_layers import COLOR_LAYERS, DENSITY_LAYERS, LAYERS, PRODUCTS, VIEW
-
-wp.set_module_options({"enable_backward": False})
 
 OPTIONS = {"enable_backward": False}
 FORWARD = 256  # threads of a block
 BACKWARD = 128
-SUM = 256
 
 # What forward passes write: see radiance_heads.py.
-_WRITE_SIGMA = """
+_WRITE_SIGMA = f"""
         for (int half = 0; half < 2; ++half)
             if (t == 0 && row + 8 * half < rows)
-                sigma.data[row + 8 * half] = expf(fminf(density[0][2 * half], 11.0f));
+                sigma.data[row + 8 * half] =
+                    expf(fminf(density[0][2 * half], {MOST_LOG_DENSITY}f));
 """
 _WRITE_RGB = """
         float raw[2][4];
@@ -102,6 +101,7 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
             }}
         }}
     }};
+    const float most_up = {MOST_LOG_DENSITY_GRADIENT}f;
     float dw0[INPUTS / 16][2][4] = {{}}, dw1[1][2][4] = {{}}, dw2[2][2][4] = {{}};
     float dw3[4][2][4] = {{}}, dw4[1][2][4] = {{}};
     for (int begin = blockIdx.x * 64; begin < rows; begin += gridDim.x * 64) {{
@@ -121,9 +121,8 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
                     d[j] = d_rgb.data[at] * rgb.data[at] * (1.0f - rgb.data[at]);
                 }}
             d_raw[0][half] = pack(d[0], d[1]);
-            if (t == 0)  // float16 ends at 65504
-                up[half] =
-                    fminf(fmaxf(d_sigma.data[line] * sigma.data[line], -30000.0f), 30000.0f);
+            if (t == 0)
+                up[half] = fminf(fmaxf(d_sigma.data[line] * sigma.data[line], -most_up), most_up);
         }}
         {DENSITY_LAYERS}{COLOR_LAYERS}
         share(third, d_raw);
@@ -174,22 +173,6 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
     write(dw2, AT2, 64, 0, 16 * warp);
     write(dw3, AT3, 64, 0, 16 * warp);
     write(dw4, AT4, 16, 16 * warp, 0);
-"""
-
-# A warp adds up an eighth of the rows for 32 columns.
-SUM_TEXT = """
-    __shared__ float sums[8][32];
-    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, column = blockIdx.x * 32 + lane;
-    const int rows = parts.shape[0], last = rows * (warp + 1) / 8;
-    float sum = 0.0f;
-    #pragma unroll 8
-    for (int row = rows * warp / 8; row < last; ++row)
-        sum += parts.data[(size_t)row * parts.shape[1] + column];
-    sums[warp][lane] = sum;
-    __syncthreads();
-    if (warp) return;
-    for (int i = 1; i < 8; ++i) sum += sums[i][lane];
-    d_weights.data[column] += sum;
 """
 
 
@@ -297,30 +280,8 @@ def backward(inputs: int) -> wp.Kernel:
         parts: wp.array2d[float],  # (blocks, W)
     ):
         pass_back(
-            d_sigma,
-            d_rgb,
-            features,
-            directions,
-            rays,
-            total,
-            weights,
-            sigma,
-            rgb,
-            d_features,
+            d_sigma, d_rgb, features, directions, rays, total, weights, sigma, rgb, d_features,
             parts,
-        )
+        )  # fmt: skip
 
     return backward
-
-
-@wp.func_native(SUM_TEXT)
-def add_up(parts: wp.array2d[float], d_weights: wp.array[float]): ...
-
-
-@wp.kernel
-def gather(
-    parts: wp.array2d[float],  # (blocks, W)
-    # outputs
-    d_weights: wp.array[float],  # (W,): added to
-):
-    add_up(parts, d_weights)

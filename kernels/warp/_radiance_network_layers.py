@@ -7,33 +7,8 @@ for rows 16 bytes longer, which puts 8 of them on different banks: `ldmatrix` ta
 them, turned for a layer, and as they are for the gradient of its inputs.
 """
 
-# What a warp does together, and how its lanes round.
-INSTRUCTIONS = """
-    // c += a b for 16 samples x 16 and 16 x 8
-    auto mma = [](float* c, const unsigned int* a, unsigned int b0, unsigned int b1) {
-        asm volatile(
-            "mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 "
-            "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-            : "+f"(c[0]), "+f"(c[1]), "+f"(c[2]), "+f"(c[3])
-            : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
-    };
-    // Four 8 x 8 pieces; lane 8 i + j points at row j of piece i.
-    auto load = [](unsigned int* p, const unsigned short* row) {
-        asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
-            : "=r"(p[0]), "=r"(p[1]), "=r"(p[2]), "=r"(p[3])
-            : "r"((unsigned int)__cvta_generic_to_shared(row)) : "memory");
-    };
-    auto load_turned = [](unsigned int* p, const unsigned short* row) {
-        asm volatile("ldmatrix.sync.aligned.m8n8.x4.trans.shared.b16 {%0, %1, %2, %3}, [%4];"
-            : "=r"(p[0]), "=r"(p[1]), "=r"(p[2]), "=r"(p[3])
-            : "r"((unsigned int)__cvta_generic_to_shared(row)) : "memory");
-    };
-    auto pack = [](float low, float high) {  // within what float16 can hold
-        unsigned int both;
-        asm("cvt.rn.satfinite.f16x2.f32 %0, %1, %2;" : "=r"(both) : "f"(high), "f"(low));
-        return both;
-    };
-"""
+from ._harmonics import HARMONICS
+from ._tensor_cores import INSTRUCTIONS
 
 # Where each layer is in `weights`, and in shared memory: AT and IN; the first two make a density.
 LAYERS = """
@@ -109,34 +84,24 @@ PRODUCTS = f"""
     }};
 """
 
-# The harmonics of radiance_encode.py: this lane's four of the 16.
-VIEW = """
-    auto view = [&](unsigned int* x, int row) {
+# The harmonics of the view: this lane's four of the 16.
+VIEW = f"""
+    auto view = [&](unsigned int* to, int row) {{
         #pragma unroll
-        for (int half = 0; half < 2; ++half) {
+        for (int half = 0; half < 2; ++half) {{
             const int line = row + 8 * half;
-            x[half] = x[half + 2] = 0u;
+            to[half] = to[half + 2] = 0u;
             if (line >= rows) continue;
             const float* d = directions.data + 3 * (size_t)rays.data[line];
-            const float x1 = d[0], y1 = d[1], z1 = d[2];
-            const float xx = x1 * x1, yy = y1 * y1, zz = z1 * z1;
-            const float h[16] = {
-                0.28209479177387814f, -0.4886025119029199f * y1,
-                0.4886025119029199f * z1, -0.4886025119029199f * x1,
-                1.0925484305920792f * x1 * y1, -1.0925484305920792f * y1 * z1,
-                0.31539156525252005f * (3.0f * zz - 1.0f), -1.0925484305920792f * x1 * z1,
-                0.5462742152960396f * (xx - yy), -0.5900435899266435f * y1 * (3.0f * xx - yy),
-                2.890611442640554f * x1 * y1 * z1, -0.4570457994644658f * y1 * (5.0f * zz - 1.0f),
-                0.3731763325901154f * z1 * (5.0f * zz - 3.0f),
-                -0.4570457994644658f * x1 * (5.0f * zz - 1.0f),
-                1.445305721320277f * z1 * (xx - yy), -0.5900435899266435f * x1 * (xx - 3.0f * yy)};
-            auto own = [&](int k) {  // h[k + 2 t], of registers
+            const float x = d[0], y = d[1], z = d[2];
+            const float h[16] = {{{", ".join(HARMONICS)}}};
+            auto own = [&](int k) {{  // h[k + 2 t], of registers
                 return t & 2 ? t & 1 ? h[k + 6] : h[k + 4] : t & 1 ? h[k + 2] : h[k];
-            };
-            x[half] = pack(own(0), own(1));
-            x[half + 2] = pack(own(8), own(9));
-        }
-    };
+            }};
+            to[half] = pack(own(0), own(1));
+            to[half + 2] = pack(own(8), own(9));
+        }}
+    }};
 """
 
 # Samples `row` and `row` + 8 from their features to the last layer's inputs; all values are kept.

@@ -9,13 +9,18 @@ from typing import Any
 
 import warp as wp
 
+from ..codes import MOST_LOG_DENSITY
 from ._fixed_point import FIXED
+from ._harmonics import HARMONICS
 from ._random import random_unit
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
 
 THREADS = 32  # of a ray
+
+# The b-th harmonic, by comparisons: an index would put all of them in memory.
+_HARMONIC = "".join(f"b == {k} ? {h} : " for k, h in enumerate(HARMONICS[:8])) + HARMONICS[8]
 
 # BEFORE and AFTER differ between the passes: AFTER has, in each thread, one sample.
 _WALK = """
@@ -28,15 +33,7 @@ _WALK = """
     {
         const float x = d[0], y = d[1], z = d[2];
         const int b = lane % basis;
-        const float h =
-            b == 0 ? 0.28209479177387814f :
-            b == 1 ? -0.4886025119029199f * y :
-            b == 2 ? 0.4886025119029199f * z :
-            b == 3 ? -0.4886025119029199f * x :
-            b == 4 ? 1.0925484305920792f * x * y :
-            b == 5 ? -1.0925484305920792f * y * z :
-            b == 6 ? 0.31539156525252005f * (3.0f * z * z - 1.0f) :
-            b == 7 ? -1.0925484305920792f * x * z : 0.5462742152960396f * (x * x - y * y);
+        const float h = HARMONIC;
         for (int c = 0; c < 3; ++c) bands[c] = lane / basis == c ? h : 0.0f;
     }
     const float scale = (unbounded ? 0.25f : 0.5f) * (float)resolution;
@@ -92,7 +89,7 @@ _WALK = """
             raw = g + f[2] * (h - g);
         }
         if (!__any_sync(all, raw > least)) continue;
-        const float sigma = raw > least ? expf(fminf(raw, 11.0f)) : 0.0f;
+        const float sigma = raw > least ? expf(fminf(raw, MOST_LOG_DENSITY)) : 0.0f;
         const float alpha = 1.0f - expf(-sigma * gap);
         float through = 1.0f - alpha;  // up to and with this sample
         for (int s = 1; s < 32; s *= 2) {
@@ -225,7 +222,8 @@ _ADD = {
 
 def _text(parts: dict[str, str]) -> str:
     text = _WALK
-    for name, part in parts.items():
+    shared = {"HARMONIC": _HARMONIC, "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f"}
+    for name, part in (parts | shared).items():
         text = text.replace(name, part)
     return text
 

@@ -5,6 +5,8 @@ Only nodes that rays have touched count.
 
 import warp as wp
 
+from ._adam import STEP_ON_CUDA
+
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 
@@ -45,11 +47,16 @@ def total_variation(
 def sync_warp(): ...
 
 
-@wp.func
-def moved(
+@wp.func_native(f"""
+    {STEP_ON_CUDA}
+    step(gradients.data[i] * factor, mean.data[i], square.data[i], weights.data[i], learning);
+    gradients.data[i] = 0.0f;
+""")
+def move(
     i: int,
-    rate: wp.array[float],
-    factor: wp.array[float],
+    learning: float,
+    mend: float,
+    factor: float,
     beta1: float,
     beta2: float,
     epsilon: float,
@@ -57,15 +64,7 @@ def moved(
     mean: wp.array[float],
     square: wp.array[float],
     weights: wp.array[float],
-):
-    """One step of Adam with one number."""
-    g = gradients[i] * factor[0]
-    m = beta1 * mean[i] + (1.0 - beta1) * g
-    v = beta2 * square[i] + (1.0 - beta2) * g * g
-    gradients[i] = 0.0
-    mean[i] = m
-    square[i] = v
-    weights[i] = weights[i] - rate[0] / rate[1] * m / (wp.sqrt(v / rate[2]) + epsilon)
+): ...
 
 
 @wp.kernel
@@ -93,12 +92,14 @@ def adam(
     found = touched[node]
     sync_warp()
     if found != wp.uint8(0):
-        moved(
-            i, rate_color, factor, beta1, beta2, epsilon, d_color, color_mean, color_square, color
-        )
+        mend = 1.0 / rate_color[2]  # of both: the means of squares are as old
+        move(
+            i, rate_color[0] / rate_color[1], mend, factor[0], beta1, beta2, epsilon, d_color,
+            color_mean, color_square, color,
+        )  # fmt: skip
         if i == node * width:
             touched[node] = wp.uint8(0)
-            moved(
-                node, rate_density, factor, beta1, beta2, epsilon, d_density, density_mean,
-                density_square, density,
+            move(
+                node, rate_density[0] / rate_density[1], mend, factor[0], beta1, beta2, epsilon,
+                d_density, density_mean, density_square, density,
             )  # fmt: skip

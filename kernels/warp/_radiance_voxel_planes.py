@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import warp as wp
 
+from ._adam import STEP_ON_CPU
+
 wp.set_module_options({"enable_backward": False})
 
 # BODY for each touched node of a plane.
@@ -30,31 +32,25 @@ _TOUCHED = """
     }
 """
 
-_ADAM = """
+_ADAM = f"""{STEP_ON_CPU}
             touched.data[node] = 0;
-            {
-                const float g = d_density.data[node] * factor;
-                const float m = beta1 * density_mean.data[node] + (1.0f - beta1) * g;
-                const float v = beta2 * density_square.data[node] + (1.0f - beta2) * g * g;
-                d_density.data[node] = 0.0f;
-                density_mean.data[node] = m;
-                density_square.data[node] = v;
-                density.data[node] -= rate_density * m / (__builtin_sqrtf(v * mend) + epsilon);
-            }
+            step(
+                d_density.data[node] * factor, density_mean.data[node], density_square.data[node],
+                density.data[node], rate_density);
+            d_density.data[node] = 0.0f;
             float* gs = d_color.data + node * WIDTH;
             float* ms = color_mean.data + node * WIDTH;
             float* vs = color_square.data + node * WIDTH;
             float* ws = color.data + node * WIDTH;
             #pragma clang loop vectorize(assume_safety)
-            for (int c = 0; c < WIDTH; ++c) {
-                const float g = gs[c] * factor;
-                const float m = beta1 * ms[c] + (1.0f - beta1) * g;
-                const float v = beta2 * vs[c] + (1.0f - beta2) * g * g;
+            for (int c = 0; c < WIDTH; ++c) {{
+                float m = ms[c], v = vs[c], w = ws[c];
+                step(gs[c] * factor, m, v, w, rate_color);
                 gs[c] = 0.0f;
                 ms[c] = m;
                 vs[c] = v;
-                ws[c] -= rate_color * m / (__builtin_sqrtf(v * mend) + epsilon);
-            }
+                ws[c] = w;
+            }}
 """
 
 _VARIATION = """

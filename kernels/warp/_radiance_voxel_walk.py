@@ -4,7 +4,12 @@ A ray is walked 16 samples at a time: where they are, then their densities, then
 are seen, the rows of colour coefficients round them, which are vectors of WIDTH numbers.
 """
 
-RECORD = 8  # numbers kept of a sample between the two halves of the backward pass
+from ..codes import MOST_LOG_DENSITY
+from ._harmonics import HARMONICS
+
+# Numbers kept of a sample between the two halves of the backward pass: its cell, its place in it
+# (3), and the gradients by its raw density and by the channels' sums of harmonics (3).
+RECORD = 8
 
 # e^x = 2^n e^f with |f| <= ln(2) / 2: the Taylor series of e^f up to f^7 is right within 1e-7.
 EXPONENTIAL = """
@@ -24,17 +29,13 @@ EXPONENTIAL = """
     };
 """
 
-# The harmonics of radiance_encode.py up to degree 2; bands[c] has them where channel c's are.
+# Of the ray's direction: bands[c] has the harmonics where the coefficients of channel c are.
 BANDS = """
     const float* d = directions.data + 3 * (size_t)ray;
     float bands[3][WIDTH];
     {
         const float x = d[0], y = d[1], z = d[2];
-        const float h[9] = {
-            0.28209479177387814f, -0.4886025119029199f * y, 0.4886025119029199f * z,
-            -0.4886025119029199f * x, 1.0925484305920792f * x * y, -1.0925484305920792f * y * z,
-            0.31539156525252005f * (3.0f * z * z - 1.0f), -1.0925484305920792f * x * z,
-            0.5462742152960396f * (x * x - y * y)};
+        const float h[9] = {HARMONICS};
         for (int c = 0; c < 3; ++c) {
             for (int k = 0; k < WIDTH; ++k) bands[c][k] = 0.0f;
             for (int k = 0; k < basis; ++k) bands[c][c * basis + k] = h[k];
@@ -53,6 +54,7 @@ WALK = """
     const float* o = origins.data + 3 * (size_t)ray;
     const float scale = (unbounded ? 0.25f : 0.5f) * (float)(resolution);
     const float middle = 0.5f * (float)(resolution), most = (float)(resolution);
+    const float most_raw = MOST_LOG_DENSITY;
     const float block = (float)(1 << shift) / scale;  // the side of an occupancy cell
     const float inverse_gap = 1.0f / finest;
     float inverse[3], t = near, last = far;
@@ -140,7 +142,7 @@ WALK = """
         }
         #pragma clang loop vectorize(assume_safety)
         for (int s = 0; s < 16; ++s) {
-            const float e = exponential(raw[s] < 11.0f ? raw[s] : 11.0f);
+            const float e = exponential(raw[s] < most_raw ? raw[s] : most_raw);
             sigma[s] = raw[s] > least ? e : 0.0f;
             alpha[s] = 1.0f - exponential(-sigma[s] * gaps[s]);
         }
@@ -222,8 +224,8 @@ BACKWARD = {
     float rest = d_o * all_w + d_t * all_wt + 2.0f * d_x * distortion.data[ray];
     for (int c = 0; c < 3; ++c) rest += dc[c] * colors.data[3 * (size_t)ray + c];
     float sum_w = 0.0f, sum_wt = 0.0f;
-    float* record = records.data + (size_t)8 * begin;
-    float* const end = record + (size_t)8 * room;
+    float* record = records.data + (size_t)RECORD * begin;
+    float* const end = record + (size_t)RECORD * room;
     """,
     "AFTER": """
         for (int s = 0; s < seen; ++s) {
@@ -242,7 +244,7 @@ BACKWARD = {
             record[4] = sigma[s] * gaps[s] * (behind[s] * g - rest);
             for (int c = 0; c < 3; ++c)
                 record[5 + c] = w * dc[c] * rgb[c][s] * (1.0f - rgb[c][s]);
-            record += 8;
+            record += RECORD;
         }
     """,
     # Should the walk have ended sooner than it did in the forward pass, by a rounding.
@@ -258,8 +260,8 @@ SCATTER = """
     BANDS
     const int side = resolution + 1;
     const int own_z = owner & 1, own_y = owner >> 1;
-    const float* record = records.data + (size_t)8 * begin;
-    for (int s = 0; s < room; ++s, record += 8) {
+    const float* record = records.data + (size_t)RECORD * begin;
+    for (int s = 0; s < room; ++s, record += RECORD) {
         const int at = __builtin_bit_cast(int, record[0]);
         const int i = at & 1023, j0 = at >> 10 & 1023, k0 = at >> 20;
         const int far_z = (k0 ^ own_z) & 1;
@@ -292,6 +294,13 @@ SCATTER = """
 
 def text(template: str, width: int, parts: dict[str, str]) -> str:
     """Return the code for rows of one width."""
-    for name, part in (parts | {"EXPONENTIAL": EXPONENTIAL, "BANDS": BANDS}).items():
+    shared = {
+        "EXPONENTIAL": EXPONENTIAL,
+        "BANDS": BANDS,
+        "RECORD": str(RECORD),
+        "HARMONICS": ", ".join(HARMONICS[:9]),
+        "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f",
+    }
+    for name, part in (parts | shared).items():
         template = template.replace(name, part)
     return template.replace("WIDTH", str(width))

@@ -55,10 +55,11 @@ def adam(
 ) -> None:
     """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
 
-    `rate` (3,) is that of :func:`learning_rate`, `decay` the share of each weight that is added to
-    its gradient. If `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,)
-    is filled with the weights in its own precision; it may be `weights` itself. On CUDA each array
-    begins at a multiple of 16 bytes.
+    `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
+    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If
+    `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,) is filled with the
+    weights in its own precision; it may be `weights` itself. On CUDA each array begins at a
+    multiple of 16 bytes.
     """
     count = weights.shape[0]
     inputs = [rate, factor, beta1, beta2, epsilon, decay, sparse]
@@ -70,7 +71,7 @@ def adam(
 
 
 def collect(sums: wp.array, gradients: wp.array) -> None:
-    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave them at 0.
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave the sums at 0.
 
     They are what gradients are added up in where the order must not show. On CUDA each array
     begins at a multiple of 16 bytes.
@@ -124,5 +125,5 @@ def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
 
 
 def advance(step: wp.array) -> None:
-    """Count a step, (1,)."""
+    """Add 1 to `step` (1,)."""
     launch(advance_kernel, 1, [], [step])

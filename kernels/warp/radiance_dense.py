@@ -4,10 +4,10 @@ import warp as wp
 
 from . import _radiance_dense_blocks as blocks
 from . import _radiance_dense_rows as rows
-from ._launch import launch, launch_slabs, scratch, slabs
+from . import _radiance_parts_blocks as parts_blocks
+from ._launch import launch, launch_slabs, scratch, slabs, view
 
-# Blocks for each multiprocessor of the largest GPUs: enough to hide what memory takes.
-_BLOCKS = 132 * 2
+_BLOCKS = 132 * 2  # two for each multiprocessor of the largest GPUs: one waits, the other works
 
 
 def forward(
@@ -44,7 +44,9 @@ def backward_weight(dy: wp.array, x: wp.array, total: wp.array, column: int, dw:
         parts = scratch("dense.parts", (count, depth, columns), wp.float32, dw.device)
         threads = count * tiles * blocks.BLOCK
         launch(blocks.outer(*tile), threads, [dy, x, total, column], [parts])
-        launch(blocks.gather, depth * columns // 32 * blocks.BLOCK, [parts], [dw])
+        size = depth * columns
+        parts, sums = view(parts, wp.float32, (count, size)), view(dw, wp.float32, (size,))
+        launch(parts_blocks.gather, parts_blocks.threads(size), [parts], [sums])
         return
     count = slabs(x.shape[0], x.shape[0] * columns * 8)
     padded = -(-columns // rows.LANES) * rows.LANES

@@ -6,40 +6,13 @@ from typing import Any
 
 import warp as wp
 
+from ._harmonics import harmonics
 from ._launch import launch_each
 
 OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
 wp.set_module_options(OPTIONS)
 
 PI = wp.constant(math.pi)
-
-vec16 = wp.types.vector(16, wp.float32)
-
-
-@wp.func
-def harmonics(d: wp.vec3) -> vec16:
-    """Real spherical harmonics of degree 0 to 3, orthonormal, in the order l^2 + l + m."""
-    x = d[0]
-    y = d[1]
-    z = d[2]
-    h = vec16()
-    h[0] = 0.28209479177387814
-    h[1] = -0.4886025119029199 * y
-    h[2] = 0.4886025119029199 * z
-    h[3] = -0.4886025119029199 * x
-    h[4] = 1.0925484305920792 * x * y
-    h[5] = -1.0925484305920792 * y * z
-    h[6] = 0.31539156525252005 * (3.0 * z * z - 1.0)
-    h[7] = -1.0925484305920792 * x * z
-    h[8] = 0.5462742152960396 * (x * x - y * y)
-    h[9] = -0.5900435899266435 * y * (3.0 * x * x - y * y)
-    h[10] = 2.890611442640554 * x * y * z
-    h[11] = -0.4570457994644658 * y * (5.0 * z * z - 1.0)
-    h[12] = 0.3731763325901154 * z * (5.0 * z * z - 3.0)
-    h[13] = -0.4570457994644658 * x * (5.0 * z * z - 1.0)
-    h[14] = 1.445305721320277 * z * (x * x - y * y)
-    h[15] = -0.5900435899266435 * x * (x * x - 3.0 * y * y)
-    return h
 
 
 @cache
@@ -58,7 +31,7 @@ def _spherical(scalar: Any) -> wp.Kernel:
     ):
         for i in range(first + wp.tid(), wp.min(last, total[0]), stride):
             ray = rays[i]
-            h = harmonics(wp.vec3(directions[ray, 0], directions[ray, 1], directions[ray, 2]))
+            h = harmonics(directions[ray, 0], directions[ray, 1], directions[ray, 2])
             for k in range(16):
                 features[i, column + k] = scalar(h[k])
 
@@ -90,7 +63,7 @@ def harmonics_kernel(
 ):
     """Write the first C harmonics of each direction."""
     for i in range(first + wp.tid(), last, stride):
-        h = harmonics(wp.vec3(directions[i, 0], directions[i, 1], directions[i, 2]))
+        h = harmonics(directions[i, 0], directions[i, 1], directions[i, 2])
         for k in range(values.shape[1]):
             values[i, k] = h[k]
 
@@ -148,45 +121,6 @@ def _positional(scalar: Any) -> wp.Kernel:
 
 
 @cache
-def _positional_backward(scalar: Any) -> wp.Kernel:
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def positional_backward(
-        stride: int,
-        first: int,
-        last: int,
-        points: wp.array2d[float],  # (N, D)
-        total: wp.array[int],  # (1,)
-        frequencies: int,
-        include_input: bool,
-        column: int,
-        d_features: wp.array2d[scalar],
-        # outputs
-        d_points: wp.array2d[float],  # (N, D)
-    ):
-        for i in range(first + wp.tid(), wp.min(last, total[0]), stride):
-            at = column
-            if include_input:
-                at += points.shape[1]
-            for d in range(points.shape[1]):
-                value = points[i, d]
-                slope = float(PI)
-                sum = float(0.0)
-                if include_input:
-                    sum = float(d_features[i, column + d])
-                for _k in range(frequencies):
-                    angle = PI * turn(value)
-                    d_sine = float(d_features[i, at])
-                    d_cosine = float(d_features[i, at + 1])
-                    sum += slope * (d_sine * wp.cos(angle) - d_cosine * wp.sin(angle))
-                    value *= 2.0
-                    slope *= 2.0
-                    at += 2
-                d_points[i, d] = sum
-
-    return positional_backward
-
-
-@cache
 def _gather(scalar: Any) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=OPTIONS)
     def gather(
@@ -232,26 +166,6 @@ def positional(
         16 * width * count,
         [points, total, frequencies, include_input, constant, column, column + width],
         [features],
-    )
-
-
-def positional_backward(
-    points: wp.array,
-    total: wp.array,
-    frequencies: int,
-    include_input: bool,
-    column: int,
-    d_features: wp.array,
-    d_points: wp.array,
-) -> None:
-    """Take the gradient of what :func:`positional` wrote to `d_points` (N, D)."""
-    count, size = points.shape
-    launch_each(
-        _positional_backward(d_features.dtype),
-        count,
-        32 * size * frequencies * count,
-        [points, total, frequencies, include_input, column, d_features],
-        [d_points],
     )
 
 

@@ -1,7 +1,7 @@
 """What the last layers of a perceptron mean: density and colour, forward and backward, in Warp.
 
 With s = exp(h), ds/dh = s; with c = 1 / (1 + exp(-r)), dc/dr = c (1 - c). The density is cut off
-at e^11, but its gradient is not: it must be able to come back.
+at e^11, but the gradient by h is not made 0 there: the density must be able to come back.
 """
 
 from functools import cache
@@ -9,11 +9,10 @@ from typing import Any
 
 import warp as wp
 
+from ..codes import MOST_LOG_DENSITY, MOST_LOG_DENSITY_GRADIENT
 from ._launch import launch_each
 
 OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
-
-MOST = wp.constant(11.0)  # a density of e^11 is opaque within any step
 
 
 @cache
@@ -31,7 +30,7 @@ def _forward(scalar: Any) -> wp.Kernel:
         rgb: wp.array2d[float],  # (M, 3)
     ):
         for i in range(first + wp.tid(), wp.min(last, total[0]), stride):
-            sigma[i] = wp.exp(wp.min(float(hidden[i, 0]), MOST))
+            sigma[i] = wp.exp(wp.min(float(hidden[i, 0]), MOST_LOG_DENSITY))
             for k in range(3):
                 rgb[i, k] = 1.0 / (1.0 + wp.exp(-float(raw[i, k])))
 
@@ -74,8 +73,9 @@ def _density_backward(scalar: Any) -> wp.Kernel:
         d_hidden: wp.array2d[scalar],  # (M, >= 1): column 0 is added to
     ):
         for i in range(first + wp.tid(), wp.min(last, total[0]), stride):
-            # float16 ends at 65504
-            d = wp.clamp(d_sigma[i] * sigma[i], -30000.0, 30000.0)
+            d = wp.clamp(
+                d_sigma[i] * sigma[i], -MOST_LOG_DENSITY_GRADIENT, MOST_LOG_DENSITY_GRADIENT
+            )
             d_hidden[i, 0] = scalar(float(d_hidden[i, 0]) + d)
 
     return density_backward

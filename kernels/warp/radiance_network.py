@@ -11,6 +11,7 @@ import warp as wp
 
 from ..codes import NETWORK_PARTS, NETWORK_RECTIFIED, NETWORK_VALUES, network_layers
 from . import _radiance_network_blocks as blocks
+from . import _radiance_parts_blocks as parts_blocks
 from . import radiance_dense as dense
 from . import radiance_encode as encode
 from . import radiance_heads as heads
@@ -30,7 +31,8 @@ def forward(
     """Find density (M,) and colour (M, 3) from features (M, K) and directions of view (R, 3).
 
     `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them,
-    for K = 16, 32, 48 or 64; `memory` has the shape that `network_room` tells.
+    for K = 16, 32, 48 or 64, with `weights` (W,) of all layers and `memory` of the shape that
+    `network_room` tells.
     """
     if sigma.device.is_cuda:
         kernel = blocks.forward(features.shape[1])
@@ -46,7 +48,7 @@ def forward(
 def density(
     features: wp.array, total: wp.array, weights: wp.array, memory: wp.array, sigma: wp.array
 ) -> None:
-    """Find density (M,) alone, from features (M, K)."""
+    """Find density (M,) alone, as :func:`forward` does."""
     if sigma.device.is_cuda:
         kernel = blocks.density(features.shape[1])
         launch(
@@ -87,7 +89,8 @@ def backward(
         kernel = blocks.backward(features.shape[1])
         threads = memory.shape[0] * blocks.BACKWARD
         launch(kernel, threads, given, [d_features, memory], blocks.BACKWARD)
-        launch(blocks.gather, 8 * weights.shape[0], [memory], [d_weights], blocks.SUM)
+        count = parts_blocks.threads(weights.shape[0])
+        launch(parts_blocks.gather, count, [memory], [d_weights])
         return
     values = [features, *_views(memory, 0, features)]
     gradients = [d_features, *_views(memory, sum(NETWORK_VALUES), features)]

@@ -8,12 +8,15 @@ from ._random import random_index, random_unit
 wp.set_module_options({"enable_backward": False})
 
 NEWTON_STEPS = wp.constant(5)
-vec9 = wp.types.vector(9, wp.float32)
+WIDEST = wp.constant(1.0e6)  # tangent of the angle of a ray from the middle: farther is astray
 
 
 @wp.func
 def undistorted(lenses: wp.array2d[float], view: int, row: float, column: float) -> wp.vec2:
-    """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method."""
+    """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method.
+
+    Where there is none, it is any; not one so far away that a ray would have no direction.
+    """
     k1 = lenses[view, 4]
     k2 = lenses[view, 5]
     p1 = lenses[view, 6]
@@ -39,6 +42,8 @@ def undistorted(lenses: wp.array2d[float], view: int, row: float, column: float)
             xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y  # the Jacobian is symmetric
             det = xx * yy - xy * xy
             found -= wp.vec2(yy * off[0] - xy * off[1], xx * off[1] - xy * off[0]) / det
+        if not (wp.abs(found[0]) < WIDEST and wp.abs(found[1]) < WIDEST):
+            found = want
     return found
 
 

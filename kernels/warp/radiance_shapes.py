@@ -237,7 +237,14 @@ def trace(
     colors: wp.array,
     depths: wp.array,
 ) -> None:
-    """Colour, opacity and distance of what each ray hits first."""
+    """Find the colour, opacity and distance of what each ray hits first.
+
+    `origins` and unit `directions` are (R, 3). Of S solids, `kinds` (S, 2) has the Shape and the
+    Pattern, `placements` (S, 12) the axes, each a row, and the middle, `sizes` (S, 4) what Shape
+    says, `paints` (S, 8) two colours, gloss, and parts of the pattern per length. `around` (4,) is
+    the middle and radius of a ball with all of them in it, `sun` (3,) a unit vector. `colors`
+    (R, 4) and `depths` (R,) are filled, with 0 where nothing is hit.
+    """
     count = origins.shape[0]
     launch_each(
         trace_kernel,

@@ -141,7 +141,16 @@ def render(
     distortion: wp.array,
     samples: wp.array,
 ) -> None:
-    """Make out what the first `active` rays see, and how many samples of each had any density."""
+    """Make out what the first `active` (1,) rays see, and how many samples had any density.
+
+    `origins` and unit `directions` (R, 3), `near` to `jittered`, `seed` and `step` (1,) are as in
+    `radiance_march.march_rays`; `bits` has one level of cells^3, each a power of 2 of the grid's
+    cells along a side. A ray ends where no more than `stop` of the light is left. `density`
+    (N + 1, N + 1, N + 1) has raw densities, `color` (N + 1, N + 1, N + 1, C), of C = 16 or 32, the
+    `basis` (1, 4 or 9) coefficients of each channel in turn. `colors` (R, 3), `opacity`, `depth`
+    and `distortion` (R,) are filled as by `radiance_composite.forward`, and `samples` (R,) with
+    the numbers of samples, 0 for the other rays.
+    """
     count = origins.shape[0]
     resolution = density.shape[0] - 1
     inputs = [
@@ -190,8 +199,11 @@ def render_backward(
 ) -> None:
     """Add the gradients of the grid, and mark its nodes that have any.
 
-    `colors` to `samples` are what :func:`render` made of the same rays. On CUDA `d_density` and
-    `d_color` may be int64, of fixed-point numbers: their sums are the same in any order.
+    `d_colors` (R, 3), `d_opacity`, `d_depth` and `d_distortion` (R,) are those of what
+    :func:`render` made of the same rays, `colors` to `samples`. `d_density` and `d_color` have the
+    shapes of the grid, as has `touched` (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On
+    CUDA `d_density` and `d_color` may be int64, of fixed-point numbers: their sums are the same in
+    any order.
     """
     count = origins.shape[0]
     resolution = density.shape[0] - 1
@@ -230,7 +242,8 @@ def total_variation(
 ) -> None:
     """At touched nodes, add the gradients of `weight / 2` times the squares of differences.
 
-    Those are the differences from the six neighbours of a node, each pair counted once.
+    Those are the differences from the six neighbours of a node, each pair counted once. `touched`,
+    `density` and `d_density` are (N, N, N), `color` and `d_color` (N, N, N, C).
     """
     side, width = density.shape[0], color.shape[3]
     weights, grid = [weight_density, weight_color], [touched, density, color]
@@ -262,7 +275,9 @@ def adam(
 ) -> None:
     """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
 
-    Before, these are multiplied by `factor` (1,).
+    Before, these are multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those of
+    `radiance_adam.learning_rate` for the same step. What is of density, and `touched`, is
+    (N, N, N), what is of colour (N, N, N, C).
     """
     side, width = density.shape[0], color.shape[3]
     inputs = [rate_density, rate_color, factor, beta1, beta2, epsilon]
@@ -277,16 +292,21 @@ def adam(
 
 
 def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
-    """Set the bits of cells with a node of a raw density above `least`, or on their sides."""
+    """Set the bits of cells with a node of a raw density above `least`, in them or on their sides.
+
+    `density` has (N + 1, N + 1, N + 1) nodes, `bits` (cells^3 / 32,) words with the first cell in
+    the lowest bit; N is a multiple of `cells`.
+    """
     count = cells**3 // 32
     size = (density.shape[0] - 1) // cells
     launch_each(mark_kernel, count, 32 * 64 * count, [density, cells, size, least], [bits])
 
 
 def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) -> None:
-    """Interpolate a grid, (N, N, N, C), at the nodes of a finer one.
+    """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    Nodes that are in no cell with a node of a raw density above `least` become 0.
+    Nodes that are in no coarse cell with a node of a raw density above `least` become 0; `density`
+    (N, N, N) has those.
     """
     count = fine.shape[0] ** 3
     launch_each(upsample_kernel, count, 64 * count, [density, least, coarse], [fine])
