@@ -134,7 +134,7 @@ class SampledField(Field):
             )
 
     def view_room(self, rays: int) -> int:
-        """For how many samples a round of rendering needs room: on a GPU for many, as rounds cost."""
+        """For how many samples a round of rendering has room: on a GPU many, as rounds cost."""
         if self.rt.device == "cpu":
             return self.room
         return min(max(VIEW_EACH * rays, self.room), VIEW_ROOM)

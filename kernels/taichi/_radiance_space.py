@@ -93,7 +93,7 @@ def is_set(bits: ti.template(), cell: ti.i32) -> ti.i32:
 @ti.func
 def is_block_empty(bits: ti.template(), cell: ti.i32) -> ti.i32:
     """Tell whether no bit of the block of a cell is set."""
-    return (bits[cell >> 6 << 1] | bits[cell >> 6 << 1 | 1]) == 0
+    return (bits[cell >> 5] | bits[cell >> 5 ^ 1]) == 0
 
 
 @ti.func

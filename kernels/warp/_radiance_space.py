@@ -88,7 +88,7 @@ def is_set(bits: wp.array[wp.uint32], cell: int) -> bool:
 @wp.func
 def is_block_empty(bits: wp.array[wp.uint32], cell: int) -> bool:
     """Tell whether no bit of the block of a cell is set."""
-    return bits[cell >> 6 << 1] | bits[cell >> 6 << 1 | 1] == wp.uint32(0)
+    return bits[cell >> 5] | bits[cell >> 5 ^ 1] == wp.uint32(0)
 
 
 @wp.func

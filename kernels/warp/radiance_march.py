@@ -159,10 +159,10 @@ def march_rays(
 
     Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
     to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `bits` has one for
-    each of the cells^3 cells (a multiple of 4 a side) of each level. `spans` (R, 2) is filled with
-    the first row and the number of rows of each ray, `total` (1,) with their number, and that many
-    rows of `positions` (M, 3) in the cube of the field, `distances` (M, 2), the distance and the
-    length of the step, and `rays` (M,).
+    each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block by block.
+    `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
+    with their number, and that many rows of `positions` (M, 3) in the cube of the field,
+    `distances` (M, 2), the distance and the length of the step, and `rays` (M,).
     """
     count = origins.shape[0]
     inputs = [

@@ -47,24 +47,20 @@ def in_cube(points, unbounded):
     return np.where(size > 1, outside, points) / 4 + 0.5
 
 
-def numbering(cells):
-    """Return the shape in which cells are numbered: of many levels, and of blocks within each."""
-    return (64, *3 * [cells // 4], 4, 4, 4)
-
-
 def cells_of(points, levels, cells):
     """Return the levels of (N, 3) float32 points, and the numbers of their cells there."""
     sides = F32(2) ** np.arange(levels)[:, None]  # cubes have their lower sides
     level = ((points.max(1) >= sides) | (points.min(1) < -sides)).sum(0)
     scale = (F32(cells / 2) / F32(2) ** level.astype(F32))[:, None]
     i, j, k = np.floor(points * scale).astype(int).T + cells // 2
-    at = level, k // 4, j // 4, i // 4, k % 4, j % 4, i % 4
-    return level, np.ravel_multi_index(at, numbering(cells), mode="wrap")  # outside: any
+    blocks = cells // 4
+    block = ((level * blocks + k // 4) * blocks + j // 4) * blocks + i // 4
+    return level, 64 * block + 16 * (k % 4) + 4 * (j % 4) + i % 4
 
 
 def random_points(numbers, cells, seed, step):
     """Return a random point in each cell."""
-    level, *at = np.unravel_index(numbers, numbering(cells))
+    level, *at = np.unravel_index(numbers, (64, *3 * [cells // 4], 4, 4, 4))
     k, j, i = 4 * np.array(at[:3]) + at[3:]
     offset = np.stack([random_unit(seed, step, numbers, which) for which in (1, 2, 3)], 1)
     side = 2.0 ** level[:, None]
