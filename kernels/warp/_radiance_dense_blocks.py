@@ -91,9 +91,9 @@ _PRODUCT = f"""{_WARP}
     }}
 """
 
-# A block's part of K_SIZE x N_SIZE numbers of src^T dy. An 8 x 8 piece turned by `movmatrix` has the
-# samples where the instruction sums. The warps' sums are added one after the other, and the blocks'
-# by _radiance_parts_blocks.py: always in the same order.
+# A block's part of K_SIZE x N_SIZE numbers of src^T dy. An 8 x 8 piece turned by `movmatrix` has
+# the samples where the instruction sums. The warps' sums are added one after the other, and the
+# blocks' by _radiance_parts_blocks.py: always in the same order.
 _OUTER = f"""{_WARP}
     constexpr int INS = K_SIZE / 16, OUTS = N_SIZE / 16;
     __shared__ float sums[K_SIZE * N_SIZE];
