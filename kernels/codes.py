@@ -112,6 +112,9 @@ DIFFERENCE_LIMIT = 6
 LARGEST_MATCH_COST = CENSUS_WEIGHT * CENSUS_BITS + DIFFERENCE_LIMIT
 
 
+# What the hash of a corner multiplies its y and z by, not its x [Mueller et al. 2022].
+HASH_PRIMES = 2654435761, 805459861
+
 # Of radiance fields: densities are e^x for x up to this, opaque within any step; and gradients by x
 # are cut off, as float16 ends at 65504.
 MOST_LOG_DENSITY = 11.0

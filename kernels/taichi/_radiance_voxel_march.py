@@ -18,11 +18,18 @@ i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
 vec3 = ti.types.vector(3, ti.f32)
+ivec3 = ti.types.vector(3, ti.i32)
+
+
+@ti.func
+def _corner(node: ivec3, corner: ti.template()):
+    """Return the node (k, j, i) at a corner of a cell, whose bits say on which sides it is."""
+    return node[2] + (corner >> 2), node[1] + (corner >> 1 & 1), node[0] + (corner & 1)
 
 
 @ti.func
 def _share(f: vec3, corner: ti.template()) -> ti.f32:
-    """Weight of a corner of a cell, whose bits say on which sides it is."""
+    """Return the weight of a corner, for a place in the cell from 0 to 1."""
     share = 1.0
     for k in ti.static(range(3)):
         share *= f[k] if ti.static(corner >> k & 1) else 1.0 - f[k]
@@ -34,14 +41,14 @@ def march(
     backward: ti.template(),
     serial: ti.template(),
     exact: ti.template(),
-    d_colors: f32_2,
-    d_opacity: f32_1,
-    d_depth: f32_1,
-    d_distortion: f32_1,
-    origins: f32_2,
-    directions: f32_2,
-    active: i32_1,
-    bits: u32_1,
+    d_colors: f32_2,  # (R, 3)
+    d_opacity: f32_1,  # (R,)
+    d_depth: f32_1,  # (R,)
+    d_distortion: f32_1,  # (R,)
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    active: i32_1,  # (1,)
+    bits: u32_1,  # (cells^3 / 32,)
     cells: ti.i32,
     near: ti.f32,
     far: ti.f32,
@@ -50,18 +57,18 @@ def march(
     unbounded: ti.i32,
     jittered: ti.i32,
     seed: ti.i32,
-    step: i32_1,
+    step: i32_1,  # (1,)
     stop: ti.f32,
     least: ti.f32,
     basis: ti.i32,
-    density: f32_3,
-    color: f32_4,
+    density: f32_3,  # (N + 1, N + 1, N + 1)
+    color: f32_4,  # (N + 1, N + 1, N + 1, C)
     # outputs of the forward pass, inputs of the backward pass
-    colors: f32_2,
-    opacity: f32_1,
-    depth: f32_1,
-    distortion: f32_1,
-    samples: i32_1,
+    colors: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    depth: f32_1,  # (R,)
+    distortion: f32_1,  # (R,)
+    samples: i32_1,  # (R,)
     # outputs of the backward pass, int64 if exact
     d_density: ti.types.ndarray(ndim=3),
     d_color: ti.types.ndarray(ndim=4),
@@ -101,8 +108,7 @@ def march(
                 if is_set(bits, (cell[2] * cells + cell[1]) * cells + cell[0]):
                     raw = 0.0
                     for corner in ti.static(range(8)):
-                        k, j, i = (node[2] + (corner >> 2), node[1] + (corner >> 1 & 1),
-                                   node[0] + (corner & 1))  # fmt: skip
+                        k, j, i = _corner(node, corner)
                         raw += _share(f, corner) * density[k, j, i]
                     if raw > least:
                         sigma = ti.exp(ti.min(raw, MOST_LOG_DENSITY))
@@ -110,8 +116,7 @@ def march(
                         s = vec3(0.0)
                         for corner in ti.static(range(8)):
                             share = _share(f, corner)
-                            k, j, i = (node[2] + (corner >> 2), node[1] + (corner >> 1 & 1),
-                                       node[0] + (corner & 1))  # fmt: skip
+                            k, j, i = _corner(node, corner)
                             for n in ti.static(range(9)):
                                 if n < basis:
                                     for c in ti.static(range(3)):
@@ -130,8 +135,7 @@ def march(
                             d_s = w * dc * rgb * (1.0 - rgb)
                             for corner in ti.static(range(8)):
                                 share = _share(f, corner)
-                                k, j, i = (node[2] + (corner >> 2), node[1] + (corner >> 1 & 1),
-                                           node[0] + (corner & 1))  # fmt: skip
+                                k, j, i = _corner(node, corner)
                                 touched[k, j, i] = ti.u8(1)
                                 add(d_density[k, j, i], share * d_raw, exact)
                                 for n in ti.static(range(9)):

@@ -19,6 +19,7 @@ def mix(x: ti.u32) -> ti.u32:
 @ti.func
 def random_bits(seed: ti.i32, step: ti.i32, item: ti.i32, which: ti.i32) -> ti.u32:
     """Return 32 random bits for one of several numbers of an item."""
+    # A multiplier that spreads the few values of `which` over all bits of the seed.
     x = mix(ti.cast(seed, ti.u32) ^ ti.u32(0x1E3779B9) * ti.cast(which, ti.u32))
     return mix(ti.cast(item, ti.u32) + mix(ti.cast(step, ti.u32) + x))
 

@@ -20,17 +20,12 @@ import numpy as np
 import taichi as ti
 
 from ._launch import primitive
+from ._radiance_space import row
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 vec3 = ti.types.vector(3, ti.f32)
-
-
-@ti.func
-def _row(a: ti.template(), i: ti.i32) -> vec3:
-    """Return row `i` as a vector."""
-    return vec3(a[i, 0], a[i, 1], a[i, 2])
 
 
 @ti.kernel
@@ -57,7 +52,7 @@ def _forward(
         while i < end and left > stop:
             t = distances[i, 0]
             w = left * (1.0 - ti.exp(-sigma[i] * distances[i, 1]))
-            c += w * _row(rgb, i)
+            c += w * row(rgb, i)
             # t grows along the ray: |t_i - t_j| = t_i - t_j for what came before.
             spread += w * (2.0 * (t * sum_w - sum_wt) + w * distances[i, 1] / 3.0)
             sum_w += w
@@ -89,7 +84,7 @@ def _backward(
     for ray in range(spans.shape[0]):
         begin = spans[ray, 0]
         end = begin + spans[ray, 1]
-        dc = _row(d_color, ray)
+        dc = row(d_color, ray)
         do = d_opacity[ray]
         dd = d_depth[ray]
         dx = d_distortion[ray]
@@ -104,7 +99,7 @@ def _backward(
             t = distances[seen, 0]
             d = distances[seen, 1]
             w = left * (1.0 - ti.exp(-sigma[seen] * d))
-            rest += w * (dc.dot(_row(rgb, seen)) + do + dd * t)
+            rest += w * (dc.dot(row(rgb, seen)) + do + dd * t)
             spread += 2.0 * w * (2.0 * (t * sum_w - sum_wt) + w * d / 3.0)
             sum_w += w
             sum_wt += w * t
@@ -123,7 +118,7 @@ def _backward(
             before_w += w
             before_wt += w * t
             apart += (sum_wt - before_wt) - t * (sum_w - before_w)
-            g = dc.dot(_row(rgb, i)) + do + dd * t + dx * (2.0 * apart + 2.0 / 3.0 * w * d)
+            g = dc.dot(row(rgb, i)) + do + dd * t + dx * (2.0 * apart + 2.0 / 3.0 * w * d)
             rest -= w * g
             d_sigma[i] = d * (left * g - rest)
             for k in ti.static(range(3)):

@@ -8,6 +8,7 @@ large enough, else the place that a hash of their coordinates says.
 import numpy as np
 import taichi as ti
 
+from ..codes import HASH_PRIMES
 from ._fixed_point import add
 from ._launch import on_cpu, primitive
 
@@ -30,8 +31,8 @@ def _entry(corner: ivec3, resolution: ti.i32, size: ti.i32) -> ti.i32:
     entry = (corner[2] * (resolution + 1) + corner[1]) * (resolution + 1) + corner[0]
     if side * side * side > size:
         i = ti.cast(corner[0], ti.u32)
-        j = ti.cast(corner[1], ti.u32) * ti.u32(2654435761)
-        k = ti.cast(corner[2], ti.u32) * ti.u32(805459861)
+        j = ti.cast(corner[1], ti.u32) * ti.u32(HASH_PRIMES[0])
+        k = ti.cast(corner[2], ti.u32) * ti.u32(HASH_PRIMES[1])
         entry = ti.cast((i ^ j ^ k) & ti.cast(size - 1, ti.u32), ti.i32)
     return entry
 

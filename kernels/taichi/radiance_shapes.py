@@ -10,6 +10,7 @@ import taichi.math as tm
 
 from ..codes import Pattern, Shape
 from ._launch import primitive
+from ._radiance_space import row
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -174,8 +175,8 @@ def _trace(
     depths: f32_1,  # (R,): 0 where nothing is hit
 ):
     for ray in depths:
-        origin = tm.vec3(origins[ray, 0], origins[ray, 1], origins[ray, 2])
-        view = tm.vec3(directions[ray, 0], directions[ray, 1], directions[ray, 2])
+        origin = row(origins, ray)
+        view = row(directions, ray)
         away = tm.vec3(around[0], around[1], around[2]) - origin
         middle = tm.dot(away, view)
         inside = around[3] * around[3] - tm.dot(away, away) + middle * middle

@@ -26,7 +26,8 @@ _WARP = f"""
     }};
 """
 
-# dst = src w, or src w^T. The block's part of w is in shared memory, in the order of the pieces.
+# dst = src w, or src w^T if TRANSPOSED, of depth K_SIZE. A block makes N_SIZE columns; its part of
+# w is in shared memory, in the order of the pieces.
 _PRODUCT = f"""{_WARP}
     constexpr int DEPTH = K_SIZE / 16, PIECES = N_SIZE / 8;
     __shared__ uint2 pieces[DEPTH * PIECES * 32];
@@ -90,9 +91,9 @@ _PRODUCT = f"""{_WARP}
     }}
 """
 
-# A block's part of src^T dy. An 8 x 8 piece turned by `movmatrix` has the samples where the
-# instruction sums. The warps' sums are added one after the other, and the blocks' by
-# _radiance_parts_blocks.py: always in the same order.
+# A block's part of K_SIZE x N_SIZE numbers of src^T dy. An 8 x 8 piece turned by `movmatrix` has
+# the samples where the instruction sums. The warps' sums are added one after the other, and the
+# blocks' by _radiance_parts_blocks.py: always in the same order.
 _OUTER = f"""{_WARP}
     constexpr int INS = K_SIZE / 16, OUTS = N_SIZE / 16;
     __shared__ float sums[K_SIZE * N_SIZE];
@@ -164,9 +165,9 @@ def tile(size: int) -> int:
 
 
 @cache
-def product(depth: int, columns: int, transposed: bool) -> wp.Kernel:
+def product(depth: int, tile: int, transposed: bool) -> wp.Kernel:
     """Return the kernel of ``dst = src w`` for a depth, in tiles of so many columns."""
-    text = _PRODUCT.replace("K_SIZE", str(depth)).replace("N_SIZE", str(columns))
+    text = _PRODUCT.replace("K_SIZE", str(depth)).replace("N_SIZE", str(tile))
 
     @wp.func_native(text.replace("TRANSPOSED", "true" if transposed else "false"))
     def multiply(

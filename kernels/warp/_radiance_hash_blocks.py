@@ -10,12 +10,12 @@ from typing import Any
 
 import warp as wp
 
+from ..codes import HASH_PRIMES
 from ._fixed_point import fixed
 
 OPTIONS = {"enable_backward": False}
 
-PRIME_Y = wp.constant(wp.uint32(2654435761))
-PRIME_Z = wp.constant(wp.uint32(805459861))
+PRIME_Y, PRIME_Z = (wp.constant(wp.uint32(prime)) for prime in HASH_PRIMES)
 
 vec16 = wp.types.vector(16, wp.float32)
 

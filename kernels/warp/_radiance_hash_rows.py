@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from ..codes import HASH_PRIMES
+
 wp.set_module_options({"enable_backward": False})
 
 # Where sample `s` is in its level, for positions from 0 to 1: to cut is to round down.
@@ -24,7 +26,7 @@ _CORNER = """{
 }"""
 
 _DENSE = "(k * (cells + 1) + j) * (cells + 1) + i"
-_HASHED = "(int)(((unsigned)i ^ (unsigned)j * 2654435761u ^ (unsigned)k * 805459861u) & mask)"
+_HASHED = "(int)(((unsigned)i ^ (unsigned)j * {}u ^ (unsigned)k * {}u) & mask)".format(*HASH_PRIMES)
 
 _LEVEL = """
     const int cells = resolutions.data[level], begins = offsets.data[level];
@@ -102,6 +104,8 @@ def encode(
     look_up(first, last, positions, total, resolutions, offsets, table, features)
 
 
+BATCH = 64  # samples whose corners are found before any is added to
+
 _PLACES = """
     #pragma clang loop vectorize(assume_safety)
     for (int b = 0; b < count; ++b) {
@@ -109,6 +113,7 @@ _PLACES = """
         CORNERS
     }
 """
+_KEEP = f"places[{BATCH} * CORNER + b] = entry; shares[{BATCH} * CORNER + b] = share;"
 
 
 # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
@@ -116,22 +121,22 @@ _PLACES = """
     const int samples = positions.shape[0], pitch = d_features.shape[1];
     const int known = total.data[0] < samples ? total.data[0] : samples;
     const float* at = positions.data;
-    int places[8 * 64];
-    float shares[8 * 64];
+    int places[8 * {BATCH}];
+    float shares[8 * {BATCH}];
     for (int level = first; level < last; ++level) {{
         {_LEVEL}
         float* entries = d_table.data + 2 * (size_t)begins;
-        for (int start = 0; start < known; start += 64) {{
-            const int count = known - start < 64 ? known - start : 64;
-            {_both(_PLACES, "places[64 * CORNER + b] = entry; shares[64 * CORNER + b] = share;")}
+        for (int start = 0; start < known; start += {BATCH}) {{
+            const int count = known - start < {BATCH} ? known - start : {BATCH};
+            {_both(_PLACES, _KEEP)}
             for (int b = 0; b < count; ++b) {{
                 const float* d = d_features.data + (size_t)(start + b) * pitch + 2 * level;
                 const float dx = d[0], dy = d[1];
                 if (dx == 0.0f && dy == 0.0f) continue;
                 for (int corner = 0; corner < 8; ++corner) {{
-                    float* to = entries + 2 * places[64 * corner + b];
-                    to[0] += shares[64 * corner + b] * dx;
-                    to[1] += shares[64 * corner + b] * dy;
+                    float* to = entries + 2 * places[{BATCH} * corner + b];
+                    to[0] += shares[{BATCH} * corner + b] * dx;
+                    to[1] += shares[{BATCH} * corner + b] * dy;
                 }}
             }}
         }}

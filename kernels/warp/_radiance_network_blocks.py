@@ -34,6 +34,7 @@ _WRITE_RGB = """
                         1.0f / (1.0f + expf(-raw[0][2 * half + j]));
 """
 
+# BEFORE and AFTER make the colours, where they are wanted.
 _FORWARD = f"""{LAYERS}{PRODUCTS}BEFORE
     const int stride = gridDim.x * {FORWARD // 2};
     for (int row = (blockIdx.x * {FORWARD // 32} + warp) * 16 + g; row - g < rows; row += stride) {{
@@ -69,7 +70,7 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
             for (int i = 0; i < 4; ++i)  // no half of y is negative: those above 0 carry to bit 15
                 dx[k][i] &= ((y[k][i] + 0x7fff7fffu) >> 15 & 0x00010001u) * 0xffffu;
     }};
-    auto lay = [&](unsigned short* to, const auto& x) {{
+    auto lay = [&](unsigned short* to, const auto& x) {{  // this warp's 16 of the 64 samples
         constexpr int groups = sizeof(x) / sizeof(x[0]);
         unsigned short* own = to + (16 * warp + g) * WIDE + 2 * t;
         #pragma unroll
@@ -78,12 +79,12 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
             for (int i = 0; i < 4; ++i)
                 *(unsigned int*)(own + i % 2 * 8 * WIDE + 16 * k + i / 2 * 8) = x[k][i];
     }};
-    auto share = [&](const auto& x, const auto& dy) {{
+    auto share = [&](const auto& x, const auto& dy) {{  // with the other warps
         __syncthreads();  // all have used what was there
         lay(inputs, x);
         lay(outputs, dy);
     }};
-    auto add = [&](auto& dw, int depth, int column) {{  // 64 samples' x^T dy, from there on
+    auto add = [&](auto& dw, int depth, int column) {{  // what they share: x^T dy, from there on
         __syncthreads();
         constexpr int tiles = sizeof(dw) / sizeof(dw[0]);
         const unsigned short* x = inputs + (lane % 8 + lane / 16 * 8) * WIDE + lane / 8 % 2 * 8;

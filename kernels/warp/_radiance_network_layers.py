@@ -10,7 +10,8 @@ them, turned for a layer, and as they are for the gradient of its inputs.
 from ._harmonics import HARMONICS
 from ._tensor_cores import INSTRUCTIONS
 
-# Where each layer is in `weights`, and in shared memory: AT and IN; the first two make a density.
+# Where each layer is in `weights`, and in shared memory: AT and IN. There are INPUTS features; the
+# first two layers make a density, and only if COLOR the others are there.
 LAYERS = """
     constexpr int WIDE = 64 + 8, NARROW = 16 + 8;
     constexpr int AT1 = INPUTS * 64, AT2 = AT1 + 64 * 16, AT3 = AT2 + 32 * 64, AT4 = AT3 + 64 * 64;

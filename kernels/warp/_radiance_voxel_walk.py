@@ -12,6 +12,7 @@ from ._harmonics import HARMONICS
 RECORD = 8
 
 # e^x = 2^n e^f with |f| <= ln(2) / 2: the Taylor series of e^f up to f^7 is right within 1e-7.
+# ln(2) is taken off in two parts, as n times the first of them is exact.
 EXPONENTIAL = """
     const auto exponential = [](float x) {
         x = x < -87.0f ? -87.0f : (x > 88.0f ? 88.0f : x);
@@ -43,7 +44,8 @@ BANDS = """
     }
 """
 
-# Up to 16 samples at a time. What is done with them follows in AFTER, once for each batch.
+# Up to 16 samples at a time. BEFORE, AFTER and END differ between the passes: AFTER does something
+# with the `seen` samples of each batch.
 WALK = """
     #pragma clang fp contract(fast)
     #pragma clang fp reassociate(on)

@@ -21,6 +21,7 @@ def mix(x: wp.uint32) -> wp.uint32:
 @wp.func
 def random_bits(seed: int, step: int, item: int, which: int) -> wp.uint32:
     """Return 32 random bits for one of several numbers of an item."""
+    # A multiplier that spreads the few values of `which` over all bits of the seed.
     x = mix(wp.uint32(seed) ^ wp.uint32(0x1E3779B9) * wp.uint32(which))
     return mix(wp.uint32(item) + mix(wp.uint32(step) + x))
 

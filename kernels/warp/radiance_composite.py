@@ -20,6 +20,7 @@ import warp as wp
 
 from . import _radiance_composite_blocks as blocks
 from ._launch import launch, launch_each
+from ._radiance_space import row
 
 wp.set_module_options({"enable_backward": False})
 
@@ -52,7 +53,7 @@ def forward_kernel(
         while i < end and left > stop:
             t = distances[i, 0]
             w = left * (1.0 - wp.exp(-sigma[i] * distances[i, 1]))
-            c += w * wp.vec3(rgb[i, 0], rgb[i, 1], rgb[i, 2])
+            c += w * row(rgb, i)
             # t grows along the ray: |t_i - t_j| = t_i - t_j for what came before.
             spread += w * (2.0 * (t * sum_w - sum_wt) + w * distances[i, 1] / 3.0)
             sum_w += w
@@ -88,7 +89,7 @@ def backward_kernel(
     for ray in range(first + wp.tid(), last, stride):
         begin = spans[ray, 0]
         end = begin + spans[ray, 1]
-        dc = wp.vec3(d_color[ray, 0], d_color[ray, 1], d_color[ray, 2])
+        dc = row(d_color, ray)
         do = d_opacity[ray]
         dd = d_depth[ray]
         dx = d_distortion[ray]
@@ -102,7 +103,7 @@ def backward_kernel(
         while i < end and left > stop:
             t = distances[i, 0]
             w = left * (1.0 - wp.exp(-sigma[i] * distances[i, 1]))
-            rest += w * (wp.dot(dc, wp.vec3(rgb[i, 0], rgb[i, 1], rgb[i, 2])) + do + dd * t)
+            rest += w * (wp.dot(dc, row(rgb, i)) + do + dd * t)
             spread += 2.0 * w * (2.0 * (t * sum_w - sum_wt) + w * distances[i, 1] / 3.0)
             sum_w += w
             sum_wt += w * t
@@ -122,7 +123,7 @@ def backward_kernel(
             before_w += w
             before_wt += w * t
             apart += (sum_wt - before_wt) - t * (sum_w - before_w)
-            g = wp.dot(dc, wp.vec3(rgb[i, 0], rgb[i, 1], rgb[i, 2])) + do + dd * t
+            g = wp.dot(dc, row(rgb, i)) + do + dd * t
             g += dx * (2.0 * apart + 2.0 / 3.0 * w * d)
             rest -= w * g
             d_sigma[i] = d * (left * g - rest)

@@ -67,6 +67,7 @@ def _product(
     gated: bool,
     dst: wp.array,
 ) -> None:
+    """``dst = src w`` or ``src w^T``, from and to a column on, 0 where `gates` is if `gated`."""
     depth, columns = w.shape[::-1] if transposed else w.shape
     if dst.device.is_cuda:
         tile = blocks.tile(columns)

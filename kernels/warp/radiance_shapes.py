@@ -8,6 +8,7 @@ import warp as wp
 
 from ..codes import Pattern, Shape
 from ._launch import launch_each
+from ._radiance_space import row
 
 wp.set_module_options({"enable_backward": False})
 
@@ -189,8 +190,8 @@ def trace_kernel(
 ):
     """Walk along each ray to the nearest solid."""
     for ray in range(first + wp.tid(), last, stride):
-        origin = wp.vec3(origins[ray, 0], origins[ray, 1], origins[ray, 2])
-        view = wp.vec3(directions[ray, 0], directions[ray, 1], directions[ray, 2])
+        origin = row(origins, ray)
+        view = row(directions, ray)
         away = wp.vec3(around[0], around[1], around[2]) - origin
         middle = wp.dot(away, view)
         inside = around[3] * around[3] - wp.dot(away, away) + middle * middle

@@ -37,9 +37,9 @@ def mark_kernel(
     stride: int,
     first: int,
     last: int,
-    density: wp.array3d[float],
+    density: wp.array3d[float],  # (N + 1, N + 1, N + 1)
     cells: int,
-    size: int,
+    size: int,  # N / cells
     least: float,
     # outputs
     bits: wp.array[wp.uint32],  # (cells^3 / 32,)
@@ -63,9 +63,9 @@ def mark_kernel(
 
 
 @wp.func
-def near(k: int, side: int, most: int) -> wp.vec2i:
+def coarse_nodes(k: int, side: int, most: int) -> wp.vec2i:
     """Return the first coarse node of the cells a fine one is in, and the one behind the last."""
-    # Its place is k most / side.
+    # Along an axis of `most` coarse and `side` fine cells, node k is at k most / side.
     return wp.vec2i(
         wp.max((k * most + side - 1) // side - 1, 0), wp.min(k * most // side, most - 1) + 2
     )
@@ -82,20 +82,20 @@ def upsample_kernel(
     stride: int,
     first: int,
     last: int,
-    density: wp.array3d[float],
+    density: wp.array3d[float],  # (N, N, N)
     least: float,
-    coarse: wp.array4d[float],
+    coarse: wp.array4d[float],  # (N, N, N, C)
     # outputs
-    fine: wp.array4d[float],
+    fine: wp.array4d[float],  # (F, F, F, C)
 ):
     """One thread a node: see :func:`upsample`."""
     side = fine.shape[0]
     most = coarse.shape[0] - 1
     for node in range(first + wp.tid(), last, stride):
         at = wp.vec3i(node % side, node // side % side, node // (side * side))
-        xs = near(at[0], side - 1, most)
-        ys = near(at[1], side - 1, most)
-        zs = near(at[2], side - 1, most)
+        xs = coarse_nodes(at[0], side - 1, most)
+        ys = coarse_nodes(at[1], side - 1, most)
+        zs = coarse_nodes(at[2], side - 1, most)
         wanted = bool(False)
         for k in range(zs[0], zs[1]):
             for j in range(ys[0], ys[1]):
