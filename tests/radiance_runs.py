@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cvkern.radiance import HashField, VoxelField
-from cvkern.radiance.training import Trainer
+from cvkern.radiance.trainer import Trainer
 
 TINY = HashField(
     levels=8, table_bits=12, coarsest=8, finest=64, samples=2**12, rays=2**9, cells=32

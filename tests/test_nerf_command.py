@@ -5,6 +5,7 @@ import math
 import os
 import signal
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from cvkern.radiance import (
     render,
     training,
 )
-from cvkern.radiance.training import Trainer
+from cvkern.radiance.trainer import Trainer
 
 SIZE = 20
 SMALL = VoxelField(resolutions=(16, 32), shares=(0.3,), rays=256)
@@ -50,7 +51,7 @@ def command(monkeypatch, capsys):
 def small_fields():
     """Train small fields where the command is not told which."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "default_field", lambda: SMALL)
+        patch.setitem(training.ON_CPU, "voxel", asdict(SMALL))
         yield
 
 

@@ -101,6 +101,14 @@ def test_models_for_rendering_alone(scene, tmp_path, field):
             fit(scene, field, steps=30, checkpoint=tmp_path / name, resume=True)
 
 
+@pytest.mark.parametrize("field", ["hash", None])
+def test_going_on_takes_the_settings_of_the_file(scene, tmp_path, field):
+    options = {"checkpoint": tmp_path / "model.npz", "resume": True}
+    fit(scene, TINY, steps=2, **options)
+    on = fit(scene, field, steps=4, **options)
+    assert (on.settings, on.training.step) == (TINY, 4)
+
+
 def test_models_go_from_one_kernel_set_to_the_other(model, scene, tmp_path):
     model.save(tmp_path / "model.npz")
     with cvkern.use(backend="taichi"):
@@ -226,5 +234,7 @@ def test_checkpoints_of_another_training(scene, tmp_path):
         with pytest.raises(ValueError, match=f"checkpoint must be of the same {rule}"):
             fit(**given)
     assert load_model(file).training.step == 2
+    with pytest.raises(ValueError, match=r"same field, got HashField\(.*\) instead of mlp"):
+        fit(scene, "mlp", **options)
     fresh = fit(scene, TINY, steps=3, checkpoint=tmp_path / "new.npz", resume=True)
     assert fresh.training.step == 3

@@ -14,7 +14,7 @@ SETTINGS = VoxelField(resolutions=(16,), shares=(), degree=1, rays=64)
 def tiny(monkeypatch):
     for module in (radiance_quality, radiance_steps):
         monkeypatch.setattr(module, "make_scene", lambda: make_scene(train=4, test=1, size=24))
-        monkeypatch.setattr(module, "default_field", lambda: SETTINGS)
+        monkeypatch.setattr(module, "suited", lambda field: SETTINGS)
     monkeypatch.setattr(radiance_quality, "VIEW", 16)
     monkeypatch.setattr(radiance_quality, "REPEATS", 1)
     monkeypatch.setattr(radiance_steps, "STEPS_TIMED", 3)

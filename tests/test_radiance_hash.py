@@ -122,6 +122,8 @@ def test_the_sets_agree(unbounded):
         ({"table_bits": 25}, r"table_bits must be in \[3, 24\], got 25"),
         ({"finest": 15}, r"finest must be in \[16, 1048576\], got 15"),
         ({"samples": 512}, r"samples must be in \[1024, 16777216\], got 512"),
+        ({"samples": 64, "steps": 65}, r"samples must be in \[65, 16777216\], got 64"),
+        ({"steps": 1025}, r"steps must be in \[1, 1024\], got 1025"),
         ({"rays": 0}, r"rays must be in \[1, 16777216\], got 0"),
         ({"cells": 100}, "cells must be a multiple of 8, got 100"),
         ({"learning_rate": 0.0}, "learning_rate must be > 0, got 0.0"),

@@ -8,8 +8,18 @@ import pytest
 from radiance_runs import FIELDS, GRID, TINY, interrupt, press_ctrl_c, same
 
 import cvkern
-from cvkern.radiance import evaluate, fit, make_scene, psnr
+from cvkern.radiance import (
+    HashField,
+    VoxelField,
+    evaluate,
+    fit,
+    load_model,
+    make_scene,
+    psnr,
+    trainer,
+)
 from cvkern.radiance.rendering import photograph
+from cvkern.radiance.training import KINDS, suited
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +53,33 @@ def test_same_steps_give_the_same_model(backend, scene, field):
     first, second = (fit(scene, field, steps=35) for _ in range(2))
     assert same(first, second)
     assert not same(first, fit(scene, field, steps=35, seed=1))
+
+
+@pytest.mark.parametrize("name", ["voxel", "hash", "mlp"])
+def test_a_name_is_a_field_that_suits_the_device(scene, name):
+    model = fit(scene, name, steps=1)
+    assert type(model.settings) is KINDS[name]
+    assert model.settings == suited(name)
+    assert (model.settings == KINDS[name]()) == (name == "voxel")  # the others are for a GPU
+
+
+def test_without_a_name_the_cpu_has_a_grid():
+    assert suited() == VoxelField()
+
+
+def test_ctrl_c_ends_the_looks_at_held_out_views(scene, tmp_path, monkeypatch):
+    looked = []
+
+    def look(*arguments, views):
+        looked.append(views)
+        press_ctrl_c()
+        return evaluate(*arguments, views=views)
+
+    monkeypatch.setattr(trainer, "evaluate", look)
+    model = fit(scene, TINY, steps=3, checkpoint=tmp_path / "m.npz")
+    assert len(looked) == 1  # of two
+    assert model.training.marks == []
+    assert same(load_model(tmp_path / "m.npz"), model)
 
 
 def test_a_second_ctrl_c_does_not_wait(scene, monkeypatch):
@@ -136,7 +173,17 @@ def test_progress_bar(scene, monkeypatch, capsys):
         ({"spread": 2}, ValueError, r"spread must lie in \[0, 1\], got 2"),
         ({"save_every": 0}, ValueError, "save_every must be > 0"),
         ({"evaluate_every": 0}, ValueError, "evaluate_every must be in"),
-        ({"field": "hash"}, TypeError, r"field must be settings such as HashField\(\), got 'hash'"),
+        (
+            {"field": "odd"},
+            ValueError,
+            "field must be one of .*'mlp'.*, got 'odd'",
+        ),
+        (
+            {"field": 7},
+            TypeError,
+            "field must be settings such as .*, or a name, got 7",
+        ),
+        ({"field": HashField}, TypeError, "field must be settings .* got <class"),
         ({"checkpoint": "model.npy"}, ValueError, "path must end in .npz, got 'model.npy'"),
         ({"checkpoint": "none/m.npz"}, FileNotFoundError, "path must lie in a folder that exists"),
         ({"resume": True}, ValueError, "checkpoint must be given to resume from, got None"),

@@ -10,7 +10,7 @@ from cvkern._runtime import runtime
 from cvkern.radiance import VoxelField, fit, load_model, make_scene
 from cvkern.radiance.fields import Frame
 from cvkern.radiance.scenes import Bounds
-from cvkern.radiance.training import Trainer
+from cvkern.radiance.trainer import Trainer
 from cvkern.radiance.voxel_field import VoxelGrid
 
 F32, I32 = np.float32, np.int32

@@ -33,7 +33,10 @@ def train(
     output: Annotated[Path, typer.Option("--output", "-o", help="Model to write, .npz.")],
     field: Annotated[
         str | None,
-        typer.Option(help="Kind: hash, voxel or mlp.", show_default="what suits the device"),
+        typer.Option(
+            help="Kind: voxel, hash or mlp, as large as suits the device.",
+            show_default="voxel on the CPU, hash on a GPU",
+        ),
     ] = None,
     seconds: Annotated[
         float | None, typer.Option(help="Time to train for.", show_default="60")
@@ -56,12 +59,11 @@ def train(
 ) -> None:
     """Train a radiance field, and write the model; Ctrl-C stops it and writes what there is."""
     from cvkern.radiance import fit
-    from cvkern.radiance.training import field_called
 
     with cvkern.use(backend=backend, device=device):
         model = fit(
             _scene(scene, shrink),
-            None if field is None else field_called(field),
+            field,
             seconds=seconds,
             steps=steps,
             background=background,

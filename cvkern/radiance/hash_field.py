@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern._validate import check_integer, check_number, check_positive
+from cvkern._validate import check_integer, check_number
 from cvkern.kernels.codes import network_layers, network_room
 from cvkern.radiance.fields import Frame, Learning
 from cvkern.radiance.parameters import LIFT, Clip, Parameters
-from cvkern.radiance.sampled import CELLS, STEPS, SampledField, Samples
+from cvkern.radiance.sampled import CELLS, STEPS, SampledField, Samples, check_batch
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 CELLS_OF_PIXEL = 1.5  # of the finest grid: with more, held-out views of small photographs lose
@@ -54,6 +54,8 @@ class HashField:
     """Of a batch, at most."""
     cells: int = CELLS
     """Of the occupancy grid, along a side."""
+    steps: int = STEPS
+    """Samples along the diagonal of the scene's cube, where none of it is empty: up to 1024."""
     learning_rate: float = 1e-2
     final_rate: float = 0.03
     """Share of the learning rate at the end."""
@@ -68,22 +70,14 @@ class HashField:
     """
 
     def __post_init__(self) -> None:
-        for name, least, most in (
-            ("levels", 8, 32), ("table_bits", 3, 24), ("coarsest", 1, 2**14), ("rays", 1, 2**24),
-            ("samples", STEPS, 2**24), ("cells", 8, 512),
-        ):  # fmt: skip
-            check_integer(getattr(self, name), name, least, most)
+        if check_integer(self.levels, "levels", 8, 32) % 8:
+            raise ValueError(f"levels must be a multiple of 8, got {self.levels}")
+        check_integer(self.table_bits, "table_bits", 3, 24)
+        check_integer(self.coarsest, "coarsest", 1, 2**14)
         if self.finest is not None:
             check_integer(self.finest, "finest", self.coarsest, 2**20)
-        for name in ("levels", "cells"):
-            if getattr(self, name) % 8:
-                raise ValueError(f"{name} must be a multiple of 8, got {getattr(self, name)}")
-        for name in ("learning_rate", "final_rate"):
-            check_positive(getattr(self, name), name)
-        for name in ("weight_decay", "table_decay"):
-            check_number(getattr(self, name), name, low=0.0)
-        if self.gradient_clip is not None:
-            check_positive(self.gradient_clip, "gradient_clip")
+        check_batch(self)
+        check_number(self.table_decay, "table_decay", low=0.0)
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
         """Return the field itself, with random parameters."""
@@ -94,8 +88,8 @@ class HashNetwork(SampledField):
     """A field with the settings of a :class:`HashField`."""
 
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: HashField):
-        self.settings, self.half = settings, rt.matrix_dtype
-        super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
+        self.half = rt.matrix_dtype
+        super().__init__(rt, frame, seed, settings)
         self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
         finest = settings.finest

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern._validate import check_integer, check_number, check_positive
+from cvkern._validate import check_integer
 from cvkern.radiance.fields import Frame, Learning
 from cvkern.radiance.parameters import LIFT, Clip, Parameters
-from cvkern.radiance.sampled import STEPS, SampledField, Samples
+from cvkern.radiance.sampled import SampledField, Samples, check_batch
 
 BETAS, EPSILON, WARMUP = (0.9, 0.999), 1e-8, 100
 VIEW_ROOM = 2**17  # samples of a round of rendering, on a GPU, of 5 kB each
@@ -94,16 +94,7 @@ class MLPField:
         check_integer(self.skip, "skip", 0, self.layers - 1)
         check_integer(self.frequencies, "frequencies", 1, MOST_FREQUENCIES)
         check_integer(self.view_frequencies, "view_frequencies", 1, MOST_FREQUENCIES)
-        check_integer(self.steps, "steps", 1, STEPS)
-        check_integer(self.samples, "samples", 1, 2**24)
-        check_integer(self.rays, "rays", 1, 2**24)
-        if check_integer(self.cells, "cells", 8, 512) % 8:
-            raise ValueError(f"cells must be a multiple of 8, got {self.cells}")
-        for name in ("learning_rate", "final_rate"):
-            check_positive(getattr(self, name), name)
-        check_number(self.weight_decay, "weight_decay", low=0.0)
-        if self.gradient_clip is not None:
-            check_positive(self.gradient_clip, "gradient_clip")
+        check_batch(self)
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> MLPNetwork:
         """Return the field itself, with random parameters."""
@@ -173,10 +164,7 @@ class MLPNetwork(SampledField):
         for a in self.layers:
             self.widths[a.source] = max(self.widths.get(a.source, 0), a.depth)
             self.widths[a.target] = max(self.widths.get(a.target, 0), a.column + a.columns)
-        super().__init__(rt, frame, settings.samples, settings.rays, settings.cells, seed)
-        self.finest = 2 * math.sqrt(3) / settings.steps
-        self.first_rays = max(1, min(settings.rays, settings.samples // settings.steps))
-        self.settings = settings
+        super().__init__(rt, frame, seed, settings)
         self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         weights = initial(self.layers, seed)
         self.parameters = Parameters(rt, np.concatenate([w.ravel() for w in weights]), self.half)

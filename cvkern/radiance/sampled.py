@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
+from cvkern._validate import check_integer, check_number, check_positive
 from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered, Seen
 
 CELLS = 128  # of the occupancy grid along a side, in each level
 LEVELS = 5  # of it in unbounded space: the outermost cube is 16 times as large
-STEPS = 1024  # along the diagonal of the innermost cube; also the most on any ray
+STEPS = 1024  # along the diagonal of the innermost cube, at most; also the most on any ray
 CONE = 1 / 256  # samples of unbounded space are this share of their distance apart
 STOP = 1e-4  # of the light is left: nothing behind is looked at
 FILL = 0.92  # of the room for samples that a batch should take
@@ -72,12 +73,15 @@ class Viewing:
 class SampledField(Field):
     """A field that gives density and colour for a batch of samples; this class does the rest."""
 
-    def __init__(self, rt: Runtime, frame: Frame, room: int, rays: int, cells: int, seed: int):
-        self.rt, self.frame, self.room, self.cells, self.seed = rt, frame, room, cells, seed
-        self.rays, self.first_rays = rays, max(1, min(rays, room // STEPS))
+    def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: Any):
+        """Take room for a batch of the `settings`, which :func:`check_batch` has looked at."""
+        self.rt, self.frame, self.seed, self.settings = rt, frame, seed, settings
+        room, rays, cells = settings.samples, settings.rays, settings.cells
+        self.room, self.rays, self.cells = room, rays, cells
+        self.first_rays = min(rays, room // settings.steps)
         unbounded = frame.bounds.unbounded
         self.levels = LEVELS if unbounded else 1
-        self.finest = 2 * math.sqrt(3) / STEPS
+        self.finest = 2 * math.sqrt(3) / settings.steps
         self.cone = CONE if self.levels > 1 else 0.0
         count = self.levels * cells**3
         self.density = rt.zeros((count,))
@@ -255,6 +259,20 @@ class SampledField(Field):
         """See :meth:`Field.restore`."""
         self.rt.write(self.density, taken(state, "occupancy.density", self.density.shape))
         self.rt.write(self.bits, taken(state, "occupancy.bits", self.bits.shape))
+
+
+def check_batch(settings: Any) -> None:
+    """Look at what the settings of all such fields have."""
+    check_integer(settings.steps, "steps", 1, STEPS)
+    check_integer(settings.samples, "samples", settings.steps, 2**24)  # a ray at least
+    check_integer(settings.rays, "rays", 1, 2**24)
+    if check_integer(settings.cells, "cells", 8, 512) % 8:
+        raise ValueError(f"cells must be a multiple of 8, got {settings.cells}")
+    for name in ("learning_rate", "final_rate"):
+        check_positive(getattr(settings, name), name)
+    check_number(settings.weight_decay, "weight_decay", low=0.0)
+    if settings.gradient_clip is not None:
+        check_positive(settings.gradient_clip, "gradient_clip")
 
 
 def taken(state: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import os
 import signal
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,26 +16,32 @@ from cvkern._runtime import refuse_capture, runtime
 from cvkern._validate import check_choice, check_code, check_integer, check_number, check_positive
 from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
-from cvkern.radiance.fields import Frame, Learning, Rays, Rendered
-from cvkern.radiance.hash_field import BETAS, EPSILON, HashField
-from cvkern.radiance.models import Mark, Model, Training, field_kind, load_model
-from cvkern.radiance.parameters import Clip, Parameters
-from cvkern.radiance.rendering import evaluate, on_device, owned
+from cvkern.radiance.fields import Frame
+from cvkern.radiance.hash_field import HashField
+from cvkern.radiance.mlp_field import MLPField
+from cvkern.radiance.models import Model, Training, load_model
 from cvkern.radiance.scenes import Scene
+from cvkern.radiance.trainer import Say, Trainer
 from cvkern.radiance.voxel_field import VoxelField
 
 __all__ = ["fit"]
 
-LOOK = 16  # steps between looks of the host at the device
-SHARE = 1 / 4096  # of the sum of the losses of a batch is what is made small
-HUBER = 0.1  # error of a channel from which Huber's loss grows linearly
-BACKGROUND_RATE = 1e-2
-PARTS = 256
+Settings = VoxelField | HashField | MLPField
+KINDS: dict[str, type[Settings]] = {"voxel": VoxelField, "hash": HashField, "mlp": MLPField}
+# Of two cores, a step with these takes some 50 ms, with the defaults 400 (hash) and 2000 (mlp).
+ON_CPU: dict[str, dict[str, Any]] = {
+    "voxel": {},
+    "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
+    "mlp": {
+        "width": 64, "layers": 4, "skip": 2, "frequencies": 6, "samples": 2**14, "cells": 32,
+        "steps": 128, "learning_rate": 5e-3,
+    },
+}  # fmt: skip
 
 
 def fit(
     scene: Scene,
-    field: Any = None,
+    field: str | Settings | None = None,
     *,
     seconds: float | None = None,
     steps: int | None = None,
@@ -58,10 +62,13 @@ def fit(
     ----------
     scene : Scene
         Its views that are not kept back for testing are trained from.
-    field : VoxelField, HashField or MLPField, optional
-        What to train; by default `VoxelField()` on the CPU, and `HashField()` on a GPU.
+    field : {'voxel', 'hash', 'mlp'}, or VoxelField, HashField or MLPField, optional
+        What to train. A name is that of a field with settings that suit the device: on a GPU its
+        defaults; on the CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller
+        ones. By default 'voxel' on the CPU, which learns fastest there, and 'hash' on a GPU.
     seconds : float, optional
         Time to train for, > 0, without looks at held-out views and saving; 60 by default.
+        Compiling, which the first training on a machine does, is a part of it.
     steps : int, optional
         Batches to train on, instead of `seconds`. On the CPU the same steps give the same model,
         bit for bit, with the same number of threads.
@@ -84,7 +91,8 @@ def fit(
         File, ``.npz``, that the model is saved to every now and then and at the end; each time
         whole or not at all.
     resume : bool, default False
-        Go on from `checkpoint` if that is there; `seconds` or `steps` count from the beginning.
+        Go on from `checkpoint` if that is there, with the settings that it has: `field` must be
+        equal to them, their kind, or None. `seconds` or `steps` count from the beginning.
     save_every : float, default 60.0
         Seconds between saves, > 0.
     evaluate_every : int, optional
@@ -129,9 +137,10 @@ def fit(
     2
     """
     refuse_capture("fit")
-    settings = default_field() if field is None else field
-    if not hasattr(settings, "build"):
-        raise TypeError(f"field must be settings such as HashField(), got {field!r}")
+    if isinstance(field, str):
+        check_choice(field, tuple(KINDS), "field")
+    elif field is not None and not isinstance(field, tuple(KINDS.values())):
+        raise TypeError(f"field must be settings such as HashField(), or a name, got {field!r}")
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, got {type(scene).__name__}")
     size = scene.cameras.height, scene.cameras.width
@@ -166,28 +175,25 @@ def fit(
         checkpoints.check_suffix(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
-    model = _begin(scene, settings, background, seed, checkpoint if resume else None)
+    model = _begin(scene, field, background, seed, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
-    with _shown(progress) as show, _stoppable() as stop:
-        trainer.train(seconds, steps, stop, show, checkpoint, save_every, evaluate_every)
+    with _shown(progress) as say, _stoppable() as stop:
+        trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every)
     return model
 
 
-def default_field() -> Any:
-    """Return settings that suit the chosen device."""
-    return VoxelField() if runtime().device == "cpu" else HashField()
+def suited(field: str | None = None) -> Settings:
+    """Return settings that suit the chosen device, of the kind of field called so or of any."""
+    on_cpu = runtime().device == "cpu"
+    name = field or ("voxel" if on_cpu else "hash")
+    return KINDS[name](**(ON_CPU[name] if on_cpu else {}))
 
 
-def field_called(name: str) -> Any:
-    """Return the settings of the kind of field that the command calls so."""
-    kinds = {"hash": "HashField", "voxel": "VoxelField", "mlp": "MLPField"}
-    check_choice(name, tuple(kinds), "field")
-    return field_kind(kinds[name])()
-
-
-def _begin(scene: Scene, settings: Any, background: str, seed: int, checkpoint: Any) -> Model:
+def _begin(
+    scene: Scene, field: str | Settings | None, background: str, seed: int, checkpoint: Any
+) -> Model:
     """Return a new model, or the one to go on with."""
     frame = Frame.of(scene)
     if checkpoint is not None and Path(checkpoint).exists():
@@ -197,171 +203,27 @@ def _begin(scene: Scene, settings: Any, background: str, seed: int, checkpoint: 
                 f"checkpoint must be saved to go on with, got {os.fspath(checkpoint)!r}, which is "
                 "for rendering alone"
             )
-        asked = {"field": settings, "background": background, "seed": seed, "scene": frame}
-        found = (model.settings, model.background, model.seed, model.frame)
-        for (name, wanted), saved in zip(asked.items(), found, strict=True):
+        settings = model.settings
+        if isinstance(field, str) and isinstance(settings, KINDS[field]):
+            field = settings
+        for name, wanted, saved in (
+            ("field", settings if field is None else field, settings),
+            ("background", background, model.background),
+            ("seed", seed, model.seed),
+            ("scene", frame, model.frame),
+        ):
             if saved != wanted:
                 raise ValueError(
                     f"checkpoint must be of the same {name}, got {saved} instead of {wanted}"
                 )
         return model
+    settings = suited(field) if field is None or isinstance(field, str) else field
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     return Model(
         settings.build(runtime(), frame, seed), settings, background, behind, scene.cameras, seed,
         Training(), {},
     )  # fmt: skip
-
-
-class Trainer:
-    """A model in training: the arrays on the device, and one step."""
-
-    def __init__(self, model: Model, scene: Scene, loss: str, spread: float):
-        self.model, self.scene, self.field = model, scene, model.field
-        rt = self.rt = model.rt
-        self.background = check_code(model.background, Background, "background")
-        self.spread = spread
-        self.huber = HUBER if loss == "huber" else 0.0
-        used, count, state = ~scene.test, self.field.rays, model.training
-        self.views = on_device(rt, model.frame, scene.cameras.select(used))
-        images = scene.images[used]
-        self.images = owned(rt, images.reshape(-1, images.shape[3]))
-        self.size = scene.cameras.width, scene.cameras.height
-        self.active = owned(rt, np.array([state.rays or self.field.first_rays], np.int32))
-        self.rays = Rays(rt.zeros((count, 3)), rt.zeros((count, 3)), self.active)
-        self.targets, self.errors = rt.zeros((count, 4)), rt.zeros((count,))
-        self.gradients = Rendered(*(rt.zeros((count, *tail)) for tail in ((3,), (), (), ())))
-        self.behind = Parameters(rt, model.behind, np.dtype(np.float32))
-        if "behind.values" in model.extra:
-            self.behind.restore("behind.", model.extra, rt)
-        self.d_behind, self.parts = rt.zeros((count, 3)), rt.zeros((PARTS, 3))
-        self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
-        self.learning = Learning(
-            owned(rt, np.array([state.step], np.int32)),
-            owned(rt, np.array([state.progress], np.float32)),
-            SHARE,
-        )
-        state.rays = state.rays or self.field.first_rays
-        self._step: Any = None
-        self._edition = -1
-
-    def step(self) -> None:
-        """Draw rays, render them, and learn from the errors."""
-        rt, field, at = self.rt, self.field, self.learning.step
-        rt.radiance_rays.random_rays(
-            *self.views, self.images, *self.size, self.spread, self.model.seed, at, *self.rays[:2],
-            self.targets,
-        )  # fmt: skip
-        seen = field.forward(self.rays, at)
-        rt.radiance_loss.loss(
-            seen.color, seen.opacity, self.targets, self.active, self.background,
-            self.behind.values, self.huber, field.gradient_scale, self.model.seed, at, self.errors,
-            self.gradients.color, self.gradients.opacity, self.d_behind,
-        )  # fmt: skip
-        field.backward(self.gradients)
-        field.learn(self.learning)
-        if self.background == Background.LEARNT:
-            adam = rt.radiance_adam
-            rt.radiance_background.gather(
-                self.d_behind, self.active, self.parts, self.behind.gradients
-            )
-            adam.learning_rate(
-                at, self.learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate
-            )
-            self.clip.update(SHARE / field.gradient_scale)
-            given = self.rate, self.clip.factor, *BETAS, EPSILON, 0.0, False
-            adam.adam(*given, *self.behind.flat())
-        rt.radiance_adam.advance(at)
-
-    def repeat(self) -> None:
-        """Take a step: the first one with the field's arrays as it is, the others as recorded."""
-        if self._edition != self.field.edition:
-            self._edition = self.field.edition
-            self.step()
-            self._step = self.rt.record(self.step)
-        else:
-            self._step()
-
-    def train(
-        self,
-        seconds: float | None,
-        steps: int | None,
-        stop: threading.Event,
-        show: Any,
-        checkpoint: Any,
-        save_every: float,
-        evaluate_every: int | None,
-    ) -> None:
-        """Take steps until the budget is spent."""
-        state, at = self.model.training, self.learning.step
-        state.stopped, first = False, state.step
-        before, begin, saved, quality = state.seconds, time.perf_counter(), state.seconds, math.nan
-
-        def spent() -> float:
-            return before + time.perf_counter() - begin
-
-        while (state.step < steps if steps else spent() < (seconds or 0)) and not stop.is_set():
-            self.field.tend(state.step, self.learning)
-            self.repeat()
-            state.step += 1
-            state.total_rays += state.rays
-            looks = state.step % LOOK == 0
-            evaluates = evaluate_every is not None and state.step % evaluate_every == 0
-            if looks or evaluates:
-                quality = self.quality()
-            if looks:
-                samples = self.field.taken()
-                state.total_samples += LOOK * samples
-                state.rays = self.field.rays_for(samples, state.rays)
-                state.progress = min(1.0, state.step / steps if steps else spent() / (seconds or 1))
-                self.rt.write(self.active, np.array([state.rays], np.int32))
-                self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
-                show(state, quality, spent())
-            file = checkpoint if looks and spent() - saved >= save_every else None
-            if evaluates or file is not None:
-                self.rt.to_numpy(at)  # what was launched is done, and paid for
-                state.seconds, paused = spent(), time.perf_counter()
-                if evaluates:
-                    self.mark(quality, 4)
-                if file is not None:
-                    self.keep()
-                    self.model.save(file)
-                    saved = state.seconds
-                begin += time.perf_counter() - paused
-        self.rt.to_numpy(at)
-        state.seconds, state.stopped = spent(), stop.is_set()
-        try:
-            if not state.stopped and (state.step > first or not state.marks):
-                self.mark(quality, None)
-        finally:  # an interrupt of the looks at held-out views must not cost the training
-            self.keep()
-            if checkpoint is not None:
-                self.model.save(checkpoint)
-
-    def quality(self) -> float:
-        """Return the signal-to-noise ratio of the last batch, decibels."""
-        error = float(self.rt.to_numpy(self.errors)[: self.model.training.rays].mean())
-        return -10 * math.log10(max(error, 1e-12))
-
-    def mark(self, quality: float, most: int | None) -> None:
-        """Note how good the model is by now, by at most so many of the held-out views."""
-        self.keep()
-        state, views = self.model.training, np.flatnonzero(self.scene.test)
-        if most is not None:
-            views = views[:: -(-len(views) // most)] if len(views) else views
-        found = [math.nan, math.nan]
-        if len(views):
-            scores = evaluate(self.model, self.scene, views=views.tolist())
-            found = [float(part.mean()) for part in scores]
-        if state.marks and state.marks[-1].step == state.step:
-            state.marks.pop()  # fewer views, or the end of a budget that is spent again
-        state.marks.append(Mark(state.step, state.seconds, quality, *found))
-
-    def keep(self) -> None:
-        """Take from the device what the model has beside the field."""
-        if self.background == Background.LEARNT:
-            self.model.extra = self.behind.state("behind.", self.rt)
-            self.model.behind = self.model.extra["behind.values"].clip(0, 1)
 
 
 @contextlib.contextmanager
@@ -385,10 +247,10 @@ def _stoppable() -> Iterator[threading.Event]:
 
 
 @contextlib.contextmanager
-def _shown(wanted: bool) -> Iterator[Any]:
-    """Yield a function that shows how far the training is."""
+def _shown(wanted: bool) -> Iterator[Say]:
+    """Yield a function that shows how far the training is, if a terminal is there to show it."""
     if not wanted:
-        yield lambda *seen: None
+        yield lambda share, text: None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -399,11 +261,4 @@ def _shown(wanted: bool) -> Iterator[Any]:
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
         task = bar.add_task("Compiling", total=1.0)
-        last = [0.0]
-
-        def show(state: Training, quality: float, spent: float) -> None:
-            rate, last[0] = LOOK * state.rays / max(spent - last[0], 1e-9), spent
-            said = f"{quality:.1f} dB  {rate / 1e3:,.0f} k rays/s"
-            bar.update(task, completed=state.progress, description=said)
-
-        yield show
+        yield lambda share, text: bar.update(task, completed=share, description=text)

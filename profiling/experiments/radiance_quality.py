@@ -18,7 +18,7 @@ import numpy as np
 
 import cvkern
 from cvkern.radiance import Scene, fit, load_scene, make_scene, render
-from cvkern.radiance.training import default_field, field_called
+from cvkern.radiance.training import KINDS, suited
 
 from ..record import ROOT, surroundings, write_json
 
@@ -68,14 +68,14 @@ def main(command: list[str] | None = None) -> int:
     parser.add_argument("--scenes", nargs="+", default=["lego", "chair", "fox"])
     parser.add_argument("--seconds", nargs="+", type=float, default=[5.0, 10.0, 20.0, 60.0])
     parser.add_argument("--shrink", type=int, default=1)
-    parser.add_argument("--field", help="hash, voxel or mlp")
+    parser.add_argument("--field", choices=tuple(KINDS), help="of a size for the device")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--output", type=Path, default=ROOT / "profiling" / "results")
     args = parser.parse_args(command)
 
     results: dict[str, Any] = {}
     with cvkern.use(device=args.device):
-        settings = field_called(args.field) if args.field else default_field()
+        settings = suited(args.field)
         folder = args.folder and Path(args.folder)
         for name, scene in scenes(folder, args.scenes, args.shrink).items():
             begin = time.perf_counter()

@@ -23,7 +23,8 @@ import warp as wp
 
 import cvkern
 from cvkern.radiance import fit, load_scene, make_scene
-from cvkern.radiance.training import Trainer, default_field, field_called
+from cvkern.radiance.trainer import Trainer
+from cvkern.radiance.training import KINDS, suited
 
 from .. import clock
 from ..record import ROOT, surroundings, write_json
@@ -134,7 +135,7 @@ def main(command: list[str] | None = None) -> int:
         prog="python -m profiling.experiments.radiance_steps", description=__doc__
     )
     parser.add_argument("scene", type=Path, nargs="?")
-    parser.add_argument("--field", help="hash, voxel or mlp")
+    parser.add_argument("--field", choices=tuple(KINDS), help="of a size for the device")
     parser.add_argument("--steps", type=int, default=2000, help="to train for before")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--output", type=Path, default=ROOT / "profiling" / "results")
@@ -142,7 +143,7 @@ def main(command: list[str] | None = None) -> int:
 
     with cvkern.use(device=args.device):
         scene = load_scene(args.scene) if args.scene else make_scene()
-        settings = field_called(args.field) if args.field else default_field()
+        settings = suited(args.field)
         model = fit(scene, settings, steps=args.steps, progress=False)
         trainer = Trainer(model, scene, "squared", 0.0)
         copy = clock.copy_bandwidth(clock.clock(args.device), clock.COPY_BYTES)

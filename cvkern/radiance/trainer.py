@@ -1,0 +1,190 @@
+"""A model in training: the arrays on the device, one step, and the loop around it."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cvkern._validate import check_code
+from cvkern.kernels.codes import Background
+from cvkern.radiance.fields import Learning, Rays, Rendered
+from cvkern.radiance.hash_field import BETAS, EPSILON
+from cvkern.radiance.models import Mark, Model
+from cvkern.radiance.parameters import Clip, Parameters
+from cvkern.radiance.rendering import evaluate, on_device, owned
+from cvkern.radiance.scenes import Scene
+
+LOOK = 16  # steps between looks of the host at the device
+# Gradients are of the sum of the losses of a batch's rays times this, not of their mean: a ray
+# counts as much in a batch of many as in one of few.
+SHARE = 1 / 4096
+HUBER = 0.1  # error of a channel from which Huber's loss grows linearly
+BACKGROUND_RATE = 1e-2  # learning rate of a learnt background
+PARTS = 256  # that the gradient of the background is summed in
+FEW = 4  # held-out views of a look during training
+
+Say = Callable[[float, str], None]  # the share that is done, and what it does
+
+
+class Trainer:
+    """What takes the steps of a training; see :func:`cvkern.radiance.fit` for the parameters."""
+
+    def __init__(self, model: Model, scene: Scene, loss: str, spread: float):
+        self.model, self.scene, self.field = model, scene, model.field
+        rt = self.rt = model.rt
+        self.background = check_code(model.background, Background, "background")
+        self.spread = spread
+        self.huber = HUBER if loss == "huber" else 0.0
+        used, count, state = ~scene.test, self.field.rays, model.training
+        self.views = on_device(rt, model.frame, scene.cameras.select(used))
+        images = scene.images[used]
+        self.images = owned(rt, images.reshape(-1, images.shape[3]))
+        self.size = scene.cameras.width, scene.cameras.height
+        self.active = owned(rt, np.array([state.rays or self.field.first_rays], np.int32))
+        self.rays = Rays(rt.zeros((count, 3)), rt.zeros((count, 3)), self.active)
+        self.targets, self.errors = rt.zeros((count, 4)), rt.zeros((count,))
+        self.gradients = Rendered(*(rt.zeros((count, *tail)) for tail in ((3,), (), (), ())))
+        self.behind = Parameters(rt, model.behind, np.dtype(np.float32))
+        if "behind.values" in model.extra:
+            self.behind.restore("behind.", model.extra, rt)
+        self.d_behind, self.parts = rt.zeros((count, 3)), rt.zeros((PARTS, 3))
+        self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
+        self.learning = Learning(
+            owned(rt, np.array([state.step], np.int32)),
+            owned(rt, np.array([state.progress], np.float32)),
+            SHARE,
+        )
+        state.rays = state.rays or self.field.first_rays
+        self._step: Any = None
+        self._edition = -1
+
+    def step(self) -> None:
+        """Draw rays, render them, and learn from the errors."""
+        rt, field, at = self.rt, self.field, self.learning.step
+        rt.radiance_rays.random_rays(
+            *self.views, self.images, *self.size, self.spread, self.model.seed, at, *self.rays[:2],
+            self.targets,
+        )  # fmt: skip
+        seen = field.forward(self.rays, at)
+        rt.radiance_loss.loss(
+            seen.color, seen.opacity, self.targets, self.active, self.background,
+            self.behind.values, self.huber, field.gradient_scale, self.model.seed, at, self.errors,
+            self.gradients.color, self.gradients.opacity, self.d_behind,
+        )  # fmt: skip
+        field.backward(self.gradients)
+        field.learn(self.learning)
+        if self.background == Background.LEARNT:
+            adam = rt.radiance_adam
+            rt.radiance_background.gather(
+                self.d_behind, self.active, self.parts, self.behind.gradients
+            )
+            adam.learning_rate(
+                at, self.learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate
+            )
+            self.clip.update(SHARE / field.gradient_scale)
+            given = self.rate, self.clip.factor, *BETAS, EPSILON, 0.0, False
+            adam.adam(*given, *self.behind.flat())
+        rt.radiance_adam.advance(at)
+
+    def repeat(self) -> None:
+        """Take a step: the first one with the field's arrays as it is, the others as recorded."""
+        if self._edition != self.field.edition:
+            self._edition = self.field.edition
+            self.step()
+            self._step = self.rt.record(self.step)
+        else:
+            self._step()
+
+    def train(
+        self,
+        seconds: float | None,
+        steps: int | None,
+        stop: threading.Event,
+        say: Say,
+        checkpoint: str | os.PathLike[str] | None,
+        save_every: float,
+        evaluate_every: int | None,
+    ) -> None:
+        """Take steps until the budget is spent or `stop` is set, and save the model."""
+        state, at = self.model.training, self.learning.step
+        state.stopped, first = False, state.step
+        before, begin, saved, quality = state.seconds, time.perf_counter(), state.seconds, math.nan
+        told = before, state.total_rays
+
+        def spent() -> float:
+            return before + time.perf_counter() - begin
+
+        while (state.step < steps if steps else spent() < (seconds or 0)) and not stop.is_set():
+            self.field.tend(state.step, self.learning)
+            self.repeat()
+            state.step += 1
+            state.total_rays += state.rays
+            looks = state.step % LOOK == 0
+            evaluates = evaluate_every is not None and state.step % evaluate_every == 0
+            if looks or evaluates:
+                quality = self.quality()
+            if looks:
+                samples = self.field.taken()
+                state.total_samples += LOOK * samples
+                state.rays = self.field.rays_for(samples, state.rays)
+                state.progress = min(1.0, state.step / steps if steps else spent() / (seconds or 1))
+                self.rt.write(self.active, np.array([state.rays], np.int32))
+                self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
+                since, told = told, (spent(), state.total_rays)
+                rate = (told[1] - since[1]) / max(told[0] - since[0], 1e-9)
+                say(state.progress, f"{quality:.1f} dB  {rate / 1e3:,.0f} k rays/s")
+            elif state.step == first + 1:
+                say(state.progress, "Training")
+            file = checkpoint if looks and spent() - saved >= save_every else None
+            if evaluates or file is not None:
+                self.rt.to_numpy(at)  # what was launched is done, and paid for
+                state.seconds, paused = spent(), time.perf_counter()
+                if evaluates:
+                    self.mark(quality, stop, say, FEW)
+                if file is not None:
+                    self.keep()
+                    self.model.save(file)
+                    saved = state.seconds
+                begin += time.perf_counter() - paused
+        self.rt.to_numpy(at)
+        state.seconds, state.stopped = spent(), stop.is_set()
+        try:
+            if not state.stopped and (state.step > first or not state.marks):
+                self.mark(quality, stop, say, len(self.scene))
+        finally:  # an interrupt of the looks at held-out views must not cost the training
+            self.keep()
+            if checkpoint is not None:
+                self.model.save(checkpoint)
+
+    def quality(self) -> float:
+        """Return the signal-to-noise ratio of the last batch, decibels."""
+        error = float(self.rt.to_numpy(self.errors)[: self.model.training.rays].mean())
+        return -10 * math.log10(max(error, 1e-12))
+
+    def mark(self, quality: float, stop: threading.Event, say: Say, most: int) -> None:
+        """Note how good the model is by now, by at most so many held-out views; or be stopped."""
+        self.keep()
+        state, views = self.model.training, np.flatnonzero(self.scene.test)
+        views = views[:: max(1, -(-len(views) // most))]
+        scores = []
+        for done, view in enumerate(views.tolist()):
+            say(state.progress, f"Held-out view {done + 1} of {len(views)}")
+            scores.append(evaluate(self.model, self.scene, views=[view]))
+            if stop.is_set():
+                return
+        found = np.mean(scores, axis=(0, 2)).tolist() if scores else [math.nan, math.nan]
+        if state.marks and state.marks[-1].step == state.step:
+            state.marks.pop()  # fewer views, or the end of a budget that is spent again
+        state.marks.append(Mark(state.step, state.seconds, quality, *found))
+
+    def keep(self) -> None:
+        """Take from the device what the model has beside the field."""
+        if self.background == Background.LEARNT:
+            self.model.extra = self.behind.state("behind.", self.rt)
+            self.model.behind = self.model.extra["behind.values"].clip(0, 1)
