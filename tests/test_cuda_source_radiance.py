@@ -105,7 +105,6 @@ def made(scalar):
     for family, names in {
         "_radiance_adam_blocks": ["adam"],
         "radiance_encode": ["_spherical", "_positional", "_gather"],
-        "_radiance_hash_blocks": ["encode"],
         "radiance_heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -119,6 +118,14 @@ def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
         if name == "_radiance_adam_blocks.adam":
             assert code.count("ld.global.v4.f32") == 4
             assert code.count("st.global.v4.f32") == (4 if dtype is np.float16 else 5)
+
+
+@pytest.mark.parametrize("together", [1, 4])
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_hash_encoding_compiles_for_hopper(dtype, together, tmp_path):
+    kernel = load("_radiance_hash_blocks").encode(wp.dtype_from_numpy(dtype), together)
+    code = compile_for_hopper(kernel.module, tmp_path)
+    assert ("st.global.v4" in code) == (together == 4)
 
 
 # Two numbers at a time, or integers, whose sums have no order.

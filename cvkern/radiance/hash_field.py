@@ -59,7 +59,7 @@ class HashField:
     learning_rate: float = 1e-2
     final_rate: float = 0.03
     """Share of the learning rate at the end."""
-    weight_decay: float = 1e-6
+    weight_decay: float = 0.0
     """Of the perceptrons."""
     table_decay: float = 1e-7
     """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""

@@ -1,4 +1,4 @@
-"""Multi-resolution hash encoding on CUDA: a thread for each sample and level.
+"""Multi-resolution hash encoding on CUDA: a thread for some levels of a sample, or for one.
 
 The samples of a level are together: those of one ray share corners. Two corners that are neighbours
 along x are close in memory, be it a level that holds them all, or one whose hash has the number of
@@ -84,14 +84,34 @@ _TWO = """
 _ENTRIES = {wp.float16: ("unsigned int", "wp::half"), wp.float32: ("unsigned long long", "float")}
 
 
+_STORE = """
+    constexpr int COUNT = sizeof(numbers) / sizeof(WORD);
+    WORD words[COUNT];
+    memcpy(words, &numbers, sizeof(numbers));
+    WORD* to = (WORD*)(features.data + (size_t)sample * features.shape[1]) + group * COUNT;
+    #pragma unroll
+    for (int i = 0; i < COUNT; ++i) to[i] = words[i];
+"""
+
+
 @cache
-def encode(scalar: Any) -> wp.Kernel:
-    """Return the kernel that looks up features of a precision."""
+def encode(scalar: Any, together: int) -> wp.Kernel:
+    """Return the kernel that looks up features of a precision, of so many levels in a thread.
+
+    What it writes to a row of features lies side by side: several levels fill sectors of memory.
+    """
     pair, four = wp.types.vector(2, scalar), wp.types.vector(4, scalar)
+    row = wp.types.vector(2 * together, scalar)
     entry, number = _ENTRIES[scalar]
 
     @wp.func_native(_TWO.replace("ENTRY", entry).replace("SCALAR", number))
     def two(table: wp.array[pair], low: int, high: int) -> four: ...
+
+    size = 2 * together * wp.types.type_size_in_bytes(scalar)
+    word = {4: "unsigned int", 8: "uint2"}.get(size, "uint4")
+
+    @wp.func_native(_STORE.replace("WORD", word))
+    def store(features: wp.array2d[scalar], sample: int, group: int, numbers: row): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def encode(
@@ -101,24 +121,29 @@ def encode(scalar: Any) -> wp.Kernel:
         offsets: wp.array[int],  # (L + 1,)
         table: wp.array[pair],  # (entries,)
         # outputs
-        features: wp.array2d[pair],  # (M, L)
+        features: wp.array2d[scalar],  # (M, 2 L)
     ):
         item = wp.tid()
-        level = item // positions.shape[0]
-        sample = item - level * positions.shape[0]
+        group = item // positions.shape[0]
+        sample = item - group * positions.shape[0]
         if sample < total[0]:
-            resolution = resolutions[level]
-            begin = offsets[level]
-            size = offsets[level + 1] - begin
-            cell = cell_of(positions, sample, resolution)
-            found = wp.vec2()
-            for corner in range(0, 8, 2):
-                low = begin + entry_of(cell, corner, resolution, size)
-                high = begin + entry_of(cell, corner + 1, resolution, size)
-                numbers = two(table, low, high)
-                found += share_of(cell, corner) * wp.vec2(float(numbers[0]), float(numbers[1]))
-                found += share_of(cell, corner + 1) * wp.vec2(float(numbers[2]), float(numbers[3]))
-            features[sample, level] = pair(scalar(found[0]), scalar(found[1]))
+            numbers = row()
+            for n in range(together):
+                level = group * together + n
+                resolution = resolutions[level]
+                begin = offsets[level]
+                size = offsets[level + 1] - begin
+                cell = cell_of(positions, sample, resolution)
+                found = wp.vec2()
+                for corner in range(0, 8, 2):
+                    low = begin + entry_of(cell, corner, resolution, size)
+                    high = begin + entry_of(cell, corner + 1, resolution, size)
+                    near = two(table, low, high)
+                    found += share_of(cell, corner) * wp.vec2(float(near[0]), float(near[1]))
+                    found += share_of(cell, corner + 1) * wp.vec2(float(near[2]), float(near[3]))
+                numbers[2 * n] = scalar(found[0])
+                numbers[2 * n + 1] = scalar(found[1])
+            store(features, sample, group, numbers)
 
     return encode
 

@@ -36,9 +36,9 @@ def encode(
     count = positions.shape[0] * levels
     inputs = [positions, total, resolutions, offsets]
     if features.device.is_cuda:
-        pair = wp.types.vector(2, table.dtype)
-        pairs = view(features, pair, (positions.shape[0], levels))
-        launch(blocks.encode(table.dtype), count, [*inputs, _pairs(table, table.dtype)], [pairs])
+        together = next(n for n in (4, 2, 1) if levels % n == 0)
+        inputs.append(_pairs(table, table.dtype))
+        launch(blocks.encode(table.dtype, together), count // together, inputs, [features])
     else:
         parts = slabs(count, 16 * count)
         launch_slabs(rows.encode, count, parts, [*inputs, table], [features])
