@@ -228,7 +228,7 @@ def test_checkpoints_of_another_training(scene, tmp_path):
         ("field", {"field": replace(TINY, table_bits=11)}),
         ("background", {"background": "white"}),
         ("seed", {"seed": 3}),
-        ("scene", {"scene": replace(scene, near=1.0)}),
+        (r"scene \(near\), got .* instead of 0.9", {"scene": replace(scene, near=1.0)}),
     ):
         given = {"scene": scene, "field": TINY, **options, **changed}
         with pytest.raises(ValueError, match=f"checkpoint must be of the same {rule}"):

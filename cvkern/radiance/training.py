@@ -210,7 +210,10 @@ def _begin(
             ("field", settings if field is None else field, settings),
             ("background", background, model.background),
             ("seed", seed, model.seed),
-            ("scene", frame, model.frame),
+            *(
+                (f"scene ({part})", getattr(frame, part), getattr(model.frame, part))
+                for part in ("bounds", "near", "far", "pixel")
+            ),
         ):
             if saved != wanted:
                 raise ValueError(
