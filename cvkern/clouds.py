@@ -203,31 +203,42 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     ...     Path(folder, "blink.gif").read_bytes()[:6]
     b'GIF89a'
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in (".gif", ".mp4"):
-        raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
     movie = np.asarray(frames)
     if movie.ndim != 4 or movie.shape[3] != 3 or movie.size == 0 or movie.dtype != np.uint8:
         raise ValueError(
             f"frames must be uint8 of shape (F, H, W, 3), got {movie.dtype} of shape {movie.shape}"
         )
+    fps = check_animation(path, movie.shape, fps)
+    import imageio.v3 as iio
+
+    with replacing(path) as beside:
+        if Path(path).suffix.lower() == ".gif":
+            iio.imwrite(beside, movie, plugin="pillow", duration=round(1e3 / fps), loop=0)
+        else:
+            iio.imwrite(beside, movie, plugin="FFMPEG", fps=fps, macro_block_size=2, quality=8)
+
+
+def check_animation(path: str | os.PathLike[str], shape: tuple[int, ...], fps: Any) -> float:
+    """Return `fps` if frames of a shape (F, H, W, 3) can be written to `path`: ask before the work.
+
+    The errors are those of :func:`write_animation`.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".gif", ".mp4"):
+        raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
+    if not Path(os.path.realpath(path)).parent.is_dir():
+        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
     fps = check_positive(fps, "fps")
     if suffix == ".gif" and fps > 50:
         raise ValueError(f"fps must be <= 50 for .gif, got {fps:g}")
     if suffix == ".mp4":
-        if movie.shape[1] % 2 or movie.shape[2] % 2:
+        if shape[1] % 2 or shape[2] % 2:
             raise ValueError(
-                f"frames must have an even height and width for .mp4, got shape {movie.shape}"
+                f"frames must have an even height and width for .mp4, got shape {shape}"
             )
         if importlib.util.find_spec("imageio_ffmpeg") is None:
             raise ModuleNotFoundError("MP4 needs imageio-ffmpeg: pip install imageio-ffmpeg")
-    import imageio.v3 as iio
-
-    with replacing(path) as beside:
-        if suffix == ".gif":
-            iio.imwrite(beside, movie, plugin="pillow", duration=round(1e3 / fps), loop=0)
-        else:
-            iio.imwrite(beside, movie, plugin="FFMPEG", fps=fps, macro_block_size=2, quality=8)
+    return fps
 
 
 def _check_cloud(points: Any, colors: Any) -> tuple[np.ndarray, Any]:

@@ -11,7 +11,7 @@ import pytest
 from radiance_runs import FIELDS, TINY, interrupt, press_ctrl_c, same
 
 import cvkern
-from cvkern.radiance import fit, load_model, make_scene, render
+from cvkern.radiance import VoxelField, fit, load_model, make_scene, render
 
 
 @pytest.fixture(scope="module")
@@ -225,16 +225,19 @@ def test_checkpoints_of_another_training(scene, tmp_path):
     fit(scene, TINY, steps=2, checkpoint=file)
     options = {"steps": 4, "checkpoint": file, "resume": True}
     for rule, changed in (
-        ("field", {"field": replace(TINY, table_bits=11)}),
-        ("background", {"background": "white"}),
-        ("seed", {"seed": 3}),
-        ("scene", {"scene": replace(scene, near=1.0)}),
+        (
+            "field, got table_bits 12 instead of table_bits 11$",
+            {"field": replace(TINY, table_bits=11)},
+        ),
+        ("field, got HashField instead of VoxelField$", {"field": VoxelField()}),
+        ("field, got HashField instead of mlp$", {"field": "mlp"}),
+        ("background, got random instead of white$", {"background": "white"}),
+        ("seed, got 0 instead of 3$", {"seed": 3}),
+        (r"scene, got near 2\.\d* instead of near 0\.9\d*$", {"scene": replace(scene, near=1.0)}),
     ):
         given = {"scene": scene, "field": TINY, **options, **changed}
         with pytest.raises(ValueError, match=f"checkpoint must be of the same {rule}"):
             fit(**given)
     assert load_model(file).training.step == 2
-    with pytest.raises(ValueError, match=r"same field, got HashField\(.*\) instead of mlp"):
-        fit(scene, "mlp", **options)
     fresh = fit(scene, TINY, steps=3, checkpoint=tmp_path / "new.npz", resume=True)
     assert fresh.training.step == 3

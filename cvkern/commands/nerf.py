@@ -57,7 +57,10 @@ def train(
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Train a radiance field, and write the model; Ctrl-C stops it and writes what there is."""
+    """Train a radiance field, and write the model; Ctrl-C stops it and writes what there is.
+
+    With --resume, --seconds and --steps count from the beginning, not from where it was stopped.
+    """
     from cvkern.radiance import fit
 
     with cvkern.use(backend=backend, device=device):
@@ -74,8 +77,10 @@ def train(
             resume=resume,
         )
     done = model.training
-    rate = done.total_rays / max(done.seconds, 1e-9)
-    said = f"{output}: {done.step} steps in {done.seconds:.1f} s, {rate:,.0f} rays/s"
+    said = f"{output}: 1 step"  # which is not on the clock
+    if done.step > 1:
+        rate = done.total_rays / done.seconds
+        said = f"{output}: {done.step} steps in {done.seconds:.1f} s, {rate:,.0f} rays/s"
     if done.stopped:
         said += ", stopped"
     elif done.marks and done.marks[-1].test_psnr == done.marks[-1].test_psnr:
@@ -89,11 +94,17 @@ def render(
     model: ModelAt,
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", help="Picture to write; of an orbit .gif or .mp4."),
+        typer.Option(
+            "--output",
+            "-o",
+            help="Picture to write; of an orbit .gif, or .mp4 where imageio-ffmpeg is installed.",
+        ),
     ],
-    view: Annotated[int, typer.Option(help="Which of the photographs' cameras.")] = 0,
+    view: Annotated[
+        int, typer.Option(help="Number of the photograph from whose camera to look, from 0.")
+    ] = 0,
     orbit: Annotated[
-        bool, typer.Option("--orbit", help="Go once round what the photographs show.")
+        bool, typer.Option("--orbit", help="A film once round what the photographs show.")
     ] = False,
     frames: Annotated[int, typer.Option(help="Of the orbit.")] = 60,
     fps: Annotated[float, typer.Option(help="Frames of the orbit in a second.")] = 20.0,
@@ -107,12 +118,14 @@ def render(
     """Render a view of a model, or an orbit."""
     import numpy as np
 
+    from cvkern._validate import check_positive
     from cvkern.images import apply_colormap, write_image
     from cvkern.radiance import load_model, orbit_cameras, render_path
     from cvkern.radiance import render as picture_of
 
     if orbit and depth:
         raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
+    check_positive(size, "size")
     if depth and depth.resolve() == output.resolve():
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
     with cvkern.use(backend=backend, device=device):
@@ -168,7 +181,10 @@ def export(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", help="PLY to write, or a smaller model, .npz, for rendering alone."
+            "--output",
+            "-o",
+            help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, that only "
+            "renders.",
         ),
     ],
     points: Annotated[
@@ -203,7 +219,9 @@ def export(
 
 
 def _scene(path: Path, shrink: int) -> Any:
+    from cvkern._validate import check_integer
     from cvkern.radiance import load_scene, make_scene
 
     scene = make_scene() if str(path) == SHAPES and not path.exists() else load_scene(path)
+    check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)

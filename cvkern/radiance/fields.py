@@ -85,7 +85,7 @@ class Learning(NamedTuple):
     progress: Any
     """Share of the training that is done, (1,) float32."""
     scale: float
-    """What gradients have to be multiplied by."""
+    """What gradients of the losses have to be multiplied by, beside 1 / `Field.gradient_scale`."""
 
 
 class Field(abc.ABC):
@@ -100,7 +100,8 @@ class Field(abc.ABC):
     edition: int = 0
     """Counted up when arrays are replaced: what was recorded with the old ones is void."""
     gradient_scale: float = 1.0
-    """What losses are multiplied by, so that numbers of few bits can hold their gradients."""
+    """What losses are multiplied by before :meth:`backward`, so that numbers of few bits, half
+    precision's or fixed-point ones, can hold their gradients; :meth:`learn` divides by it."""
 
     @abc.abstractmethod
     def see(self, origins: Any, directions: Any, seen: Seen) -> None:

@@ -25,14 +25,15 @@ class HashField:
 
     A sample's features come from tables for grids of growing fineness; a small perceptron makes a
     density and 16 numbers of them, and a second one a colour of these and the direction of view.
+    The defaults are for a GPU; ``fit(scene, "hash")`` takes smaller ones on the CPU.
 
     Raises
     ------
     TypeError
         If a number is of another kind.
     ValueError
-        If a number is out of its range, `levels` or `cells` are no multiples of 8, or `finest` is
-        below `coarsest`.
+        If a number is out of its range, `levels` or `cells` are no multiples of 8, `finest` is
+        below `coarsest`, or `samples` below `steps`.
 
     References
     ----------
@@ -49,16 +50,17 @@ class HashField:
     finest: int | None = None
     """Cells of the finest grid along a side; by default three for two pixels of the photographs."""
     samples: int = 2**18
-    """Of a batch."""
+    """Of a batch; at least as many as `steps`."""
     rays: int = 2**14
     """Of a batch, at most."""
     cells: int = CELLS
-    """Of the occupancy grid, along a side."""
+    """Of the occupancy grid, along a side: a multiple of 8."""
     steps: int = STEPS
     """Samples along the diagonal of the scene's cube, where none of it is empty: up to 1024."""
     learning_rate: float = 1e-2
+    """In the beginning, after a warm-up of 100 steps."""
     final_rate: float = 0.03
-    """Share of the learning rate at the end."""
+    """Share of it at the end."""
     weight_decay: float = 0.0
     """Of the perceptrons."""
     table_decay: float = 1e-7

@@ -27,14 +27,16 @@ class MLPField:
     Layers with rectifiers take the encoded position (see :func:`positional_encoding`) to `width`
     features. The first one of them is the logarithm of the density; from all of them and the
     encoded direction of view, a layer of half the width makes the colour. It is small on disk and
-    slow: nearly all of its 600 000 weights take part in every sample.
+    slow: nearly all of its 600 000 weights take part in every sample. The defaults are for a GPU;
+    ``fit(scene, "mlp")`` takes smaller ones on the CPU.
 
     Raises
     ------
     TypeError
-        If a number of features, layers or frequencies is not an integer.
+        If a number is of another kind.
     ValueError
-        If one is out of its range.
+        If a number is out of its range, `width` is no multiple of 16 or `cells` none of 8, or
+        `samples` is below `steps`.
 
     Notes
     -----
@@ -70,17 +72,20 @@ class MLPField:
     view_frequencies: int = 4
     """Of the encoded direction, from 1 to 14."""
     samples: int = 2**16
-    """Of a batch. Each takes 16 kB with the other defaults on the CPU, half of it on a GPU."""
+    """Of a batch; at least as many as `steps`. Each takes 16 kB with the other defaults on the
+    CPU, half of it on a GPU."""
     rays: int = 2**12
     """Of a batch, at most."""
     cells: int = 64
-    """Of the occupancy grid, along a side."""
+    """Of the occupancy grid, along a side: a multiple of 8."""
     steps: int = 512
     """Samples along the diagonal of the scene's cube, where none of it is empty: up to 1024."""
     learning_rate: float = 5e-4
+    """In the beginning, after a warm-up of 100 steps."""
     final_rate: float = 0.1
-    """Share of the learning rate at the end."""
+    """Share of it at the end."""
     weight_decay: float = 0.0
+    """Of all weights."""
     gradient_clip: float | None = None
     """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
 

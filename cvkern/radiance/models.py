@@ -27,7 +27,7 @@ class Mark(NamedTuple):
     step: int
     """Steps done."""
     seconds: float
-    """Time spent in them."""
+    """Time spent in them, but for the first one of a run."""
     psnr: float
     """Of the rays of the last steps before, decibels."""
     test_psnr: float

@@ -10,7 +10,7 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern.radiance.sampled import taken
 
-LIFT = 128.0  # of gradients above what float16, or a fixed-point number, takes for 0
+LIFT = 128.0  # `Field.gradient_scale` where float16 or fixed-point numbers hold gradients
 PARTS = 1024  # that a sum of squares is made in
 
 

@@ -124,9 +124,10 @@ def render_path(
     cameras : Cameras
         One view for each frame: those of :func:`orbit_cameras`, say.
     path : path
-        Ends in ``.gif``, or in ``.mp4`` where imageio-ffmpeg is installed.
+        Ends in ``.gif``, or, for an even height and width, in ``.mp4`` where imageio-ffmpeg is
+        installed.
     fps : float, default 20.0
-        Frames a second.
+        Frames a second, > 0; for ``.gif`` at most 50.
     background : (red, green, blue), optional
         In [0, 1]; by default ``model.behind``.
     progress : function, optional
@@ -139,18 +140,14 @@ def render_path(
     ModuleNotFoundError
         If `path` ends in ``.mp4`` and imageio-ffmpeg is not installed.
     TypeError
-        If the background holds no numbers.
+        If `fps` is no number, or the background holds none.
     ValueError
-        If `path` ends otherwise, or `fps` or the background is out of its range.
+        If `path` ends otherwise, height and width do not suit it, or `fps` or the background is
+        out of its range.
     """
-    from cvkern.clouds import write_animation
+    from cvkern.clouds import check_animation, write_animation
 
-    # Before the work, not after it.
-    suffix = os.path.splitext(os.fspath(path))[1].lower()
-    if suffix not in (".gif", ".mp4"):
-        raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
-    if not os.path.isdir(os.path.dirname(os.path.realpath(path))):
-        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
+    check_animation(path, (len(cameras), cameras.height, cameras.width, 3), fps)
     frames = film(model, cameras, background=background, progress=progress)
     write_animation(path, frames, fps=fps)
 

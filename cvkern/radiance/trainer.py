@@ -140,6 +140,8 @@ class Trainer:
                 rate = (told[1] - since[1]) / max(told[0] - since[0], 1e-9)
                 say(state.progress, f"{quality:.1f} dB  {rate / 1e3:,.0f} k rays/s")
             elif state.step == first + 1:
+                self.rt.to_numpy(at)
+                begin = time.perf_counter()  # the first step compiles kernels: it is free
                 say(state.progress, "Training")
             file = checkpoint if looks and spent() - saved >= save_every else None
             if evaluates or file is not None:

@@ -20,7 +20,7 @@ WARMUP = 20  # steps until the learning rates are full
 EVERY = 16  # steps between looks at where space is empty
 BLOCK = 4  # cells of the grid along a side of one of the occupancy grid
 LANES = 16  # the coefficients of a node are padded to a multiple
-LIFT = 4096.0  # of gradients above what a fixed-point number takes for 0
+LIFT = 4096.0  # `Field.gradient_scale` where fixed-point numbers hold gradients
 MOST_CELLS = 400  # a grid of more has too many numbers for 32-bit indices
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ def main(command: list[str] | None = None) -> int:
             print(name, f"a view of {VIEW} pixels a side: {results[name]['view_ms']} ms")
     told = surroundings(args.device.partition(":")[0], [])
     told["command"] = "python -m profiling.experiments.radiance_quality"
-    told["field"] = type(settings).__name__
+    told["field"] = {type(settings).__name__: asdict(settings)}
     told["shrink"] = args.shrink
     path = args.output / f"radiance_quality_{told['device']['kind']}.json"
     write_json(path, {**told, "results": results})
