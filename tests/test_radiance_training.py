@@ -28,7 +28,7 @@ def scene():
 
 
 @pytest.mark.parametrize(
-    ("field", "steps", "least"), [(TINY, 250, 18), (GRID, 300, 23)], ids=["hash", "voxel"]
+    ("field", "steps", "least"), [(TINY, 250, 17), (GRID, 300, 23)], ids=["hash", "voxel"]
 )
 def test_a_tiny_scene_is_learnt(backend, scene, field, steps, least):
     model = fit(scene, field, steps=steps, seed=1)
