@@ -50,7 +50,7 @@ class Rays(NamedTuple):
     directions: Any
     """Unit vectors, (R, 3) float32."""
     active: Any
-    """How many of them there are, (1,) int32."""
+    """How many of them there are, (1,) int32; a field lowers it to those that it has room for."""
 
 
 class Seen(NamedTuple):
