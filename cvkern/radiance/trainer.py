@@ -163,7 +163,7 @@ class Trainer:
                 self.model.save(checkpoint)
 
     def quality(self) -> float:
-        """Return the signal-to-noise ratio of the last batch, decibels; NaN if there was no room."""
+        """Return the signal-to-noise ratio of the last batch, decibels; NaN without any rays."""
         errors = self.rt.to_numpy(self.errors)[: self.kept()]
         return -10 * math.log10(max(float(errors.mean()), 1e-12)) if errors.size else math.nan
 
