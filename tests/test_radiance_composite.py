@@ -259,6 +259,16 @@ def test_loss_and_its_slopes(kernels, kind, huber):
         assert (d[active:] == 77).all()
 
 
+@pytest.mark.parametrize("huber", [0.0, 0.1])
+def test_loss_of_what_diverged_is_no_number(kernels, huber):
+    color, opacity, targets = seen(6)
+    color[1, 2] = opacity[2] = np.nan
+    kind, learnt = Background.WHITE, np.zeros(3, F32)
+    for array in loss(kernels, color, opacity, targets, 6, kind, learnt, huber):
+        broken = np.isnan(array.reshape(6, -1)).any(axis=1)
+        np.testing.assert_array_equal(np.flatnonzero(broken), [1, 2])
+
+
 def test_random_backgrounds_change_with_the_step(kernels):
     color, opacity, targets = seen(200)
     learnt = np.zeros(3, F32)

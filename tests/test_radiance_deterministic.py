@@ -72,6 +72,32 @@ def test_addends_are_cut_off(exact):
     assert not sums[1:].any()
 
 
+def test_what_is_no_number_stays_so(exact):
+    """However many there are of them, and whatever is added: a training that diverges shows."""
+    for count in (1, 2, 64):
+        positions, d_features = places(3000), noise(3000, 4)
+        positions[:count], d_features[:] = positions[0], np.abs(d_features)
+        d_features[:count, 0] = np.nan
+        order = np.random.default_rng(count).permutation(3000)
+        sums = exact("radiance_hash.backward", positions[order], number(3000), *GRIDS,
+                     d_features[order], out=[np.zeros((GRIDS[1][-1], 2), I64)])  # fmt: skip
+        want = reference.hash_backward(positions, GRIDS, d_features)
+        assert 1 <= np.isnan(want).sum() <= 8  # the corners of a cell
+        left, found = exact(
+            "radiance_adam.collect", out=[sums.ravel(), np.zeros(sums.size, F32)]
+        )  # fmt: skip
+        np.testing.assert_array_equal(np.isnan(found), np.isnan(want.ravel()))
+        assert not left.any()
+
+
+def test_collect_what_is_no_number(kernels):
+    least = -(2**63)
+    sums = np.array([least, least + 2**61, 2**63 - 2**61, 2**61, -(2**61), 0], I64)
+    left, after = kernels("radiance_adam.collect", out=[sums, np.ones(6, F32)])
+    np.testing.assert_array_equal(after, [np.nan] * 3 + [2.0**33, -(2.0**33), 1])  # rounded to 24
+    assert not left.any()
+
+
 def test_sums_of_a_grid_have_no_order(exact):
     density, color = grid(16, 9, 0.0)
     origins, directions = rays(200)
@@ -80,7 +106,7 @@ def test_sums_of_a_grid_have_no_order(exact):
              density, color)  # fmt: skip
     gradients = [noise(*s, seed=k) for k, s in enumerate(((200, 3), (200,), (200,), (200,)))]
 
-    def sums(at, dtype):
+    def sums(at, dtype, gradients=gradients):
         along = origins[at], directions[at], np.array([200], I32), *march
         seen = exact("radiance_voxel.render", *along, out=outputs(200))
         zeros = [np.zeros(density.shape, dtype), np.zeros(color.shape, dtype)]
@@ -95,6 +121,12 @@ def test_sums_of_a_grid_have_no_order(exact):
             most = np.abs(c).max()
             assert most > 0.05
             assert np.abs(a * UNIT - c).max() < 1e-5 * most  # some 100 terms, summed in float32
+
+    broken = [g.copy() for g in gradients]
+    broken[0][7] = np.nan
+    for found, whole in zip(sums(slice(None), I64, broken)[:2], first[:2], strict=True):
+        beyond = (found >= 2**62) | (found <= -(2**62))
+        assert 0 < beyond.sum() < (whole != 0).sum()  # those of one ray
 
 
 # ----------------------------------------------------------------------------------------- fields

@@ -135,6 +135,14 @@ def test_settings_are_checked(settings, message):
         HashField(**settings)
 
 
+@pytest.mark.parametrize("coarsest", [16, 2**14])
+def test_the_finest_grid_of_tiny_pixels_is_that_which_settings_may_ask_for(backend, coarsest):
+    """The kernels put the numbers of a cell into one, of 20 bits each."""
+    settings = HashField(levels=8, table_bits=4, coarsest=coarsest, samples=2**11, rays=4, cells=8)
+    field = settings.build(runtime(), Frame(Bounds((0, 0, 0), 1.0, False), 0.1, 9.0, 1e-30), 0)
+    assert field.rt.to_numpy(field.grids[0]).tolist()[::7] == [coarsest, 2**20]
+
+
 def test_the_finest_grid_has_three_cells_for_two_pixels():
     half, distance, focal = 1.5, 4.0, 278.0
     poses = np.array([[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -distance]]], np.float64)

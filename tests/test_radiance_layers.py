@@ -276,10 +276,10 @@ def test_heads_backward_are_the_slopes(kernels, half):
 
 
 def test_density_backward_stays_within_half_precision(kernels, half):
-    sigma, d_sigma = np.full(2, 6e4, F32), np.array([1e3, -1e3], F32)
-    after = kernels("radiance_heads.density_backward", d_sigma, sigma, number(2),
-                    out=[np.zeros((2, 16), half)])  # fmt: skip
-    np.testing.assert_array_equal(after[:, 0], np.array([30000, -30000], half))
+    sigma, d_sigma = np.full(3, 6e4, F32), np.array([1e3, -1e3, np.nan], F32)
+    after = kernels("radiance_heads.density_backward", d_sigma, sigma, number(3),
+                    out=[np.zeros((3, 16), half)])  # fmt: skip
+    np.testing.assert_array_equal(after[:, 0], np.array([30000, -30000, np.nan], half))
 
 
 # ------------------------------------------------------------------------------------------ Adam

@@ -175,6 +175,15 @@ def test_large_densities_are_cut_off_and_their_gradients_are_not(kernels, half):
     case.close(d_features[most], want[most])
 
 
+@pytest.mark.parametrize("given", ["d_sigma", "d_rgb"])
+def test_gradients_of_what_diverged_are_no_numbers(kernels, half, given):
+    case = Case(kernels, half, 100, 100, 32)
+    getattr(case, given)[70] = np.nan
+    d_features, d_weights = case.backward(np.zeros(case.weights.shape, F32))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(d_features).any(axis=1)), [70])
+    assert np.isnan(d_weights).any()
+
+
 def test_gradients_stay_within_half_precision(kernels, half):
     case = Case(kernels, half, 100, 100, 32)
     case.d_sigma[:] = 1e30

@@ -1,11 +1,14 @@
 """Where fields are looked at: random numbers, rays of cameras, marching, the occupancy grid."""
 
+import importlib
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from primitives import Primitives
 from reference import radiance as reference
+
+from cvkern.kernels.warp._launch import BLOCK, launch
 
 F32, I32, U8, U32 = np.float32, np.int32, np.uint8, np.uint32
 STEP = np.array([7], I32)
@@ -196,13 +199,15 @@ def pack(occupied):
 
 def march(kernels, origins, directions, occupied, space, *, near=0.05, most=10**6, jittered=True,
           active=None, room=30000, seed=5):  # fmt: skip
+    """Return `active` as the march leaves it, spans, total, positions, distances, rays."""
     levels, cells, far, finest, cone, unbounded = space
     rays = len(origins)
     active = np.array([rays if active is None else active], I32)
     return kernels(
         "radiance_march.march_rays", origins, directions, pack(occupied), levels, cells, near, far,
-        finest, cone, most, jittered, unbounded, seed, STEP, active,
-        out=[((rays, 2), I32), ((1,), I32), ((room, 3), F32), ((room, 2), F32), ((room,), I32)],
+        finest, cone, most, jittered, unbounded, seed, STEP,
+        out=[active, ((rays, 2), I32), ((1,), I32), ((room, 3), F32), ((room, 2), F32),
+             ((room,), I32)],
     )  # fmt: skip
 
 
@@ -220,10 +225,11 @@ def test_march_finds_what_asking_at_every_step_does(kernels, space, share, jitte
     levels, cells, far, finest, cone, unbounded = space
     origins, directions = bundle(64)
     occupied = blobs(levels, cells, share)
-    spans, total, positions, distances, rays = march(
+    active, spans, total, positions, distances, rays = march(
         kernels, origins, directions, occupied, space, jittered=jittered
     )
     assert total[0] == spans[:, 1].sum() <= len(positions)
+    assert active[0] == 64
     np.testing.assert_array_equal(spans[:, 0], np.cumsum(spans[:, 1]) - spans[:, 1])
     np.testing.assert_array_equal(rays[: total[0]], np.repeat(np.arange(64), spans[:, 1]))
     assert (spans[:, 1] == 0).any()
@@ -263,7 +269,7 @@ def test_march_along_the_sides_of_cells(kernels, cells, cone):
     origins, directions = origins.astype(F32), np.tile(directions, (10, 1)).astype(F32)
     occupied = blobs(levels, cells, 0.5)
     space = Space(levels, cells, 5.0, finest, cone, True)
-    spans, total, _, distances, _ = march(
+    _, spans, total, _, distances, _ = march(
         kernels, origins, directions, occupied, space, near=0.0, jittered=False, room=700000
     )
     assert total[0] == spans[:, 1].sum() > 1e5
@@ -277,7 +283,7 @@ def test_march_along_the_sides_of_cells(kernels, cells, cone):
 def test_march_takes_thousands_of_samples_of_a_ray(kernels, cone):
     origins, directions = bundle(8)
     space = Space(1, 16, 1e9, 1e-3, cone, False)
-    spans, total, _, distances, _ = march(
+    _, spans, total, _, distances, _ = march(
         kernels, origins, directions, np.ones(16**3, bool), space, jittered=False
     )
     assert spans[:, 1].max() > 1024
@@ -290,7 +296,7 @@ def test_march_takes_thousands_of_samples_of_a_ray(kernels, cone):
 def test_march_no_rays(kernels):
     origins, directions = bundle(16)
     occupied = np.ones(16**3, bool)
-    spans, total, *rest = march(kernels, origins, directions, occupied, SPACES["cube"], active=0)
+    _, spans, total, *rest = march(kernels, origins, directions, occupied, SPACES["cube"], active=0)
     assert total[0] == 0
     assert (spans == 0).all()
     assert all((array == 77).all() for array in rest)
@@ -300,12 +306,13 @@ def test_march_takes_so_many_samples_and_rays_at_most(kernels):
     space = SPACES["cube"]
     origins, directions = bundle(64)
     occupied = blobs(1, 16, 0.5)
-    spans, _, _, distances, _ = march(kernels, origins, directions, occupied, space)
-    few, total, _, nearest, _ = march(
+    _, spans, _, _, distances, _ = march(kernels, origins, directions, occupied, space)
+    left, few, total, _, nearest, _ = march(
         kernels, origins, directions, occupied, space, most=20, active=40
     )
     np.testing.assert_array_equal(few[:40, 1], np.minimum(spans[:40, 1], 20))
     assert (few[40:, 1] == 0).all()
+    assert left[0] == 40
     assert total[0] == few[:, 1].sum()
     for (begin, _), (at, count) in zip(spans[:40], few[:40], strict=True):
         np.testing.assert_array_equal(nearest[at : at + count], distances[begin : begin + count])
@@ -316,28 +323,54 @@ def test_march_drops_rays_that_do_not_fit(kernels, part):
     space = SPACES["cube"]
     origins, directions = bundle(600)
     occupied = np.ones(16**3, bool)
-    room = 60000
-    all_spans, all_total, _, whole, _ = march(
+    room = 120000
+    all_active, all_spans, all_total, _, whole, _ = march(
         kernels, origins, directions, occupied, space, room=room
     )
+    assert (all_active[0], all_total[0]) == (600, all_spans[:, 1].sum())
     assert all_total[0] < room
     room = int(part * all_total[0])
-    spans, total, _, distances, rays = march(
+    active, spans, total, _, distances, rays = march(
         kernels, origins, directions, occupied, space, room=max(room, 1)
     )
     ends = np.cumsum(all_spans[:, 1])
     fits = ends <= max(room, 1)
-    np.testing.assert_array_equal(spans[:, 0], all_spans[:, 0])
     np.testing.assert_array_equal(spans[:, 1], np.where(fits, all_spans[:, 1], 0))
+    np.testing.assert_array_equal(spans[fits, 0], all_spans[fits, 0])
+    assert active[0] == fits.sum()  # the others must not count as rays that see nothing
     assert total[0] == spans[:, 1].sum()
     np.testing.assert_array_equal(distances[: total[0]], whole[: total[0]])
     assert (rays[total[0] :] == 77).all()
 
 
+def test_march_places_more_samples_than_32_bits_count(kernels):
+    """A batch may have 2^24 rays of 2^10 samples: the sum must not come out small again."""
+    if kernels.name == "taichi" and kernels.device != "cpu":
+        pytest.skip("the kernel of the CPU, which takes arrays as the test has them")
+    rays, each, room = 2**22, 2**10, 2**20
+    counts = np.full((rays, 2), [77, each], I32)
+    arrays = [kernels._adopt(a) for a in (counts, np.full(1, 77, I32), np.full(1, rays, I32))]
+    if kernels.name == "taichi":
+        importlib.import_module("cvkern.kernels.taichi.radiance_march")._place(room, *arrays)
+    else:
+        name = "radiance_march" if kernels.device == "cpu" else "_radiance_march_blocks"
+        place = importlib.import_module(f"cvkern.kernels.warp.{name}").place
+        threads = 1 if kernels.device == "cpu" else BLOCK
+        launch(place, threads, [room], arrays)
+    spans, total, active = map(kernels._package.to_numpy, arrays)
+    fits = room // each
+    assert (total[0], active[0]) == (room, fits)
+    np.testing.assert_array_equal(spans[:fits, 0], each * np.arange(fits))
+    assert (spans[:fits, 1] == each).all()
+    assert (spans[fits:] == [room, 0]).all()
+
+
 def test_march_through_nothing(kernels):
     origins, directions = bundle(16)
-    spans, total, *_ = march(kernels, origins, directions, np.zeros(16**3, bool), SPACES["cube"])
-    assert total[0] == 0
+    active, spans, total, *_ = march(
+        kernels, origins, directions, np.zeros(16**3, bool), SPACES["cube"]
+    )
+    assert (active[0], total[0]) == (16, 0)
     assert (spans == 0).all()
 
 
@@ -349,10 +382,13 @@ def test_march_meets_the_same_cells_everywhere(all_kernels, space):
         march(kernels, origins, directions, occupied, space, room=60000)
         for kernels in (here, *all_kernels)
     )
-    assert first[1][0] > 10000
+    assert first[2][0] > 10000
     for found in others:
         for name, a, b in zip(
-            ("spans", "total", "positions", "distances", "rays"), first, found, strict=True
+            ("active", "spans", "total", "positions", "distances", "rays"),
+            first,
+            found,
+            strict=True,
         ):
             if name == "positions":  # rounded otherwise, but of the same samples
                 np.testing.assert_allclose(b, a, rtol=0, atol=2**-21)

@@ -12,6 +12,7 @@ from cvkern.radiance import (
     HashField,
     Model,
     Scene,
+    VoxelField,
     cameras,
     evaluate,
     fit,
@@ -237,7 +238,59 @@ def test_render_path(tmp_path):
     assert iio.imread(tmp_path / "path.gif").shape == (5, 18, 24, 3)
 
 
-@clouds
+def with_one_at(distance):
+    """Return cameras, one of them so many halves of the cube's side from its middle."""
+    views = some_cameras()
+    arm = views.poses[3, :, 3] - BOUNDS.center
+    views.poses[3, :, 3] = BOUNDS.center + distance * BOUNDS.half * arm / np.linalg.norm(arm)
+    return views
+
+
+def scene_of(views):
+    images = np.zeros((len(views), views.height, views.width, 3), np.uint8)
+    return Scene(images, views, np.arange(len(views)) == 3, BOUNDS, 0.1, 1e9)
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        lambda model, views: render(model, views, 3),
+        lambda model, views: film(model, views),
+        lambda model, views: point_cloud(model, views),
+        lambda model, views: evaluate(model, scene_of(views)),
+        lambda model, views: evaluate(model, scene_of(views), test=False, views=[0, 3]),
+        lambda model, views: fit(scene_of(views), steps=1),
+    ],
+)
+def test_cameras_that_are_too_far_away(look):
+    """Theirs are views that a step along a ray may not get nearer to."""
+    model = ball()
+    message = "cameras must be within 32768 half-sides of the scene's cube from its middle, got "
+    with pytest.raises(ValueError, match=message + "one at 32800$"):
+        look(model, with_one_at(32800))
+    assert looks_of(model) == []
+    render(model, with_one_at(32800), 2)
+    render(model, with_one_at(32768 - 1e-6), 3)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        HashField(levels=8, table_bits=10, samples=2**12, rays=64, cells=32),
+        VoxelField(resolutions=(16,), shares=(), spacing=0.016, thin=1e-6),
+    ],
+    ids=["hash", "voxel"],
+)
+def test_cameras_as_far_away_as_may_be(backend, field):
+    """A step of the finest field there is comes to more than float32 rounds off."""
+    views = with_one_at(32768 - 1e-6)
+    net = field.build(runtime(), Frame(BOUNDS, 0.0, 1e9), 0)
+    lens = np.array([[32768 * 24, 32768 * 24, 11.5, 8.5]])
+    near = cameras(views.poses[3:4], lens, 24, 18)
+    picture = Renderer(net, runtime())(near, 0, np.ones(3, np.float32))
+    assert picture.opacity.min() > 0.1  # fog, all over the picture
+
+
 def test_render_path_refuses_before_it_renders(tmp_path):
     model = ball()
     with pytest.raises(ValueError, match=r"path must end in .gif or .mp4, got 'path.png'"):

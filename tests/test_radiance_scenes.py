@@ -74,6 +74,22 @@ def test_rays_pass_through_what_their_pixels_see():
         np.testing.assert_allclose(seen, pixels, atol=1e-9)
 
 
+def test_rays_of_pixels_that_no_point_is_seen_at():
+    """Behind the fold of a lens Newton's method ends anywhere: rays must have a direction."""
+    size = 400
+    lens = [size / 2.4, size / 2.4, size / 2, size / 2]
+    views = cameras(
+        np.eye(3, 4)[None], lens, size, size, distortion=[-0.35, 0.15, 1e-3, 1e-3, -0.03]
+    )
+    pixels = np.argwhere(np.ones((size, size), bool))
+    _, directions = pixel_rays(views, 0, pixels)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=0, atol=1e-12)
+    assert (directions[:, 2] >= 0.5e-6).all()
+    flat = cameras(np.eye(3, 4)[None], [100, 100, 0, 0], 200, 200, distortion=[-1 / 3, 0, 0, 0, 0])
+    _, directions = pixel_rays(flat, 0, [[0, 100]])  # x - x^3 / 3 has no slope there
+    np.testing.assert_allclose(directions, [[0.5**0.5, 0, 0.5**0.5]], rtol=0, atol=1e-12)
+
+
 def test_points_behind_a_camera_are_not_seen():
     views = cameras(np.eye(4)[None], INTRINSICS, WIDTH, HEIGHT)
     assert np.isnan(project(views, 0, [[0, 0, -1], [0, 0, 0]])).all()

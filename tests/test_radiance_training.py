@@ -19,6 +19,8 @@ from cvkern.radiance import (
     trainer,
 )
 from cvkern.radiance.rendering import photograph
+from cvkern.radiance.sampled import SampledField
+from cvkern.radiance.trainer import Trainer
 from cvkern.radiance.training import KINDS, suited
 
 
@@ -46,6 +48,41 @@ def test_batches_grow(scene):
     """Rays fill the room for samples better once the field knows where it is empty."""
     model = fit(scene, TINY, steps=150)
     assert model.training.rays > model.field.first_rays
+
+
+def test_rays_without_room_do_not_count(backend, scene, monkeypatch):
+    """They saw nothing, but there was something to see."""
+    monkeypatch.setattr(SampledField, "rays_for", lambda field, samples, rays: field.rays)
+    looks, quality = [], Trainer.quality
+
+    def look(self):
+        found = quality(self)
+        errors, spans = (self.rt.to_numpy(a).copy() for a in (self.errors, self.field.spans))
+        looks.append((found, self.kept(), errors, spans))
+        return found
+
+    monkeypatch.setattr(Trainer, "quality", look)
+    fit(scene, TINY, steps=32)
+    found, kept, errors, spans = looks[-1]
+    assert 0 < kept < TINY.rays
+    assert (errors[:kept] > 0).mean() > 0.9
+    assert (errors[kept:] == 0).all()
+    assert (spans[kept:, 1] == 0).all()
+    assert spans[:kept, 1].sum() > 0.5 * TINY.samples
+    assert found == pytest.approx(-10 * np.log10(errors[:kept].mean()))
+
+
+@pytest.mark.parametrize("step", [21, 32])
+def test_going_on_with_batches_that_do_not_fit(scene, tmp_path, monkeypatch, step):
+    monkeypatch.setattr(SampledField, "rays_for", lambda field, samples, rays: field.rays)
+    options = {"steps": 40, "background": "learnt"}
+    file = tmp_path / "model.npz"
+    with monkeypatch.context() as patch:
+        interrupt(patch, step, press_ctrl_c)
+        stopped = fit(scene, TINY, checkpoint=file, **options)
+    assert (stopped.training.step, stopped.training.rays < TINY.rays) == (step, step != 32)
+    on = fit(scene, TINY, checkpoint=file, resume=True, **options)
+    assert same(on, fit(scene, TINY, **options))
 
 
 @FIELDS

@@ -72,7 +72,7 @@ def test_rounds_are_what_one_look_is(kernels, space, share):
     occupied = blobs(levels, cells, share)
     whole = Views(kernels, origins, directions, occupied, space, 10**4, stop=0.0, thick=0.5)
     # With light left everywhere, the samples are those of training, but for the jitter.
-    spans, total, positions, distances, _ = march(
+    _, spans, total, positions, distances, _ = march(
         kernels, origins, directions, occupied, space, jittered=False, room=200000
     )
     assert total[0] == spans[:, 1].sum() == whole.numbers.sum()

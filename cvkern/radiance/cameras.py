@@ -15,6 +15,7 @@ from cvkern._validate import check_integer, check_positive
 
 # Newton's method doubles the right digits with each step; lenses need three or four steps.
 _NEWTON_STEPS = 10
+_WIDEST = 1e6  # tangent of the angle of a ray from the middle: farther is astray
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,8 +234,13 @@ def distort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     )
 
 
+@np.errstate(all="ignore")  # what comes of a slope of 0 is looked at in the end
 def undistort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
-    """Undo :func:`distort` by Newton's method."""
+    """Undo :func:`distort` by Newton's method.
+
+    Where a lens shows no point at that place, it is any; not one so far away that a ray would have
+    no direction.
+    """
     if not np.any(distortion):
         return points
     k1, k2, p1, p2, k3 = distortion
@@ -251,4 +257,6 @@ def undistort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
         det = xx * yy - xy * xy
         step = np.stack((yy * off[:, 0] - xy * off[:, 1], xx * off[:, 1] - xy * off[:, 0]), axis=1)
         found -= step / det[:, None]
+    astray = ~(np.abs(found) < _WIDEST).all(axis=1)
+    found[astray] = points[astray]
     return found

@@ -15,6 +15,8 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern.radiance.scenes import Bounds, Scene
 
+FARTHEST = 2**15  # from the middle: there, float32 still tells the steps along a ray apart
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -36,9 +38,21 @@ class Frame:
         return cls(scene.bounds, scene.near / half, min(scene.far / half, 1e9), pixel)
 
     def inside(self, poses: np.ndarray) -> np.ndarray:
-        """Return poses, camera to world, (N, 3, 4), as float32 poses of this frame."""
+        """Return poses, camera to world, (N, 3, 4), as float32 poses of this frame.
+
+        Raises
+        ------
+        ValueError
+            If a camera is too far away.
+        """
         moved = poses.copy()
         moved[:, :, 3] = (poses[:, :, 3] - np.array(self.bounds.center)) / self.bounds.half
+        farthest = np.linalg.norm(moved[:, :, 3], axis=1).max(initial=0.0)
+        if not farthest <= FARTHEST:
+            raise ValueError(
+                f"cameras must be within {FARTHEST} half-sides of the scene's cube from its "
+                f"middle, got one at {farthest:g}"
+            )
         return moved.astype(np.float32)
 
 
@@ -50,7 +64,7 @@ class Rays(NamedTuple):
     directions: Any
     """Unit vectors, (R, 3) float32."""
     active: Any
-    """How many of them there are, (1,) int32."""
+    """How many of them there are, (1,) int32; a field lowers it to those that it has room for."""
 
 
 class Seen(NamedTuple):

@@ -16,6 +16,7 @@ from cvkern.radiance.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.sampled import CELLS, STEPS, SampledField, Samples, check_batch
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
+FINEST = 2**20  # cells along a side: their numbers have 20 bits in kernels
 CELLS_OF_PIXEL = 1.5  # of the finest grid: with more, held-out views of small photographs lose
 
 
@@ -48,7 +49,10 @@ class HashField:
     coarsest: int = 16
     """Cells of the coarsest grid along a side."""
     finest: int | None = None
-    """Cells of the finest grid along a side; by default three for two pixels of the photographs."""
+    """Cells of the finest grid along a side, up to 2^20.
+
+    By default three for two pixels of the photographs.
+    """
     samples: int = 2**18
     """Of a batch; at least as many as `steps`."""
     rays: int = 2**14
@@ -77,7 +81,7 @@ class HashField:
         check_integer(self.table_bits, "table_bits", 3, 24)
         check_integer(self.coarsest, "coarsest", 1, 2**14)
         if self.finest is not None:
-            check_integer(self.finest, "finest", self.coarsest, 2**20)
+            check_integer(self.finest, "finest", self.coarsest, FINEST)
         check_batch(self)
         check_number(self.table_decay, "table_decay", low=0.0)
 
@@ -98,7 +102,8 @@ class HashNetwork(SampledField):
         if finest is None:
             # All of space is contracted into twice the cube.
             side = 4 if frame.bounds.unbounded else 2
-            finest = max(2 * settings.coarsest, round(CELLS_OF_PIXEL * side / frame.pixel))
+            wanted = round(min(CELLS_OF_PIXEL * side / frame.pixel, FINEST))
+            finest = max(2 * settings.coarsest, wanted)
         growth = (finest / settings.coarsest) ** (1 / max(levels - 1, 1))
         resolutions = np.round(settings.coarsest * growth ** np.arange(levels)).astype(np.int32)
         corners = (resolutions.astype(np.int64) + 1) ** 3

@@ -66,7 +66,8 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
     TypeError
         If `view` is not an integer, or the background holds no numbers.
     ValueError
-        If there is no such view, or the background is not three finite numbers.
+        If there is no such view, the background is not three numbers in [0, 1], or the camera is
+        more than 32768 half-sides of the scene's cube from its middle.
 
     Examples
     --------
@@ -142,8 +143,8 @@ def render_path(
     TypeError
         If `fps` is no number, or the background holds none.
     ValueError
-        If `path` ends otherwise, height and width do not suit it, or `fps` or the background is
-        out of its range.
+        If `path` ends otherwise, height and width do not suit it, `fps` or the background is out of
+        its range, or a camera is more than 32768 half-sides of the scene's cube from its middle.
     """
     from cvkern.clouds import check_animation, write_animation
 
@@ -161,6 +162,7 @@ def film(
 ) -> np.ndarray:
     """Return the views of `cameras`, (F, H, W, 3) uint8; see :func:`render_path`."""
     behind = model.behind if background is None else check_behind(background)
+    model.frame.inside(cameras.poses)  # refuses distant ones before the work
     draw = Renderer(model.field, model.rt)
     frames = np.empty((len(cameras), cameras.height, cameras.width, 3), np.uint8)
     for i in range(len(cameras)):
@@ -256,7 +258,8 @@ def evaluate(
     Raises
     ------
     ValueError
-        If there is no such view.
+        If there is no such view, or its camera is more than 32768 half-sides of the scene's cube
+        from its middle.
     """
     if views is None:
         views = np.flatnonzero(scene.test == test).tolist()
@@ -264,6 +267,7 @@ def evaluate(
         kind = "kept back" if test else "to train from"
         raise ValueError(f"scene must have views {kind}, got {len(scene)} others")
     chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]
+    model.frame.inside(scene.cameras.poses[chosen])  # refuses distant ones before the work
     draw = Renderer(model.field, model.rt)
     scores = np.full((2, len(chosen)), np.nan)
     for i, view in enumerate(chosen):

@@ -65,12 +65,14 @@ def point_cloud(
     TypeError
         If a number of a view is not an integer.
     ValueError
-        If there is no such view.
+        If there is no such view, or its camera is more than 32768 half-sides of the scene's cube
+        from its middle.
     """
     cameras = model.cameras if cameras is None else cameras
     if views is None:
         views = range(0, len(cameras), max(1, len(cameras) // 12))
     chosen = [check_integer(v, "views", 0, len(cameras) - 1) for v in views]
+    model.frame.inside(cameras.poses[chosen])  # refuses distant ones before the work
     draw = Renderer(model.field, model.rt)
     points, colors = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.uint8)]
     for view in chosen:

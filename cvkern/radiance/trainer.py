@@ -46,7 +46,8 @@ class Trainer:
         images = scene.images[used]
         self.images = owned(rt, images.reshape(-1, images.shape[3]))
         self.size = scene.cameras.width, scene.cameras.height
-        self.active = owned(rt, np.array([state.rays or self.field.first_rays], np.int32))
+        state.rays = state.rays if state.step else self.field.first_rays
+        self.active = owned(rt, np.array([state.rays], np.int32))
         self.rays = Rays(rt.zeros((count, 3)), rt.zeros((count, 3)), self.active)
         self.targets, self.errors = rt.zeros((count, 4)), rt.zeros((count,))
         self.gradients = Rendered(*(rt.zeros((count, *tail)) for tail in ((3,), (), (), ())))
@@ -60,7 +61,6 @@ class Trainer:
             owned(rt, np.array([state.progress], np.float32)),
             SHARE,
         )
-        state.rays = state.rays or self.field.first_rays
         self._step: Any = None
         self._edition = -1
 
@@ -132,7 +132,7 @@ class Trainer:
             if looks:
                 samples = self.field.taken()
                 state.total_samples += LOOK * samples
-                state.rays = self.field.rays_for(samples, state.rays)
+                state.rays = self.field.rays_for(samples, self.kept())
                 state.progress = min(1.0, state.step / steps if steps else spent() / (seconds or 1))
                 self.rt.write(self.active, np.array([state.rays], np.int32))
                 self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
@@ -165,9 +165,13 @@ class Trainer:
                 self.model.save(checkpoint)
 
     def quality(self) -> float:
-        """Return the signal-to-noise ratio of the last batch, decibels."""
-        error = float(self.rt.to_numpy(self.errors)[: self.model.training.rays].mean())
-        return -10 * math.log10(max(error, 1e-12))
+        """Return the signal-to-noise ratio of the last batch, decibels; NaN without any rays."""
+        errors = self.rt.to_numpy(self.errors)[: self.kept()]
+        return -10 * math.log10(max(float(errors.mean()), 1e-12)) if errors.size else math.nan
+
+    def kept(self) -> int:
+        """Return how many rays a batch has by now: the field lowers it, the next look sets it."""
+        return int(self.rt.to_numpy(self.active)[0])
 
     def mark(self, quality: float, stop: threading.Event, say: Say, most: int) -> None:
         """Note how good the model is by now, by at most so many held-out views; or be stopped."""
@@ -187,6 +191,7 @@ class Trainer:
 
     def keep(self) -> None:
         """Take from the device what the model has beside the field."""
+        self.model.training.rays = self.kept()
         if self.background == Background.LEARNT:
             self.model.extra = self.behind.state("behind.", self.rt)
             self.model.behind = self.model.extra["behind.values"].clip(0, 1)

@@ -117,8 +117,9 @@ def fit(
         If an argument is of another kind.
     ValueError
         If an option is unknown or out of its range, both `seconds` and `steps` are given, the
-        scene has no views to train from or images that do not fit its cameras, or `checkpoint` is
-        not a whole model of the same settings.
+        scene has no views to train from, images that do not fit its cameras or a camera more than
+        32768 half-sides of its cube from the middle of that, or `checkpoint` is not a whole model
+        of the same settings.
 
     Notes
     -----
@@ -197,6 +198,7 @@ def _begin(
 ) -> Model:
     """Return a new model, or the one to go on with."""
     frame = Frame.of(scene)
+    frame.inside(scene.cameras.poses)  # refuses distant ones before the work
     if checkpoint is not None and Path(checkpoint).exists():
         model = load_model(checkpoint)
         if not model.training.resumable:

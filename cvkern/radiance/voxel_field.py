@@ -11,6 +11,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern._validate import check_integer, check_number, check_positive
+from cvkern.kernels.codes import MOST_LOG_DENSITY
 from cvkern.radiance.fields import Field, Frame, Learning, Rays, Rendered, Seen
 from cvkern.radiance.parameters import Clip, flat
 from cvkern.radiance.sampled import STOP, taken
@@ -40,7 +41,8 @@ class VoxelField:
     ValueError
         If a number is out of its range, `resolutions` do not grow, are no multiples of 16 or are
         above 400, there are not as many `shares` as changes of the resolution, growing from 0 to
-        1, or the `first` density is taken for none.
+        1, samples are less than a 500th of half the cube's side apart, or the `first` density is
+        taken for none.
 
     Notes
     -----
@@ -106,6 +108,9 @@ class VoxelField:
             check_number(getattr(self, name), name, low=0.0)
         if self.gradient_clip is not None:
             check_positive(self.gradient_clip, "gradient_clip")
+        least = found[-1] / 1000  # float32 tells such steps apart where the farthest cameras may be
+        if self.spacing < least:
+            raise ValueError(f"spacing must be at least {least:g} cells, got {self.spacing:g}")
         thin = self.thin * found[0] / (2 * self.spacing)  # as a density
         if self.first <= thin:
             raise ValueError(f"first must be above what is thin, {thin:g}, got {self.first}")
@@ -239,9 +244,10 @@ class VoxelGrid(Field):
         at = (places[:, ::-1].T + 1) * (self.resolution / 2)
         raw = map_coordinates(self.rt.to_numpy(self.density), at, order=1, mode="nearest")
         inside = (np.abs(places) <= 1).all(axis=1)
-        return np.where(inside & (raw > self.least), np.exp(np.minimum(raw, 11.0)), 0.0).astype(
-            np.float32
+        found = np.where(
+            inside & (raw > self.least), np.exp(np.minimum(raw, MOST_LOG_DENSITY)), 0.0
         )
+        return found.astype(np.float32)
 
     def tend(self, step: int, learning: Learning) -> None:
         """Look where space is empty, every now and then, and refine when it is time."""

@@ -6,6 +6,9 @@ import taichi as ti
 # of 2^18 such numbers fit.
 UNIT = 2.0**-28
 LIMIT = 2.0**16  # what is added is cut off here
+# Sums end below this, but for those that a NaN was added to: they are set to twice as little, from
+# where no other addends get them back.
+BROKEN = 2**62
 
 
 @ti.func
@@ -15,9 +18,21 @@ def fixed(value: ti.f32) -> ti.i64:
 
 
 @ti.func
+def fraction(total: ti.i64) -> ti.f32:
+    """Return the number that a sum is, or NaN."""
+    found = ti.cast(total, ti.f32) * UNIT
+    if total >= ti.i64(BROKEN) or total <= ti.i64(-BROKEN):
+        found = ti.math.nan
+    return found
+
+
+@ti.func
 def add(target: ti.template(), value: ti.f32, exact: ti.template()):
     """Add to a number atomically, or, if `exact`, to one in units."""
     if ti.static(exact):
-        ti.atomic_add(target, fixed(value))
+        if ti.math.isnan(value):
+            ti.atomic_min(target, ti.i64(-2 * BROKEN))
+        else:
+            ti.atomic_add(target, fixed(value))
     else:
         ti.atomic_add(target, value)

@@ -164,7 +164,7 @@ def skip(
     """
     point = place(origin, t, direction, zero)
     level = level_of(point, levels)
-    found = t + spacing(t, finest, cone, zero)  # unless `point` is not on the outermost side
+    found = t + spacing(t, finest, cone, zero)  # if `point` is on the outermost side
     if level < levels:
         cell = cell_of(point, level, cells)
         if is_set(bits, cell) != 0:

@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from ._adam import adam_step
-from ._fixed_point import UNIT
+from ._fixed_point import fraction
 from ._launch import primitive
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
@@ -76,7 +76,7 @@ def _collect(
     gradients: f32_1,  # (N,): added to
 ):
     for i in range(sums.shape[0]):
-        gradients[i] += ti.cast(sums[i], ti.f32) * UNIT
+        gradients[i] += fraction(sums[i])
         sums[i] = 0
 
 

@@ -74,9 +74,9 @@ def _density_backward(
     d_hidden: f32_2,  # (M, >= 1): column 0 is added to
 ):
     for i in range(ti.min(total[0], sigma.shape[0])):
-        d = ti.math.clamp(
-            d_sigma[i] * sigma[i], -MOST_LOG_DENSITY_GRADIENT, MOST_LOG_DENSITY_GRADIENT
-        )
+        d = d_sigma[i] * sigma[i]
+        if ti.abs(d) > MOST_LOG_DENSITY_GRADIENT:  # a NaN stays
+            d = ti.math.sign(d) * MOST_LOG_DENSITY_GRADIENT
         d_hidden[i, 0] = d_hidden[i, 0] + d
 
 

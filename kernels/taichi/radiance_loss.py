@@ -67,7 +67,7 @@ def _loss(
                 error += e * e / 3.0
                 d = 2.0 * e
                 if huber > 0.0:
-                    d = ti.math.clamp(e, -huber, huber)
+                    d = ti.math.sign(e) * huber if ti.abs(e) > huber else e  # a NaN stays
                 d *= scale / 3.0
                 d_color[ray, k] = d
                 d_through += d * behind[k]

@@ -25,7 +25,6 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
-vec3 = ti.types.vector(3, ti.f32)
 
 
 @ti.func
@@ -125,18 +124,22 @@ def _place(
     # outputs
     spans: i32_2,  # (R, 2)
     total: i32_1,  # (1,)
+    active: i32_1,  # (1,): lowered to the rays that have room
 ):
     for _ in range(1):
         end = 0
-        kept = 0
         for ray in range(spans.shape[0]):
-            spans[ray, 0] = end
-            end += spans[ray, 1]
+            begin = end
+            end = ti.min(begin + spans[ray, 1], capacity + 1)  # the sum might not fit 32 bits
+            spans[ray, 0] = begin
             if end > capacity:
+                spans[ray, 0] = capacity
                 spans[ray, 1] = 0
-            else:
-                kept = end
-        total[0] = kept
+                if begin <= capacity:  # the first without room
+                    total[0] = begin
+                    active[0] = ray
+        if end <= capacity:
+            total[0] = end
 
 
 @primitive
@@ -165,8 +168,10 @@ def march_rays(
     """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
 
     Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
-    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `bits` has one for
-    each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block by block.
+    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `active` is lowered
+    to those that fit: who wants as many again in the next batch has to write it anew. `bits` has
+    one for each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block
+    by block.
     `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
     with their number, and that many rows of `positions` (M, 3) in the cube of the field,
     `distances` (M, 2), the distance and the length of the step, and `rays` (M,).
@@ -177,5 +182,5 @@ def march_rays(
     )  # fmt: skip
     outputs = spans, positions, distances, rays
     _march(*march, False, 0, *outputs)
-    _place(positions.shape[0], spans, total)
+    _place(positions.shape[0], spans, total, active)
     _march(*march, True, 0, *outputs)

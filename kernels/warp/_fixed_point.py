@@ -9,11 +9,31 @@ wp.set_module_options({"enable_backward": False})
 UNIT = wp.constant(2.0**-28)
 LIMIT = wp.constant(2.0**16)  # what is added is cut off here
 
-# For native code on CUDA, of a float `value`.
-FIXED = f"__float2ll_rn(fminf(fmaxf(value, -{LIMIT}f), {LIMIT}f) * {1 / UNIT}f)"
+# Sums end below this, but for those that a NaN was added to: they are set to twice as little, from
+# where no other addends get them back.
+BROKEN = wp.constant(wp.int64(2**62))
+
+# For native code on CUDA: add a float `value` at `to`.
+ADD_FIXED = f"""
+    if (value == value)
+        atomicAdd((unsigned long long*)to, (unsigned long long)__float2ll_rn(
+            fminf(fmaxf(value, -{LIMIT}f), {LIMIT}f) * {1 / UNIT}f));
+    else
+        atomicExch((unsigned long long*)to, 1ull << 63);
+"""
+
+# And a function that makes a float of a sum.
+FRACTION = f"""
+    auto fraction = [](long long sum) {{
+        const bool broken = sum >= 1ll << 62 || sum <= -(1ll << 62);
+        return broken ? __int_as_float(0x7fffffff) : __ll2float_rn(sum) * {UNIT}f;
+    }};
+"""
 
 
 @wp.func
-def fixed(value: float) -> wp.int64:
-    """Return the number in units, rounded."""
-    return wp.int64(wp.rint(wp.clamp(value, -LIMIT, LIMIT) / UNIT))
+def fraction(total: wp.int64) -> float:
+    """Return the number that a sum is, or NaN."""
+    if total >= BROKEN or total <= -BROKEN:
+        return wp.nan
+    return float(total) * UNIT

@@ -6,7 +6,7 @@ from typing import Any
 import warp as wp
 
 from ._adam import STEP_ON_CUDA
-from ._fixed_point import UNIT
+from ._fixed_point import FRACTION
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
@@ -124,13 +124,14 @@ def adam(scalar: Any) -> wp.Kernel:
     return adam
 
 
-@wp.func_native(f"""
-    auto fraction = [](long long sum) {{ return __ll2float_rn(sum) * {UNIT}f; }};
+@wp.func_native(
+    FRACTION
+    + """
     const int quads = gradients.shape[0] / 4;
-    if (thread < quads) {{
+    if (thread < quads) {
         longlong2* four = (longlong2*)sums.data + 2 * (size_t)thread;
         const longlong2 a = four[0], b = four[1];
-        if (a.x | a.y | b.x | b.y) {{
+        if (a.x | a.y | b.x | b.y) {
             four[0] = four[1] = make_longlong2(0, 0);
             float4 g = ((float4*)gradients.data)[thread];
             g.x += fraction(a.x);
@@ -138,13 +139,14 @@ def adam(scalar: Any) -> wp.Kernel:
             g.z += fraction(b.x);
             g.w += fraction(b.y);
             ((float4*)gradients.data)[thread] = g;
-        }}
-    }} else {{
+        }
+    } else {
         const int i = 3 * quads + thread;
         gradients.data[i] += fraction(sums.data[i]);
         sums.data[i] = 0;
-    }}
-""")
+    }
+"""
+)
 def collect_some(thread: int, sums: wp.array[wp.int64], gradients: wp.array[float]): ...
 
 

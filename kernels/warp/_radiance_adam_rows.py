@@ -3,7 +3,7 @@
 import warp as wp
 
 from ._adam import STEP_ON_CPU
-from ._fixed_point import UNIT
+from ._fixed_point import fraction
 
 wp.set_module_options({"enable_backward": False})
 
@@ -80,7 +80,7 @@ def collect(
     gradients: wp.array[float],  # (N,): added to
 ):
     for i in range(first, last):
-        gradients[i] = gradients[i] + float(sums[i]) * UNIT
+        gradients[i] = gradients[i] + fraction(sums[i])
         sums[i] = wp.int64(0)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from ..codes import HASH_PRIMES
-from ._fixed_point import fixed
+from ._fixed_point import ADD_FIXED
 
 OPTIONS = {"enable_backward": False}
 
@@ -206,15 +206,18 @@ def add_two(table: wp.array[wp.vec2], low: int, high: int, x: float, y: float, z
     ...
 
 
-@wp.func
+@wp.func_native(f"""
+    auto add = [](wp::int64* to, float value) {{ {ADD_FIXED} }};
+    add(table.data + 2 * (size_t)low, x);
+    add(table.data + 2 * (size_t)low + 1, y);
+    add(table.data + 2 * (size_t)high, z);
+    add(table.data + 2 * (size_t)high + 1, w);
+""")
 def add_two_fixed(
     table: wp.array2d[wp.int64], low: int, high: int, x: float, y: float, z: float, w: float
 ):
     """Add to two entries of fixed-point numbers: these have the same sum in any order."""
-    wp.atomic_add(table, low, 0, fixed(x))
-    wp.atomic_add(table, low, 1, fixed(y))
-    wp.atomic_add(table, high, 0, fixed(z))
-    wp.atomic_add(table, high, 1, fixed(w))
+    ...
 
 
 @cache
@@ -253,7 +256,7 @@ def backward(scalar: Any, sums: Any) -> wp.Kernel:
             dy = float(d[1])
             if dx != 0.0 or dy != 0.0:
                 cell = cell_of(positions, sample, resolutions[level])
-                # Two levels side by side in a warp differ by 1.
+                # Up to 2^20 cells along each side; two levels side by side in a warp differ by 1.
                 place = wp.int64(cell.k) | wp.int64(level & 1) << wp.int64(20)
                 place = wp.int64(cell.j) | place << wp.int64(20)
                 key = wp.int64(cell.i) | place << wp.int64(20)

@@ -140,17 +140,23 @@ def march(
             end += w < warp ? sums[w] : 0;
             placed += sums[w];
         }
+        placed = min(placed, capacity + 1);  // the sum might not fit 32 bits
         __syncthreads();
         for (int i = 0; i < 4 && first + i < rays; ++i) {
             const int begin = end;
             end += counts[i];
-            span[first + i] = make_int2(begin, end > capacity ? 0 : counts[i]);
-            if (begin <= capacity && end > capacity) total.data[0] = begin;  // the first without
+            span[first + i] = end > capacity ? make_int2(capacity, 0) : make_int2(begin, counts[i]);
+            if (begin <= capacity && end > capacity) {  // the first without room
+                total.data[0] = begin;
+                active.data[0] = first + i;
+            }
         }
     }
     if (threadIdx.x == 0 && placed <= capacity) total.data[0] = placed;
 """)
-def place_all(capacity: int, spans: wp.array2d[int], total: wp.array[int]): ...
+def place_all(
+    capacity: int, spans: wp.array2d[int], total: wp.array[int], active: wp.array[int]
+): ...
 
 
 @wp.kernel
@@ -159,6 +165,7 @@ def place(
     # outputs
     spans: wp.array2d[int],  # (R, 2)
     total: wp.array[int],  # (1,)
+    active: wp.array[int],  # (1,): lowered to the rays that have room
 ):
     """Give each ray the rows behind those of the ray before, as long as there are any."""
-    place_all(capacity, spans, total)
+    place_all(capacity, spans, total, active)

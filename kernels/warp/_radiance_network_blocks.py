@@ -122,8 +122,10 @@ _BACKWARD = f"""{LAYERS}{PRODUCTS}{VIEW}
                     d[j] = d_rgb.data[at] * rgb.data[at] * (1.0f - rgb.data[at]);
                 }}
             d_raw[0][half] = pack(d[0], d[1]);
-            if (t == 0)
-                up[half] = fminf(fmaxf(d_sigma.data[line] * sigma.data[line], -most_up), most_up);
+            if (t == 0) {{
+                const float d = d_sigma.data[line] * sigma.data[line];
+                up[half] = fabsf(d) > most_up ? copysignf(most_up, d) : d;  // a NaN stays
+            }}
         }}
         {DENSITY_LAYERS}{COLOR_LAYERS}
         share(third, d_raw);

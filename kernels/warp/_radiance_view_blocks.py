@@ -41,7 +41,9 @@ wp.set_module_options({"enable_backward": False})
 """)
 def append(
     ray: int, number: int, going: wp.array[int], spans: wp.array2d[int], counts: wp.array[int]
-) -> int: ...
+) -> int:
+    """Return the row of a ray's first sample; it has barriers: all of a block call it as often."""
+    ...
 
 
 @wp.kernel

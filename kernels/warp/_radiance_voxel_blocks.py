@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from ..codes import MOST_LOG_DENSITY
-from ._fixed_point import FIXED
+from ._fixed_point import ADD_FIXED
 from ._harmonics import HARMONICS
 from ._random import random_unit
 
@@ -216,7 +216,7 @@ _BACKWARD = {
 
 _ADD = {
     wp.float32: "atomicAdd(to, value);",
-    wp.int64: f"atomicAdd((unsigned long long*)to, (unsigned long long){FIXED});",
+    wp.int64: ADD_FIXED,
 }
 
 

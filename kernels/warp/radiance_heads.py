@@ -73,9 +73,9 @@ def _density_backward(scalar: Any) -> wp.Kernel:
         d_hidden: wp.array2d[scalar],  # (M, >= 1): column 0 is added to
     ):
         for i in range(first + wp.tid(), wp.min(last, total[0]), stride):
-            d = wp.clamp(
-                d_sigma[i] * sigma[i], -MOST_LOG_DENSITY_GRADIENT, MOST_LOG_DENSITY_GRADIENT
-            )
+            d = d_sigma[i] * sigma[i]
+            if wp.abs(d) > MOST_LOG_DENSITY_GRADIENT:  # a NaN stays
+                d = wp.sign(d) * MOST_LOG_DENSITY_GRADIENT
             d_hidden[i, 0] = scalar(float(d_hidden[i, 0]) + d)
 
     return density_backward

@@ -67,7 +67,7 @@ def loss_kernel(
                 error += e * e / 3.0
                 d = 2.0 * e
                 if huber > 0.0:
-                    d = wp.clamp(e, -huber, huber)
+                    d = wp.where(wp.abs(e) > huber, wp.sign(e) * huber, e)  # a NaN stays
                 d *= scale / 3.0
                 d_color[ray, k] = d
                 d_through += d * behind[k]

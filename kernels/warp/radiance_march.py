@@ -119,18 +119,22 @@ def place(
     # outputs
     spans: wp.array2d[int],  # (R, 2)
     total: wp.array[int],  # (1,)
+    active: wp.array[int],  # (1,): lowered to the rays that have room
 ):
     """Give each ray the rows behind those of the ray before, as long as there are any."""
     end = int(0)
-    kept = int(0)
     for ray in range(spans.shape[0]):
-        spans[ray, 0] = end
-        end += spans[ray, 1]
+        begin = end
+        end = wp.min(begin + spans[ray, 1], capacity + 1)  # the sum might not fit 32 bits
+        spans[ray, 0] = begin
         if end > capacity:
+            spans[ray, 0] = capacity
             spans[ray, 1] = 0
-        else:
-            kept = end
-    total[0] = kept
+            if begin <= capacity:  # the first without room
+                total[0] = begin
+                active[0] = ray
+    if end <= capacity:
+        total[0] = end
 
 
 def march_rays(
@@ -158,8 +162,10 @@ def march_rays(
     """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
 
     Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
-    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `bits` has one for
-    each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block by block.
+    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `active` is lowered
+    to those that fit: who wants as many again in the next batch has to write it anew. `bits` has
+    one for each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block
+    by block.
     `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
     with their number, and that many rows of `positions` (M, 3) in the cube of the field,
     `distances` (M, 2), the distance and the length of the step, and `rays` (M,).
@@ -173,9 +179,9 @@ def march_rays(
     if spans.device.is_cuda:
         threads = blocks.THREADS * count
         launch(blocks.march, threads, [*inputs, False], outputs)
-        launch(blocks.place, BLOCK, [positions.shape[0]], [spans, total])
+        launch(blocks.place, BLOCK, [positions.shape[0]], [spans, total, active])
         launch(blocks.march, threads, [*inputs, True], outputs)
         return
     launch_each(march_kernel, count, 256 * count, [*inputs, False], outputs)
-    launch(place, 1, [positions.shape[0]], [spans, total])
+    launch(place, 1, [positions.shape[0]], [spans, total, active])
     launch_each(march_kernel, count, 256 * count, [*inputs, True], outputs)

@@ -127,10 +127,12 @@ def visit(
     visited: wp.array,
     positions: wp.array,
 ) -> None:
-    """Draw points in cells: in those from `begin` on if `every` one is, else in random ones.
+    """Draw a random point of each of N cells: of all `count` of them in turn, or of random ones.
 
-    Cells lie in `count` // cells^3 levels; `visited` (N,) is filled with their numbers, `positions`
-    (N, 3) with the points, in the cube of the field. Random cells are the `begin`-th and following.
+    If `every`, they are those from `begin` on, and behind the last this again; else the `begin`-th
+    and following of the random cells of this step. The grid has `cells`^3 of them in each level.
+    `visited` (N,) is filled with their numbers, `positions` (N, 3) with the points, in the cube of
+    the field.
     """
     number = visited.shape[0]
     launch_each(

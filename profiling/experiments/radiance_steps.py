@@ -148,6 +148,7 @@ def main(command: list[str] | None = None) -> int:
         trainer = Trainer(model, scene, "squared", 0.0)
         copy = clock.copy_bandwidth(clock.clock(args.device), clock.COPY_BYTES)
         calls, times = timed(trainer)
+        trainer.keep()  # how many rays fit
         samples = trainer.field.taken()
     rows: list[dict[str, Any]] = []
     sums: dict[str, float] = dict.fromkeys(("forward", "backward", "learning"), 0.0)
