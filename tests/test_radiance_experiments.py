@@ -23,7 +23,7 @@ def tiny(monkeypatch):
 
 def test_quality(tmp_path, capsys):
     assert radiance_quality.main(["--seconds", "0.05", "0.5", "--output", str(tmp_path)]) == 0
-    told = json.loads((tmp_path / "radiance_quality_cpu.json").read_text())
+    told = json.loads((tmp_path / "radiance_quality_VoxelField_cpu.json").read_text())
     assert told["field"]["VoxelField"]["resolutions"] == [16]
     short, long = told["results"]["shapes"]["times"]
     assert short["steps"] < long["steps"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from reference import radiance as reference
-from test_radiance_rays import SPACES, Space, blobs, bundle, march, pack
+from test_radiance_march import SPACES, Space, blobs, bundle, march, pack
 
 from cvkern._runtime import runtime
 from cvkern.radiance import HashField, VoxelField

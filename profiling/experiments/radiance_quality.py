@@ -3,7 +3,7 @@
 Trains a HashField, or another field, on posed photographs, anew for each time on the training
 clock, and judges it by the views that are kept back. FOLDER (or CVKERN_DATA) holds a folder for
 each scene under ``nerf``; without it the scene is the library's own. Prints a table and writes
-profiling/results/radiance_quality_DEVICE.json.
+profiling/results/radiance_quality_FIELD_DEVICE.json.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ def main(command: list[str] | None = None) -> int:
     told["command"] = "python -m profiling.experiments.radiance_quality"
     told["field"] = {type(settings).__name__: asdict(settings)}
     told["shrink"] = args.shrink
-    path = args.output / f"radiance_quality_{told['device']['kind']}.json"
-    write_json(path, {**told, "results": results})
+    name = f"radiance_quality_{type(settings).__name__}_{told['device']['kind']}.json"
+    write_json(args.output / name, {**told, "results": results})
     return 0
 
 
