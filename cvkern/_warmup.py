@@ -118,9 +118,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     for field in (
         VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),
         HashField(table_bits=10, samples=2**12, rays=64, cells=32),
-        MLPField(
-            samples=2**8, rays=16, cells=8, steps=16
-        ),  # of the widths that kernels are made for
+        # Kernels are made for widths, which are the default's.
+        MLPField(samples=2**8, rays=16, cells=8, steps=16),
     ):
         yield "fit", partial(_train, field)
 

@@ -141,6 +141,18 @@ def test_files_damaged(model, tmp_path):
         load_model(tmp_path / "model.npz")
 
 
+@pytest.mark.parametrize(("at", "value"), [(8, 1), (10, 99)], ids=["encrypted", "packed"])
+def test_directories_damaged(model, tmp_path, at, value):
+    """A bit of the archive's directory says what we never write."""
+    file = tmp_path / "model.npz"
+    model.save(file)
+    whole = bytearray(file.read_bytes())
+    whole[whole.rindex(b"PK\1\2") + at] = value
+    file.write_bytes(whole)
+    with pytest.raises(ValueError, match="path must be a whole model"):
+        load_model(file)
+
+
 def rewritten(source, target, **changes):
     """Write a model again with other arrays; None leaves one out."""
     with np.load(source) as file:

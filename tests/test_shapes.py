@@ -246,6 +246,7 @@ def test_what_a_shape_does_not_tell_apart_is_one_unless_asked(backend):
     turns = np.sort(np.mod(np.degrees(four.rotation) + 45, 360))
     # The fit is of whole edge pixels: half a pixel at a side of 41 is 0.7 degrees.
     np.testing.assert_allclose(turns, [45, 135, 225, 315], atol=1)
+    # Edge pixels of the table and of the scene are each up to half a pixel off.
     np.testing.assert_allclose(four.position, np.full((4, 2), [50, 60]), atol=1)
 
 

@@ -16,9 +16,10 @@ from cvkern._files import replacing
 FORMAT, VERSION = "cvkern radiance field", 2
 HEADER = "header"
 
-# What reading raises where bytes are missing, or are not what we write.
+# What reading raises where bytes are missing, or are not what we write: a RuntimeError where they
+# say that an array is encrypted, or packed in a way that zipfile does not know.
 DAMAGED = (
-    AttributeError, EOFError, KeyError, NotImplementedError, OSError, TypeError, ValueError,
+    AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, ValueError,
     zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 

@@ -125,6 +125,10 @@ class Trainer:
             self.repeat()
             state.step += 1
             state.total_rays += state.rays
+            if state.step == first + 1:
+                self.rt.to_numpy(at)
+                begin = time.perf_counter()  # the first step compiles kernels: it is free
+                say(state.progress, "Training")
             looks = state.step % LOOK == 0
             evaluates = evaluate_every is not None and state.step % evaluate_every == 0
             if looks or evaluates:
@@ -139,10 +143,6 @@ class Trainer:
                 since, told = told, (spent(), state.total_rays)
                 rate = (told[1] - since[1]) / max(told[0] - since[0], 1e-9)
                 say(state.progress, f"{quality:.1f} dB  {rate / 1e3:,.0f} k rays/s")
-            elif state.step == first + 1:
-                self.rt.to_numpy(at)
-                begin = time.perf_counter()  # the first step compiles kernels: it is free
-                say(state.progress, "Training")
             file = checkpoint if looks and spent() - saved >= save_every else None
             if evaluates or file is not None:
                 self.rt.to_numpy(at)  # what was launched is done, and paid for
