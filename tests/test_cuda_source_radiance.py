@@ -62,6 +62,11 @@ def test_views_meet_the_same_cells(tmp_path):
     assert not any("fma.rn.f32" in kernel for kernel in kernels)
 
 
+def test_compositing_loads_one_number_at_a_time(tmp_path):
+    """The arrays are the caller's, which may begin anywhere."""
+    assert ".v2." not in compile_for_hopper(load("_radiance_composite_blocks"), tmp_path)
+
+
 @pytest.mark.parametrize("transposed", [False, True])
 @pytest.mark.parametrize(
     ("depth", "columns"), [(16, 64), (32, 64), (64, 16), (64, 64), (192, 48), (320, 64), (352, 64)]
