@@ -228,10 +228,6 @@ def _text(parts: dict[str, str]) -> str:
     return text
 
 
-@wp.func_native("return blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32;")
-def warp_number() -> int: ...
-
-
 @wp.func_native(_text(_FORWARD))
 def walk_forward(
     ray: int,
@@ -289,7 +285,7 @@ def render(
     distortion: wp.array[float],  # (R,)
     samples: wp.array[int],  # (R,)
 ):
-    ray = warp_number()
+    ray = wp.tid() // 32
     if ray < active[0]:
         jitter = float(0.5)
         if jittered:
@@ -299,7 +295,7 @@ def render(
             finest, cone, unbounded, stop, least, density, color, colors, opacity, depth,
             distortion, samples,
         )  # fmt: skip
-    elif ray < samples.shape[0]:
+    else:
         samples[ray] = 0
 
 
@@ -376,7 +372,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         d_color: wp.array4d[sums],  # added to
         touched: wp.array3d[wp.uint8],
     ):
-        ray = warp_number()
+        ray = wp.tid() // 32
         if ray < active[0]:
             if samples[ray] > 0:
                 jitter = float(0.5)
