@@ -167,12 +167,13 @@ def render(
     """Make out what the first `active` (1,) rays see, and how many samples had any density.
 
     `origins` and unit `directions` (R, 3), `near` to `jittered`, `seed` and `step` (1,) are as in
-    `radiance_march.march_rays`; `bits` has one level of cells^3, each a power of 2 of the grid's
-    cells along a side. A ray ends where no more than `stop` of the light is left. `density`
-    (N + 1, N + 1, N + 1) has raw densities, `color` (N + 1, N + 1, N + 1, C), of C = 16 or 32, the
-    `basis` (1, 4 or 9) coefficients of each channel in turn. `colors` (R, 3), `opacity`, `depth`
-    and `distortion` (R,) are filled as by `radiance_composite.forward`, and `samples` (R,) with
-    the numbers of samples, 0 for the other rays.
+    `radiance_march.march_rays`, but `cone` is 0 unless `unbounded`; `bits` has one level of
+    cells^3, each a power of 2 of the grid's cells along a side. A ray ends where no more than
+    `stop` of the light is left. `density` (N + 1, N + 1, N + 1) has raw densities, `color`
+    (N + 1, N + 1, N + 1, C), of C = 16 or 32, the `basis` (1, 4 or 9) coefficients of each channel
+    in turn. `colors` (R, 3), `opacity`, `depth` and `distortion` (R,) are filled as by
+    `radiance_composite.forward`, and `samples` (R,) with the numbers of samples, 0 for the other
+    rays.
     """
     rendered = colors, opacity, depth, distortion
     # The gradients are not looked at.
