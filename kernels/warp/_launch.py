@@ -221,9 +221,9 @@ def _send(
         )
         _thread.commands[key] = command
     for i, argument in enumerate(arguments):
-        # A descriptor in place of the array: the command must not keep the memory alive.
+        # A descriptor in place of an array or a structure: the command must not keep memory alive.
         if argument is not None:
-            value = argument.__ctype__() if isinstance(argument, wp.array) else argument
+            value = argument.__ctype__() if hasattr(argument, "__ctype__") else argument
             command.set_param_at_index_from_ctype(i, value)
     command.launch(current_stream(device) if device.is_cuda else None)
 

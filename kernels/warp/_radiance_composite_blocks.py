@@ -13,7 +13,7 @@ THREADS = 32  # of a ray
 
 _RAY = """
     const unsigned all = 0xffffffffu;
-    const int lane = threadIdx.x & 31, ray = blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32;
+    const int lane = threadIdx.x & 31;
     const int begin = spans.data[2 * (size_t)ray], end = begin + spans.data[2 * (size_t)ray + 1];
     auto sum_up_to = [&](float x) {  // of the lanes up to and with this one
         for (int s = 1; s < 32; s *= 2) {
@@ -121,6 +121,7 @@ _BACKWARD = f"""{_RAY}
 
 @wp.func_native(_FORWARD)
 def composite(
+    ray: int,
     sigma: wp.array[float],
     rgb: wp.array2d[float],
     distances: wp.array2d[float],
@@ -135,6 +136,7 @@ def composite(
 
 @wp.func_native(_BACKWARD)
 def take_back(
+    ray: int,
     d_color: wp.array2d[float],
     d_opacity: wp.array[float],
     d_depth: wp.array[float],
@@ -163,7 +165,8 @@ def forward(
     distortion: wp.array[float],  # (R,)
 ):
     """Walk along each ray once."""
-    composite(sigma, rgb, distances, spans, stop, color, opacity, depth, distortion)
+    ray = wp.tid() // 32
+    composite(ray, sigma, rgb, distances, spans, stop, color, opacity, depth, distortion)
 
 
 @wp.kernel
@@ -182,7 +185,8 @@ def backward(
     d_rgb: wp.array2d[float],  # (M, 3)
 ):
     """Walk along each ray twice."""
+    ray = wp.tid() // 32
     take_back(
-        d_color, d_opacity, d_depth, d_distortion, sigma, rgb, distances, spans, stop, d_sigma,
-        d_rgb,
+        ray, d_color, d_opacity, d_depth, d_distortion, sigma, rgb, distances, spans, stop,
+        d_sigma, d_rgb,
     )  # fmt: skip

@@ -12,7 +12,7 @@ import warp as wp
 from ..codes import MOST_LOG_DENSITY
 from ._fixed_point import ADD_FIXED
 from ._harmonics import HARMONICS
-from ._random import random_unit
+from ._radiance_voxel_march import NAMES, March, jitter_of
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
@@ -24,9 +24,11 @@ _HARMONIC = "".join(f"b == {k} ? {h} : " for k, h in enumerate(HARMONICS[:8])) +
 
 # BEFORE and AFTER differ between the passes: AFTER has, in each thread, one sample.
 _WALK = """
+    NAMES
     const unsigned all = 0xffffffffu;
     const int lane = threadIdx.x & 31, width = color.shape[3];
-    const int side = resolution + 1, plane = side * side;
+    const int side = density.shape[0], resolution = side - 1, plane = side * side;
+    const int shift = __ffs(resolution / cells) - 1;  // log2 of the side of an occupancy cell
     const float* o = origins.data + 3 * (size_t)ray;
     const float* d = directions.data + 3 * (size_t)ray;
     float bands[3];
@@ -222,10 +224,18 @@ _ADD = {
 
 def _text(parts: dict[str, str]) -> str:
     text = _WALK
-    shared = {"HARMONIC": _HARMONIC, "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f"}
+    shared = {
+        "NAMES": NAMES, "HARMONIC": _HARMONIC, "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f"
+    }  # fmt: skip
     for name, part in (parts | shared).items():
         text = text.replace(name, part)
     return text
+
+
+@wp.func_native("return blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32;")
+def warp_number() -> int:
+    """Return what `wp.tid() // 32` is, in fewer instructions."""
+    ...
 
 
 @wp.func_native(_text(_FORWARD))
@@ -234,20 +244,7 @@ def walk_forward(
     jitter: float,
     origins: wp.array2d[float],
     directions: wp.array2d[float],
-    bits: wp.array[wp.uint32],
-    cells: int,
-    shift: int,
-    resolution: int,
-    basis: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    stop: float,
-    least: float,
-    density: wp.array3d[float],
-    color: wp.array4d[float],
+    march: March,
     colors: wp.array2d[float],
     opacity: wp.array[float],
     depth: wp.array[float],
@@ -261,23 +258,7 @@ def render(
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
     active: wp.array[int],  # (1,)
-    bits: wp.array[wp.uint32],  # (cells^3 / 32,)
-    cells: int,
-    shift: int,
-    resolution: int,
-    basis: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    jittered: bool,
-    seed: int,
-    step: wp.array[int],  # (1,)
-    stop: float,
-    least: float,
-    density: wp.array3d[float],
-    color: wp.array4d[float],
+    march: March,
     # outputs
     colors: wp.array2d[float],  # (R, 3)
     opacity: wp.array[float],  # (R,)
@@ -285,14 +266,10 @@ def render(
     distortion: wp.array[float],  # (R,)
     samples: wp.array[int],  # (R,)
 ):
-    ray = wp.tid() // 32
+    ray = warp_number()
     if ray < active[0]:
-        jitter = float(0.5)
-        if jittered:
-            jitter = random_unit(seed, step[0], ray, 4)
         walk_forward(
-            ray, jitter, origins, directions, bits, cells, shift, resolution, basis, near, far,
-            finest, cone, unbounded, stop, least, density, color, colors, opacity, depth,
+            ray, jitter_of(march, ray), origins, directions, march, colors, opacity, depth,
             distortion, samples,
         )  # fmt: skip
     else:
@@ -313,20 +290,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         d_distortion: wp.array[float],
         origins: wp.array2d[float],
         directions: wp.array2d[float],
-        bits: wp.array[wp.uint32],
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         colors: wp.array2d[float],
         opacity: wp.array[float],
         depth: wp.array[float],
@@ -345,23 +309,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         origins: wp.array2d[float],  # (R, 3)
         directions: wp.array2d[float],  # (R, 3)
         active: wp.array[int],  # (1,)
-        bits: wp.array[wp.uint32],  # (cells^3 / 32,)
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        jittered: bool,
-        seed: int,
-        step: wp.array[int],  # (1,)
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         colors: wp.array2d[float],  # (R, 3)
         opacity: wp.array[float],  # (R,)
         depth: wp.array[float],  # (R,)
@@ -372,16 +320,12 @@ def render_backward(sums: Any) -> wp.Kernel:
         d_color: wp.array4d[sums],  # added to
         touched: wp.array3d[wp.uint8],
     ):
-        ray = wp.tid() // 32
+        ray = warp_number()
         if ray < active[0]:
             if samples[ray] > 0:
-                jitter = float(0.5)
-                if jittered:
-                    jitter = random_unit(seed, step[0], ray, 4)
                 walk_backward(
-                    ray, jitter, d_colors, d_opacity, d_depth, d_distortion, origins, directions,
-                    bits, cells, shift, resolution, basis, near, far, finest, cone, unbounded, stop,
-                    least, density, color, colors, opacity, depth, distortion, d_density, d_color,
+                    ray, jitter_of(march, ray), d_colors, d_opacity, d_depth, d_distortion, origins,
+                    directions, march, colors, opacity, depth, distortion, d_density, d_color,
                     touched,
                 )  # fmt: skip
 

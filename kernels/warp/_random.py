@@ -6,11 +6,13 @@ the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the p
 
 import warp as wp
 
+INCREMENT = wp.constant(wp.uint32(2891336453))  # compilers warn of a literal of 32 bits
+
 
 @wp.func
 def mix(x: wp.uint32) -> wp.uint32:
     """Scramble an integer [Jarzynski and Olano, "Hash functions for GPU rendering", 2020: PCG]."""
-    state = x * wp.uint32(747796405) + wp.uint32(2891336453)
+    state = x * wp.uint32(747796405) + INCREMENT
     shift = (state >> wp.uint32(28)) + wp.uint32(4)
     word = ((state >> shift) ^ state) * wp.uint32(277803737)
     return (word >> wp.uint32(22)) ^ word

@@ -24,6 +24,7 @@ from . import _radiance_voxel_nodes_blocks as nodes
 from . import _radiance_voxel_planes as planes
 from . import _radiance_voxel_rows as rows
 from ._launch import cpu_threads, launch, launch_each, launch_slabs, scratch, slabs, view
+from ._radiance_voxel_march import march_of
 from ._radiance_voxel_walk import RECORD
 
 wp.set_module_options({"enable_backward": False})
@@ -153,11 +154,11 @@ def render(
     rays.
     """
     count = origins.shape[0]
-    resolution = density.shape[0] - 1
-    inputs = [
-        origins, directions, active, bits, cells, _shift(resolution, cells), resolution, basis,
-        near, far, finest, cone, unbounded, jittered, seed, step, stop, least, density, color,
-    ]  # fmt: skip
+    march = march_of(
+        bits, cells, near, far, finest, cone, unbounded, jittered, seed, step, stop, least, basis,
+        density, color,
+    )  # fmt: skip
+    inputs = [origins, directions, active, march]
     outputs = [colors, opacity, depth, distortion, samples]
     if density.device.is_cuda:
         launch(blocks.render, blocks.THREADS * count, inputs, outputs)
@@ -207,16 +208,15 @@ def render_backward(
     any order.
     """
     count = origins.shape[0]
-    resolution = density.shape[0] - 1
+    march = march_of(
+        bits, cells, near, far, finest, cone, unbounded, jittered, seed, step, stop, least, basis,
+        density, color,
+    )  # fmt: skip
     gradients = [d_colors, d_opacity, d_depth, d_distortion]
-    march = [
-        bits, cells, _shift(resolution, cells), resolution, basis, near, far, finest, cone,
-        unbounded, jittered, seed, step, stop, least, density, color, colors, opacity, depth,
-        distortion,
-    ]  # fmt: skip
+    rendered = [colors, opacity, depth, distortion]
     outputs = [d_density, d_color, touched]
     if density.device.is_cuda:
-        inputs = [*gradients, origins, directions, active, *march, samples]
+        inputs = [*gradients, origins, directions, active, march, *rendered, samples]
         launch(blocks.render_backward(d_color.dtype), blocks.THREADS * count, inputs, outputs)
         return
     kernels = rows.kernels(color.shape[3])
@@ -225,10 +225,10 @@ def render_backward(
     np.cumsum(samples.numpy(), out=ends.numpy())
     room = -(-max(1, int(ends.numpy()[-1])) // SAMPLES) * SAMPLES
     records = scratch("voxel.records", (room, RECORD), wp.float32, density.device)
-    inputs = [*gradients, origins, directions, *march, ends]
+    inputs = [*gradients, origins, directions, march, *rendered, ends]
     launch_slabs(kernels.trace, count, -(-count // RAYS), inputs, [records])
     owners = 2 if cpu_threads() <= 2 else 4
-    inputs = [owners, directions, resolution, basis, ends, records]
+    inputs = [owners, directions, basis, ends, records]
     launch_slabs(kernels.scatter, owners, owners, inputs, outputs)
 
 
@@ -311,11 +311,6 @@ def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) 
     """
     count = fine.shape[0] ** 3
     launch_each(upsample_kernel, count, 64 * count, [density, least, coarse], [fine])
-
-
-def _shift(resolution: int, cells: int) -> int:
-    """Base-2 logarithm of the side of an occupancy cell, in cells of the grid."""
-    return (resolution // cells).bit_length() - 1
 
 
 def _planes(side: int) -> int:
