@@ -1,9 +1,11 @@
 """Rays through a grid of density and colour: marched, read and composited at once, in Taichi.
 
-One thread a ray. The grid has nodes (k, j, i) at z, y, x = -1 .. 1, N + 1 along each side. Between
-them its numbers are interpolated linearly: a raw density r, with density e^r, or 0 where r is at
-most `least`, and for each channel the coefficients of spherical harmonics of the direction, whose
-sum s is made a colour 1 / (1 + e^-s). With w_i, T_i, G_i as in radiance_composite.py:
+One thread a ray. The grid has N + 1 nodes (k, j, i) along each side, at z, y, x = -1 .. 1, or in
+all of space, contracted, at -2 .. 2. Between them its numbers are interpolated linearly: a raw
+density r, with density e^r, or 0 where r is at most `least`, and for each channel the coefficients
+of spherical harmonics of the direction, whose sum s is made a colour 1 / (1 + e^-s). The density is
+cut off at e^11, but its gradient is not made 0 there. With w_i, T_i, G_i as in
+radiance_composite.py:
 
     dL/dr_i = sigma_i d_i (T_{i+1} G_i - sum_{j > i} w_j G_j) where r_i > least, else 0,
     dL/ds_i = w_i dL/dC c_i (1 - c_i),    at a node: dL/dr = sum_i b_i dL/dr_i,
