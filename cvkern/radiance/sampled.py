@@ -124,7 +124,7 @@ class SampledField(Field):
             rt.zeros((room,)), rt.zeros((room, 3)), self.inner(room),
         )  # fmt: skip
 
-    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+    def see(self, origins: Any, directions: Any, seen: Seen, width: int = 1) -> None:
         """See :meth:`Field.see`."""
         count = origins.shape[0]
         room = self.view_room(count)
@@ -133,9 +133,8 @@ class SampledField(Field):
         most = self._viewing.room  # a sample of each at least
         for begin in range(0, count, most):
             part = slice(begin, min(begin + most, count))
-            self._see(
-                self._viewing, origins[part], directions[part], Seen(*(a[part] for a in seen))
-            )
+            parts = origins[part], directions[part], Seen(*(a[part] for a in seen))
+            self._see(self._viewing, *parts, width)
 
     def view_room(self, rays: int) -> int:
         """For how many samples a round of rendering has room: on a GPU many, as rounds cost."""
@@ -150,7 +149,9 @@ class SampledField(Field):
             return Viewing(self.samples.first(room), counts)
         return Viewing(self._room_for(room, counts[:1]), counts)
 
-    def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: Seen) -> None:
+    def _see(
+        self, viewing: Viewing, origins: Any, directions: Any, seen: Seen, width: int
+    ) -> None:
         """Take the next samples of all rays, until each is opaque or has left the field."""
         rt, view, living = self.rt, self.rt.radiance_view, origins.shape[0]
         at = rt.scratch("view.at", (living,))
@@ -159,21 +160,22 @@ class SampledField(Field):
         )
         spans = rt.scratch("view.spans", (living, 2), np.int32)
         space = self.levels, self.frame.near, self.finest, self.cone
-        view.set_out(origins, directions, *space, at, taken, listing, *seen)
+        counts = viewing.counts
+        view.set_out(origins, directions, *space, width, at, taken, listing, counts, *seen)
         while living:
             s = viewing.samples
             few = min(viewing.room // living, VIEW_FEW)
             view.march_on(
                 origins, directions, self.bits, self.levels, self.cells, self.frame.far,
                 self.finest, self.cone, STEPS, self.frame.bounds.unbounded, few, living, listing,
-                at, taken, going, spans, viewing.counts, s.positions, s.distances, s.rays,
+                at, taken, going, spans, counts, s.positions, s.distances, s.rays,
             )  # fmt: skip
-            total, living = map(int, rt.to_numpy(viewing.counts))
+            total, living = map(int, rt.to_numpy(counts))
             if living:
                 s = viewing.first(total)
                 self.evaluate(directions, s)
                 view.composite_on(
-                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, at, *seen
+                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, counts, at, *seen
                 )
                 listing, going = going, listing
 

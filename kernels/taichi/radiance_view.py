@@ -29,6 +29,27 @@ u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
 vec3 = ti.types.vector(3, ti.f32)
 
 NEVER = 1.0e30  # where a ray goes on that is done
+TILE = 8  # rows of an image whose rays are side by side in a list
+
+
+@ti.func
+def nth_of_tiles(i, count, width):
+    """Return which of `count` pixels of rows of `width` comes i-th column by column of TILE rows.
+
+    Rows that do not fill such a band stay as they are.
+    """
+    band = TILE * width
+    begin = i // band * band
+    pixel = i
+    if begin + band <= count:
+        pixel = begin + (i - begin) % TILE * width + (i - begin) // TILE
+    return pixel
+
+
+@ti.kernel
+def _clear(counts: i32_1):
+    for i in counts:
+        counts[i] = 0
 
 
 @ti.kernel
@@ -39,6 +60,7 @@ def _set_out(
     near: ti.f32,
     finest: ti.f32,
     cone: ti.f32,
+    width: ti.i32,
     zero: ti.i32,
     # outputs
     at: f32_1,  # (R,)
@@ -54,7 +76,7 @@ def _set_out(
         t = ti.max(near, interval(row(origins, ray), inverse, side, zero)[0])
         at[ray] = t + product(0.5, spacing(t, finest, cone, zero), zero)
         taken[ray] = 0
-        listing[ray] = ray
+        listing[ray] = nth_of_tiles(ray, listing.shape[0], width)
         for k in ti.static(range(3)):
             color[ray, k] = 0.0
         opacity[ray] = 0.0
@@ -69,9 +91,11 @@ def set_out(
     near: float,
     finest: float,
     cone: float,
+    width: int,
     at: np.ndarray,
     taken: np.ndarray,
     listing: np.ndarray,
+    counts: np.ndarray,
     color: np.ndarray,
     opacity: np.ndarray,
     depth: np.ndarray,
@@ -80,10 +104,12 @@ def set_out(
 
     What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
     `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
-    `color` (R, 3), `opacity` and `depth` (R,) are 0.
+    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0. Of rays through the pixels of
+    rows of `width`, those through a patch of an image are side by side in the list.
     """
     outputs = at, taken, listing, color, opacity, depth
-    _set_out(origins, directions, levels, near, finest, cone, 0, *outputs)
+    _set_out(origins, directions, levels, near, finest, cone, width, 0, *outputs)
+    _clear(counts)
 
 
 @ti.kernel
@@ -159,12 +185,6 @@ def _march_on(
             limit = count
 
 
-@ti.kernel
-def _clear(counts: i32_1):
-    for i in counts:
-        counts[i] = 0
-
-
 @primitive
 def march_on(
     origins: np.ndarray,
@@ -194,11 +214,10 @@ def march_on(
     The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
     takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
     of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
-    rows of each of those, and `counts` (2,) with how many samples and rays there are. The samples
-    are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few living. In which
-    order the rays are listed is left open: nothing that they see depends on it.
+    rows of each of those, and `counts` (2,), which were 0, with how many samples and rays there
+    are. The samples are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few
+    living. In which order the rays are listed is left open: nothing that they see depends on it.
     """
-    _clear(counts)
     _march_on(
         origins, directions, bits, levels, cells, far, finest, cone, most, unbounded, few, living,
         listing, 0, at, taken, going, spans, counts, positions, distances, rays,
@@ -250,6 +269,7 @@ def composite_on(
     spans: np.ndarray,
     living: int,
     stop: float,
+    counts: np.ndarray,
     at: np.ndarray,
     color: np.ndarray,
     opacity: np.ndarray,
@@ -260,10 +280,11 @@ def composite_on(
     `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
     to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
     `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
-    nowhere: its `at` (R,) is behind everything.
+    nowhere: its `at` (R,) is behind everything. `counts` (2,) are 0 for the next round.
     """
     inputs = sigma, rgb, distances, going, spans, living, stop
     _composite_on(*inputs, at, color, opacity, depth)
+    _clear(counts)
 
 
 @ti.kernel

@@ -15,6 +15,7 @@ from . import _launch
 
 _streams: dict[tuple[str, int], wp.Stream] = {}
 _process = 0
+_FEW = 4096  # bytes: to bring so many to the host, all but the copy itself takes longest
 _lock = threading.Lock()
 
 
@@ -116,9 +117,16 @@ def clear(array: wp.array) -> None:
 
 def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
-    if array.device.is_cuda:
-        wp.synchronize_stream(_launch.current_stream(array.device))
-    return array.numpy()
+    if not array.device.is_cuda:
+        return array.numpy()
+    stream = _launch.current_stream(array.device)
+    if array.size * wp.types.type_size_in_bytes(array.dtype) > _FEW:
+        wp.synchronize_stream(stream)
+        return array.numpy()
+    page = _launch.page(_FEW, array.dtype, array.shape)
+    wp.copy(page, array, stream=stream)
+    wp.synchronize_stream(stream)
+    return page.numpy().copy()
 
 
 own_scratch = _launch.own_scratch
