@@ -46,7 +46,9 @@ def test_shared_kernels_compile_for_hopper(name, tmp_path):
     compile_for_hopper(load(name), tmp_path)
 
 
-@pytest.mark.parametrize("name", ["radiance_march", "_radiance_march_blocks", "_radiance_view_blocks"])
+@pytest.mark.parametrize(
+    "name", ["radiance_march", "_radiance_march_blocks", "_radiance_view_blocks"]
+)
 def test_marching_meets_the_same_cells(name, tmp_path):
     """Which cells a ray meets is an integer: no product is fused with a sum."""
     code = compile_for_hopper(load(name), tmp_path)

@@ -46,7 +46,7 @@ class Ball(Field):
     def __init__(self, rt, frame):
         self.rt, self.frame, self.looks = rt, frame, []
 
-    def see(self, origins, directions, seen, width):
+    def see(self, origins, directions, seen):
         o, d = (self.rt.to_numpy(a).astype(float) for a in (origins, directions))
         self.looks.append(len(o))
         middle = -(o * d).sum(axis=1)

@@ -26,15 +26,14 @@ class Views:
     """What rays see in rounds of `few` samples a ray, and which samples they took for it."""
 
     def __init__(self, kernels, origins, directions, occupied, space, few, *, thick=3.0, stop=1e-4,
-                 most=10**6, near=0.05, width=1):  # fmt: skip
+                 most=10**6, near=0.05):  # fmt: skip
         levels, cells, far, finest, cone, unbounded = space
         count, bits = len(origins), pack(occupied)
         at, taken, listing, counts, *seen = kernels(
-            "radiance_view.set_out", origins, directions, levels, near, finest, cone, width,
+            "radiance_view.set_out", origins, directions, levels, near, finest, cone,
             out=[((count,), F32), ((count,), I32), ((count,), I32), ((2,), I32), ((count, 3), F32),
                  ((count,), F32), ((count,), F32)],
         )  # fmt: skip
-        self.order = listing
         self.taken, self.rounds, living = [[] for _ in range(count)], [], count
         while living:
             room = few * living

@@ -118,11 +118,8 @@ class Field(abc.ABC):
     precision's or fixed-point ones, can hold their gradients; :meth:`learn` divides by it."""
 
     @abc.abstractmethod
-    def see(self, origins: Any, directions: Any, seen: Seen, width: int = 1) -> None:
-        """Fill `seen` with what rays see: origins and unit directions (R, 3), for any R.
-
-        Those of an image come in rows of `width`, so that a field can look at patches.
-        """
+    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+        """Fill `seen` with what rays see: origins and unit directions (R, 3), for any R."""
 
     @abc.abstractmethod
     def forward(self, rays: Rays, step: Any) -> Rendered:

@@ -97,13 +97,12 @@ class Renderer:
         pictures = [rt.empty((cameras.height, width, *tail)) for tail in ((3,), (), ())]
         flat = (count, 3), (count,), (count,)
         seen = Seen(*(rt.adopt(p, shape=s) for p, s in zip(pictures, flat, strict=True)))
-        most = max(1, RAYS // width) * width
-        for begin in range(0, count, most):
-            part = slice(begin, min(begin + most, count))
+        for begin in range(0, count, RAYS):
+            part = slice(begin, min(begin + RAYS, count))
             shape = part.stop - begin, 3
             origins, directions = (rt.scratch(f"view.{n}", shape) for n in ("from", "towards"))
             rt.radiance_rays.view_rays(*lens, 0, width, begin, origins, directions)
-            self.field.see(origins, directions, Seen(*(a[part] for a in seen)), width)
+            self.field.see(origins, directions, Seen(*(a[part] for a in seen)))
         red, green, blue = map(float, behind)
         rt.radiance_view.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
         return Picture(*(rt.release(p) for p in pictures))

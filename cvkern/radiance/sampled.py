@@ -124,7 +124,7 @@ class SampledField(Field):
             rt.zeros((room,)), rt.zeros((room, 3)), self.inner(room),
         )  # fmt: skip
 
-    def see(self, origins: Any, directions: Any, seen: Seen, width: int = 1) -> None:
+    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
         """See :meth:`Field.see`."""
         count = origins.shape[0]
         room = self.view_room(count)
@@ -133,8 +133,9 @@ class SampledField(Field):
         most = self._viewing.room  # a sample of each at least
         for begin in range(0, count, most):
             part = slice(begin, min(begin + most, count))
-            parts = origins[part], directions[part], Seen(*(a[part] for a in seen))
-            self._see(self._viewing, *parts, width)
+            self._see(
+                self._viewing, origins[part], directions[part], Seen(*(a[part] for a in seen))
+            )
 
     def view_room(self, rays: int) -> int:
         """For how many samples a round of rendering has room: on a GPU many, as rounds cost."""
@@ -149,9 +150,7 @@ class SampledField(Field):
             return Viewing(self.samples.first(room), counts)
         return Viewing(self._room_for(room, counts[:1]), counts)
 
-    def _see(
-        self, viewing: Viewing, origins: Any, directions: Any, seen: Seen, width: int
-    ) -> None:
+    def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: Seen) -> None:
         """Take the next samples of all rays, until each is opaque or has left the field."""
         rt, view, living = self.rt, self.rt.radiance_view, origins.shape[0]
         at = rt.scratch("view.at", (living,))
@@ -161,7 +160,7 @@ class SampledField(Field):
         spans = rt.scratch("view.spans", (living, 2), np.int32)
         space = self.levels, self.frame.near, self.finest, self.cone
         counts = viewing.counts
-        view.set_out(origins, directions, *space, width, at, taken, listing, counts, *seen)
+        view.set_out(origins, directions, *space, at, taken, listing, counts, *seen)
         while living:
             s = viewing.samples
             few = min(viewing.room // living, VIEW_FEW)

@@ -179,7 +179,7 @@ class VoxelGrid(Field):
             self.density, self.color,
         ]  # fmt: skip
 
-    def see(self, origins: Any, directions: Any, seen: Seen, width: int = 1) -> None:
+    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
         """See :meth:`Field.see`."""
         rt, count = self.rt, origins.shape[0]
         active = rt.constant(np.array([2**31 - 1], np.int32))

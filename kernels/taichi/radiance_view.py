@@ -29,21 +29,6 @@ u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
 vec3 = ti.types.vector(3, ti.f32)
 
 NEVER = 1.0e30  # where a ray goes on that is done
-TILE = 8  # rows of an image whose rays are side by side in a list
-
-
-@ti.func
-def nth_of_tiles(i, count, width):
-    """Return which of `count` pixels of rows of `width` comes i-th column by column of TILE rows.
-
-    Rows that do not fill such a band stay as they are.
-    """
-    band = TILE * width
-    begin = i // band * band
-    pixel = i
-    if begin + band <= count:
-        pixel = begin + (i - begin) % TILE * width + (i - begin) // TILE
-    return pixel
 
 
 @ti.kernel
@@ -60,7 +45,6 @@ def _set_out(
     near: ti.f32,
     finest: ti.f32,
     cone: ti.f32,
-    width: ti.i32,
     zero: ti.i32,
     # outputs
     at: f32_1,  # (R,)
@@ -76,7 +60,7 @@ def _set_out(
         t = ti.max(near, interval(row(origins, ray), inverse, side, zero)[0])
         at[ray] = t + product(0.5, spacing(t, finest, cone, zero), zero)
         taken[ray] = 0
-        listing[ray] = nth_of_tiles(ray, listing.shape[0], width)
+        listing[ray] = ray
         for k in ti.static(range(3)):
             color[ray, k] = 0.0
         opacity[ray] = 0.0
@@ -91,7 +75,6 @@ def set_out(
     near: float,
     finest: float,
     cone: float,
-    width: int,
     at: np.ndarray,
     taken: np.ndarray,
     listing: np.ndarray,
@@ -104,11 +87,10 @@ def set_out(
 
     What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
     `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
-    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0. Of rays through the pixels of
-    rows of `width`, those through a patch of an image are side by side in the list.
+    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
     """
     outputs = at, taken, listing, color, opacity, depth
-    _set_out(origins, directions, levels, near, finest, cone, width, 0, *outputs)
+    _set_out(origins, directions, levels, near, finest, cone, 0, *outputs)
     _clear(counts)
 
 

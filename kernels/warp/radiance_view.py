@@ -16,20 +16,6 @@ from ._radiance_view_walk import look
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 NEVER = wp.constant(1.0e30)  # where a ray goes on that is done
-TILE = wp.constant(8)  # rows of an image whose rays are side by side in a list
-
-
-@wp.func
-def nth_of_tiles(i: int, count: int, width: int) -> int:
-    """Return which of `count` pixels of rows of `width` comes i-th column by column of TILE rows.
-
-    Rows that do not fill such a band stay as they are.
-    """
-    band = TILE * width
-    begin = i // band * band
-    if begin + band > count:
-        return i
-    return begin + (i - begin) % TILE * width + (i - begin) // TILE
 
 
 @wp.kernel
@@ -43,7 +29,6 @@ def set_out_kernel(
     near: float,
     finest: float,
     cone: float,
-    width: int,
     # outputs
     at: wp.array[float],  # (R,)
     taken: wp.array[int],  # (R,)
@@ -62,7 +47,7 @@ def set_out_kernel(
         ends = reach(row(origins, ray), inverse, levels, near, NEVER, finest, cone, 0.5)
         at[ray] = ends[0]
         taken[ray] = 0
-        listing[ray] = nth_of_tiles(ray, listing.shape[0], width)
+        listing[ray] = ray
         for k in range(3):
             color[ray, k] = 0.0
         opacity[ray] = 0.0
@@ -76,7 +61,6 @@ def set_out(
     near: float,
     finest: float,
     cone: float,
-    width: int,
     at: wp.array,
     taken: wp.array,
     listing: wp.array,
@@ -89,11 +73,10 @@ def set_out(
 
     What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
     `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
-    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0. Of rays through the pixels of
-    rows of `width`, those through a patch of an image are side by side in the list.
+    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
     """
     count = origins.shape[0]
-    inputs = [origins, directions, levels, near, finest, cone, width]
+    inputs = [origins, directions, levels, near, finest, cone]
     outputs = [at, taken, listing, counts, color, opacity, depth]
     launch_each(set_out_kernel, count, 32 * count, inputs, outputs)
 
