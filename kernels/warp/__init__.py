@@ -120,13 +120,14 @@ def to_numpy(array: wp.array) -> np.ndarray:
     if not array.device.is_cuda:
         return array.numpy()
     stream = _launch.current_stream(array.device)
-    if array.size * wp.types.type_size_in_bytes(array.dtype) > _FEW:
-        wp.synchronize_stream(stream)
-        return array.numpy()
-    page = _launch.page(_FEW, array.dtype, array.shape)
-    wp.copy(page, array, stream=stream)
+    few = array.size * wp.types.type_size_in_bytes(array.dtype) <= _FEW
+    found = np.empty(array.shape, wp.dtype_to_numpy(array.dtype))
+    host = _launch.page(_FEW, array.dtype, array.shape) if few else adopt(found, "cpu")
+    wp.copy(host, array, stream=stream)
     wp.synchronize_stream(stream)
-    return page.numpy().copy()
+    if few:
+        found[...] = host.numpy()
+    return found
 
 
 own_scratch = _launch.own_scratch
