@@ -250,7 +250,7 @@ def total_variation(
     outputs = [d_density, d_color]
     if density.device.is_cuda:
         inputs = [*weights, *map(_flat, grid), side, width]
-        launch(nodes.total_variation, color.size, inputs, [_flat(a) for a in outputs])
+        launch(nodes.total_variation, _warps(density.size), inputs, [_flat(a) for a in outputs])
     else:
         kernel = planes.kernels(width).total_variation
         launch_slabs(kernel, side, _planes(side), [*weights, *grid], outputs)
@@ -286,7 +286,7 @@ def adam(
         color_square, color,
     ]  # fmt: skip
     if density.device.is_cuda:
-        launch(nodes.adam, color.size, [*inputs, width], [_flat(a) for a in outputs])
+        launch(nodes.adam, _warps(density.size), [*inputs, width], [_flat(a) for a in outputs])
     else:
         launch_slabs(planes.kernels(width).adam, side, _planes(side), inputs, outputs)
 
@@ -320,6 +320,11 @@ def _shift(resolution: int, cells: int) -> int:
 def _planes(side: int) -> int:
     """Into how many slabs the planes of a grid are cut: many, as few have much in them."""
     return max(1, min(side, 8 * slabs(side, side**3)))
+
+
+def _warps(count: int) -> int:
+    """Return the threads of whole warps for `count` items."""
+    return -(-count // 32) * 32
 
 
 def _flat(array: wp.array) -> wp.array:
