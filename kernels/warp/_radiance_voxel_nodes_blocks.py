@@ -1,6 +1,6 @@
-"""Steps over the whole grid of density and colour on CUDA: one warp 32 nodes.
+"""Steps over the whole grid of density and colour on CUDA: one warp 32 nodes, or 32 cells.
 
-Only nodes that rays have touched count. Each thread looks whether one of them was; then the rows of
+Only nodes that rays have touched learn. Each thread looks whether one of them was; then the rows of
 coefficients of those are taken several at a time, four coefficients a thread.
 """
 
@@ -188,3 +188,37 @@ def adam(
         wp.tid(), rate_density, rate_color, factor, beta1, beta2, epsilon, width, touched,
         d_density, density_mean, density_square, density, d_color, color_mean, color_square, color,
     )  # fmt: skip
+
+
+@wp.func_native("""
+    const int i = cell % cells * size, j = cell / cells % cells * size;
+    const int k = cell / (cells * cells) * size, side = density.shape[0];
+    bool found = false;
+    for (int z = k; z <= k + size; ++z)
+        for (int y = j; y <= j + size; ++y) {
+            const float* row = density.data + ((size_t)z * side + y) * side + i;
+            for (int x = 0; x <= size; ++x) found |= row[x] > least;
+        }
+    const unsigned word = __ballot_sync(0xffffffffu, found);
+    if (threadIdx.x % 32 == 0) bits.data[cell / 32] = word;
+""")
+def mark_cell(
+    cell: int,
+    density: wp.array3d[float],
+    cells: int,
+    size: int,
+    least: float,
+    bits: wp.array[wp.uint32],
+): ...
+
+
+@wp.kernel
+def mark(
+    density: wp.array3d[float],  # (N + 1, N + 1, N + 1)
+    cells: int,
+    size: int,  # N / cells
+    least: float,
+    # outputs
+    bits: wp.array[wp.uint32],  # (cells^3 / 32,)
+):
+    mark_cell(wp.tid(), density, cells, size, least, bits)

@@ -299,7 +299,11 @@ def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
     """
     count = cells**3 // 32
     size = (density.shape[0] - 1) // cells
-    launch_each(mark_kernel, count, 32 * 64 * count, [density, cells, size, least], [bits])
+    inputs = [density, cells, size, least]
+    if density.device.is_cuda:
+        launch(nodes.mark, 32 * count, inputs, [bits])
+    else:
+        launch_each(mark_kernel, count, 32 * 64 * count, inputs, [bits])
 
 
 def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) -> None:
