@@ -134,7 +134,7 @@ def test_hash_backward_compiles_for_hopper(dtype, sums, add, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("sums", "add"), [(wp.float32, "add.f32"), (wp.int64, "add.u64")], ids=["float", "fixed"]
+    ("sums", "add"), [(wp.float32, "add.v4.f32"), (wp.int64, "add.u64")], ids=["float", "fixed"]
 )
 def test_voxel_backward_compiles_for_hopper(sums, add, tmp_path):
     kernel = load("_radiance_voxel_blocks").render_backward(sums)
