@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from . import _launch
+from . import _launch, _pages
 
 _streams: dict[tuple[str, int], wp.Stream] = {}
 _process = 0
@@ -121,7 +121,7 @@ def to_numpy(array: wp.array) -> np.ndarray:
         return array.numpy()
     stream = _launch.current_stream(array.device)
     few = array.size * wp.types.type_size_in_bytes(array.dtype) <= _FEW
-    found = np.empty(array.shape, wp.dtype_to_numpy(array.dtype))
+    found = _pages.empty(array.shape, np.dtype(wp.dtype_to_numpy(array.dtype)))
     host = _launch.page(_FEW, array.dtype, array.shape) if few else adopt(found, "cpu")
     wp.copy(host, array, stream=stream)
     wp.synchronize_stream(stream)
