@@ -292,6 +292,24 @@ def test_a_gpu_that_is_not_there_is_refused(backend):
         cvkern.gaussian(noise(), 1.0)
 
 
+def test_results_keep_their_memory(backend):
+    images = np.random.default_rng(0).random((10, 600, 512), np.float32)  # above a megabyte each
+    wanted = [cvkern.gaussian(image, 1.0) for image in images]
+    with cvkern.use(device="cuda"):
+        first = cvkern.gaussian(images[0], 1.0)
+        view, address = first[7:9].T, first.ctypes.data
+        del first
+        kept = [cvkern.gaussian(image, 1.0) for image in images]  # more than have locked pages
+        np.testing.assert_array_equal(view, wanted[0][7:9].T)
+        assert address not in [array.ctypes.data for array in kept]
+        del view, kept[:5]
+        kept += [cvkern.gaussian(image, 1.0) for image in images]
+    for got, want in zip(kept, wanted[5:] + wanted, strict=True):
+        np.testing.assert_array_equal(got, want)
+    if backend == "warp":
+        assert address in [array.ctypes.data for array in kept]  # used again
+
+
 @pytest.mark.parametrize("name", ["gaussian", "box", "median"])
 def test_out_of_numpy_and_on_the_gpu(name):
     torch = pytest.importorskip("torch")
