@@ -284,14 +284,6 @@ def test_plain_calls_between_replays_do_not_disturb_them():
             np.testing.assert_array_equal(take(mask), reference(CALLS["canny"], large))
 
 
-# --- what must be refused ------------------------------------------------------------------------
-
-
-def test_a_gpu_that_is_not_there_is_refused(backend):
-    with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match="device must be"):
-        cvkern.gaussian(noise(), 1.0)
-
-
 def test_results_keep_their_memory(backend):
     images = np.random.default_rng(0).random((10, 600, 512), np.float32)  # above a megabyte each
     wanted = [cvkern.gaussian(image, 1.0) for image in images]
@@ -308,6 +300,14 @@ def test_results_keep_their_memory(backend):
         np.testing.assert_array_equal(got, want)
     if backend == "warp":
         assert address in [array.ctypes.data for array in kept]  # used again
+
+
+# --- what must be refused ------------------------------------------------------------------------
+
+
+def test_a_gpu_that_is_not_there_is_refused(backend):
+    with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match="device must be"):
+        cvkern.gaussian(noise(), 1.0)
 
 
 @pytest.mark.parametrize("name", ["gaussian", "box", "median"])
