@@ -133,7 +133,7 @@ def give(library, image):
     if library == "torch":
         return module.from_numpy(image.copy())
     if library == "jax":
-        return module.numpy.asarray(image)
+        return module.device_put(image, module.devices("cpu")[0])
     return module.array(image, device="cpu")
 
 

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from . import _launch
+from . import _launch, _pages
 
 _streams: dict[tuple[str, int], wp.Stream] = {}
 _process = 0
+_FEW = 4096  # bytes: to bring so many to the host, all but the copy itself takes longest
 _lock = threading.Lock()
 
 
@@ -116,9 +117,17 @@ def clear(array: wp.array) -> None:
 
 def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
-    if array.device.is_cuda:
-        wp.synchronize_stream(_launch.current_stream(array.device))
-    return array.numpy()
+    if not array.device.is_cuda:
+        return array.numpy()
+    stream = _launch.current_stream(array.device)
+    few = array.size * wp.types.type_size_in_bytes(array.dtype) <= _FEW
+    found = _pages.empty(array.shape, np.dtype(wp.dtype_to_numpy(array.dtype)))
+    host = _launch.page(_FEW, array.dtype, array.shape) if few else adopt(found, "cpu")
+    wp.copy(host, array, stream=stream)
+    wp.synchronize_stream(stream)
+    if few:
+        found[...] = host.numpy()
+    return found
 
 
 own_scratch = _launch.own_scratch

@@ -27,6 +27,7 @@ class _ThreadState(threading.local):
 
     stream: wp.Stream | None = None
     fixed: bool = False  # whether the stream stays whatever the callers' arrays say
+    page: wp.array | None = None
 
     def __init__(self) -> None:
         self.streams_scratch: dict[tuple[str, str, int], wp.array] = {}
@@ -110,6 +111,13 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
             wp.synchronize_stream(device.stream)
         _thread.scratch[key] = block
     return view(block, dtype, shape)
+
+
+def page(size: int, dtype: Any, shape: tuple[int, ...]) -> wp.array:
+    """Return host memory that a GPU writes to directly, of this thread, of at most `size` bytes."""
+    if _thread.page is None:
+        _thread.page = wp.empty(size, dtype=wp.uint8, device="cpu", pinned=True)
+    return view(_thread.page, dtype, shape)
 
 
 def view(

@@ -252,7 +252,7 @@ def total_variation(
     outputs = [d_density, d_color]
     if density.device.is_cuda:
         inputs = [*weights, *map(_flat, grid), side, width]
-        launch(nodes.total_variation, color.size, inputs, [_flat(a) for a in outputs])
+        launch(nodes.total_variation, _warps(density.size), inputs, [_flat(a) for a in outputs])
     else:
         kernel = planes.kernels(width).total_variation
         launch_slabs(kernel, side, _planes(side), [*weights, *grid], outputs)
@@ -288,7 +288,7 @@ def adam(
         color_square, color,
     ]  # fmt: skip
     if density.device.is_cuda:
-        launch(nodes.adam, color.size, [*inputs, width], [_flat(a) for a in outputs])
+        launch(nodes.adam, _warps(density.size), [*inputs, width], [_flat(a) for a in outputs])
     else:
         launch_slabs(planes.kernels(width).adam, side, _planes(side), inputs, outputs)
 
@@ -301,7 +301,11 @@ def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
     """
     count = cells**3 // 32
     size = (density.shape[0] - 1) // cells
-    launch_each(mark_kernel, count, 32 * 64 * count, [density, cells, size, least], [bits])
+    inputs = [density, cells, size, least]
+    if density.device.is_cuda:
+        launch(nodes.mark, 32 * count, inputs, [bits])
+    else:
+        launch_each(mark_kernel, count, 32 * 64 * count, inputs, [bits])
 
 
 def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) -> None:
@@ -317,6 +321,11 @@ def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) 
 def _planes(side: int) -> int:
     """Into how many slabs the planes of a grid are cut: many, as few have much in them."""
     return max(1, min(side, 8 * slabs(side, side**3)))
+
+
+def _warps(count: int) -> int:
+    """Return the threads of whole warps for `count` items."""
+    return -(-count // 32) * 32
 
 
 def _flat(array: wp.array) -> wp.array:
