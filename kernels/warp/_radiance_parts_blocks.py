@@ -21,8 +21,9 @@ SUM_OF_BLOCK = f"""
     }};
 """
 
-# A block has 32 columns; each of its warps adds up its share of the parts, and the first all.
-ADD_UP = f"""
+
+@wp.func_native(f"""
+    // A block has 32 columns; each of its warps adds up its share of the parts, the first one all.
     __shared__ float shares[{WARPS}][32];
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, column = blockIdx.x * 32 + lane;
     const int count = parts.shape[0], last = count * (warp + 1) / {WARPS};
@@ -35,10 +36,7 @@ ADD_UP = f"""
     if (warp) return;
     for (int other = 1; other < {WARPS}; ++other) sum += shares[other][lane];
     sums.data[column] += sum;
-"""
-
-
-@wp.func_native(ADD_UP)
+""")
 def add_up(parts: wp.array2d[float], sums: wp.array[float]): ...
 
 
