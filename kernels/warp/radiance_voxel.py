@@ -250,7 +250,8 @@ def total_variation(
     outputs = [d_density, d_color]
     if density.device.is_cuda:
         inputs = [*weights, *map(_flat, grid), side, width]
-        launch(nodes.total_variation, _warps(density.size), inputs, [_flat(a) for a in outputs])
+        count = nodes.threads(density.size)
+        launch(nodes.total_variation, count, inputs, [_flat(a) for a in outputs], nodes.BLOCK)
     else:
         kernel = planes.kernels(width).total_variation
         launch_slabs(kernel, side, _planes(side), [*weights, *grid], outputs)
@@ -286,7 +287,8 @@ def adam(
         color_square, color,
     ]  # fmt: skip
     if density.device.is_cuda:
-        launch(nodes.adam, _warps(density.size), [*inputs, width], [_flat(a) for a in outputs])
+        count = nodes.threads(density.size)
+        launch(nodes.adam, count, [*inputs, width], [_flat(a) for a in outputs], nodes.BLOCK)
     else:
         launch_slabs(planes.kernels(width).adam, side, _planes(side), inputs, outputs)
 
@@ -324,11 +326,6 @@ def _shift(resolution: int, cells: int) -> int:
 def _planes(side: int) -> int:
     """Into how many slabs the planes of a grid are cut: many, as few have much in them."""
     return max(1, min(side, 8 * slabs(side, side**3)))
-
-
-def _warps(count: int) -> int:
-    """Return the threads of whole warps for `count` items."""
-    return -(-count // 32) * 32
 
 
 def _flat(array: wp.array) -> wp.array:
