@@ -19,6 +19,8 @@ OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
 
 THREADS = 32  # of a ray
+BLOCK = 64  # few, as rays differ in length
+BOUNDS = BLOCK, 10  # with more blocks at a time there would not be registers enough
 
 # The b-th harmonic, by comparisons: an index would put all of them in memory.
 _HARMONIC = "".join(f"b == {k} ? {h} : " for k, h in enumerate(HARMONICS[:8])) + HARMONICS[8]
@@ -302,7 +304,7 @@ def walk_forward(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=BOUNDS)
 def render(
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
@@ -382,7 +384,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         touched: wp.array3d[wp.uint8],
     ): ...
 
-    @wp.kernel(module="unique", module_options=OPTIONS)
+    @wp.kernel(launch_bounds=BOUNDS, module="unique", module_options=OPTIONS)
     def render_backward(
         d_colors: wp.array2d[float],  # (R, 3)
         d_opacity: wp.array[float],  # (R,)

@@ -1,6 +1,6 @@
 """Steps over the whole grid of density and colour on CUDA.
 
-Only nodes that rays have touched learn, few of them all. The threads of a block look at 16 nodes
+Only nodes that rays have touched learn, few of them all. The threads of a block look at 8 nodes
 each and list those in shared memory; then a thread takes one of them, or four coefficients of one.
 """
 
@@ -11,7 +11,7 @@ from ._adam import STEP_ON_CUDA
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 BLOCK = 256  # threads
-NODES = 16  # that a thread looks at
+NODES = 8  # that a thread looks at
 
 # DENSITY for a touched `node`, and COLOR for the i-th four of all coefficients, which are of a
 # touched `node`. PREPARE is before both.
@@ -24,11 +24,10 @@ _TOUCHED = f"""
     const int begin = first - {NODES} * threadIdx.x;  // of the block
     auto find = [&](int node) {{ found[atomicAdd(&count, 1)] = node - begin; }};
     if (first + {NODES} <= all) {{
-        const uint4 marks = ((const uint4*)touched.data)[thread];
-        const unsigned words[4] = {{marks.x, marks.y, marks.z, marks.w}};
-        if (marks.x | marks.y | marks.z | marks.w)
+        const unsigned long long marks = ((const unsigned long long*)touched.data)[thread];
+        if (marks)
             for (int k = 0; k < {NODES}; ++k)
-                if (words[k / 4] >> 8 * (k % 4) & 255u) find(first + k);
+                if (marks >> 8 * k & 255u) find(first + k);
     }} else
         for (int node = first; node < all; ++node)
             if (touched.data[node]) find(node);

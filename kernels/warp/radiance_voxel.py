@@ -159,7 +159,7 @@ def render(
     ]  # fmt: skip
     outputs = [colors, opacity, depth, distortion, samples]
     if density.device.is_cuda:
-        launch(blocks.render, blocks.THREADS * count, inputs, outputs)
+        launch(blocks.render, blocks.THREADS * count, inputs, outputs, blocks.BLOCK)
     else:
         kernel = rows.kernels(color.shape[3]).render
         launch_slabs(kernel, count, -(-count // RAYS), inputs, outputs)
@@ -216,7 +216,8 @@ def render_backward(
     outputs = [d_density, d_color, touched]
     if density.device.is_cuda:
         inputs = [*gradients, origins, directions, active, *march, samples]
-        launch(blocks.render_backward(d_color.dtype), blocks.THREADS * count, inputs, outputs)
+        kernel = blocks.render_backward(d_color.dtype)
+        launch(kernel, blocks.THREADS * count, inputs, outputs, blocks.BLOCK)
         return
     kernels = rows.kernels(color.shape[3])
     # Kernels of the CPU are done when their launch is: the host can read what they wrote.
