@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from cvkern.radiance import (
     make_scene,
     psnr,
     trainer,
+    training,
 )
 from cvkern.radiance.rendering import photograph
 from cvkern.radiance.sampled import SampledField
@@ -102,6 +104,12 @@ def test_a_name_is_a_field_that_suits_the_device(scene, name):
 
 def test_without_a_name_the_cpu_has_a_grid():
     assert suited() == VoxelField()
+
+
+def test_a_gpu_has_a_table_or_a_finer_grid(monkeypatch):
+    monkeypatch.setattr(training, "runtime", lambda: SimpleNamespace(device="cuda"))
+    assert suited() == HashField()
+    assert suited("voxel").resolutions == (*VoxelField().resolutions, 256)
 
 
 def test_ctrl_c_ends_the_looks_at_held_out_views(scene, tmp_path, monkeypatch):

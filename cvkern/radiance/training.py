@@ -32,11 +32,17 @@ KINDS: dict[str, type[Settings]] = {"voxel": VoxelField, "hash": HashField, "mlp
 # With these a step of 'hash' or 'mlp' takes about 30 ms on two cores; batches of the defaults are
 # 16 and 4 times as large, and the perceptron of MLPField() some 20 times.
 ON_CPU: dict[str, dict[str, Any]] = {
-    "voxel": {},
     "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
     "mlp": {
         "width": 64, "layers": 4, "skip": 2, "frequencies": 6, "samples": 2**14, "cells": 32,
         "steps": 128, "learning_rate": 5e-3,
+    },
+}  # fmt: skip
+# The defaults of a grid are for the CPU. A GPU has the time for a finer one, and 9 GB.
+ON_GPU: dict[str, dict[str, Any]] = {
+    "voxel": {
+        "resolutions": (32, 64, 128, 256), "shares": (0.05, 0.15, 0.4), "rays": 2**13,
+        "smooth_color": 1e-10, "final_rate": 0.01,
     },
 }  # fmt: skip
 
@@ -65,9 +71,10 @@ def fit(
     scene : Scene
         Its views that are not kept back for testing are trained from.
     field : {'voxel', 'hash', 'mlp'}, or VoxelField, HashField or MLPField, optional
-        What to train. A name is that of a field with settings that suit the device: on a GPU its
-        defaults; on the CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller
-        ones. By default 'voxel' on the CPU, which mostly learns faster there, and 'hash' on a GPU.
+        What to train. A name is that of a field with settings that suit the device. On a GPU they
+        are its defaults, but that 'voxel' goes on to a grid of 256 cells, which takes 9 GB; on the
+        CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller ones. By default
+        'voxel' on the CPU, which mostly learns faster there, and 'hash' on a GPU.
     seconds : float, optional
         Time to train for, > 0, without the first step, which may have to compile kernels, looks
         at held-out views, and saving; 60 by default.
@@ -191,7 +198,7 @@ def suited(field: str | None = None) -> Settings:
     """Return settings that suit the chosen device, of the kind of field called so or of any."""
     on_cpu = runtime().device == "cpu"
     name = field or ("voxel" if on_cpu else "hash")
-    return KINDS[name](**(ON_CPU[name] if on_cpu else {}))
+    return KINDS[name](**(ON_CPU if on_cpu else ON_GPU).get(name, {}))
 
 
 def _begin(
