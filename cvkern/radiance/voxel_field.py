@@ -50,7 +50,8 @@ class VoxelField:
     CUDA gradients are added up in the order in which they happen to come, unless training is to be
     deterministic.
 
-    A grid of N cells takes 0.5 kB for each of (N + 1)^3 nodes: 1.1 GB for 128.
+    A grid of N cells takes 0.5 kB for each of (N + 1)^3 nodes, 1.1 GB for 128; on the CPU only for
+    those that rays have touched.
 
     References
     ----------
@@ -291,10 +292,13 @@ class VoxelGrid(Field):
             nodes.size and not 0 <= nodes.min() <= nodes.max() < math.prod(shape)
         ):
             raise ValueError(f"nodes must be numbers of nodes, got shape {nodes.shape}")
+        in_place = self.rt.device == "cpu"  # what is not written there takes no memory
         for name, array in self._arrays().items():
-            rows = np.zeros((math.prod(shape), math.prod(array.shape[3:])), np.float32)
+            values = self.rt.to_numpy(array) if in_place else np.zeros(array.shape, np.float32)
+            rows = values.reshape(math.prod(shape), -1)
             rows[nodes] = taken(state, name, (len(nodes), rows.shape[1]))
-            self.rt.write(array, rows.reshape(array.shape))
+            if not in_place:
+                self.rt.write(array, values)
         self._mark()
 
     def _arrays(self) -> dict[str, Any]:
