@@ -12,6 +12,7 @@ from radiance_runs import FIELDS, TINY, interrupt, press_ctrl_c, same
 
 import cvkern
 from cvkern.radiance import VoxelField, fit, load_model, make_scene, render
+from cvkern.radiance.trainer import Trainer
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,15 @@ def test_a_killed_run_goes_on(scene, tmp_path, monkeypatch):
     again = fit(scene, TINY, steps=48, checkpoint=file, resume=True)  # nothing is left to do
     assert (again.training.step, again.training.marks) == (48, on.training.marks)
     assert [file.name for file in tmp_path.iterdir()] == ["model.npz"]
+
+
+@FIELDS
+def test_a_larger_budget_is_what_counts(scene, tmp_path, field):
+    """Up to the first look of the host at how much is done, trainings of any length are the same."""
+    file = tmp_path / "model.npz"
+    fit(scene, field, steps=16, checkpoint=file)
+    on = fit(scene, field, steps=48, checkpoint=file, resume=True)
+    assert same(on, fit(scene, field, steps=48))
 
 
 @pytest.fixture(scope="module")
@@ -230,6 +240,22 @@ def test_a_full_disk(model, scene, tmp_path, monkeypatch):
         fit(scene, TINY, steps=2, checkpoint=file)
     assert file.read_bytes() == before
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_what_cannot_be_written_to_is_refused_before_the_training(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(Trainer, "step", lambda self: pytest.fail("trained in vain"))
+    (tmp_path / "folder.npz").mkdir()
+    with pytest.raises(ValueError, match=r"path must name a regular file, got .*folder\.npz"):
+        fit(scene, TINY, steps=2, checkpoint=tmp_path / "folder.npz")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(PermissionError, match="path must lie in a folder to write to"):
+        fit(scene, TINY, steps=2, checkpoint=tmp_path / "model.npz")
+
+
+def test_settings_of_numpy_can_be_saved(scene, tmp_path):
+    field = replace(TINY, rays=np.int64(64), learning_rate=np.float32(0.01))
+    fit(scene, field, steps=2, checkpoint=tmp_path / "model.npz")
+    assert load_model(tmp_path / "model.npz").settings == field
 
 
 def test_checkpoints_of_another_training(scene, tmp_path):

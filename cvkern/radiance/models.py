@@ -101,18 +101,19 @@ class Model:
         path : path
             Ends in ``.npz``; an existing file is replaced once the new one is complete.
         resumable : bool, default True
-            Keep what training needs to go on: two thirds of the file.
+            Keep what training needs to go on: two thirds of the file. Models for rendering alone
+            give the same pictures.
 
         Raises
         ------
         FileNotFoundError
             If the folder of `path` does not exist.
         ValueError
-            If `path` has another ending.
+            If `path` has another ending, or is a folder.
         OSError
             If the disk is full, say; the old file stays.
         """
-        checkpoints.check_suffix(path)
+        checkpoints.check_path(path)
         frame, views, training = self.frame, self.cameras, self.training
         header = {
             "field": type(self.settings).__name__,

@@ -119,8 +119,8 @@ def fit(
     ValueError
         If an option is unknown or out of its range, both `seconds` and `steps` are given, the
         scene has no views to train from, images that do not fit its cameras or a camera more than
-        32768 half-sides of its cube from the middle of that, or `checkpoint` is not a whole model
-        of the same settings.
+        32768 half-sides of its cube from the middle of that, or `checkpoint` has another ending or
+        is a folder, or, to go on from, is not a whole model of the same settings.
 
     Notes
     -----
@@ -175,7 +175,7 @@ def fit(
     if not (~scene.test).any():
         raise ValueError(f"scene must have views to train from, got {len(scene)} kept back")
     if checkpoint is not None:
-        checkpoints.check_suffix(checkpoint)
+        checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     model = _begin(scene, field, background, seed, checkpoint if resume else None)
