@@ -184,7 +184,7 @@ def test_wrong_versions_shapes_and_names(model, tmp_path):
     source, target = tmp_path / "model.npz", tmp_path / "other.npz"
     model.save(source)
     for old, new, rule in (
-        ('"version": 2', '"version": 3', "of version 2, got 'cvkern radiance field' of version 3"),
+        ('"version": 3', '"version": 2', "of version 3, got 'cvkern radiance field' of version 2"),
         ("cvkern radiance field", "something else", "got 'something else'"),
         ('"HashField"', '"NoField"', "field must be one of"),
         ('"table_bits": 12', '"table_bits": 11', "table.values must have shape"),

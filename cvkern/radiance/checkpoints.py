@@ -13,7 +13,7 @@ import numpy as np
 
 from cvkern._files import replacing
 
-FORMAT, VERSION = "cvkern radiance field", 2
+FORMAT, VERSION = "cvkern radiance field", 3
 HEADER = "header"
 
 # What reading raises where bytes are missing, or are not what we write: a RuntimeError where they

@@ -101,8 +101,8 @@ class Model:
         path : path
             Ends in ``.npz``; an existing file is replaced once the new one is complete.
         resumable : bool, default True
-            Keep what training needs to go on: two thirds of the file. Models for rendering alone
-            give the same pictures.
+            Keep what training needs to go on, two thirds of the file or more. Without it pictures
+            are the same.
 
         Raises
         ------
@@ -137,9 +137,9 @@ class Model:
         }
         self.rt  # noqa: B018  (this thread may not have used the device yet)
         arrays |= {f"extra.{name}": values for name, values in self.extra.items()}
-        for name, values in self.field.state().items():
-            needless = not resumable and name.endswith((".mean", ".square"))
-            arrays[f"state.{name}"] = np.zeros_like(values) if needless else values
+        state = self.field.state()
+        state = state if resumable else self.field.to_render(state)
+        arrays |= {f"state.{name}": values for name, values in state.items()}
         checkpoints.write(path, header, arrays)
 
 
