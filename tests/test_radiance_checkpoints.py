@@ -63,7 +63,7 @@ def test_a_killed_run_goes_on(scene, tmp_path, monkeypatch):
 
 @FIELDS
 def test_a_larger_budget_is_what_counts(scene, tmp_path, field):
-    """Up to the first look of the host at how much is done, trainings of any length are the same."""
+    """Trainings of any length are the same up to the first look of the host at the clock."""
     file = tmp_path / "model.npz"
     fit(scene, field, steps=16, checkpoint=file)
     on = fit(scene, field, steps=48, checkpoint=file, resume=True)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._validate import check_integer
 from cvkern.radiance.cameras import Cameras
 
 
@@ -37,7 +38,7 @@ class Scene:
     near: float
     """Distance from a camera before which there is nothing, in units of the world."""
     far: float
-    """Distance behind which nothing is looked for; infinite in an unbounded scene."""
+    """Distance behind which nothing is looked for; may be infinite."""
     depths: np.ndarray | None = None
     """Distance along the rays of the views, (N, H, W) float32; NaN where it is not known."""
 
@@ -75,8 +76,8 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
         lens distortion), ``sparse/0`` or ``cameras.bin`` / ``cameras.txt`` (COLMAP; photographs
         in ``images``), ``poses_bounds.npy`` (LLFF).
     test_every : int, default 8
-        Every so many of the photographs, in order of their names, is kept back for testing where
-        the format does not say which.
+        One in so many of the photographs, in order of their names from the first on, is kept back
+        for testing where the format does not say which; 0 for none.
 
     Returns
     -------
@@ -87,16 +88,23 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     FileNotFoundError
         If there is no such folder, it is in none of the formats, or a file that it names is not
         there.
+    TypeError
+        If `test_every` is not an integer.
     ValueError
-        If a file is broken, there are no photographs, they differ in size, a number is not
-        finite, or a pose has no rotation in it; names the file.
+        If `test_every` is negative; if a file is broken, there are no photographs, they differ in
+        size, a number is not finite, a pose has no rotation in it, or a lens is of another model,
+        a fisheye, say: names the file.
 
     Notes
     -----
+    Photographs are taken as they are stored, whatever they say is up: so are those that their
+    cameras were found from.
+
     Formats that put pixel centres at halves are moved by half a pixel, and the OpenGL axes (y up,
     z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
     the unit of the files.
     """
+    test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"path must be a folder of posed photographs, got {str(path)!r}")
@@ -130,7 +138,7 @@ def read_images(files: list[Path]) -> np.ndarray:
     for file in files:
         if not file.exists():
             raise FileNotFoundError(f"scene must have all its photographs, but {file} is not there")
-        image = _as_bytes(read_image(file), file)
+        image = _as_bytes(read_image(file, orient=False), file)  # as cameras were fitted to it
         if found and image.shape != found[0].shape:
             raise ValueError(
                 f"photographs must have one size, got {image.shape} in {file}, "
@@ -156,9 +164,9 @@ def focus_of(poses: np.ndarray) -> np.ndarray:
 
 
 def every(count: int, step: int) -> np.ndarray:
-    """Mark the first of every `step` views, but not the only one."""
+    """Mark the first of every `step` views, but not the only one; none for 0."""
     marks = np.zeros(count, bool)
-    if count > 1:
+    if step and count > 1:
         marks[::step] = True
     return marks
 
