@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,7 +11,15 @@ from PIL import ExifTags, Image
 from truth import truth
 
 from cvkern.images import read_image, write_image
-from cvkern.radiance import cameras, load_scene, look_at, pixel_rays, project
+from cvkern.radiance import (
+    Bounds,
+    cameras,
+    load_scene,
+    look_at,
+    make_scene,
+    pixel_rays,
+    project,
+)
 from cvkern.radiance.scenes import focus_of
 
 RNG = np.random.default_rng(0)
@@ -303,6 +312,31 @@ def test_colmap_lenses(tmp_path, model, parameters, distortion):
     (tmp_path / "sparse/cameras.txt").write_text(f"7 {model} {WIDTH} {HEIGHT} {line}\n")
     scene = load_scene(tmp_path)
     assert_views(scene, poses, images, [20, 20, 9.2, 5.7], [*distortion, 0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"images": np.zeros((3, 8, 8, 3), np.float32)}, TypeError, "images must be uint8, got"),
+        (
+            {"images": np.zeros((2, 8, 8, 3), np.uint8)},
+            ValueError,
+            r"images must have shape \(3, 8",
+        ),
+        ({"images": np.zeros((3, 8, 9, 3), np.uint8)}, ValueError, r"got \(3, 8, 9, 3\)"),
+        ({"images": np.zeros((3, 8, 8, 2), np.uint8)}, ValueError, r"got \(3, 8, 8, 2\)"),
+        ({"test": np.array([0, 1, 0])}, TypeError, "test must be bool, got int64"),
+        ({"test": np.zeros(2, bool)}, ValueError, r"test must have shape \(3,\), got \(2,\)"),
+        ({"depths": np.zeros((3, 8, 9))}, ValueError, r"depths must have shape \(3, 8, 8\), got"),
+        ({"bounds": Bounds((0, 0, 0), 0.0, False)}, ValueError, "bounds must be finite with half"),
+        ({"bounds": Bounds((0, 0, np.nan), 1.0, False)}, ValueError, "bounds must be finite with"),
+        ({"near": 3.0, "far": 2.0}, ValueError, r"near must be >= 0 and below far, got 3\.0 and 2"),
+        ({"near": np.nan}, ValueError, "near must be >= 0 and below far, got nan"),
+    ],
+)
+def test_scenes_of_ones_own_are_checked(changes, error, message):
+    with pytest.raises(error, match=message):
+        replace(make_scene(train=2, test=1, size=8), **changes)
 
 
 def test_real_scenes():

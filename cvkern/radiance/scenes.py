@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._validate import check_integer
+from cvkern._validate import check_dtype, check_integer
 from cvkern.radiance.cameras import Cameras
 
 
@@ -26,7 +26,16 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Photographs with their cameras, and which of them are kept back for testing."""
+    """Photographs with their cameras, and which of them are kept back for testing.
+
+    Raises
+    ------
+    TypeError
+        If `images` are not uint8, or `test` is not bool.
+    ValueError
+        If `images`, `test` or `depths` do not fit the cameras, or the bounds have no size, or
+        `near` and `far` nothing between them.
+    """
 
     images: np.ndarray
     """(N, H, W, 3) or, with opacity, (N, H, W, 4), uint8; colours are not premultiplied."""
@@ -41,6 +50,24 @@ class Scene:
     """Distance behind which nothing is looked for; may be infinite."""
     depths: np.ndarray | None = None
     """Distance along the rays of the views, (N, H, W) float32; NaN where it is not known."""
+
+    def __post_init__(self) -> None:
+        views = len(self.cameras), self.cameras.height, self.cameras.width
+        check_dtype(self.images, np.uint8, "images")
+        check_dtype(self.test, np.bool_, "test")
+        if self.images.shape not in ((*views, 3), (*views, 4)):
+            raise ValueError(
+                f"images must have shape {(*views, 3)} or {(*views, 4)}, as the cameras have, got "
+                f"{self.images.shape}"
+            )
+        if self.test.shape != views[:1]:
+            raise ValueError(f"test must have shape {views[:1]}, got {self.test.shape}")
+        if self.depths is not None and self.depths.shape != views:
+            raise ValueError(f"depths must have shape {views}, got {self.depths.shape}")
+        if not (0 < self.bounds.half < np.inf and np.isfinite(self.bounds.center).all()):
+            raise ValueError(f"bounds must be finite with half > 0, got {self.bounds}")
+        if not 0 <= self.near < self.far:
+            raise ValueError(f"near must be >= 0 and below far, got {self.near} and {self.far}")
 
     def __len__(self) -> int:
         return len(self.images)
