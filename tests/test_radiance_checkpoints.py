@@ -191,16 +191,22 @@ def test_wrong_versions_shapes_and_names(model, tmp_path):
         ('"cells": 32', '"cells": 64', "occupancy.density must have shape"),
         ('"levels"', '"stories"', "stories"),
         ('"near"', '"far_off"', "no 'near'"),
+        ('"half": 1', '"half": -1', "half must be > 0"),
+        ('"background": "learnt"', '"background": "blue"', "background must be one of"),
+        (f'"rays": {model.training.rays}, "total', '"rays": 513, "total', "rays must be in"),
     ):
         header = edited(source, old, new)
         with pytest.raises(ValueError, match=rule):
             load_model(rewritten(source, target, header=header))
     for name, rule in (("state.layers.mean", "state must have 'layers.mean'"), ("header", "header"),
-                       ("behind", "no 'behind'")):  # fmt: skip
+                       ("behind", "must have 'behind'")):  # fmt: skip
         with pytest.raises(ValueError, match=rule):
             load_model(rewritten(source, target, **{name: None}))
     with pytest.raises(ValueError, match=r"layers\.mean must have shape"):
         load_model(rewritten(source, target, **{"state.layers.mean": np.zeros(3, np.float32)}))
+    for marks in (np.zeros(5), np.zeros((2, 4)), np.full((1, 5), np.inf)):
+        with pytest.raises(ValueError, match="path must be a whole model"):
+            load_model(rewritten(source, target, marks=marks))
     with pytest.raises(ValueError, match="path must be a whole model"):  # a pickled object
         load_model(rewritten(source, target, behind=np.array([None, {}], object)))
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import importlib
 import os
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_choice
+from cvkern._validate import check_choice, check_code, check_integer, check_positive
+from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.cameras import Cameras, cameras
 from cvkern.radiance.fields import Field, Frame
+from cvkern.radiance.sampled import taken
 from cvkern.radiance.scenes import Bounds
 
 __all__ = ["Mark", "Model", "load_model"]
@@ -153,7 +155,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        Ready to render; with :func:`fit` its training can go on.
+        Ready to render; :func:`fit` goes on with the training of the file where it is told to.
 
     Raises
     ------
@@ -166,7 +168,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     header, arrays = checkpoints.read(path)
     try:
         model = _from(header, arrays)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise ValueError(
             f"path must be a whole model, got {os.fspath(path)!r}: {reason}"
@@ -194,12 +196,15 @@ def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
     lenses = (arrays[f"cameras.{part}"] for part in ("poses", "intrinsics", "distortion"))
     poses, intrinsics, distortion = lenses
     views = cameras(poses, intrinsics, *header["size"], distortion=distortion)
-    training = replace(Training(**header["training"]))
-    training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in arrays["marks"]]
-    behind = arrays["behind"]
-    if behind.shape != (3,):
-        raise ValueError(f"behind must have shape (3,), got {behind.shape}")
+    check_positive(bounds.half, "half")
+    check_code(header["background"], Background, "background")
+    training = Training(**header["training"])
+    marks = taken(arrays, "marks", (len(arrays["marks"]), len(Mark._fields)))
+    training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in marks]
+    behind = taken(arrays, "behind", (3,))
     made = settings.build(runtime(), frame, int(header["seed"]))
+    check_integer(training.step, "step", 0, 2**31 - 1)
+    check_integer(training.rays, "rays", 0, made.rays)  # or kernels would leave their arrays
     made.restore(_part(arrays, "state."))
     extra = _part(arrays, "extra.")
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
