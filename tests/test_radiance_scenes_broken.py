@@ -19,7 +19,7 @@ from test_radiance_scenes import (
 )
 
 from cvkern.images import write_image
-from cvkern.radiance import cameras, load_scene
+from cvkern.radiance import cameras, load_scene, pixel_rays, project
 
 
 def test_how_many_are_kept_back_is_checked(tmp_path):
@@ -145,6 +145,23 @@ def test_bad_cameras(changes, message):
     good = {"poses": np.eye(4)[None], "intrinsics": INTRINSICS, "width": 3, "height": 4}
     with pytest.raises(ValueError, match=message):
         cameras(**(good | changes))
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda c: pixel_rays(c, 2, [[0, 0]]), ValueError, r"view must be in \[0, 1\], got 2"),
+        (lambda c: pixel_rays(c, -1, [[0, 0]]), ValueError, r"view must be in \[0, 1\], got -1"),
+        (lambda c: pixel_rays(c, 0, [1, 2]), ValueError, r"pixels must have shape \(N, 2\), got"),
+        (lambda c: project(c, 0.5, [[0, 0, 1]]), TypeError, "view must be an integer, got 0.5"),
+        (lambda c: project(c, 0, [[1, 2]]), ValueError, r"points must have shape \(N, 3\), got"),
+        (lambda c: c.resized(5), ValueError, r"factor must be in \[1, 4\], got 5"),
+        (lambda c: c.scaled(0), ValueError, "factor must be > 0, got 0"),
+    ],
+)
+def test_cameras_asked_for_what_is_not_there(call, error, message):
+    with pytest.raises(error, match=message):
+        call(cameras(np.tile(np.eye(4), (2, 1, 1)), INTRINSICS, 6, 4))
 
 
 def blender(folder, changes=lambda content: None):

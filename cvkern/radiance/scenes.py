@@ -82,7 +82,13 @@ class Scene:
         return float(np.median(np.maximum(away, self.bounds.half) / self.cameras.intrinsics[:, 0]))
 
     def resized(self, factor: int) -> Scene:
-        """Return the scene with its images averaged over blocks of `factor` x `factor` pixels."""
+        """Return the scene with its images averaged over blocks of `factor` x `factor` pixels.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`Cameras.resized`.
+        """
         small = self.cameras.resized(factor)
         depths = self.depths
         if depths is not None:
