@@ -31,11 +31,11 @@ class Mark(NamedTuple):
     seconds: float
     """Time spent in them, but for the first one of a run."""
     psnr: float
-    """Of the rays of the last steps before, decibels."""
+    """Of the rays of a batch at most 16 steps before, decibels; NaN if there is none."""
     test_psnr: float
     """Mean over views that were kept back, decibels; NaN where there are none."""
     test_ssim: float
-    """Mean structural similarity of the same views."""
+    """Mean structural similarity of the same views; NaN if they are too small for it."""
 
 
 @dataclass
@@ -64,7 +64,7 @@ class Model:
     """A radiance field made from the photographs of a scene.
 
     :func:`fit` makes one, :func:`load_model` reads one from a file, and :func:`render` and its like
-    make pictures of it.
+    make pictures of it. Only one thread at a time may use it.
     """
 
     field: Field

@@ -94,7 +94,8 @@ def fit(
         whole or not at all.
     resume : bool, default False
         Go on from `checkpoint` if that is there, with the settings that it has: `field` must be
-        equal to them, their kind, or None. `seconds` or `steps` count from the beginning.
+        equal to them, their kind, or None, and the `background`, the `seed` and the scene's bounds
+        the same. Other options may change. `seconds` or `steps` count from the beginning.
     save_every : float, default 60.0
         Seconds between saves, > 0.
     evaluate_every : int, optional
