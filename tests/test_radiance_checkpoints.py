@@ -21,7 +21,9 @@ def scene():
 
 
 @FIELDS
-@pytest.mark.parametrize("step", [21, 32])
+@pytest.mark.parametrize(
+    ("backend", "step"), [("warp", 21), ("warp", 32), ("taichi", 21)], indirect=["backend"]
+)
 def test_ctrl_c_stops_saves_and_can_go_on(backend, scene, tmp_path, monkeypatch, step, field):
     file = tmp_path / "model.npz"
     options = {"steps": 48, "background": "learnt"}

@@ -18,6 +18,7 @@ def tiny(monkeypatch):
     monkeypatch.setattr(radiance_quality, "VIEW", 16)
     monkeypatch.setattr(radiance_quality, "REPEATS", 1)
     monkeypatch.setattr(radiance_steps, "STEPS_TIMED", 3)
+    monkeypatch.setattr(radiance_steps.clock, "COPY_BYTES", 2**20)
     monkeypatch.delenv("CVKERN_DATA", raising=False)
 
 
