@@ -203,7 +203,7 @@ def test_photographs_are_not_turned(tmp_path):
         exif = photograph.getexif()
         exif[ExifTags.Base.Orientation] = 6
         photograph.save(file, exif=exif)
-    assert read_image(file).shape == (WIDTH, HEIGHT, 3)
+        assert read_image(file).shape == (WIDTH, HEIGHT, 3)
     assert_views(load_scene(tmp_path), poses, images, distortion=LENS)
 
 

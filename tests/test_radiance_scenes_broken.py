@@ -153,7 +153,11 @@ def test_bad_cameras(changes, message):
         (lambda c: pixel_rays(c, 2, [[0, 0]]), ValueError, r"view must be in \[0, 1\], got 2"),
         (lambda c: pixel_rays(c, -1, [[0, 0]]), ValueError, r"view must be in \[0, 1\], got -1"),
         (lambda c: pixel_rays(c, 0, [1, 2]), ValueError, r"pixels must have shape \(N, 2\), got"),
-        (lambda c: project(c, 0.5, [[0, 0, 1]]), TypeError, "view must be an integer, got 0.5"),
+        (
+            lambda c: project(c, c.width / 4, [[0, 0, 1]]),
+            TypeError,
+            "view must be an integer, got 1.5",
+        ),
         (lambda c: project(c, 0, [[1, 2]]), ValueError, r"points must have shape \(N, 3\), got"),
         (lambda c: c.resized(5), ValueError, r"factor must be in \[1, 4\], got 5"),
         (lambda c: c.scaled(0), ValueError, "factor must be > 0, got 0"),
