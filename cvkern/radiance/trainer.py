@@ -160,7 +160,7 @@ class Trainer:
                 begin += time.perf_counter() - paused
         self.rt.to_numpy(at)
         state.seconds, state.stopped = spent(), stop.is_set()
-        self._step, self._edition = None, -1  # what is recorded holds all of this, and this holds it
+        self._step, self._edition = None, -1  # or this would hold itself in memory
         try:
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))
