@@ -101,7 +101,8 @@ def fit(
         whole or not at all.
     resume : bool, default False
         Go on from `checkpoint` if that is there, with the settings that it has: `field` must be
-        equal to them, their kind, or None. `seconds` or `steps` count from the beginning.
+        equal to them, their kind, or None, and the `background`, the `seed` and the scene's bounds
+        the same. Other options may change. `seconds` or `steps` count from the beginning.
     save_every : float, default 60.0
         Seconds between saves, > 0.
     evaluate_every : int, optional
@@ -125,9 +126,9 @@ def fit(
         If an argument is of another kind.
     ValueError
         If an option is unknown or out of its range, both `seconds` and `steps` are given, the
-        scene has no views to train from, images that do not fit its cameras or a camera more than
-        32768 half-sides of its cube from the middle of that, or `checkpoint` is not a whole model
-        of the same settings.
+        scene has no views to train from, images of 2 GiB or more in all or a camera more than 32768
+        half-sides of its cube from the middle of that, or `checkpoint` has another ending or
+        is a folder, or, to go on from, is not a whole model of the same settings.
 
     Notes
     -----
@@ -153,16 +154,10 @@ def fit(
         raise TypeError(f"field must be settings such as HashField(), or a name, got {field!r}")
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, got {type(scene).__name__}")
-    size = scene.cameras.height, scene.cameras.width
-    if scene.images.dtype != np.uint8:
-        raise TypeError(f"scene must have images of uint8, got {scene.images.dtype}")
-    if scene.images.shape[:3] != (len(scene.cameras), *size) or scene.images.shape[3:] not in (
-        (3,),
-        (4,),
-    ):
+    if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
         raise ValueError(
-            f"scene must have RGB or RGBA images of {size[0]} x {size[1]} pixels, one for each of "
-            f"{len(scene.cameras)} cameras, got shape {scene.images.shape}"
+            f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "
+            "scene.resized makes smaller ones"
         )
     if seconds is not None and steps is not None:
         raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
@@ -182,7 +177,7 @@ def fit(
     if not (~scene.test).any():
         raise ValueError(f"scene must have views to train from, got {len(scene)} kept back")
     if checkpoint is not None:
-        checkpoints.check_suffix(checkpoint)
+        checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     model = _begin(scene, field, background, seed, checkpoint if resume else None)

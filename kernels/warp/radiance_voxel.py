@@ -103,18 +103,19 @@ def upsample_kernel(
             for j in range(ys[0], ys[1]):
                 for i in range(xs[0], xs[1]):
                     wanted = wanted or density[k, j, i] > least
+        if not wanted:
+            continue
         for c in range(fine.shape[3]):
             total = float(0.0)
-            if wanted:
-                for k in range(zs[0], zs[1]):
-                    for j in range(ys[0], ys[1]):
-                        for i in range(xs[0], xs[1]):
-                            total += (
-                                share(at[0], i, side - 1, most)
-                                * share(at[1], j, side - 1, most)
-                                * share(at[2], k, side - 1, most)
-                                * coarse[k, j, i, c]
-                            )
+            for k in range(zs[0], zs[1]):
+                for j in range(ys[0], ys[1]):
+                    for i in range(xs[0], xs[1]):
+                        total += (
+                            share(at[0], i, side - 1, most)
+                            * share(at[1], j, side - 1, most)
+                            * share(at[2], k, side - 1, most)
+                            * coarse[k, j, i, c]
+                        )
             fine[at[2], at[1], at[0], c] = total
 
 
@@ -314,8 +315,8 @@ def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
 def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) -> None:
     """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    Nodes that are in no coarse cell with a node of a raw density above `least` become 0; `density`
-    (N, N, N) has those.
+    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
+    `least` are not written; `density` (N, N, N) has those.
     """
     count = fine.shape[0] ** 3
     launch_each(upsample_kernel, count, 64 * count, [density, least, coarse], [fine])
