@@ -214,7 +214,7 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     with replacing(path) as beside:
         if Path(path).suffix.lower() == ".gif":
             options = {"plugin": "pillow", "duration": round(1e3 / fps), "loop": 0}
-            # By way of memory: a file that cannot be written makes imageio try again on its way out.
+            # By way of memory: imageio tries a file that cannot be written again on its way out.
             beside.write_bytes(iio.imwrite("<bytes>", movie, extension=".gif", **options))
         else:
             iio.imwrite(beside, movie, plugin="FFMPEG", fps=fps, macro_block_size=2, quality=8)

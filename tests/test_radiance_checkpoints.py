@@ -213,7 +213,7 @@ def test_files_of_other_kinds(tmp_path):
 
 def test_a_device_that_is_not_there_is_no_fault_of_the_file(model, tmp_path):
     model.save(tmp_path / "model.npz")
-    with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match="^device must be one that"):
+    with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match=r"^device must be one that"):
         load_model(tmp_path / "model.npz")
 
 
