@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern._validate import check_positive
 from cvkern.radiance.scenes import Bounds, Scene
 
 FARTHEST = 2**15  # from the middle: there, float32 still tells the steps along a ray apart
@@ -33,18 +32,8 @@ class Frame:
 
     @classmethod
     def of(cls, scene: Scene) -> Frame:
-        """Return the frame of a scene.
-
-        Raises
-        ------
-        ValueError
-            If its bounds have no size, or `near` is not before `far`.
-        """
-        half = check_positive(scene.bounds.half, "scene.bounds.half")
-        if not 0 <= scene.near < scene.far:
-            raise ValueError(
-                f"scene must have 0 <= near < far, got {scene.near:g} and {scene.far:g}"
-            )
+        """Return the frame of a scene."""
+        half = scene.bounds.half
         pixel = scene.footprint / half
         return cls(scene.bounds, scene.near / half, min(scene.far / half, 1e9), pixel)
 

@@ -117,8 +117,7 @@ def fit(
     TypeError
         If an argument is of another kind.
     ValueError
-        If the scene's bounds have no size, its `near` is not before `far` or its `test` is no mask,
-        an option is unknown or out of its range, both `seconds` and `steps` are given, the
+        If an option is unknown or out of its range, both `seconds` and `steps` are given, the
         scene has no views to train from, images that do not fit its cameras or a camera more than
         32768 half-sides of its cube from the middle of that, or `checkpoint` is not a whole model
         of the same settings.
@@ -157,11 +156,6 @@ def fit(
         raise ValueError(
             f"scene must have RGB or RGBA images of {size[0]} x {size[1]} pixels, one for each of "
             f"{len(scene.cameras)} cameras, got shape {scene.images.shape}"
-        )
-    if scene.test.dtype != bool or scene.test.shape != (len(scene),):
-        raise ValueError(
-            f"scene must have a mask of {len(scene)} views as test, got {scene.test.dtype} of "
-            f"shape {scene.test.shape}"
         )
     if seconds is not None and steps is not None:
         raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
