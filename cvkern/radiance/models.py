@@ -163,9 +163,9 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         the shapes that its settings ask for, or the device is not there.
     """
     header, arrays = checkpoints.read(path)
-    rt = runtime()  # a device that is not there is no fault of the file
+    runtime()  # a device that is not there is no fault of the file
     try:
-        model = _from(header, arrays, rt)
+        model = _from(header, arrays)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise ValueError(
@@ -185,7 +185,7 @@ def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
     return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
 
 
-def _from(header: dict[str, Any], arrays: dict[str, np.ndarray], rt: Runtime) -> Model:
+def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
     settings = field_kind(header["field"])(**_tuples(header["settings"]))
     b = header["bounds"]
     x, y, z = map(float, b["center"])
@@ -199,7 +199,7 @@ def _from(header: dict[str, Any], arrays: dict[str, np.ndarray], rt: Runtime) ->
     behind = arrays["behind"]
     if behind.shape != (3,):
         raise ValueError(f"behind must have shape (3,), got {behind.shape}")
-    made = settings.build(rt, frame, int(header["seed"]))
+    made = settings.build(runtime(), frame, int(header["seed"]))
     made.restore(_part(arrays, "state."))
     extra = _part(arrays, "extra.")
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
