@@ -229,6 +229,12 @@ def test_files_of_other_kinds(tmp_path):
         load_model(file)
 
 
+def test_a_device_that_is_not_there_is_no_fault_of_the_file(model, tmp_path):
+    model.save(tmp_path / "model.npz")
+    with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match=r"^device must be one that"):
+        load_model(tmp_path / "model.npz")
+
+
 def test_a_full_disk(model, scene, tmp_path, monkeypatch):
     file = tmp_path / "model.npz"
     model.save(file)

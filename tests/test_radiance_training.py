@@ -1,6 +1,7 @@
 """Training of radiance fields: quality, equal runs, interrupts."""
 
 import gc
+import re
 import threading
 import weakref
 from dataclasses import replace
@@ -205,7 +206,9 @@ def test_progress_bar(scene, monkeypatch, capsys):
 
     monkeypatch.setattr(rich.console.Console, "is_terminal", True)
     fit(scene, TINY, steps=32)
-    assert "dB" in capsys.readouterr().err
+    shown = capsys.readouterr().err
+    assert re.search(r"\d\.\d dB  [\d,]+ k rays/s", shown)
+    assert re.search(r"\d:\d\d:\d\d", shown)  # the time that is left
     fit(scene, TINY, steps=32, progress=False)
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(rich.console.Console, "is_terminal", False)

@@ -162,10 +162,11 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no model, was cut short or damaged, is of another version, or its arrays do not
-        have the shapes that its settings ask for.
+        If it is no model, was cut short or damaged, is of another version, its arrays do not have
+        the shapes that its settings ask for, or the device is not there.
     """
     header, arrays = checkpoints.read(path)
+    runtime()  # a device that is not there is no fault of the file
     try:
         model = _from(header, arrays)
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
