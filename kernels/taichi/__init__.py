@@ -45,7 +45,8 @@ def adopt(array: Any, dtype: np.dtype, shape: tuple[int, ...], device: str) -> A
         return host.view(np.uint8) if dtype == np.bool_ else np.require(host, None, "CA")
     from . import _cuda
 
-    return _cuda.adopt(array).reshape(shape)
+    seen = _cuda.adopt(array)
+    return seen if seen.shape == shape else seen.reshape(shape)
 
 
 def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:

@@ -64,8 +64,8 @@ def adopt(array: Any, dtype: np.dtype, shape: tuple[int, ...], device: str) -> w
     """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
     if isinstance(array, wp.array):
         address = array.ptr
-    elif hasattr(array, "data_ptr"):  # torch: its interface below takes longer
-        address = array.data_ptr()
+    elif hasattr(array, "data_ptr") and array.is_cuda == (device != "cpu"):
+        address = array.data_ptr()  # torch, whose interface below takes longer
     elif device == "cpu":
         array = np.asarray(array)
         address = array.ctypes.data

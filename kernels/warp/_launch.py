@@ -163,7 +163,8 @@ def launch(
 
 def slabs(rows: int, elements: int) -> int:
     """Return into how many slabs the CPU cuts `rows` rows of `elements` elements in all."""
-    return max(1, min(cpu_threads(), rows, elements // _SLAB_ELEMENTS))
+    most = min(rows, elements // _SLAB_ELEMENTS)
+    return min(cpu_threads(), most) if most > 1 else 1
 
 
 def launch_slabs(
@@ -214,6 +215,9 @@ def _share(
         for slab in left:
             _send(kernel, 1, (*head(slab), *arguments), device)
 
+    if count == 1:
+        work()
+        return
     others = [_threads().submit(work) for _ in range(min(cpu_threads(), count) - 1)]
     work()
     wait(others)
