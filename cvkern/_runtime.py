@@ -29,7 +29,8 @@ class use:
     """Choose the kernel set, and the device of NumPy work, for the calls that follow.
 
     A statement holds until the next one in this thread (or asyncio task), ``with`` for its block.
-    The environment variables ``CVKERN_BACKEND`` and ``CVKERN_DEVICE`` set the defaults.
+    The environment variables ``CVKERN_BACKEND`` and ``CVKERN_DEVICE``, as they are at the first
+    call, set the defaults.
 
     Parameters
     ----------
@@ -70,16 +71,13 @@ class use:
 
 
 def _choice() -> tuple[str, str]:
-    chosen = _chosen.get()
-    if chosen is None:
-        backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
-        chosen = _default(backend or "warp", device or "cpu")
-    return chosen
+    return _chosen.get() or _default()
 
 
-@lru_cache(maxsize=8)
-def _default(backend: str, device: str) -> tuple[str, str]:
-    return _checked(backend, device)
+@lru_cache
+def _default() -> tuple[str, str]:
+    backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
+    return _checked(backend or "warp", device or "cpu")
 
 
 def _checked(backend: str, device: str) -> tuple[str, str]:

@@ -144,8 +144,8 @@ def view_at(
         layout = wp.array(ptr=0, dtype=dtype, shape=shape, strides=strides, device=device)
         _layouts[key] = layout
     # A copy of an array that nobody else has: to make one anew takes several times as long.
-    seen = wp.array.__new__(wp.array)
-    seen.__dict__.update(layout.__dict__)
+    seen = object.__new__(wp.array)
+    seen.__dict__ = layout.__dict__.copy()
     seen.ptr = address
     return seen
 
