@@ -231,29 +231,14 @@ class _Command:
     It has descriptors of its own, not arrays, lest it should keep memory alive.
     """
 
-    def __init__(
-        self,
-        kernel: wp.Kernel,
-        dim: int | tuple[int, ...],
-        arguments: Sequence[Any],
-        device: wp.Device,
-        block: int,
-    ):
-        _load(kernel, device, block)
-        self.arguments: list[Any] = [None] * len(arguments)  # numbers, and layouts of arrays
-        self.descriptors: list[Any] = [None] * len(arguments)
-        self.command = wp.launch(
-            kernel,
-            dim,
-            arguments,
-            device=device,
-            record_cmd=True,
-            block_dim=1 if device.is_cpu else block,
-        )
+    def __init__(self, command: wp.Launch, count: int):
+        self.command = command
+        self.known: list[Any] = [None] * count  # numbers, and the layouts of arrays
+        self.descriptors: list[Any] = [None] * count
 
     def launch(self, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
-        """Launch with other numbers and arrays, and None where the first launch had it."""
-        known, descriptors = self.arguments, self.descriptors
+        """Launch with these arguments, where None stands for the same arrays as the first time."""
+        known, descriptors = self.known, self.descriptors
         for i, argument in enumerate(arguments):
             if isinstance(argument, wp.array):
                 layout = argument.shape, argument.strides
@@ -282,11 +267,20 @@ def _send(
     if command is None:
         if len(_thread.commands) >= _MAX_COMMANDS:
             _thread.commands.clear()
-        command = _thread.commands[key] = _Command(kernel, dim, arguments, device, block)
+        _load(kernel, device, block)
+        recorded = wp.launch(
+            kernel,
+            dim,
+            arguments,
+            device=device,
+            record_cmd=True,
+            block_dim=1 if device.is_cpu else block,
+        )
+        command = _thread.commands[key] = _Command(recorded, len(arguments))
     command.launch(arguments, current_stream(device) if device.is_cuda else None)
 
 
-def _load(kernel: wp.Kernel, device: wp.Device, block: int = BLOCK) -> None:
+def _load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
     """Compile and load the module of `kernel`; Warp must not do that on two threads at once.
 
     Once for each kernel: one that was made later than others has to be added to its module.
