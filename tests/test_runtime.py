@@ -179,6 +179,14 @@ def test_other_dtypes_of_torch(backend, dtype):
         np.testing.assert_array_equal(CALLS[name](given).numpy(), CALLS[name](image))
 
 
+def test_tensors_that_are_negative_by_a_mark(backend):
+    """Of the imaginary part of a conjugate, torch keeps the numbers of the original."""
+    image = noise(12, 15)
+    part = (1j * give("torch", image)).conj().imag
+    assert part.is_neg()
+    np.testing.assert_array_equal(CALLS["gaussian"](part).numpy(), CALLS["gaussian"](-image))
+
+
 def test_out_of_torch(backend):
     torch = pytest.importorskip("torch")
     image, out = give("torch", noise(9, 12)), torch.full((9, 12), torch.nan)
