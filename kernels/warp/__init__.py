@@ -96,7 +96,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
 def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
     if device == "cpu":
-        return adopt(np.zeros(shape, dtype), device)
+        return adopt(np.zeros(shape, dtype), dtype, shape, device)
     array = empty(shape, dtype, device)
     clear(array)
     return array
@@ -133,17 +133,15 @@ def to_numpy(array: wp.array) -> np.ndarray:
     if not array.device.is_cuda:
         return array.numpy()
     stream = _launch.current_stream(array.device)
-    few = array.size * wp.types.type_size_in_bytes(array.dtype) <= _FEW
     found = _pages.empty(array.shape, np.dtype(wp.dtype_to_numpy(array.dtype)))
-    host = (
-        _launch.page(_FEW, array.dtype, array.shape)
-        if few
-        else adopt(found, found.dtype, found.shape, "cpu")
-    )
-    wp.copy(host, array, stream=stream)
-    wp.synchronize_stream(stream)
-    if few:
-        found[...] = host.numpy()
+    if found.nbytes > _FEW:
+        wp.copy(adopt(found, found.dtype, found.shape, "cpu"), array, stream=stream)
+        wp.synchronize_stream(stream)
+    else:
+        page = _launch.page(_FEW, array.dtype, array.shape)
+        wp.copy(page, array, stream=stream)
+        wp.synchronize_stream(stream)
+        found[...] = page.numpy()
     return found
 
 
