@@ -222,9 +222,7 @@ class Runtime:
 
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate kernel memory of one's own, filled with 0."""
-        array = self.set.empty(shape, np.dtype(dtype), self.device)
-        self.clear(array)
-        return array
+        return self.set.zeros(shape, np.dtype(dtype), self.device)
 
     def clear(self, array: Any) -> None:
         """Fill a kernel array with 0."""

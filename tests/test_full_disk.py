@@ -5,7 +5,7 @@ import contextlib
 import numpy as np
 import pytest
 
-from cvkern.clouds import write_ply
+from cvkern.clouds import write_animation, write_ply
 from cvkern.radiance import Mesh, VoxelField, fit, load_model, make_scene, write_mesh
 
 resource = pytest.importorskip("resource")  # where files can be held to a size
@@ -27,9 +27,11 @@ def full_disk():
 NOISE = np.random.default_rng(0)
 POINTS, COLORS = NOISE.random((900, 3), np.float32), NOISE.integers(0, 256, (900, 3), np.uint8)
 FACES = np.arange(900, dtype=np.int32).reshape(-1, 3)
+FRAMES = NOISE.integers(0, 256, (3, 40, 40, 3), np.uint8)
 WRITERS = {
     "points.ply": lambda file: write_ply(file, POINTS, COLORS),
     "mesh.ply": lambda file: write_mesh(file, Mesh(POINTS, FACES, COLORS)),
+    "film.gif": lambda file: write_animation(file, FRAMES),
 }
 
 

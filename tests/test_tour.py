@@ -138,6 +138,7 @@ def test_page_stands_alone(made):
     assert "prefers-color-scheme: dark" in text
     assert 'name="viewport"' in text
     assert "{{" not in text
+    assert "<td>0</td>" not in text  # no rate is rounded to nothing
     for chapter in CHAPTERS:
         assert chapter().title in tags.text
 

@@ -146,7 +146,7 @@ def _table(timings: list[Timing]) -> str:
         (
             f"<code>{_text(t.function)}</code>",
             _milliseconds(t.milliseconds),
-            f"{t.shape[0] * t.shape[1] / t.milliseconds / 1e3:,.0f}",
+            _rate(t.shape[0] * t.shape[1] / t.milliseconds / 1e3),
             f"{' &times; '.join(map(str, t.shape))} {_text(t.dtype)}",
             _text(t.options),
         )
@@ -161,6 +161,10 @@ def _table(timings: list[Timing]) -> str:
 
 def _milliseconds(value: float) -> str:
     return f"{value:.2f}" if value < 10 else f"{value:.1f}" if value < 100 else f"{value:.0f}"
+
+
+def _rate(value: float) -> str:
+    return f"{value:.1f}" if value < 10 else f"{value:,.0f}"
 
 
 def _text(text: str) -> str:

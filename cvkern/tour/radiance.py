@@ -22,6 +22,7 @@ from cvkern.radiance import (
     render,
 )
 from cvkern.radiance.rendering import film, photograph
+from cvkern.radiance.trainer import FEW
 from cvkern.tour.clock import Clock
 from cvkern.tour.page import Chapter, Figure, Panel
 
@@ -88,6 +89,7 @@ def _photographs(scene: Scene) -> Figure:
 
 def _learnt(clock: Clock, made: Made) -> Figure:
     scene, model, view = made
+    *marks, last = model.training.marks  # the last one is of more views, and no part of the curve
     wanted = photograph(scene, view, model.behind)
 
     def render_view(image: np.ndarray, view: int) -> Picture:
@@ -95,7 +97,6 @@ def _learnt(clock: Clock, made: Made) -> Figure:
 
     render_view.__name__ = "render"
     seen = clock(render_view, wanted, view=view)
-    last = model.training.marks[-1]
     off = np.abs(seen.color - wanted).mean(axis=2)
     return Figure(
         f"{last.step:,} steps later",
@@ -118,7 +119,9 @@ def _learnt(clock: Clock, made: Made) -> Figure:
                 "Error: dark is right, bright is off by a fifth of the range",
             ),
             Panel(
-                "radiance-curve", _curve(model.training.marks), "Quality over the time of training"
+                "radiance-curve",
+                _curve(marks),
+                f"Quality over the time of training: of rays, and of {FEW} views kept back",
             ),
         ),
         clock.take(),

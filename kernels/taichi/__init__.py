@@ -34,6 +34,7 @@ __all__ = [
     "start",
     "to_numpy",
     "write",
+    "zeros",
 ]
 MATRIX_DTYPES = {"cpu": "float32", "cuda": "float32"}
 
@@ -55,6 +56,15 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
     from . import _cuda
 
     return _cuda.empty(shape, dtype)
+
+
+def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+    """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
+    if device == "cpu":
+        return np.zeros(shape, dtype)
+    array = empty(shape, dtype, device)
+    clear(array)
+    return array
 
 
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:

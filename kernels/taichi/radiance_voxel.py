@@ -128,16 +128,16 @@ def _upsample(
         wanted = False
         for k, j, i in ti.ndrange((first[2], last[2]), (first[1], last[1]), (first[0], last[0])):
             wanted = wanted or density[k, j, i] > least
-        for c in range(fine.shape[3]):
-            total = 0.0
-            if wanted:
+        if wanted:
+            for c in range(fine.shape[3]):
+                total = 0.0
                 for k, j, i in ti.ndrange(
                     (first[2], last[2]), (first[1], last[1]), (first[0], last[0])
                 ):
                     apart = ti.abs(fine_node * most - ti.Vector([i, j, k]) * side) / side
                     share = ti.max(1.0 - apart, 0.0)
                     total += share[0] * share[1] * share[2] * coarse[k, j, i, c]
-            fine[z, y, x, c] = total
+                fine[z, y, x, c] = total
 
 
 @primitive
@@ -297,7 +297,7 @@ def mark(density: np.ndarray, cells: int, least: float, bits: np.ndarray) -> Non
 def upsample(density: np.ndarray, least: float, coarse: np.ndarray, fine: np.ndarray) -> None:
     """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    Nodes that are in no coarse cell with a node of a raw density above `least` become 0; `density`
-    (N, N, N) has those.
+    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
+    `least` are not written; `density` (N, N, N) has those.
     """
     _upsample(density, least, coarse, fine)

@@ -89,6 +89,15 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     return wp.empty(shape, dtype=_scalar(dtype), device=device)
 
 
+def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
+    """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
+    if device == "cpu":
+        return adopt(np.zeros(shape, dtype), device)
+    array = empty(shape, dtype, device)
+    clear(array)
+    return array
+
+
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Return memory that stays valid until this thread asks for `name` again."""
     carried = wp.uint8 if dtype == np.bool_ else _scalar(dtype)

@@ -19,6 +19,8 @@ OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
 
 THREADS = 32  # of a ray
+BLOCK = 64  # few, as rays differ in length
+BOUNDS = BLOCK, 10  # with more blocks at a time there would not be registers enough
 
 # The b-th harmonic, by comparisons: an index would put all of them in memory.
 _HARMONIC = "".join(f"b == {k} ? {h} : " for k, h in enumerate(HARMONICS[:8])) + HARMONICS[8]
@@ -30,10 +32,13 @@ _WALK = """
     const int lane = threadIdx.x & 31, width = color.shape[3];
     const int side = density.shape[0], resolution = side - 1, plane = side * side;
     const int shift = __ffs(resolution / cells) - 1;  // log2 of the side of an occupancy cell
-    const float* o = origins.data + 3 * (size_t)ray;
-    const float* d = directions.data + 3 * (size_t)ray;
+    float o[3], d[3];
+    for (int k = 0; k < 3; ++k) {
+        o[k] = origins.data[3 * (size_t)ray + k];
+        d[k] = directions.data[3 * (size_t)ray + k];
+    }
     const int each = width / 4, rows = 32 / each;  // threads of a row, and rows at a time
-    const int part = lane % each;
+    const int part = lane & (each - 1), from = (lane & (rows - 1)) * each;
     const unsigned own = all / ((1u << rows) - 1) << lane / each;  // one sample in `rows`
     float bands[3][4];
     for (int k = 0; k < 4; ++k) {
@@ -123,23 +128,29 @@ _WALK = """
             if (todo) {
                 const float4* row = (const float4*)color.data + (size_t)at * each + part;
                 const int up = side * each, in = plane * each;
-                const float4 a = mix(row[0], row[each], x), b = mix(row[up], row[up + each], x);
-                const float4 c = mix(row[in], row[in + each], x);
-                const float4 e = mix(row[in + up], row[in + up + each], x);
-                const float4 v = mix(mix(a, b, y), mix(c, e, y), z);
+                const float4 v0 = row[0], v1 = row[each], v2 = row[up], v3 = row[up + each];
+                row += in;
+                const float4 v4 = row[0], v5 = row[each], v6 = row[up], v7 = row[up + each];
+                const float4 g = mix(mix(v0, v1, x), mix(v2, v3, x), y);
+                const float4 h = mix(mix(v4, v5, x), mix(v6, v7, x), y);
+                const float4 v = mix(g, h, z);
                 for (int c = 0; c < 3; ++c)
                     sums[c] = v.x * bands[c][0] + v.y * bands[c][1] + v.z * bands[c][2]
                         + v.w * bands[c][3];
             }
+            for (int k = 4; k; k /= 2)
+                for (int c = 0; c < 3; ++c) {
+                    const float more = __shfl_xor_sync(all, sums[c], k);
+                    sums[c] += k < each ? more : 0.0f;
+                }
             // From the threads that take a sample, the first of which is `from`, to its own.
-            const int from = lane % rows * each;
             const bool done = __shfl_sync(all, s, from) == lane;
             for (int c = 0; c < 3; ++c) {
-                for (int k = each / 2; k; k /= 2) sums[c] += __shfl_xor_sync(all, sums[c], k);
                 const float sum = __shfl_sync(all, sums[c], from);
-                if (done) rgb[c] = 1.0f / (1.0f + expf(-sum));
+                rgb[c] = done ? sum : rgb[c];
             }
         }
+        for (int c = 0; c < 3; ++c) rgb[c] = 1.0f / (1.0f + expf(-rgb[c]));
         // Sums of w and w t up to and with this sample.
         float upto_w = w, upto_wt = w * t;
         for (int s = 1; s < 32; s *= 2) {
@@ -215,19 +226,24 @@ _BACKWARD = {
                 const float slope = __shfl_sync(all, slopes[c], s);
                 for (int k = 0; k < 4; ++k) row[k] += slope * bands[c][k];
             }
-            for (int corner = 0; todo && corner < 8; ++corner) {
-                const int to = at + (corner & 1) + (corner >> 1 & 1) * side + (corner >> 2) * plane;
-                const float share = (corner & 1 ? fs[0] : 1.0f - fs[0])
-                    * (corner & 2 ? fs[1] : 1.0f - fs[1]) * (corner & 4 ? fs[2] : 1.0f - fs[2]);
-                if (4 * part < 3 * basis)
+            if (todo == 0) continue;
+            auto node_at = [&](int corner) {
+                return at + (corner & 1) + (corner >> 1 & 1) * side + (corner >> 2) * plane;
+            };
+            auto share = [&](int corner) {
+                return (corner & 1 ? fs[0] : 1.0f - fs[0]) * (corner & 2 ? fs[1] : 1.0f - fs[1])
+                    * (corner & 4 ? fs[2] : 1.0f - fs[2]);
+            };
+            if (4 * part < 3 * basis)
+                for (int corner = 0; corner < 8; ++corner) {
+                    const float b = share(corner);
                     add_four(
-                        d_color.data + (size_t)to * width + 4 * part,
-                        make_float4(
-                            share * row[0], share * row[1], share * row[2], share * row[3]));
-                if (corner % each == part) {
-                    add(d_density.data + to, share * d_node);
-                    touched.data[to] = 1;
+                        d_color.data + (size_t)node_at(corner) * width + 4 * part,
+                        make_float4(b * row[0], b * row[1], b * row[2], b * row[3]));
                 }
+            for (int corner = part; corner < 8; corner += each) {
+                add(d_density.data + node_at(corner), share(corner) * d_node);
+                touched.data[node_at(corner)] = 1;
             }
         }
     """,
@@ -281,7 +297,7 @@ def walk_forward(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=BOUNDS)
 def render(
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
@@ -328,7 +344,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         touched: wp.array3d[wp.uint8],
     ): ...
 
-    @wp.kernel(module="unique", module_options=OPTIONS)
+    @wp.kernel(launch_bounds=BOUNDS, module="unique", module_options=OPTIONS)
     def render_backward(
         d_colors: wp.array2d[float],  # (R, 3)
         d_opacity: wp.array[float],  # (R,)

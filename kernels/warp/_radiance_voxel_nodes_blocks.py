@@ -1,7 +1,7 @@
-"""Steps over the whole grid of density and colour on CUDA: one warp 32 nodes, or 32 cells.
+"""Steps over the whole grid of density and colour on CUDA.
 
-Only nodes that rays have touched learn. Each thread looks whether one of them was; then the rows of
-coefficients of those are taken several at a time, four coefficients a thread.
+Only nodes that rays have touched learn, few of them all. The threads of a block look at 8 nodes
+each and list those in shared memory; then a thread takes one of them, or four coefficients of one.
 """
 
 import warp as wp
@@ -10,24 +10,45 @@ from ._adam import STEP_ON_CUDA
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
-# DENSITY at a touched `node` of this thread, COLOR for four coefficients of a touched node `of`:
-# the i-th four of all. PREPARE is before both.
-_TOUCHED = """
-    const bool mine = node < touched.shape[0] && touched.data[node];
-    unsigned rest = __ballot_sync(0xffffffffu, mine);
-    if (rest == 0) return;
+BLOCK = 256  # threads
+NODES = 8  # that a thread looks at
+
+# DENSITY for a touched `node`, and COLOR for the i-th four of all coefficients, which are of a
+# touched `node`. PREPARE is before both.
+_TOUCHED = f"""
+    __shared__ unsigned short found[{NODES * BLOCK}];
+    __shared__ int count;
+    if (threadIdx.x == 0) count = 0;
+    __syncthreads();
+    const int all = touched.shape[0], first = {NODES} * thread;
+    const int begin = first - {NODES} * threadIdx.x;  // of the block
+    auto find = [&](int node) {{ found[atomicAdd(&count, 1)] = node - begin; }};
+    if (first + {NODES} <= all) {{
+        const unsigned long long marks = ((const unsigned long long*)touched.data)[thread];
+        if (marks)
+            for (int k = 0; k < {NODES}; ++k)
+                if (marks >> 8 * k & 255u) find(first + k);
+    }} else
+        for (int node = first; node < all; ++node)
+            if (touched.data[node]) find(node);
+    __syncthreads();
+    if (count == 0) return;
     PREPARE
-    if (mine) {
+    for (int n = threadIdx.x; n < count; n += {BLOCK}) {{
+        const int node = begin + found[n];
         DENSITY
-    }
-    const int lane = threadIdx.x & 31, each = width / 4;  // threads of a row
-    const int rows = 32 / each;  // at a time: the nodes that are n, n + rows, ... are the n-th's
-    for (rest &= 0xffffffffu / ((1u << rows) - 1) << lane / each; rest; rest &= rest - 1) {
-        const int of = node - lane + __ffs(rest) - 1;
-        const int i = of * each + lane % each;
+    }}
+    const int each = width / 4, part = threadIdx.x % each;  // threads of a row of coefficients
+    for (int n = threadIdx.x / each; n < count; n += {BLOCK} / each) {{
+        const int node = begin + found[n], i = node * each + part;
         COLOR
-    }
+    }}
 """
+
+
+def threads(nodes: int) -> int:
+    """Return the threads of whole blocks that look at so many nodes."""
+    return -(-nodes // (NODES * BLOCK)) * BLOCK
 
 
 def _text(prepare: str, density: str, color: str) -> str:
@@ -58,7 +79,7 @@ _VARIATION = _text(
         const float4* at = (const float4*)color.data + i;
         const float4 v = at[0];
         float4 sum = make_float4(0.0f, 0.0f, 0.0f, 0.0f);
-        add_up(of, [&](int jump) {
+        add_up(node, [&](int jump) {
             const float4 u = at[jump * each];
             sum.x += v.x - u.x;
             sum.y += v.y - u.y;
@@ -78,7 +99,7 @@ _VARIATION = _text(
 
 @wp.func_native(_VARIATION)
 def smooth(
-    node: int,
+    thread: int,
     weight_density: float,
     weight_color: float,
     touched: wp.array[wp.uint8],
@@ -144,7 +165,7 @@ _ADAM = _text(
 
 @wp.func_native(_ADAM)
 def move(
-    node: int,
+    thread: int,
     rate_density: wp.array[float],
     rate_color: wp.array[float],
     factor: wp.array[float],

@@ -103,18 +103,19 @@ def upsample_kernel(
             for j in range(ys[0], ys[1]):
                 for i in range(xs[0], xs[1]):
                     wanted = wanted or density[k, j, i] > least
+        if not wanted:
+            continue
         for c in range(fine.shape[3]):
             total = float(0.0)
-            if wanted:
-                for k in range(zs[0], zs[1]):
-                    for j in range(ys[0], ys[1]):
-                        for i in range(xs[0], xs[1]):
-                            total += (
-                                share(at[0], i, side - 1, most)
-                                * share(at[1], j, side - 1, most)
-                                * share(at[2], k, side - 1, most)
-                                * coarse[k, j, i, c]
-                            )
+            for k in range(zs[0], zs[1]):
+                for j in range(ys[0], ys[1]):
+                    for i in range(xs[0], xs[1]):
+                        total += (
+                            share(at[0], i, side - 1, most)
+                            * share(at[1], j, side - 1, most)
+                            * share(at[2], k, side - 1, most)
+                            * coarse[k, j, i, c]
+                        )
             fine[at[2], at[1], at[0], c] = total
 
 
@@ -162,7 +163,7 @@ def render(
     inputs = [origins, directions, active, march]
     outputs = [colors, opacity, depth, distortion, samples]
     if density.device.is_cuda:
-        launch(blocks.render, blocks.THREADS * count, inputs, outputs)
+        launch(blocks.render, blocks.THREADS * count, inputs, outputs, blocks.BLOCK)
     else:
         kernel = rows.kernels(color.shape[3]).render
         launch_slabs(kernel, count, -(-count // RAYS), inputs, outputs)
@@ -218,7 +219,8 @@ def render_backward(
     outputs = [d_density, d_color, touched]
     if density.device.is_cuda:
         inputs = [*gradients, origins, directions, active, march, *rendered, samples]
-        launch(blocks.render_backward(d_color.dtype), blocks.THREADS * count, inputs, outputs)
+        kernel = blocks.render_backward(d_color.dtype)
+        launch(kernel, blocks.THREADS * count, inputs, outputs, blocks.BLOCK)
         return
     kernels = rows.kernels(color.shape[3])
     # Kernels of the CPU are done when their launch is: the host can read what they wrote.
@@ -252,7 +254,8 @@ def total_variation(
     outputs = [d_density, d_color]
     if density.device.is_cuda:
         inputs = [*weights, *map(_flat, grid), side, width]
-        launch(nodes.total_variation, _warps(density.size), inputs, [_flat(a) for a in outputs])
+        count = nodes.threads(density.size)
+        launch(nodes.total_variation, count, inputs, [_flat(a) for a in outputs], nodes.BLOCK)
     else:
         kernel = planes.kernels(width).total_variation
         launch_slabs(kernel, side, _planes(side), [*weights, *grid], outputs)
@@ -288,7 +291,8 @@ def adam(
         color_square, color,
     ]  # fmt: skip
     if density.device.is_cuda:
-        launch(nodes.adam, _warps(density.size), [*inputs, width], [_flat(a) for a in outputs])
+        count = nodes.threads(density.size)
+        launch(nodes.adam, count, [*inputs, width], [_flat(a) for a in outputs], nodes.BLOCK)
     else:
         launch_slabs(planes.kernels(width).adam, side, _planes(side), inputs, outputs)
 
@@ -311,8 +315,8 @@ def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
 def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) -> None:
     """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    Nodes that are in no coarse cell with a node of a raw density above `least` become 0; `density`
-    (N, N, N) has those.
+    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
+    `least` are not written; `density` (N, N, N) has those.
     """
     count = fine.shape[0] ** 3
     launch_each(upsample_kernel, count, 64 * count, [density, least, coarse], [fine])
@@ -321,11 +325,6 @@ def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) 
 def _planes(side: int) -> int:
     """Into how many slabs the planes of a grid are cut: many, as few have much in them."""
     return max(1, min(side, 8 * slabs(side, side**3)))
-
-
-def _warps(count: int) -> int:
-    """Return the threads of whole warps for `count` items."""
-    return -(-count // 32) * 32
 
 
 def _flat(array: wp.array) -> wp.array:
