@@ -101,7 +101,8 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
     Returns
     -------
     Mesh
-        Colours are those seen along the normals.
+        Colours are those seen along the normals. It has surfaces inside solids, too, where no
+        photograph says what the density is.
 
     Raises
     ------
