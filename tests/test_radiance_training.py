@@ -1,6 +1,5 @@
 """Training of radiance fields: quality, equal runs, interrupts."""
 
-import re
 import threading
 from dataclasses import replace
 
@@ -186,8 +185,8 @@ def test_progress_bar(scene, monkeypatch, capsys):
     monkeypatch.setattr(rich.console.Console, "is_terminal", True)
     fit(scene, TINY, steps=32)
     shown = capsys.readouterr().err
-    assert re.search(r"\d\.\d dB  [\d,]+ k rays/s", shown)
-    assert re.search(r"\d:\d\d:\d\d", shown)  # the time that is left
+    for part in (" dB  ", " k rays/s", "0:00:0"):  # the last is the time left
+        assert part in shown
     fit(scene, TINY, steps=32, progress=False)
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(rich.console.Console, "is_terminal", False)
