@@ -23,6 +23,13 @@ class NumPy:
         """Return the NumPy dtype of `array`."""
         return array.dtype
 
+    def device(self, array: Any) -> str:
+        """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
+        if hasattr(array, "__dlpack_device__"):
+            kind, index = array.__dlpack_device__()
+            return f"cuda:{int(index)}" if kind in (CUDA, CUDA_MANAGED) else "cpu"
+        return "cuda:0" if hasattr(array, "__cuda_array_interface__") else "cpu"
+
     def stream(self, device: str) -> int | None:
         """Return the caller's current CUDA stream, or None where the library has none."""
         return None
@@ -79,15 +86,22 @@ class Torch(NumPy):
             self._dtypes[array.dtype] = np.dtype("float32" if name == "bfloat16" else name)
         return self._dtypes[array.dtype]
 
+    def device(self, array: Any) -> str:
+        """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
+        return str(array.device)
+
     def stream(self, device: str) -> int | None:
         """Return the current stream of this thread."""
-        return self.module.cuda.current_stream(device).cuda_stream
+        return self.module.cuda.current_stream(_index(device)).cuda_stream
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
         """Convert on the tensor's own device."""
         if array.requires_grad:
             raise TypeError("tensors must not require grad, got one that does: call .detach()")
-        return array.to(self._dtype(dtype)).contiguous()
+        wanted = self._dtype(dtype)
+        if array.dtype is wanted and array.is_contiguous() and not array.is_neg():
+            return array
+        return array.to(wanted).contiguous().resolve_neg()
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate with PyTorch's caching allocator."""
@@ -244,12 +258,7 @@ def library(array: Any) -> NumPy:
 
 def device(array: Any) -> str:
     """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
-    if isinstance(array, np.ndarray):
-        return "cpu"
-    if hasattr(array, "__dlpack_device__"):
-        kind, index = array.__dlpack_device__()
-        return f"cuda:{int(index)}" if kind in (CUDA, CUDA_MANAGED) else "cpu"
-    return "cuda:0" if hasattr(array, "__cuda_array_interface__") else "cpu"
+    return "cpu" if isinstance(array, np.ndarray) else library(array).device(array)
 
 
 def _index(device: str) -> int:

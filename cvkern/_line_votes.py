@@ -15,6 +15,7 @@ from cvkern.kernels.codes import DIRECTIONS
 SUBPIXEL = 4096  # sub-pixel points are taken to the nearest of so many parts of a pixel
 WEIGHT = 256  # a weight of 1, in votes
 _ANGLES = 8  # tables are padded to a multiple of this, for kernels that take so many at a time
+_NO_WEIGHTS = np.zeros(1, np.int32)
 _NOTHING = 1e-9  # radians by which angles may differ and be the same
 
 
@@ -41,8 +42,9 @@ def cast_votes(
 
     `crossing` says how many pixels of an image at most fall into one bin.
     """
-    fixed = rt.constant(np.zeros(1, np.int32))
-    if weights is not None:
+    if weights is None:
+        fixed = rt.constant(_NO_WEIGHTS)
+    else:
         fixed = _fixed_weights(rt, found, weights, crossing)
     listed = rt.constant(tables.cosine), rt.constant(tables.sine), rt.constant(tables.offset)
     last = (*listed, tables.shift, weights is not None, fixed, votes)

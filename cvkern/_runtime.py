@@ -29,7 +29,8 @@ class use:
     """Choose the kernel set, and the device of NumPy work, for the calls that follow.
 
     A statement holds until the next one in this thread (or asyncio task), ``with`` for its block.
-    The environment variables ``CVKERN_BACKEND`` and ``CVKERN_DEVICE`` set the defaults.
+    The environment variables ``CVKERN_BACKEND`` and ``CVKERN_DEVICE``, as they are at the first
+    call, set the defaults.
 
     Parameters
     ----------
@@ -70,16 +71,13 @@ class use:
 
 
 def _choice() -> tuple[str, str]:
-    chosen = _chosen.get()
-    if chosen is None:
-        backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
-        chosen = _default(backend or "warp", device or "cpu")
-    return chosen
+    return _chosen.get() or _default()
 
 
-@lru_cache(maxsize=8)
-def _default(backend: str, device: str) -> tuple[str, str]:
-    return _checked(backend, device)
+@lru_cache
+def _default() -> tuple[str, str]:
+    backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
+    return _checked(backend or "warp", device or "cpu")
 
 
 def _checked(backend: str, device: str) -> tuple[str, str]:
@@ -162,11 +160,7 @@ class Runtime:
                 f"captured arrays must be contiguous and {dtype.name} on a GPU, "
                 f"got {library.dtype(array).name}"
             )
-        if self.device == "cpu":
-            ready = np.asarray(ready)
-        if shape is not None:
-            ready = ready.reshape(shape)
-        return self.set.adopt(ready, self.device)
+        return self.set.adopt(ready, dtype, tuple(shape or ready.shape), self.device)
 
     def constant(self, array: np.ndarray) -> Any:
         """View a small host array that never changes, moved to the device once."""
@@ -174,7 +168,7 @@ class Runtime:
         if key not in self._constants:
             if len(self._constants) >= _MAX_CONSTANTS:
                 self._constants.pop(next(iter(self._constants)))
-            self._constants[key] = self.set.adopt(array, self.device)
+            self._constants[key] = self.set.adopt(array, array.dtype, array.shape, self.device)
         if _tape.constants is not None:
             _tape.constants.append(self._constants[key])
         return self._constants[key]
@@ -222,9 +216,7 @@ class Runtime:
 
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate kernel memory of one's own, filled with 0."""
-        array = self.set.empty(shape, np.dtype(dtype), self.device)
-        self.clear(array)
-        return array
+        return self.set.zeros(shape, np.dtype(dtype), self.device)
 
     def clear(self, array: Any) -> None:
         """Fill a kernel array with 0."""
@@ -319,14 +311,16 @@ _runtimes: dict[tuple[str, str, _libraries.NumPy], Runtime] = {}
 def runtime(*arrays: Any) -> Runtime:
     """Return the chosen kernel set, ready on the device and the stream of `arrays`."""
     name, device = _choice()
-    library = _NUMPY
-    given = [(_libraries.library(a), _libraries.device(a)) for a in arrays if a is not None]
-    foreign = [(lib, where) for lib, where in given if lib is not _NUMPY]
-    if foreign:
-        library, device = foreign[0]
-        places = sorted({where for _, where in foreign})
-        if len(places) > 1:
-            raise ValueError(f"arrays must be on one device, got {', '.join(places)}")
+    library, places = _NUMPY, set()
+    for array in arrays:
+        of = _libraries.library(array)
+        if of is not _NUMPY:
+            library = of if library is _NUMPY else library
+            places.add(of.device(array))
+    if len(places) > 1:
+        raise ValueError(f"arrays must be on one device, got {', '.join(sorted(places))}")
+    if places:
+        device = places.pop()
     key = (name, device, library)
     rt = _runtimes.get(key)
     if rt is None:

@@ -6,6 +6,7 @@ import math
 import operator
 from collections.abc import Sequence
 from enum import IntEnum
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -95,10 +96,16 @@ def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int 
 
 def check_code(value: str, codes: type[E], name: str) -> E:
     """Return the member of `codes` called `value` (the code that kernels switch on)."""
-    names = tuple(code.name.lower() for code in codes)
-    if value not in names:
-        raise ValueError(f"{name} must be one of {names}, got {value!r}")
-    return codes[value.upper()]
+    names = _names(codes)
+    code = names.get(value) if isinstance(value, str) else None
+    if code is None:
+        raise ValueError(f"{name} must be one of {tuple(names)}, got {value!r}")
+    return code
+
+
+@lru_cache
+def _names(codes: type[IntEnum]) -> dict[str, Any]:
+    return {code.name.lower(): code for code in codes}
 
 
 def check_choice(value: str, choices: Sequence[str], name: str) -> str:

@@ -210,8 +210,12 @@ def box(
     array([[0., 1., 1., 1., 0.]], dtype=float32)
     """
     radii = [check_integer(r, "radius", 0, MAX_RADIUS) for r in check_pair(radius, "radius")]
-    taps = [frozen_taps(np.full(2 * r + 1, 1 / (2 * r + 1))) for r in radii]
-    return separable(image, taps, mode, cval, channel_axis, out)
+    return separable(image, [_box_taps(r) for r in radii], mode, cval, channel_axis, out)
+
+
+@lru_cache(maxsize=64)
+def _box_taps(radius: int) -> np.ndarray:
+    return frozen_taps(np.full(2 * radius + 1, 1 / (2 * radius + 1)))
 
 
 def separable(

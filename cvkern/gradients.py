@@ -18,8 +18,9 @@ from cvkern.kernels.codes import Border
 OPERATORS = ("gaussian", "sobel", "scharr")
 
 # Smoothing halves of the 3 x 3 operators; the other half is the difference (-1, 0, 1).
-_SMOOTH = {"sobel": (1.0, 2.0, 1.0), "scharr": (3.0, 10.0, 3.0)}
-_DIFFERENCE = (-1.0, 0.0, 1.0)
+_SMOOTH = {"sobel": frozen_taps([1, 2, 1]), "scharr": frozen_taps([3, 10, 3])}
+_MEAN = {name: frozen_taps(taps / taps.sum()) for name, taps in _SMOOTH.items()}
+_DIFFERENCE = frozen_taps([-1, 0, 1])
 
 
 class Gradient(NamedTuple):
@@ -179,7 +180,7 @@ def derivatives(
             raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
         smooth, slope = gaussian_taps(sigma), gaussian_taps(sigma, 1)
     else:
-        smooth, slope = frozen_taps(_SMOOTH[operator]), frozen_taps(_DIFFERENCE)
+        smooth, slope = _SMOOTH[operator], _DIFFERENCE
         if sigma > NO_SIGMA:
             planes = (1, *image.shape)
             taps = rt.constant(gaussian_taps(sigma))
@@ -201,7 +202,7 @@ def _differentiate(
     *outputs: Any,
 ) -> None:
     """Differentiate as if the image went on as `border` says, with `cval` in every direction."""
-    beside = [_weighted(cval, taps) for taps in (smooth, slope)]
+    beside = [_weighted(cval, taps) if cval else 0.0 for taps in (smooth, slope)]
     family = rt.gradients
     primitive: Any = family.differentiate if len(outputs) == 2 else family.differentiate_polar
     primitive(src, rt.constant(smooth), rt.constant(slope), border, cval, *beside, *outputs)
@@ -221,23 +222,13 @@ def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval:
     image = check_image(image)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
-    smooth = np.array(_SMOOTH[operator])
     rt = runtime(image)
     shape = tuple(image.shape)
     result = rt.empty(shape)
     dst = rt.adopt(result)
     dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
     dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
-    _differentiate(
-        rt,
-        rt.adopt(image),
-        frozen_taps(smooth / smooth.sum()),
-        frozen_taps(_DIFFERENCE),
-        border,
-        cval,
-        dy,
-        dx,
-    )
+    _differentiate(rt, rt.adopt(image), _MEAN[operator], _DIFFERENCE, border, cval, dy, dx)
     if axis is None:
         rt.gradients.root_mean_square(dy, dx, dst)
     return rt.release(result)

@@ -82,9 +82,9 @@ def _without_paths(command: list[str]) -> list[str]:
 
 
 def _commit() -> str:
-    """CVKERN_COMMIT where the tree came without its history, else what git says."""
+    """CVKERN_COMMIT, as told, where the tree came without its history, else what git says."""
     if given := os.environ.get("CVKERN_COMMIT"):
-        return given
+        return f"{given} as told"
     try:
         said = subprocess.run(
             ["git", "describe", "--always", "--dirty", "--abbrev=12", "--exclude=*"],

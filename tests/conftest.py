@@ -3,6 +3,7 @@
 import os
 import signal
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from primitives import Primitives
@@ -55,6 +56,12 @@ def device(request):
 @pytest.fixture(params=KERNEL_SETS, scope="module")
 def kernels(request, device):
     return Primitives(request.param, device)
+
+
+@pytest.fixture
+def half(kernels):
+    """Return the precision of products of matrices: half with Warp on CUDA."""
+    return np.float16 if (kernels.name, kernels.device) == ("warp", "cuda:0") else np.float32
 
 
 @pytest.fixture(scope="module")

@@ -40,7 +40,8 @@ class Primitives:
         return results if len(results) > 1 else results[0]
 
     def _adopt(self, array):
-        return self._package.adopt(np.ascontiguousarray(array), self.device)
+        array = np.ascontiguousarray(array)
+        return self._package.adopt(array, array.dtype, array.shape, self.device)
 
 
 def noise(*shape, seed=0):

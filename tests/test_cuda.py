@@ -284,6 +284,24 @@ def test_plain_calls_between_replays_do_not_disturb_them():
             np.testing.assert_array_equal(take(mask), reference(CALLS["canny"], large))
 
 
+def test_results_keep_their_memory(backend):
+    images = np.random.default_rng(0).random((10, 600, 512), np.float32)  # above a megabyte each
+    wanted = [cvkern.gaussian(image, 1.0) for image in images]
+    with cvkern.use(device="cuda"):
+        first = cvkern.gaussian(images[0], 1.0)
+        view, address = first[7:9].T, first.ctypes.data
+        del first
+        kept = [cvkern.gaussian(image, 1.0) for image in images]  # more than have locked pages
+        np.testing.assert_array_equal(view, wanted[0][7:9].T)
+        assert address not in [array.ctypes.data for array in kept]
+        del view, kept[:5]
+        kept += [cvkern.gaussian(image, 1.0) for image in images]
+    for got, want in zip(kept, wanted[5:] + wanted, strict=True):
+        np.testing.assert_array_equal(got, want)
+    if backend == "warp":
+        assert address in [array.ctypes.data for array in kept]  # used again
+
+
 # --- what must be refused ------------------------------------------------------------------------
 
 

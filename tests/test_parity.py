@@ -97,6 +97,7 @@ def test_sets_offer_the_runtime_the_same_functions(name):
         "start",
         "adopt",
         "empty",
+        "zeros",
         "write",
         "clear",
         "scratch",

@@ -165,14 +165,16 @@ def test_copy_bandwidth_is_measured():
     assert copy_bandwidth(HostClock(), 1 << 20) > 0
 
 
-def test_program_writes_a_whole_result(tmp_path, capsys):
+def test_program_writes_a_whole_result(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("CVKERN_COMMIT", "abc")
     path = tmp_path / "result.json"
     command = ["--toy", "--case", "box", "median", "--seed", "1", "--json", str(path)]
     assert program.main(command) == 0
     result = json.loads(path.read_text())
     assert [r["case"] for r in result["results"]] == ["box", "median"]
     assert result["command"] == "python -m profiling --toy --case box median --seed 1"
-    assert {"date", "commit", "versions", "device", "host", "backend", "seed"} <= set(result)
+    assert {"date", "versions", "device", "host", "backend", "seed"} <= set(result)
+    assert result["commit"] == "abc as told"
     assert str(tmp_path) not in path.read_text()
     assert "OpenCV" in capsys.readouterr().out
 

@@ -12,6 +12,7 @@ from radiance_runs import FIELDS, TINY, interrupt, press_ctrl_c, same
 
 import cvkern
 from cvkern.radiance import VoxelField, fit, load_model, make_scene, render
+from cvkern.radiance.trainer import Trainer
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,9 @@ def scene():
 
 
 @FIELDS
-@pytest.mark.parametrize("step", [21, 32])
+@pytest.mark.parametrize(
+    ("backend", "step"), [("warp", 21), ("warp", 32), ("taichi", 21)], indirect=["backend"]
+)
 def test_ctrl_c_stops_saves_and_can_go_on(backend, scene, tmp_path, monkeypatch, step, field):
     file = tmp_path / "model.npz"
     options = {"steps": 48, "background": "learnt"}
@@ -58,6 +61,15 @@ def test_a_killed_run_goes_on(scene, tmp_path, monkeypatch):
     again = fit(scene, TINY, steps=48, checkpoint=file, resume=True)  # nothing is left to do
     assert (again.training.step, again.training.marks) == (48, on.training.marks)
     assert [file.name for file in tmp_path.iterdir()] == ["model.npz"]
+
+
+@FIELDS
+def test_a_larger_budget_is_what_counts(scene, tmp_path, field):
+    """Trainings of any length are the same up to the first look of the host at the clock."""
+    file = tmp_path / "model.npz"
+    fit(scene, field, steps=16, checkpoint=file)
+    on = fit(scene, field, steps=48, checkpoint=file, resume=True)
+    assert same(on, fit(scene, field, steps=48))
 
 
 @pytest.fixture(scope="module")
@@ -174,23 +186,29 @@ def test_wrong_versions_shapes_and_names(model, tmp_path):
     source, target = tmp_path / "model.npz", tmp_path / "other.npz"
     model.save(source)
     for old, new, rule in (
-        ('"version": 2', '"version": 3', "of version 2, got 'cvkern radiance field' of version 3"),
+        ('"version": 3', '"version": 2', "of version 3, got 'cvkern radiance field' of version 2"),
         ("cvkern radiance field", "something else", "got 'something else'"),
         ('"HashField"', '"NoField"', "field must be one of"),
         ('"table_bits": 12', '"table_bits": 11', "table.values must have shape"),
         ('"cells": 32', '"cells": 64', "occupancy.density must have shape"),
         ('"levels"', '"stories"', "stories"),
         ('"near"', '"far_off"', "no 'near'"),
+        ('"half": 1', '"half": -1', "half must be > 0"),
+        ('"background": "learnt"', '"background": "blue"', "background must be one of"),
+        (f'"rays": {model.training.rays}, "total', '"rays": 513, "total', "rays must be in"),
     ):
         header = edited(source, old, new)
         with pytest.raises(ValueError, match=rule):
             load_model(rewritten(source, target, header=header))
     for name, rule in (("state.layers.mean", "state must have 'layers.mean'"), ("header", "header"),
-                       ("behind", "no 'behind'")):  # fmt: skip
+                       ("behind", "must have 'behind'")):  # fmt: skip
         with pytest.raises(ValueError, match=rule):
             load_model(rewritten(source, target, **{name: None}))
     with pytest.raises(ValueError, match=r"layers\.mean must have shape"):
         load_model(rewritten(source, target, **{"state.layers.mean": np.zeros(3, np.float32)}))
+    for marks in (np.zeros(5), np.zeros((2, 4)), np.full((1, 5), np.inf)):
+        with pytest.raises(ValueError, match="path must be a whole model"):
+            load_model(rewritten(source, target, marks=marks))
     with pytest.raises(ValueError, match="path must be a whole model"):  # a pickled object
         load_model(rewritten(source, target, behind=np.array([None, {}], object)))
 
@@ -236,6 +254,22 @@ def test_a_full_disk(model, scene, tmp_path, monkeypatch):
         fit(scene, TINY, steps=2, checkpoint=file)
     assert file.read_bytes() == before
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_what_cannot_be_written_to_is_refused_before_the_training(scene, tmp_path, monkeypatch):
+    monkeypatch.setattr(Trainer, "step", lambda self: pytest.fail("trained in vain"))
+    (tmp_path / "folder.npz").mkdir()
+    with pytest.raises(ValueError, match=r"path must name a regular file, got .*folder\.npz"):
+        fit(scene, TINY, steps=2, checkpoint=tmp_path / "folder.npz")
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(PermissionError, match="path must lie in a folder to write to"):
+        fit(scene, TINY, steps=2, checkpoint=tmp_path / "model.npz")
+
+
+def test_settings_of_numpy_can_be_saved(scene, tmp_path):
+    field = replace(TINY, rays=np.int64(64), learning_rate=np.float32(0.01))
+    fit(scene, field, steps=2, checkpoint=tmp_path / "model.npz")
+    assert load_model(tmp_path / "model.npz").settings == field
 
 
 def test_checkpoints_of_another_training(scene, tmp_path):

@@ -16,12 +16,6 @@ F16, F32, I32 = np.float16, np.float32, np.int32
 EXACT = 5e-7
 
 
-@pytest.fixture
-def half(kernels):
-    """Return the precision of products of matrices: half with Warp on CUDA."""
-    return F16 if (kernels.name, kernels.device) == ("warp", "cuda:0") else F32
-
-
 def places(*shape, seed=0):
     """Return coordinates in [-1, 1], whole and half turns and the ends among them."""
     points = np.random.default_rng(seed).uniform(-1, 1, shape).astype(F32)

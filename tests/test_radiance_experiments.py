@@ -18,6 +18,7 @@ def tiny(monkeypatch):
     monkeypatch.setattr(radiance_quality, "VIEW", 16)
     monkeypatch.setattr(radiance_quality, "REPEATS", 1)
     monkeypatch.setattr(radiance_steps, "STEPS_TIMED", 3)
+    monkeypatch.setattr(radiance_steps.clock, "COPY_BYTES", 2**20)
     monkeypatch.delenv("CVKERN_DATA", raising=False)
 
 
@@ -34,8 +35,10 @@ def test_quality(tmp_path, capsys):
 
 
 def test_steps(tmp_path, capsys):
-    assert radiance_steps.main(["--steps", "20", "--output", str(tmp_path)]) == 0
-    told = json.loads((tmp_path / "radiance_steps_VoxelField_cpu.json").read_text())
+    options = ["--steps", "20", "--deterministic", "--output", str(tmp_path)]
+    assert radiance_steps.main(options) == 0
+    file = tmp_path / "radiance_steps_VoxelField_deterministic_cpu.json"
+    told = json.loads(file.read_text())
     rows = {row["primitive"]: row for row in told["primitives"]}
     assert {"rays.random_rays", "voxel.render", "loss.loss", "voxel.render_backward"} <= set(rows)
     assert rows["voxel.render"]["gathered_mb"] > 0

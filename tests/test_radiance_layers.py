@@ -10,12 +10,6 @@ from reference import radiance as reference
 F16, F32, I32 = np.float16, np.float32, np.int32
 
 
-@pytest.fixture
-def half(kernels):
-    """Return the precision of products of matrices: half with Warp on CUDA."""
-    return F16 if (kernels.name, kernels.device) == ("warp", "cuda:0") else F32
-
-
 def noise(*shape, dtype: Any = F32, seed=0):
     return np.random.default_rng(seed).normal(size=shape).astype(dtype)
 

@@ -1,13 +1,13 @@
 """The original radiance field as a whole: values, slopes, training, files."""
 
-import os
-import signal
 import sys
 from dataclasses import asdict, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from radiance_runs import interrupt, press_ctrl_c, same
 from reference import perceptron as reference
 from reference.radiance import slope
 
@@ -18,7 +18,6 @@ from cvkern.radiance import MLPField, evaluate, fit, load_model, make_scene, ren
 from cvkern.radiance.fields import Frame, Rays
 from cvkern.radiance.mlp_field import MLPNetwork
 from cvkern.radiance.scenes import Bounds
-from cvkern.radiance.trainer import Trainer
 
 F32, I32 = np.float32, np.int32
 SMALL = MLPField(width=16, layers=3, skip=2, frequencies=2, view_frequencies=1, samples=64, rays=8,
@@ -124,11 +123,19 @@ def test_the_field_is_that_of_the_paper(anywhere, name):
     np.testing.assert_array_equal(again, sigma)
 
 
+@cache
+def slopes(name, half):
+    """How the loss depends on each weight; those that kernels use are the same in one precision."""
+    trial = Trial(SHAPES[name])
+    assert trial.half == half
+    return slope(trial.loss, trial.weights, 1e-6)
+
+
 @pytest.mark.parametrize("name", [name for name in SHAPES if name != "real"])
 def test_gradients_are_slopes(anywhere, name):
     """Of every weight by itself."""
     trial = Trial(SHAPES[name])
-    found, want = trial.backward(), slope(trial.loss, trial.weights, 1e-6)
+    found, want = trial.backward(), slopes(name, trial.half)
     off = np.abs(found - want).max() / np.abs(want).max()
     # As above; a rectifier that opens in one precision only is a jump of its sample's share.
     assert off < (0.05 if trial.half else 1e-4)
@@ -162,14 +169,8 @@ def scene():
     return make_scene(train=16, test=2, size=24)
 
 
-def same(a, b):
-    """Whether two models have the same parameters, bit for bit."""
-    a, b = a.field.state(), b.field.state()
-    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
-
-
 def test_a_tiny_scene_is_learnt(anywhere, scene):
-    model = fit(scene, TINY, steps=150, seed=1)
+    model = fit(scene, TINY, steps=100, seed=1)
     assert evaluate(model, scene).psnr.mean() > 18  # an empty picture has about 11
 
 
@@ -180,20 +181,14 @@ def test_unbounded_space(backend, scene):
 
 
 def test_an_interrupted_training_goes_on_to_the_same_model(backend, scene, tmp_path, monkeypatch):
-    file, repeat = tmp_path / "model.npz", Trainer.repeat
-    straight = fit(scene, TINY, steps=40)
-
-    def interrupted(self):
-        repeat(self)
-        if self.model.training.step == 20:
-            os.kill(os.getpid(), signal.SIGINT)
-
+    file = tmp_path / "model.npz"
+    straight = fit(scene, TINY, steps=24)
     with monkeypatch.context() as patch:
-        patch.setattr(Trainer, "repeat", interrupted)
-        stopped = fit(scene, TINY, steps=40, checkpoint=file)
-    assert (stopped.training.stopped, stopped.training.step) == (True, 21)
+        interrupt(patch, 13, press_ctrl_c)
+        stopped = fit(scene, TINY, steps=24, checkpoint=file)
+    assert (stopped.training.stopped, stopped.training.step) == (True, 13)
     assert not same(stopped, straight)
-    assert same(fit(scene, TINY, steps=40, checkpoint=file, resume=True), straight)
+    assert same(fit(scene, TINY, steps=24, checkpoint=file, resume=True), straight)
 
 
 def test_saved_models_render_the_same(scene, tmp_path):

@@ -14,12 +14,6 @@ RAYS = 40
 SIZES = [(300, 300), (300, 259), (700, 641), (70, 1), (70, 0)]  # room, samples
 
 
-@pytest.fixture
-def half(kernels):
-    """Return the precision of products of matrices: half with Warp on CUDA."""
-    return F16 if (kernels.name, kernels.device) == ("warp", "cuda:0") else F32
-
-
 @dataclass
 class Case:
     """Inputs with room for more samples than there are, and how to call the primitives."""

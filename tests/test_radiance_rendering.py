@@ -51,7 +51,7 @@ class Ball(Field):
         self.looks.append(len(o))
         middle = -(o * d).sum(axis=1)
         inside = RADIUS**2 - (o**2).sum(axis=1) + middle**2
-        hit = inside > 0
+        hit = (inside > 0) & (middle > 0)  # what is behind is not seen
         depth = np.where(hit, middle - np.sqrt(np.maximum(inside, 0)), 0)
         for array, values in zip(seen, (hit[:, None] * COLOR, hit, depth), strict=True):
             self.rt.write(array, np.ascontiguousarray(values, np.float32))

@@ -2,14 +2,24 @@
 
 import json
 import struct
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
+from PIL import ExifTags, Image
 from truth import truth
 
-from cvkern.images import write_image
-from cvkern.radiance import cameras, load_scene, look_at, pixel_rays, project
+from cvkern.images import read_image, write_image
+from cvkern.radiance import (
+    Bounds,
+    cameras,
+    load_scene,
+    look_at,
+    make_scene,
+    pixel_rays,
+    project,
+)
 from cvkern.radiance.scenes import focus_of
 
 RNG = np.random.default_rng(0)
@@ -170,6 +180,8 @@ def test_instant_ngp(tmp_path):
     assert_views(scene, poses, images, distortion=LENS)
     assert np.flatnonzero(scene.test).tolist() == [0, 8]
     assert np.flatnonzero(load_scene(tmp_path, test_every=3).test).tolist() == [0, 3, 6]
+    assert not load_scene(tmp_path, test_every=0).test.any()
+    assert scene.bounds == ((0, 0, 0), pytest.approx(2 / 0.33), False)
     for i, frame in enumerate(content["frames"]):
         frame["split"] = "test" if i == 4 else "train"
     content |= {"w": 2 * WIDTH, "h": 2 * HEIGHT, "frames": content["frames"][::-1]}
@@ -177,6 +189,22 @@ def test_instant_ngp(tmp_path):
     scene = load_scene(tmp_path / "transforms.json")
     assert_views(scene, poses, images, [9.5, 10.5, 4.35, 2.6], LENS)
     assert np.flatnonzero(scene.test).tolist() == [4]
+    # What comes to x times the scale plus the offset lies in the unit cube, here 4 times as large.
+    content |= {"scale": 0.5, "offset": [0.5, 0.25, 1.0]}
+    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    assert load_scene(tmp_path).bounds == ((0, 0.5, -1), 4, False)
+
+
+def test_photographs_are_not_turned(tmp_path):
+    """Whatever they say is up: the lens is that of the file as it is stored."""
+    images, poses, _ = instant_ngp(tmp_path)
+    for file in (tmp_path / "images").iterdir():
+        photograph = Image.open(file)
+        exif = photograph.getexif()
+        exif[ExifTags.Base.Orientation] = 6
+        photograph.save(file, exif=exif)
+        assert read_image(file).shape == (WIDTH, HEIGHT, 3)
+    assert_views(load_scene(tmp_path), poses, images, distortion=LENS)
 
 
 def llff(folder, images=None, poses=None):
@@ -197,7 +225,9 @@ def test_llff(tmp_path):
     llff(tmp_path, images, poses)
     scene = load_scene(tmp_path)
     assert_views(scene, poses, images, [19.0, 19.0, 9.5, 5.5])
-    assert (scene.near, scene.far, scene.bounds.unbounded) == (pytest.approx(1.35), 9.0, True)
+    assert (scene.near, scene.bounds.unbounded) == (pytest.approx(1.35), True)
+    # What is 9 along the axis is farther along the rays to the corners.
+    assert scene.far == pytest.approx(9 * np.linalg.norm([WIDTH / 2 / 19, HEIGHT / 2 / 19, 1]))
     np.testing.assert_allclose(scene.bounds.center, (0.1, -0.2, 0.3), atol=1e-6)
 
 
@@ -282,6 +312,31 @@ def test_colmap_lenses(tmp_path, model, parameters, distortion):
     (tmp_path / "sparse/cameras.txt").write_text(f"7 {model} {WIDTH} {HEIGHT} {line}\n")
     scene = load_scene(tmp_path)
     assert_views(scene, poses, images, [20, 20, 9.2, 5.7], [*distortion, 0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"images": np.zeros((3, 8, 8, 3), np.float32)}, TypeError, "images must be uint8, got"),
+        (
+            {"images": np.zeros((2, 8, 8, 3), np.uint8)},
+            ValueError,
+            r"images must have shape \(3, 8",
+        ),
+        ({"images": np.zeros((3, 8, 9, 3), np.uint8)}, ValueError, r"got \(3, 8, 9, 3\)"),
+        ({"images": np.zeros((3, 8, 8, 2), np.uint8)}, ValueError, r"got \(3, 8, 8, 2\)"),
+        ({"test": np.array([0, 1, 0])}, TypeError, "test must be bool, got int64"),
+        ({"test": np.zeros(2, bool)}, ValueError, r"test must have shape \(3,\), got \(2,\)"),
+        ({"depths": np.zeros((3, 8, 9))}, ValueError, r"depths must have shape \(3, 8, 8\), got"),
+        ({"bounds": Bounds((0, 0, 0), 0.0, False)}, ValueError, "bounds must be finite with half"),
+        ({"bounds": Bounds((0, 0, np.nan), 1.0, False)}, ValueError, "bounds must be finite with"),
+        ({"near": 3.0, "far": 2.0}, ValueError, r"near must be >= 0 and below far, got 3\.0 and 2"),
+        ({"near": np.nan}, ValueError, "near must be >= 0 and below far, got nan"),
+    ],
+)
+def test_scenes_of_ones_own_are_checked(changes, error, message):
+    with pytest.raises(error, match=message):
+        replace(make_scene(train=2, test=1, size=8), **changes)
 
 
 def test_real_scenes():

@@ -19,7 +19,14 @@ from test_radiance_scenes import (
 )
 
 from cvkern.images import write_image
-from cvkern.radiance import cameras, load_scene
+from cvkern.radiance import cameras, load_scene, pixel_rays, project
+
+
+def test_how_many_are_kept_back_is_checked(tmp_path):
+    with pytest.raises(ValueError, match=r"test_every must be in \[0, .*\], got -1"):
+        load_scene(tmp_path, test_every=-1)
+    with pytest.raises(TypeError, match=r"test_every must be an integer, got 2\.5"):
+        load_scene(tmp_path, test_every=2.5)  # type: ignore[arg-type]
 
 
 def test_missing_files_are_named(tmp_path):
@@ -38,8 +45,18 @@ def test_missing_files_are_named(tmp_path):
     [
         ({"frames": []}, "must have frames, got none"),
         ({"fl_x": None}, "must give fl_x, or camera_angle_x"),
-        ({"fl_x": -3.0}, "fx, fy > 0"),
-        ({"k1": float("nan")}, "distortion must be finite"),
+        ({"fl_x": None, "camera_angle_x": 4}, r"camera_angle_x in \(0, pi\), got 4"),
+        ({"fl_x": -3.0}, r"transforms\.json must give a finite number > 0 for fl_x, got -3\.0"),
+        ({"w": 0}, "a finite number > 0 for w, got 0"),
+        ({"cx": []}, r"a finite number for cx, got \[\]"),
+        ({"k1": float("nan")}, "a finite number for k1, got nan"),
+        ({"aabb_scale": 0}, "a finite number > 0 for aabb_scale, got 0"),
+        ({"scale": "x"}, "a finite number > 0 for scale, got 'x'"),
+        ({"offset": [0, 1]}, r"a finite number for offset, got \[0, 1\]"),
+        ({"is_fisheye": True}, "must use one of .*'OPENCV'.*, got fisheye"),
+        ({"camera_model": "OPENCV_FISHEYE"}, "must use one of .*, got OPENCV_FISHEYE"),
+        ({"frames": {"a": 1}}, "must have a list of objects as frames, got {'a': 1}"),
+        ({"frames": [3]}, r"must have a list of objects as frames, got \[3\]"),
         ({"frames": [{"file_path": 3}]}, "must give file_path"),
         ({"frames": [{"file_path": "images/v000"}]}, "must give a transform_matrix"),
         (
@@ -80,6 +97,10 @@ def test_broken_files_are_named(tmp_path):
 
 def test_broken_llff(tmp_path):
     (tmp_path / "poses_bounds.npy").write_bytes(b"no array")
+    with pytest.raises(ValueError, match="must be an array of NumPy"):
+        load_scene(tmp_path)
+    with (tmp_path / "poses_bounds.npy").open("wb") as file:
+        np.savez(file, np.zeros((3, 17)))
     with pytest.raises(ValueError, match="must be an array of NumPy"):
         load_scene(tmp_path)
     np.save(tmp_path / "poses_bounds.npy", np.zeros((3, 16)))
@@ -124,6 +145,27 @@ def test_bad_cameras(changes, message):
     good = {"poses": np.eye(4)[None], "intrinsics": INTRINSICS, "width": 3, "height": 4}
     with pytest.raises(ValueError, match=message):
         cameras(**(good | changes))
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda c: pixel_rays(c, 2, [[0, 0]]), ValueError, r"view must be in \[0, 1\], got 2"),
+        (lambda c: pixel_rays(c, -1, [[0, 0]]), ValueError, r"view must be in \[0, 1\], got -1"),
+        (lambda c: pixel_rays(c, 0, [1, 2]), ValueError, r"pixels must have shape \(N, 2\), got"),
+        (
+            lambda c: project(c, c.width / 4, [[0, 0, 1]]),
+            TypeError,
+            "view must be an integer, got 1.5",
+        ),
+        (lambda c: project(c, 0, [[1, 2]]), ValueError, r"points must have shape \(N, 3\), got"),
+        (lambda c: c.resized(5), ValueError, r"factor must be in \[1, 4\], got 5"),
+        (lambda c: c.scaled(0), ValueError, "factor must be > 0, got 0"),
+    ],
+)
+def test_cameras_asked_for_what_is_not_there(call, error, message):
+    with pytest.raises(error, match=message):
+        call(cameras(np.tile(np.eye(4), (2, 1, 1)), INTRINSICS, 6, 4))
 
 
 def blender(folder, changes=lambda content: None):
@@ -266,6 +308,7 @@ def test_colmap_files_that_are_damaged(tmp_path):
         ("cameras", "7 OPENCV", "8 OPENCV", r"must have camera 7, which v000\.png was taken with"),
         ("images", " 7 v", " 7.5 v", r"images\.txt must have integers, got '7\.5'"),
         ("points3D", "0 ", "0 far ", r"points3D\.txt must have numbers, got 'far'"),
+        ("points3D", "0 ", "0 inf ", r"points3D\.txt must have finite points"),
     ):
         file = tmp_path / "text/sparse/0" / f"{name}.txt"
         whole = file.read_text()

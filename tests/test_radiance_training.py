@@ -1,7 +1,11 @@
 """Training of radiance fields: quality, equal runs, interrupts."""
 
+import gc
+import re
 import threading
+import weakref
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,12 +15,14 @@ import cvkern
 from cvkern.radiance import (
     HashField,
     VoxelField,
+    cameras,
     evaluate,
     fit,
     load_model,
     make_scene,
     psnr,
     trainer,
+    training,
 )
 from cvkern.radiance.rendering import photograph
 from cvkern.radiance.sampled import SampledField
@@ -30,7 +36,7 @@ def scene():
 
 
 @pytest.mark.parametrize(
-    ("field", "steps", "least"), [(TINY, 250, 17), (GRID, 300, 23)], ids=["hash", "voxel"]
+    ("field", "steps", "least"), [(TINY, 100, 17), (GRID, 120, 23)], ids=["hash", "voxel"]
 )
 def test_a_tiny_scene_is_learnt(backend, scene, field, steps, least):
     model = fit(scene, field, steps=steps, seed=1)
@@ -87,9 +93,9 @@ def test_going_on_with_batches_that_do_not_fit(scene, tmp_path, monkeypatch, ste
 
 @FIELDS
 def test_same_steps_give_the_same_model(backend, scene, field):
-    first, second = (fit(scene, field, steps=35) for _ in range(2))
+    first, second = (fit(scene, field, steps=20) for _ in range(2))
     assert same(first, second)
-    assert not same(first, fit(scene, field, steps=35, seed=1))
+    assert not same(first, fit(scene, field, steps=20, seed=1))
 
 
 @pytest.mark.parametrize("name", ["voxel", "hash", "mlp"])
@@ -102,6 +108,14 @@ def test_a_name_is_a_field_that_suits_the_device(scene, name):
 
 def test_without_a_name_the_cpu_has_a_grid():
     assert suited() == VoxelField()
+
+
+def test_a_gpu_has_a_table_or_a_finer_grid(monkeypatch):
+    monkeypatch.setattr(training, "runtime", lambda: SimpleNamespace(device="cuda"))
+    assert suited() == HashField()
+    grid = suited("voxel")
+    assert isinstance(grid, VoxelField)
+    assert grid.resolutions == (*VoxelField().resolutions, 256)
 
 
 def test_ctrl_c_ends_the_looks_at_held_out_views(scene, tmp_path, monkeypatch):
@@ -179,14 +193,24 @@ def test_no_views_kept_back(scene):
     assert np.isnan(model.training.marks[-1].test_psnr)
 
 
+def test_a_model_goes_when_nobody_holds_it(scene):
+    """Not when Python comes to look for cycles, of which a GPU that is full knows nothing."""
+    gc.disable()
+    try:
+        field = weakref.ref(fit(scene, GRID, steps=3).field)
+        assert field() is None
+    finally:
+        gc.enable()
+
+
 def test_progress_bar(scene, monkeypatch, capsys):
     import rich.console
 
     monkeypatch.setattr(rich.console.Console, "is_terminal", True)
     fit(scene, TINY, steps=32)
     shown = capsys.readouterr().err
-    for part in (" dB  ", " k rays/s", "0:00:0"):  # the last is the time left
-        assert part in shown
+    assert re.search(r"\d\.\d dB  [\d,]+ k rays/s", shown)
+    assert re.search(r"\d:\d\d:\d\d", shown)  # the time that is left
     fit(scene, TINY, steps=32, progress=False)
     assert capsys.readouterr() == ("", "")
     monkeypatch.setattr(rich.console.Console, "is_terminal", False)
@@ -238,11 +262,12 @@ def test_scenes_that_cannot_be_trained_from(scene):
         fit(replace(scene, test=np.ones(len(scene), bool)), steps=1)
     with pytest.raises(TypeError, match="scene must be a Scene, got str"):
         fit("scene", steps=1)  # type: ignore[arg-type]
-    with pytest.raises(TypeError, match="scene must have images of uint8, got float32"):
-        fit(replace(scene, images=np.full((18, 24, 24, 3), np.nan, np.float32)), steps=1)
-    for shape in ((17, 24, 24, 3), (18, 24, 23, 3), (18, 24, 24, 2), (18, 24, 24)):
-        with pytest.raises(ValueError, match=r"scene must have RGB or RGBA images of 24 x 24"):
-            fit(replace(scene, images=np.zeros(shape, np.uint8)), steps=1)
+    wide = cameras(scene.cameras.poses, [1, 1, 0, 0], 2**15, 2**12)
+    large = replace(
+        scene, cameras=wide, images=np.broadcast_to(np.uint8(0), (18, 2**12, 2**15, 3)), depths=None
+    )
+    with pytest.raises(ValueError, match="scene must have images of less than 2 GiB in all, got"):
+        fit(large, steps=1)
     model = fit(scene, TINY, steps=1)
     with pytest.raises(ValueError, match="scene must have views kept back"):
         evaluate(model, replace(scene, test=np.zeros(len(scene), bool)))

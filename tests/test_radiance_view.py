@@ -29,9 +29,9 @@ class Views:
                  most=10**6, near=0.05):  # fmt: skip
         levels, cells, far, finest, cone, unbounded = space
         count, bits = len(origins), pack(occupied)
-        at, taken, listing, *seen = kernels(
+        at, taken, listing, counts, *seen = kernels(
             "radiance_view.set_out", origins, directions, levels, near, finest, cone,
-            out=[((count,), F32), ((count,), I32), ((count,), I32), ((count, 3), F32),
+            out=[((count,), F32), ((count,), I32), ((count,), I32), ((2,), I32), ((count, 3), F32),
                  ((count,), F32), ((count,), F32)],
         )  # fmt: skip
         self.taken, self.rounds, living = [[] for _ in range(count)], [], count
@@ -40,7 +40,7 @@ class Views:
             at, taken, going, spans, counts, positions, distances, rays = kernels(
                 "radiance_view.march_on", origins, directions, bits, levels, cells, far, finest,
                 cone, most, unbounded, few, living, listing,
-                out=[at, taken, ((count,), I32), ((count, 2), I32), ((2,), I32), ((room, 3), F32),
+                out=[at, taken, ((count,), I32), ((count, 2), I32), counts, ((room, 3), F32),
                      ((room, 2), F32), ((room,), I32)],
             )  # fmt: skip
             total, living = counts
@@ -55,9 +55,9 @@ class Views:
             assert len(set(going[:living])) == living
             if living:
                 sigma, rgb = field(positions, thick)
-                at, *seen = kernels(
+                counts, at, *seen = kernels(
                     "radiance_view.composite_on", sigma, rgb, distances, going, spans, int(living),
-                    stop, out=[at, *seen],
+                    stop, out=[counts, at, *seen],
                 )  # fmt: skip
             listing, living = going, int(living)
         self.numbers, self.seen = taken, seen

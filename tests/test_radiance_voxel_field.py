@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 import pytest
+from test_radiance_view import rays_from_outside, see
 
 import cvkern
 from cvkern._runtime import runtime
@@ -91,6 +92,28 @@ def test_densities_are_those_of_the_grid():
                 raw = points[1] / size * (2 - 1 / size) / 2 @ (1, 2, -1)
                 want[1] = np.exp(raw) if raw > field.least else 0
             np.testing.assert_allclose(field.densities(points), want, rtol=1e-5)
+
+
+@pytest.mark.parametrize("unbounded", [False, True])
+def test_to_render_takes_the_nodes_that_are_seen(backend, unbounded):
+    rt, frame = runtime(), Frame(Bounds((0, 0, 0), 1.0, unbounded), 0.1, 10.0)
+    made, again = (SMALL.build(rt, frame, 0) for _ in range(2))
+    rng = np.random.default_rng(0)
+    rt.write(made.density, rng.choice(np.array([9, -9], F32), made.density.shape, p=[0.01, 0.99]))
+    color = rng.normal(size=made.color.shape).astype(F32)
+    color[..., 27:] = 0
+    rt.write(made.color, color)
+    made._mark()
+    whole = made.state()
+    assert whole["color"].shape == (17**3, 27)
+    state = made.to_render(whole)
+    assert 0.1 < len(state["nodes"]) / len(whole["nodes"]) < 0.4  # 27 neighbours of 1 in 100
+    again.restore(state)
+    rays = rays_from_outside(300)
+    want = see(rt, made, *rays)
+    assert want[1].max() > 0.9
+    for a, b in zip(see(rt, again, *rays), want, strict=True):
+        np.testing.assert_array_equal(a, b)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,11 @@
 """Who computes and where: the choice, the environment, threads, forks, and the caller's arrays."""
 
+import gc
 import os
 import subprocess
 import sys
 import threading
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -89,6 +91,8 @@ def test_the_environment_sets_the_defaults():
     assert run(code) == "warp"
     assert run(code, CVKERN_BACKEND="taichi") == "taichi"
     assert run(code, CVKERN_BACKEND="", CVKERN_DEVICE="") == "warp"
+    late = f"{code}; import os; os.environ['CVKERN_BACKEND'] = 'taichi'; print(runtime().name)"
+    assert run(late) == "warp\nwarp"
     code = f"import cvkern\ncvkern.use('warp')\n{code}"
     assert run(code, CVKERN_BACKEND="taichi") == "warp"
 
@@ -133,7 +137,7 @@ def give(library, image):
     if library == "torch":
         return module.from_numpy(image.copy())
     if library == "jax":
-        return module.numpy.asarray(image)
+        return module.device_put(image, module.devices("cpu")[0])
     return module.array(image, device="cpu")
 
 
@@ -175,6 +179,14 @@ def test_other_dtypes_of_torch(backend, dtype):
         np.testing.assert_array_equal(CALLS[name](given).numpy(), CALLS[name](image))
 
 
+def test_tensors_that_are_negative_by_a_mark(backend):
+    """Of the imaginary part of a conjugate, torch keeps the numbers of the original."""
+    image = noise(12, 15)
+    part = (1j * give("torch", image)).conj().imag
+    assert part.is_neg()
+    np.testing.assert_array_equal(CALLS["gaussian"](part).numpy(), CALLS["gaussian"](-image))
+
+
 def test_out_of_torch(backend):
     torch = pytest.importorskip("torch")
     image, out = give("torch", noise(9, 12)), torch.full((9, 12), torch.nan)
@@ -210,6 +222,16 @@ def test_results_are_the_callers_own(backend, name):
         a[...] = 0
     for a, c in zip(fields(CALLS[name](image)), copies, strict=True):
         np.testing.assert_array_equal(a, c)
+
+
+def test_calls_keep_no_array_alive(backend):
+    image = blobs(20, 33)
+    for call in CALLS.values():
+        call(image)
+    gone = weakref.ref(image)
+    del image
+    gc.collect()
+    assert gone() is None
 
 
 # --- threads and forks ---------------------------------------------------------------------------

@@ -16,8 +16,9 @@ SPLITS = ("train", "val", "test")
 # The synthetic scenes lie in a cube of side 3, and their cameras 4 from its middle.
 BLENDER_HALF, BLENDER_NEAR, BLENDER_FAR = 1.5, 2.0, 6.0
 DEPTH_RANGE = 8.0  # of their depth pictures: 8 (1 - v / 255)
-# instant-ngp's unit cube is the world times 0.33, moved by 0.5.
-NGP_SCALE = 0.33
+# instant-ngp's unit cube is the world times the first, moved by the second, if a file says nothing.
+NGP_SCALE, NGP_OFFSET = 0.33, 0.5
+LENSES = "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 SUFFIXES = ("", ".png", ".jpg", ".jpeg")
 TURN = np.diag([1.0, -1.0, -1.0])  # from OpenGL's axes to OpenCV's
 
@@ -63,13 +64,17 @@ def _instant_ngp(file: Path, test_every: int) -> Scene:
         held = np.array([frame.get("split") == "test" for frame in frames])
     else:
         held = every(len(frames), test_every)
-    half = 0.5 * float(content.get("aabb_scale", 1)) / NGP_SCALE
+    scale = _number(file, content, "scale", NGP_SCALE, 0.0)
+    half = 0.5 * _number(file, content, "aabb_scale", 1.0, 0.0) / scale
+    offset = content.get("offset", NGP_OFFSET)
+    offset = offset if isinstance(offset, list) and len(offset) == 3 else [offset] * 3
+    moved = [_number(file, {"offset": o}, "offset", NGP_OFFSET) for o in offset]
+    x, y, z = ((0.5 - o) / scale for o in moved)
     views = _cameras(
         file, poses, np.array([a for a, _ in lenses]), width, height,
         np.array([b for _, b in lenses]),
     )  # fmt: skip
-    near = 0.05 / NGP_SCALE
-    return Scene(images, views, held, Bounds((0.0, 0.0, 0.0), half, False), near, math.inf)
+    return Scene(images, views, held, Bounds((x, y, z), half, False), 0.05 / scale, math.inf)
 
 
 def _content(file: Path) -> dict[str, Any]:
@@ -77,9 +82,29 @@ def _content(file: Path) -> dict[str, Any]:
         content = json.loads(file.read_text())
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{file} must be JSON: {error}") from None
-    if not isinstance(content, dict) or not content.get("frames"):
+    frames = content.get("frames") if isinstance(content, dict) else None
+    if not frames:
         raise ValueError(f"{file} must have frames, got none")
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise ValueError(f"{file} must have a list of objects as frames, got {frames!r:.80}")
     return content
+
+
+def _number(
+    file: Path, content: dict[str, Any], name: str, default: float, above: float = -math.inf
+) -> float:
+    """Return the number of that name, where there is one."""
+    value = content.get(name)
+    if value is None:
+        return default
+    try:
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if not above < found < math.inf:
+        rule = "a finite number" if above else "a finite number > 0"
+        raise ValueError(f"{file} must give {rule} for {name}, got {value!r:.80}")
+    return found
 
 
 def _photograph(file: Path, frame: dict[str, Any], number: int) -> Path:
@@ -117,21 +142,27 @@ def _intrinsics(
     file: Path, lens: dict[str, Any], width: int, height: int
 ) -> tuple[list[float], list[float]]:
     """Return fx, fy, cx, cy and the distortion, for images as large as they are."""
-    scale = (width / float(lens.get("w", width)), height / float(lens.get("h", height)))
-    fx, fy = lens.get("fl_x"), lens.get("fl_y")
-    if fx is None:
-        angle = lens.get("camera_angle_x")
-        if angle is None or not 0 < angle < math.pi:
+    model = "fisheye" if lens.get("is_fisheye") else lens.get("camera_model", "OPENCV")
+    if model not in LENSES:
+        raise ValueError(f"{file} must use one of {LENSES}, got {model}")
+
+    def number(name: str, default: float, above: float = -math.inf) -> float:
+        return _number(file, lens, name, default, above)
+
+    wide, high = number("w", width, 0.0), number("h", height, 0.0)
+    fx = number("fl_x", math.nan, 0.0)
+    if math.isnan(fx):
+        angle = number("camera_angle_x", math.nan)
+        if not 0 < angle < math.pi:
             raise ValueError(f"{file} must give fl_x, or camera_angle_x in (0, pi), got {angle}")
-        fx = 0.5 * width / math.tan(0.5 * angle) / scale[0]
-    if fy is None:
-        angle = lens.get("camera_angle_y")
-        fy = 0.5 * height / math.tan(0.5 * angle) / scale[1] if angle else fx
-    cx = float(lens.get("cx", 0.5 * width / scale[0]))
-    cy = float(lens.get("cy", 0.5 * height / scale[1]))
+        fx = 0.5 * wide / math.tan(0.5 * angle)
+    angle = number("camera_angle_y", 0.0)
+    fy = number("fl_y", 0.5 * high / math.tan(0.5 * angle) if angle else fx, 0.0)
+    across, down = width / wide, height / high
     # These files count from the corner of the first pixel.
-    found = [fx * scale[0], fy * scale[1], cx * scale[0] - 0.5, cy * scale[1] - 0.5]
-    return found, [float(lens.get(name, 0.0)) for name in ("k1", "k2", "p1", "p2", "k3")]
+    cx, cy = number("cx", 0.5 * wide) * across - 0.5, number("cy", 0.5 * high) * down - 0.5
+    bent = [number(name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")]
+    return [fx * across, fy * down, cx, cy], bent
 
 
 def _cameras(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cvkern.radiance.cameras import cameras
-from cvkern.radiance.scenes import Bounds, Scene, every, focus_of, read_images
+from cvkern.radiance.scenes import Bounds, Scene, every, focus_of, read_images, view_directions
 
 # Number and name of the models, and where their parameters go: f x y, then k1 k2 p1 p2 k3.
 MODELS = {
@@ -21,6 +21,7 @@ MODELS = {
     4: ("OPENCV", "ffcckkpp"),
 }
 LAYOUTS = dict(MODELS.values())
+MOST_POINTS = 2**14  # that the range of depths is found from
 
 Lens = tuple[str, int, int, tuple[float, ...]]  # model, width, height, parameters
 View = tuple[str, int, tuple[float, ...]]  # photograph, camera, quaternion and translation
@@ -40,6 +41,8 @@ def load(file: Path, test_every: int) -> Scene:
             points = (_binary_points if binary else _text_points)(beside["points3D"])
     except (struct.error, IndexError, UnicodeDecodeError) as error:
         raise ValueError(f"{file.parent} must be a whole COLMAP model: {error}") from None
+    if not np.isfinite(points).all():
+        raise ValueError(f"{beside['points3D']} must have finite points")
     views.sort()
     folder = _photographs(file)
     images = read_images([folder / name for name, _, _ in views])
@@ -97,10 +100,12 @@ def _extent(poses: np.ndarray, points: np.ndarray) -> tuple[Bounds, float, float
     half = float(np.abs(eyes - center).max()) or 1.0
     near, far = 0.05 * half, np.inf
     if len(points):
-        depths = ((points[None] - eyes[:, None]) * poses[:, None, :, 2]).sum(axis=2)
-        ahead = depths[depths > 0]
-        if ahead.size:
-            near, far = (float(q) for q in np.quantile(ahead, [0.001, 0.999]) * [0.8, 1.5])
+        points = points[:: -(-len(points) // MOST_POINTS)]
+        ahead = view_directions(poses)
+        depths = points @ ahead.T - (eyes * ahead).sum(axis=1)
+        depths = depths[depths > 0]
+        if depths.size:
+            near, far = (float(q) for q in np.quantile(depths, [0.001, 0.999]) * [0.8, 1.5])
     return Bounds((float(center[0]), float(center[1]), float(center[2])), half, True), near, far
 
 

@@ -17,8 +17,9 @@ MARGIN = 0.9  # before the nearest point that was seen
 def load(file: Path, test_every: int) -> Scene:
     """Read a scene; see :func:`cvkern.radiance.load_scene`."""
     try:
-        table = np.load(file, allow_pickle=False).astype(np.float64)
-    except (ValueError, EOFError) as error:
+        with file.open("rb") as stream:
+            table = np.lib.format.read_array(stream, allow_pickle=False).astype(np.float64)
+    except ValueError as error:
         raise ValueError(f"{file} must be an array of NumPy: {error}") from None
     if table.ndim != 2 or table.shape[1] != 17 or not np.isfinite(table).all():
         raise ValueError(f"{file} must be finite, of shape (N, 17), got {table.shape}")
@@ -40,6 +41,8 @@ def load(file: Path, test_every: int) -> Scene:
     near, far = MARGIN * table[:, 15].min(), table[:, 16].max()
     if not 0 < near < far:
         raise ValueError(f"{file} must give bounds with 0 < near < far, got {near:g} and {far:g}")
+    corner = np.hypot(width, height) / (2 * focal.min())
+    far *= np.hypot(1, corner)  # bounds are along the axis, and rays to the corners are longer
     center = focus_of(poses)
     half = float(np.abs(poses[:, :, 3] - center).max()) + 0.5 * near
     held = every(len(images), test_every)

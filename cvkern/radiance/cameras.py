@@ -42,7 +42,15 @@ class Cameras:
         return Cameras(poses, lenses, bent, self.width, self.height)
 
     def resized(self, factor: int) -> Cameras:
-        """Return the cameras of images averaged over blocks of `factor` x `factor` pixels."""
+        """Return the cameras of images averaged over blocks of `factor` x `factor` pixels.
+
+        Raises
+        ------
+        TypeError
+            If `factor` is not an integer.
+        ValueError
+            If it is not between 1 and the smaller side.
+        """
         check_integer(factor, "factor", 1, min(self.width, self.height))
         small = self.intrinsics / factor
         small[:, 2:] += 0.5 / factor - 0.5  # pixel centres are integers in either image
@@ -51,7 +59,15 @@ class Cameras:
         )
 
     def scaled(self, factor: float) -> Cameras:
-        """Return the cameras of images `factor` times as large, > 0."""
+        """Return the cameras of images `factor` times as large.
+
+        Raises
+        ------
+        TypeError
+            If `factor` is no number.
+        ValueError
+            If it is not > 0 and finite.
+        """
         check_positive(factor, "factor")
         width, height = (max(1, round(n * factor)) for n in (self.width, self.height))
         lens = self.intrinsics * factor
@@ -150,7 +166,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
     Raises
     ------
     ValueError
-        If an eye is at its target, or looks along `up`.
+        If an eye is at its target, or looks along `up`, or the shapes do not go together.
     """
     eyes, targets = np.broadcast_arrays(np.atleast_2d(eyes), np.atleast_2d(targets))
     forward = np.asarray(targets - eyes, np.float64)
@@ -179,10 +195,13 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
 
     Raises
     ------
-    IndexError
-        If there is no such view.
+    TypeError
+        If `view` is not an integer.
+    ValueError
+        If there is no such view, or `pixels` have another shape.
     """
-    pixels = np.asarray(pixels, np.float64)
+    view = check_integer(view, "view", 0, len(cameras) - 1)
+    pixels = _rows(pixels, 2, "pixels")
     fx, fy, cx, cy = cameras.intrinsics[view]
     bent = np.stack(((pixels[:, 1] - cx) / fx, (pixels[:, 0] - cy) / fy), axis=1)
     straight = undistort(bent, cameras.distortion[view])
@@ -208,15 +227,25 @@ def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
 
     Raises
     ------
-    IndexError
-        If there is no such view.
+    TypeError
+        If `view` is not an integer.
+    ValueError
+        If there is no such view, or `points` have another shape.
     """
-    pose = cameras.poses[view]
-    seen = (np.asarray(points, np.float64) - pose[:, 3]) @ pose[:, :3]
+    pose = cameras.poses[check_integer(view, "view", 0, len(cameras) - 1)]
+    seen = (_rows(points, 3, "points") - pose[:, 3]) @ pose[:, :3]
     depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
     bent = distort(seen[:, :2] / depth, cameras.distortion[view])
     fx, fy, cx, cy = cameras.intrinsics[view]
     return np.stack((fy * bent[:, 1] + cy, fx * bent[:, 0] + cx), axis=1)
+
+
+def _rows(values: Any, size: int, name: str) -> np.ndarray:
+    """Return `values` as (N, size) float64."""
+    found = np.asarray(values, np.float64)
+    if found.ndim != 2 or found.shape[1] != size:
+        raise ValueError(f"{name} must have shape (N, {size}), got {found.shape}")
+    return found
 
 
 def distort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from cvkern._files import replacing
 
-FORMAT, VERSION = "cvkern radiance field", 2
+FORMAT, VERSION = "cvkern radiance field", 3
 HEADER = "header"
 
 # What reading raises where bytes are missing, or are not what we write: a RuntimeError where they
@@ -26,8 +26,8 @@ DAMAGED = (
 
 def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, Any]) -> None:
     """Write a model, whole or not at all."""
-    check_suffix(path)
-    text = json.dumps({"format": FORMAT, "version": VERSION, **header}, allow_nan=False)
+    header = {"format": FORMAT, "version": VERSION, **header}
+    text = json.dumps(header, allow_nan=False, default=np.generic.item)  # settings may be NumPy's
     arrays = {HEADER: np.frombuffer(text.encode(), np.uint8), **arrays}
     with replacing(path) as beside, zipfile.ZipFile(beside, "w") as archive:
         for name, array in arrays.items():
@@ -67,9 +67,14 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
     return header, arrays
 
 
-def check_suffix(path: str | os.PathLike[str]) -> None:
-    """Refuse the name of a model that does not say what it is."""
+def check_path(path: str | os.PathLike[str]) -> None:
+    """Refuse a file that a model cannot be written to, before there is one that would be lost."""
     if Path(path).suffix.lower() != ".npz":
         raise ValueError(f"path must end in .npz, got {os.fspath(path)!r}")
-    if not Path(os.path.realpath(path)).parent.is_dir():
+    file = Path(os.path.realpath(path))
+    if not file.parent.is_dir():
         raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
+    if file.exists() and not file.is_file():
+        raise ValueError(f"path must name a regular file, got {os.fspath(path)!r}")
+    if not os.access(file.parent, os.W_OK):
+        raise PermissionError(f"path must lie in a folder to write to, got {os.fspath(path)!r}")

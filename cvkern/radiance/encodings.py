@@ -75,7 +75,7 @@ def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bo
     result = rt.empty((*head, width))
     rt.radiance_encode.positional(
         rt.adopt(points, np.float32, (count, size)),
-        rt.constant(np.array([count], np.int32)),
+        rt.constant(np.array([2**31 - 1], np.int32)),  # all
         frequencies,
         bool(include_input),
         False,

@@ -153,10 +153,15 @@ class Field(abc.ABC):
 
     @abc.abstractmethod
     def state(self) -> dict[str, np.ndarray]:
-        """Return everything that is needed to go on, or to render, by name.
+        """Return everything that is needed to go on, by name.
 
-        Names that end in ``.mean`` or ``.square`` are the optimizer's: to render, zeros do.
+        Names that end in ``.mean`` or ``.square`` are the optimizer's.
         """
+
+    def to_render(self, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return a state that renders the same, with zeros, which files hold for nothing."""
+        needless = ".mean", ".square"
+        return {k: np.zeros_like(a) if k.endswith(needless) else a for k, a in state.items()}
 
     @abc.abstractmethod
     def restore(self, state: dict[str, np.ndarray]) -> None:

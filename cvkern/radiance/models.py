@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import importlib
 import os
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_choice
+from cvkern._validate import check_choice, check_code, check_integer, check_positive
+from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.cameras import Cameras, cameras
 from cvkern.radiance.fields import Field, Frame
+from cvkern.radiance.sampled import taken
 from cvkern.radiance.scenes import Bounds
 
 __all__ = ["Mark", "Model", "load_model"]
@@ -29,11 +31,11 @@ class Mark(NamedTuple):
     seconds: float
     """Time spent in them, but for the first one of a run."""
     psnr: float
-    """Of the rays of the last steps before, decibels."""
+    """Of the rays of a batch at most 16 steps before, decibels; NaN if there is none."""
     test_psnr: float
     """Mean over views that were kept back, decibels; NaN where there are none."""
     test_ssim: float
-    """Mean structural similarity of the same views."""
+    """Mean structural similarity of the same views; NaN if they are too small for it."""
 
 
 @dataclass
@@ -62,7 +64,7 @@ class Model:
     """A radiance field made from the photographs of a scene.
 
     :func:`fit` makes one, :func:`load_model` reads one from a file, and :func:`render` and its like
-    make pictures of it.
+    make pictures of it. Only one thread at a time may use it.
     """
 
     field: Field
@@ -101,18 +103,19 @@ class Model:
         path : path
             Ends in ``.npz``; an existing file is replaced once the new one is complete.
         resumable : bool, default True
-            Keep what training needs to go on: two thirds of the file.
+            Keep what training needs to go on, two thirds of the file or more. Without it pictures
+            are the same.
 
         Raises
         ------
         FileNotFoundError
             If the folder of `path` does not exist.
         ValueError
-            If `path` has another ending.
+            If `path` has another ending, or is a folder.
         OSError
             If the disk is full, say; the old file stays.
         """
-        checkpoints.check_suffix(path)
+        checkpoints.check_path(path)
         frame, views, training = self.frame, self.cameras, self.training
         header = {
             "field": type(self.settings).__name__,
@@ -136,9 +139,9 @@ class Model:
         }
         self.rt  # noqa: B018  (this thread may not have used the device yet)
         arrays |= {f"extra.{name}": values for name, values in self.extra.items()}
-        for name, values in self.field.state().items():
-            needless = not resumable and name.endswith((".mean", ".square"))
-            arrays[f"state.{name}"] = np.zeros_like(values) if needless else values
+        state = self.field.state()
+        state = state if resumable else self.field.to_render(state)
+        arrays |= {f"state.{name}": values for name, values in state.items()}
         checkpoints.write(path, header, arrays)
 
 
@@ -152,7 +155,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        Ready to render; with :func:`fit` its training can go on.
+        Ready to render; :func:`fit` goes on with the training of the file where it is told to.
 
     Raises
     ------
@@ -166,7 +169,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     runtime()  # a device that is not there is no fault of the file
     try:
         model = _from(header, arrays)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise ValueError(
             f"path must be a whole model, got {os.fspath(path)!r}: {reason}"
@@ -194,12 +197,15 @@ def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
     lenses = (arrays[f"cameras.{part}"] for part in ("poses", "intrinsics", "distortion"))
     poses, intrinsics, distortion = lenses
     views = cameras(poses, intrinsics, *header["size"], distortion=distortion)
-    training = replace(Training(**header["training"]))
-    training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in arrays["marks"]]
-    behind = arrays["behind"]
-    if behind.shape != (3,):
-        raise ValueError(f"behind must have shape (3,), got {behind.shape}")
+    check_positive(bounds.half, "half")
+    check_code(header["background"], Background, "background")
+    training = Training(**header["training"])
+    marks = taken(arrays, "marks", (len(arrays["marks"]), len(Mark._fields)))
+    training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in marks]
+    behind = taken(arrays, "behind", (3,))
     made = settings.build(runtime(), frame, int(header["seed"]))
+    check_integer(training.step, "step", 0, 2**31 - 1)
+    check_integer(training.rays, "rays", 0, made.rays)  # or kernels would leave their arrays
     made.restore(_part(arrays, "state."))
     extra = _part(arrays, "extra.")
     return Model(made, settings, header["background"], behind.astype(np.float32), views,

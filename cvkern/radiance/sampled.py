@@ -159,21 +159,22 @@ class SampledField(Field):
         )
         spans = rt.scratch("view.spans", (living, 2), np.int32)
         space = self.levels, self.frame.near, self.finest, self.cone
-        view.set_out(origins, directions, *space, at, taken, listing, *seen)
+        counts = viewing.counts
+        view.set_out(origins, directions, *space, at, taken, listing, counts, *seen)
         while living:
             s = viewing.samples
             few = min(viewing.room // living, VIEW_FEW)
             view.march_on(
                 origins, directions, self.bits, self.levels, self.cells, self.frame.far,
                 self.finest, self.cone, STEPS, self.frame.bounds.unbounded, few, living, listing,
-                at, taken, going, spans, viewing.counts, s.positions, s.distances, s.rays,
+                at, taken, going, spans, counts, s.positions, s.distances, s.rays,
             )  # fmt: skip
-            total, living = map(int, rt.to_numpy(viewing.counts))
+            total, living = map(int, rt.to_numpy(counts))
             if living:
                 s = viewing.first(total)
                 self.evaluate(directions, s)
                 view.composite_on(
-                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, at, *seen
+                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, counts, at, *seen
                 )
                 listing, going = going, listing
 

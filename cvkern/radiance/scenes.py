@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._validate import check_dtype, check_integer
 from cvkern.radiance.cameras import Cameras
 
 
@@ -25,7 +26,16 @@ class Bounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Photographs with their cameras, and which of them are kept back for testing."""
+    """Photographs with their cameras, and which of them are kept back for testing.
+
+    Raises
+    ------
+    TypeError
+        If `images` are not uint8, or `test` is not bool.
+    ValueError
+        If `images`, `test` or `depths` do not fit the cameras, or the bounds have no size, or
+        `near` and `far` nothing between them.
+    """
 
     images: np.ndarray
     """(N, H, W, 3) or, with opacity, (N, H, W, 4), uint8; colours are not premultiplied."""
@@ -37,9 +47,27 @@ class Scene:
     near: float
     """Distance from a camera before which there is nothing, in units of the world."""
     far: float
-    """Distance behind which nothing is looked for; infinite in an unbounded scene."""
+    """Distance behind which nothing is looked for; may be infinite."""
     depths: np.ndarray | None = None
     """Distance along the rays of the views, (N, H, W) float32; NaN where it is not known."""
+
+    def __post_init__(self) -> None:
+        views = len(self.cameras), self.cameras.height, self.cameras.width
+        check_dtype(self.images, np.uint8, "images")
+        check_dtype(self.test, np.bool_, "test")
+        if self.images.shape not in ((*views, 3), (*views, 4)):
+            raise ValueError(
+                f"images must have shape {(*views, 3)} or {(*views, 4)}, as the cameras have, got "
+                f"{self.images.shape}"
+            )
+        if self.test.shape != views[:1]:
+            raise ValueError(f"test must have shape {views[:1]}, got {self.test.shape}")
+        if self.depths is not None and self.depths.shape != views:
+            raise ValueError(f"depths must have shape {views}, got {self.depths.shape}")
+        if not (0 < self.bounds.half < np.inf and np.isfinite(self.bounds.center).all()):
+            raise ValueError(f"bounds must be finite with half > 0, got {self.bounds}")
+        if not 0 <= self.near < self.far:
+            raise ValueError(f"near must be >= 0 and below far, got {self.near} and {self.far}")
 
     def __len__(self) -> int:
         return len(self.images)
@@ -54,7 +82,13 @@ class Scene:
         return float(np.median(np.maximum(away, self.bounds.half) / self.cameras.intrinsics[:, 0]))
 
     def resized(self, factor: int) -> Scene:
-        """Return the scene with its images averaged over blocks of `factor` x `factor` pixels."""
+        """Return the scene with its images averaged over blocks of `factor` x `factor` pixels.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`Cameras.resized`.
+        """
         small = self.cameras.resized(factor)
         depths = self.depths
         if depths is not None:
@@ -75,8 +109,8 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
         lens distortion), ``sparse/0`` or ``cameras.bin`` / ``cameras.txt`` (COLMAP; photographs
         in ``images``), ``poses_bounds.npy`` (LLFF).
     test_every : int, default 8
-        Every so many of the photographs, in order of their names, is kept back for testing where
-        the format does not say which.
+        One in so many of the photographs, in order of their names from the first on, is kept back
+        for testing where the format does not say which; 0 for none.
 
     Returns
     -------
@@ -87,16 +121,23 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     FileNotFoundError
         If there is no such folder, it is in none of the formats, or a file that it names is not
         there.
+    TypeError
+        If `test_every` is not an integer.
     ValueError
-        If a file is broken, there are no photographs, they differ in size, a number is not
-        finite, or a pose has no rotation in it; names the file.
+        If `test_every` is negative; if a file is broken, there are no photographs, they differ in
+        size, a number is not finite, a pose has no rotation in it, or a lens is of another model,
+        a fisheye, say: names the file.
 
     Notes
     -----
+    Photographs are taken as they are stored, whatever they say is up: so are those that their
+    cameras were found from.
+
     Formats that put pixel centres at halves are moved by half a pixel, and the OpenGL axes (y up,
     z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
     the unit of the files.
     """
+    test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"path must be a folder of posed photographs, got {str(path)!r}")
@@ -130,7 +171,7 @@ def read_images(files: list[Path]) -> np.ndarray:
     for file in files:
         if not file.exists():
             raise FileNotFoundError(f"scene must have all its photographs, but {file} is not there")
-        image = _as_bytes(read_image(file), file)
+        image = _as_bytes(read_image(file, orient=False), file)  # as cameras were fitted to it
         if found and image.shape != found[0].shape:
             raise ValueError(
                 f"photographs must have one size, got {image.shape} in {file}, "
@@ -156,9 +197,9 @@ def focus_of(poses: np.ndarray) -> np.ndarray:
 
 
 def every(count: int, step: int) -> np.ndarray:
-    """Mark the first of every `step` views, but not the only one."""
+    """Mark the first of every `step` views, but not the only one; none for 0."""
     marks = np.zeros(count, bool)
-    if count > 1:
+    if step and count > 1:
         marks[::step] = True
     return marks
 

@@ -58,7 +58,7 @@ class Trainer:
         self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
         self.learning = Learning(
             owned(rt, np.array([state.step], np.int32)),
-            owned(rt, np.array([state.progress], np.float32)),
+            rt.zeros((1,)),
             SHARE,
         )
         self._step: Any = None
@@ -120,6 +120,11 @@ class Trainer:
         def spent() -> float:
             return before + time.perf_counter() - begin
 
+        def look_at_clock(step: int) -> None:
+            state.progress = min(1.0, step / steps if steps else spent() / (seconds or 1))
+            self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
+
+        look_at_clock(state.step // LOOK * LOOK)  # what is gone on with had another budget, maybe
         while (state.step < steps if steps else spent() < (seconds or 0)) and not stop.is_set():
             self.field.tend(state.step, self.learning)
             self.repeat()
@@ -137,9 +142,8 @@ class Trainer:
                 samples = self.field.taken()
                 state.total_samples += LOOK * samples
                 state.rays = self.field.rays_for(samples, self.kept())
-                state.progress = min(1.0, state.step / steps if steps else spent() / (seconds or 1))
                 self.rt.write(self.active, np.array([state.rays], np.int32))
-                self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
+                look_at_clock(state.step)
                 since, told = told, (spent(), state.total_rays)
                 rate = (told[1] - since[1]) / max(told[0] - since[0], 1e-9)
                 say(state.progress, f"{quality:.1f} dB  {rate / 1e3:,.0f} k rays/s")
@@ -156,6 +160,7 @@ class Trainer:
                 begin += time.perf_counter() - paused
         self.rt.to_numpy(at)
         state.seconds, state.stopped = spent(), stop.is_set()
+        self._step, self._edition = None, -1  # or this would hold itself in memory
         try:
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))

@@ -32,11 +32,17 @@ KINDS: dict[str, type[Settings]] = {"voxel": VoxelField, "hash": HashField, "mlp
 # With these a step of 'hash' or 'mlp' takes about 30 ms on two cores; batches of the defaults are
 # 16 and 4 times as large, and the perceptron of MLPField() some 20 times.
 ON_CPU: dict[str, dict[str, Any]] = {
-    "voxel": {},
     "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
     "mlp": {
         "width": 64, "layers": 4, "skip": 2, "frequencies": 6, "samples": 2**14, "cells": 32,
         "steps": 128, "learning_rate": 5e-3,
+    },
+}  # fmt: skip
+# The defaults of a grid are for the CPU. A GPU has the time for a finer one, and 9 GB.
+ON_GPU: dict[str, dict[str, Any]] = {
+    "voxel": {
+        "resolutions": (32, 64, 128, 256), "shares": (0.05, 0.15, 0.4), "rays": 2**13,
+        "smooth_color": 1e-10, "final_rate": 0.01,
     },
 }  # fmt: skip
 
@@ -65,9 +71,10 @@ def fit(
     scene : Scene
         Its views that are not kept back for testing are trained from.
     field : {'voxel', 'hash', 'mlp'}, or VoxelField, HashField or MLPField, optional
-        What to train. A name is that of a field with settings that suit the device: on a GPU its
-        defaults; on the CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller
-        ones. By default 'voxel' on the CPU, which mostly learns faster there, and 'hash' on a GPU.
+        What to train. A name is that of a field with settings that suit the device. On a GPU they
+        are its defaults, but that 'voxel' goes on to a grid of 256 cells, which takes 9 GB; on the
+        CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller ones. By default
+        'voxel' on the CPU, which mostly learns faster there, and 'hash' on a GPU.
     seconds : float, optional
         Time to train for, > 0, without the first step, which may have to compile kernels, looks
         at held-out views, and saving; 60 by default.
@@ -94,7 +101,8 @@ def fit(
         whole or not at all.
     resume : bool, default False
         Go on from `checkpoint` if that is there, with the settings that it has: `field` must be
-        equal to them, their kind, or None. `seconds` or `steps` count from the beginning.
+        equal to them, their kind, or None, and the `background`, the `seed` and the scene's bounds
+        the same. Other options may change. `seconds` or `steps` count from the beginning.
     save_every : float, default 60.0
         Seconds between saves, > 0.
     evaluate_every : int, optional
@@ -118,9 +126,9 @@ def fit(
         If an argument is of another kind.
     ValueError
         If an option is unknown or out of its range, both `seconds` and `steps` are given, the
-        scene has no views to train from, images that do not fit its cameras or a camera more than
-        32768 half-sides of its cube from the middle of that, or `checkpoint` is not a whole model
-        of the same settings.
+        scene has no views to train from, images of 2 GiB or more in all or a camera more than 32768
+        half-sides of its cube from the middle of that, or `checkpoint` has another ending or
+        is a folder, or, to go on from, is not a whole model of the same settings.
 
     Notes
     -----
@@ -146,16 +154,10 @@ def fit(
         raise TypeError(f"field must be settings such as HashField(), or a name, got {field!r}")
     if not isinstance(scene, Scene):
         raise TypeError(f"scene must be a Scene, got {type(scene).__name__}")
-    size = scene.cameras.height, scene.cameras.width
-    if scene.images.dtype != np.uint8:
-        raise TypeError(f"scene must have images of uint8, got {scene.images.dtype}")
-    if scene.images.shape[:3] != (len(scene.cameras), *size) or scene.images.shape[3:] not in (
-        (3,),
-        (4,),
-    ):
+    if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
         raise ValueError(
-            f"scene must have RGB or RGBA images of {size[0]} x {size[1]} pixels, one for each of "
-            f"{len(scene.cameras)} cameras, got shape {scene.images.shape}"
+            f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "
+            "scene.resized makes smaller ones"
         )
     if seconds is not None and steps is not None:
         raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
@@ -175,7 +177,7 @@ def fit(
     if not (~scene.test).any():
         raise ValueError(f"scene must have views to train from, got {len(scene)} kept back")
     if checkpoint is not None:
-        checkpoints.check_suffix(checkpoint)
+        checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     model = _begin(scene, field, background, seed, checkpoint if resume else None)
@@ -191,7 +193,7 @@ def suited(field: str | None = None) -> Settings:
     """Return settings that suit the chosen device, of the kind of field called so or of any."""
     on_cpu = runtime().device == "cpu"
     name = field or ("voxel" if on_cpu else "hash")
-    return KINDS[name](**(ON_CPU[name] if on_cpu else {}))
+    return KINDS[name](**(ON_CPU if on_cpu else ON_GPU).get(name, {}))
 
 
 def _begin(

@@ -34,18 +34,20 @@ __all__ = [
     "start",
     "to_numpy",
     "write",
+    "zeros",
 ]
 MATRIX_DTYPES = {"cpu": "float32", "cuda": "float32"}
 
 
-def adopt(array: Any, device: str) -> Any:
+def adopt(array: Any, dtype: np.dtype, shape: tuple[int, ...], device: str) -> Any:
     """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
     if device == "cpu":
-        host = np.asarray(array)
-        return host.view(np.uint8) if host.dtype == np.bool_ else np.require(host, None, "CA")
+        host = np.asarray(array).reshape(shape)
+        return host.view(np.uint8) if dtype == np.bool_ else np.require(host, None, "CA")
     from . import _cuda
 
-    return _cuda.adopt(array)
+    seen = _cuda.adopt(array)
+    return seen if seen.shape == shape else seen.reshape(shape)
 
 
 def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
@@ -55,6 +57,15 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
     from . import _cuda
 
     return _cuda.empty(shape, dtype)
+
+
+def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+    """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
+    if device == "cpu":
+        return np.zeros(shape, dtype)
+    array = empty(shape, dtype, device)
+    clear(array)
+    return array
 
 
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:

@@ -6,8 +6,8 @@ import taichi as ti
 # of 2^18 such numbers fit.
 UNIT = 2.0**-28
 LIMIT = 2.0**16  # what is added is cut off here
-# Sums end below this, but for those that a NaN was added to: they are set to twice as little, from
-# where no other addends get them back.
+# Sums stay within +- this, but for those that a NaN was added to: they are set to -2^63, from where
+# no other addends get them back.
 BROKEN = 2**62
 
 

@@ -146,6 +146,25 @@ def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i
 
 
 @ti.func
+def reach(
+    origin: vec3,
+    inverse: vec3,
+    levels: ti.i32,
+    near: ti.f32,
+    far: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    jitter: ti.f32,
+    zero: ti.i32,
+) -> vec2:
+    """Distances of the first place on a ray, a share of a step behind its entry, and of its end."""
+    inside = interval(origin, inverse, ti.cast(1 << (levels - 1), ti.f32), zero)
+    entry = ti.max(near, inside[0])
+    first = entry + product(jitter, spacing(entry, finest, cone, zero), zero)
+    return vec2(first, ti.min(far, inside[1]))
+
+
+@ti.func
 def skip(
     origin: vec3,
     direction: vec3,

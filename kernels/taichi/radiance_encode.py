@@ -61,7 +61,7 @@ def spherical_harmonics(directions: np.ndarray, values: np.ndarray) -> None:
 
 @ti.func
 def _turn(value: ti.f32) -> ti.f32:
-    """Return `value` less a multiple of 2, in [-1, 1]: exact, whatever its size."""
+    """Return `value` less a multiple of 2, in [-1, 1) or -2: exact, but -1 for 1 - 2^-24."""
     return value - 2.0 * ti.floor(0.5 * value + 0.5)
 
 

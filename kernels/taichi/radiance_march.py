@@ -2,74 +2,20 @@
 
 Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
 The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
-in occupied cells, up to so many. They are the same on every device: hence `product`.
+in occupied cells, up to so many. They are the same on every device: hence `zero` (_rounding.py).
 """
 
 import numpy as np
 import taichi as ti
 
 from ._launch import primitive
-from ._radiance_space import (
-    interval,
-    keep_sample,
-    place,
-    reciprocal,
-    row,
-    skip,
-    spacing,
-)
+from ._radiance_space import keep_sample, place, reach, reciprocal, row, skip, spacing
 from ._random import random_unit
-from ._rounding import product
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
-
-
-@ti.func
-def _walk(
-    ray: ti.i32,
-    origins: ti.template(),
-    directions: ti.template(),
-    bits: ti.template(),
-    levels: ti.i32,
-    cells: ti.i32,
-    near: ti.f32,
-    far: ti.f32,
-    finest: ti.f32,
-    cone: ti.f32,
-    most: ti.i32,
-    jitter: ti.f32,
-    unbounded: ti.i32,
-    zero: ti.i32,
-    begin: ti.i32,
-    positions: ti.template(),
-    distances: ti.template(),
-    rays: ti.template(),
-) -> ti.i32:
-    """Count the samples of a ray, and write them from `begin` on unless that is negative."""
-    origin = row(origins, ray)
-    direction = row(directions, ray)
-    inverse = reciprocal(direction, zero)
-    ends = interval(origin, inverse, ti.cast(1 << (levels - 1), ti.f32), zero)
-    t = ti.max(near, ends[0])
-    last = ti.min(far, ends[1])
-    t += product(jitter, spacing(t, finest, cone, zero), zero)
-    count = 0
-    while t < last and count < most:
-        next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
-        if next == t:
-            step = spacing(t, finest, cone, zero)
-            if begin >= 0:
-                point = place(origin, t, direction, zero)
-                keep_sample(
-                    begin + count, ray, point, t, step, unbounded, positions, distances, rays
-                )
-            count += 1
-            next = t + step
-        t = next
-    return count
 
 
 @ti.kernel
@@ -98,24 +44,36 @@ def _march(
     rays: i32_1,  # (M,)
 ):
     for ray in range(origins.shape[0]):
-        begin = -1
         limit = most
         if writes != 0:
-            begin = spans[ray, 0]
             limit = spans[ray, 1]
         elif ray >= active[0]:
-            spans[ray, 1] = 0
             limit = 0
+        count = 0
         if limit > 0:
             jitter = 0.5
             if jittered != 0:
                 jitter = random_unit(seed, step[0], ray, 4)
-            count = _walk(
-                ray, origins, directions, bits, levels, cells, near, far, finest, cone, limit,
-                jitter, unbounded, zero, begin, positions, distances, rays,
-            )  # fmt: skip
-            if writes == 0:
-                spans[ray, 1] = count
+            origin = row(origins, ray)
+            direction = row(directions, ray)
+            inverse = reciprocal(direction, zero)
+            ends = reach(origin, inverse, levels, near, far, finest, cone, jitter, zero)
+            t = ends[0]
+            while t < ends[1] and count < limit:
+                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
+                if next == t:
+                    length = spacing(t, finest, cone, zero)
+                    if writes != 0:
+                        at = spans[ray, 0] + count
+                        point = place(origin, t, direction, zero)
+                        keep_sample(
+                            at, ray, point, t, length, unbounded, positions, distances, rays
+                        )
+                    count += 1
+                    next = t + length
+                t = next
+        if writes == 0:
+            spans[ray, 1] = count
 
 
 @ti.kernel
@@ -172,6 +130,7 @@ def march_rays(
     to those that fit: who wants as many again in the next batch has to write it anew. `bits` has
     one for each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block
     by block.
+
     `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
     with their number, and that many rows of `positions` (M, 3) in the cube of the field,
     `distances` (M, 2), the distance and the length of the step, and `rays` (M,).

@@ -54,10 +54,10 @@ def visit(
 ) -> None:
     """Draw a random point of each of N cells: of all `count` of them in turn, or of random ones.
 
-    If `every`, they are those from `begin` on, and behind the last this again; else the `begin`-th
-    and following of the random cells of this step. The grid has `cells`^3 of them in each level.
-    `visited` (N,) is filled with their numbers, `positions` (N, 3) with the points, in the cube of
-    the field.
+    If `every`, they are those from `begin` on, and the last again where there are no more; else the
+    `begin`-th and following of the random cells of this step. The grid has `cells`^3 of them in
+    each level. `visited` (N,) is filled with their numbers, `positions` (N, 3) with the points, in
+    the cube of the field.
     """
     _visit(cells, count, every, unbounded, seed, step, begin, visited, positions)
 

@@ -32,6 +32,12 @@ NEVER = 1.0e30  # where a ray goes on that is done
 
 
 @ti.kernel
+def _clear(counts: i32_1):
+    for i in counts:
+        counts[i] = 0
+
+
+@ti.kernel
 def _set_out(
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
@@ -72,6 +78,7 @@ def set_out(
     at: np.ndarray,
     taken: np.ndarray,
     listing: np.ndarray,
+    counts: np.ndarray,
     color: np.ndarray,
     opacity: np.ndarray,
     depth: np.ndarray,
@@ -80,10 +87,11 @@ def set_out(
 
     What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
     `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
-    `color` (R, 3), `opacity` and `depth` (R,) are 0.
+    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
     """
     outputs = at, taken, listing, color, opacity, depth
     _set_out(origins, directions, levels, near, finest, cone, 0, *outputs)
+    _clear(counts)
 
 
 @ti.kernel
@@ -159,12 +167,6 @@ def _march_on(
             limit = count
 
 
-@ti.kernel
-def _clear(counts: i32_1):
-    for i in counts:
-        counts[i] = 0
-
-
 @primitive
 def march_on(
     origins: np.ndarray,
@@ -194,11 +196,10 @@ def march_on(
     The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
     takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
     of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
-    rows of each of those, and `counts` (2,) with how many samples and rays there are. The samples
-    are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few living. In which
-    order the rays are listed is left open: nothing that they see depends on it.
+    rows of each of those, and `counts` (2,), which were 0, with how many samples and rays there
+    are. The samples are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few
+    living. In which order the rays are listed is left open: nothing that they see depends on it.
     """
-    _clear(counts)
     _march_on(
         origins, directions, bits, levels, cells, far, finest, cone, most, unbounded, few, living,
         listing, 0, at, taken, going, spans, counts, positions, distances, rays,
@@ -250,6 +251,7 @@ def composite_on(
     spans: np.ndarray,
     living: int,
     stop: float,
+    counts: np.ndarray,
     at: np.ndarray,
     color: np.ndarray,
     opacity: np.ndarray,
@@ -260,10 +262,11 @@ def composite_on(
     `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
     to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
     `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
-    nowhere: its `at` (R,) is behind everything.
+    nowhere: its `at` (R,) is behind everything. `counts` (2,) are 0 for the next round.
     """
     inputs = sigma, rgb, distances, going, spans, living, stop
     _composite_on(*inputs, at, color, opacity, depth)
+    _clear(counts)
 
 
 @ti.kernel

@@ -1,9 +1,11 @@
 """Rays through a grid of density and colour: marched, read and composited at once, in Taichi.
 
-One thread a ray. The grid has nodes (k, j, i) at z, y, x = -1 .. 1, N + 1 along each side. Between
-them its numbers are interpolated linearly: a raw density r, with density e^r, or 0 where r is at
-most `least`, and for each channel the coefficients of spherical harmonics of the direction, whose
-sum s is made a colour 1 / (1 + e^-s). With w_i, T_i, G_i as in radiance_composite.py:
+One thread a ray. The grid has N + 1 nodes (k, j, i) along each side, at z, y, x = -1 .. 1, or in
+all of space, contracted, at -2 .. 2. Between them its numbers are interpolated linearly: a raw
+density r, with density e^r, or 0 where r is at most `least`, and for each channel the coefficients
+of spherical harmonics of the direction, whose sum s is made a colour 1 / (1 + e^-s). The density is
+cut off at e^11, but its gradient is not made 0 there. With w_i, T_i, G_i as in
+radiance_composite.py:
 
     dL/dr_i = sigma_i d_i (T_{i+1} G_i - sum_{j > i} w_j G_j) where r_i > least, else 0,
     dL/ds_i = w_i dL/dC c_i (1 - c_i),    at a node: dL/dr = sum_i b_i dL/dr_i,
@@ -126,16 +128,16 @@ def _upsample(
         wanted = False
         for k, j, i in ti.ndrange((first[2], last[2]), (first[1], last[1]), (first[0], last[0])):
             wanted = wanted or density[k, j, i] > least
-        for c in range(fine.shape[3]):
-            total = 0.0
-            if wanted:
+        if wanted:
+            for c in range(fine.shape[3]):
+                total = 0.0
                 for k, j, i in ti.ndrange(
                     (first[2], last[2]), (first[1], last[1]), (first[0], last[0])
                 ):
                     apart = ti.abs(fine_node * most - ti.Vector([i, j, k]) * side) / side
                     share = ti.max(1.0 - apart, 0.0)
                     total += share[0] * share[1] * share[2] * coarse[k, j, i, c]
-            fine[z, y, x, c] = total
+                fine[z, y, x, c] = total
 
 
 @primitive
@@ -167,12 +169,13 @@ def render(
     """Make out what the first `active` (1,) rays see, and how many samples had any density.
 
     `origins` and unit `directions` (R, 3), `near` to `jittered`, `seed` and `step` (1,) are as in
-    `radiance_march.march_rays`; `bits` has one level of cells^3, each a power of 2 of the grid's
-    cells along a side. A ray ends where no more than `stop` of the light is left. `density`
-    (N + 1, N + 1, N + 1) has raw densities, `color` (N + 1, N + 1, N + 1, C), of C = 16 or 32, the
-    `basis` (1, 4 or 9) coefficients of each channel in turn. `colors` (R, 3), `opacity`, `depth`
-    and `distortion` (R,) are filled as by `radiance_composite.forward`, and `samples` (R,) with
-    the numbers of samples, 0 for the other rays.
+    `radiance_march.march_rays`, but `cone` is 0 unless `unbounded`; `bits` has one level of
+    cells^3, each a power of 2 of the grid's cells along a side. A ray ends where no more than
+    `stop` of the light is left. `density` (N + 1, N + 1, N + 1) has raw densities, `color`
+    (N + 1, N + 1, N + 1, C), of C = 16 or 32, the `basis` (1, 4 or 9) coefficients of each channel
+    in turn. `colors` (R, 3), `opacity`, `depth` and `distortion` (R,) are filled as by
+    `radiance_composite.forward`, and `samples` (R,) with the numbers of samples, 0 for the other
+    rays.
     """
     rendered = colors, opacity, depth, distortion
     # The gradients are not looked at.
@@ -294,7 +297,7 @@ def mark(density: np.ndarray, cells: int, least: float, bits: np.ndarray) -> Non
 def upsample(density: np.ndarray, least: float, coarse: np.ndarray, fine: np.ndarray) -> None:
     """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    Nodes that are in no coarse cell with a node of a raw density above `least` become 0; `density`
-    (N, N, N) has those.
+    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
+    `least` are not written; `density` (N, N, N) has those.
     """
     _upsample(density, least, coarse, fine)

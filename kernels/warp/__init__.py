@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from . import _launch
+from . import _launch, _pages
 
-_streams: dict[tuple[str, int], wp.Stream] = {}
+_streams: dict[tuple[str, int | None], wp.Stream | None] = {}
 _process = 0
+_FEW = 4096  # bytes: to bring so many to the host, all but the copy itself takes longest
 _lock = threading.Lock()
 
 
@@ -33,15 +34,12 @@ def start(device: str, stream: int | None) -> None:
         raise RuntimeError(
             "CUDA cannot be used in a forked process: start workers with the 'spawn' method"
         )
-    if not wp.is_device_available(device):
-        names = tuple(d.alias for d in wp.get_devices())
-        raise ValueError(f"device must be one that Warp finds here, {names}, got {device!r}")
-    if stream is None:
-        _launch.set_stream(None)
-        return
     key = (device, stream)
     if key not in _streams:
-        _streams[key] = wp.Stream(device, cuda_stream=stream)
+        if not wp.is_device_available(device):
+            names = tuple(d.alias for d in wp.get_devices())
+            raise ValueError(f"device must be one that Warp finds here, {names}, got {device!r}")
+        _streams[key] = None if stream is None else wp.Stream(device, cuda_stream=stream)
     _launch.set_stream(_streams[key])
 
 
@@ -63,44 +61,60 @@ def _initialise() -> None:
         os.write(2, kept)
 
 
-def adopt(array: Any, device: str) -> wp.array:
+def adopt(array: Any, dtype: np.dtype, shape: tuple[int, ...], device: str) -> wp.array:
     """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
-    if isinstance(array, np.ndarray):
-        if array.dtype == np.bool_:
-            array = array.view(np.uint8)
-        if device == "cpu":
-            return _view(array, array.ctypes.data, array.dtype, array.shape, device)
-        moved = wp.array(array, dtype=wp.dtype_from_numpy(array.dtype), device=device)
-        wp.synchronize_stream(moved.device.stream)  # the kernels may run on another stream
-        return moved
     if isinstance(array, wp.array):
-        if array.dtype is not wp.bool:
-            return array
-        return _view(array, array.ptr, np.uint8, array.shape, device)
-    if hasattr(array, "__cuda_array_interface__") and not hasattr(array, "at"):
-        face = array.__cuda_array_interface__
-        return _view(array, face["data"][0], np.dtype(face["typestr"]), face["shape"], device)
-    return adopt(wp.from_dlpack(array), device)  # JAX: DLPack also orders the two streams
+        address = array.ptr
+    elif hasattr(array, "data_ptr") and array.is_cuda == (device != "cpu"):
+        address = array.data_ptr()  # torch, whose interface below takes longer
+    elif device == "cpu":
+        array = np.asarray(array)
+        address = array.ctypes.data
+    elif isinstance(array, np.ndarray):
+        array = wp.array(array, device=device)
+        wp.synchronize_stream(array.device.stream)  # the kernels may run on another stream
+        address = array.ptr
+    elif hasattr(array, "__cuda_array_interface__") and not hasattr(array, "at"):
+        address = array.__cuda_array_interface__["data"][0]
+    else:
+        array = wp.from_dlpack(array)  # JAX: DLPack also orders the two streams
+        address = array.ptr
+    carried = _carried(dtype)
+    if isinstance(array, wp.array) and array.dtype is carried and array.shape == shape:
+        return array
+    view = _launch.view_at(address, carried, shape, wp.get_device(device))
+    view.owner = array  # pyright: ignore[reportAttributeAccessIssue]  (keeps the memory alive)
+    return view
 
 
 def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Allocate an uninitialised array."""
-    return wp.empty(shape, dtype=_scalar(dtype), device=device)
+    scalar = wp.bool if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
+    return wp.empty(shape, dtype=scalar, device=device)
+
+
+def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
+    """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
+    if device == "cpu":
+        return adopt(np.zeros(shape, dtype), dtype, shape, device)
+    array = empty(shape, dtype, device)
+    clear(array)
+    return array
 
 
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Return memory that stays valid until this thread asks for `name` again."""
-    carried = wp.uint8 if dtype == np.bool_ else _scalar(dtype)
-    return _launch.scratch(name, shape, carried, wp.get_device(device))
+    return _launch.scratch(name, shape, _carried(dtype), wp.get_device(device))
 
 
 def write(array: wp.array, values: np.ndarray) -> None:
     """Copy contiguous host values of its shape and dtype into `array`; wait for that on CUDA."""
     if not array.device.is_cuda:
-        wp.copy(array, adopt(values, "cpu"))
+        wp.copy(array, adopt(values, values.dtype, values.shape, "cpu"))
         return
     stream = _launch.current_stream(array.device)
-    wp.copy(array, adopt(values, array.device.alias), stream=stream)
+    moved = adopt(values, values.dtype, values.shape, array.device.alias)
+    wp.copy(array, moved, stream=stream)
     wp.synchronize_stream(stream)
 
 
@@ -116,9 +130,19 @@ def clear(array: wp.array) -> None:
 
 def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
-    if array.device.is_cuda:
-        wp.synchronize_stream(_launch.current_stream(array.device))
-    return array.numpy()
+    if not array.device.is_cuda:
+        return array.numpy()
+    stream = _launch.current_stream(array.device)
+    found = _pages.empty(array.shape, np.dtype(wp.dtype_to_numpy(array.dtype)))
+    if found.nbytes > _FEW:
+        wp.copy(adopt(found, found.dtype, found.shape, "cpu"), array, stream=stream)
+        wp.synchronize_stream(stream)
+    else:
+        page = _launch.page(_FEW, array.dtype, array.shape)
+        wp.copy(page, array, stream=stream)
+        wp.synchronize_stream(stream)
+        found[...] = page.numpy()
+    return found
 
 
 own_scratch = _launch.own_scratch
@@ -143,13 +167,5 @@ def record(call: Callable[[], None], device: str) -> Callable[[], None]:
     return launch_graph
 
 
-def _view(owner: Any, address: int, dtype: Any, shape: tuple[int, ...], device: str) -> wp.array:
-    dtype = np.dtype(dtype)
-    carried = wp.uint8 if dtype == np.bool_ else _scalar(dtype)
-    view = wp.array(ptr=address, dtype=carried, shape=shape, device=device)
-    view.owner = owner  # pyright: ignore[reportAttributeAccessIssue]  (keeps the memory alive)
-    return view
-
-
-def _scalar(dtype: np.dtype) -> Any:
-    return wp.bool if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
+def _carried(dtype: np.dtype) -> Any:
+    return wp.uint8 if dtype == np.bool_ else wp.dtype_from_numpy(dtype)

@@ -9,8 +9,8 @@ wp.set_module_options({"enable_backward": False})
 UNIT = wp.constant(2.0**-28)
 LIMIT = wp.constant(2.0**16)  # what is added is cut off here
 
-# Sums end below this, but for those that a NaN was added to: they are set to twice as little, from
-# where no other addends get them back.
+# Sums stay within +- this, but for those that a NaN was added to: they are set to -2^63, from where
+# no other addends get them back.
 BROKEN = wp.constant(wp.int64(2**62))
 
 # For native code on CUDA: add a float `value` at `to`.

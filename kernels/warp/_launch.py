@@ -18,7 +18,8 @@ import warp as wp
 # A slab smaller than this is done sooner by one thread than handed to another.
 _SLAB_ELEMENTS = 1 << 16
 _MAX_COMMANDS = 512
-_MAX_VIEWS = 16
+_MAX_VIEWS = 16  # of an array
+_MAX_LAYOUTS = 512
 BLOCK = 256  # threads of a CUDA block, unless a launch says otherwise
 
 
@@ -27,16 +28,18 @@ class _ThreadState(threading.local):
 
     stream: wp.Stream | None = None
     fixed: bool = False  # whether the stream stays whatever the callers' arrays say
+    page: wp.array | None = None
 
     def __init__(self) -> None:
         self.streams_scratch: dict[tuple[str, str, int], wp.array] = {}
         self.scratch = self.streams_scratch
-        self.commands: dict[Any, wp.Launch] = {}
+        self.commands: dict[Any, _Command] = {}
 
 
 _thread = _ThreadState()
 _lock = threading.Lock()
 _loaded: set[tuple[wp.Kernel, str, int]] = set()
+_layouts: dict[Any, wp.array] = {}
 _pool: ThreadPoolExecutor | None = None
 
 
@@ -90,7 +93,7 @@ def known_scratch(device: wp.Device) -> dict[tuple[str, str, int], wp.array]:
     return {
         (name, where, 0): block
         for (name, where, of), block in _thread.scratch.items()
-        if (where, of) == (str(device), stream)
+        if (where, of) == (device.alias, stream)
     }
 
 
@@ -98,7 +101,7 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
     """Return uninitialised memory that stays valid until this thread asks for `name` again."""
     shared = _thread.scratch is _thread.streams_scratch
     stream = current_stream(device).cuda_stream or 0 if device.is_cuda and shared else 0
-    key = (name, str(device), stream)
+    key = (name, device.alias, stream)
     count = math.prod(shape) * wp.types.type_size_in_bytes(dtype)
     block = _thread.scratch.get(key)
     if block is None or block.capacity < count:
@@ -112,19 +115,47 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
     return view(block, dtype, shape)
 
 
+def page(size: int, dtype: Any, shape: tuple[int, ...]) -> wp.array:
+    """Return host memory that a GPU writes to directly, of this thread, of at most `size` bytes."""
+    if _thread.page is None:
+        _thread.page = wp.empty(size, dtype=wp.uint8, device="cpu", pinned=True)
+    return view(_thread.page, dtype, shape)
+
+
 def view(
     array: wp.array, dtype: Any, shape: tuple[int, ...], strides: tuple[int, ...] | None = None
 ) -> wp.array:
-    """See the memory of `array` otherwise; the view is kept with it, as making one takes time."""
+    """See the memory of `array` otherwise; the view is kept with it."""
     views = array.__dict__.setdefault("views", {})
     key = (dtype, shape)
-    if key not in views:
+    seen = views.get(key)
+    if seen is None:
         if len(views) >= _MAX_VIEWS:
             views.clear()
-        views[key] = wp.array(
-            ptr=array.ptr, dtype=dtype, shape=shape, strides=strides, device=array.device
-        )
-    return views[key]
+        seen = views[key] = view_at(array.ptr, dtype, shape, array.device, strides)
+    return seen
+
+
+def view_at(
+    address: int | None,
+    dtype: Any,
+    shape: tuple[int, ...],
+    device: wp.Device,
+    strides: tuple[int, ...] | None = None,
+) -> wp.array:
+    """See the memory at an address, without keeping it alive."""
+    key = (dtype, shape, device.alias, strides)
+    layout = _layouts.get(key)
+    if layout is None:
+        if len(_layouts) >= _MAX_LAYOUTS:
+            _layouts.clear()
+        layout = wp.array(ptr=0, dtype=dtype, shape=shape, strides=strides, device=device)
+        _layouts[key] = layout
+    # A copy of an array that nobody else has: to make one anew takes several times as long.
+    seen = object.__new__(wp.array)
+    seen.__dict__ = layout.__dict__.copy()
+    seen.ptr = address
+    return seen
 
 
 def launch(
@@ -135,14 +166,13 @@ def launch(
     block: int = BLOCK,
 ) -> None:
     """Launch `kernel` once, on the device of its first output, on CUDA in blocks of threads."""
-    device = outputs[0].device
-    load(kernel, device, block)
-    _send(kernel, dim, (*inputs, *outputs), device, block)
+    _send(kernel, dim, (*inputs, *outputs), outputs[0].device, block)
 
 
 def slabs(rows: int, elements: int) -> int:
     """Return into how many slabs the CPU cuts `rows` rows of `elements` elements in all."""
-    return max(1, min(cpu_threads(), rows, elements // _SLAB_ELEMENTS))
+    most = min(rows, elements // _SLAB_ELEMENTS)
+    return min(cpu_threads(), most) if most > 1 else 1
 
 
 def launch_slabs(
@@ -154,7 +184,6 @@ def launch_slabs(
     the row behind its last.
     """
     device = outputs[0].device
-    load(kernel, device)
     bounds = [rows * i // count for i in range(count + 1)]
     _share(count, lambda i: (i, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
 
@@ -175,7 +204,6 @@ def launch_each(
     if device.is_cuda:
         launch(kernel, count, [count, 0, count, *inputs], outputs)
         return
-    load(kernel, device)
     number = slabs(count, elements)
     bounds = [count * i // number for i in range(number + 1)]
     _share(number, lambda i: (1, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
@@ -195,11 +223,45 @@ def _share(
         for slab in left:
             _send(kernel, 1, (*head(slab), *arguments), device)
 
+    if count == 1:
+        work()
+        return
     others = [_threads().submit(work) for _ in range(min(cpu_threads(), count) - 1)]
     work()
     wait(others)
     for other in others:
         other.result()
+
+
+class _Command:
+    """A launch that a thread keeps, which spares most of Warp's Python.
+
+    It has descriptors of its own, not arrays, lest it should keep memory alive.
+    """
+
+    def __init__(self, command: wp.Launch, count: int):
+        self.command = command
+        self.known: list[Any] = [None] * count  # numbers, and the layouts of arrays
+        self.descriptors: list[Any] = [None] * count
+
+    def launch(self, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
+        """Launch with these arguments, where None stands for the same arrays as the first time."""
+        known, descriptors = self.known, self.descriptors
+        for i, argument in enumerate(arguments):
+            if isinstance(argument, wp.array):
+                layout = argument.shape, argument.strides
+                if layout != known[i]:
+                    given = argument.__ctype__()
+                    descriptors[i] = type(given).from_buffer_copy(given)
+                    self.command.set_param_at_index_from_ctype(i, descriptors[i])
+                    known[i] = layout
+                descriptors[i].data = argument.ptr or 0
+            elif hasattr(argument, "__ctype__"):  # a structure
+                self.command.set_param_at_index_from_ctype(i, argument.__ctype__())
+            elif argument is not known[i]:
+                self.command.set_param_at_index_from_ctype(i, argument)
+                known[i] = argument
+        self.command.launch(stream)
 
 
 def _send(
@@ -209,31 +271,31 @@ def _send(
     device: wp.Device,
     block: int = BLOCK,
 ) -> None:
-    """Launch through a command that this thread keeps, which spares most of Warp's Python."""
+    """Launch `kernel` once, on the stream of this thread."""
     key = (kernel, dim, block, device.alias, arguments[-1] is None)
     command = _thread.commands.get(key)
     if command is None:
         if len(_thread.commands) >= _MAX_COMMANDS:
             _thread.commands.clear()
-        threads = 1 if device.is_cpu else block
-        command = wp.launch(
-            kernel, dim, arguments, device=device, record_cmd=True, block_dim=threads
+        _load(kernel, device, block)
+        recorded = wp.launch(
+            kernel,
+            dim,
+            arguments,
+            device=device,
+            record_cmd=True,
+            block_dim=1 if device.is_cpu else block,
         )
-        _thread.commands[key] = command
-    for i, argument in enumerate(arguments):
-        # A descriptor in place of the array: the command must not keep the memory alive.
-        if argument is not None:
-            value = argument.__ctype__() if isinstance(argument, wp.array) else argument
-            command.set_param_at_index_from_ctype(i, value)
-    command.launch(current_stream(device) if device.is_cuda else None)
+        command = _thread.commands[key] = _Command(recorded, len(arguments))
+    command.launch(arguments, current_stream(device) if device.is_cuda else None)
 
 
-def load(kernel: wp.Kernel, device: wp.Device, block: int = BLOCK) -> None:
+def _load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
     """Compile and load the module of `kernel`; Warp must not do that on two threads at once.
 
     Once for each kernel: one that was made later than others has to be added to its module.
     """
-    key = (kernel, str(device), block)
+    key = (kernel, device.alias, block)
     if key not in _loaded:
         with _lock:
             if key not in _loaded:

@@ -7,11 +7,11 @@ import warp as wp
 
 from ._adam import STEP_ON_CUDA
 from ._fixed_point import FRACTION
+from ._launch import BLOCK
+from ._radiance_parts_blocks import SUM_OF_BLOCK
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
-
-BLOCK = 256  # Warp's own
 
 
 def threads(count: int) -> int:
@@ -159,21 +159,7 @@ def collect(
     collect_some(wp.tid(), sums, gradients)
 
 
-# The sum over a block of each thread's `sum`, always in the same order; LAST in its first thread.
-_SUM = f"""
-    __shared__ float sums[{BLOCK // 32}];
-    for (int k = 16; k; k /= 2) sum += __shfl_xor_sync(0xffffffffu, sum, k);
-    if (threadIdx.x % 32 == 0) sums[threadIdx.x / 32] = sum;
-    __syncthreads();
-    if (threadIdx.x == 0) {{
-        for (int warp = 1; warp < {BLOCK // 32}; ++warp) sum += sums[warp];
-        LAST
-    }}
-"""
-
-
-@wp.func_native(
-    f"""
+@wp.func_native(f"""{SUM_OF_BLOCK}
     const int count = gradients.shape[0], quads = count / 4, part = blockIdx.x;
     float sum = 0.0f;
     for (int i = part * {BLOCK} + threadIdx.x; i < quads; i += parts.shape[0] * {BLOCK}) {{
@@ -182,9 +168,9 @@ _SUM = f"""
     }}
     const int left = 4 * quads + threadIdx.x;
     if (part == 0 && left < count) sum += gradients.data[left] * gradients.data[left];
-    """
-    + _SUM.replace("LAST", "parts.data[part] += sum;")
-)
+    sum = sum_of_block(sum);
+    if (threadIdx.x == 0) parts.data[part] += sum;
+""")
 def add_block(gradients: wp.array[float], parts: wp.array[float]): ...
 
 
@@ -197,20 +183,15 @@ def squares(
     add_block(gradients, parts)
 
 
-@wp.func_native(
-    f"""
+@wp.func_native(f"""{SUM_OF_BLOCK}
     float sum = 0.0f;
     for (int part = threadIdx.x; part < parts.shape[0]; part += {BLOCK}) {{
         sum += parts.data[part];
         parts.data[part] = 0.0f;
     }}
-    """
-    + _SUM.replace(
-        "LAST",
-        "const float norm = sqrtf(sum) * scale;"
-        "factor.data[0] = norm > most ? scale * (most / norm) : scale;",
-    )
-)
+    const float norm = sqrtf(sum_of_block(sum)) * scale;
+    if (threadIdx.x == 0) factor.data[0] = norm > most ? scale * (most / norm) : scale;
+""")
 def shrink(scale: float, most: float, parts: wp.array[float], factor: wp.array[float]): ...
 
 

@@ -1,7 +1,8 @@
 """Compositing of packed samples along rays on CUDA: a warp a ray, 32 samples at once.
 
 The sums and products of radiance_composite.py over the samples before one are those of the 32
-before, carried along, and those of the lanes before, by halves.
+before, carried along, and those of the lanes before, by halves. The arrays are the caller's: they
+need not begin where two numbers can be loaded at once.
 """
 
 import warp as wp
@@ -13,8 +14,7 @@ THREADS = 32  # of a ray
 _RAY = """
     const unsigned all = 0xffffffffu;
     const int lane = threadIdx.x & 31;
-    const int2 span = ((const int2*)spans.data)[ray];
-    const int begin = span.x, end = span.x + span.y;
+    const int begin = spans.data[2 * (size_t)ray], end = begin + spans.data[2 * (size_t)ray + 1];
     auto sum_up_to = [&](float x) {  // of the lanes up to and with this one
         for (int s = 1; s < 32; s *= 2) {
             const float before = __shfl_up_sync(all, x, s);
@@ -33,15 +33,15 @@ _RAY = """
     float left = 1.0f, sum_w = 0.0f, sum_wt = 0.0f;  // T, and sums of w and w t
 """
 
-# The sample of a lane: lit unless it is behind the end or the stop.
+# The sample of a lane: lit unless it is behind the end or the stop, and then zeros, even if NaN.
 _SAMPLE = """
         const int i = first + lane;
         const bool own = i < end;
-        const float2 place = own ? ((const float2*)distances.data)[i] : make_float2(0.0f, 0.0f);
-        const float t = place.x, d = place.y;
+        const float* at = distances.data + 2 * (size_t)i;
         const float* from = rgb.data + 3 * (size_t)i;
-        const float red = own ? from[0] : 0.0f, green = own ? from[1] : 0.0f;
-        const float blue = own ? from[2] : 0.0f;
+        float t = own ? at[0] : 0.0f, d = own ? at[1] : 0.0f;
+        float red = own ? from[0] : 0.0f, green = own ? from[1] : 0.0f;
+        float blue = own ? from[2] : 0.0f;
         const float through = own ? expf(-sigma.data[i] * d) : 1.0f;
         float passed = through;
         for (int s = 1; s < 32; s *= 2) {
@@ -52,6 +52,7 @@ _SAMPLE = """
         // Products by halves may grow by a rounding: none is lit behind the first that is not.
         const unsigned dark = __ballot_sync(all, !own || !(before > stop));
         const bool lit = !(dark << (31 - lane));
+        if (!lit) t = d = red = green = blue = 0.0f;
         const float w = lit ? before * (1.0f - through) : 0.0f;
         const float upto_w = sum_w + sum_up_to(w), upto_wt = sum_wt + sum_up_to(w * t);
         const float before_w = lane_before(upto_w, sum_w);
@@ -105,9 +106,9 @@ _BACKWARD = f"""{_RAY}
         if (own) {{
             float* to = d_rgb.data + 3 * (size_t)i;
             d_sigma.data[i] = lit ? d * ((before - w) * g - behind) : 0.0f;
-            to[0] = w * dr;
-            to[1] = w * dg;
-            to[2] = w * db;
+            to[0] = lit ? w * dr : 0.0f;
+            to[1] = lit ? w * dg : 0.0f;
+            to[2] = lit ? w * db : 0.0f;
         }}
         more = !dark;
     }}

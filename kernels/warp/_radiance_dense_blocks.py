@@ -10,10 +10,10 @@ from functools import cache
 
 import warp as wp
 
+from ._launch import BLOCK
 from ._tensor_cores import INSTRUCTIONS
 
-WARPS = 8
-BLOCK = 32 * WARPS  # Warp's own
+WARPS = BLOCK // 32
 TILE = 64  # columns that a block makes at most, of however many there are
 OPTIONS = {"enable_backward": False}
 

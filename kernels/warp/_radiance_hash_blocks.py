@@ -49,11 +49,12 @@ def entry_of(cell: Cell, corner: int, resolution: int, size: int) -> int:
     i = cell.i + (corner & 1)
     j = cell.j + (corner >> 1 & 1)
     k = cell.k + (corner >> 2)
-    side = wp.int64(resolution + 1)
-    if side * side * side <= wp.int64(size):
-        return (k * (resolution + 1) + j) * (resolution + 1) + i
+    side = resolution + 1
+    flat = (k * side + j) * side + i
     mixed = wp.uint32(i) ^ wp.uint32(j) * PRIME_Y ^ wp.uint32(k) * PRIME_Z
-    return int(mixed & wp.uint32(size - 1))
+    # Both, and no branch: most of it is the same for all eight corners.
+    cube = wp.int64(side) * wp.int64(side) * wp.int64(side)
+    return wp.where(cube <= wp.int64(size), flat, int(mixed & wp.uint32(size - 1)))
 
 
 @wp.func
@@ -65,23 +66,33 @@ def share_of(cell: Cell, corner: int) -> float:
     return x * y * z
 
 
-_TWO = """
-    constexpr unsigned int COUNT = 16 / sizeof(ENTRY);
-    union { uint4 all; ENTRY each[COUNT]; } near;
-    const unsigned int a = low, b = high;
-    near.all = __ldg((const uint4*)table.data + a / COUNT);
-    ENTRY found[2] = {near.each[0], near.each[0]};
-    #pragma unroll
-    for (unsigned int n = 1; n < COUNT; ++n) {
-        if (a % COUNT == n) found[0] = near.each[n];
-        if (b % COUNT == n) found[1] = near.each[n];
-    }
-    if (a / COUNT != b / COUNT) found[1] = __ldg((const ENTRY*)table.data + b);
-    wp::vec_t<4, SCALAR> numbers;
-    memcpy(&numbers, found, sizeof(found));
-    return numbers;
-"""
-_ENTRIES = {wp.float16: ("unsigned int", "wp::half"), wp.float32: ("unsigned long long", "float")}
+_TWO = {
+    wp.float16: """
+        const unsigned int a = low, b = high;
+        const uint4 near = __ldg((const uint4*)table.data + a / 4);
+        auto pick = [&](unsigned int n) {
+            return n & 2 ? (n & 1 ? near.w : near.z) : (n & 1 ? near.y : near.x);
+        };
+        unsigned int found[2] = {pick(a), pick(b)};
+        if (a / 4 != b / 4) found[1] = __ldg((const unsigned int*)table.data + b);
+        wp::vec_t<4, float> numbers;
+        #pragma unroll
+        for (int n = 0; n < 4; ++n) {
+            wp::half number;
+            number.u = found[n / 2] >> 16 * (n % 2);
+            numbers[n] = wp::half_to_float(number);
+        }
+        return numbers;
+    """,
+    wp.float32: """
+        const unsigned int a = low, b = high;
+        const float4 near = __ldg((const float4*)table.data + a / 2);
+        const float2 here = {a & 1 ? near.z : near.x, a & 1 ? near.w : near.y};
+        float2 next = {b & 1 ? near.z : near.x, b & 1 ? near.w : near.y};
+        if (a / 2 != b / 2) next = __ldg((const float2*)table.data + b);
+        return wp::vec_t<4, float>(here.x, here.y, next.x, next.y);
+    """,
+}
 
 
 _STORE = """
@@ -100,12 +111,10 @@ def encode(scalar: Any, together: int) -> wp.Kernel:
 
     What it writes to a row of features lies side by side: several levels fill sectors of memory.
     """
-    pair, four = wp.types.vector(2, scalar), wp.types.vector(4, scalar)
-    row = wp.types.vector(2 * together, scalar)
-    entry, number = _ENTRIES[scalar]
+    pair, row = wp.types.vector(2, scalar), wp.types.vector(2 * together, scalar)
 
-    @wp.func_native(_TWO.replace("ENTRY", entry).replace("SCALAR", number))
-    def two(table: wp.array[pair], low: int, high: int) -> four: ...
+    @wp.func_native(_TWO[scalar])
+    def two(table: wp.array[pair], low: int, high: int) -> wp.vec4: ...
 
     size = 2 * together * wp.types.type_size_in_bytes(scalar)
     word = {4: "unsigned int", 8: "uint2"}.get(size, "uint4")
@@ -139,8 +148,8 @@ def encode(scalar: Any, together: int) -> wp.Kernel:
                     low = begin + entry_of(cell, corner, resolution, size)
                     high = begin + entry_of(cell, corner + 1, resolution, size)
                     near = two(table, low, high)
-                    found += share_of(cell, corner) * wp.vec2(float(near[0]), float(near[1]))
-                    found += share_of(cell, corner + 1) * wp.vec2(float(near[2]), float(near[3]))
+                    found += share_of(cell, corner) * wp.vec2(near[0], near[1])
+                    found += share_of(cell, corner + 1) * wp.vec2(near[2], near[3])
                 numbers[2 * n] = scalar(found[0])
                 numbers[2 * n + 1] = scalar(found[1])
             store(features, sample, group, numbers)

@@ -1,29 +1,15 @@
-"""The mean of an occupancy grid, and which cells are above it, on CUDA.
-
-Sums are made in the same order each time.
-"""
+"""The mean of an occupancy grid, and which cells are above it, on CUDA."""
 
 import warp as wp
+
+from ._radiance_parts_blocks import SUM_OF_BLOCK
 
 wp.set_module_options({"enable_backward": False})
 
 BLOCKS = 1024  # that mark, at most
 
-# The sum of a number of each thread of a block, in all of them.
-_SUM = """
-    __shared__ float sums[32];
-    auto sum_of_block = [&](float x) {
-        for (int s = 16; s; s /= 2) x += __shfl_xor_sync(0xffffffffu, x, s);
-        if (threadIdx.x % 32 == 0) sums[threadIdx.x / 32] = x;
-        __syncthreads();
-        x = 0.0f;
-        for (int warp = 0; warp < blockDim.x / 32; ++warp) x += sums[warp];
-        return x;
-    };
-"""
 
-
-@wp.func_native(f"""{_SUM}
+@wp.func_native(f"""{SUM_OF_BLOCK}
     const float4* four = (const float4*)density.data;
     const int fours = density.shape[0] / 4;
     float x = 0.0f;
@@ -37,7 +23,7 @@ _SUM = """
 def sum_cells(density: wp.array[float], parts: wp.array[float]): ...
 
 
-@wp.func_native(f"""{_SUM}
+@wp.func_native(f"""{SUM_OF_BLOCK}
     const float4* four = (const float4*)density.data;
     const int fours = density.shape[0] / 4;
     float x = 0.0f;

@@ -37,10 +37,16 @@ def level_of(point: wp.vec3, levels: int) -> int:
 
 
 @wp.func
+def half(times: int) -> float:
+    """Return one, halved up to 16 times; a division would take long."""
+    return float(1 << (16 - times)) / 65536.0
+
+
+@wp.func
 def cell_of(point: wp.vec3, level: int, cells: int) -> int:
     """Return the number of the cell of a level that the point, in its cube, is in."""
     middle = cells // 2
-    scale = float(middle) / float(1 << level)
+    scale = float(middle) * half(level)
     i = int(wp.floor(point[0] * scale)) + middle
     j = int(wp.floor(point[1] * scale)) + middle
     k = int(wp.floor(point[2] * scale)) + middle
@@ -131,8 +137,8 @@ def reciprocal(direction: wp.vec3) -> wp.vec3:
 @wp.func
 def way_out(point: wp.vec3, inverse: wp.vec3, level: int, cells: int) -> float:
     """Distance along the ray to where it leaves the cell of a point."""
-    scale = float(cells // 2) / float(1 << level)
-    size = 1.0 / scale
+    scale = float(cells // 2) * half(level)
+    size = 1.0 / float(cells // 2) * float(1 << level)
     way = float(1.0e30)
     for k in range(3):
         at = point[k] * scale
@@ -185,7 +191,7 @@ def skip(
     shift = int(0)  # binary digits of the side of what is empty, in cells
     if cells % 16 == 0 and is_block_empty(bits, cell):
         shift = 2
-    goal = t + way_out(point, inverse, level, cells >> shift)
+    goal = t + way_out(point, inverse, level + shift, cells)
     inside = t
     behind = next
     while behind < goal:

@@ -1,8 +1,11 @@
-"""Which rays go on, and where their samples go, on CUDA."""
+"""A round of views on CUDA: a thread finds a ray's next samples, a warp writes those of 32 rays."""
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False})
+from ._radiance_space import keep_sample, row, spacing
+from ._radiance_view_walk import look
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.func_native("""
@@ -46,24 +49,73 @@ def append(
     ...
 
 
+@wp.func_native("""
+    int lane = 0;  // the last one that begins no later
+    #pragma unroll
+    for (int step = 16; step > 0; step /= 2) {
+        const int other = __shfl_sync(0xffffffffu, first, lane + step);
+        lane += other <= at ? step : 0;
+    }
+    return lane;
+""")
+def owner(at: int, first: int) -> int:
+    """Return the lane whose rows, from its `first` on, have row `at`; for a whole warp."""
+    ...
+
+
+@wp.func_native("return __shfl_sync(0xffffffffu, value, lane);")
+def of_lane(value: int, lane: int) -> int: ...
+
+
 @wp.kernel
-def place(
+def march_on(
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    bits: wp.array[wp.uint32],  # (levels cells^3 / 32,)
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    few: int,
     living: int,
+    unbounded: bool,
     listing: wp.array[int],  # (R,)
-    numbers: wp.array[int],  # (R,)
     # outputs
+    at: wp.array[float],  # (R,)
+    taken: wp.array[int],  # (R,)
+    times: wp.array[float],  # (M,)
     going: wp.array[int],  # (R,)
     spans: wp.array2d[int],  # (R, 2)
-    rows: wp.array[int],  # (R,): the first of each ray, in the order of the list
     counts: wp.array[int],  # (2,): added to
+    positions: wp.array2d[float],  # (M, 3)
+    distances: wp.array2d[float],  # (M, 2)
+    rays: wp.array[int],  # (M,)
 ):
-    """List the rays that have samples, and give them rows; whole blocks alone."""
+    """Find the next samples of rays, list those that have any, and write them; whole blocks."""
     i = wp.tid()
     ray = int(0)
     number = int(0)
     if i < living:
         ray = listing[i]
-        number = numbers[i]
-    row = append(ray, number, going, spans, counts)
-    if i < living:
-        rows[i] = row
+        number = look(
+            origins, directions, bits, levels, cells, far, finest, cone, most, few, living, i, ray,
+            at, taken, times,
+        )  # fmt: skip
+    first = append(ray, number, going, spans, counts)
+    # The rows of a warp are side by side: lanes take the next 32, whose rays they are.
+    lane = i % 32
+    begin = of_lane(first, 0)
+    end = of_lane(first + number, 31)
+    while begin < end:
+        sample = begin + lane
+        source = owner(sample, first)
+        its_ray = of_lane(ray, source)
+        its_first = of_lane(first, source)
+        if sample < end:
+            t = times[(sample - its_first) * living + i - lane + source]
+            point = row(origins, its_ray) + t * row(directions, its_ray)
+            step = spacing(t, finest, cone)
+            keep_sample(sample, its_ray, point, t, step, unbounded, positions, distances, rays)
+        begin += 32

@@ -1,7 +1,8 @@
 """Rays through a grid of density and colour on CUDA: one warp a ray.
 
-Its threads are 32 places along the ray, empty or not, and then the up to 32 coefficients of one
-sample after the other, so that a row of the grid is read, or added to, at once.
+Its threads are 32 places along the ray, empty or not. Those that are not are then taken four (or
+eight) at a time: eight (or four) threads read rows of the grid for one, or add to them, each four
+coefficients.
 """
 
 from functools import cache
@@ -12,30 +13,45 @@ import warp as wp
 from ..codes import MOST_LOG_DENSITY
 from ._fixed_point import ADD_FIXED
 from ._harmonics import HARMONICS
-from ._random import random_unit
+from ._radiance_voxel_march import NAMES, March, jitter_of
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
 
 THREADS = 32  # of a ray
+BLOCK = 64  # few, as rays differ in length
+BOUNDS = BLOCK, 10  # with more blocks at a time there would not be registers enough
 
 # The b-th harmonic, by comparisons: an index would put all of them in memory.
 _HARMONIC = "".join(f"b == {k} ? {h} : " for k, h in enumerate(HARMONICS[:8])) + HARMONICS[8]
 
 # BEFORE and AFTER differ between the passes: AFTER has, in each thread, one sample.
 _WALK = """
+    NAMES
     const unsigned all = 0xffffffffu;
     const int lane = threadIdx.x & 31, width = color.shape[3];
-    const int side = resolution + 1, plane = side * side;
-    const float* o = origins.data + 3 * (size_t)ray;
-    const float* d = directions.data + 3 * (size_t)ray;
-    float bands[3];
-    {
-        const float x = d[0], y = d[1], z = d[2];
-        const int b = lane % basis;
-        const float h = HARMONIC;
-        for (int c = 0; c < 3; ++c) bands[c] = lane / basis == c ? h : 0.0f;
+    const int side = density.shape[0], resolution = side - 1, plane = side * side;
+    const int shift = __ffs(resolution / cells) - 1;  // log2 of the side of an occupancy cell
+    float o[3], d[3];
+    for (int k = 0; k < 3; ++k) {
+        o[k] = origins.data[3 * (size_t)ray + k];
+        d[k] = directions.data[3 * (size_t)ray + k];
     }
+    const int each = width / 4, rows = 32 / each;  // threads of a row, and rows at a time
+    const int part = lane & (each - 1), from = (lane & (rows - 1)) * each;
+    const unsigned own = all / ((1u << rows) - 1) << lane / each;  // one sample in `rows`
+    float bands[3][4];
+    for (int k = 0; k < 4; ++k) {
+        const float x = d[0], y = d[1], z = d[2];
+        const int n = 4 * part + k, b = n % basis;
+        const float h = HARMONIC;
+        for (int c = 0; c < 3; ++c) bands[c][k] = n / basis == c ? h : 0.0f;
+    }
+    auto mix = [](const float4& a, const float4& b, float t) {
+        return make_float4(
+            a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.z + t * (b.z - a.z),
+            a.w + t * (b.w - a.w));
+    };
     const float scale = (unbounded ? 0.25f : 0.5f) * (float)resolution;
     const float middle = 0.5f * (float)resolution, most = (float)resolution;
     float first = near, last = far;
@@ -103,30 +119,38 @@ _WALK = """
         left *= __shfl_sync(all, through, 31);
         float rgb[3] = {0.0f, 0.0f, 0.0f};
         const unsigned seen = __ballot_sync(all, lit);
-        for (unsigned rest = seen; rest; rest &= rest - 1) {
-            const int s = __ffs(rest) - 1;
+        for (unsigned todo = seen & own; __any_sync(all, todo); todo &= todo - 1) {
+            const int s = __ffs(todo) - 1;  // -1 where no more are left
             const int at = __shfl_sync(all, node, s);
             const float x = __shfl_sync(all, f[0], s), y = __shfl_sync(all, f[1], s);
             const float z = __shfl_sync(all, f[2], s);
-            float v = 0.0f;
-            if (lane < width) {
-                const float* row = color.data + (size_t)at * width + lane;
-                const size_t up = (size_t)side * width, in = (size_t)plane * width;
-                const float a = row[0] + x * (row[width] - row[0]);
-                const float b = row[up] + x * (row[up + width] - row[up]);
-                const float c = row[in] + x * (row[in + width] - row[in]);
-                const float e = row[in + up] + x * (row[in + up + width] - row[in + up]);
-                const float g = a + y * (b - a), h = c + y * (e - c);
-                v = g + z * (h - g);
+            float sums[3] = {0.0f, 0.0f, 0.0f};
+            if (todo) {
+                const float4* row = (const float4*)color.data + (size_t)at * each + part;
+                const int up = side * each, in = plane * each;
+                const float4 v0 = row[0], v1 = row[each], v2 = row[up], v3 = row[up + each];
+                row += in;
+                const float4 v4 = row[0], v5 = row[each], v6 = row[up], v7 = row[up + each];
+                const float4 g = mix(mix(v0, v1, x), mix(v2, v3, x), y);
+                const float4 h = mix(mix(v4, v5, x), mix(v6, v7, x), y);
+                const float4 v = mix(g, h, z);
+                for (int c = 0; c < 3; ++c)
+                    sums[c] = v.x * bands[c][0] + v.y * bands[c][1] + v.z * bands[c][2]
+                        + v.w * bands[c][3];
             }
-            float sums[3];
+            for (int k = 4; k; k /= 2)
+                for (int c = 0; c < 3; ++c) {
+                    const float more = __shfl_xor_sync(all, sums[c], k);
+                    sums[c] += k < each ? more : 0.0f;
+                }
+            // From the threads that take a sample, the first of which is `from`, to its own.
+            const bool done = __shfl_sync(all, s, from) == lane;
             for (int c = 0; c < 3; ++c) {
-                sums[c] = v * bands[c];
-                for (int k = 16; k; k /= 2) sums[c] += __shfl_xor_sync(all, sums[c], k);
+                const float sum = __shfl_sync(all, sums[c], from);
+                rgb[c] = done ? sum : rgb[c];
             }
-            if (lane == s)
-                for (int c = 0; c < 3; ++c) rgb[c] = 1.0f / (1.0f + expf(-sums[c]));
         }
+        for (int c = 0; c < 3; ++c) rgb[c] = 1.0f / (1.0f + expf(-rgb[c]));
         // Sums of w and w t up to and with this sample.
         float upto_w = w, upto_wt = w * t;
         for (int s = 1; s < 32; s *= 2) {
@@ -165,11 +189,13 @@ _FORWARD = {
     """,
 }
 
-# ADD is how a `value` is added to the number at `to`.
+# ADD_ONE is how a `value` is added to the number at `to`, ADD_FOUR how four, `v`, are.
 _BACKWARD = {
     "BEFORE": """
-    auto add = [](auto* to, float value) { ADD };
-    const float* dc = d_colors.data + 3 * (size_t)ray;
+    auto add = [](auto* to, float value) { ADD_ONE };
+    auto add_four = [&](auto* to, const float4& v) { ADD_FOUR };
+    float dc[3];
+    for (int c = 0; c < 3; ++c) dc[c] = d_colors.data[3 * (size_t)ray + c];
     const float d_o = d_opacity.data[ray], d_t = d_depth.data[ray], d_x = d_distortion.data[ray];
     const float all_w = opacity.data[ray], all_wt = depth.data[ray];
     float rest = d_o * all_w + d_t * all_wt + 2.0f * d_x * distortion.data[ray];
@@ -188,48 +214,72 @@ _BACKWARD = {
         }
         const float d_raw = sigma * gap * (behind * g - (rest - upto));
         rest -= __shfl_sync(all, upto, 31);
-        for (unsigned left_over = seen; left_over; left_over &= left_over - 1) {
-            const int s = __ffs(left_over) - 1;
+        float slopes[3];  // by the sums of harmonics
+        for (int c = 0; c < 3; ++c) slopes[c] = w * dc[c] * rgb[c] * (1.0f - rgb[c]);
+        for (unsigned todo = seen & own; __any_sync(all, todo); todo &= todo - 1) {
+            const int s = __ffs(todo) - 1;  // -1 where no more are left
             const int at = __shfl_sync(all, node, s);
-            const float d_node = __shfl_sync(all, d_raw, s), weight = __shfl_sync(all, w, s);
-            float fs[3], d_row = 0.0f;
+            const float d_node = __shfl_sync(all, d_raw, s);
+            float fs[3], row[4] = {0.0f, 0.0f, 0.0f, 0.0f};
             for (int k = 0; k < 3; ++k) fs[k] = __shfl_sync(all, f[k], s);
             for (int c = 0; c < 3; ++c) {
-                const float v = __shfl_sync(all, rgb[c], s);
-                d_row += weight * dc[c] * v * (1.0f - v) * bands[c];
+                const float slope = __shfl_sync(all, slopes[c], s);
+                for (int k = 0; k < 4; ++k) row[k] += slope * bands[c][k];
             }
-            for (int corner = 0; corner < 8; ++corner) {
-                const int to = at + (corner & 1) + (corner >> 1 & 1) * side + (corner >> 2) * plane;
-                const float share = (corner & 1 ? fs[0] : 1.0f - fs[0])
-                    * (corner & 2 ? fs[1] : 1.0f - fs[1]) * (corner & 4 ? fs[2] : 1.0f - fs[2]);
-                if (lane < 3 * basis)
-                    add(d_color.data + (size_t)to * width + lane, share * d_row);
-                if (lane == 31 - corner) {
-                    add(d_density.data + to, share * d_node);
-                    touched.data[to] = 1;
+            if (todo == 0) continue;
+            auto node_at = [&](int corner) {
+                return at + (corner & 1) + (corner >> 1 & 1) * side + (corner >> 2) * plane;
+            };
+            auto share = [&](int corner) {
+                return (corner & 1 ? fs[0] : 1.0f - fs[0]) * (corner & 2 ? fs[1] : 1.0f - fs[1])
+                    * (corner & 4 ? fs[2] : 1.0f - fs[2]);
+            };
+            if (4 * part < 3 * basis)
+                for (int corner = 0; corner < 8; ++corner) {
+                    const float b = share(corner);
+                    add_four(
+                        d_color.data + (size_t)node_at(corner) * width + 4 * part,
+                        make_float4(b * row[0], b * row[1], b * row[2], b * row[3]));
                 }
+            for (int corner = part; corner < 8; corner += each) {
+                add(d_density.data + node_at(corner), share(corner) * d_node);
+                touched.data[node_at(corner)] = 1;
             }
         }
     """,
     "END": "",
 }
 
+_ADD_EACH = "add(to, v.x); add(to + 1, v.y); add(to + 2, v.z); add(to + 3, v.w);"
+_ADD_FOUR = f"""
+#if __CUDA_ARCH__ >= 900
+    asm volatile("red.global.add.v4.f32 [%0], {{%1, %2, %3, %4}};"
+        ::"l"(to), "f"(v.x), "f"(v.y), "f"(v.z), "f"(v.w) : "memory");
+#else
+    {_ADD_EACH}
+#endif
+"""
+
 _ADD = {
-    wp.float32: "atomicAdd(to, value);",
-    wp.int64: ADD_FIXED,
+    wp.float32: {"ADD_ONE": "atomicAdd(to, value);", "ADD_FOUR": _ADD_FOUR},
+    wp.int64: {"ADD_ONE": ADD_FIXED, "ADD_FOUR": _ADD_EACH},
 }
 
 
 def _text(parts: dict[str, str]) -> str:
     text = _WALK
-    shared = {"HARMONIC": _HARMONIC, "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f"}
+    shared = {
+        "NAMES": NAMES, "HARMONIC": _HARMONIC, "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f"
+    }  # fmt: skip
     for name, part in (parts | shared).items():
         text = text.replace(name, part)
     return text
 
 
 @wp.func_native("return blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32;")
-def warp_number() -> int: ...
+def warp_number() -> int:
+    """Return what `wp.tid() // 32` is, in fewer instructions."""
+    ...
 
 
 @wp.func_native(_text(_FORWARD))
@@ -238,20 +288,7 @@ def walk_forward(
     jitter: float,
     origins: wp.array2d[float],
     directions: wp.array2d[float],
-    bits: wp.array[wp.uint32],
-    cells: int,
-    shift: int,
-    resolution: int,
-    basis: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    stop: float,
-    least: float,
-    density: wp.array3d[float],
-    color: wp.array4d[float],
+    march: March,
     colors: wp.array2d[float],
     opacity: wp.array[float],
     depth: wp.array[float],
@@ -260,28 +297,12 @@ def walk_forward(
 ): ...
 
 
-@wp.kernel
+@wp.kernel(launch_bounds=BOUNDS)
 def render(
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
     active: wp.array[int],  # (1,)
-    bits: wp.array[wp.uint32],  # (cells^3 / 32,)
-    cells: int,
-    shift: int,
-    resolution: int,
-    basis: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    jittered: bool,
-    seed: int,
-    step: wp.array[int],  # (1,)
-    stop: float,
-    least: float,
-    density: wp.array3d[float],
-    color: wp.array4d[float],
+    march: March,
     # outputs
     colors: wp.array2d[float],  # (R, 3)
     opacity: wp.array[float],  # (R,)
@@ -291,15 +312,11 @@ def render(
 ):
     ray = warp_number()
     if ray < active[0]:
-        jitter = float(0.5)
-        if jittered:
-            jitter = random_unit(seed, step[0], ray, 4)
         walk_forward(
-            ray, jitter, origins, directions, bits, cells, shift, resolution, basis, near, far,
-            finest, cone, unbounded, stop, least, density, color, colors, opacity, depth,
+            ray, jitter_of(march, ray), origins, directions, march, colors, opacity, depth,
             distortion, samples,
         )  # fmt: skip
-    elif ray < samples.shape[0]:
+    else:
         samples[ray] = 0
 
 
@@ -307,7 +324,7 @@ def render(
 def render_backward(sums: Any) -> wp.Kernel:
     """Return the kernel that adds to float32, or to int64 of fixed-point numbers."""
 
-    @wp.func_native(_text(_BACKWARD).replace("ADD", _ADD[sums]))
+    @wp.func_native(_text(_BACKWARD | _ADD[sums]))
     def walk_backward(
         ray: int,
         jitter: float,
@@ -317,20 +334,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         d_distortion: wp.array[float],
         origins: wp.array2d[float],
         directions: wp.array2d[float],
-        bits: wp.array[wp.uint32],
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         colors: wp.array2d[float],
         opacity: wp.array[float],
         depth: wp.array[float],
@@ -340,7 +344,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         touched: wp.array3d[wp.uint8],
     ): ...
 
-    @wp.kernel(module="unique", module_options=OPTIONS)
+    @wp.kernel(launch_bounds=BOUNDS, module="unique", module_options=OPTIONS)
     def render_backward(
         d_colors: wp.array2d[float],  # (R, 3)
         d_opacity: wp.array[float],  # (R,)
@@ -349,23 +353,7 @@ def render_backward(sums: Any) -> wp.Kernel:
         origins: wp.array2d[float],  # (R, 3)
         directions: wp.array2d[float],  # (R, 3)
         active: wp.array[int],  # (1,)
-        bits: wp.array[wp.uint32],  # (cells^3 / 32,)
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        jittered: bool,
-        seed: int,
-        step: wp.array[int],  # (1,)
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         colors: wp.array2d[float],  # (R, 3)
         opacity: wp.array[float],  # (R,)
         depth: wp.array[float],  # (R,)
@@ -379,13 +367,9 @@ def render_backward(sums: Any) -> wp.Kernel:
         ray = warp_number()
         if ray < active[0]:
             if samples[ray] > 0:
-                jitter = float(0.5)
-                if jittered:
-                    jitter = random_unit(seed, step[0], ray, 4)
                 walk_backward(
-                    ray, jitter, d_colors, d_opacity, d_depth, d_distortion, origins, directions,
-                    bits, cells, shift, resolution, basis, near, far, finest, cone, unbounded, stop,
-                    least, density, color, colors, opacity, depth, distortion, d_density, d_color,
+                    ray, jitter_of(march, ray), d_colors, d_opacity, d_depth, d_distortion, origins,
+                    directions, march, colors, opacity, depth, distortion, d_density, d_color,
                     touched,
                 )  # fmt: skip
 

@@ -18,7 +18,6 @@ _TOUCHED = """
     const int side = density.shape[0];
     const size_t plane = (size_t)side * side, begin = plane * k, end = begin + plane;
     for (size_t base = begin; base < end; base += 8) {
-        unsigned char marks[8];
         unsigned long long any = 0;
         if (base + 8 <= end) {
             __builtin_memcpy(&any, touched.data + base, 8);

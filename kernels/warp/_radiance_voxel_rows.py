@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import warp as wp
 
+from ._radiance_voxel_march import March, jitter_of
 from ._radiance_voxel_walk import BACKWARD, FORWARD, SCATTER, WALK, text
-from ._random import random_unit
 
 wp.set_module_options({"enable_backward": False})
 
@@ -33,20 +33,7 @@ def kernels(width: int) -> Kernels:
         jitter: float,
         origins: wp.array2d[float],
         directions: wp.array2d[float],
-        bits: wp.array[wp.uint32],
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         colors: wp.array2d[float],
         opacity: wp.array[float],
         depth: wp.array[float],
@@ -64,20 +51,7 @@ def kernels(width: int) -> Kernels:
         d_distortion: wp.array[float],
         origins: wp.array2d[float],
         directions: wp.array2d[float],
-        bits: wp.array[wp.uint32],
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         colors: wp.array2d[float],
         opacity: wp.array[float],
         depth: wp.array[float],
@@ -93,7 +67,6 @@ def kernels(width: int) -> Kernels:
         owner: int,
         owners: int,
         directions: wp.array2d[float],
-        resolution: int,
         basis: int,
         begin: int,
         room: int,
@@ -111,23 +84,7 @@ def kernels(width: int) -> Kernels:
         origins: wp.array2d[float],  # (R, 3)
         directions: wp.array2d[float],  # (R, 3)
         active: wp.array[int],  # (1,)
-        bits: wp.array[wp.uint32],  # (cells^3 / 32,)
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        jittered: bool,
-        seed: int,
-        step: wp.array[int],  # (1,)
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         # outputs
         colors: wp.array2d[float],  # (R, 3)
         opacity: wp.array[float],  # (R,)
@@ -137,13 +94,9 @@ def kernels(width: int) -> Kernels:
     ):
         for ray in range(first, last):
             if ray < active[0]:
-                jitter = float(0.5)
-                if jittered:
-                    jitter = random_unit(seed, step[0], ray, 4)
                 walk_forward(
-                    ray, jitter, origins, directions, bits, cells, shift, resolution, basis, near,
-                    far, finest, cone, unbounded, stop, least, density, color, colors, opacity,
-                    depth, distortion, samples,
+                    ray, jitter_of(march, ray), origins, directions, march, colors, opacity, depth,
+                    distortion, samples,
                 )  # fmt: skip
             else:
                 samples[ray] = 0
@@ -159,23 +112,7 @@ def kernels(width: int) -> Kernels:
         d_distortion: wp.array[float],  # (R,)
         origins: wp.array2d[float],  # (R, 3)
         directions: wp.array2d[float],  # (R, 3)
-        bits: wp.array[wp.uint32],  # (cells^3 / 32,)
-        cells: int,
-        shift: int,
-        resolution: int,
-        basis: int,
-        near: float,
-        far: float,
-        finest: float,
-        cone: float,
-        unbounded: bool,
-        jittered: bool,
-        seed: int,
-        step: wp.array[int],  # (1,)
-        stop: float,
-        least: float,
-        density: wp.array3d[float],
-        color: wp.array4d[float],
+        march: March,
         colors: wp.array2d[float],  # (R, 3)
         opacity: wp.array[float],  # (R,)
         depth: wp.array[float],  # (R,)
@@ -190,14 +127,9 @@ def kernels(width: int) -> Kernels:
                 begin = int(ends[ray - 1])
             room = int(ends[ray]) - begin
             if room > 0:
-                jitter = float(0.5)
-                if jittered:
-                    jitter = random_unit(seed, step[0], ray, 4)
                 walk_backward(
-                    ray, jitter, d_colors, d_opacity, d_depth, d_distortion, origins, directions,
-                    bits, cells, shift, resolution, basis, near, far, finest, cone, unbounded,
-                    stop, least, density, color, colors, opacity, depth, distortion, begin, room,
-                    records,
+                    ray, jitter_of(march, ray), d_colors, d_opacity, d_depth, d_distortion, origins,
+                    directions, march, colors, opacity, depth, distortion, begin, room, records,
                 )  # fmt: skip
 
     @wp.kernel
@@ -207,7 +139,6 @@ def kernels(width: int) -> Kernels:
         last: int,
         owners: int,
         directions: wp.array2d[float],  # (R, 3)
-        resolution: int,
         basis: int,
         ends: wp.array[wp.int64],  # (R,)
         records: wp.array2d[float],  # (M, 8)
@@ -222,8 +153,8 @@ def kernels(width: int) -> Kernels:
                 room = int(ends[ray]) - begin
                 if room > 0:
                     scatter_ray(
-                        ray, owner, owners, directions, resolution, basis, begin, room, records,
-                        d_density, d_color, touched,
+                        ray, owner, owners, directions, basis, begin, room, records, d_density,
+                        d_color, touched,
                     )  # fmt: skip
                 begin = int(ends[ray])
 

@@ -6,6 +6,7 @@ are seen, the rows of colour coefficients round them, which are vectors of WIDTH
 
 from ..codes import MOST_LOG_DENSITY
 from ._harmonics import HARMONICS
+from ._radiance_voxel_march import NAMES
 
 # Numbers kept of a sample between the two halves of the backward pass: its cell, its place in it
 # (3), and the gradients by its raw density and by the channels' sums of harmonics (3).
@@ -49,9 +50,11 @@ BANDS = """
 WALK = """
     #pragma clang fp contract(fast)
     #pragma clang fp reassociate(on)
+    NAMES
     EXPONENTIAL
     BANDS
-    const int side = resolution + 1, plane = side * side;
+    const int side = density.shape[0], resolution = side - 1, plane = side * side;
+    const int shift = __builtin_ctz(resolution / cells);  // log2 of the side of an occupancy cell
     const int jump_y = side, jump_z = plane;
     const float* o = origins.data + 3 * (size_t)ray;
     const float scale = (unbounded ? 0.25f : 0.5f) * (float)(resolution);
@@ -260,7 +263,7 @@ BACKWARD = {
 SCATTER = """
     #pragma clang fp contract(fast)
     BANDS
-    const int side = resolution + 1;
+    const int side = d_density.shape[0];
     const int own_z = owner & 1, own_y = owner >> 1;
     const float* record = records.data + (size_t)RECORD * begin;
     for (int s = 0; s < room; ++s, record += RECORD) {
@@ -297,6 +300,7 @@ SCATTER = """
 def text(template: str, width: int, parts: dict[str, str]) -> str:
     """Return the code for rows of one width."""
     shared = {
+        "NAMES": NAMES,
         "EXPONENTIAL": EXPONENTIAL,
         "BANDS": BANDS,
         "RECORD": str(RECORD),

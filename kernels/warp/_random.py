@@ -6,7 +6,7 @@ the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the p
 
 import warp as wp
 
-INCREMENT = wp.constant(wp.uint32(2891336453))
+INCREMENT = wp.constant(wp.uint32(2891336453))  # compilers warn of a literal of 32 bits
 
 
 @wp.func

@@ -5,7 +5,7 @@ import warp as wp
 from . import _filters_blocks as blocks
 from . import _filters_lanes as lanes
 from ._lanes import WIDE, f32_lanes, f32_wide, padded, unpad, vectors
-from ._launch import launch_slabs, scratch, slabs
+from ._launch import launch_slabs, scratch, slabs, view
 
 
 def correlate_separable(
@@ -25,7 +25,7 @@ def correlate_separable(
         blocks.correlate_columns(src, taps_y, border, cval, middle)
         blocks.correlate_rows(middle, taps_x, step, border, cval, dst)
         return
-    src, dst = src.reshape((rows, columns)), dst.reshape((rows, columns))
+    src, dst = (view(a, wp.float32, (rows, columns)) for a in (src, dst))
     wide_src, wide_dst = (padded(a, f"correlate.{i}", WIDE) for i, a in enumerate((src, dst)))
     count = slabs(rows, src.size)
     margin = taps_x.shape[0] // 2 * step

@@ -6,7 +6,7 @@ from . import _filters_blocks as filter_blocks
 from . import _gradients_blocks as blocks
 from . import _gradients_lanes as lanes
 from ._lanes import LANES, WIDE, f32_lanes, f32_wide, padded, unpad, vectors
-from ._launch import launch, launch_slabs, scratch, slabs
+from ._launch import launch, launch_slabs, scratch, slabs, view
 
 
 def differentiate(
@@ -55,16 +55,16 @@ def _differentiate(
     """Fill dy and dx, and magnitude and orientation where they are given."""
     polar = len(outputs) == 4
     if src.device.is_cuda:
-        dy, dx = outputs[:2]
         planes = (1, *src.shape)
         middle = scratch("differentiate.middle", planes, wp.float32, src.device)
-        image = src.reshape(planes)
+        image, dy, dx = (view(a, wp.float32, planes) for a in (src, *outputs[:2]))
         filter_blocks.correlate_columns(image, slope, border, cval, middle)
-        filter_blocks.correlate_rows(middle, smooth, 1, border, cval_slope, dy.reshape(planes))
+        filter_blocks.correlate_rows(middle, smooth, 1, border, cval_slope, dy)
         filter_blocks.correlate_columns(image, smooth, border, cval, middle)
-        filter_blocks.correlate_rows(middle, slope, 1, border, cval_smooth, dx.reshape(planes))
+        filter_blocks.correlate_rows(middle, slope, 1, border, cval_smooth, dx)
         if polar:
-            launch(blocks.polar, dy.size, _flat(dy, dx), _flat(*outputs[2:]))
+            flat = _flat(*outputs)
+            launch(blocks.polar, src.size, flat[:2], flat[2:])
         return
     height, columns = src.shape
     wide_src = padded(src, "differentiate.src", WIDE)
@@ -107,7 +107,7 @@ def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
     if dy.device.is_cuda:
         launch(blocks.root_mean_square, size, _flat(dy, dx), _flat(dst))
         return
-    given = [a.reshape((1, size)) for a in (dy, dx, dst)]
+    given = [view(a, wp.float32, (1, size)) for a in (dy, dx, dst)]
     wide = [padded(a, f"root_mean_square.{i}") for i, a in enumerate(given)]
     views = [vectors(a, f32_lanes) for a in wide]
     lanes_of_all = -(-size // LANES)
@@ -118,4 +118,4 @@ def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
 
 
 def _flat(*arrays: wp.array) -> list[wp.array]:
-    return [a.reshape((a.size,)) for a in arrays]
+    return [view(a, wp.float32, (a.size,)) for a in arrays]

@@ -4,7 +4,7 @@ import warp as wp
 
 from . import _radiance_adam_blocks as blocks
 from . import _radiance_adam_rows as rows
-from ._launch import launch, launch_slabs, slabs
+from ._launch import BLOCK, launch, launch_slabs, slabs
 
 wp.set_module_options({"enable_backward": False})
 
@@ -108,7 +108,7 @@ def add_squares(gradients: wp.array, parts: wp.array) -> None:
     """
     count = parts.shape[0]
     if parts.device.is_cuda:
-        launch(blocks.squares, count * blocks.BLOCK, [gradients], [parts])
+        launch(blocks.squares, count * BLOCK, [gradients], [parts])
     else:
         number = slabs(count, gradients.shape[0])
         launch_slabs(rows.squares, count, number, [gradients], [parts])
@@ -120,7 +120,7 @@ def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
     `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
     """
     cuda = parts.device.is_cuda
-    kernel, threads = (blocks.clip, blocks.BLOCK) if cuda else (rows.clip, 1)
+    kernel, threads = (blocks.clip, BLOCK) if cuda else (rows.clip, 1)
     launch(kernel, threads, [scale, most], [parts, factor])
 
 

@@ -5,7 +5,7 @@ import warp as wp
 from . import _radiance_dense_blocks as blocks
 from . import _radiance_dense_rows as rows
 from . import _radiance_parts_blocks as parts_blocks
-from ._launch import launch, launch_slabs, scratch, slabs, view
+from ._launch import BLOCK, launch, launch_slabs, scratch, slabs, view
 
 _BLOCKS = 132 * 2  # two for each multiprocessor of the largest GPUs: one waits, the other works
 
@@ -42,7 +42,7 @@ def backward_weight(dy: wp.array, x: wp.array, total: wp.array, column: int, dw:
         tiles = depth // tile[0] * (columns // tile[1])
         count = max(1, _BLOCKS // 2 // tiles)
         parts = scratch("dense.parts", (count, depth, columns), wp.float32, dw.device)
-        threads = count * tiles * blocks.BLOCK
+        threads = count * tiles * BLOCK
         launch(blocks.outer(*tile), threads, [dy, x, total, column], [parts])
         size = depth * columns
         parts, sums = view(parts, wp.float32, (count, size)), view(dw, wp.float32, (size,))
@@ -74,7 +74,7 @@ def _product(
         count = max(1, _BLOCKS // (columns // tile)) * (columns // tile)
         launch(
             blocks.product(depth, tile, transposed),
-            count * blocks.BLOCK,
+            count * BLOCK,
             [src, w, gates, total, columns, column_in, column_out, relu, gated],
             [dst],
         )

@@ -76,7 +76,7 @@ def spherical_harmonics(directions: wp.array, values: wp.array) -> None:
 
 @wp.func
 def turn(value: float) -> float:
-    """Return `value` less a multiple of 2, in [-1, 1]: exact, whatever its size."""
+    """Return `value` less a multiple of 2, in [-1, 1) or -2: exact, but -1 for 1 - 2^-24."""
     return value - 2.0 * wp.floor(0.5 * value + 0.5)
 
 

@@ -9,59 +9,10 @@ import warp as wp
 
 from . import _radiance_march_blocks as blocks
 from ._launch import BLOCK, launch, launch_each
-from ._radiance_space import (
-    keep_sample,
-    reach,
-    reciprocal,
-    row,
-    skip,
-    spacing,
-)
+from ._radiance_space import keep_sample, reach, reciprocal, row, skip, spacing
 from ._random import random_unit
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
-
-
-@wp.func
-def march(
-    ray: int,
-    origins: wp.array2d[float],
-    directions: wp.array2d[float],
-    bits: wp.array[wp.uint32],
-    levels: int,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
-    jitter: float,
-    unbounded: bool,
-    begin: int,
-    positions: wp.array2d[float],
-    distances: wp.array2d[float],
-    rays: wp.array[int],
-) -> int:
-    """Count the samples of a ray, and write them from `begin` on unless that is negative."""
-    origin = row(origins, ray)
-    direction = row(directions, ray)
-    inverse = reciprocal(direction)
-    ends = reach(origin, inverse, levels, near, far, finest, cone, jitter)
-    t = ends[0]
-    count = int(0)
-    while t < ends[1] and count < most:
-        next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone)
-        if next == t:
-            step = spacing(t, finest, cone)
-            if begin >= 0:
-                point = origin + t * direction
-                keep_sample(
-                    begin + count, ray, point, t, step, unbounded, positions, distances, rays
-                )
-            count += 1
-            next = t + step
-        t = next
-    return count
 
 
 @wp.kernel
@@ -93,24 +44,36 @@ def march_kernel(
 ):
     """Count the samples of each ray, or write them where `place` said."""
     for ray in range(first + wp.tid(), last, stride):
-        begin = int(-1)
         limit = most
         if writes:
-            begin = spans[ray, 0]
             limit = spans[ray, 1]
         elif ray >= active[0]:
-            spans[ray, 1] = 0
             limit = 0
+        count = int(0)
         if limit > 0:
             jitter = float(0.5)
             if jittered:
                 jitter = random_unit(seed, step[0], ray, 4)
-            count = march(
-                ray, origins, directions, bits, levels, cells, near, far, finest, cone, limit,
-                jitter, unbounded, begin, positions, distances, rays,
-            )  # fmt: skip
-            if not writes:
-                spans[ray, 1] = count
+            origin = row(origins, ray)
+            direction = row(directions, ray)
+            inverse = reciprocal(direction)
+            ends = reach(origin, inverse, levels, near, far, finest, cone, jitter)
+            t = ends[0]
+            while t < ends[1] and count < limit:
+                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone)
+                if next == t:
+                    length = spacing(t, finest, cone)
+                    if writes:
+                        at = spans[ray, 0] + count
+                        point = origin + t * direction
+                        keep_sample(
+                            at, ray, point, t, length, unbounded, positions, distances, rays
+                        )
+                    count += 1
+                    next = t + length
+                t = next
+        if not writes:
+            spans[ray, 1] = count
 
 
 @wp.kernel
@@ -166,6 +129,7 @@ def march_rays(
     to those that fit: who wants as many again in the next batch has to write it anew. `bits` has
     one for each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block
     by block.
+
     `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
     with their number, and that many rows of `positions` (M, 3) in the cube of the field,
     `distances` (M, 2), the distance and the length of the step, and `rays` (M,).

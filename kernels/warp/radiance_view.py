@@ -9,16 +9,9 @@ the field, or that no more than `stop` of the light gets through. The samples of
 import warp as wp
 
 from . import _radiance_view_blocks as blocks
-from ._launch import BLOCK, launch, launch_each, scratch
-from ._radiance_space import (
-    interval,
-    keep_sample,
-    reach,
-    reciprocal,
-    row,
-    skip,
-    spacing,
-)
+from ._launch import BLOCK, launch, launch_each, launch_slabs, scratch, slabs
+from ._radiance_space import keep_sample, reach, reciprocal, row, spacing
+from ._radiance_view_walk import look
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -40,12 +33,16 @@ def set_out_kernel(
     at: wp.array[float],  # (R,)
     taken: wp.array[int],  # (R,)
     listing: wp.array[int],  # (R,)
+    counts: wp.array[int],  # (2,)
     color: wp.array2d[float],  # (R, 3)
     opacity: wp.array[float],  # (R,)
     depth: wp.array[float],  # (R,)
 ):
     """Put a ray where it enters the field."""
     for ray in range(first + wp.tid(), last, stride):
+        if ray == 0:
+            counts[0] = 0
+            counts[1] = 0
         inverse = reciprocal(row(directions, ray))
         ends = reach(row(origins, ray), inverse, levels, near, NEVER, finest, cone, 0.5)
         at[ray] = ends[0]
@@ -67,6 +64,7 @@ def set_out(
     at: wp.array,
     taken: wp.array,
     listing: wp.array,
+    counts: wp.array,
     color: wp.array,
     opacity: wp.array,
     depth: wp.array,
@@ -75,17 +73,17 @@ def set_out(
 
     What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
     `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
-    `color` (R, 3), `opacity` and `depth` (R,) are 0.
+    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
     """
     count = origins.shape[0]
     inputs = [origins, directions, levels, near, finest, cone]
-    outputs = [at, taken, listing, color, opacity, depth]
+    outputs = [at, taken, listing, counts, color, opacity, depth]
     launch_each(set_out_kernel, count, 32 * count, inputs, outputs)
 
 
 @wp.kernel
-def look_kernel(
-    stride: int,
+def look_on(
+    slab: int,
     first: int,
     last: int,
     origins: wp.array2d[float],  # (R, 3)
@@ -103,34 +101,15 @@ def look_kernel(
     # outputs
     at: wp.array[float],  # (R,)
     taken: wp.array[int],  # (R,)
-    times: wp.array[float],  # (M,): distances of samples, the first ones of all rays first
+    times: wp.array[float],  # (M,)
     numbers: wp.array[int],  # (R,): of samples, in the order of the list
-    counts: wp.array[int],  # (2,): 0
 ):
     """Find the next samples of a ray, and have it go on behind the last."""
-    for i in range(first + wp.tid(), last, stride):
-        if i == 0:
-            counts[0] = 0
-            counts[1] = 0
-        if i < living:
-            ray = listing[i]
-            origin = row(origins, ray)
-            direction = row(directions, ray)
-            inverse = reciprocal(direction)
-            end = wp.min(far, interval(origin, inverse, float(1 << (levels - 1)))[1])
-            t = at[ray]
-            limit = wp.min(few, most - taken[ray])
-            count = int(0)
-            while t < end and count < limit:
-                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone)
-                if next == t:
-                    times[count * living + i] = t
-                    count += 1
-                    next = t + spacing(t, finest, cone)
-                t = next
-            at[ray] = t
-            taken[ray] = taken[ray] + count
-            numbers[i] = count
+    for i in range(first, last):
+        numbers[i] = look(
+            origins, directions, bits, levels, cells, far, finest, cone, most, few, living, i,
+            listing[i], at, taken, times,
+        )  # fmt: skip
 
 
 @wp.kernel
@@ -160,8 +139,8 @@ def place(
 
 
 @wp.kernel
-def write_kernel(
-    stride: int,
+def write(
+    slab: int,
     first: int,
     last: int,
     origins: wp.array2d[float],  # (R, 3)
@@ -180,16 +159,15 @@ def write_kernel(
     rays: wp.array[int],  # (M,)
 ):
     """Write the samples that were found on a ray."""
-    for i in range(first + wp.tid(), wp.min(last, living), stride):
+    for i in range(first, last):
         ray = listing[i]
         origin = row(origins, ray)
         direction = row(directions, ray)
-        begin = rows[i]
         for n in range(numbers[i]):
             t = times[n * living + i]
             step = spacing(t, finest, cone)
             point = origin + t * direction
-            keep_sample(begin + n, ray, point, t, step, unbounded, positions, distances, rays)
+            keep_sample(rows[i] + n, ray, point, t, step, unbounded, positions, distances, rays)
 
 
 def march_on(
@@ -220,27 +198,27 @@ def march_on(
     The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
     takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
     of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
-    rows of each of those, and `counts` (2,) with how many samples and rays there are. The samples
-    are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few living. In which
-    order the rays are listed is left open: nothing that they see depends on it.
+    rows of each of those, and `counts` (2,), which were 0, with how many samples and rays there
+    are. The samples are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few
+    living. In which order the rays are listed is left open: nothing that they see depends on it.
     """
     device = counts.device
-    count = _threads(living, device)
+    times = scratch("view.times", rays.shape, wp.float32, device)
+    march = [origins, directions, bits, levels, cells, far, finest, cone, most, few, living]
+    if device.is_cuda:
+        inputs = [*march, unbounded, listing]
+        outputs = [at, taken, times, going, spans, counts, positions, distances, rays]
+        launch(blocks.march_on, _threads(living), inputs, outputs)
+        return
     numbers, rows = (
         scratch(f"view.{name}", listing.shape, wp.int32, device) for name in ("numbers", "rows")
     )
-    times = scratch("view.times", rays.shape, wp.float32, device)
-    inputs = [
-        origins, directions, bits, levels, cells, far, finest, cone, most, few, living, listing,
-    ]  # fmt: skip
-    launch_each(look_kernel, count, 256 * living, inputs, [at, taken, times, numbers, counts])
-    outputs = [going, spans, rows, counts]
-    if device.is_cuda:
-        launch(blocks.place, count, [living, listing, numbers], outputs)
-    else:
-        launch(place, 1, [living, listing, numbers], outputs)
+    parts = slabs(living, 256 * living)
+    launch_slabs(look_on, living, parts, [*march, listing], [at, taken, times, numbers])
+    launch(place, 1, [living, listing, numbers], [going, spans, rows, counts])
     inputs = [origins, directions, finest, cone, unbounded, living, listing, times, numbers, rows]
-    launch_each(write_kernel, count, 64 * living, inputs, [positions, distances, rays])
+    parts = slabs(living, 64 * living)
+    launch_slabs(write, living, parts, inputs, [positions, distances, rays])
 
 
 @wp.kernel
@@ -256,6 +234,7 @@ def composite_kernel(
     living: int,
     stop: float,
     # outputs
+    counts: wp.array[int],  # (2,)
     at: wp.array[float],  # (R,)
     color: wp.array2d[float],  # (R, 3): added to, as the others
     opacity: wp.array[float],  # (R,)
@@ -263,6 +242,9 @@ def composite_kernel(
 ):
     """Walk along the samples of a ray."""
     for i in range(first + wp.tid(), wp.min(last, living), stride):
+        if i == 0:
+            counts[0] = 0
+            counts[1] = 0
         ray = going[i]
         c = row(color, ray)
         sum_w = opacity[ray]
@@ -291,6 +273,7 @@ def composite_on(
     spans: wp.array,
     living: int,
     stop: float,
+    counts: wp.array,
     at: wp.array,
     color: wp.array,
     opacity: wp.array,
@@ -301,11 +284,11 @@ def composite_on(
     `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
     to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
     `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
-    nowhere: its `at` (R,) is behind everything.
+    nowhere: its `at` (R,) is behind everything. `counts` (2,) are 0 for the next round.
     """
-    count = _threads(living, at.device)
+    count = _threads(living) if at.device.is_cuda else living
     inputs = [sigma, rgb, distances, going, spans, living, stop]
-    launch_each(composite_kernel, count, 64 * living, inputs, [at, color, opacity, depth])
+    launch_each(composite_kernel, count, 64 * living, inputs, [counts, at, color, opacity, depth])
 
 
 @wp.kernel
@@ -355,9 +338,9 @@ def finish(
     launch_each(finish_kernel, count, 16 * count, inputs, [color, opacity, depth])
 
 
-def _threads(living: int, device: wp.Device) -> int:
-    """Return for how many entries of a list to launch: on CUDA one of a few numbers of blocks.
+def _threads(living: int) -> int:
+    """Return for how many entries of a list to launch on CUDA: one of a few numbers of blocks.
 
     Launches are kept by their size.
     """
-    return living if device.is_cpu else max(BLOCK, 1 << (living - 1).bit_length())
+    return max(BLOCK, 1 << (living - 1).bit_length())

@@ -1,9 +1,10 @@
 """Rays through a grid of density and colour: marched, read and composited at once, in Warp.
 
-The grid has nodes (k, j, i) at z, y, x = -1 .. 1, N + 1 along each side. Between them its numbers
-are interpolated linearly: a raw density r, with density e^r, or 0 where r is at most `least`, and
-for each channel the coefficients of spherical harmonics of the direction, whose sum s is made a
-colour 1 / (1 + e^-s). With w_i, T_i, G_i as in radiance_composite.py:
+The grid has N + 1 nodes (k, j, i) along each side, at z, y, x = -1 .. 1, or in all of space,
+contracted, at -2 .. 2. Between them its numbers are interpolated linearly: a raw density r, with
+density e^r, or 0 where r is at most `least`, and for each channel the coefficients of spherical
+harmonics of the direction, whose sum s is made a colour 1 / (1 + e^-s). The density is cut off at
+e^11, but its gradient is not made 0 there. With w_i, T_i, G_i as in radiance_composite.py:
 
     dL/dr_i = sigma_i d_i (T_{i+1} G_i - sum_{j > i} w_j G_j) where r_i > least, else 0,
     dL/ds_i = w_i dL/dC c_i (1 - c_i),    at a node: dL/dr = sum_i b_i dL/dr_i,
@@ -24,6 +25,7 @@ from . import _radiance_voxel_nodes_blocks as nodes
 from . import _radiance_voxel_planes as planes
 from . import _radiance_voxel_rows as rows
 from ._launch import cpu_threads, launch, launch_each, launch_slabs, scratch, slabs, view
+from ._radiance_voxel_march import march_of
 from ._radiance_voxel_walk import RECORD
 
 wp.set_module_options({"enable_backward": False})
@@ -101,18 +103,19 @@ def upsample_kernel(
             for j in range(ys[0], ys[1]):
                 for i in range(xs[0], xs[1]):
                     wanted = wanted or density[k, j, i] > least
+        if not wanted:
+            continue
         for c in range(fine.shape[3]):
             total = float(0.0)
-            if wanted:
-                for k in range(zs[0], zs[1]):
-                    for j in range(ys[0], ys[1]):
-                        for i in range(xs[0], xs[1]):
-                            total += (
-                                share(at[0], i, side - 1, most)
-                                * share(at[1], j, side - 1, most)
-                                * share(at[2], k, side - 1, most)
-                                * coarse[k, j, i, c]
-                            )
+            for k in range(zs[0], zs[1]):
+                for j in range(ys[0], ys[1]):
+                    for i in range(xs[0], xs[1]):
+                        total += (
+                            share(at[0], i, side - 1, most)
+                            * share(at[1], j, side - 1, most)
+                            * share(at[2], k, side - 1, most)
+                            * coarse[k, j, i, c]
+                        )
             fine[at[2], at[1], at[0], c] = total
 
 
@@ -144,22 +147,23 @@ def render(
     """Make out what the first `active` (1,) rays see, and how many samples had any density.
 
     `origins` and unit `directions` (R, 3), `near` to `jittered`, `seed` and `step` (1,) are as in
-    `radiance_march.march_rays`; `bits` has one level of cells^3, each a power of 2 of the grid's
-    cells along a side. A ray ends where no more than `stop` of the light is left. `density`
-    (N + 1, N + 1, N + 1) has raw densities, `color` (N + 1, N + 1, N + 1, C), of C = 16 or 32, the
-    `basis` (1, 4 or 9) coefficients of each channel in turn. `colors` (R, 3), `opacity`, `depth`
-    and `distortion` (R,) are filled as by `radiance_composite.forward`, and `samples` (R,) with
-    the numbers of samples, 0 for the other rays.
+    `radiance_march.march_rays`, but `cone` is 0 unless `unbounded`; `bits` has one level of
+    cells^3, each a power of 2 of the grid's cells along a side. A ray ends where no more than
+    `stop` of the light is left. `density` (N + 1, N + 1, N + 1) has raw densities, `color`
+    (N + 1, N + 1, N + 1, C), of C = 16 or 32, the `basis` (1, 4 or 9) coefficients of each channel
+    in turn. `colors` (R, 3), `opacity`, `depth` and `distortion` (R,) are filled as by
+    `radiance_composite.forward`, and `samples` (R,) with the numbers of samples, 0 for the other
+    rays.
     """
     count = origins.shape[0]
-    resolution = density.shape[0] - 1
-    inputs = [
-        origins, directions, active, bits, cells, _shift(resolution, cells), resolution, basis,
-        near, far, finest, cone, unbounded, jittered, seed, step, stop, least, density, color,
-    ]  # fmt: skip
+    march = march_of(
+        bits, cells, near, far, finest, cone, unbounded, jittered, seed, step, stop, least, basis,
+        density, color,
+    )  # fmt: skip
+    inputs = [origins, directions, active, march]
     outputs = [colors, opacity, depth, distortion, samples]
     if density.device.is_cuda:
-        launch(blocks.render, blocks.THREADS * count, inputs, outputs)
+        launch(blocks.render, blocks.THREADS * count, inputs, outputs, blocks.BLOCK)
     else:
         kernel = rows.kernels(color.shape[3]).render
         launch_slabs(kernel, count, -(-count // RAYS), inputs, outputs)
@@ -206,17 +210,17 @@ def render_backward(
     any order.
     """
     count = origins.shape[0]
-    resolution = density.shape[0] - 1
+    march = march_of(
+        bits, cells, near, far, finest, cone, unbounded, jittered, seed, step, stop, least, basis,
+        density, color,
+    )  # fmt: skip
     gradients = [d_colors, d_opacity, d_depth, d_distortion]
-    march = [
-        bits, cells, _shift(resolution, cells), resolution, basis, near, far, finest, cone,
-        unbounded, jittered, seed, step, stop, least, density, color, colors, opacity, depth,
-        distortion,
-    ]  # fmt: skip
+    rendered = [colors, opacity, depth, distortion]
     outputs = [d_density, d_color, touched]
     if density.device.is_cuda:
-        inputs = [*gradients, origins, directions, active, *march, samples]
-        launch(blocks.render_backward(d_color.dtype), blocks.THREADS * count, inputs, outputs)
+        inputs = [*gradients, origins, directions, active, march, *rendered, samples]
+        kernel = blocks.render_backward(d_color.dtype)
+        launch(kernel, blocks.THREADS * count, inputs, outputs, blocks.BLOCK)
         return
     kernels = rows.kernels(color.shape[3])
     # Kernels of the CPU are done when their launch is: the host can read what they wrote.
@@ -224,10 +228,10 @@ def render_backward(
     np.cumsum(samples.numpy(), out=ends.numpy())
     room = -(-max(1, int(ends.numpy()[-1])) // SAMPLES) * SAMPLES
     records = scratch("voxel.records", (room, RECORD), wp.float32, density.device)
-    inputs = [*gradients, origins, directions, *march, ends]
+    inputs = [*gradients, origins, directions, march, *rendered, ends]
     launch_slabs(kernels.trace, count, -(-count // RAYS), inputs, [records])
     owners = 2 if cpu_threads() <= 2 else 4
-    inputs = [owners, directions, resolution, basis, ends, records]
+    inputs = [owners, directions, basis, ends, records]
     launch_slabs(kernels.scatter, owners, owners, inputs, outputs)
 
 
@@ -250,7 +254,8 @@ def total_variation(
     outputs = [d_density, d_color]
     if density.device.is_cuda:
         inputs = [*weights, *map(_flat, grid), side, width]
-        launch(nodes.total_variation, color.size, inputs, [_flat(a) for a in outputs])
+        count = nodes.threads(density.size)
+        launch(nodes.total_variation, count, inputs, [_flat(a) for a in outputs], nodes.BLOCK)
     else:
         kernel = planes.kernels(width).total_variation
         launch_slabs(kernel, side, _planes(side), [*weights, *grid], outputs)
@@ -286,7 +291,8 @@ def adam(
         color_square, color,
     ]  # fmt: skip
     if density.device.is_cuda:
-        launch(nodes.adam, color.size, [*inputs, width], [_flat(a) for a in outputs])
+        count = nodes.threads(density.size)
+        launch(nodes.adam, count, [*inputs, width], [_flat(a) for a in outputs], nodes.BLOCK)
     else:
         launch_slabs(planes.kernels(width).adam, side, _planes(side), inputs, outputs)
 
@@ -299,22 +305,21 @@ def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
     """
     count = cells**3 // 32
     size = (density.shape[0] - 1) // cells
-    launch_each(mark_kernel, count, 32 * 64 * count, [density, cells, size, least], [bits])
+    inputs = [density, cells, size, least]
+    if density.device.is_cuda:
+        launch(nodes.mark, 32 * count, inputs, [bits])
+    else:
+        launch_each(mark_kernel, count, 32 * 64 * count, inputs, [bits])
 
 
 def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) -> None:
     """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    Nodes that are in no coarse cell with a node of a raw density above `least` become 0; `density`
-    (N, N, N) has those.
+    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
+    `least` are not written; `density` (N, N, N) has those.
     """
     count = fine.shape[0] ** 3
     launch_each(upsample_kernel, count, 64 * count, [density, least, coarse], [fine])
-
-
-def _shift(resolution: int, cells: int) -> int:
-    """Base-2 logarithm of the side of an occupancy cell, in cells of the grid."""
-    return (resolution // cells).bit_length() - 1
 
 
 def _planes(side: int) -> int:

@@ -5,7 +5,8 @@ more step by itself, and adds up what goes forth and what goes back. Beside each
 that it streams (its arrays of rays, samples and parameters, once each) and those that it gathers
 or scatters (eight corners of each sample's cells), and their sum over the time as a share of the
 rate of a plain copy; that is above 100 % where caches hold a table. Writes
-profiling/results/radiance_steps_FIELD_DEVICE.json.
+profiling/results/radiance_steps_FIELD_DEVICE.json, or, with ``--deterministic``, which shows what
+training costs that is equal from run to run on a GPU, radiance_steps_FIELD_deterministic_DEVICE.
 """
 
 from __future__ import annotations
@@ -96,11 +97,11 @@ def corners(trainer: Trainer, name: str) -> int:
     """Return the bytes that a primitive gathers or scatters for each sample."""
     field: Any = trainer.field
     if name in ("hash.encode", "hash.backward"):
-        item = 4 if name == "hash.backward" else size_of(field.table.copy)
-        return 8 * field.settings.levels * 2 * item
+        table = field.table.sums if name == "hash.backward" else field.table.copy
+        return 8 * field.settings.levels * 2 * size_of(table)
     if name in ("voxel.render", "voxel.render_backward"):
-        node = 4 * (1 + field.color.shape[3])
-        return 8 * node * (1 if name == "voxel.render" else 3)  # read; and added to
+        added = 2 * size_of(field._sums[1]) if name == "voxel.render_backward" else 0
+        return 8 * (4 + added) * (1 + field.color.shape[3])  # read; and added to
     return 0
 
 
@@ -125,9 +126,10 @@ def size_of(array: Any) -> int:
 
 def part_of(name: str) -> str:
     """Return which third of a step a primitive is in."""
-    if name.startswith(("adam.", "voxel.adam", "voxel.total_variation")):
-        return "learning"
-    return "backward" if "backward" in name or name == "background.gather" else "forward"
+    if "backward" in name or name in ("adam.collect", "background.gather"):
+        return "backward"
+    learning = name.startswith(("adam.", "voxel.adam", "voxel.total_variation"))
+    return "learning" if learning else "forward"
 
 
 def main(command: list[str] | None = None) -> int:
@@ -137,6 +139,7 @@ def main(command: list[str] | None = None) -> int:
     parser.add_argument("scene", type=Path, nargs="?")
     parser.add_argument("--field", choices=tuple(KINDS), help="of a size for the device")
     parser.add_argument("--steps", type=int, default=2000, help="to train for before")
+    parser.add_argument("--deterministic", action="store_true", help="with sums of integers")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--output", type=Path, default=ROOT / "profiling" / "results")
     args = parser.parse_args(command)
@@ -144,7 +147,9 @@ def main(command: list[str] | None = None) -> int:
     with cvkern.use(device=args.device):
         scene = load_scene(args.scene) if args.scene else make_scene()
         settings = suited(args.field)
-        model = fit(scene, settings, steps=args.steps, progress=False)
+        model = fit(
+            scene, settings, steps=args.steps, deterministic=args.deterministic, progress=False
+        )
         trainer = Trainer(model, scene, "squared", 0.0)
         copy = clock.copy_bandwidth(clock.clock(args.device), clock.COPY_BYTES)
         calls, times = timed(trainer)
@@ -176,10 +181,11 @@ def main(command: list[str] | None = None) -> int:
     told = surroundings(args.device.partition(":")[0], [])
     told["command"] = "python -m profiling.experiments.radiance_steps"
     told |= {"field": type(settings).__name__, "copy_gb_per_s": round(copy / 1e9, 1)}
+    told["deterministic"] = args.deterministic
     told |= {"samples": samples, "rays": model.training.rays}
     told |= {"parts_us": {part: round(us, 1) for part, us in sums.items()}, "primitives": rows}
-    path = args.output / f"radiance_steps_{told['field']}_{told['device']['kind']}.json"
-    write_json(path, told)
+    kind = "deterministic_" * args.deterministic + told["device"]["kind"]
+    write_json(args.output / f"radiance_steps_{told['field']}_{kind}.json", told)
     return 0
 
 
