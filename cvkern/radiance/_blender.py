@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cvkern.radiance.cameras import Cameras, cameras
-from cvkern.radiance.scenes import Bounds, Scene, every, read_images
+from cvkern.radiance.scenes import Bounds, Scene, every, read_images, shrunk
 
 SPLITS = ("train", "val", "test")
 # The synthetic scenes lie in a cube of side 3, and their cameras 4 from its middle.
@@ -158,7 +158,7 @@ def _intrinsics(
         fx = 0.5 * wide / math.tan(0.5 * angle)
     angle = number("camera_angle_y", 0.0)
     fy = number("fl_y", 0.5 * high / math.tan(0.5 * angle) if angle else fx, 0.0)
-    across, down = width / wide, height / high
+    across, down = shrunk(width, height, wide, high, file)
     # These files count from the corner of the first pixel.
     cx, cy = number("cx", 0.5 * wide) * across - 0.5, number("cy", 0.5 * high) * down - 0.5
     bent = [number(name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")]

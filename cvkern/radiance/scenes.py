@@ -125,8 +125,8 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
         If `test_every` is not an integer.
     ValueError
         If `test_every` is negative; if a file is broken, there are no photographs, they differ in
-        size, a number is not finite, a pose has no rotation in it, or a lens is of another model,
-        a fisheye, say: names the file.
+        size, or from their lens in proportions, a number is not finite, a pose has no rotation in
+        it, or a lens is of another model, a fisheye, say: names the file.
 
     Notes
     -----
@@ -179,6 +179,17 @@ def read_images(files: list[Path]) -> np.ndarray:
             )
         found.append(image)
     return np.stack(found)
+
+
+def shrunk(width: int, height: int, wide: float, high: float, file: Path) -> tuple[float, float]:
+    """Return the size of photographs over that of those which a lens in `file` is for."""
+    # To a pixel: photographs that were made smaller have rounded sizes.
+    if not (wide > 0 < high and abs(width * high - height * wide) <= max(wide, high)):
+        raise ValueError(
+            f"{file} must be for photographs as wide and high as these, {width} x {height}, "
+            f"or in proportion, got {wide:g} x {high:g}"
+        )
+    return width / wide, height / high
 
 
 def view_directions(poses: np.ndarray) -> np.ndarray:
