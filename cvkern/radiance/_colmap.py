@@ -126,7 +126,7 @@ def _photographs(file: Path) -> Path:
 
 
 def _lines(file: Path) -> Iterator[list[str]]:
-    for line in file.read_text().splitlines():
+    for line in file.read_text(encoding="utf-8").splitlines():
         if not line.startswith("#"):
             yield line.split()
 
