@@ -297,6 +297,9 @@ def test_render_path_refuses_before_it_renders(tmp_path):
         render_path(model, some_cameras(), "path.png")
     with pytest.raises(FileNotFoundError, match="path must lie in a folder that exists"):
         render_path(model, some_cameras(), tmp_path / "none" / "path.gif")
+    (tmp_path / "path.gif").mkdir()
+    with pytest.raises(ValueError, match="path must name a regular file"):
+        render_path(model, some_cameras(), tmp_path / "path.gif")
     assert looks_of(model) == []
 
 
