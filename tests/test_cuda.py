@@ -6,6 +6,7 @@ from calls import TABLE, fields
 from on_cuda import LIBRARIES, assert_equal_bits, device_of, give, noise, on_gpu, reference, take
 
 import cvkern
+from cvkern.kernels.warp import _pages
 
 pytestmark = pytest.mark.usefixtures("gpu")
 
@@ -284,14 +285,15 @@ def test_plain_calls_between_replays_do_not_disturb_them():
             np.testing.assert_array_equal(take(mask), reference(CALLS["canny"], large))
 
 
-def test_results_keep_their_memory(backend):
+def test_results_keep_their_memory(backend, monkeypatch):
+    monkeypatch.setattr(_pages, "_most", _pages._locked + (8 << 20))  # room for four
     images = np.random.default_rng(0).random((10, 600, 512), np.float32)  # above a megabyte each
     wanted = [cvkern.gaussian(image, 1.0) for image in images]
     with cvkern.use(device="cuda"):
         first = cvkern.gaussian(images[0], 1.0)
         view, address = first[7:9].T, first.ctypes.data
         del first
-        kept = [cvkern.gaussian(image, 1.0) for image in images]  # more than have locked pages
+        kept = [cvkern.gaussian(image, 1.0) for image in images]
         np.testing.assert_array_equal(view, wanted[0][7:9].T)
         assert address not in [array.ctypes.data for array in kept]
         del view, kept[:5]

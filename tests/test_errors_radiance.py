@@ -41,6 +41,11 @@ def test_good_samples_are_not_refused():
         ("distances", np.ones((4, 2)), "distances must have shape (5, 2), got (4, 2)"),
         ("spans", [0, 5], "spans must have shape (R, 2), got (2,)"),
         ("spans", np.zeros((2, 3), int), "spans must have shape (R, 2), got (2, 3)"),
+        (
+            "spans",
+            np.broadcast_to(np.int32(0), (2**26, 2)),
+            "spans must have at most 67108863 rows, got 67108864",
+        ),
         ("stop", -1, "stop must be >= 0 and finite, got -1"),
         ("stop", np.nan, "stop must be >= 0 and finite, got nan"),
     ],

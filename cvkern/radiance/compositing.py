@@ -13,6 +13,7 @@ from cvkern._validate import check_beside, check_number
 __all__ = ["Composite", "CompositeGradient", "composite_rays", "composite_rays_backward"]
 
 STOP = 1e-4
+MOST_RAYS = 2**26 - 1  # each has 32 threads on a GPU, whose numbers have 31 bits
 
 
 class Composite(NamedTuple):
@@ -74,7 +75,7 @@ def composite_rays(
         If an array does not hold real numbers, or `spans` not integers.
     ValueError
         If an array has another shape, arrays are on several devices, `stop` is negative or not
-        finite, or `spans` has rows that are none of the samples'.
+        finite, or `spans` has 2^26 rows or more, or some that are none of the samples'.
 
     Notes
     -----
@@ -219,6 +220,8 @@ def _samples(density: Any, color: Any, distances: Any, spans: Any) -> _Samples:
     dtype = library(spans).dtype(spans)
     if dtype.kind not in "iu":
         raise TypeError(f"spans must hold integers, got dtype {dtype}")
+    if len(spans) > MOST_RAYS:
+        raise ValueError(f"spans must have at most {MOST_RAYS} rows, got {len(spans)}")
     return _Samples(density, color, distances, spans)
 
 

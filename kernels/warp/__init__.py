@@ -109,13 +109,11 @@ def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> 
 
 def write(array: wp.array, values: np.ndarray) -> None:
     """Copy contiguous host values of its shape and dtype into `array`; wait for that on CUDA."""
-    if not array.device.is_cuda:
-        wp.copy(array, adopt(values, values.dtype, values.shape, "cpu"))
-        return
-    stream = _launch.current_stream(array.device)
-    moved = adopt(values, values.dtype, values.shape, array.device.alias)
-    wp.copy(array, moved, stream=stream)
-    wp.synchronize_stream(stream)
+    host = adopt(values, values.dtype, values.shape, "cpu")
+    stream = _launch.current_stream(array.device) if array.device.is_cuda else None
+    wp.copy(array, host, stream=stream)
+    if stream:
+        wp.synchronize_stream(stream)
 
 
 def clear(array: wp.array) -> None:

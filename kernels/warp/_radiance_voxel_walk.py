@@ -55,7 +55,6 @@ WALK = """
     BANDS
     const int side = density.shape[0], resolution = side - 1, plane = side * side;
     const int shift = __builtin_ctz(resolution / cells);  // log2 of the side of an occupancy cell
-    const int jump_y = side, jump_z = plane;
     const float* o = origins.data + 3 * (size_t)ray;
     const float scale = (unbounded ? 0.25f : 0.5f) * (float)(resolution);
     const float middle = 0.5f * (float)(resolution), most = (float)(resolution);
@@ -137,9 +136,9 @@ WALK = """
             const float* at = density.data + node[s];
             const float x = f[0][s], y = f[1][s], z = f[2][s];
             const float v0 = at[0], v1 = at[1];
-            const float v2 = at[jump_y], v3 = at[jump_y + 1];
-            const float v4 = at[jump_z], v5 = at[jump_z + 1];
-            const float v6 = at[jump_z + jump_y], v7 = at[jump_z + jump_y + 1];
+            const float v2 = at[side], v3 = at[side + 1];
+            const float v4 = at[plane], v5 = at[plane + 1];
+            const float v6 = at[plane + side], v7 = at[plane + side + 1];
             const float a = v0 + x * (v1 - v0), b = v2 + x * (v3 - v2);
             const float c = v4 + x * (v5 - v4), e = v6 + x * (v7 - v6);
             const float g = a + y * (b - a), h = c + y * (e - c);
@@ -166,9 +165,9 @@ WALK = """
             behind[s] = left;
             const float x = f[0][s], y = f[1][s], z = f[2][s];
             const float* row = color.data + (size_t)node[s] * WIDTH;
-            const float* row_y = row + (size_t)jump_y * WIDTH;
-            const float* row_z = row + (size_t)jump_z * WIDTH;
-            const float* row_yz = row_z + (size_t)jump_y * WIDTH;
+            const float* row_y = row + (size_t)side * WIDTH;
+            const float* row_z = row + (size_t)plane * WIDTH;
+            const float* row_yz = row_z + (size_t)side * WIDTH;
             const float w0 = (1.0f - x) * (1.0f - y) * (1.0f - z), w1 = x * (1.0f - y) * (1.0f - z);
             const float w2 = (1.0f - x) * y * (1.0f - z), w3 = x * y * (1.0f - z);
             const float w4 = (1.0f - x) * (1.0f - y) * z, w5 = x * (1.0f - y) * z;
