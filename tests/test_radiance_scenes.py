@@ -151,7 +151,7 @@ def test_blender(tmp_path):
     small = scene.resized(4)
     assert small.images.shape == (COUNT, 3, 5, 4)
     assert small.depths is not None
-    assert small.depths.shape == (COUNT, 3, 5)
+    np.testing.assert_array_equal(small.depths, scene.depths[:, 2::4, 2::4])
     solid = images[0, :4, :4].astype(float)
     weights = solid[..., 3:]
     np.testing.assert_allclose(

@@ -84,6 +84,8 @@ class Scene:
     def resized(self, factor: int) -> Scene:
         """Return the scene with its images averaged over blocks of `factor` x `factor` pixels.
 
+        The depth of a block is that of its pixel at, or next to, the middle.
+
         Raises
         ------
         TypeError, ValueError
