@@ -9,6 +9,28 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def check_target(path: str | os.PathLike[str]) -> Path:
+    """Return the file that `path` leads to if one can be written there: ask before long work.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder of `path` does not exist.
+    PermissionError
+        If nothing can be written in that folder.
+    ValueError
+        If `path` exists and is not a regular file.
+    """
+    target = Path(os.path.realpath(path))
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
+    if target.exists() and not target.is_file():
+        raise ValueError(f"path must name a regular file, got {os.fspath(path)!r}")
+    if not os.access(target.parent, os.W_OK):
+        raise PermissionError(f"path must lie in a folder to write to, got {os.fspath(path)!r}")
+    return target
+
+
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside `path`, and move what was written there over `path`.
@@ -23,16 +45,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
     Raises
     ------
-    FileNotFoundError
-        If the folder of `path` does not exist.
-    ValueError
-        If `path` exists and is not a regular file.
+    FileNotFoundError, PermissionError, ValueError
+        As :func:`check_target`.
     """
-    target = Path(os.path.realpath(path))
-    if not target.parent.is_dir():
-        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
-    if target.exists() and not target.is_file():
-        raise ValueError(f"path must name a regular file, got {os.fspath(path)!r}")
+    target = check_target(path)
     # A fixed-length name: one made from a long file name could exceed the limit of 255 bytes.
     beside = target.with_name(f".{secrets.token_hex(8)}.part{target.suffix}")
     try:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._files import replacing
+from cvkern._files import check_target, replacing
 from cvkern._overlay import check_color
 from cvkern._runtime import runtime
 from cvkern._validate import check_dtype, check_image, check_integer, check_number, check_positive
@@ -187,8 +187,10 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
         If the folder of `path` does not exist.
     ModuleNotFoundError
         If `path` ends in ``.mp4`` and imageio-ffmpeg is not installed.
+    PermissionError
+        If nothing can be written in that folder.
     ValueError
-        If `path` ends otherwise, or `frames` or `fps` is not as above.
+        If `path` ends otherwise or is a folder, or `frames` or `fps` is not as above.
 
     Examples
     --------
@@ -228,8 +230,7 @@ def check_animation(path: str | os.PathLike[str], shape: tuple[int, ...], fps: A
     suffix = Path(path).suffix.lower()
     if suffix not in (".gif", ".mp4"):
         raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
-    if not Path(os.path.realpath(path)).parent.is_dir():
-        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
+    check_target(path)
     fps = check_positive(fps, "fps")
     if suffix == ".gif" and fps > 50:
         raise ValueError(f"fps must be <= 50 for .gif, got {fps:g}")

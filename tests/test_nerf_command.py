@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from radiance_runs import same
 
 import cvkern
 from cvkern import cli
@@ -17,6 +18,7 @@ from cvkern.images import read_image, write_image
 from cvkern.radiance import (
     VoxelField,
     evaluate,
+    fit,
     load_model,
     load_scene,
     make_scene,
@@ -111,10 +113,14 @@ def test_options_of_train(command, folder, tmp_path):
     words = ["--field", "voxel", "--background", "learnt", "--loss", "huber", "--shrink", 2]
     code, _, _ = command("train", folder, "-o", file, "--steps", 2, *words, "--backend", "taichi")
     assert code == 0
-    model = load_model(file)
-    assert type(model.settings).__name__ == "VoxelField"
-    assert model.background == "learnt"
-    assert model.cameras.width == SIZE // 2
+    options = {"steps": 2, "background": "learnt"}
+    with cvkern.use(backend="taichi"):
+        small = load_scene(folder).resized(2)
+        squared, huber = (fit(small, SMALL, loss=loss, **options) for loss in ("squared", "huber"))
+        made = load_model(file)
+        assert same(made, huber)
+        assert not same(made, squared)
+    assert made.background == "learnt"
     code, _, _ = command("train", folder, "-o", file, "--seconds", 0.05)
     assert code == 0
     assert load_model(file).training.seconds >= 0.05

@@ -291,6 +291,9 @@ def test_render_path_refuses_before_it_renders(tmp_path):
         render_path(model, some_cameras(), "path.png")
     with pytest.raises(FileNotFoundError, match="path must lie in a folder that exists"):
         render_path(model, some_cameras(), tmp_path / "none" / "path.gif")
+    (tmp_path / "path.gif").mkdir()
+    with pytest.raises(ValueError, match="path must name a regular file"):
+        render_path(model, some_cameras(), tmp_path / "path.gif")
     assert looks_of(model) == []
 
 
@@ -322,6 +325,31 @@ def test_mesh():
     assert volume == pytest.approx(4 / 3 * np.pi * (RADIUS * BOUNDS.half) ** 3, rel=0.02)
     assert (surface.colors == np.round(255 * COLOR)).all()
     assert surface.faces.dtype == np.int32
+
+
+def test_colors_of_a_rough_mesh_are_seen_across_it(monkeypatch):
+    """Looked at from without, a ball of noise has the colour of its directions."""
+    noise = np.random.default_rng(0)
+
+    def see(self, origins, directions, seen):
+        towards = self.rt.to_numpy(directions)
+        self.rt.write(seen.color, np.ascontiguousarray(0.5 - 0.5 * towards))
+        self.rt.write(seen.opacity, np.ones(len(towards), np.float32))
+
+    def densities(self, points):
+        inside = np.linalg.norm(points, axis=1) < RADIUS
+        return np.where(inside, 100 * noise.lognormal(size=len(points)), 0)
+
+    monkeypatch.setattr(Ball, "see", see)
+    monkeypatch.setattr(Ball, "densities", densities)
+    surface = mesh(ball(), resolution=40, density=25.0)
+    arms = surface.points - BOUNDS.center
+    away = np.linalg.norm(arms, axis=1, keepdims=True)
+    outer = away[:, 0] > (RADIUS - 2 / 40) * BOUNDS.half  # within there are pits
+    want = 255 * (0.5 + 0.5 * arms / away)
+    assert outer.sum() > 1000
+    # Two degrees off, a channel is up to 128 x 0.035 off. Across the rough surface it would be 40.
+    assert np.abs(surface.colors - want)[outer].mean() < 4.5
 
 
 def test_meshes_as_files(tmp_path):

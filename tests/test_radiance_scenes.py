@@ -139,18 +139,19 @@ def test_blender(tmp_path):
     depth = np.full((HEIGHT, WIDTH), 128, np.uint8)
     depth[0] = 0
     write_image(tmp_path / "test" / "v000_depth_0001.png", depth)
+    write_image(tmp_path / "test" / "v001_depth_0001.png", depth * np.uint16(257))
     scene = load_scene(tmp_path)
     assert_views(scene, poses, images, [19.0, 19.0, 9.5, 5.5])
     assert scene.test.tolist() == [False] * 6 + [True] * 3
     assert not scene.bounds.unbounded
     assert scene.depths is not None
-    np.testing.assert_allclose(scene.depths[6, 1:], 8 * (1 - 128 / 255), rtol=1e-6)
-    assert np.isnan(scene.depths[6, 0]).all()
+    np.testing.assert_allclose(scene.depths[6:8, 1:], 8 * (1 - 128 / 255), rtol=1e-6)
+    assert np.isnan(scene.depths[6:8, 0]).all()
     assert np.isnan(scene.depths[:6]).all()
     small = scene.resized(4)
     assert small.images.shape == (COUNT, 3, 5, 4)
     assert small.depths is not None
-    assert small.depths.shape == (COUNT, 3, 5)
+    np.testing.assert_array_equal(small.depths, scene.depths[:, 2::4, 2::4])
     solid = images[0, :4, :4].astype(float)
     weights = solid[..., 3:]
     np.testing.assert_allclose(
@@ -191,7 +192,7 @@ def test_instant_ngp(tmp_path):
     assert np.flatnonzero(scene.test).tolist() == [4]
     # What comes to x times the scale plus the offset lies in the unit cube, here 4 times as large.
     content |= {"scale": 0.5, "offset": [0.5, 0.25, 1.0]}
-    (tmp_path / "transforms.json").write_text(json.dumps(content))
+    (tmp_path / "transforms.json").write_text(json.dumps(content), encoding="utf-8-sig")
     assert load_scene(tmp_path).bounds == ((0, 0.5, -1), 4, False)
 
 

@@ -217,6 +217,31 @@ def test_images_of_unequal_size(tmp_path, kind):
         load_scene(tmp_path)
 
 
+@pytest.mark.parametrize("kind", ["blender", "instant-ngp", "llff", "text", "binary"])
+def test_images_of_another_shape(tmp_path, kind):
+    """Such as a telephone's, which lie on their side: half of the size will do, turned will not."""
+    if kind in ("blender", "instant-ngp"):
+        sizes = {"w": WIDTH, "h": HEIGHT}
+        if kind == "blender":
+            blender(tmp_path, lambda content: content.update(sizes))
+        else:
+            instant_ngp(tmp_path)
+        file = "transforms_train.json" if kind == "blender" else "transforms.json"
+    elif kind == "llff":
+        llff(tmp_path)
+        file = "poses_bounds.npy"
+    else:
+        colmap(tmp_path, text_model if kind == "text" else binary_model, some_poses())
+        file = "cameras.txt" if kind == "text" else "cameras.bin"
+    for i, shape in enumerate(((HEIGHT // 2, WIDTH // 2, 3), (WIDTH, HEIGHT, 3))):
+        for photograph in (tmp_path / "images").iterdir():
+            write_image(photograph, np.zeros(shape, np.uint8))
+        if i == 0:
+            assert load_scene(tmp_path).cameras.width == WIDTH // 2
+    with pytest.raises(ValueError, match=rf"{file} must be for photographs .*, 12 x 20, or in"):
+        load_scene(tmp_path)
+
+
 SINGULAR = {
     "flat": np.diag([1.0, 1.0, 0.0]),
     "two axes are one": np.array([[1.0, 1, 0], [0, 0, 0], [0, 0, 1]]),

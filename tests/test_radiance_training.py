@@ -50,6 +50,13 @@ def test_a_tiny_scene_is_learnt(backend, scene, field, steps, least):
     assert model.training.marks[-1].step == steps
 
 
+@FIELDS
+def test_unbounded_space(backend, scene, field):
+    """As scenes of COLMAP and LLFF have it."""
+    wide = replace(scene, bounds=scene.bounds._replace(unbounded=True))
+    assert fit(wide, field, steps=40).training.marks[-1].test_psnr > 15  # the empty one has 11
+
+
 def test_batches_grow(scene):
     """Rays fill the room for samples better once the field knows where it is empty."""
     model = fit(scene, TINY, steps=150)

@@ -43,7 +43,11 @@ def train(
     ] = None,
     steps: Annotated[int | None, typer.Option(help="Steps to train for, instead.")] = None,
     background: Annotated[
-        str, typer.Option(help="Behind everything: random, white, black or learnt.")
+        str,
+        typer.Option(
+            help="Behind everything: random, white, black or learnt. Not random for photographs "
+            "without opacity of things before one colour."
+        ),
     ] = "random",
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
     seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from cvkern.radiance.cameras import Cameras, cameras
-from cvkern.radiance.scenes import Bounds, Scene, every, read_images
+from cvkern.radiance.scenes import Bounds, Scene, every, read_images, shrunk
 
 SPLITS = ("train", "val", "test")
 # The synthetic scenes lie in a cube of side 3, and their cameras 4 from its middle.
 BLENDER_HALF, BLENDER_NEAR, BLENDER_FAR = 1.5, 2.0, 6.0
-DEPTH_RANGE = 8.0  # of their depth pictures: 8 (1 - v / 255)
+DEPTH_RANGE = 8.0  # of their depth pictures: 8 (1 - v / 255), or 65535 for those of 16 bits
 # instant-ngp's unit cube is the world times the first, moved by the second, if a file says nothing.
 NGP_SCALE, NGP_OFFSET = 0.33, 0.5
 LENSES = "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
@@ -79,7 +79,7 @@ def _instant_ngp(file: Path, test_every: int) -> Scene:
 
 def _content(file: Path) -> dict[str, Any]:
     try:
-        content = json.loads(file.read_text())
+        content = json.loads(file.read_text(encoding="utf-8-sig"))  # with its mark or without
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{file} must be JSON: {error}") from None
     frames = content.get("frames") if isinstance(content, dict) else None
@@ -158,7 +158,7 @@ def _intrinsics(
         fx = 0.5 * wide / math.tan(0.5 * angle)
     angle = number("camera_angle_y", 0.0)
     fy = number("fl_y", 0.5 * high / math.tan(0.5 * angle) if angle else fx, 0.0)
-    across, down = width / wide, height / high
+    across, down = shrunk(width, height, wide, high, file)
     # These files count from the corner of the first pixel.
     cx, cy = number("cx", 0.5 * wide) * across - 0.5, number("cy", 0.5 * high) * down - 0.5
     bent = [number(name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")]
@@ -191,5 +191,6 @@ def _depths(files: list[Path], height: int, width: int) -> np.ndarray | None:
             values = shown if shown.ndim == 2 else shown[..., 0]
             if values.shape != depth.shape:
                 raise ValueError(f"{beside} must be {depth.shape}, got {values.shape}")
-            depth[...] = np.where(values > 0, DEPTH_RANGE * (1 - values / 255.0), np.nan)
+            most = np.iinfo(values.dtype).max
+            depth[...] = np.where(values > 0, DEPTH_RANGE * (1 - values / most), np.nan)
     return depths if np.isfinite(depths).any() else None

@@ -10,7 +10,15 @@ from typing import Any
 import numpy as np
 
 from cvkern.radiance.cameras import cameras
-from cvkern.radiance.scenes import Bounds, Scene, every, focus_of, read_images, view_directions
+from cvkern.radiance.scenes import (
+    Bounds,
+    Scene,
+    every,
+    focus_of,
+    read_images,
+    shrunk,
+    view_directions,
+)
 
 # Number and name of the models, and where their parameters go: f x y, then k1 k2 p1 p2 k3.
 MODELS = {
@@ -73,9 +81,10 @@ def _lens(lens: Lens, width: int, height: int, file: Path) -> tuple[list[float],
     if len(values) != len(layout):
         raise ValueError(f"{file} must give {len(layout)} parameters for {model}, got {values}")
     group = {kind: [v for v, k in zip(values, layout, strict=True) if k == kind] for kind in "fckp"}
-    fx, fy = group["f"][0] * width / wide, group["f"][-1] * height / high
+    across, down = shrunk(width, height, wide, high, file)
+    fx, fy = group["f"][0] * across, group["f"][-1] * down
     # COLMAP counts from the corner of the first pixel.
-    cx, cy = group["c"][0] * width / wide - 0.5, group["c"][1] * height / high - 0.5
+    cx, cy = group["c"][0] * across - 0.5, group["c"][1] * down - 0.5
     k1, k2 = (*group["k"], 0.0, 0.0)[:2]
     p1, p2 = (*group["p"], 0.0, 0.0)[:2]
     return [fx, fy, cx, cy], [k1, k2, p1, p2, 0.0]
@@ -117,7 +126,7 @@ def _photographs(file: Path) -> Path:
 
 
 def _lines(file: Path) -> Iterator[list[str]]:
-    for line in file.read_text().splitlines():
+    for line in file.read_text(encoding="utf-8").splitlines():
         if not line.startswith("#"):
             yield line.split()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cvkern.radiance.cameras import cameras
-from cvkern.radiance.scenes import Bounds, Scene, every, focus_of, read_images
+from cvkern.radiance.scenes import Bounds, Scene, every, focus_of, read_images, shrunk
 
 FOLDERS = ("images", "images_2", "images_4", "images_8")
 KINDS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
@@ -31,7 +31,8 @@ def load(file: Path, test_every: int) -> Scene:
     # The columns are down, right, backward, the centre, and height, width, focal length.
     down, right, back, eye = (blocks[:, :, i] for i in range(4))
     poses = np.stack((right, down, -back, eye), axis=2)
-    focal = blocks[:, 2, 4] * width / blocks[:, 1, 4]
+    lenses = blocks[:, :, 4]
+    focal = np.array([f * shrunk(width, height, w, h, file)[0] for h, w, f in lenses])
     middle = [0.5 * (width - 1), 0.5 * (height - 1)]
     intrinsics = np.column_stack((focal, focal, np.broadcast_to(middle, (len(table), 2))))
     try:
@@ -44,7 +45,7 @@ def load(file: Path, test_every: int) -> Scene:
     corner = np.hypot(width, height) / (2 * focal.min())
     far *= np.hypot(1, corner)  # bounds are along the axis, and rays to the corners are longer
     center = focus_of(poses)
-    half = float(np.abs(poses[:, :, 3] - center).max()) + 0.5 * near
+    half = float(np.abs(poses[:, :, 3] - center).max() + 0.5 * near)
     held = every(len(images), test_every)
     bounds = Bounds((float(center[0]), float(center[1]), float(center[2])), half, True)
     return Scene(images, views, held, bounds, float(near), float(far))

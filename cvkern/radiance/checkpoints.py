@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._files import replacing
+from cvkern._files import check_target, replacing
 
 FORMAT, VERSION = "cvkern radiance field", 3
 HEADER = "header"
@@ -71,10 +71,4 @@ def check_path(path: str | os.PathLike[str]) -> None:
     """Refuse a file that a model cannot be written to, before there is one that would be lost."""
     if Path(path).suffix.lower() != ".npz":
         raise ValueError(f"path must end in .npz, got {os.fspath(path)!r}")
-    file = Path(os.path.realpath(path))
-    if not file.parent.is_dir():
-        raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
-    if file.exists() and not file.is_file():
-        raise ValueError(f"path must name a regular file, got {os.fspath(path)!r}")
-    if not os.access(file.parent, os.W_OK):
-        raise PermissionError(f"path must lie in a folder to write to, got {os.fspath(path)!r}")
+    check_target(path)

@@ -84,6 +84,8 @@ class Scene:
     def resized(self, factor: int) -> Scene:
         """Return the scene with its images averaged over blocks of `factor` x `factor` pixels.
 
+        The depth of a block is that of its pixel at, or next to, the middle.
+
         Raises
         ------
         TypeError, ValueError
@@ -125,8 +127,8 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
         If `test_every` is not an integer.
     ValueError
         If `test_every` is negative; if a file is broken, there are no photographs, they differ in
-        size, a number is not finite, a pose has no rotation in it, or a lens is of another model,
-        a fisheye, say: names the file.
+        size, or from their lens in proportions, a number is not finite, a pose has no rotation in
+        it, or a lens is of another model, a fisheye, say: names the file.
 
     Notes
     -----
@@ -141,6 +143,11 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     Formats that put pixel centres at halves are moved by half a pixel, and the OpenGL axes (y up,
     z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
     the unit of the files.
+
+    Scenes of Blender are taken for such as NeRF's: all that there is lies in a cube of side 3 about
+    the origin, 2 to 6 from the cameras, and a depth picture beside a photograph shows a distance d
+    as 255 (1 - d / 8), and nothing as 0. ``dataclasses.replace(scene, bounds=..., near=...,
+    far=...)`` is for others.
     """
     test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
     path = Path(path)
@@ -184,6 +191,17 @@ def read_images(files: list[Path]) -> np.ndarray:
             )
         found.append(image)
     return np.stack(found)
+
+
+def shrunk(width: int, height: int, wide: float, high: float, file: Path) -> tuple[float, float]:
+    """Return the size of photographs over that of those which a lens in `file` is for."""
+    # To a pixel: photographs that were made smaller have rounded sizes.
+    if not (wide > 0 < high and abs(width * high - height * wide) <= max(wide, high)):
+        raise ValueError(
+            f"{file} must be for photographs as wide and high as these, {width} x {height}, "
+            f"or in proportion, got {wide:g} x {high:g}"
+        )
+    return width / wide, height / high
 
 
 def view_directions(poses: np.ndarray) -> np.ndarray:

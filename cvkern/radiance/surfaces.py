@@ -19,6 +19,7 @@ from cvkern.radiance.rendering import RAYS, Renderer
 __all__ = ["Cloud", "Mesh", "mesh", "point_cloud", "write_mesh"]
 
 BEFORE = 2.0  # cells before a surface, from where its colour is looked at
+SMOOTH, MOST = 2.0, 4.0  # cells, and times the density at the surface
 
 
 class Cloud(NamedTuple):
@@ -101,7 +102,8 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
     Returns
     -------
     Mesh
-        Colours are those seen along the normals.
+        Colours are those seen across the surface, after that was smoothed. It has surfaces inside
+        solids, too, where no photograph says what the density is.
 
     Raises
     ------
@@ -120,6 +122,8 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
         raise ModuleNotFoundError(
             "mesh needs the marching cubes of scikit-image: pip install 'cvkern[demo]'"
         ) from None
+    from scipy.ndimage import gaussian_filter, map_coordinates
+
     rt, bounds = model.rt, model.frame.bounds
     axis = np.linspace(-1, 1, cells + 1, dtype=np.float32)
     grid = np.empty((cells + 3,) * 3, np.float32)
@@ -132,14 +136,20 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
         raise ValueError(
             f"density must be below the model's greatest, {grid.max():g}, got {density:g}"
         )
-    side = 2 / cells
-    corners, faces, normals, _ = marching_cubes(
-        grid, density, spacing=(side,) * 3, gradient_direction="ascent"
-    )
-    corners = (corners - 1 - side).astype(np.float32)
-    faces = np.ascontiguousarray(faces, np.int32)
-    normals = normals.astype(np.float32)
+    at, faces, _, _ = marching_cubes(grid, density, gradient_direction="ascent")
+    # The density is rough, and what is seen on a way that no photograph has can be any colour: the
+    # way to look is across a smoother surface. Within solids the density has no bound.
+    smooth = gaussian_filter(np.minimum(grid, MOST * density), SMOOTH)
+    slopes = [
+        map_coordinates(smooth, (at + step).T, order=1)
+        - map_coordinates(smooth, (at - step).T, order=1)
+        for step in np.eye(3)
+    ]
+    normals = -np.stack(slopes, axis=1).astype(np.float32)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    side = 2 / cells
+    corners = (side * (at - 1) - 1).astype(np.float32)
+    faces = np.ascontiguousarray(faces, np.int32)
     # Rays see nothing before `near`: they start that much farther away.
     away = model.frame.near + BEFORE * side
     colors = _looked_at(model, rt, corners + np.float32(away) * normals, -normals)

@@ -84,7 +84,7 @@ def fit(
     background : {'random', 'white', 'black', 'learnt'}, default 'random'
         What is behind everything. Random colours keep the field from painting a background of its
         own: photographs with opacity come out with theirs, and others are filled to the last
-        pixel.
+        pixel. Where these show things before one colour, that colour or 'learnt' is much better.
     loss : {'squared', 'huber'}, default 'squared'
         What is made small; Huber's is linear from errors of 0.1 on.
     spread : float, default 0.0

@@ -80,9 +80,9 @@ class VoxelField:
     final_rate: float = 0.1
     """Share of the learning rates at the end."""
     smooth_density: float = 0.0
-    """Weight of squared differences of the logarithm of density between neighbours."""
+    """Weight of half the squared differences of the logarithm of density between neighbours."""
     smooth_color: float = 1e-9
-    """Weight of squared differences of the coefficients between neighbours."""
+    """Weight of half the squared differences of the coefficients between neighbours."""
     gradient_clip: float | None = None
     """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
 
