@@ -109,7 +109,9 @@ def test_without_a_name_the_cpu_has_a_grid():
 def test_a_gpu_has_a_table_or_a_finer_grid(monkeypatch):
     monkeypatch.setattr(training, "runtime", lambda: SimpleNamespace(device="cuda"))
     assert suited() == HashField()
-    assert suited("voxel").resolutions == (*VoxelField().resolutions, 256)
+    finer = suited("voxel")
+    assert isinstance(finer, VoxelField)
+    assert finer.resolutions == (*VoxelField().resolutions, 256)
 
 
 def test_ctrl_c_ends_the_looks_at_held_out_views(scene, tmp_path, monkeypatch):
