@@ -1,12 +1,10 @@
 """Pictures, paths, points and surfaces of a field whose every ray is known: a soft ball."""
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import cvkern
 from cvkern._runtime import runtime
 from cvkern.radiance import (
     HashField,
@@ -35,9 +33,6 @@ from cvkern.radiance.scenes import Bounds
 BOUNDS = Bounds((0.5, -0.25, 1.0), 2.0, False)
 RADIUS = 0.5  # of the ball, in halves of the cube's side: 1 in the world
 COLOR = np.array([0.2, 0.5, 0.9], np.float32)
-clouds = pytest.mark.skipif(
-    not Path(cvkern.__file__).with_name("clouds.py").exists(), reason="needs cvkern.clouds"
-)
 
 
 class Ball(Field):
@@ -228,7 +223,6 @@ def test_films():
     np.testing.assert_array_equal(frames[4], want)
 
 
-@clouds
 def test_render_path(tmp_path):
     import imageio.v3 as iio
 

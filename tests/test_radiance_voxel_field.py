@@ -29,12 +29,6 @@ def resolution_of(model):
     return model.field.resolution
 
 
-def test_a_small_scene_is_learnt(backend, scene):
-    model = fit(scene, SMALL, steps=120, progress=False)
-    assert resolution_of(model) == 32
-    assert model.training.marks[-1].test_psnr > 21
-
-
 def test_training_is_the_same_from_run_to_run_and_with_any_number_of_threads(scene, monkeypatch):
     states = []
     for threads in ("1", "2", "4"):

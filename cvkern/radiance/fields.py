@@ -35,7 +35,8 @@ class Frame:
         """Return the frame of a scene."""
         half = scene.bounds.half
         pixel = scene.footprint / half
-        return cls(scene.bounds, scene.near / half, min(scene.far / half, 1e9), pixel)
+        far = min(scene.far / half, 2.0 * FARTHEST)  # behind the cube, seen from anywhere
+        return cls(scene.bounds, scene.near / half, far, pixel)
 
     def inside(self, poses: np.ndarray) -> np.ndarray:
         """Return poses, camera to world, (N, 3, 4), as float32 poses of this frame.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
@@ -15,12 +14,15 @@ from cvkern.kernels.codes import Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.cameras import Cameras, cameras
 from cvkern.radiance.fields import Field, Frame
+from cvkern.radiance.hash_field import HashField
+from cvkern.radiance.mlp_field import MLPField
 from cvkern.radiance.sampled import taken
 from cvkern.radiance.scenes import Bounds
+from cvkern.radiance.voxel_field import VoxelField
 
 __all__ = ["Mark", "Model", "load_model"]
 
-FIELDS = {"HashField": "hash_field", "VoxelField": "voxel_field", "MLPField": "mlp_field"}
+FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField)}
 
 
 class Mark(NamedTuple):
@@ -168,19 +170,12 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     header, arrays = checkpoints.read(path)
     runtime()  # a device that is not there is no fault of the file
     try:
-        model = _from(header, arrays)
+        return _from(header, arrays)
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         reason = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise ValueError(
             f"path must be a whole model, got {os.fspath(path)!r}: {reason}"
         ) from error
-    return model
-
-
-def field_kind(name: str) -> Any:
-    """Return the class of settings of that name."""
-    check_choice(name, tuple(FIELDS), "field")
-    return getattr(importlib.import_module(f"cvkern.radiance.{FIELDS[name]}"), name)
 
 
 def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
@@ -189,7 +184,8 @@ def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
-    settings = field_kind(header["field"])(**_tuples(header["settings"]))
+    check_choice(header["field"], tuple(FIELDS), "field")
+    settings = FIELDS[header["field"]](**_tuples(header["settings"]))
     b = header["bounds"]
     x, y, z = map(float, b["center"])
     bounds = Bounds((x, y, z), float(b["half"]), bool(b["unbounded"]))

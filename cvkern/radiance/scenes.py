@@ -135,6 +135,11 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     Photographs are taken as they are stored, whatever they say is up: so are those that their
     cameras were found from.
 
+    Bounds are guesses but for instant-ngp's, which has a cube: Blender's scenes are taken for those
+    of the first paper on radiance fields, within 1.5 of the origin, 2 to 6 from the cameras; those
+    of COLMAP and LLFF are unbounded, with a cube round the cameras about the point that they look
+    at. ``dataclasses.replace(scene, bounds=Bounds(...), near=..., far=...)`` knows better.
+
     Formats that put pixel centres at halves are moved by half a pixel, and the OpenGL axes (y up,
     z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
     the unit of the files.

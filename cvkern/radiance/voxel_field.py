@@ -50,8 +50,8 @@ class VoxelField:
     CUDA gradients are added up in the order in which they happen to come, unless training is to be
     deterministic.
 
-    A grid of N cells takes 0.5 kB for each of (N + 1)^3 nodes: 1.1 GB for 128. Files hold those
-    that have learnt anything, often a tenth, at 0.3 kB each, or 0.1 kB for rendering alone.
+    A grid of N cells takes 0.5 kB for each of (N + 1)^3 nodes: 1.1 GB for 128. Files hold the nodes
+    that have learnt anything: of the Blender scene lego 80 MB, or 26 MB for rendering alone.
 
     References
     ----------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tempfile
 import threading
@@ -12,6 +13,8 @@ import numpy as np
 import warp as wp
 
 from . import _launch, _pages
+
+LINE = 64  # bytes of a line of the cache: rows of as many should not lie across two
 
 _streams: dict[tuple[str, int | None], wp.Stream | None] = {}
 _process = 0
@@ -96,7 +99,10 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
 def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
     if device == "cpu":
-        return adopt(np.zeros(shape, dtype), dtype, shape, device)
+        size = math.prod(shape) * dtype.itemsize
+        room = np.zeros(size + LINE, np.uint8)
+        begin = -room.ctypes.data % LINE
+        return adopt(room[begin : begin + size].view(dtype), dtype, shape, device)
     array = empty(shape, dtype, device)
     clear(array)
     return array
