@@ -27,6 +27,7 @@ from cvkern.radiance import (
     training,
 )
 from cvkern.radiance.trainer import Trainer
+from cvkern.radiance.voxel_field import VoxelGrid
 
 SIZE = 20
 SMALL = VoxelField(resolutions=(16, 32), shares=(0.3,), rays=256)
@@ -108,11 +109,15 @@ def test_train(command, folder, tmp_path):
     assert load_model(file).training.step == 25
 
 
-def test_options_of_train(command, folder, tmp_path):
+def test_options_of_train(command, folder, tmp_path, monkeypatch):
     file = tmp_path / "model.npz"
+    asked = []
+    monkeypatch.setattr(VoxelGrid, "make_deterministic", lambda self: asked.append(self))
     words = ["--field", "voxel", "--background", "learnt", "--loss", "huber", "--shrink", 2]
-    code, _, _ = command("train", folder, "-o", file, "--steps", 2, *words, "--backend", "taichi")
+    words += ["--deterministic", "--backend", "taichi"]
+    code, _, _ = command("train", folder, "-o", file, "--steps", 2, *words)
     assert code == 0
+    assert len(asked) == 1
     options = {"steps": 2, "background": "learnt"}
     with cvkern.use(backend="taichi"):
         small = load_scene(folder).resized(2)
@@ -147,9 +152,11 @@ def test_render(command, trained, tmp_path):
     code, out, _ = command("render", trained, "-o", picture, "--view", 3, "--depth", depth)
     assert (code, out) == (0, f"{picture}: 20 x 20\n")
     model = load_model(trained)
-    want = np.round(255 * render(model, model.cameras, 3).color)
-    np.testing.assert_array_equal(read_image(picture), want)
-    assert read_image(depth).shape == (20, 20, 3)
+    want = render(model, model.cameras, 3)
+    np.testing.assert_array_equal(read_image(picture), np.round(255 * want.color))
+    shown = read_image(depth).sum(axis=2, dtype=int)
+    assert shown.flat[np.nanargmin(want.depth)] > shown.flat[np.nanargmax(want.depth)] > 0
+    assert (shown[np.isnan(want.depth)] == 0).all()
     code, out, _ = command("render", trained, "-o", picture, "--size", 1.5)
     assert (code, out) == (0, f"{picture}: 30 x 30\n")
 

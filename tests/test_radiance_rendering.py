@@ -174,7 +174,9 @@ def test_evaluate():
 
 
 def test_orbits_go_round():
-    views = some_cameras(7)
+    views = some_cameras(8)
+    away = np.tile([0.8, 1.2], 4)[:, None]  # on average as before
+    views.poses[:, :, 3] = BOUNDS.center + away * (views.poses[:, :, 3] - BOUNDS.center)
     orbit = orbit_cameras(views, 12)
     assert len(orbit) == 12
     assert (orbit.width, orbit.height) == (24, 18)

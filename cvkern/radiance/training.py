@@ -98,7 +98,7 @@ def fit(
         the memory again: they are added up as integers, which have the same sum in any order.
     checkpoint : path, optional
         File, ``.npz``, that the model is saved to every now and then and at the end; each time
-        whole or not at all.
+        whole or not at all. A run killed while it saves leaves a hidden ``.part.npz`` beside it.
     resume : bool, default False
         Go on from `checkpoint` if that is there, with the settings that it has: `field` must be
         equal to them, their kind, or None, and the `background`, the `seed` and the scene's bounds
