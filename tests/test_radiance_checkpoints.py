@@ -206,6 +206,8 @@ def test_wrong_versions_shapes_and_names(model, tmp_path):
             load_model(rewritten(source, target, **{name: None}))
     with pytest.raises(ValueError, match=r"layers\.mean must have shape"):
         load_model(rewritten(source, target, **{"state.layers.mean": np.zeros(3, np.float32)}))
+    with pytest.raises(ValueError, match=r"behind must be float32, got float64"):
+        load_model(rewritten(source, target, behind=np.zeros(3)))
     for marks in (np.zeros(5), np.zeros((2, 4)), np.full((1, 5), np.inf)):
         with pytest.raises(ValueError, match="path must be a whole model"):
             load_model(rewritten(source, target, marks=marks))

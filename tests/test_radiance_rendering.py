@@ -167,7 +167,7 @@ def test_evaluate():
     assert scores.ssim.min() > 0.999
     assert evaluate(model, scene).psnr.shape == (1,)
     images[1] ^= 0xFF
-    assert evaluate(model, scene, views=[1]).psnr[0] < 10
+    assert evaluate(model, scene, views=np.array([1])).psnr[0] < 10
 
 
 # ------------------------------------------------------------------------------------------ paths

@@ -200,11 +200,12 @@ def test_no_views_kept_back(scene):
     assert np.isnan(model.training.marks[-1].test_psnr)
 
 
-def test_a_model_goes_when_nobody_holds_it(scene):
+@pytest.mark.parametrize("settings", [GRID, TINY], ids=["voxel", "hash"])
+def test_a_model_goes_when_nobody_holds_it(scene, settings):
     """Not when Python comes to look for cycles, of which a GPU that is full knows nothing."""
     gc.disable()
     try:
-        field = weakref.ref(fit(scene, GRID, steps=3).field)
+        field = weakref.ref(fit(scene, settings, steps=3).field)
         assert field() is None
     finally:
         gc.enable()

@@ -152,6 +152,9 @@ class Field(abc.ABC):
     def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (may be nothing)
         """Do what is due now and then, before step `step`: look where space is empty, refine."""
 
+    def rest(self) -> None:  # noqa: B027  (may be nothing)
+        """Forget the `learning` of :meth:`tend`: this training is over."""
+
     @abc.abstractmethod
     def state(self) -> dict[str, np.ndarray]:
         """Return everything that is needed to go on, by name.

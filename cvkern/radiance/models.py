@@ -196,7 +196,7 @@ def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
     check_positive(bounds.half, "half")
     check_code(header["background"], Background, "background")
     training = Training(**header["training"])
-    marks = taken(arrays, "marks", (len(arrays["marks"]), len(Mark._fields)))
+    marks = taken(arrays, "marks", (len(arrays["marks"]), len(Mark._fields)), np.float64)
     training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in marks]
     behind = taken(arrays, "behind", (3,))
     made = settings.build(runtime(), frame, int(header["seed"]))

@@ -234,7 +234,7 @@ def evaluate(
     scene: Scene,
     *,
     test: bool = True,
-    views: Sequence[int] | None = None,
+    views: Sequence[int] | np.ndarray | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Scores:
     """Compare a model with the photographs of a scene.
@@ -257,16 +257,18 @@ def evaluate(
 
     Raises
     ------
+    TypeError
+        If a view is not an integer.
     ValueError
         If there is no such view, or its camera is more than 32768 half-sides of the scene's cube
         from its middle.
     """
     if views is None:
-        views = np.flatnonzero(scene.test == test).tolist()
-    if not views:
+        views = np.flatnonzero(scene.test == test)
+    chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]
+    if not chosen:
         kind = "kept back" if test else "to train from"
         raise ValueError(f"scene must have views {kind}, got {len(scene)} others")
-    chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]
     model.frame.inside(scene.cameras.poses[chosen])  # refuses distant ones before the work
     draw = Renderer(model.field, model.rt)
     scores = np.full((2, len(chosen)), np.nan)

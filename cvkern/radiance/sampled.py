@@ -237,6 +237,10 @@ class SampledField(Field):
             else:
                 self._looks[everywhere]()
 
+    def rest(self) -> None:
+        """See :meth:`Field.rest`."""
+        self._looks.clear()
+
     def _look(self, everywhere: bool, step: Any) -> None:
         """Raise each cell to the density at a random point of it: all cells, or a random part."""
         occupancy, count = self.rt.radiance_occupancy, self.levels * self.cells**3
@@ -259,7 +263,7 @@ class SampledField(Field):
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         self.rt.write(self.density, taken(state, "occupancy.density", self.density.shape))
-        self.rt.write(self.bits, taken(state, "occupancy.bits", self.bits.shape))
+        self.rt.write(self.bits, taken(state, "occupancy.bits", self.bits.shape, np.uint32))
 
 
 def check_batch(settings: Any) -> None:
@@ -276,10 +280,15 @@ def check_batch(settings: Any) -> None:
         check_positive(settings.gradient_clip, "gradient_clip")
 
 
-def taken(state: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:
+def taken(
+    state: dict[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
+) -> np.ndarray:
     """Return an array of a state, if it is there and as it should be."""
     if name not in state:
         raise ValueError(f"state must have {name!r}, got {tuple(state)}")
-    if state[name].shape != tuple(shape):
-        raise ValueError(f"{name} must have shape {tuple(shape)}, got {state[name].shape}")
-    return state[name]
+    found = state[name]
+    if found.shape != tuple(shape):
+        raise ValueError(f"{name} must have shape {tuple(shape)}, got {found.shape}")
+    if found.dtype != dtype:
+        raise ValueError(f"{name} must be {np.dtype(dtype)}, got {found.dtype}")
+    return found

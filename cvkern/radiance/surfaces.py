@@ -43,7 +43,7 @@ class Mesh(NamedTuple):
 
 
 def point_cloud(
-    model: Model, cameras: Cameras | None = None, *, views: Sequence[int] | None = None
+    model: Model, cameras: Cameras | None = None, *, views: Sequence[int] | np.ndarray | None = None
 ) -> Cloud:
     """Return the points that the pixels of some views show.
 

@@ -161,6 +161,7 @@ class Trainer:
         self.rt.to_numpy(at)
         state.seconds, state.stopped = spent(), stop.is_set()
         self._step, self._edition = None, -1  # or this would hold itself in memory
+        self.field.rest()
         try:
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))

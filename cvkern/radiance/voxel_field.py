@@ -295,7 +295,7 @@ class VoxelGrid(Field):
             raise ValueError(f"density must have a shape of {sides}, got {shape}")
         self._open(sides.index(shape))
         self.rt.write(self.density, taken(state, "density", shape))
-        nodes = taken(state, "nodes", state["nodes"].shape if "nodes" in state else ())
+        nodes = taken(state, "nodes", state["nodes"].shape if "nodes" in state else (), np.int32)
         if nodes.ndim != 1 or (
             nodes.size and not 0 <= nodes.min() <= nodes.max() < math.prod(shape)
         ):
