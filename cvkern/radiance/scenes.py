@@ -144,10 +144,8 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
     the unit of the files.
 
-    Scenes of Blender are taken for such as NeRF's: all that there is lies in a cube of side 3 about
-    the origin, 2 to 6 from the cameras, and a depth picture beside a photograph shows a distance d
-    as 255 (1 - d / 8), and nothing as 0. ``dataclasses.replace(scene, bounds=..., near=...,
-    far=...)`` is for others.
+    A depth picture beside a photograph of a Blender scene shows a distance d as 255 (1 - d / 8),
+    and nothing as 0.
     """
     test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
     path = Path(path)
