@@ -226,6 +226,10 @@ class Runtime:
         """Copy host values of the same shape and dtype into a kernel array."""
         self.set.write(array, np.ascontiguousarray(values))
 
+    def free_memory(self) -> int:
+        """Return how many bytes a GPU has left."""
+        return self.set.free_memory(self.device)
+
     def record(self, call: Callable[[], None]) -> Callable[[], None]:
         """Return what repeats the launches of `call`, as one where the kernel set can do that.
 

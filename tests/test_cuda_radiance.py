@@ -7,6 +7,7 @@ from test_radiance_composite import bundle, draw
 from test_radiance_hash import Trial
 
 import cvkern
+from cvkern._runtime import runtime
 from cvkern.radiance import Composite, composite_rays, composite_rays_backward, sampled
 
 pytestmark = pytest.mark.usefixtures("gpu")
@@ -44,6 +45,11 @@ def test_a_hash_field_sees_what_it_does_on_the_cpu(unbounded, backend, monkeypat
     for here, wide, narrow in zip(*answers, strict=True):
         np.testing.assert_array_equal(narrow, wide)  # the same sums in the same order
         np.testing.assert_allclose(wide, here, rtol=bound, atol=bound)
+
+
+def test_a_gpu_has_memory_left(backend):
+    with cvkern.use(backend=backend, device="cuda"):
+        assert 2**20 < runtime().free_memory() < 2**40
 
 
 @pytest.mark.parametrize("library", ["numpy", *LIBRARIES])

@@ -118,11 +118,16 @@ def test_without_a_name_the_cpu_has_a_grid():
 
 
 def test_a_gpu_has_a_table_or_a_finer_grid(monkeypatch):
-    monkeypatch.setattr(training, "runtime", lambda: SimpleNamespace(device="cuda"))
+    gpu = SimpleNamespace(device="cuda", free_memory=lambda: 12 * 10**9)
+    monkeypatch.setattr(training, "runtime", lambda: gpu)
     assert suited() == HashField()
     grid = suited("voxel")
     assert isinstance(grid, VoxelField)
     assert grid.resolutions == (*VoxelField().resolutions, 256)
+    gpu.free_memory = lambda: 8 * 10**9
+    small = suited("voxel")
+    assert isinstance(small, VoxelField)
+    assert small == replace(grid, resolutions=(32, 64, 128), shares=(0.05, 0.15))
 
 
 def test_ctrl_c_ends_the_looks_at_held_out_views(scene, tmp_path, monkeypatch):

@@ -38,13 +38,14 @@ ON_CPU: dict[str, dict[str, Any]] = {
         "steps": 128, "learning_rate": 5e-3,
     },
 }  # fmt: skip
-# The defaults of a grid are for the CPU. A GPU has the time for a finer one, and 9 GB.
+# The defaults of a grid are for the CPU. A GPU has the time for a finer one, if not the memory.
 ON_GPU: dict[str, dict[str, Any]] = {
     "voxel": {
         "resolutions": (32, 64, 128, 256), "shares": (0.05, 0.15, 0.4), "rays": 2**13,
         "smooth_color": 1e-10, "final_rate": 0.01,
     },
 }  # fmt: skip
+LAST_GRID = 11 * 10**9  # bytes, with the one before: a GPU with less is spared the last one
 
 
 def fit(
@@ -72,9 +73,9 @@ def fit(
         Its views that are not kept back for testing are trained from.
     field : {'voxel', 'hash', 'mlp'}, or VoxelField, HashField or MLPField, optional
         What to train. A name is that of a field with settings that suit the device. On a GPU they
-        are its defaults, but that 'voxel' goes on to a grid of 256 cells, which takes 9 GB; on the
-        CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller ones. By default
-        'voxel' on the CPU, which mostly learns faster there, and 'hash' on a GPU.
+        are its defaults, but that 'voxel' goes on to a grid of 256 cells where 11 GB are free; on
+        the CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller ones. By
+        default 'voxel' on the CPU, which mostly learns faster there, and 'hash' on a GPU.
     seconds : float, optional
         Time to train for, > 0, without the first step, which may have to compile kernels, looks
         at held-out views, and saving; 60 by default.
@@ -191,9 +192,13 @@ def fit(
 
 def suited(field: str | None = None) -> Settings:
     """Return settings that suit the chosen device, of the kind of field called so or of any."""
-    on_cpu = runtime().device == "cpu"
+    rt = runtime()
+    on_cpu = rt.device == "cpu"
     name = field or ("voxel" if on_cpu else "hash")
-    return KINDS[name](**(ON_CPU if on_cpu else ON_GPU).get(name, {}))
+    chosen = (ON_CPU if on_cpu else ON_GPU).get(name, {})
+    if name == "voxel" and not on_cpu and rt.free_memory() < LAST_GRID:
+        chosen = chosen | {key: chosen[key][:-1] for key in ("resolutions", "shares")}
+    return KINDS[name](**chosen)
 
 
 def _begin(

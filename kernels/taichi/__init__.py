@@ -28,6 +28,7 @@ __all__ = [
     "adopt",
     "clear",
     "empty",
+    "free_memory",
     "own_scratch",
     "record",
     "scratch",
@@ -66,6 +67,13 @@ def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
     array = empty(shape, dtype, device)
     clear(array)
     return array
+
+
+def free_memory(device: str) -> int:
+    """Return how many bytes a GPU has left."""
+    from . import _cuda
+
+    return _cuda.free_memory()
 
 
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:

@@ -43,6 +43,11 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> wp.array:
     return wp.empty(shape, dtype=scalar, device=DEVICE)
 
 
+def free_memory() -> int:
+    """Return how many bytes the device has left."""
+    return wp.get_device(DEVICE).free_memory
+
+
 def fill(array: wp.array, values: np.ndarray) -> None:
     """Copy a contiguous host array into `array`; wait for it."""
     wp.copy(array, adopt(values))

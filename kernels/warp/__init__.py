@@ -149,6 +149,11 @@ def to_numpy(array: wp.array) -> np.ndarray:
     return found
 
 
+def free_memory(device: str) -> int:
+    """Return how many bytes a GPU has left."""
+    return wp.get_device(device).free_memory
+
+
 own_scratch = _launch.own_scratch
 MATRIX_DTYPES = {"cpu": "float32", "cuda": "float16"}
 
