@@ -125,6 +125,17 @@ def test_look_at_and_the_focus_of_its_cameras():
         look_at((0, 0, 1), (0, 0, 0))
 
 
+@pytest.mark.parametrize("distance", [6.0, -9.0, 1e15])
+def test_the_focus_of_cameras_that_look_one_way_is_ahead(distance):
+    """Their axes meet at what they look at, behind them, or nowhere."""
+    y, z = np.mgrid[-1:2, -1:2].reshape(2, -1).astype(float)
+    eyes = np.stack((0 * y, y, z), axis=1)
+    ahead = np.sign(distance) * (np.array([distance, 0, 0]) - eyes)
+    focus = focus_of(look_at(eyes, eyes + ahead, (0, 0, 1)))
+    apart = np.sqrt(4 / 3)  # root of the mean square of their distances from the middle
+    np.testing.assert_allclose(focus, (distance if distance == 6 else apart, 0, 0), atol=1e-6)
+
+
 def test_blender(tmp_path):
     images, poses = some_images(channels=4), some_poses()
     angle = 2 * np.arctan(WIDTH / (2 * 19.0))

@@ -12,6 +12,8 @@ import numpy as np
 from cvkern._validate import check_dtype, check_integer
 from cvkern.radiance.cameras import Cameras
 
+ONE_WAY = 0.9  # length of the mean of unit vectors, from which they are within some 35 degrees
+
 
 class Bounds(NamedTuple):
     """The cube of the world that the scene's detail is in."""
@@ -208,13 +210,23 @@ def view_directions(poses: np.ndarray) -> np.ndarray:
 
 
 def focus_of(poses: np.ndarray) -> np.ndarray:
-    """Return the point that is nearest to the optical axes of all cameras, (3,)."""
+    """Return the point that is nearest to the optical axes of all cameras, (3,).
+
+    That of cameras which look one way is not behind them, but at least as far ahead as they are
+    apart: axes that are nearly parallel meet anywhere.
+    """
     eyes, ahead = poses[:, :, 3], view_directions(poses)
     # The distance from an axis is |(I - d d^T)(p - o)|: least squares over all axes.
     across = np.eye(3) - ahead[:, :, None] * ahead[:, None]
     system = across.sum(axis=0) + 1e-9 * len(poses) * np.eye(3)  # parallel axes have no such point
     wanted = (across @ eyes[:, :, None])[..., 0].sum(axis=0) + 1e-9 * eyes.sum(axis=0)
-    return np.linalg.solve(system, wanted)
+    point, middle = np.linalg.solve(system, wanted), eyes.mean(axis=0)
+    way = ahead.mean(axis=0)
+    if np.linalg.norm(way) > ONE_WAY:
+        way /= np.linalg.norm(way)
+        apart = np.sqrt(((eyes - middle) ** 2).sum(axis=1).mean())
+        point += max(0.0, apart - (point - middle) @ way) * way
+    return point
 
 
 def every(count: int, step: int) -> np.ndarray:
