@@ -14,12 +14,12 @@ from ._radiance_space import (
     interval,
     keep_sample,
     place,
+    reach,
     reciprocal,
     row,
     skip,
     spacing,
 )
-from ._rounding import product
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -56,9 +56,8 @@ def _set_out(
 ):
     for ray in range(origins.shape[0]):
         inverse = reciprocal(row(directions, ray), zero)
-        side = ti.cast(1 << (levels - 1), ti.f32)
-        t = ti.max(near, interval(row(origins, ray), inverse, side, zero)[0])
-        at[ray] = t + product(0.5, spacing(t, finest, cone, zero), zero)
+        origin = row(origins, ray)
+        at[ray] = reach(origin, inverse, levels, near, NEVER, finest, cone, 0.5, zero)[0]
         taken[ray] = 0
         listing[ray] = ray
         for k in ti.static(range(3)):
