@@ -286,7 +286,7 @@ def test_plain_calls_between_replays_do_not_disturb_them():
 
 
 def test_results_keep_their_memory(backend, monkeypatch):
-    monkeypatch.setattr(_pages, "_most", _pages._locked + (8 << 20))  # room for four
+    monkeypatch.setattr(_pages, "_MOST", _pages._locked + (8 << 20))  # room for four
     images = np.random.default_rng(0).random((10, 600, 512), np.float32)  # above a megabyte each
     wanted = [cvkern.gaussian(image, 1.0) for image in images]
     with cvkern.use(device="cuda"):

@@ -14,11 +14,10 @@ import warp as wp
 
 from . import _launch, _pages
 
-LINE = 64  # bytes of a line of the cache: rows of as many should not lie across two
+_LINE = 64  # bytes of a line of the cache: rows of as many should not lie across two
 
 _streams: dict[tuple[str, int | None], wp.Stream | None] = {}
 _process = 0
-_FEW = 4096  # bytes: to bring so many to the host, all but the copy itself takes longest
 _lock = threading.Lock()
 
 
@@ -100,8 +99,8 @@ def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
     if device == "cpu":
         size = math.prod(shape) * dtype.itemsize
-        room = np.zeros(size + LINE, np.uint8)
-        begin = -room.ctypes.data % LINE
+        room = np.zeros(size + _LINE, np.uint8)
+        begin = -room.ctypes.data % _LINE
         return adopt(room[begin : begin + size].view(dtype), dtype, shape, device)
     array = empty(shape, dtype, device)
     clear(array)
@@ -138,11 +137,11 @@ def to_numpy(array: wp.array) -> np.ndarray:
         return array.numpy()
     stream = _launch.current_stream(array.device)
     found = _pages.empty(array.shape, np.dtype(wp.dtype_to_numpy(array.dtype)))
-    if found.nbytes > _FEW:
+    if found.nbytes > _launch.PAGE:
         wp.copy(adopt(found, found.dtype, found.shape, "cpu"), array, stream=stream)
         wp.synchronize_stream(stream)
     else:
-        page = _launch.page(_FEW, array.dtype, array.shape)
+        page = _launch.page(array.dtype, array.shape)
         wp.copy(page, array, stream=stream)
         wp.synchronize_stream(stream)
         found[...] = page.numpy()

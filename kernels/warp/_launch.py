@@ -21,6 +21,7 @@ _MAX_COMMANDS = 512
 _MAX_VIEWS = 16  # of an array
 _MAX_LAYOUTS = 512
 BLOCK = 256  # threads of a CUDA block, unless a launch says otherwise
+PAGE = 4096  # bytes: to bring so many to the host, all but the copy itself takes longest
 
 
 class _ThreadState(threading.local):
@@ -115,10 +116,10 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
     return view(block, dtype, shape)
 
 
-def page(size: int, dtype: Any, shape: tuple[int, ...]) -> wp.array:
-    """Return host memory that a GPU writes to directly, of this thread, of at most `size` bytes."""
+def page(dtype: Any, shape: tuple[int, ...]) -> wp.array:
+    """Return host memory that a GPU writes to directly, of this thread, of at most `PAGE` bytes."""
     if _thread.page is None:
-        _thread.page = wp.empty(size, dtype=wp.uint8, device="cpu", pinned=True)
+        _thread.page = wp.empty(PAGE, dtype=wp.uint8, device="cpu", pinned=True)
     return view(_thread.page, dtype, shape)
 
 

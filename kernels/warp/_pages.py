@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 _LEAST = 1 << 20  # bytes of a result: of less, the copy is not what takes long
-_most = 1 << 28  # bytes of all; results beyond have memory as any
+_MOST = 1 << 28  # bytes of all; results beyond have memory as any
 _locked = 0
 _free: dict[int, list[wp.array]] = {}
 
@@ -27,7 +27,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
     try:
         block = free.pop()
     except IndexError:
-        if _locked + room > _most:
+        if _locked + room > _MOST:
             return np.empty(shape, dtype)
         _locked += room
         block = wp.empty(room, dtype=wp.uint8, device="cpu", pinned=True)

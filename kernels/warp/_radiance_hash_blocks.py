@@ -46,15 +46,16 @@ def cell_of(positions: wp.array2d[float], sample: int, resolution: int) -> Cell:
 @wp.func
 def entry_of(cell: Cell, corner: int, resolution: int, size: int) -> int:
     """Return the place in its level's table of a corner, whose bits say on which sides it is."""
-    i = cell.i + (corner & 1)
-    j = cell.j + (corner >> 1 & 1)
-    k = cell.k + (corner >> 2)
-    side = resolution + 1
+    i = wp.uint32(cell.i + (corner & 1))
+    j = wp.uint32(cell.j + (corner >> 1 & 1))
+    k = wp.uint32(cell.k + (corner >> 2))
+    side = wp.uint32(resolution + 1)
+    # Both, and no branch: most of it is the same for all eight corners. Where the first does not
+    # fit 32 bits, it is not the one.
     flat = (k * side + j) * side + i
-    mixed = wp.uint32(i) ^ wp.uint32(j) * PRIME_Y ^ wp.uint32(k) * PRIME_Z
-    # Both, and no branch: most of it is the same for all eight corners.
+    mixed = (i ^ j * PRIME_Y ^ k * PRIME_Z) & wp.uint32(size - 1)
     cube = wp.int64(side) * wp.int64(side) * wp.int64(side)
-    return wp.where(cube <= wp.int64(size), flat, int(mixed & wp.uint32(size - 1)))
+    return int(wp.where(cube <= wp.int64(size), flat, mixed))
 
 
 @wp.func
