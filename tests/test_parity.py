@@ -104,6 +104,7 @@ def test_sets_offer_the_runtime_the_same_functions(name):
         "to_numpy",
         "own_scratch",
         "record",
+        "free_memory",
     ):
         expected = list(inspect.signature(getattr(first, asked)).parameters)
         assert list(inspect.signature(getattr(this, asked)).parameters) == expected, asked
