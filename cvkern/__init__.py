@@ -1,107 +1,60 @@
 """Classical computer vision and radiance fields as data-parallel kernels."""
 
-from cvkern._capture import capture
-from cvkern._runtime import use
-from cvkern.circle_centers import Circles, detect_circles
-from cvkern.circles import CirclePeaks, hough_circle, hough_circle_peaks
-from cvkern.depth import (
-    PointCloud,
-    disparity_to_depth,
-    point_cloud,
-    points_from_disparity,
-    reprojection_matrix,
-)
-from cvkern.disparity import (
-    fill_disparity,
-    guided_median,
-    left_right_check,
-    remove_speckles,
-)
-from cvkern.edges import SubpixelEdges, canny, subpixel_edges
-from cvkern.ellipse_detection import Ellipses, detect_ellipses
-from cvkern.ellipses import EllipseVotes, hough_ellipse
-from cvkern.filters import box, correlate_separable, gaussian
-from cvkern.gradients import Gradient, gradient, scharr, sobel
-from cvkern.line_peaks import HoughLinePeaks, hough_line_peaks
-from cvkern.lines import (
-    HoughLine,
-    HoughLineSlope,
-    LineBins,
-    hough_line,
-    hough_line_slope,
-    suggest_line_bins,
-)
-from cvkern.rank import median
-from cvkern.segments import (
-    LineFit,
-    detect_lines,
-    detect_segments,
-    fit_line,
-    hough_line_segments,
-)
-from cvkern.semi_global import Winner, aggregate_semi_global, winner_take_all
-from cvkern.shape_tables import RTable, r_table
-from cvkern.shapes import Shapes, find_shape, generalized_hough, generalized_hough_votes
-from cvkern.stereo import StereoMatcher, StereoResult, stereo_match
-from cvkern.stereo_cost import stereo_cost
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
 
-__all__ = [
-    "CirclePeaks",
-    "Circles",
-    "EllipseVotes",
-    "Ellipses",
-    "Gradient",
-    "HoughLine",
-    "HoughLinePeaks",
-    "HoughLineSlope",
-    "LineBins",
-    "LineFit",
-    "PointCloud",
-    "RTable",
-    "Shapes",
-    "StereoMatcher",
-    "StereoResult",
-    "SubpixelEdges",
-    "Winner",
-    "aggregate_semi_global",
-    "box",
-    "canny",
-    "capture",
-    "correlate_separable",
-    "detect_circles",
-    "detect_ellipses",
-    "detect_lines",
-    "detect_segments",
-    "disparity_to_depth",
-    "fill_disparity",
-    "find_shape",
-    "fit_line",
-    "gaussian",
-    "generalized_hough",
-    "generalized_hough_votes",
-    "gradient",
-    "guided_median",
-    "hough_circle",
-    "hough_circle_peaks",
-    "hough_ellipse",
-    "hough_line",
-    "hough_line_peaks",
-    "hough_line_segments",
-    "hough_line_slope",
-    "left_right_check",
-    "median",
-    "point_cloud",
-    "points_from_disparity",
-    "r_table",
-    "remove_speckles",
-    "reprojection_matrix",
-    "scharr",
-    "sobel",
-    "stereo_cost",
-    "stereo_match",
-    "subpixel_edges",
-    "suggest_line_bins",
-    "use",
-    "winner_take_all",
-]
+if _TYPE_CHECKING:
+    from cvkern import clouds, images, radiance  # noqa: F401
+    from cvkern._capture import capture  # noqa: F401
+    from cvkern._runtime import use  # noqa: F401
+    from cvkern.edges import *
+    from cvkern.filters import *
+    from cvkern.hough import *
+    from cvkern.stereo import *
+
+# Every public name, by the module that has it. Modules are imported when a name is first used.
+_NAMES = {
+    "_capture": ("capture",),
+    "_runtime": ("use",),
+    "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
+    "filters": (
+        "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
+        "sobel",
+    ),
+    "hough": (
+        "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
+        "HoughLineSlope", "LineBins", "LineFit", "RTable", "Shapes", "detect_circles",
+        "detect_ellipses", "detect_lines", "detect_segments", "find_shape", "fit_line",
+        "generalized_hough", "generalized_hough_votes", "hough_circle", "hough_circle_peaks",
+        "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
+        "hough_line_slope", "r_table", "suggest_line_bins",
+    ),
+    "stereo": (
+        "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
+        "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
+        "point_cloud", "points_from_disparity", "remove_speckles", "reprojection_matrix",
+        "stereo_cost", "stereo_match", "winner_take_all",
+    ),
+}  # fmt: skip
+# Modules whose names are used through them: cvkern.images.read_image.
+_NAMESPACES = ("clouds", "images", "radiance")
+
+_HOMES = {name: module for module, names in _NAMES.items() for name in names}
+_MODULES = {module for module in _NAMES if module[0] != "_"} | set(_NAMESPACES)
+__all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> _Any:
+    if name in _HOMES:
+        found = getattr(_import_module(f"cvkern.{_HOMES[name]}"), name)
+        globals()[name] = found
+        return found
+    if name in _MODULES:
+        return _import_module(f"cvkern.{name}")
+    raise AttributeError(f"module 'cvkern' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES, *_MODULES})

@@ -13,11 +13,12 @@ import threading
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from cvkern import _libraries
+from cvkern import _arrays
+from cvkern._kernels import Folder
 
 KERNEL_SETS = ("warp", "taichi")
 _MAX_CONSTANTS = 256
@@ -88,72 +89,27 @@ def _checked(backend: str, device: str) -> tuple[str, str]:
     return backend, "cuda:0" if device == "cuda" else device
 
 
-class Runtime:
+class Runtime(Folder):
     """One kernel set on one device, for the arrays of one library.
 
-    ``rt.FAMILY.PRIMITIVE(...)`` launches a kernel: attribute access imports
-    ``cvkern.kernels.<set>.<family>`` on first use. Static tools see the Warp set;
-    ``tests/test_parity.py`` holds the other to the same signatures.
+    ``rt.FAMILY.MODULE.PRIMITIVE(...)`` launches a kernel of the set.
     """
 
-    if TYPE_CHECKING:
-        from cvkern.kernels.warp import (
-            circle_centers,
-            circles,
-            clouds,
-            depth,
-            disparity,
-            edges,
-            ellipses,
-            filters,
-            gradients,
-            lines,
-            points,
-            radiance_adam,
-            radiance_background,
-            radiance_composite,
-            radiance_dense,
-            radiance_encode,
-            radiance_hash,
-            radiance_heads,
-            radiance_loss,
-            radiance_march,
-            radiance_network,
-            radiance_occupancy,
-            radiance_rays,
-            radiance_shapes,
-            radiance_view,
-            radiance_voxel,
-            rank,
-            segments,
-            semi_global,
-            shapes,
-            stereo,
-            stereo_cost,
-            window_matching,
-        )
-
-    def __init__(self, name: str, device: str, library: _libraries.NumPy):
+    def __init__(self, name: str, device: str, library: _arrays.NumPy):
         threads = os.environ.get("CVKERN_NUM_THREADS") or "1"
         if not threads.isdecimal() or int(threads) < 1:
             raise ValueError(f"CVKERN_NUM_THREADS must be an integer >= 1, got {threads!r}")
+        super().__init__(f"cvkern.kernels.{name}")
         self.name, self.device, self.library = name, device, library
         self.set = importlib.import_module(f"cvkern.kernels.{name}")
         self._constants: dict[Any, Any] = {}
-
-    def __getattr__(self, family: str) -> Any:
-        if family.startswith("_"):
-            raise AttributeError(family)
-        module = importlib.import_module(f"cvkern.kernels.{self.name}.{family}")
-        setattr(self, family, module)
-        return module
 
     def adopt(self, array: Any, dtype: Any = np.float32, shape: Any = None) -> Any:
         """View `array` for kernels, contiguous, of `dtype` and `shape`; a copy only where it must.
 
         The view of an input is for reading only: it may be the caller's own memory.
         """
-        dtype, library = np.dtype(dtype), _libraries.library(array)
+        dtype, library = np.dtype(dtype), _arrays.library(array)
         ready = library.contiguous(array, dtype)
         if ready is not array and _tape.buffers is not None and self.device != "cpu":
             raise ValueError(
@@ -308,8 +264,8 @@ def pinned() -> Callable[[], use]:
     return lambda: use(backend, device)
 
 
-_NUMPY = _libraries.library(np.empty(0))
-_runtimes: dict[tuple[str, str, _libraries.NumPy], Runtime] = {}
+_NUMPY = _arrays.library(np.empty(0))
+_runtimes: dict[tuple[str, str, _arrays.NumPy], Runtime] = {}
 
 
 def runtime(*arrays: Any) -> Runtime:
@@ -317,7 +273,7 @@ def runtime(*arrays: Any) -> Runtime:
     name, device = _choice()
     library, places = _NUMPY, set()
     for array in arrays:
-        of = _libraries.library(array)
+        of = _arrays.library(array)
         if of is not _NUMPY:
             library = of if library is _NUMPY else library
             places.add(of.device(array))

@@ -9,7 +9,7 @@ import numpy as np
 
 import cvkern
 import cvkern.radiance
-from cvkern.kernels.codes import Border
+from cvkern.kernels.codes.filters import Border
 
 MODES = [border.name.lower() for border in Border]
 
@@ -89,10 +89,10 @@ def fields(answer):
 def primitives(kernel_set):
     """Yield (module, name, function) of each primitive of a kernel set."""
     package = importlib.import_module(f"cvkern.kernels.{kernel_set}")
-    for info in pkgutil.iter_modules(package.__path__):
-        if info.name.startswith("_"):
+    for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        if "._" in info.name:
             continue
-        module = importlib.import_module(f"{package.__name__}.{info.name}")
+        module = importlib.import_module(info.name)
         for name, function in inspect.getmembers(module, inspect.isfunction):
             if function.__module__ == module.__name__ and not name.startswith("_"):
                 yield module, name, function

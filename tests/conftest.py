@@ -6,10 +6,12 @@ import signal
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
-from primitives import Primitives
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
+from tests.calls import primitives
+from tests.primitives import Primitives
+from tests.refusals import EVERY, FLAT
 
 # JAX looks for a GPU on import otherwise, and takes most of its memory.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -67,3 +69,19 @@ def half(kernels):
 @pytest.fixture(scope="module")
 def all_kernels(device):
     return [Primitives(name, device) for name in KERNEL_SETS]
+
+
+@pytest.fixture
+def no_kernel_runs(monkeypatch):
+    """Checks are written once, above the kernel sets: one set shows that they come first."""
+
+    def launched(*args, **options):
+        raise AssertionError("a kernel was launched")
+
+    for module, name, _ in primitives("warp"):
+        monkeypatch.setattr(module, name, launched)
+    with cvkern.use(backend="warp", device="cpu"):
+        for name in EVERY:
+            with pytest.raises(AssertionError, match="a kernel was launched"):
+                EVERY[name](FLAT)  # or the tests below would show nothing
+        yield

@@ -4,9 +4,9 @@ import warnings
 
 import numpy as np
 import pytest
-from calls import fields
 
 import cvkern
+from tests.calls import fields
 
 LIBRARIES = ["torch", "cupy", "jax", "warp"]
 

@@ -24,12 +24,12 @@ class Primitives:
         self._package.start(self.device, None)
 
     def __call__(self, primitive, *arguments, out):
-        """Call "FAMILY.NAME" with inputs, then with outputs.
+        """Call "FAMILY.MODULE.NAME" with inputs, then with outputs.
 
         An output is the (shape, dtype) of an array of nothing useful, or an array to begin with.
         """
-        family, name = primitive.split(".")
-        function = getattr(importlib.import_module(f"{self._package.__name__}.{family}"), name)
+        module, _, name = primitive.rpartition(".")
+        function = getattr(importlib.import_module(f"{self._package.__name__}.{module}"), name)
         self.start()
         inputs = [self._adopt(a) if isinstance(a, np.ndarray) else a for a in arguments]
         results = [o.copy() if isinstance(o, np.ndarray) else np.full(o[0], 77, o[1]) for o in out]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from calls import CALLS, blobs, fields, noise
 
 import cvkern
 from cvkern._runtime import runtime
+from tests.calls import CALLS, blobs, fields, noise
 
 KERNELS_ALONE = ["gaussian", "derivative", "correlate_separable", "box", "sobel", "scharr",
                  "gradient", "gradient_sobel", "canny_sobel", "hough_circle", "hough_line",

@@ -2,11 +2,20 @@
 
 import numpy as np
 import pytest
-from calls import TABLE, fields
-from on_cuda import LIBRARIES, assert_equal_bits, device_of, give, noise, on_gpu, reference, take
 
 import cvkern
 from cvkern.kernels.warp import _pages
+from tests.calls import TABLE, fields
+from tests.on_cuda import (
+    LIBRARIES,
+    assert_equal_bits,
+    device_of,
+    give,
+    noise,
+    on_gpu,
+    reference,
+    take,
+)
 
 pytestmark = pytest.mark.usefixtures("gpu")
 

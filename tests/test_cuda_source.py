@@ -9,46 +9,49 @@ import warp as wp
 
 import cvkern.kernels.warp as kernels
 
-# All their kernels are made when first used.
-ON_USE = {
-    "_paths_blocks",
-    "_radiance_dense_blocks",
-    "_radiance_hash_blocks",
-    "_radiance_network_blocks",
-    "_semi_global_blocks",
-}
-BLOCKS = [m.name for m in pkgutil.iter_modules(kernels.__path__) if m.name.endswith("_blocks")]
-MODULES = [name for name in BLOCKS if name not in ON_USE]
+PACKAGE = f"{kernels.__name__}."
+NAMES = [
+    m.name.removeprefix(PACKAGE)
+    for m in pkgutil.walk_packages(kernels.__path__, PACKAGE)
+    if not m.ispkg and not m.name.endswith("_cpu")
+]
 
 
-@pytest.mark.parametrize(
-    "name", [*MODULES, "_circles_peaks", "_edges_points", "_lines_points", "_shapes_points"]
-)
+def has_kernels(name):
+    """Tell whether a module has kernels of its own before any is made on use."""
+    importlib.import_module(f"{PACKAGE}{name}")
+    return bool(wp.get_module(f"{PACKAGE}{name}").kernels)
+
+
+MODULES = [name for name in NAMES if has_kernels(name)]
+
+
+@pytest.mark.parametrize("name", MODULES)
 def test_compiles_for_hopper(name, tmp_path):
     kernels.start("cpu", None)
-    module = importlib.import_module(f"{kernels.__name__}.{name}")
+    module = importlib.import_module(f"{PACKAGE}{name}")
     (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
     code = Path(ptx).read_text()
     assert ".target sm_90" in code
     # Equal bits: no product is fused with a sum. But for a logarithm, which is CUDA's own, and
     # radiance fields, which are held to tolerances.
-    if name != "_edges_points" and not name.startswith("_radiance"):
+    if name != "edges._subpixel" and not name.startswith("radiance."):
         assert "fma.rn.f32" not in code
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("name", NAMES)
 def test_blocks_are_numbered_along_one_axis(name):
     """Without grid strides Warp folds more than 2^24 threads into three dimensions."""
-    text = (Path(kernels.__file__).parent / f"{name}.py").read_text()
+    text = (Path(kernels.__file__).parent / f"{name.replace('.', '/')}.py").read_text()
     assert "blockIdx" not in text or '"default_grid_stride": False' not in text
 
 
 def cost_kernels():
     """Kernels of matching costs and of windows that are compiled when they are first used."""
-    from cvkern.kernels.codes import Cost
-    from cvkern.kernels.warp import _census_blocks as census
-    from cvkern.kernels.warp import _matching_blocks as matching
-    from cvkern.kernels.warp import _window_blocks as windows
+    from cvkern.kernels.codes.stereo import Cost
+    from cvkern.kernels.warp.stereo import _windows_cuda as matching
+    from cvkern.kernels.warp.stereo.costs import _census_cuda as census
+    from cvkern.kernels.warp.stereo.costs import _windows_cuda as windows
 
     byte, word, integer, real, wide = wp.uint8, wp.uint16, wp.int32, wp.float32, wp.float64
     for scalar in (byte, real):
@@ -69,12 +72,12 @@ def cost_kernels():
 
 def stereo_kernels():
     """Kernels of semi-global matching that are compiled when they are first used."""
-    from cvkern.kernels.warp import _disparity_blocks as disparity
-    from cvkern.kernels.warp import _match_blocks as match
-    from cvkern.kernels.warp import _match_costs_blocks as match_costs
-    from cvkern.kernels.warp import _paths_blocks as paths
-    from cvkern.kernels.warp import _semi_global_blocks as semi_global
-    from cvkern.kernels.warp import _winner_blocks as winner
+    from cvkern.kernels.warp.stereo import _refinement_cuda as disparity
+    from cvkern.kernels.warp.stereo import _winners_cuda as winner
+    from cvkern.kernels.warp.stereo.paths import _aggregation_cuda as semi_global
+    from cvkern.kernels.warp.stereo.paths import _costs_cuda as match_costs
+    from cvkern.kernels.warp.stereo.paths import _matching_cuda as match
+    from cvkern.kernels.warp.stereo.paths import _steps_cuda as paths
 
     byte, word = wp.uint8, wp.uint16
     for radius in (0, 6, 15):

@@ -7,9 +7,9 @@ import re
 
 import numpy as np
 import pytest
-from calls import CALLS, blobs, fields
 
 import cvkern
+from tests.calls import CALLS, blobs, fields
 
 MODULES = ["cvkern", "cvkern.clouds", "cvkern.images", "cvkern.radiance"]
 HEIGHT, WIDTH = 21, 34

@@ -4,12 +4,12 @@ import cv2
 import numpy as np
 import pytest
 import skimage.data
-from calls import CALLS, DTYPES, MODES, ROUNDED, blobs, fields, noise
 from hypothesis import given
 from hypothesis import strategies as st
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
+from tests.calls import CALLS, DTYPES, MODES, ROUNDED, blobs, fields, noise
 
 shapes = st.tuples(st.integers(1, 40), st.integers(1, 70))
 dtypes = st.sampled_from(DTYPES)

@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 import warp
-from refusals import DEEP, EVERY, FILTERS, FLAT, FLAT_ONLY, HUGE, no_kernel_runs, refused  # noqa: F401
 
 import cvkern
-from cvkern._validate import MAX_ELEMENTS
+from cvkern._checks import MAX_ELEMENTS
+from tests.refusals import DEEP, EVERY, FILTERS, FLAT, FLAT_ONLY, HUGE, refused
+
+pytestmark = pytest.mark.usefixtures("no_kernel_runs")
 
 BORDERS = "('reflect', 'constant', 'nearest', 'mirror', 'wrap')"
 

@@ -3,56 +3,28 @@
 import importlib
 import inspect
 import pkgutil
+from pathlib import Path
 
 import pytest
-from calls import primitives
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
+from tests.calls import primitives
+from tests.kernel_stub import STUB, stub
 
-FAMILIES = [
-    "circle_centers",
-    "circles",
-    "clouds",
-    "depth",
-    "disparity",
-    "edges",
-    "ellipses",
-    "filters",
-    "gradients",
-    "lines",
-    "rank",
-    "segments",
-    "semi_global",
-    "shapes",
-    "stereo",
-    "stereo_cost",
-    "window_matching",
-]
-SHARED = ["points"]  # by several families; in cvkern/ their module is private
-# What radiance fields are made of: kernels of one package of the API.
-RADIANCE = [
-    "adam",
-    "background",
-    "composite",
-    "dense",
-    "encode",
-    "hash",
-    "heads",
-    "loss",
-    "march",
-    "network",
-    "occupancy",
-    "rays",
-    "shapes",
-    "view",
-    "voxel",
-]
+API = Path(cvkern.__file__).parent
+ROOT = Path(__file__).parents[1]
+UNTIMED = {"clouds"}  # pictures of results, which nobody waits for
+
+
+def place(module):
+    """Return where a kernel module is in its set: "stereo.winners"."""
+    return module.__name__.split(".", 3)[3]
 
 
 def signatures(kernel_set):
     return {
-        f"{module.__name__.rpartition('.')[2]}.{name}": list(inspect.signature(function).parameters)
+        f"{place(module)}.{name}": list(inspect.signature(function).parameters)
         for module, name, function in primitives(kernel_set)
     }
 
@@ -62,17 +34,26 @@ def test_sets_have_the_same_primitives_and_parameters(other):
     assert signatures(other) == signatures(KERNEL_SETS[0])
 
 
-@pytest.mark.parametrize("name", KERNEL_SETS)
-def test_the_families_are_those_of_the_api(name):
-    """One name, one file in every layer."""
-    package = importlib.import_module(f"cvkern.kernels.{name}")
-    modules = {m.name for m in pkgutil.iter_modules(package.__path__) if m.name[0] != "_"}
-    parts = [f"radiance_{part}" for part in RADIANCE]
-    assert modules == {*FAMILIES, *SHARED, *parts}
-    for family in modules - set(parts):
-        importlib.import_module(f"cvkern.{'_' * (family in SHARED)}{family}")
-    for family in modules:
-        assert any(key.startswith(f"{family}.") for key in signatures(name))
+def test_kernels_are_where_the_api_is():
+    """stereo/costs/census.py belongs to stereo/costs.py of the API, or to one of its own path."""
+    astray = []
+    for module in sorted({place(module) for module, _, _ in primitives("warp")}):
+        *folders, last = module.split(".")
+        paths = [Path(*folders, f"{mark}{last}.py") for mark in ("", "_")]
+        paths += [Path(*folders[:n]).with_suffix(".py") for n in range(1, len(folders) + 1)]
+        if not any((API / path).is_file() for path in paths):
+            astray.append(module)
+    assert astray == []
+
+
+@pytest.mark.parametrize("module", sorted({place(m) for m, _, _ in primitives("warp")}))
+def test_every_family_is_complete(module):
+    """Whatever is missing for a kernel module is named here."""
+    family = module.partition(".")[0]
+    wanted = [f"cvkern/{family}/_warmup.py", f"kernels/codes/{family}.py", f"tests/{family}"]
+    if family not in UNTIMED:
+        wanted.append(f"profiling/cases/{family}")
+    assert [path for path in wanted if not (ROOT / path).exists()] == []
 
 
 @pytest.mark.parametrize("name", KERNEL_SETS)
@@ -110,11 +91,34 @@ def test_sets_offer_the_runtime_the_same_functions(name):
         assert list(inspect.signature(getattr(this, asked)).parameters) == expected, asked
 
 
-def test_everything_public_is_in_all():
-    public = {
-        name
-        for name, value in vars(cvkern).items()
-        if not name.startswith("_") and (inspect.isfunction(value) or inspect.isclass(value))
-    }
-    assert public == set(cvkern.__all__)
-    assert cvkern.__all__ == sorted(cvkern.__all__)
+FAMILIES = [
+    path.parent.name
+    for path in API.glob("[a-z]*/__init__.py")
+    if path.parent.name not in {"app", "kernels", *cvkern._NAMESPACES}
+]
+
+
+def test_the_table_of_names_is_that_of_the_families():
+    assert {name for name in cvkern._NAMES if name[0] != "_"} == set(FAMILIES)
+    for module, names in cvkern._NAMES.items():
+        if module[0] != "_":
+            assert sorted(names) == sorted(importlib.import_module(f"cvkern.{module}").__all__)
+    assert len(set(cvkern.__all__)) == sum(map(len, cvkern._NAMES.values()))
+
+
+@pytest.mark.parametrize("name", cvkern.__all__)
+def test_a_name_is_one_object(name):
+    home = importlib.import_module(f"cvkern.{cvkern._HOMES[name]}")
+    assert getattr(cvkern, name) is getattr(home, name)
+    assert name in dir(cvkern)
+
+
+@pytest.mark.parametrize("family", [*FAMILIES, *cvkern._NAMESPACES])
+def test_no_function_hides_a_module(family):
+    package = importlib.import_module(f"cvkern.{family}")
+    modules = {m.name for m in pkgutil.iter_modules(getattr(package, "__path__", ()))}
+    assert modules & set(getattr(package, "__all__", ())) == set()
+
+
+def test_type_checkers_see_the_kernels():
+    assert STUB.read_text() == stub(), "run: python -m tests.kernel_stub"

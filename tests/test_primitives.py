@@ -8,14 +8,16 @@ Kernels do float32 arithmetic in a stated order, so NumPy doing the same must gi
 import numpy as np
 import pytest
 import scipy.ndimage as ndi
-from primitives import F32, I32, U8, noise, waves
-from reference import edges as edges_reference
-from reference import filters as filters_reference
-from reference import gradients as gradients_reference
-from reference import rank as rank_reference
-from test_primitives_shapes import shape_votes
 
-from cvkern.kernels.codes import TILE, Border, Edge, Norm, Thinning
+from cvkern.kernels.codes.edges import Edge, Norm, Thinning
+from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.codes.hough import TILE
+from tests.edges import reference_edges as edges_reference
+from tests.filters import reference_gradients as gradients_reference
+from tests.filters import reference_linear as filters_reference
+from tests.filters import reference_medians as rank_reference
+from tests.hough.generalized.test_primitives import shape_votes
+from tests.primitives import F32, I32, U8, noise, waves
 
 # ------------------------------------------------------------------- filters, gradients, ranks
 
@@ -37,7 +39,7 @@ def test_correlate_separable(kernels, shape, step, radii, border):
     taps_y, taps_x = (noise(2 * r + 1, seed=r + 1) for r in radii)
     options = step, border, 0.3
     got = kernels(
-        "filters.correlate_separable", src, taps_y, taps_x, *options, out=[(src.shape, F32)]
+        "filters.linear.correlate_separable", src, taps_y, taps_x, *options, out=[(src.shape, F32)]
     )
 
     planes = src.astype(float).reshape(*shape, step)
@@ -57,7 +59,7 @@ def test_differentiate_polar(kernels, shape):
     src = np.round(noise(*shape) * 2)  # with flat parts, where derivatives are 0
     taps = np.array([1, 2, 1], F32), np.array([-1, 0, 1], F32)
     dy, dx, magnitude, orientation = kernels(
-        "gradients.differentiate_polar", src, *taps, Border.NEAREST, 0.0, 0.0, 0.0,
+        "filters.gradients.differentiate_polar", src, *taps, Border.NEAREST, 0.0, 0.0, 0.0,
         out=[(shape, F32)] * 4,
     )  # fmt: skip
     down = ndi.correlate1d(src, taps[1], 0, mode="nearest")
@@ -82,7 +84,7 @@ def test_orientation_at_the_axes(kernels):
         src = np.zeros((3, 3), F32)
         src[1, 2], src[2, 1] = dx, dy
         *_, orientation = kernels(
-            "gradients.differentiate_polar", src, np.array([0, 1, 0], F32),
+            "filters.gradients.differentiate_polar", src, np.array([0, 1, 0], F32),
             np.array([-1, 0, 1], F32), Border.NEAREST, 0.0, 0.0, 0.0, out=[(src.shape, F32)] * 4,
         )  # fmt: skip
         np.testing.assert_allclose(orientation[1, 1], turns * np.pi / 2, atol=5e-7)
@@ -109,14 +111,14 @@ def test_median(kernels, shape, step, radius, dtype, low, bits, border):
     src[0, 0, 0], src[-1, -1, -1] = info.min, info.max
     cval = 99
     given = radius, step, low, bits, border, cval
-    got = kernels("rank.median", src, *given, out=[(shape, I32)])
+    got = kernels("filters.medians.median", src, *given, out=[(shape, I32)])
     np.testing.assert_array_equal(got, rank_reference.median(src, radius, step, border, cval))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (1, 37, 29)])
 def test_root_mean_square(kernels, shape):
     dy, dx = noise(*shape), noise(*shape, seed=1)
-    got = kernels("gradients.root_mean_square", dy, dx, out=[(shape, F32)])
+    got = kernels("filters.gradients.root_mean_square", dy, dx, out=[(shape, F32)])
     np.testing.assert_array_equal(got, np.sqrt((dx * dx + dy * dy) * F32(0.5)))
     np.testing.assert_allclose(got, np.hypot(dy, dx, dtype=float) / np.sqrt(2), rtol=2e-7)
 
@@ -124,19 +126,19 @@ def test_root_mean_square(kernels, shape):
 def test_keys_order_floats(kernels):
     values = np.concatenate([noise(500) * 1e3, noise(500) * 1e-3, [0.0, np.inf, -np.inf]])
     values = values.astype(F32).reshape(1, 17, 59)
-    keys = kernels("rank.keys_of_floats", values.view(I32), out=[(values.shape, I32)])
+    keys = kernels("filters.medians.keys_of_floats", values.view(I32), out=[(values.shape, I32)])
     order = np.argsort(values, axis=None, kind="stable")
     np.testing.assert_array_equal(np.argsort(keys, axis=None, kind="stable"), order)
-    back = kernels("rank.floats_of_keys", keys, out=[(values.shape, I32)])
+    back = kernels("filters.medians.floats_of_keys", keys, out=[(values.shape, I32)])
     np.testing.assert_array_equal(back.view(F32), values)
 
 
 def test_nan_of_either_sign_is_above_infinity(kernels):
     values = np.array([-np.nan, np.nan, np.inf, -1], F32)
-    keys = kernels("rank.keys_of_floats", values.view(I32), out=[(values.shape, I32)])
+    keys = kernels("filters.medians.keys_of_floats", values.view(I32), out=[(values.shape, I32)])
     assert keys[0] == keys[1] > keys[2] > 0 > keys[3]
     assert np.isnan(
-        kernels("rank.floats_of_keys", keys, out=[(keys.shape, I32)]).view(F32)[:2]
+        kernels("filters.medians.floats_of_keys", keys, out=[(keys.shape, I32)]).view(F32)[:2]
     ).all()
 
 
@@ -146,7 +148,7 @@ def test_differentiate(kernels, shape, border):
     src, smooth, slope = noise(*shape), noise(7, seed=1), noise(7, seed=2)
     beside = F32(0.6), F32(-0.2)
     got = kernels(
-        "gradients.differentiate", src, smooth, slope, border, 0.3, *map(float, beside),
+        "filters.gradients.differentiate", src, smooth, slope, border, 0.3, *map(float, beside),
         out=[(shape, F32)] * 2,
     )  # fmt: skip
     for result, (down, along), cval in zip(
@@ -167,7 +169,7 @@ def test_thin(kernels, shape, norm, rule):
     for dy, dx in (waves(*shape), (noise(*shape), noise(*shape, seed=1))):
         square = norm == Norm.L2
         low, high = (0.25, 1.0) if square else (0.5, 1.3)
-        got = kernels("edges.thin", dy, dx, norm, rule, low, high, out=[(shape, U8)])
+        got = kernels("edges.masks.thin", dy, dx, norm, rule, low, high, out=[(shape, U8)])
         want = edges_reference.thin(dy, dx, norm, rule, low, high)
         np.testing.assert_array_equal(got, want)
 
@@ -183,8 +185,8 @@ def test_thin_sobel_and_hysteresis_are_canny(kernels, shape, l2):
         limits = (float(low**2), float(high**2)) if l2 else (float(low), float(high))
         norm = Norm.L2 if l2 else Norm.L1
         given = Border.NEAREST, 0.0, norm, *limits
-        states = kernels("edges.thin_sobel", src, *given, out=[(shape, U8)])
-        mask = kernels("edges.hysteresis", states, out=[(shape, U8)])
+        states = kernels("edges.masks.thin_sobel", src, *given, out=[(shape, U8)])
+        mask = kernels("edges.masks.hysteresis", states, out=[(shape, U8)])
         want = cv2.Canny(src, low, high, L2gradient=l2) if min(shape) > 1 else None
         if want is not None:
             np.testing.assert_array_equal(mask * 255, want)
@@ -199,7 +201,7 @@ def test_thin_sobel_differentiates_by_its_border(kernels, border):
     dx = ndi.correlate(src.astype(F32), operator.T, **mode)
     want = edges_reference.thin(dy, dx, Norm.L1, Thinning.SECTORS, 90.0, 300.0)
     given = border, 40.0, Norm.L1, 90.0, 300.0
-    got = kernels("edges.thin_sobel", src, *given, out=[(src.shape, U8)])
+    got = kernels("edges.masks.thin_sobel", src, *given, out=[(src.shape, U8)])
     np.testing.assert_array_equal(got, want)
 
 
@@ -222,7 +224,7 @@ def test_hysteresis(kernels, shape, density):
     rng = np.random.default_rng(7)
     states = np.where(rng.random(shape) < density, Edge.WEAK, Edge.NONE).astype(U8)
     states[(rng.random(shape) < 0.02) & (states > 0)] = Edge.STRONG
-    got = kernels("edges.hysteresis", states, out=[(shape, U8)])
+    got = kernels("edges.masks.hysteresis", states, out=[(shape, U8)])
     np.testing.assert_array_equal(got, edges_reference.hysteresis(states))
 
 
@@ -230,7 +232,7 @@ def test_hysteresis(kernels, shape, density):
 def test_hysteresis_follows_a_long_line(kernels, corner):
     for states in (spiral(65), spiral(65)[::-1], spiral(65)[:, ::-1].T):
         states = np.where(states == Edge.STRONG, corner, states).astype(U8)
-        got = kernels("edges.hysteresis", states, out=[(states.shape, U8)])
+        got = kernels("edges.masks.hysteresis", states, out=[(states.shape, U8)])
         np.testing.assert_array_equal(got, (states > 0) & (corner == Edge.STRONG))
 
 
@@ -239,13 +241,15 @@ def test_subpixel_edges(kernels, shape):
     dy, dx = waves(*shape, seed=8)
     mask = (np.random.default_rng(8).random(shape) < 0.8).astype(U8)
     pixels, points, magnified = edges_reference.subpixel_edges(dy, dx, mask)
-    counts = kernels("edges.count_edges", dy, dx, mask, out=[(shape[:1], I32)])
+    counts = kernels("edges.subpixel.count_edges", dy, dx, mask, out=[(shape[:1], I32)])
     np.testing.assert_array_equal(counts, np.bincount(pixels[:, 0], minlength=shape[0]))
 
     n = len(pixels)
     starts = (np.cumsum(counts) - counts).astype(I32)
     out = [((n, 2), F32), ((n,), F32), ((n,), F32)]
-    got, orientation, strength = kernels("edges.gather_edges", dy, dx, mask, starts, out=out)
+    got, orientation, strength = kernels(
+        "edges.subpixel.gather_edges", dy, dx, mask, starts, out=out
+    )
     # Each logarithm within two units in the last place, then the sum with the coordinate.
     error = np.abs(got - points).max(1, initial=0)
     assert np.all(error <= 2**-22 * magnified + 2**-24 * max(shape))
@@ -270,27 +274,33 @@ def test_the_sets_give_equal_bits(all_kernels):
 
     def results(kernels):
         separable = taps, taps[:5], 1, Border.MIRROR, 0.0
-        yield kernels("filters.correlate_separable", planes, *separable, out=[(planes.shape, F32)])
+        yield kernels(
+            "filters.linear.correlate_separable", planes, *separable, out=[(planes.shape, F32)]
+        )
         pair = taps, other[0, :9], Border.REFLECT, 0.0, 0.0, 0.0
-        yield from kernels("gradients.differentiate_polar", image, *pair, out=[(shape, F32)] * 4)
+        yield from kernels(
+            "filters.gradients.differentiate_polar", image, *pair, out=[(shape, F32)] * 4
+        )
         ranks = 2, 1, 0, 8, Border.WRAP, 0
-        yield kernels("rank.median", integers, *ranks, out=[(integers.shape, I32)])
+        yield kernels("filters.medians.median", integers, *ranks, out=[(integers.shape, I32)])
         for norm in Norm:
             for rule in Thinning:
                 given = norm, rule, 0.4, 0.9
-                yield kernels("edges.thin", dy, dx, *given, out=[(shape, U8)])
+                yield kernels("edges.masks.thin", dy, dx, *given, out=[(shape, U8)])
             given = Border.REFLECT, 0.0, norm, 100.0, 400.0
-            yield kernels("edges.thin_sobel", octets, *given, out=[(shape, U8)])
-        yield kernels("edges.hysteresis", states, out=[(shape, U8)])
-        yield kernels("edges.count_edges", dy, dx, states, out=[(shape[:1], I32)])
-        yield kernels("shapes.code_directions", corners, dy, dx, out=[((len(corners),), I32)])
+            yield kernels("edges.masks.thin_sobel", octets, *given, out=[(shape, U8)])
+        yield kernels("edges.masks.hysteresis", states, out=[(shape, U8)])
+        yield kernels("edges.subpixel.count_edges", dy, dx, states, out=[(shape[:1], I32)])
+        yield kernels(
+            "hough.generalized.votes.code_directions", corners, dy, dx, out=[((len(corners),), I32)]
+        )
         for larger, shift in ((1, 0), (1, 2), (8, 1)):  # the last is more than one block holds
             sides = shape[0] * larger, shape[1] * larger
             given = *shape_votes(*sides), 60, *sides, shift
             cells = [((n - 1) >> shift) + 1 for n in sides]
             tiles = [-(-n // TILE) for n in cells]
-            yield kernels("shapes.accumulate", *given, out=[((3, 2, *cells), I32)])
-            yield kernels("shapes.search", *given, out=[((3, 2, *tiles), I32)])
+            yield kernels("hough.generalized.votes.accumulate", *given, out=[((3, 2, *cells), I32)])
+            yield kernels("hough.generalized.votes.search", *given, out=[((3, 2, *tiles), I32)])
 
     first, *others = [list(results(kernels)) for kernels in all_kernels]
     for found in others:

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calls import CALLS, blobs, fields, layouts, noise
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS, runtime
+from tests.calls import CALLS, blobs, fields, layouts, noise
 
 ROOT = Path(__file__).parents[1]
 

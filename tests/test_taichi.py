@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from reference import filters as reference
 
 import cvkern.kernels.taichi as kernels
-from cvkern.kernels.codes import Border
-from cvkern.kernels.taichi import filters
+from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.taichi.filters import linear
+from tests.filters import reference_linear as reference
 
 F32 = np.float32
 ROOT = Path(__file__).parents[1]
@@ -25,7 +25,7 @@ def _started():
 
 def blur(src, taps):
     dst = np.empty_like(src)
-    filters.correlate_separable(src, taps, taps, 1, Border.REFLECT, 0.0, dst)
+    linear.correlate_separable(src, taps, taps, 1, Border.REFLECT, 0.0, dst)
     return dst
 
 
@@ -66,7 +66,7 @@ def test_four_threads_at_once():
 def test_first_launch_on_another_thread_than_start():
     code = """
 import threading, numpy as np, cvkern.kernels.taichi as kernels
-from cvkern.kernels.taichi import filters
+from cvkern.kernels.taichi.filters import linear as filters
 starter = threading.Thread(target=kernels.start, args=("cpu",))
 starter.start(); starter.join()
 src = np.ones((1, 5, 6), np.float32); taps = np.ones(3, np.float32); dst = np.empty_like(src)
@@ -82,7 +82,7 @@ assert (dst == 9).all()
 def test_a_forked_child_is_told_so():
     code = """
 import os, numpy as np, cvkern.kernels.taichi as kernels
-from cvkern.kernels.taichi import gradients
+from cvkern.kernels.taichi.filters import gradients
 kernels.start("cpu")
 if os.fork() == 0:
     a = np.zeros((1, 1), np.float32)
@@ -101,7 +101,7 @@ assert os.waitstatus_to_exitcode(os.wait()[1]) == 2
 def test_a_fork_before_the_start_works():
     code = """
 import os, numpy as np, cvkern.kernels.taichi as kernels
-from cvkern.kernels.taichi import gradients
+from cvkern.kernels.taichi.filters import gradients
 if os.fork() == 0:
     kernels.start("cpu")
     a, b = np.ones((2, 1, 1), np.float32)
@@ -126,7 +126,7 @@ kernels.start("cpu")
 def test_denormal_numbers_outside_kernels_stay():
     code = """
 import numpy as np, cvkern.kernels.taichi as kernels
-from cvkern.kernels.taichi import gradients
+from cvkern.kernels.taichi.filters import gradients
 kernels.start("cpu")
 a = np.ones((1, 1), np.float32)
 gradients.root_mean_square(a, a, a.copy())
@@ -138,7 +138,7 @@ assert np.sqrt(np.full(9, 1e-45, np.float32)).all()
 def test_other_code_keeps_its_taichi():
     code = """
 import cvkern.kernels.taichi as kernels, taichi as ti, numpy as np, contextlib, io
-from cvkern.kernels.taichi import gradients
+from cvkern.kernels.taichi.filters import gradients
 def init():
     with contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=ti.cpu, log_level=ti.ERROR)
@@ -218,7 +218,7 @@ def test_kernels_take_the_memory_of_device_arrays():
     header = _cuda.header(dst)
     assert given[0].ctypes.data == src.ctypes.data
     assert header.ctypes.data == dst.ptr
-    filters.correlate_separable(given[0], given[1], given[1], 1, Border.REFLECT, 0.0, header)
+    linear.correlate_separable(given[0], given[1], given[1], 1, Border.REFLECT, 0.0, header)
     np.testing.assert_array_equal(dst.numpy(), blur(src, taps))
     assert _cuda.header(wp.zeros((0, 3), dtype=wp.int32, device="cpu")).shape == (0, 3)
     begin = np.int64(4)  # it makes the address of a slice NumPy's as well

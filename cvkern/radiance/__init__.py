@@ -1,6 +1,5 @@
 """Radiance fields: from posed photographs to a model that renders new views."""
 
-from cvkern.radiance.cameras import Cameras, cameras, look_at, pixel_rays, project
 from cvkern.radiance.compositing import (
     Composite,
     CompositeGradient,
@@ -8,23 +7,17 @@ from cvkern.radiance.compositing import (
     composite_rays_backward,
 )
 from cvkern.radiance.encodings import positional_encoding, spherical_harmonics
-from cvkern.radiance.hash_field import HashField
+from cvkern.radiance.fields.hash import HashField
+from cvkern.radiance.fields.perceptron import MLPField
+from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.metrics import psnr, ssim
-from cvkern.radiance.mlp_field import MLPField
 from cvkern.radiance.models import Mark, Model, load_model
-from cvkern.radiance.rendering import (
-    Picture,
-    Scores,
-    evaluate,
-    orbit_cameras,
-    render,
-    render_path,
-)
-from cvkern.radiance.scenes import Bounds, Scene, load_scene
-from cvkern.radiance.shapes import make_scene
+from cvkern.radiance.pinhole import Cameras, cameras, look_at, pixel_rays, project
+from cvkern.radiance.rendering import Picture, Scores, evaluate, orbit_cameras, render, render_path
+from cvkern.radiance.scenes.photographs import Bounds, Scene, load_scene
+from cvkern.radiance.scenes.solids import make_scene
 from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
 from cvkern.radiance.training import fit
-from cvkern.radiance.voxel_field import VoxelField
 
 __all__ = [
     "Bounds",

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._checks import check_accumulator, check_image, check_integer
 from cvkern._runtime import runtime
-from cvkern._validate import check_accumulator, check_image, check_integer
 
 __all__ = ["positional_encoding", "spherical_harmonics"]
 
@@ -73,7 +73,7 @@ def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bo
     check_accumulator((count, width), "encoding")
     rt = runtime(points)
     result = rt.empty((*head, width))
-    rt.radiance_encode.positional(
+    rt.radiance.encodings.positional(
         rt.adopt(points, np.float32, (count, size)),
         rt.constant(np.array([2**31 - 1], np.int32)),  # all
         frequencies,
@@ -127,7 +127,7 @@ def spherical_harmonics(directions: Any, degree: int = 3) -> Any:
     check_accumulator((count, width), "harmonics")
     rt = runtime(directions)
     result = rt.empty((*head, width))
-    rt.radiance_encode.spherical_harmonics(
+    rt.radiance.encodings.spherical_harmonics(
         rt.adopt(directions, np.float32, (count, 3)),
         rt.adopt(result, np.float32, (count, width)),
     )

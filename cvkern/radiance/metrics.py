@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._validate import check_image, check_positive
+from cvkern._checks import check_image, check_positive
 
 __all__ = ["psnr", "ssim"]
 

@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._checks import check_choice, check_code, check_integer, check_positive
 from cvkern._runtime import Runtime, runtime
-from cvkern._validate import check_choice, check_code, check_integer, check_positive
-from cvkern.kernels.codes import Background
+from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints
-from cvkern.radiance.cameras import Cameras, cameras
-from cvkern.radiance.fields import Field, Frame
-from cvkern.radiance.hash_field import HashField
-from cvkern.radiance.mlp_field import MLPField
-from cvkern.radiance.sampled import taken
-from cvkern.radiance.scenes import Bounds
-from cvkern.radiance.voxel_field import VoxelField
+from cvkern.radiance.fields.field import Field, Frame
+from cvkern.radiance.fields.hash import HashField
+from cvkern.radiance.fields.perceptron import MLPField
+from cvkern.radiance.fields.voxel import VoxelField
+from cvkern.radiance.march import taken
+from cvkern.radiance.pinhole import Cameras, cameras
+from cvkern.radiance.scenes.photographs import Bounds
 
 __all__ = ["Mark", "Model", "load_model"]
 

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._checks import check_integer, check_positive
 from cvkern._runtime import Runtime
-from cvkern._validate import check_integer, check_positive
-from cvkern.radiance.cameras import Cameras, cameras, look_at
-from cvkern.radiance.fields import Field, Frame, Seen
+from cvkern.radiance.fields.field import Field, Frame, Seen
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
-from cvkern.radiance.scenes import Scene, focus_of
+from cvkern.radiance.pinhole import Cameras, cameras, look_at
+from cvkern.radiance.scenes.photographs import Scene, focus_of
 
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
 
@@ -101,10 +101,10 @@ class Renderer:
             part = slice(begin, min(begin + RAYS, count))
             shape = part.stop - begin, 3
             origins, directions = (rt.scratch(f"view.{n}", shape) for n in ("from", "towards"))
-            rt.radiance_rays.view_rays(*lens, 0, width, begin, origins, directions)
+            rt.radiance.pinhole.view_rays(*lens, 0, width, begin, origins, directions)
             self.field.see(origins, directions, Seen(*(a[part] for a in seen)))
         red, green, blue = map(float, behind)
-        rt.radiance_view.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
+        rt.radiance.rendering.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
         return Picture(*(rt.release(p) for p in pictures))
 
 
@@ -146,7 +146,7 @@ def render_path(
         If `path` ends otherwise, height and width do not suit it, `fps` or the background is out of
         its range, or a camera is more than 32768 half-sides of the scene's cube from its middle.
     """
-    from cvkern.clouds import check_animation, write_animation
+    from cvkern.clouds.films import check_animation, write_animation
 
     check_animation(path, (len(cameras), cameras.height, cameras.width, 3), fps)
     frames = film(model, cameras, background=background, progress=progress)

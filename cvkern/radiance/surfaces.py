@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._checks import check_integer, check_positive
 from cvkern._files import replacing
-from cvkern._validate import check_integer, check_positive
-from cvkern.radiance.cameras import Cameras, pixel_rays
-from cvkern.radiance.fields import Seen
+from cvkern.radiance.fields.field import Seen
 from cvkern.radiance.models import Model
+from cvkern.radiance.pinhole import Cameras, pixel_rays
 from cvkern.radiance.rendering import RAYS, Renderer
 
 __all__ = ["Cloud", "Mesh", "mesh", "point_cloud", "write_mesh"]

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._validate import check_code
-from cvkern.kernels.codes import Background
-from cvkern.radiance.fields import Learning, Rays, Rendered
-from cvkern.radiance.hash_field import BETAS, EPSILON
+from cvkern._checks import check_code
+from cvkern.kernels.codes.radiance import Background
+from cvkern.radiance.fields.field import Learning, Rays, Rendered
+from cvkern.radiance.fields.hash import BETAS, EPSILON
+from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.models import Mark, Model
-from cvkern.radiance.parameters import Clip, Parameters
 from cvkern.radiance.rendering import evaluate, on_device, owned
-from cvkern.radiance.scenes import Scene
+from cvkern.radiance.scenes.photographs import Scene
 
 LOOK = 16  # steps between looks of the host at the device
 # Gradients are of the sum of the losses of a batch's rays times this, not of their mean: a ray
@@ -67,12 +67,12 @@ class Trainer:
     def step(self) -> None:
         """Draw rays, render them, and learn from the errors."""
         rt, field, at = self.rt, self.field, self.learning.step
-        rt.radiance_rays.random_rays(
+        rt.radiance.pinhole.random_rays(
             *self.views, self.images, *self.size, self.spread, self.model.seed, at, *self.rays[:2],
             self.targets,
         )  # fmt: skip
         seen = field.forward(self.rays, at)
-        rt.radiance_loss.loss(
+        rt.radiance.training.losses.loss(
             seen.color, seen.opacity, self.targets, self.active, self.background,
             self.behind.values, self.huber, field.gradient_scale, self.model.seed, at, self.errors,
             self.gradients.color, self.gradients.opacity, self.d_behind,
@@ -80,8 +80,8 @@ class Trainer:
         field.backward(self.gradients)
         field.learn(self.learning)
         if self.background == Background.LEARNT:
-            adam = rt.radiance_adam
-            rt.radiance_background.gather(
+            adam = rt.radiance.training.adam
+            rt.radiance.training.background.gather(
                 self.d_behind, self.active, self.parts, self.behind.gradients
             )
             adam.learning_rate(
@@ -90,7 +90,7 @@ class Trainer:
             self.clip.update(SHARE / field.gradient_scale)
             given = self.rate, self.clip.factor, *BETAS, EPSILON, 0.0, False
             adam.adam(*given, *self.behind.flat())
-        rt.radiance_adam.advance(at)
+        rt.radiance.training.adam.advance(at)
 
     def repeat(self) -> None:
         """Take a step: the first one with the field's arrays as it is, the others as recorded."""

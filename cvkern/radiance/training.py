@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._checks import check_choice, check_code, check_integer, check_number, check_positive
 from cvkern._runtime import refuse_capture, runtime
-from cvkern._validate import check_choice, check_code, check_integer, check_number, check_positive
-from cvkern.kernels.codes import Background
+from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints
-from cvkern.radiance.fields import Frame
-from cvkern.radiance.hash_field import HashField
-from cvkern.radiance.mlp_field import MLPField
+from cvkern.radiance.fields.field import Frame
+from cvkern.radiance.fields.hash import HashField
+from cvkern.radiance.fields.perceptron import MLPField
+from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.models import Model, Training, load_model
-from cvkern.radiance.scenes import Scene
+from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Say, Trainer
-from cvkern.radiance.voxel_field import VoxelField
 
 __all__ = ["fit"]
 

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from ..codes import Border
+from cvkern.kernels.codes.filters import Border
 
 
 @ti.func

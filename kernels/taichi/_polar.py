@@ -4,7 +4,8 @@ import math
 
 import taichi as ti
 
-from ..codes import ATAN
+from cvkern.kernels.codes.filters import ATAN
+
 from ._rounding import product, quotient
 
 _HIGHEST, *_LOWER = reversed(ATAN)

@@ -4,7 +4,7 @@ import math
 
 import warp as wp
 
-from ..codes import ATAN
+from cvkern.kernels.codes.filters import ATAN
 
 _ATAN = tuple(wp.constant(c) for c in ATAN)
 A0, A1, A2, A3, A4, A5, A6, A7 = _ATAN

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from ..codes import Border
+from cvkern.kernels.codes.filters import Border
 
 
 @wp.func

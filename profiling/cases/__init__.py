@@ -1,22 +1,12 @@
-"""The cases, by name; a family has the same file name here as in cvkern."""
+"""The cases of every module in the folders here, by name."""
+
+import importlib
+import pkgutil
 
 from ..case import Case
-from . import (
-    circles,
-    depth,
-    edges,
-    filters,
-    gradients,
-    lines,
-    rank,
-    semi_global,
-    shapes,
-    stereo,
-    stereo_cost,
-)
 
-FAMILIES = (
-    filters, gradients, rank, edges, lines, circles, shapes,
-    stereo_cost, semi_global, stereo, depth,
-)  # fmt: skip
-CASES: dict[str, Case] = {case.name: case for family in FAMILIES for case in family.CASES}
+CASES: dict[str, Case] = {}
+for _module in pkgutil.walk_packages(__path__, f"{__name__}."):
+    CASES |= {
+        case.name: case for case in getattr(importlib.import_module(_module.name), "CASES", ())
+    }

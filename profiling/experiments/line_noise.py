@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from cvkern._files import replacing, write_text
-from cvkern.tour import line_noise
+from cvkern.app.tour import line_noise
 
 TRIALS = 100
 

@@ -20,8 +20,7 @@ import numpy as np
 import cvkern
 from cvkern.radiance import Scene, fit, load_scene, make_scene, render
 from cvkern.radiance.training import KINDS, suited
-
-from ..record import ROOT, surroundings, write_json
+from profiling.record import ROOT, surroundings, write_json
 
 VIEW = 800  # edge of the picture that is timed, in pixels
 REPEATS = 9

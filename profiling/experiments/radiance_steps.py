@@ -26,9 +26,8 @@ import cvkern
 from cvkern.radiance import fit, load_scene, make_scene
 from cvkern.radiance.trainer import Trainer
 from cvkern.radiance.training import KINDS, suited
-
-from .. import clock
-from ..record import ROOT, surroundings, write_json
+from profiling import clock
+from profiling.record import ROOT, surroundings, write_json
 
 Call = tuple[str, Callable[..., None], tuple[Any, ...]]  # its name, itself, its arguments
 
@@ -37,17 +36,19 @@ AHEAD = 8  # steps that a GPU is given before the one that is timed
 
 
 class Listener:
-    """A family of primitives that notes its calls."""
+    """A folder or a module of primitives that notes its calls, by their place in it."""
 
-    def __init__(self, family: str, module: Any, calls: list[Call]):
-        self._family, self._module, self._calls = family, module, calls
+    def __init__(self, place: str, inner: Any, calls: list[Call]):
+        self._place, self._inner, self._calls = place, inner, calls
 
-    def __getattr__(self, name: str) -> Callable[..., None]:
-        primitive = getattr(self._module, name)
+    def __getattr__(self, name: str) -> Any:
+        found, place = getattr(self._inner, name), f"{self._place}{name}"
+        if not callable(found):
+            return Listener(f"{place}.", found, self._calls)
 
         def call(*arguments: Any) -> None:
-            self._calls.append((f"{self._family}.{name}", primitive, arguments))
-            primitive(*arguments)
+            self._calls.append((place, found, arguments))
+            found(*arguments)
 
         return call
 
@@ -56,15 +57,12 @@ def calls_of(trainer: Trainer) -> list[Call]:
     """Take a step, and return its calls of primitives."""
     rt, calls = trainer.rt, []
     trainer.step()
-    families = [name for name in vars(rt) if name.startswith("radiance_")]
-    modules = {name: getattr(rt, name) for name in families}
+    folder = rt.radiance
     try:
-        for name, module in modules.items():
-            setattr(rt, name, Listener(name.removeprefix("radiance_"), module, calls))
+        setattr(rt, "radiance", Listener("", folder, calls))  # noqa: B010  (of another type)
         trainer.step()
     finally:
-        for name, module in modules.items():
-            setattr(rt, name, module)
+        setattr(rt, "radiance", folder)  # noqa: B010
     return calls
 
 
@@ -96,11 +94,11 @@ def timed(trainer: Trainer) -> tuple[list[Call], list[float]]:
 def corners(trainer: Trainer, name: str) -> int:
     """Return the bytes that a primitive gathers or scatters for each sample."""
     field: Any = trainer.field
-    if name in ("hash.encode", "hash.backward"):
-        table = field.table.sums if name == "hash.backward" else field.table.copy
+    if name in ("fields.hash.encode", "fields.hash.backward"):
+        table = field.table.sums if name == "fields.hash.backward" else field.table.copy
         return 8 * field.settings.levels * 2 * size_of(table)
-    if name in ("voxel.render", "voxel.render_backward"):
-        added = 2 * size_of(field._sums[1]) if name == "voxel.render_backward" else 0
+    if name in ("fields.voxel.rays.render", "fields.voxel.rays.render_backward"):
+        added = 2 * size_of(field._sums[1]) if name == "fields.voxel.rays.render_backward" else 0
         return 8 * (4 + added) * (1 + field.color.shape[3])  # read; and added to
     return 0
 
@@ -113,7 +111,7 @@ def streamed(trainer: Trainer, call: Call, samples: int) -> int:
     total = 0
     for array in {id(a): a for a in arguments if hasattr(a, "shape")}.values():
         # Not of what is gathered from, or of grids of which few nodes are touched.
-        sparse = corners(trainer, name) or name.startswith(("voxel.", "rays."))
+        sparse = corners(trainer, name) or name.startswith(("fields.voxel.", "pinhole."))
         whole = 0 if sparse else array.shape[0]
         total += rows.get(array.shape[0], whole) * math.prod(array.shape[1:]) * size_of(array)
     return total
@@ -126,9 +124,9 @@ def size_of(array: Any) -> int:
 
 def part_of(name: str) -> str:
     """Return which third of a step a primitive is in."""
-    if "backward" in name or name in ("adam.collect", "background.gather"):
+    if "backward" in name or name in ("training.adam.collect", "training.background.gather"):
         return "backward"
-    learning = name.startswith(("adam.", "voxel.adam", "voxel.total_variation"))
+    learning = name.startswith(("training.adam.", "fields.voxel.nodes."))
     return "learning" if learning else "forward"
 
 

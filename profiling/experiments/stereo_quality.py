@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 
 import cvkern
-from cvkern.tour.stereo_errors import occluded
+from cvkern.app.tour.stereo_errors import occluded
+from profiling.record import ROOT, surroundings, write_json
 
-from ..record import ROOT, surroundings, write_json
 from .window_size import Pair, pairs
 
 Matcher = Callable[[np.ndarray, np.ndarray, int], np.ndarray]

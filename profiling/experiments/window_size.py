@@ -17,10 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
+from cvkern.app.tour.stereo_errors import plot, sweep
 from cvkern.images import read_image
-from cvkern.tour.stereo_errors import plot, sweep
-
-from ..record import ROOT, write_json, write_text
+from profiling.record import ROOT, write_json, write_text
 
 WINDOWS = (3, 5, 7, 9, 11, 15, 21, 31, 41)
 Pair = tuple[str, np.ndarray, np.ndarray, np.ndarray, int]  # name, left, right, truth, disparities

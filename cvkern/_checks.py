@@ -1,0 +1,216 @@
+"""Argument checks shared by every public function: one rule, one sentence, one place."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Sequence
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+
+from cvkern import _arrays
+
+E = TypeVar("E", bound=IntEnum)
+
+# Kernels index bytes with 32 bits: 2^29 elements of four bytes.
+MAX_ELEMENTS = 2**29
+MAX_SIDE = 2**16  # pixels along one side of what votes
+MAX_DISPARITIES = 2**15
+_FLOAT32_MAX = float(np.finfo(np.float32).max)
+
+
+def check_image(
+    image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image", most: int = MAX_ELEMENTS
+) -> Any:
+    """Return `image` as an array of real values with one of the ranks, and no empty axis."""
+    library = _arrays.library(image)
+    if not hasattr(image, "shape"):
+        try:
+            image = np.asarray(image)
+        except ValueError as error:
+            raise ValueError(f"{name} must be rectangular, got rows that differ: {error}") from None
+    dtype = library.dtype(image)
+    if dtype.kind not in "biuf":
+        raise TypeError(f"{name} must hold real numbers, got dtype {dtype}")
+    shape = tuple(image.shape)
+    if len(shape) not in ndim:
+        want = " or ".join(f"{n}-D" for n in ndim)
+        raise ValueError(f"{name} must be {want}, got shape {shape}")
+    if 0 in shape:
+        raise ValueError(f"{name} must not be empty, got shape {shape}")
+    if math.prod(shape) > most:
+        raise ValueError(f"{name} must have at most {most} elements, got shape {shape}")
+    return image
+
+
+def check_sides(shape: Any, name: str) -> tuple[int, int]:
+    """Return height and width, each at most what voting kernels count with."""
+    sides = tuple(check_integer(n, name, 1, MAX_SIDE) for n in shape)
+    if len(sides) != 2:
+        raise ValueError(f"{name} must be a height and a width, got {len(sides)} numbers")
+    return sides
+
+
+def check_accumulator(shape: tuple[int, ...], name: str) -> None:
+    """Refuse an accumulator of int32 votes with more elements than kernels index."""
+    size = math.prod(shape)
+    if size > MAX_ELEMENTS:
+        raise ValueError(
+            f"{name} must have at most {MAX_ELEMENTS} elements, got {size} in shape "
+            f"{tuple(shape)}, which would take {4 * size} bytes"
+        )
+
+
+def check_dtype(array: Any, dtype: Any, name: str) -> None:
+    """Refuse an array of any dtype but one."""
+    given = _arrays.library(array).dtype(array)
+    if given != np.dtype(dtype):
+        raise TypeError(f"{name} must be {np.dtype(dtype)}, got {given}")
+
+
+def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
+    """Return `values` as an array of `shape`, of the mask or of the points, or None as it is."""
+    if values is None:
+        return None
+    if not hasattr(values, "shape"):
+        values = np.asarray(values)
+    if tuple(values.shape) != tuple(shape):
+        raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
+    return check_image(values, ndim=(1, 2), name=name) if len(values) else values
+
+
+def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
+    """Return the axis that is not filtered, counted from the front, or None."""
+    if (len(shape) == 3) != (channel_axis is not None):
+        raise ValueError(
+            f"channel_axis must be given for 3-D images and for no others, "
+            f"got {channel_axis} for shape {tuple(shape)}"
+        )
+    if channel_axis is None:
+        return None
+    return check_integer(channel_axis, "channel_axis", -3, 2) % 3
+
+
+def check_code(value: str, codes: type[E], name: str) -> E:
+    """Return the member of `codes` called `value` (the code that kernels switch on)."""
+    names = _names(codes)
+    code = names.get(value) if isinstance(value, str) else None
+    if code is None:
+        raise ValueError(f"{name} must be one of {tuple(names)}, got {value!r}")
+    return code
+
+
+@lru_cache
+def _names(codes: type[IntEnum]) -> dict[str, Any]:
+    return {code.name.lower(): code for code in codes}
+
+
+def check_choice(value: str, choices: Sequence[str], name: str) -> str:
+    """Return `value` if it is one of `choices`."""
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {tuple(choices)}, got {value!r}")
+    return value
+
+
+def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
+    """Return `value` as a float of at least `low`, finite in float32 unless told otherwise."""
+    number = float(value) if isinstance(value, (int, float)) else _as_float(value, name)
+    if math.isnan(number) or number < low or (finite and abs(number) > _FLOAT32_MAX):
+        rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
+        raise ValueError(f"{name} must be {rule}, got {value}")
+    return number
+
+
+def check_positive(value: Any, name: str) -> float:
+    """Return `value` as a float above 0, finite in float32."""
+    number = check_number(value, name)
+    if number <= 0:
+        raise ValueError(f"{name} must be > 0, got {value}")
+    return number
+
+
+def _as_float(value: Any, name: str) -> float:
+    try:
+        if np.ndim(value) == 0:
+            return float(value)
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(f"{name} must be a number, got {value!r}")
+
+
+def check_integer(value: Any, name: str, low: int, high: int) -> int:
+    """Return `value` as an int in [low, high]."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} must be an integer, got {value!r}") from None
+    if not low <= number <= high:
+        raise ValueError(f"{name} must be in [{low}, {high}], got {value}")
+    return number
+
+
+def check_pair(value: Any, name: str) -> tuple[Any, Any]:
+    """Return `value` twice, or the two values that it is: down the rows, along the columns."""
+    if isinstance(value, (int, float)) or np.ndim(value) == 0:
+        return value, value
+    values = tuple(value)
+    if len(values) != 2:
+        raise ValueError(f"{name} must be one number or two, got {len(values)}")
+    return values[0], values[1]
+
+
+def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
+    """Return the first disparity and the one behind the last, for images of `width` columns."""
+    try:
+        first, stop = (operator.index(d) for d in disparities)
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"disparities must be two integers, the first and the one behind the last, "
+            f"got {disparities!r}"
+        ) from None
+    if first >= stop:
+        raise ValueError(f"disparities must be (first, stop) with first < stop, got {first, stop}")
+    if first <= -width or stop > width:
+        raise ValueError(
+            f"disparities must be less than the width of {width} pixels, got {first, stop}"
+        )
+    if stop - first > MAX_DISPARITIES:
+        raise ValueError(
+            f"disparities must be at most {MAX_DISPARITIES}, got {first, stop}: {stop - first}"
+        )
+    return first, stop
+
+
+def check_out(out: Any, image: Any, dtype: Any) -> None:
+    """Refuse an `out` that is not an array like `image`, of `dtype`, and apart from it."""
+    if out is None:
+        return
+    library = _arrays.library(out)
+    if library is not _arrays.library(image) or isinstance(out, (list, tuple)):
+        raise TypeError(f"out must be an array like the image, got {type(out).__name__}")
+    if not library.writable:
+        raise TypeError(f"out must be an array that can be written to, got {type(out).__name__}")
+    if tuple(out.shape) != tuple(image.shape):
+        raise ValueError(f"out must have shape {tuple(image.shape)}, got {tuple(out.shape)}")
+    if library.dtype(out) != np.dtype(dtype):
+        raise TypeError(f"out must be {np.dtype(dtype)}, got {out.dtype}")
+    place, wanted = _arrays.device(out), _arrays.device(image)
+    if place != wanted:
+        raise ValueError(f"out must be on the device of the image, {wanted}, got {place}")
+    writeable = not isinstance(out, np.ndarray) or out.flags.writeable
+    if library.contiguous(out, np.dtype(dtype)) is not out or not writeable:
+        raise ValueError("out must be contiguous and writeable, got an array that is not")
+    if _share_memory(out, image, place):
+        raise ValueError("out must not share memory with the image, got one that does")
+
+
+def _share_memory(out: Any, image: Any, device: str) -> bool:
+    if device == "cpu":
+        return np.may_share_memory(np.asarray(out), np.asarray(image))
+    # On a GPU: one begins within the other. An image that is not contiguous is copied first.
+    begins = [a.__cuda_array_interface__["data"][0] for a in (out, image)]
+    sizes = [math.prod(a.shape) * _arrays.library(a).dtype(a).itemsize for a in (out, image)]
+    return begins[0] < begins[1] + sizes[1] and begins[1] < begins[0] + sizes[0]

@@ -1,0 +1,62 @@
+# Written by `python -m tests.kernel_stub`, from the folders of kernels/warp.
+class Folder:
+    def __init__(self, package: str) -> None: ...
+    class clouds:
+        from cvkern.kernels.warp.clouds import turntables as turntables
+    class edges:
+        from cvkern.kernels.warp.edges import masks as masks
+        from cvkern.kernels.warp.edges import subpixel as subpixel
+    class filters:
+        from cvkern.kernels.warp.filters import gradients as gradients
+        from cvkern.kernels.warp.filters import linear as linear
+        from cvkern.kernels.warp.filters import medians as medians
+    class hough:
+        from cvkern.kernels.warp.hough import points as points
+        class circles:
+            from cvkern.kernels.warp.hough.circles import detection as detection
+            from cvkern.kernels.warp.hough.circles import peaks as peaks
+            from cvkern.kernels.warp.hough.circles import votes as votes
+        class ellipses:
+            from cvkern.kernels.warp.hough.ellipses import votes as votes
+        class generalized:
+            from cvkern.kernels.warp.hough.generalized import votes as votes
+        class lines:
+            from cvkern.kernels.warp.hough.lines import peaks as peaks
+            from cvkern.kernels.warp.hough.lines import segments as segments
+            from cvkern.kernels.warp.hough.lines import votes as votes
+    class radiance:
+        from cvkern.kernels.warp.radiance import compositing as compositing
+        from cvkern.kernels.warp.radiance import encodings as encodings
+        from cvkern.kernels.warp.radiance import pinhole as pinhole
+        from cvkern.kernels.warp.radiance import rendering as rendering
+        class fields:
+            from cvkern.kernels.warp.radiance.fields import hash as hash
+            class perceptron:
+                from cvkern.kernels.warp.radiance.fields.perceptron import heads as heads
+                from cvkern.kernels.warp.radiance.fields.perceptron import layers as layers
+                from cvkern.kernels.warp.radiance.fields.perceptron import network as network
+            class voxel:
+                from cvkern.kernels.warp.radiance.fields.voxel import nodes as nodes
+                from cvkern.kernels.warp.radiance.fields.voxel import rays as rays
+        class march:
+            from cvkern.kernels.warp.radiance.march import occupancy as occupancy
+            from cvkern.kernels.warp.radiance.march import steps as steps
+        class scenes:
+            from cvkern.kernels.warp.radiance.scenes import solids as solids
+        class training:
+            from cvkern.kernels.warp.radiance.training import adam as adam
+            from cvkern.kernels.warp.radiance.training import background as background
+            from cvkern.kernels.warp.radiance.training import losses as losses
+    class stereo:
+        from cvkern.kernels.warp.stereo import depth as depth
+        from cvkern.kernels.warp.stereo import refinement as refinement
+        from cvkern.kernels.warp.stereo import windows as windows
+        from cvkern.kernels.warp.stereo import winners as winners
+        class costs:
+            from cvkern.kernels.warp.stereo.costs import census as census
+            from cvkern.kernels.warp.stereo.costs import correlation as correlation
+            from cvkern.kernels.warp.stereo.costs import gray as gray
+            from cvkern.kernels.warp.stereo.costs import windows as windows
+        class paths:
+            from cvkern.kernels.warp.stereo.paths import aggregation as aggregation
+            from cvkern.kernels.warp.stereo.paths import matching as matching

@@ -1,0 +1,42 @@
+"""The subcommands of ``cvkern`` that work on photographs, one module each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+Backend = Annotated[
+    str | None, typer.Option(help="Kernel set: warp or taichi.", show_default="warp")
+]
+Device = Annotated[
+    str | None, typer.Option(help="Device: cpu, cuda or cuda:N.", show_default="cpu")
+]
+
+
+def as_gray(image: np.ndarray) -> np.ndarray:
+    """Return an image as read from a file without its colour, rounded to the dtype of the file."""
+    from cvkern.images.colors import luma
+
+    if image.ndim == 2:
+        return image
+    gray = luma(image)
+    return gray.round().astype(image.dtype) if image.dtype.kind == "u" else gray
+
+
+def write_csv(file: Path, names: str, *columns: np.ndarray) -> None:
+    """Write columns, (N,) or (N, K), under a line with their names."""
+    table = np.column_stack(columns)
+    np.savetxt(file, table, fmt="%.9g", delimiter=",", header=names, comments="")  # 9: float32
+
+
+def progress_bar() -> Any:
+    """Return a bar on the standard error, which shows itself on a terminal only."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (BarColumn(32), MofNCompleteColumn(), TextColumn("{task.description}"))
+    console = Console(stderr=True)
+    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

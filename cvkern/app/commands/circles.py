@@ -1,0 +1,91 @@
+"""``cvkern circles``."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import cvkern
+from cvkern.app.commands import Backend, Device, as_gray, write_csv
+
+NAMES = ("row", "column", "radius", "support")
+COLOR = (255, 98, 41)
+
+
+def circles(
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    radius: Annotated[
+        tuple[float, float],
+        typer.Option(metavar="LOW HIGH", help="Smallest and largest radius, pixels."),
+    ],
+    sigma: Annotated[
+        float, typer.Option(help="Standard deviation of the Gaussian, pixels once reduced.")
+    ] = 2.0,
+    low_threshold: Annotated[
+        float | None,
+        typer.Option(help="Gradient above which an edge goes on.", show_default="as of edges"),
+    ] = None,
+    high_threshold: Annotated[
+        float | None,
+        typer.Option(help="Gradient above which an edge starts.", show_default="as of edges"),
+    ] = None,
+    polarity: Annotated[
+        str, typer.Option(help="Brighter than around, or not: any, bright or dark.")
+    ] = "any",
+    min_support: Annotated[
+        float, typer.Option(help="Share of the circle that must be seen, in (0, 1].")
+    ] = 0.5,
+    min_distance: Annotated[
+        float | None,
+        typer.Option(help="Least distance of centres, pixels.", show_default="LOW"),
+    ] = None,
+    to_csv: Annotated[
+        Path | None, typer.Option("--csv", help="CSV to write the circles to.")
+    ] = None,
+    to_json: Annotated[
+        Path | None, typer.Option("--json", help="JSON to write the circles to.")
+    ] = None,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Find the circles in a photograph, and draw them over it.
+
+    A circle is the row and column of its centre, its radius, and the share of it that was seen.
+    """
+    from cvkern._files import replacing, write_text
+    from cvkern.images.drawing import draw_circles
+    from cvkern.images.files import read_image, write_image
+
+    names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
+    if len(set(names)) < len(names):
+        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    image = read_image(photo)
+    with cvkern.use(backend=backend, device=device):
+        found = cvkern.detect_circles(
+            as_gray(image),
+            radius,
+            sigma=sigma,
+            low_threshold=low_threshold,
+            high_threshold=high_threshold,
+            polarity=polarity,
+            min_support=min_support,
+            min_distance=min_distance,
+        )
+    table = np.column_stack(found)
+    with contextlib.ExitStack() as files:  # an error in one leaves none
+        if to_csv:
+            write_csv(files.enter_context(replacing(to_csv)), ",".join(NAMES), table)
+        if to_json:
+            rows = [dict(zip(NAMES, row, strict=True)) for row in table.tolist()]
+            beside = files.enter_context(replacing(to_json))
+            write_text(beside, json.dumps(rows, indent=1) + "\n")
+        write_image(output, draw_circles(image, table[:, :3], color=COLOR, width=2.0))
+    typer.echo(f"{output}: {len(table)} circles")
+    for row, column, size, support in table.tolist():
+        typer.echo(f"row {row:.1f}, column {column:.1f}, radius {size:.1f}, support {support:.2f}")

@@ -1,0 +1,80 @@
+"""``cvkern lines``."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import cvkern
+from cvkern.app.commands import Backend, Device, as_gray, write_csv
+
+SEGMENT = ("row", "column", "to_row", "to_column")
+LINE = ("theta", "rho", "votes")
+COLOR = (255, 98, 41)
+
+
+def lines(
+    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    whole: Annotated[
+        bool, typer.Option("--lines/--segments", help="Whole lines, or segments with two ends.")
+    ] = False,
+    sigma: Annotated[float, typer.Option(help="Standard deviation of the Gaussian, pixels.")] = 1.0,
+    low_threshold: Annotated[
+        float | None,
+        typer.Option(help="Gradient above which an edge goes on.", show_default="as of edges"),
+    ] = None,
+    high_threshold: Annotated[
+        float | None,
+        typer.Option(help="Gradient above which an edge starts.", show_default="as of edges"),
+    ] = None,
+    min_length: Annotated[float, typer.Option(help="Of segments, pixels.")] = 20.0,
+    max_gap: Annotated[float, typer.Option(help="Within segments, pixels.")] = 3.0,
+    min_votes: Annotated[
+        float | None,
+        typer.Option(help="Least edge points of a line.", show_default="a tenth of the diagonal"),
+    ] = None,
+    to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
+    to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Find the straight lines in a photograph, and draw them over it.
+
+    A segment is the row and column of either end. A line is the angle of its normal, degrees, its
+    distance from the first pixel, and the number of edge points on it.
+    """
+    from cvkern._files import replacing, write_text
+    from cvkern.images._overlay import across
+    from cvkern.images.drawing import draw_lines
+    from cvkern.images.files import read_image, write_image
+
+    names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
+    if len(set(names)) < len(names):
+        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    image = read_image(photo)
+    gray, thresholds = as_gray(image), (sigma, low_threshold, high_threshold)
+    with cvkern.use(backend=backend, device=device):
+        if whole:
+            found = cvkern.detect_lines(gray, *thresholds, min_votes=min_votes)
+            table = np.column_stack((np.degrees(found.theta), found.rho, found.votes))
+            drawn = across(found.theta, found.rho, gray.shape)
+        else:
+            drawn = table = cvkern.detect_segments(
+                gray, *thresholds, min_length=min_length, max_gap=max_gap
+            )
+    columns = LINE if whole else SEGMENT
+    with contextlib.ExitStack() as files:  # an error in one leaves none
+        if to_csv:
+            write_csv(files.enter_context(replacing(to_csv)), ",".join(columns), table)
+        if to_json:
+            rows = [dict(zip(columns, row, strict=True)) for row in table.tolist()]
+            beside = files.enter_context(replacing(to_json))
+            write_text(beside, json.dumps(rows, indent=1) + "\n")
+        write_image(output, draw_lines(image, drawn, color=COLOR, width=2.0))
+    typer.echo(f"{output}: {len(table)} {'lines' if whole else 'segments'}")

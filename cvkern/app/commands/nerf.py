@@ -1,0 +1,232 @@
+"""``cvkern nerf``: train, render, judge and export radiance fields."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+import cvkern
+from cvkern.app.commands import Backend, Device, progress_bar
+
+nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
+
+SHAPES = "shapes"
+SceneAt = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SCENE",
+        help=f"Folder of posed photographs, or '{SHAPES}' for a synthetic scene.",
+    ),
+]
+ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
+Shrink = Annotated[
+    int, typer.Option(help="Average photographs over blocks of so many pixels squared.")
+]
+Size = Annotated[float, typer.Option(help="Size of the pictures over that of the photographs.")]
+
+
+@nerf.command()
+def train(
+    scene: SceneAt,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Model to write, .npz.")],
+    field: Annotated[
+        str | None,
+        typer.Option(
+            help="Kind: voxel, hash or mlp, as large as suits the device.",
+            show_default="voxel on the CPU, hash on a GPU",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(help="Time to train for.", show_default="60")
+    ] = None,
+    steps: Annotated[int | None, typer.Option(help="Steps to train for, instead.")] = None,
+    background: Annotated[
+        str,
+        typer.Option(
+            help="Behind everything: random, white, black or learnt. Not random for photographs "
+            "without opacity of things before one colour."
+        ),
+    ] = "random",
+    loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
+    seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+    deterministic: Annotated[
+        bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on from the output, if it is there.")
+    ] = False,
+    shrink: Shrink = 1,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Train a radiance field, and write the model; Ctrl-C stops it and writes what there is.
+
+    With --resume, --seconds and --steps count from the beginning, not from where it was stopped.
+    """
+    from cvkern.radiance import fit
+
+    with cvkern.use(backend=backend, device=device):
+        model = fit(
+            _scene(scene, shrink),
+            field,
+            seconds=seconds,
+            steps=steps,
+            background=background,
+            loss=loss,
+            seed=seed,
+            deterministic=deterministic,
+            checkpoint=output,
+            resume=resume,
+        )
+    done = model.training
+    said = f"{output}: 1 step"  # which is not on the clock
+    if done.step > 1:
+        rate = done.total_rays / done.seconds
+        said = f"{output}: {done.step} steps in {done.seconds:.1f} s, {rate:,.0f} rays/s"
+    if done.stopped:
+        said += ", stopped"
+    elif done.marks and done.marks[-1].test_psnr == done.marks[-1].test_psnr:
+        last = done.marks[-1]
+        said += f", held-out views {last.test_psnr:.2f} dB, SSIM {last.test_ssim:.3f}"
+    typer.echo(said)
+
+
+@nerf.command()
+def render(
+    model: ModelAt,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Picture to write; of an orbit .gif, or .mp4 where imageio-ffmpeg is installed.",
+        ),
+    ],
+    view: Annotated[
+        int, typer.Option(help="Number of the photograph from whose camera to look, from 0.")
+    ] = 0,
+    orbit: Annotated[
+        bool, typer.Option("--orbit", help="A film once round what the photographs show.")
+    ] = False,
+    frames: Annotated[int, typer.Option(help="Of the orbit.")] = 60,
+    fps: Annotated[float, typer.Option(help="Frames of the orbit in a second.")] = 20.0,
+    size: Size = 1.0,
+    depth: Annotated[
+        Path | None, typer.Option(help="Picture of the depths to write: bright is near.")
+    ] = None,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Render a view of a model, or an orbit."""
+    import numpy as np
+
+    from cvkern._checks import check_positive
+    from cvkern.images.colors import apply_colormap
+    from cvkern.images.files import write_image
+    from cvkern.radiance import load_model, orbit_cameras, render_path
+    from cvkern.radiance import render as picture_of
+
+    if orbit and depth:
+        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
+    check_positive(size, "size")
+    if depth and depth.resolve() == output.resolve():
+        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    with cvkern.use(backend=backend, device=device):
+        made = load_model(model)
+        if orbit:
+            cameras = orbit_cameras(made.cameras, frames, factor=size)
+            with progress_bar() as bar:
+                task = bar.add_task("Rendering", total=frames)
+                render_path(
+                    made, cameras, output, fps=fps,
+                    progress=lambda done, total: bar.update(task, completed=done, total=total),
+                )  # fmt: skip
+            typer.echo(f"{output}: {frames} frames of {cameras.height} x {cameras.width}")
+            return
+        cameras = made.cameras.scaled(size)
+        seen = picture_of(made, cameras, view)
+    write_image(output, np.round(255 * seen.color).astype(np.uint8))
+    if depth:
+        write_image(depth, apply_colormap(-seen.depth, nan=(0, 0, 0)))
+    typer.echo(f"{output}: {cameras.height} x {cameras.width}")
+
+
+@nerf.command(name="eval")
+def judge(
+    model: ModelAt,
+    scene: SceneAt,
+    shrink: Shrink = 1,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Compare a model with the held-out photographs of a scene."""
+    from cvkern.radiance import evaluate, load_model
+
+    with cvkern.use(backend=backend, device=device):
+        photographs = _scene(scene, shrink)
+        made = load_model(model)
+        with progress_bar() as bar:
+            task = bar.add_task("Rendering", total=None)
+            scores = evaluate(
+                made, photographs,
+                progress=lambda done, total: bar.update(task, completed=done, total=total),
+            )  # fmt: skip
+    for view, psnr, ssim in zip(photographs.test.nonzero()[0], *scores, strict=True):
+        typer.echo(f"view {view}: {psnr:.2f} dB, SSIM {ssim:.3f}")
+    typer.echo(
+        f"mean of {len(scores.psnr)}: {scores.psnr.mean():.2f} dB, SSIM {scores.ssim.mean():.3f}"
+    )
+
+
+@nerf.command()
+def export(
+    model: ModelAt,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, that only "
+            "renders.",
+        ),
+    ],
+    points: Annotated[
+        bool, typer.Option("--points", help="Write a point cloud instead of a mesh.")
+    ] = False,
+    resolution: Annotated[int, typer.Option(help="Cells of the mesh along a side.")] = 128,
+    density: Annotated[float, typer.Option(help="Density at the surface of the mesh.")] = 25.0,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Write a model as a coloured mesh, as a point cloud, or without what only training needs."""
+    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh
+
+    if output.suffix.lower() not in (".ply", ".npz"):
+        raise ValueError(f"output must end in .ply or .npz, got {str(output)!r}")
+    with cvkern.use(backend=backend, device=device):
+        made = load_model(model)
+        if output.suffix.lower() == ".npz":
+            made.save(output, resumable=False)
+            typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
+            return
+        if points:
+            from cvkern.clouds import write_ply
+
+            cloud = point_cloud(made)
+            write_ply(output, *cloud)
+            typer.echo(f"{output}: {len(cloud.points)} points")
+        else:
+            surface = mesh(made, resolution=resolution, density=density)
+            write_mesh(output, surface)
+            typer.echo(f"{output}: {len(surface.faces)} triangles")
+
+
+def _scene(path: Path, shrink: int) -> Any:
+    from cvkern._checks import check_integer
+    from cvkern.radiance import load_scene, make_scene
+
+    scene = make_scene() if str(path) == SHAPES and not path.exists() else load_scene(path)
+    check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
+    return scene if shrink == 1 else scene.resized(shrink)

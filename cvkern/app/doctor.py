@@ -1,0 +1,123 @@
+"""Whether a kernel set computes the right answers on a device of this machine.
+
+``python -m cvkern.app.doctor SET DEVICE`` prints a finding as JSON: each set and device is examined
+in a process of its own, because a broken driver may end the process that asks.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import cvkern
+
+
+@dataclass
+class Finding:
+    """What was found about one kernel set on one device."""
+
+    backend: str
+    device: str
+    absent: str = ""
+    """Why the device cannot be used at all, or empty."""
+    wrong: dict[str, str] = field(default_factory=dict)
+    """For each function tried what is wrong with its answer, or an empty string."""
+    seconds: float = 0.0
+    """Time of the first calls: starting, and compiling or loading the kernels."""
+    cache: str = ""
+    """Folder of the compiled kernels."""
+    devices: list[str] = field(default_factory=list)
+    """Devices that the kernel set finds."""
+
+    @property
+    def healthy(self) -> bool:
+        """Whether everything tried gave the right answer."""
+        return not self.absent and bool(self.wrong) and not any(self.wrong.values())
+
+
+def examine(backend: str, device: str, timeout: float = 600.0) -> Finding:
+    """Examine a kernel set on a device, in a new process."""
+    command = [sys.executable, "-m", "cvkern.app.doctor", backend, device]
+    finding = Finding(backend, device)
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout)
+    except subprocess.TimeoutExpired:
+        finding.wrong["process"] = f"no answer within {timeout:g} s"
+        return finding
+    try:
+        return Finding(**json.loads(done.stdout.splitlines()[-1]))
+    except (IndexError, ValueError, TypeError):  # it died before, or while, it spoke
+        said = done.stderr.strip().splitlines()
+        finding.wrong["process"] = said[-1] if said else f"ended with code {done.returncode}"
+        return finding
+
+
+def folder_size(folder: str) -> int:
+    """Return the bytes of all files below `folder`; 0 if it does not exist."""
+    return sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+
+
+def gaussian() -> str:
+    """Compare with SciPy; return what is wrong, or an empty string."""
+    from scipy import ndimage
+
+    image = np.random.default_rng(0).random((37, 53), dtype=np.float32)
+    error = float(np.abs(cvkern.gaussian(image, 1.5) - ndimage.gaussian_filter(image, 1.5)).max())
+    return "" if error <= 1e-5 else f"differs from SciPy by {error:.2g}"
+
+
+def canny() -> str:
+    """Find a step whose height falls from row to row, with a faint step apart.
+
+    The step is strong in its upper rows, and weak but connected down to row 20; the faint one is
+    weak and touches nothing strong.
+    """
+    height = 200 - 8 * np.arange(24, dtype=np.uint8)[:, None]
+    image = np.where(np.arange(44) >= 20, height, np.uint8(0))
+    image[:, 32:] += 40
+    edges = cvkern.canny(image, 0, 200, 600, operator="sobel", norm="l1", mode="nearest")
+    expected = np.zeros(image.shape, bool)
+    expected[:21, 20] = True
+    wrong = int((edges != expected).sum())
+    return "" if wrong == 0 else f"{wrong} of {edges.size} pixels are wrong"
+
+
+CHECKS: dict[str, Callable[[], str]] = {"gaussian": gaussian, "canny": canny}
+
+
+def probe(backend: str, device: str) -> Finding:
+    """Examine a kernel set on a device, in this process."""
+    finding = Finding(backend, device)
+    start = time.perf_counter()
+    with cvkern.use(backend=backend, device=device):
+        for name, check in CHECKS.items():
+            try:
+                finding.wrong[name] = check()
+            except Exception as error:
+                reason = f"{type(error).__name__}: {error}"
+                if device != "cpu" and "device must be" in reason:
+                    finding.absent = str(error)
+                    break
+                finding.wrong[name] = reason
+    finding.seconds = time.perf_counter() - start
+    if backend == "warp":
+        import warp
+
+        finding.cache = str(warp.config.kernel_cache_dir or "")
+        finding.devices = [f"{d.alias}: {d.name}" for d in warp.get_devices()]
+    else:
+        from taichi.lang import impl
+
+        finding.cache = impl.default_cfg().offline_cache_file_path
+    return finding
+
+
+if __name__ == "__main__":
+    print(json.dumps(asdict(probe(*sys.argv[1:]))))

@@ -1,0 +1,187 @@
+"""Radiance fields: a scene learnt from photographs, and seen from where none was taken."""
+
+from __future__ import annotations
+
+import functools
+import io
+from typing import NamedTuple
+
+import numpy as np
+
+from cvkern.app.tour.clock import Clock
+from cvkern.app.tour.page import Chapter, Figure, Panel
+from cvkern.images.colors import apply_colormap
+from cvkern.radiance import (
+    Mark,
+    Model,
+    Picture,
+    Scene,
+    VoxelField,
+    fit,
+    make_scene,
+    orbit_cameras,
+    psnr,
+    render,
+)
+from cvkern.radiance.rendering import film, photograph
+from cvkern.radiance.trainer import FEW
+
+SECONDS = 40.0  # of training
+SHEET = (4, 8)  # rows and columns of photographs
+ENLARGED = 3
+FRAMES, FACTOR = 40, 2.0  # of the orbit
+PALE, DARK = "#5f6368", "#a8431f"
+
+
+class Made(NamedTuple):
+    """What the figures share."""
+
+    scene: Scene
+    model: Model
+    view: int
+    """Which of the photographs that were kept back is shown."""
+
+
+def chapter() -> Chapter:
+    """Return the chapter on radiance fields; its figures share one scene and one model."""
+    scene = functools.cache(make_scene)
+    made = functools.cache(lambda: _made(scene()))
+    return Chapter(
+        "radiance",
+        "Radiance fields",
+        "A fog whose every point has a density and, to each side, a colour: march along the rays "
+        "of photographs, compare, and correct the fog. In the end it shows the scene from "
+        "everywhere.",
+        (
+            lambda clock: _photographs(scene()),
+            lambda clock: _learnt(clock, made()),
+            lambda clock: _orbit(made()),
+        ),
+    )
+
+
+def _made(scene: Scene) -> Made:
+    model = fit(scene, VoxelField(), seconds=SECONDS, evaluate_every=50, progress=False)
+    kept = np.flatnonzero(scene.test)
+    return Made(scene, model, int(kept[len(kept) // 2]))
+
+
+def _photographs(scene: Scene) -> Figure:
+    rows, columns = SHEET
+    white = np.ones(3, np.float32)
+    views = np.flatnonzero(~scene.test)[
+        np.linspace(0, (~scene.test).sum() - 1, rows * columns).astype(int)
+    ]
+    photographs = [_bytes(photograph(scene, view, white)) for view in views]
+    sheet = np.vstack([np.hstack(photographs[i : i + columns])
+                       for i in range(0, rows * columns, columns)])  # fmt: skip
+    count, kept = int((~scene.test).sum()), int(scene.test.sum())
+    return Figure(
+        "Photographs that know where they were taken",
+        f"{rows * columns} of {count} photographs of {scene.cameras.height} x "
+        f"{scene.cameras.width} pixels, from all round; {kept} more are kept back. The library "
+        "takes them itself: solids by their distance functions, with soft shadows, and gloss that "
+        "wanders with the camera.",
+        "scene = make_scene()\n# or photographs: load_scene(folder)",
+        (Panel("radiance-photographs", sheet, "What there is to learn from"),),
+    )
+
+
+def _learnt(clock: Clock, made: Made) -> Figure:
+    scene, model, view = made
+    *marks, last = model.training.marks  # the last one is of more views, and no part of the curve
+    wanted = photograph(scene, view, model.behind)
+
+    def render_view(image: np.ndarray, view: int) -> Picture:
+        return render(model, scene.cameras, view)
+
+    render_view.__name__ = "render"
+    seen = clock(render_view, wanted, view=view)
+    off = np.abs(seen.color - wanted).mean(axis=2)
+    return Figure(
+        f"{last.step:,} steps later",
+        f"After {last.seconds:.0f} s of training, the {int(scene.test.sum())} photographs that "
+        f"were kept back are met with {last.test_psnr:.1f} dB and a structural similarity of "
+        f"{last.test_ssim:.3f} on average. Where the curves dip, the grid of the field was made "
+        "finer; what lies between them is learnt by heart.",
+        f"model = fit(scene, VoxelField(), seconds={SECONDS:g})\n"
+        "picture = render(model, scene.cameras, view)",
+        (
+            Panel("radiance-truth", _large(wanted), "A photograph that was kept back"),
+            Panel(
+                "radiance-render",
+                _large(seen.color),
+                f"`render` of its camera: {psnr(seen.color, wanted):.1f} dB",
+            ),
+            Panel(
+                "radiance-error",
+                apply_colormap(np.kron(off, np.ones((ENLARGED,) * 2)), vmin=0, vmax=0.2),
+                "Error: dark is right, bright is off by a fifth of the range",
+            ),
+            Panel(
+                "radiance-curve",
+                _curve(marks),
+                f"Quality over the time of training: of rays, and of {FEW} views kept back",
+            ),
+        ),
+        clock.take(),
+    )
+
+
+def _orbit(made: Made) -> Figure:
+    _, model, _ = made
+    cameras = orbit_cameras(model.cameras, FRAMES, factor=FACTOR)
+    depth = render(model, cameras, 0).depth
+    return Figure(
+        "Where no camera has been",
+        "A trip round the scene at mean height and distance. The depth is where light is stopped "
+        "on average along each ray; marching cubes on the density make a mesh of it.",
+        "cameras = orbit_cameras(model.cameras, 40, factor=2)\n"
+        'render_path(model, cameras, "orbit.gif")\n'
+        "depth = render(model, cameras, 0).depth\n"
+        'write_mesh("scene.ply", mesh(model))\n'
+        'model.save("scene.npz")',
+        (
+            Panel("radiance-orbit", film(model, cameras), "`render_path`: new views"),
+            Panel(
+                "radiance-depth",
+                apply_colormap(-depth, nan=(0, 0, 0)),
+                f"Depth: from {np.nanmin(depth):.1f}, bright, to {np.nanmax(depth):.1f}",
+            ),
+        ),
+    )
+
+
+def _bytes(color: np.ndarray) -> np.ndarray:
+    return np.round(255 * color).astype(np.uint8)
+
+
+def _large(color: np.ndarray) -> np.ndarray:
+    return np.kron(_bytes(color), np.ones((ENLARGED, ENLARGED, 1), np.uint8))
+
+
+def _curve(marks: list[Mark]) -> np.ndarray:
+    """Draw the quality over the time of training, (H, W, 3) uint8."""
+    import imageio.v3 as iio
+    import matplotlib
+    from matplotlib.figure import Figure as Plot
+
+    seconds = [mark.seconds for mark in marks]
+    with matplotlib.rc_context({"font.size": 11}):
+        plot = Plot(figsize=(6.0, 6.0), dpi=100)
+        panel = plot.subplots()
+        batches = [mark.psnr for mark in marks]
+        panel.plot(seconds, batches, color=PALE, linewidth=1.2, label="trained from")
+        kept = [mark.test_psnr for mark in marks]
+        panel.plot(seconds, kept, color=DARK, marker="o", markersize=4, label="kept back")
+        panel.set_xlabel("training, seconds")
+        panel.set_ylabel("peak signal-to-noise ratio, dB")
+        panel.set_xlim(left=0)
+        panel.grid(color="#e3e5e8", linewidth=0.6)
+        panel.set_axisbelow(True)
+        panel.spines[["top", "right"]].set_visible(False)
+        panel.legend(frameon=False, loc="lower right")
+        plot.tight_layout()
+        file = io.BytesIO()
+        plot.savefig(file, format="png")
+    return np.ascontiguousarray(iio.imread(file.getvalue(), extension=".png")[..., :3])

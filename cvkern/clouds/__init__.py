@@ -1,0 +1,7 @@
+"""Point clouds: PLY files, and moving pictures of them."""
+
+from cvkern.clouds.films import write_animation
+from cvkern.clouds.ply import write_ply
+from cvkern.clouds.turntables import turntable
+
+__all__ = ["turntable", "write_animation", "write_ply"]

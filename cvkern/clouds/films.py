@@ -1,0 +1,88 @@
+"""Frames as moving pictures: GIF or MP4."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_positive
+from cvkern._files import check_target, replacing
+
+
+def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 20.0) -> None:
+    """Write frames as a GIF that repeats for ever, or as an MP4; whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.gif``, or in ``.mp4`` where imageio-ffmpeg is installed.
+    frames : array of shape (F, H, W, 3), uint8
+        A GIF has 256 colours in each frame; an MP4 needs an even height and width.
+    fps : float, default 20.0
+        Frames a second, > 0; a GIF counts in hundredths of a second, and has at most 50.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder of `path` does not exist.
+    ModuleNotFoundError
+        If `path` ends in ``.mp4`` and imageio-ffmpeg is not installed.
+    PermissionError
+        If nothing can be written in that folder.
+    ValueError
+        If `path` ends otherwise or is a folder, or `frames` or `fps` is not as above.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from cvkern.clouds import write_animation
+    >>> frames = np.zeros((2, 4, 6, 3), np.uint8)
+    >>> frames[1] = 255
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_animation(f"{folder}/blink.gif", frames, fps=2)
+    ...     Path(folder, "blink.gif").read_bytes()[:6]
+    b'GIF89a'
+    """
+    movie = np.asarray(frames)
+    if movie.ndim != 4 or movie.shape[3] != 3 or movie.size == 0 or movie.dtype != np.uint8:
+        raise ValueError(
+            f"frames must be uint8 of shape (F, H, W, 3), got {movie.dtype} of shape {movie.shape}"
+        )
+    fps = check_animation(path, movie.shape, fps)
+    import imageio.v3 as iio
+
+    with replacing(path) as beside:
+        if Path(path).suffix.lower() == ".gif":
+            options = {"plugin": "pillow", "duration": round(1e3 / fps), "loop": 0}
+            # By way of memory: imageio tries a file that cannot be written again on its way out.
+            beside.write_bytes(iio.imwrite("<bytes>", movie, extension=".gif", **options))
+        else:
+            iio.imwrite(beside, movie, plugin="FFMPEG", fps=fps, macro_block_size=2, quality=8)
+
+
+def check_animation(path: str | os.PathLike[str], shape: tuple[int, ...], fps: Any) -> float:
+    """Return `fps` if frames of a shape (F, H, W, 3) can be written to `path`: ask before the work.
+
+    The errors are those of :func:`write_animation`.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".gif", ".mp4"):
+        raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
+    check_target(path)
+    fps = check_positive(fps, "fps")
+    if suffix == ".gif" and fps > 50:
+        raise ValueError(f"fps must be <= 50 for .gif, got {fps:g}")
+    if suffix == ".mp4":
+        if shape[1] % 2 or shape[2] % 2:
+            raise ValueError(
+                f"frames must have an even height and width for .mp4, got shape {shape}"
+            )
+        if importlib.util.find_spec("imageio_ffmpeg") is None:
+            raise ModuleNotFoundError("MP4 needs imageio-ffmpeg: pip install imageio-ffmpeg")
+    return fps

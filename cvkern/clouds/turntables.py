@@ -1,0 +1,135 @@
+"""Frames of a point cloud from a camera that swings about it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_image, check_integer, check_number, check_positive
+from cvkern._runtime import runtime
+from cvkern.clouds.ply import check_cloud
+from cvkern.images._overlay import check_color
+
+SAMPLES = 2  # of a pixel, down and across: what smooths the rims of points
+INSIDE = (0.005, 0.995)  # quantiles of the directions that the picture has room for
+MARGIN = 1.12
+NARROWEST = 1e-3  # of a view, as a share of the distance
+PIVOT = 0.3  # quantile of the depths that the camera swings about
+NOD = 0.3  # how far it goes up and down, of how far it goes to the sides
+COVER = 1.8  # edge of a point over the distance of its neighbours, as slanted surfaces need it
+
+
+def turntable(
+    points: Any,
+    colors: Any,
+    *,
+    shape: tuple[int, int] = (360, 480),
+    frames: int = 60,
+    swing: float = 20.0,
+    point_size: float | None = None,
+    background: Sequence[float] = (16, 17, 20),
+) -> np.ndarray:
+    """Draw a cloud from a camera that swings about it, or goes all the way round.
+
+    Parameters
+    ----------
+    points : array of shape (N, 3)
+        As :func:`cvkern.point_cloud` gives them: x right, y down, z forward from the camera at the
+        origin. Points behind it are not drawn.
+    colors : array of shape (N, 3), uint8
+        Red, green, blue.
+    shape : (int, int), default (360, 480)
+        Rows and columns of a frame.
+    frames : int, default 60
+        They make a loop; the first is the view of the camera at the origin.
+    swing : float, default 20.0
+        Degrees to either side, in (0, 180]; 180 goes round, at an even pace.
+    point_size : float, optional
+        Edge of the square of a point in the first frame, pixels, > 0. By default what closes the
+        gaps between neighbours.
+    background : (red, green, blue), default (16, 17, 20)
+        In [0, 255].
+
+    Returns
+    -------
+    array of shape (frames, rows, columns, 3), uint8
+
+    Raises
+    ------
+    TypeError
+        If `points` does not hold real numbers, or `colors` is not uint8.
+    ValueError
+        If a shape is another, a point is not finite, none lies in front of the camera, or a number
+        is out of its range.
+
+    Notes
+    -----
+    What is nearest is seen; of points at one depth, the first. The pictures are the same on every
+    device and kernel set.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvkern.clouds import turntable
+    >>> points = np.random.default_rng(0).normal((0, 0, 9), 1, (99, 3))
+    >>> turntable(points, np.full((99, 3), 255, np.uint8), frames=4).shape
+    (4, 360, 480, 3)
+    """
+    colors = check_image(colors, name="colors")  # not None
+    places, tints = check_cloud(points, colors)
+    if np.shape(shape) != (2,):
+        raise ValueError(f"shape must be rows and columns, got {shape}")
+    height, width = (check_integer(n, "shape", 1, 2**13) for n in shape)
+    count = check_integer(frames, "frames", 1, 2**12)
+    swing = check_number(swing, "swing")
+    if not 0 < swing <= 180:
+        raise ValueError(f"swing must lie in (0, 180], got {swing:g}")
+    if point_size is not None:
+        point_size = check_positive(point_size, "point_size")
+    behind = np.round(check_color(background, "background")).astype(np.uint8)
+    seen = places[places[:, 2] > 0].astype(np.float64)
+    if len(seen) == 0:
+        raise ValueError(f"points must lie in front of the camera, got {len(places)} behind it")
+    focal, cx, cy, pivot = _view(seen, height, width)
+    if point_size is None:
+        point_size = COVER * max(1.0, math.sqrt(height * width / len(seen)))
+    # Samples are finer than pixels: theirs are the places in between.
+    focal, (cx, cy) = SAMPLES * focal, (SAMPLES * c + 0.5 * (SAMPLES - 1) for c in (cx, cy))
+
+    rt = runtime(points, colors)
+    cloud, paint = rt.adopt(places), rt.adopt(tints, np.uint8)
+    keys = rt.scratch("turntable.keys", (SAMPLES * height, SAMPLES * width), np.int64)
+    image = rt.scratch("turntable.image", (height, width, 3), np.uint8)
+    movie = np.empty((count, height, width, 3), np.uint8)
+    for k in range(count):
+        pose = rt.adopt(_pose(k / count, swing, pivot))
+        rt.clouds.turntables.splat(cloud, pose, focal, cx, cy, SAMPLES * point_size, keys)
+        rt.clouds.turntables.shade(keys, paint, rt.constant(behind), SAMPLES, image)
+        movie[k] = rt.to_numpy(image)
+    return movie
+
+
+def _view(points: np.ndarray, height: int, width: int) -> tuple[float, float, float, np.ndarray]:
+    """Return a focal length and principal point that show the points, and what to swing about."""
+    low, high = np.quantile(points[:, :2] / points[:, 2:], INSIDE, axis=0)
+    spread = np.maximum(high - low, NARROWEST)
+    focal = float(min(np.array([width, height]) / spread)) / MARGIN
+    middle = 0.5 * (low + high)
+    cx, cy = 0.5 * np.array([width - 1, height - 1]) - focal * middle
+    pivot = np.quantile(points[:, 2], PIVOT) * np.array([*middle, 1.0])
+    return focal, float(cx), float(cy), pivot
+
+
+def _pose(turn: float, swing: float, pivot: np.ndarray) -> np.ndarray:
+    """Return where the camera is at `turn`, in [0, 1), of the loop: a matrix (3, 4)."""
+    angle = 2 * np.pi * turn
+    side, nod = np.deg2rad(swing) * np.array([np.sin(angle), NOD * np.sin(2 * angle)])
+    if swing == 180:
+        side, nod = angle, 0.0
+    about_y = [[np.cos(side), 0, np.sin(side)], [0, 1, 0], [-np.sin(side), 0, np.cos(side)]]
+    about_x = [[1, 0, 0], [0, np.cos(nod), -np.sin(nod)], [0, np.sin(nod), np.cos(nod)]]
+    turned = np.array(about_x) @ np.array(about_y)
+    return np.column_stack((turned, pivot - turned @ pivot)).astype(np.float32)

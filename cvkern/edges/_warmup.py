@@ -1,0 +1,18 @@
+"""Calls that compile the kernels of edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+from cvkern.app.warmup import pictures
+from cvkern.edges import canny, subpixel_edges
+
+
+def calls() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield a name and a call for every function and every dtype that has own kernels."""
+    byte, real, _ = pictures()
+    for norm in ("l1", "l2"):
+        yield "canny", partial(canny, byte, 0, 50, 100, operator="sobel", norm=norm)
+        yield "canny", partial(canny, real, 1, 5, 10, norm=norm)
+    yield "subpixel_edges", partial(subpixel_edges, real, 1, 5, 10)

@@ -1,0 +1,28 @@
+"""Calls that compile the kernels of filters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from cvkern.app.warmup import pictures
+from cvkern.filters import box, correlate_separable, gaussian, gradient, median, scharr, sobel
+
+
+def calls() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield a name and a call for every function and every dtype that has own kernels."""
+    byte, real, color = pictures()
+    taps = (0.25, 0.5, 0.25)
+    for image, axis in ((real, None), (byte, None), (color, -1)):
+        yield "gaussian", partial(gaussian, image, channel_axis=axis)
+        yield "box", partial(box, image, channel_axis=axis)
+        yield "correlate_separable", partial(correlate_separable, image, taps, channel_axis=axis)
+    for operator in ("gaussian", "sobel", "scharr"):
+        yield "gradient", partial(gradient, real, operator=operator)
+    yield "sobel", partial(sobel, real)
+    yield "scharr", partial(scharr, real)
+    for dtype in (np.uint8, np.uint16, np.float32):
+        for radius in (1, 2, 3):
+            yield "median", partial(median, real.astype(dtype), radius)

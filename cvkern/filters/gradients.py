@@ -1,0 +1,234 @@
+"""First derivatives of images.
+
+Derivatives are float32 sums in one order of operations, so that they, and what is made of them,
+have the same bits on every device.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import check_choice, check_code, check_image, check_number
+from cvkern._runtime import Runtime, runtime
+from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
+from cvkern.kernels.codes.filters import Border
+
+OPERATORS = ("gaussian", "sobel", "scharr")
+
+# Smoothing halves of the 3 x 3 operators; the other half is the difference (-1, 0, 1).
+_SMOOTH = {"sobel": frozen_taps([1, 2, 1]), "scharr": frozen_taps([3, 10, 3])}
+_MEAN = {name: frozen_taps(taps / taps.sum()) for name, taps in _SMOOTH.items()}
+_DIFFERENCE = frozen_taps([-1, 0, 1])
+
+
+class Gradient(NamedTuple):
+    """First derivatives of an image, and their polar form."""
+
+    dy: Any
+    """Derivative down the rows, (H, W) float32."""
+    dx: Any
+    """Derivative along the columns, (H, W) float32."""
+    magnitude: Any
+    """``sqrt(dy^2 + dx^2)``, (H, W) float32."""
+    orientation: Any
+    """``atan2(dy, dx)``, radians in (-pi, pi], (H, W) float32."""
+
+
+def sobel(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: float = 0.0) -> Any:
+    """Find edges by the Sobel operator.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    axis : {0, 1}, optional
+        Differentiate along this axis. When omitted, both derivatives are combined:
+        ``sqrt((dy^2 + dx^2) / 2)``.
+    mode, cval
+        As in :func:`gaussian`.
+
+    Returns
+    -------
+    array of shape (H, W), float32
+        In units of `image`: a weighted mean of differences across two pixels.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If `image` is empty or not 2-D, or `axis` or `mode` is unknown.
+
+    Notes
+    -----
+    Equal to :func:`skimage.filters.sobel` of the floating-point image; integers are not rescaled.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.sobel([[0, 0, 4, 4]] * 3, axis=1)[1]
+    array([0., 4., 4., 0.], dtype=float32)
+    """
+    return _edge_strength(image, "sobel", axis, mode, cval)
+
+
+def scharr(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: float = 0.0) -> Any:
+    """Find edges by the Scharr operator, which favours no direction.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    axis, mode, cval
+        As in :func:`sobel`.
+
+    Returns
+    -------
+    array of shape (H, W), float32
+        In units of `image`: a weighted mean of differences across two pixels.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`sobel`.
+
+    Notes
+    -----
+    Equal to :func:`skimage.filters.scharr` of the floating-point image; integers are not rescaled.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.scharr([[0, 0, 4, 4]] * 3, axis=1)[1]
+    array([0., 4., 4., 0.], dtype=float32)
+    """
+    return _edge_strength(image, "scharr", axis, mode, cval)
+
+
+def gradient(
+    image: Any,
+    *,
+    sigma: float = 1.0,
+    operator: str = "gaussian",
+    mode: str = "reflect",
+    cval: float = 0.0,
+) -> Gradient:
+    """Differentiate an image.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    sigma : float, default 1.0
+        Standard deviation of the Gaussian, in pixels. 0 smooths nothing, and is not possible with
+        the operator 'gaussian'.
+    operator : {'gaussian', 'sobel', 'scharr'}, default 'gaussian'
+        'gaussian' convolves with the derivatives of the Gaussian: in units of `image` per pixel.
+        'sobel' and 'scharr' smooth with the Gaussian, then apply the integer 3 x 3 kernels of
+        :func:`cv2.Sobel` and :func:`cv2.Scharr`, with their gains of 8 and 32.
+    mode, cval
+        As in :func:`gaussian`.
+
+    Returns
+    -------
+    Gradient
+        Named tuple of `dy`, `dx`, `magnitude` and `orientation`, each (H, W) float32.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If `image` is empty or not 2-D, `sigma` is negative or not finite, or 0 with the operator
+        'gaussian', or `operator` or `mode` is unknown.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> ramp = [[0, 1, 2, 3, 4]] * 3
+    >>> g = cvkern.gradient(ramp, sigma=0, operator="sobel")
+    >>> g.dx[1], g.orientation[1, 2]
+    (array([4., 8., 8., 8., 4.], dtype=float32), np.float32(0.0))
+    """
+    image = check_image(image)
+    rt = runtime(image)
+    results = Gradient(*(rt.empty(tuple(image.shape)) for _ in Gradient._fields))
+    derivatives(rt, image, sigma, operator, mode, cval, *(rt.adopt(a) for a in results))
+    return Gradient(*(rt.release(a) for a in results))
+
+
+def derivatives(
+    rt: Runtime,
+    image: Any,
+    sigma: float,
+    operator: str,
+    mode: str,
+    cval: float,
+    *outputs: Any,
+) -> None:
+    """Fill kernel arrays as :func:`gradient` says: dy and dx, or all four."""
+    border = check_code(mode, Border, "mode")
+    cval = check_number(cval, "cval")
+    sigma = check_number(sigma, "sigma", low=0)
+    check_radius(4 * sigma)
+    check_choice(operator, OPERATORS, "operator")
+    src = rt.adopt(image)
+    if operator == "gaussian":
+        if sigma <= NO_SIGMA:
+            raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
+        smooth, slope = gaussian_taps(sigma), gaussian_taps(sigma, 1)
+    else:
+        smooth, slope = _SMOOTH[operator], _DIFFERENCE
+        if sigma > NO_SIGMA:
+            planes = (1, *image.shape)
+            taps = rt.constant(gaussian_taps(sigma))
+            blurred = rt.scratch("derivatives.blurred", planes)
+            rt.filters.linear.correlate_separable(
+                src.reshape(planes), taps, taps, 1, border, cval, blurred
+            )
+            src = blurred.reshape(tuple(image.shape))
+    _differentiate(rt, src, smooth, slope, border, cval, *outputs)
+
+
+def _differentiate(
+    rt: Runtime,
+    src: Any,
+    smooth: np.ndarray,
+    slope: np.ndarray,
+    border: Border,
+    cval: float,
+    *outputs: Any,
+) -> None:
+    """Differentiate as if the image went on as `border` says, with `cval` in every direction."""
+    beside = [_weighted(cval, taps) if cval else 0.0 for taps in (smooth, slope)]
+    family = rt.filters.gradients
+    primitive: Any = family.differentiate if len(outputs) == 2 else family.differentiate_polar
+    primitive(src, rt.constant(smooth), rt.constant(slope), border, cval, *beside, *outputs)
+
+
+def _weighted(value: float, taps: np.ndarray) -> float:
+    """Return what the taps make of a constant, in the arithmetic of the kernels."""
+    total = np.float32(0)
+    for tap in taps:
+        total += tap * np.float32(value)
+    return float(total)
+
+
+def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
+    if axis not in (None, 0, 1):
+        raise ValueError(f"axis must be 0, 1 or None, got {axis!r}")
+    image = check_image(image)
+    border = check_code(mode, Border, "mode")
+    cval = check_number(cval, "cval")
+    rt = runtime(image)
+    shape = tuple(image.shape)
+    result = rt.empty(shape)
+    dst = rt.adopt(result)
+    dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
+    dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
+    _differentiate(rt, rt.adopt(image), _MEAN[operator], _DIFFERENCE, border, cval, dy, dx)
+    if axis is None:
+        rt.filters.gradients.root_mean_square(dy, dx, dst)
+    return rt.release(result)

@@ -1,0 +1,287 @@
+"""Linear filters.
+
+An image is (H, W), or (H, W, C) with `channel_axis`. Values are never rescaled by dtype; sums are
+float32, in one order of operations, so that a result has the same bits on every device.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import (
+    check_channel_axis,
+    check_code,
+    check_image,
+    check_integer,
+    check_number,
+    check_out,
+    check_pair,
+)
+from cvkern._runtime import runtime
+from cvkern.kernels.codes.filters import Border
+
+MAX_RADIUS = 2**20
+NO_SIGMA = 1e-15  # up to here there is nothing to smooth, as scipy.ndimage has it
+
+
+def gaussian(
+    image: Any,
+    sigma: float | Sequence[float] = 1.0,
+    *,
+    order: int | Sequence[int] = 0,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    truncate: float = 4.0,
+    channel_axis: int | None = None,
+    out: Any = None,
+) -> Any:
+    """Convolve an image with a Gaussian or one of its derivatives.
+
+    Parameters
+    ----------
+    image : array of shape (H, W) or (H, W, C)
+        Any real dtype.
+    sigma : float or (float, float), default 1.0
+        Standard deviation down the rows and along the columns, in pixels. 0 leaves an axis alone.
+    order : int or (int, int), default 0
+        Derivative of the Gaussian to convolve with, along each axis. An axis with `sigma` 0 is
+        left alone whatever its order, as in :func:`scipy.ndimage.gaussian_filter`.
+    mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'reflect'
+        What lies outside the image, named as in :mod:`scipy.ndimage`.
+    cval : float, default 0.0
+        Value outside the image when `mode` is 'constant'.
+    truncate : float, default 4.0
+        Radius of the kernel in standard deviations; ``int(truncate * sigma + 0.5)`` pixels.
+    channel_axis : int, optional
+        Axis that is not filtered; needed for 3-D images.
+    out : array of the shape of `image`, float32, optional
+        Filled and returned when given.
+
+    Returns
+    -------
+    array of the shape of `image`, float32
+        Of the same library and on the same device as `image`.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If `image` is empty or of another rank, `sigma`, `order` or `truncate` is negative or not
+        finite, or `mode` is unknown.
+
+    Notes
+    -----
+    Equal to :func:`scipy.ndimage.gaussian_filter` up to float32 rounding.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> step = np.repeat([[0, 0, 0, 1, 1, 1]], 2, axis=0)
+    >>> cvkern.gaussian(step, 1.0).round(2)[0]
+    array([0.  , 0.06, 0.3 , 0.7 , 0.94, 1.  ], dtype=float32)
+    """
+    sigmas = [check_number(s, "sigma", low=0) for s in check_pair(sigma, "sigma")]
+    orders = [check_integer(o, "order", 0, 32) for o in check_pair(order, "order")]
+    truncate = check_number(truncate, "truncate", low=0)
+    for s in sigmas:
+        check_radius(truncate * s)
+    taps = [gaussian_taps(s, o, truncate) for s, o in zip(sigmas, orders, strict=True)]
+    return separable(image, taps, mode, cval, channel_axis, out)
+
+
+@lru_cache(maxsize=64)
+def gaussian_taps(sigma: float, order: int = 0, truncate: float = 4.0) -> np.ndarray:
+    """Return the correlation taps of a Gaussian derivative, float32 of odd length.
+
+    Derivatives follow from ``g' = -x / sigma^2 g``: g times a polynomial of degree `order`.
+    """
+    if sigma <= NO_SIGMA:
+        return frozen_taps([1.0])
+    radius = int(truncate * sigma + 0.5)
+    x = np.arange(-radius, radius + 1, dtype=np.float64)
+    density = np.exp(-0.5 * (x / sigma) ** 2)
+    density /= density.sum()
+    polynomial = np.polynomial.Polynomial([1.0])
+    for _ in range(order):
+        polynomial = polynomial.deriv() - polynomial * np.polynomial.Polynomial([0, sigma**-2])
+    # Correlation runs the other way round than the convolution: x becomes -x.
+    return frozen_taps(polynomial(-x) * density)
+
+
+def check_radius(radius: float) -> None:
+    """Refuse a Gaussian so wide that its kernel alone would fill the memory."""
+    if radius > MAX_RADIUS:
+        raise ValueError(f"sigma must reach at most {MAX_RADIUS} pixels, got {radius:g}")
+
+
+def correlate_separable(
+    image: Any,
+    taps: Any,
+    *,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    channel_axis: int | None = None,
+    out: Any = None,
+) -> Any:
+    """Correlate an image with the outer product of two 1-D kernels.
+
+    Parameters
+    ----------
+    image : array of shape (H, W) or (H, W, C)
+        Any real dtype.
+    taps : sequence of float, or pair of them
+        Kernel of odd length for both axes, or one down the rows and one along the columns. The
+        middle tap weighs the pixel itself.
+    mode, cval, channel_axis, out
+        As in :func:`gaussian`.
+
+    Returns
+    -------
+    array of the shape of `image`, float32
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If `image` is empty or of another rank, a kernel is empty, of even length or not finite,
+        or `mode` is unknown.
+
+    Notes
+    -----
+    As :func:`scipy.ndimage.correlate1d` along axis 0, then along axis 1.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.correlate_separable([[0, 0, 1, 1]], ([1], [-1, 0, 1]))
+    array([[0., 1., 1., 0.]], dtype=float32)
+    """
+    try:
+        kernels = [taps, taps] if all(np.ndim(t) == 0 for t in taps) else list(taps)
+    except TypeError:
+        raise TypeError(f"taps must be a sequence, got {taps!r}") from None
+    if len(kernels) != 2:
+        raise ValueError(f"taps must be one kernel or two, got {len(kernels)}")
+    return separable(image, [_check_taps(t) for t in kernels], mode, cval, channel_axis, out)
+
+
+def box(
+    image: Any,
+    radius: int | Sequence[int] = 1,
+    *,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    channel_axis: int | None = None,
+    out: Any = None,
+) -> Any:
+    """Average each window of ``2 radius + 1`` pixels a side.
+
+    Parameters
+    ----------
+    image : array of shape (H, W) or (H, W, C)
+        Any real dtype.
+    radius : int or (int, int), default 1
+        Half the side of the window, down the rows and along the columns, in pixels.
+    mode, cval, channel_axis, out
+        As in :func:`gaussian`.
+
+    Returns
+    -------
+    array of the shape of `image`, float32
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If `image` is empty or of another rank, `radius` is negative, or `mode` is unknown.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.box([[0, 0, 3, 0, 0]], (0, 1))
+    array([[0., 1., 1., 1., 0.]], dtype=float32)
+    """
+    radii = [check_integer(r, "radius", 0, MAX_RADIUS) for r in check_pair(radius, "radius")]
+    return separable(image, [_box_taps(r) for r in radii], mode, cval, channel_axis, out)
+
+
+@lru_cache(maxsize=64)
+def _box_taps(radius: int) -> np.ndarray:
+    return frozen_taps(np.full(2 * radius + 1, 1 / (2 * radius + 1)))
+
+
+def separable(
+    image: Any,
+    taps: Sequence[np.ndarray],
+    mode: str,
+    cval: float,
+    channel_axis: int | None = None,
+    out: Any = None,
+) -> Any:
+    """Check what :func:`correlate_separable` and its special cases share, and run them."""
+    image = check_image(image, ndim=(2, 3))
+    axis = check_channel_axis(image.shape, channel_axis)
+    border = check_code(mode, Border, "mode")
+    cval = check_number(cval, "cval")
+    check_out(out, image, np.float32)
+    rt = runtime(image)
+    shape = tuple(image.shape)
+    result = rt.empty(shape, out=out)
+    down, along = (rt.constant(t) for t in taps)
+    if axis == 1:
+        # A step between columns would not stay in its row: each axis by itself.
+        height, channels, width = shape
+        middle = rt.scratch("separable.middle", (1, height, channels * width))
+        alone = rt.constant(_ALONE)
+        src, dst = rt.adopt(image, shape=middle.shape), (1, height * channels, width)
+        rt.filters.linear.correlate_separable(src, down, alone, 1, border, cval, middle)
+        rt.filters.linear.correlate_separable(
+            middle.reshape(dst), alone, along, 1, border, cval, rt.adopt(result, shape=dst)
+        )
+    else:
+        planes, step = image_layout(shape, axis)
+        src, dst = rt.adopt(image, shape=planes), rt.adopt(result, shape=planes)
+        rt.filters.linear.correlate_separable(src, down, along, step, border, cval, dst)
+    return rt.release(result, out)
+
+
+def image_layout(
+    shape: tuple[int, ...], channel_axis: int | None
+) -> tuple[tuple[int, int, int], int]:
+    """Return the shape (P, H, W step) that kernels see, and the step between neighbours."""
+    if channel_axis is None:
+        return (1, shape[0], shape[1]), 1
+    if channel_axis == 0:
+        return (shape[0], shape[1], shape[2]), 1
+    height, width, channels = shape
+    return (1, height, width * channels), channels
+
+
+def _check_taps(taps: Any) -> np.ndarray:
+    try:
+        kernel = np.asarray(taps, np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"taps must be real numbers, got {taps!r}") from None
+    if kernel.ndim != 1 or kernel.size % 2 == 0:
+        raise ValueError(f"taps must be 1-D and of odd length, got shape {kernel.shape}")
+    if not (np.abs(kernel) <= np.finfo(np.float32).max).all():
+        raise ValueError(f"taps must be finite, got {kernel}")
+    return frozen_taps(kernel)
+
+
+def frozen_taps(values: Any) -> np.ndarray:
+    """Return `values` as float32 that nobody can change."""
+    taps = np.array(values, np.float32)
+    taps.flags.writeable = False
+    return taps
+
+
+_ALONE = frozen_taps([1.0])

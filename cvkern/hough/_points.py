@@ -1,0 +1,61 @@
+"""The set pixels of a mask as a list of kernels' own, from which the Hough transforms vote."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._runtime import Runtime, refuse_capture
+
+
+class Points(NamedTuple):
+    """Kernel arrays. The number of the points is `starts[height]`; the host need not know it."""
+
+    points: Any
+    """Row and column of the set pixels in raster order, (at least `capacity`, 2) int32."""
+    starts: Any
+    """The number of set pixels above each row, then of all, (height + 1,) int32."""
+    capacity: int
+    """The number of points on the CPU; on CUDA that of the pixels, lest the host must wait."""
+    height: int
+
+
+def mask_points(rt: Runtime, mask: Any, name: str) -> Points:
+    """List the set pixels of a checked mask; valid until this thread asks for `name` again."""
+    height, width = mask.shape
+    given = library(mask).dtype(mask)
+    view = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
+    starts = rt.scratch(f"{name}.starts", (height + 1,), np.int32)
+    rt.hough.points.count(view, starts)
+    capacity = int(rt.set.to_numpy(starts)[-1]) if rt.device == "cpu" else height * width
+    points = rt.scratch(f"{name}.points", (max(capacity, 1), 2), np.int32)
+    if capacity:
+        rt.hough.points.gather(view, starts, points)
+    return Points(points, starts, capacity, height)
+
+
+def check_at_points(
+    rt: Runtime, found: Points, values: Any, name: str, low: float, high: float = math.inf
+) -> None:
+    """Refuse float32 kernel `values` (H, W) that are not in [low, high], or NaN, at a point.
+
+    The host waits for the answer, so not within :func:`cvkern.capture`.
+    """
+    refuse_capture(f"{name}, whose values are checked")
+    if not found.capacity:
+        return
+    index = rt.scratch("points.outside", (1,), np.int32)
+    rt.hough.points.first_outside(
+        found.points, found.starts, values, float(low), float(high), index
+    )
+    first = int(rt.to_numpy(index)[0])
+    if first < int(rt.to_numpy(found.starts)[-1]):
+        row, column = (int(i) for i in rt.to_numpy(found.points)[first])
+        value = float(rt.to_numpy(values)[row, column])
+        rule = f">= {low:g}" if high == math.inf else f"in [{low:g}, {high:g}]"
+        raise ValueError(
+            f"{name} must be {rule} where the mask is set, got {value:g} at ({row}, {column})"
+        )

@@ -1,0 +1,301 @@
+"""Circles in a photograph: centres first, then radii, then a least-squares fit."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_choice, check_image, check_number, check_positive, check_sides
+from cvkern._runtime import Runtime, runtime
+from cvkern.edges.masks import edge_thresholds, find_edges
+from cvkern.hough.circles.peaks import local_maxima
+from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE
+
+POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
+
+FINEST = 12  # pixels: a photograph is reduced until its smallest radius is less than twice this
+WIDEST = 64  # cells: those of the accumulator grow until the largest radius is at most this
+CANDIDATES = 256  # centres that are looked at closer
+RADII = 3  # of a candidate: concentric circles
+FOCUS = 1.3  # votes near the centre of a seen circle, for each of its points: two to four, measured
+SLOPE = 0.12  # radians: how far a gradient may point past a centre
+SPREAD = np.array([1, 4, 6, 4, 1], np.float32)  # smooths the accumulator; exact in float32
+FITS = 2
+BAND = 2.0  # pixels: how far from a circle its points may lie
+WHOLE = 4 * math.sqrt(2)  # edge points of a circle of radius 1: along the steeper axis, one a pixel
+_SLOPES = np.arctan(np.arange(ARCS // 8 + 1) / (ARCS // 8))
+_CROSSED = np.diff(np.sin(_SLOPES))  # rows, or columns, that an arc of radius 1 crosses
+_SCALES = 1 / np.array(
+    [NORMAL_ONE**2] * 3 + [NORMAL_ONE] * 2 + [1] + [NORMAL_ONE * FINE_ONE] * 2 + [FINE_ONE]
+)
+
+
+class Circles(NamedTuple):
+    """Circles by falling support."""
+
+    centers: Any
+    """Row and column, in pixels with integer centres, (N, 2) float32."""
+    radii: Any
+    """Radius in pixels, (N,) float32."""
+    support: Any
+    """Share of the perimeter along which edge points were found, (N,) float32."""
+
+
+def detect_circles(
+    image: Any,
+    radius_range: tuple[float, float],
+    *,
+    sigma: float = 2.0,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    polarity: str = "any",
+    min_support: float = 0.5,
+    min_distance: float | None = None,
+) -> Circles:
+    """Find the circles in a photograph.
+
+    Each edge point votes along its gradient, over the range of radii, for centres: in one
+    accumulator, whatever the number of radii. For each peak, the distances of the points that aim
+    at it give the radii. A least-squares fit to the points near each circle, between the pixels,
+    gives the result, and of circles whose centres are close the best supported is kept.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype; colour is for :func:`cvkern.images.luma` to take out first.
+    radius_range : two floats
+        Smallest and largest radius, in pixels; at least 3. Where the smallest is 24 or more, the
+        photograph is first reduced by a whole factor, until it is less than 24.
+    sigma : float, default 2.0
+        Of the Gaussian under the edges, in pixels of the reduced photograph.
+    low_threshold, high_threshold : float, optional
+        Of :func:`canny` on the reduced photograph. By default those of `canny`.
+    polarity : {'any', 'bright', 'dark'}, default 'any'
+        Brighter than around, darker, or either.
+    min_support : float, default 0.5
+        Least share of the perimeter that must be seen, in (0, 1].
+    min_distance : float, optional
+        Least distance between centres. By default the smallest radius.
+
+    Returns
+    -------
+    Circles
+        Named tuple of `centers` (N, 2), `radii` and `support` (N,), float32.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers, or an option is not a number.
+    ValueError
+        If `image` is empty, not 2-D, or longer than 65536 on a side; if `radius_range` is not two
+        numbers of at least 3, rising, and the smallest no larger than half the shorter side; if
+        `polarity` is unknown, `min_support` not in (0, 1], `min_distance` negative; and as
+        :func:`canny`.
+
+    Notes
+    -----
+    Centres are looked for inside the image. A gradient may point up to 0.12 radians, and a pixel
+    or two, past the centre. A blurred edge of a disc lies ``sigma^2 / (2 r)`` inside the true one;
+    the radii are corrected for that.
+
+    References
+    ----------
+    .. [1] C. Kimme, D. Ballard and J. Sklansky, "Finding circles by an array of accumulators",
+       Communications of the ACM 18(2), 1975.
+    .. [2] H. K. Yuen, J. Princen, J. Illingworth and J. Kittler, "Comparative study of Hough
+       transform methods for circle finding", Image and Vision Computing 8(1), 1990.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> y, x = np.mgrid[:80, :90]
+    >>> disc = 200.0 * (np.hypot(y - 41.3, x - 37.8) < 20)
+    >>> circles = cvkern.detect_circles(disc, (10, 30), high_threshold=10)
+    >>> circles.centers.round(), circles.radii.round()
+    (array([[41., 38.]], dtype=float32), array([20.], dtype=float32))
+    """
+    image = check_image(image)
+    height, width = check_sides(image.shape, "image")
+    low, high = check_range(radius_range, min(height, width), "radius_range")
+    first, last = POLARITIES[check_choice(polarity, tuple(POLARITIES), "polarity")]
+    least = check_support(min_support)
+    apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
+    rt = runtime(image)
+    sigma = check_positive(sigma, "sigma")
+    factor = max(1, int(low / FINEST))
+    lines = edge_lines(rt, image, factor, sigma, low_threshold, high_threshold)
+    circles, support = np.empty((0, 3), np.float32), np.empty(0, np.float32)
+    if lines is not None:
+        sides = first, last
+        shape = height // factor, width // factor
+        reach = low / factor, min(high / factor, math.hypot(*shape))  # none farther is seen
+        centers, cell = _centers(rt, lines, reach, shape, sides, least)
+        circles = _radii(rt, lines, centers, reach, cell, sides, least)
+        circles, support = _fitted(rt, lines, circles, sides)
+        circles[:, 2] += sigma * sigma / (2 * circles[:, 2])
+        circles *= np.float32(factor)
+        circles[:, :2] += (factor - 1) / 2
+        kept = (support >= least) & (circles[:, 2] >= low - 1) & (circles[:, 2] <= high + 1)
+        circles, support = circles[kept], support[kept]
+        best = distinct(circles, support, apart)
+        circles, support = circles[best], support[best]
+    return Circles(*(rt.give(a) for a in (circles[:, :2].copy(), circles[:, 2].copy(), support)))
+
+
+def check_range(value: Any, side: int, name: str) -> tuple[float, float]:
+    """Return the least and the largest radius of what is looked for in an image."""
+    given = tuple(np.asarray(value).reshape(-1).tolist())
+    if len(given) != 2:
+        raise ValueError(f"{name} must be two numbers, got {value!r}")
+    low, high = (check_number(r, name, low=3) for r in given)
+    if low > high:
+        raise ValueError(f"{name} must rise, got {low:g} to {high:g}")
+    if low > side / 2:
+        raise ValueError(f"{name} must begin at most at {side / 2:g}, got {low:g}")
+    return low, high
+
+
+def check_support(value: Any) -> float:
+    """Return the least share of a perimeter."""
+    least = check_number(value, "min_support", low=0)
+    if not 0 < least <= 1:
+        raise ValueError(f"min_support must be in (0, 1], got {value}")
+    return least
+
+
+def edge_lines(
+    rt: Runtime, image: Any, factor: int, sigma: float, low: float | None, high: float | None
+) -> Any:
+    """Return row, column, and the direction's sine and cosine, of N edge points, (4, N).
+
+    None for no point. They are those of the image whose pixels are the means of squares of
+    `factor` pixels a side.
+    """
+    given = library(image).dtype(image)
+    low, high = edge_thresholds(low, high, False, "gaussian", given)
+    small = image
+    if factor > 1:
+        dtype = np.uint8 if given == np.uint8 else np.float32
+        small = rt.empty((image.shape[0] // factor, image.shape[1] // factor))
+        rt.hough.circles.detection.shrink(rt.adopt(image, dtype), factor, rt.adopt(small))
+        small = rt.release(small)
+    shape = tuple(small.shape)
+    mask = rt.scratch("circles.mask", shape, bool)
+    dy, dx = find_edges(rt, small, sigma, low, high, False, "gaussian", "l2", "reflect", 0.0, mask)
+    starts = rt.scratch("circles.starts", (shape[0] + 1,), np.int32)
+    rt.hough.points.count(mask, starts)
+    count = int(rt.to_numpy(starts)[-1])
+    if not count:
+        return None
+    pixels = rt.scratch("circles.pixels", (count, 2), np.int32)
+    rt.hough.points.gather(mask, starts, pixels)
+    lines = rt.scratch("circles.lines", (4, count))
+    rt.hough.circles.detection.aim(dy, dx, pixels, lines)
+    return lines
+
+
+def _centers(
+    rt: Runtime,
+    lines: Any,
+    reach: tuple[float, float],
+    shape: tuple[int, int],
+    sides: tuple[int, int],
+    least: float,
+) -> tuple[np.ndarray, int]:
+    """Return the likeliest centres, (K, 2) float32 in pixels, and the side of a cell."""
+    cell = max(1, math.ceil(reach[1] / WIDEST))
+    cells = tuple(-(-side // cell) for side in shape)
+    steps = math.floor(reach[0] / cell), math.ceil(reach[1] / cell)
+    votes, smooth = (rt.scratch(f"circles.{n}", (1, *cells)) for n in ("votes", "smooth"))
+    rt.hough.circles.detection.vote_centers(
+        lines, *steps, LINE_ONE / cell, *sides, votes.reshape(cells)
+    )
+    taps = rt.constant(SPREAD)
+    rt.filters.linear.correlate_separable(votes, taps, taps, 1, Border.CONSTANT, 0.0, smooth)
+    # What a circle of which no more is seen than must be gives, if it is in focus.
+    limit = FOCUS * least * WHOLE * reach[0] * float(SPREAD[2]) ** 2
+    found, places = local_maxima(rt, smooth, (2, 2), limit)
+    best = np.lexsort((*places.T[::-1], -found))[:CANDIDATES]
+    return places[best, 1:].astype(np.float32) * np.float32(cell), cell
+
+
+def _radii(
+    rt: Runtime,
+    lines: Any,
+    centers: np.ndarray,
+    reach: tuple[float, float],
+    cell: int,
+    sides: tuple[int, int],
+    least: float,
+) -> np.ndarray:
+    """Return the likeliest circles round each centre, (K, 3) float32."""
+    if not len(centers):
+        return np.empty((0, 3), np.float32)
+    begin, end = reach[0] - 2, reach[1] + 2
+    bins = math.ceil(end - begin)
+    counts = rt.scratch("circles.counts", (len(centers), bins), np.int32)
+    rt.hough.circles.detection.vote_radii(
+        lines, rt.send("circles.near", centers), begin, end, 1.0, 1.0 + cell, SLOPE, *sides, counts
+    )
+    near = np.pad(rt.to_numpy(counts), ((0, 0), (1, 1)))
+    near = near[:, :-2] + near[:, 1:-1] + near[:, 2:]
+    radii = begin + 0.5 + np.arange(bins)
+    share = near / (WHOLE * radii)
+    around = np.pad(share, ((0, 0), (1, 1)))
+    peak = (share > around[:, :-2]) & (share >= around[:, 2:]) & (share >= 0.5 * least)
+    ranked = np.argsort(np.where(peak, -share, 0), axis=1, kind="stable")[:, :RADII]
+    which = np.repeat(np.arange(len(centers)), ranked.shape[1])
+    chosen = peak[which, ranked.ravel()]
+    return np.column_stack((centers[which], radii[ranked.ravel()]))[chosen].astype(np.float32)
+
+
+def _fitted(
+    rt: Runtime, lines: Any, circles: np.ndarray, sides: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the circles of least squared distance from the points near them, and their support.
+
+    With e the distance of a point from the circle and n the circle's normal there, a small move
+    (y, x) and growth r leave e - n (y, x) - r (a step of Gauss and Newton).
+    """
+    support = np.zeros(len(circles), np.float32)
+    if not len(circles):
+        return circles, support
+    sums = rt.scratch("circles.sums", (len(circles), 9), np.int64)
+    arcs = rt.scratch("circles.arcs", (len(circles), ARCS), np.int32)
+    exact = circles.astype(np.float64)
+    for step in range(FITS + 1):
+        band = max(BAND, 4.0 - 1.5 * step)
+        near = rt.send("circles.near", exact.astype(np.float32))
+        rt.hough.circles.detection.support(lines, near, band, 1.0, SLOPE, *sides, sums, arcs)
+        if step == FITS:
+            # A row or a column of pixels has one point of the edge that crosses it.
+            whole = exact[:, 2:] * np.tile(_CROSSED, 8)
+            seen = np.minimum(rt.to_numpy(arcs), whole).sum(axis=1) / whole.sum(axis=1)
+            support = seen.astype(np.float32)
+            break
+        yy, yx, xx, y, x, n, ey, ex, e = (rt.to_numpy(sums) * _SCALES).T
+        left = np.stack((yy, yx, y, yx, xx, x, y, x, n), axis=1).reshape(-1, 3, 3)
+        left += 1e-3 * (n[:, None, None] + 1) * np.eye(3)  # holds still what few points leave open
+        exact += np.linalg.solve(left, np.stack((ey, ex, e), axis=1)[..., None])[..., 0].clip(-2, 2)
+        exact[:, 2] = np.maximum(exact[:, 2], 1.0)
+    return exact.astype(np.float32), support
+
+
+def distinct(shapes: np.ndarray, support: np.ndarray, apart: float) -> np.ndarray:
+    """Return, by falling support, which shapes' centres are apart from those of all better ones.
+
+    `shapes` begin with row and column, (N, K).
+    """
+    order = np.lexsort((*shapes.T[::-1], -support))
+    kept = []
+    while len(order):
+        best, order = order[0], order[1:]
+        kept.append(best)
+        gap = np.hypot(*(shapes[order, :2] - shapes[best, :2]).T)
+        order = order[gap >= max(apart, 1e-6)]
+    return np.array(kept, np.intp)

@@ -1,0 +1,180 @@
+"""The Hough transform for circles."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import (
+    check_accumulator,
+    check_beside,
+    check_image,
+    check_integer,
+    check_number,
+    check_sides,
+)
+from cvkern._runtime import runtime
+from cvkern.hough._points import check_at_points, mask_points
+from cvkern.kernels.codes.hough import DIRECTIONS
+
+MAX_RADIUS = 2**14  # times the 2^16 of the tables of directions, within 32 bits
+ALONG = -1  # the tolerance that says: the two pixels along the gradient, no arcs
+
+
+def hough_circle(
+    mask: Any,
+    radius: Any,
+    *,
+    normalize: bool = True,
+    full_output: bool = False,
+    orientation: Any = None,
+    orientation_tolerance: float = 0.0,
+) -> Any:
+    """Count, for every centre and radius, the set pixels on the circle.
+
+    Parameters
+    ----------
+    mask : array of shape (H, W)
+        Edge pixels: any real dtype, set where it is not 0.
+    radius : int or sequence of R ints
+        Radii in pixels, from 1 to the diagonal of the image.
+    normalize : bool, default True
+        Divide the votes by the number of offsets of the circle: the share of it that is seen.
+    full_output : bool, default False
+        Also count for centres outside the image, as far as the largest radius reaches.
+    orientation : array of shape (H, W), optional
+        Direction of the gradient in radians (:func:`cvkern.gradient`). A set pixel then votes
+        along its gradient alone, to both sides, in place of all round: far fewer wrong votes.
+    orientation_tolerance : float, default 0.0
+        Radians. 0: a pixel p votes for the two centres ``p +- round(radius * direction)``. Above
+        0: for the offsets of the circle whose direction is at most this far from the gradient's,
+        or from its opposite.
+
+    Returns
+    -------
+    array of shape (R, H, W), or (R, H + 2 M, W + 2 M) with `full_output`, M the largest radius
+        float32 shares, or int32 votes where `normalize` is False. The centre (row, column) is at
+        ``[:, row + M, column + M]`` of the full output.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or a radius is not an integer.
+    ValueError
+        If an array is empty, not 2-D, longer than 65536 on a side, or they differ in shape; if
+        there is no radius, or one is below 1, above 16384, or above the diagonal without
+        `full_output`; if the result would have more than 2^29 elements; if `orientation` is NaN or
+        beyond a full turn at a set pixel, or the tolerance is negative or not below pi / 2.
+
+    Notes
+    -----
+    Without `orientation` the votes are those of ``skimage.transform.hough_circle``: its circles
+    are Bresenham's, and count the four pixels on the axes twice, at some radii those on the
+    diagonals too. With `orientation`, directions are taken to 1/16384 of a turn, and products of
+    radius and direction rounded half up. The votes are the same on every device and kernel set.
+
+    References
+    ----------
+    .. [1] R. O. Duda and P. E. Hart, "Use of the Hough transformation to detect lines and curves
+       in pictures", Communications of the ACM 15(1), 1972.
+    .. [2] C. Kimme, D. Ballard and J. Sklansky, "Finding circles by an array of accumulators",
+       Communications of the ACM 18(2), 1975 (along the gradient).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> y, x = np.mgrid[:21, :21]
+    >>> ring = np.abs(np.hypot(y - 12, x - 9) - 6) < 0.5
+    >>> votes = cvkern.hough_circle(ring, [5, 6, 7])
+    >>> np.unravel_index(votes.argmax(), votes.shape)
+    (np.int64(1), np.int64(12), np.int64(9))
+    """
+    mask = check_image(mask, name="mask")
+    shape = check_sides(mask.shape, "mask")
+    farthest = MAX_RADIUS if full_output else int(math.hypot(shape[0] - 1, shape[1] - 1))
+    radii = _check_radii(radius, farthest)
+    tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)
+    if tolerance >= math.pi / 2:
+        raise ValueError(f"orientation_tolerance must be < pi / 2, got {tolerance:g}")
+    orientation = check_beside(orientation, shape, "orientation")
+    pad = max(radii) if full_output else 0
+    size = (len(radii), shape[0] + 2 * pad, shape[1] + 2 * pad)
+    check_accumulator(size, "votes")
+    rt = runtime(mask, orientation)
+    offsets, codes, starts = (rt.constant(table) for table in _rings(radii))
+    dtype = np.float32 if normalize else np.int32
+    votes = rt.empty(size, dtype)
+    if orientation is None:
+        given = library(mask).dtype(mask)
+        view = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
+        rt.hough.circles.votes.vote_rings(view, offsets, starts, max(radii), rt.adopt(votes, dtype))
+    else:
+        angles = rt.adopt(orientation)
+        found = mask_points(rt, mask, "circles")
+        check_at_points(rt, found, angles, "orientation", -2 * math.pi, 2 * math.pi)
+        units = min(round(tolerance * DIRECTIONS / (2 * math.pi)), DIRECTIONS // 4 - 1)
+        rt.hough.circles.votes.vote_directed(
+            found.points, found.starts, angles, rt.constant(np.array(radii, np.int32)),
+            rt.constant(direction_table()), units if tolerance else ALONG, offsets, codes, starts,
+            rt.adopt(votes, dtype),
+        )  # fmt: skip
+    return rt.release(votes)
+
+
+def _check_radii(radius: Any, farthest: int, name: str = "radius") -> tuple[int, ...]:
+    given = np.asarray(radius)
+    if given.ndim > 1 or given.size == 0:
+        raise ValueError(f"{name} must be one integer or a sequence of them, got {radius!r}")
+    return tuple(check_integer(r, name, 1, farthest) for r in given.reshape(-1).tolist())
+
+
+@lru_cache(maxsize=8)
+def _rings(radii: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the offsets of all circles (N, 2), their direction codes, and where each begins.
+
+    The offsets of a circle stand in the order of their codes.
+    """
+    rings = [_ring(radius) for radius in radii]
+    codes = [
+        np.floor(np.arctan2(*ring.T) * (DIRECTIONS / (2 * math.pi)) + 0.5).astype(np.int32)
+        % DIRECTIONS
+        for ring in rings
+    ]
+    orders = [np.lexsort((*ring.T, code)) for ring, code in zip(rings, codes, strict=True)]
+    return (
+        np.concatenate([ring[order] for ring, order in zip(rings, orders, strict=True)]),
+        np.concatenate([code[order] for code, order in zip(codes, orders, strict=True)]),
+        np.cumsum([0, *map(len, rings)], dtype=np.int32),
+    )
+
+
+def _ring(radius: int) -> np.ndarray:
+    """Return the offsets of a circle, (N, 2) int32, as Bresenham draws it, octant by octant.
+
+    From (radius, 0) on, each step goes one column on, and one row up where that is nearer: where
+    the squares of the two distances from the centre average at least that of the radius.
+    """
+    octant = []
+    y, x = radius, 0
+    while y >= x:
+        octant.append((y, x))
+        x += 1
+        if 2 * x * x + y * y + (y - 1) * (y - 1) >= 2 * radius * radius:
+            y -= 1
+    one = np.array(octant, np.int32)
+    both = np.concatenate((one, one[:, ::-1]))
+    return np.concatenate([both * sign for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1))]).astype(
+        np.int32
+    )
+
+
+@lru_cache(maxsize=1)
+def direction_table() -> np.ndarray:
+    """Return sine and cosine of each direction code times 2^16, (DIRECTIONS, 2) int32."""
+    angle = np.arange(DIRECTIONS) * (2 * math.pi / DIRECTIONS)
+    return np.round(np.stack((np.sin(angle), np.cos(angle)), axis=1) * 65536).astype(np.int32)

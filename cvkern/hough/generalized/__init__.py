@@ -1,0 +1,14 @@
+"""The generalised Hough transform: shapes of any form, turned and scaled."""
+
+from cvkern.hough.generalized.detection import find_shape
+from cvkern.hough.generalized.tables import RTable, r_table
+from cvkern.hough.generalized.votes import Shapes, generalized_hough, generalized_hough_votes
+
+__all__ = [
+    "RTable",
+    "Shapes",
+    "find_shape",
+    "generalized_hough",
+    "generalized_hough_votes",
+    "r_table",
+]

@@ -1,0 +1,87 @@
+"""What one picture shows, found in another."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvkern.hough.generalized.tables import SIGMA, r_table
+from cvkern.hough.generalized.votes import Shapes, generalized_hough
+
+
+def find_shape(
+    template: Any,
+    scene: Any,
+    *,
+    reference: tuple[float, float] | None = None,
+    rotations: Any = 360,
+    scales: Any = None,
+    num_peaks: int | None = 1,
+    threshold: float = 0.25,
+    sigma: float = SIGMA,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    use_quantiles: bool = False,
+    **options: Any,
+) -> Shapes:
+    """Find what one picture shows in another: :func:`r_table` and :func:`generalized_hough`.
+
+    Parameters
+    ----------
+    template, scene : arrays of shape (H, W)
+        Any real dtype.
+    reference
+        As in :func:`r_table`.
+    rotations : int or sequence of float, default 360
+        As in :func:`generalized_hough`.
+    scales : sequence of float, optional
+        By default 17 from 0.8 to 1.6.
+    num_peaks : int, optional
+        How many to return at most, 1 by default; None for all.
+    threshold : float, default 0.25
+        Least share of the boundary that is found in place.
+    sigma, low_threshold, high_threshold, use_quantiles
+        As in :func:`cvkern.canny`, for both pictures.
+    **options
+        The others of :func:`generalized_hough`, but for `orientation`.
+
+    Returns
+    -------
+    Shapes
+        As :func:`generalized_hough`; of length 0 where there is no such shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`r_table` and :func:`generalized_hough`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> scene = np.zeros((60, 80))
+    >>> scene[20:45, 30:40] = 1
+    >>> scene[35:45, 40:55] = 1
+    >>> cvkern.find_shape(scene[12:53, 22:63], scene).position.round(1)
+    array([[32., 42.]], dtype=float32)
+    """
+    if "orientation" in options:
+        raise TypeError("find_shape takes pictures, got orientation: use generalized_hough")
+    edges = {
+        "sigma": sigma,
+        "low_threshold": low_threshold,
+        "high_threshold": high_threshold,
+        "use_quantiles": use_quantiles,
+    }
+    table = r_table(template, reference=reference, **edges)
+    return generalized_hough(
+        scene,
+        table,
+        rotations=rotations,
+        scales=np.linspace(0.8, 1.6, 17) if scales is None else scales,
+        num_peaks=num_peaks,
+        threshold=threshold,
+        **edges,
+        **options,
+    )

@@ -1,0 +1,176 @@
+"""The lines that most points voted for."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_image, check_integer, check_number
+from cvkern._runtime import Runtime, runtime
+
+_DISTANCE, _ANGLE = 9, 10  # of peaks from each other, as scikit-image has it
+
+
+class HoughLinePeaks(NamedTuple):
+    """Lines that many points voted for, most votes first."""
+
+    votes: Any
+    """The accumulator's values there, (K,) int32 or float32."""
+    theta: np.ndarray
+    """The angles, radians, (K,) float64."""
+    rho: np.ndarray
+    """The distances, pixels, (K,) float64."""
+
+
+def hough_line_peaks(
+    hspace: Any,
+    angles: Any,
+    dists: Any,
+    min_distance: int = _DISTANCE,
+    min_angle: int = _ANGLE,
+    threshold: float | None = None,
+    num_peaks: float = math.inf,
+    *,
+    refine: bool = False,
+) -> HoughLinePeaks:
+    """Find the lines that most points voted for.
+
+    A peak is above the threshold, and the largest in its neighbourhood. Where the angles span
+    half a turn the neighbourhood goes on at the other end, with the sign of rho changed: there
+    the same lines follow.
+
+    Parameters
+    ----------
+    hspace : array of shape (R, T)
+        The votes, of :func:`hough_line` or smoothed; int32 or float32, into which other dtypes
+        are turned.
+    angles, dists : array of shape (T,) and (R,)
+        What :func:`hough_line` returned as theta and rho.
+    min_distance, min_angle : int, default 9 and 10
+        Half the size of the neighbourhood, in bins of rho and of theta.
+    threshold : float, optional
+        By default half the largest of the votes.
+    num_peaks : int, optional
+        Keep so many of the largest; by default all.
+    refine : bool, default False
+        Move each peak to the top of the parabola through the bin and its two neighbours, in rho
+        and in theta.
+
+    Returns
+    -------
+    HoughLinePeaks
+        Named tuple of `votes` (K,), int32 or float32 as those of `hspace`, and of `theta` and
+        `rho` (K,), NumPy arrays whatever library the votes are of; in descending order of votes.
+        Of equal ones the smaller rho, then the smaller theta, is first; in a neighbourhood, it
+        alone is kept.
+
+    Raises
+    ------
+    TypeError
+        If `hspace` does not hold real numbers, or a size is not an integer.
+    ValueError
+        If `hspace` is empty or not 2-D, `angles` or `dists` does not fit it, a size is negative,
+        or `threshold` is not a number.
+
+    Notes
+    -----
+    The parameters are those of :func:`skimage.transform.hough_line_peaks`, and so are the peaks,
+    but for equal votes side by side: there they count as one peak at their centre.
+
+    Noise splits the peak of a line among neighbouring bins. ``cvkern.gaussian(votes, 1)`` brings
+    it together again, before the peaks are looked for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> mask = np.zeros((40, 60), bool)
+    >>> mask[10, :] = True
+    >>> mask[:, 25] = True
+    >>> votes, theta, rho = cvkern.hough_line_peaks(*cvkern.hough_line(mask))
+    >>> votes.tolist(), theta.round(2).tolist(), rho.tolist()
+    ([60, 40], [-1.57, 0.0], [-10.0, 25.0])
+    """
+    hspace = check_image(hspace, name="hspace")
+    theta, rho = np.asarray(angles, np.float64), np.asarray(dists, np.float64)
+    for axis, name, values in ((1, "angles", theta), (0, "dists", rho)):
+        if values.shape != (hspace.shape[axis],):
+            raise ValueError(f"{name} must have shape ({hspace.shape[axis]},), got {values.shape}")
+    min_distance = check_integer(min_distance, "min_distance", 0, hspace.shape[0] + _DISTANCE)
+    min_angle = check_integer(min_angle, "min_angle", 0, hspace.shape[1] + _ANGLE)
+    most = math.inf if num_peaks == math.inf else check_integer(num_peaks, "num_peaks", 0, 2**31)
+    wraps = _spans_half_a_turn(theta)
+    min_angle = min(min_angle, len(theta) // 2 if wraps else len(theta) - 1)
+    rt = runtime(hspace)
+    whole = library(hspace).dtype(hspace).kind in "biu"
+    values = rt.adopt(hspace, np.int32 if whole else np.float32)
+    host = rt.to_numpy(values)
+    limit = 0.5 * float(host.max()) if threshold is None else check_number(threshold, "threshold")
+    limit = math.floor(limit) if whole else float(np.float32(limit))
+    row, column = peak_bins(rt, values, limit, min_distance, min_angle, wraps)
+    kept = len(row) if most == math.inf else int(most)
+    bins = row[:kept], column[:kept]
+    places = (theta[bins[1]], rho[bins[0]])
+    if refine:
+        places = _refined(host, theta, rho, bins, wraps)
+    return HoughLinePeaks(rt.give(host[bins]), *places)
+
+
+def _spans_half_a_turn(theta: np.ndarray) -> bool:
+    """Tell whether the last angle is a step, or less than two, before the first of the next turn.
+
+    So it is for `hough_line` by default; with a last angle that equals the first, half a turn on,
+    it is not, as its neighbours are already there.
+    """
+    steps = np.diff(theta)
+    if len(theta) < 2 or not (steps > 0).all():
+        return False
+    return 0.5 * steps.min() < theta[0] + math.pi - theta[-1] < 1.5 * steps.max()
+
+
+def peak_bins(
+    rt: Runtime, values: Any, limit: float, min_distance: int, min_angle: int, wraps: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return row and column of the peaks of a kernel array, the largest first."""
+    mask = rt.scratch("peaks.mask", tuple(values.shape), bool)
+    rt.hough.lines.peaks.local_maxima(values, limit, min_distance, min_angle, wraps, mask)
+    row, column = np.nonzero(rt.to_numpy(mask))
+    order = np.argsort(-rt.to_numpy(values)[row, column].astype(np.float64), kind="stable")
+    return row[order], column[order]
+
+
+def _refined(
+    values: np.ndarray,
+    theta: np.ndarray,
+    rho: np.ndarray,
+    bins: tuple[np.ndarray, np.ndarray],
+    wraps: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return angles and distances at the tops of parabolas through three bins each way."""
+    row, column = bins
+    last = len(rho) - 1
+
+    def beside(side: int) -> np.ndarray:
+        t = column + side
+        beyond = (t < 0) | (t > len(theta) - 1)
+        at = values[np.where(beyond, last - row, row), t % len(theta)]
+        return np.where(beyond & (not wraps), np.nan, at)
+
+    def across(side: int) -> np.ndarray:
+        r = row + side
+        return np.where((r < 0) | (r > last), np.nan, values[np.clip(r, 0, last), column])
+
+    here = values[row, column].astype(np.float64)
+    angle = theta[column] + _top(beside(-1), here, beside(1)) * np.gradient(theta)[column]
+    return angle, rho[row] + _top(across(-1), here, across(1)) * np.gradient(rho)[row]
+
+
+def _top(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return where the parabola through three values has its top, in [-0.5, 0.5]; 0 beside NaN."""
+    bend = 2 * here - before - after
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = (after - before) / (2 * bend)
+    return np.where(bend > 0, place, 0.0).clip(-0.5, 0.5)

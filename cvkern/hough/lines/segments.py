@@ -1,0 +1,346 @@
+"""Line segments: the parts of voted lines that points support, and photograph to lines at once."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import check_beside, check_image, check_number, check_positive, check_sides
+from cvkern._runtime import Runtime, runtime
+from cvkern.edges.subpixel import subpixel_edges
+from cvkern.hough._points import mask_points
+from cvkern.hough.lines._support import (
+    AIM,
+    DENSITY,
+    FITS,
+    claim,
+    fit,
+    fitted_lines,
+    fitted_segments,
+    runs,
+    supported,
+    vote,
+)
+from cvkern.hough.lines._tables import check_listed, values_at
+from cvkern.hough.lines.peaks import HoughLinePeaks
+from cvkern.hough.lines.votes import check_points
+
+
+class LineFit(NamedTuple):
+    """A line ``x cos(theta) + y sin(theta) = rho``."""
+
+    theta: float
+    """The angle of the normal, radians in [-pi/2, pi/2)."""
+    rho: float
+    """The distance from pixel (0, 0), pixels."""
+    rms: float
+    """The root mean square distance of the points from the line, pixels."""
+
+
+def hough_line_segments(
+    mask: Any,
+    theta: Any,
+    rho: Any,
+    *,
+    min_length: float = 10.0,
+    max_gap: float = 3.0,
+    distance: float = 1.0,
+    orientation: Any = None,
+    orientation_tolerance: float = AIM,
+) -> Any:
+    """Find the parts of lines along which there are set pixels.
+
+    Parameters
+    ----------
+    mask : array of shape (H, W)
+        Nonzero pixels count; bool or any real dtype.
+    theta, rho : array of shape (K,)
+        The lines, strongest first, as :func:`hough_line_peaks` gives them.
+    min_length : float, default 10.0
+        Shorter segments are left out, pixels.
+    max_gap : float, default 3.0
+        A segment ends where the next pixel is further along the line than this, pixels.
+    distance : float, default 1.0
+        Pixels so near to a line are on it. A pixel belongs to the first line that it is on.
+    orientation : array of shape (H, W), optional
+        Direction of the gradient, radians. A pixel then is on a line only if its gradient is
+        within `orientation_tolerance` of across the line.
+    orientation_tolerance : float, default pi / 8
+        Radians.
+
+    Returns
+    -------
+    array of shape (N, 4), float32
+        Row and column of one end and of the other, on the line; in the order of the lines, then
+        along them.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers.
+    ValueError
+        If `mask` is empty, not 2-D or has a side longer than 65536; `theta` and `rho` are not
+        finite lists of one length; `orientation` is of another shape than `mask` or has NaN at a
+        pixel; or a number is negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> mask = np.zeros((40, 60), bool)
+    >>> mask[10, 5:25] = mask[10, 40:55] = True
+    >>> cvkern.hough_line_segments(mask, [np.pi / 2], [10]).round(2)
+    array([[10., 54., 10., 40.],
+           [10., 24., 10.,  5.]], dtype=float32)
+    """
+    mask = check_image(mask, name="mask")
+    check_sides(mask.shape, "mask")
+    theta, rho = _check_lines(theta, rho)
+    min_length = check_number(min_length, "min_length", low=0)
+    max_gap = check_number(max_gap, "max_gap", low=0)
+    distance = check_number(distance, "distance", low=0)
+    tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)
+    orientation = check_beside(orientation, tuple(mask.shape), "orientation")
+    rt = runtime(mask, orientation)
+    found = mask_points(rt, mask, "segments")
+    number = int(rt.to_numpy(found.starts)[-1])
+    points = rt.to_numpy(found.points[: max(number, 1)])[:number].astype(np.float32)
+    directions = np.zeros(number, np.float32)
+    if orientation is None:
+        tolerance = math.pi
+    else:
+        listed = values_at(rt, found, orientation, "orientation")
+        directions = check_listed(rt, found, listed, "orientation", -math.inf)
+    labels = claim(rt, points, directions, theta, rho, distance, tolerance)
+    parts = runs(points, labels, theta, max_gap)
+    first, last = parts.along[parts.begin], parts.along[parts.end - 1]
+    long = last - first >= min_length
+    c, s, r = np.cos(theta)[parts.line], np.sin(theta)[parts.line], rho[parts.line]
+    ends = [(r * s + t * c, r * c - t * s) for t in (first, last)]
+    segments = np.stack([*ends[0], *ends[1]], axis=1)[long]
+    return rt.give(segments.astype(np.float32))
+
+
+def fit_line(points: Any, weights: Any = None) -> LineFit:
+    """Fit a line to points by total least squares.
+
+    Parameters
+    ----------
+    points : array of shape (N, 2)
+        Row and column.
+    weights : array of shape (N,), optional
+        Not negative; by default all alike.
+
+    Returns
+    -------
+    LineFit
+        Named tuple of `theta`, `rho` and `rms`: the sum of the weighted squares of the points'
+        distances from the line is the least there is.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers.
+    ValueError
+        If `points` is not of shape (N, 2), `weights` not (N,); there is a number that is not
+        finite, or a weight that is negative; or all the points of positive weight are one.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> fit = cvkern.fit_line([[0, 3], [1, 3], [5, 3]])
+    >>> fit.theta, fit.rho, fit.rms
+    (0.0, 3.0, 0.0)
+    """
+    points = check_points(points)
+    weights = check_beside(weights, (len(points),), "weights")
+    rt = runtime(points, weights)
+    place, weight = (_on_host(rt, a, np.float64) for a in (points, weights))
+    if not np.isfinite(place).all():
+        raise ValueError("points must be finite, got some that are not")
+    if weights is None:
+        weight = np.ones(len(place))
+    elif not (np.isfinite(weight) & (weight >= 0)).all():
+        wrong = weight[~(np.isfinite(weight) & (weight >= 0))]
+        raise ValueError(f"weights must be >= 0 and finite, got {wrong[0]:g}")
+    place, weight = place[weight > 0], weight[weight > 0]
+    if not len(place) or (place == place[0]).all():
+        raise ValueError("points must be two or more, in different places, got fewer")
+    theta, rho, rms = fit(place, weight, np.zeros(1, np.intp))
+    return LineFit(float(theta[0]), float(rho[0]), float(rms[0]))
+
+
+def detect_lines(
+    image: Any,
+    sigma: float = 1.0,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    *,
+    use_quantiles: bool = False,
+    min_votes: float | None = None,
+    distance: float = 1.0,
+) -> HoughLinePeaks:
+    """Find the straight lines of a photograph.
+
+    Sub-pixel edges vote across their gradients; the peaks are fitted to the edges near them,
+    which are then taken away, and the rest votes again, until no line has enough votes.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    sigma, low_threshold, high_threshold, use_quantiles
+        Of the edges, as in :func:`canny`.
+    min_votes : float, optional
+        The least number of edge points of a line; by default a tenth of the image's diagonal.
+    distance : float, default 1.0
+        Edge points so near to a line are on it, pixels.
+
+    Returns
+    -------
+    HoughLinePeaks
+        Named tuple of `votes` (K,) int32, the number of edge points on each line, most first, and
+        of `theta` and `rho` (K,), the fitted lines, as NumPy arrays.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        As :func:`canny`; or if a side of the image is longer than 65536, or `min_votes` or
+        `distance` is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> step = np.zeros((60, 80), np.uint8)
+    >>> step[:, 30:] = 200
+    >>> votes, theta, rho = cvkern.detect_lines(step)
+    >>> votes.tolist(), abs(theta).round(3).tolist(), rho.round(2).tolist()
+    ([60], [0.0], [29.5])
+    """
+    image = check_image(image)
+    size = check_sides(image.shape, "image")
+    distance = check_positive(distance, "distance")
+    least = 0.1 * math.hypot(*size) if min_votes is None else check_positive(min_votes, "min_votes")
+    rt = runtime(image)
+    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
+    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    lines = [np.zeros((0, 3))]
+    while True:
+        theta, rho = vote(rt, points, directions, size, least)
+        number = np.zeros(0)
+        for _ in range(FITS):
+            labels = claim(rt, points, directions, theta, rho, distance, AIM)
+            number, theta, rho = fitted_lines(points, labels, len(theta), least)
+        if not len(number):
+            break
+        lines.append(np.stack([number, theta, rho], axis=1))
+        # What is beside a line by less than two distances is of its edge, not another line.
+        taken = claim(rt, points, directions, theta, rho, 2 * distance, AIM) < len(theta)
+        points, directions = points[~taken], directions[~taken]
+    votes, theta, rho = np.concatenate(lines).T
+    order = np.argsort(-votes, kind="stable")
+    return HoughLinePeaks(rt.give(votes[order].astype(np.int32)), theta[order], rho[order])
+
+
+def detect_segments(
+    image: Any,
+    sigma: float = 1.0,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    *,
+    use_quantiles: bool = False,
+    min_length: float = 10.0,
+    max_gap: float = 3.0,
+    distance: float = 1.0,
+) -> Any:
+    """Find the straight segments of a photograph's edges.
+
+    Sub-pixel edges vote across their gradients. Along each peak, where they follow one another
+    without a gap, a line is fitted to them; then they are taken away, and the rest votes again,
+    until there are no more segments.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Any real dtype.
+    sigma, low_threshold, high_threshold, use_quantiles
+        Of the edges, as in :func:`canny`.
+    min_length : float, default 10.0
+        Shorter segments are left out, pixels.
+    max_gap : float, default 3.0
+        A segment ends where the next edge point is further along the line than this, pixels.
+    distance : float, default 1.0
+        Edge points so near to a peak's line are on it, pixels.
+
+    Returns
+    -------
+    array of shape (N, 4), float32
+        Row and column of one end and of the other, longest segment first. On the way from the
+        first end to the second the brighter side is on the left.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        As :func:`canny`; or if a side of the image is longer than 65536, `max_gap` is negative,
+        or `min_length` or `distance` is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> step = np.zeros((60, 80), np.uint8)
+    >>> step[:, 30:] = 200
+    >>> cvkern.detect_segments(step).round(1)
+    array([[ 0. , 29.5, 59. , 29.5]], dtype=float32)
+    """
+    image = check_image(image)
+    size = check_sides(image.shape, "image")
+    min_length = check_positive(min_length, "min_length")
+    max_gap = check_number(max_gap, "max_gap", low=0)
+    distance = check_positive(distance, "distance")
+    rt = runtime(image)
+    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
+    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    segments = [np.zeros((0, 4))]
+    while True:
+        theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
+        new, chosen = np.zeros((0, 4)), np.zeros(0, np.intp)
+        for _ in range(FITS):
+            chosen, number = supported(
+                rt, points, directions, theta, rho, distance, min_length, max_gap
+            )
+            new, theta, rho = fitted_segments(points[chosen], directions[chosen], number)
+        if not len(new):
+            break
+        segments.append(new)
+        points, directions = (np.delete(a, chosen, axis=0) for a in (points, directions))
+    found = np.concatenate(segments)
+    length = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
+    return rt.give(found[np.argsort(-length, kind="stable")].astype(np.float32))
+
+
+def _on_host(rt: Runtime, array: Any, dtype: Any) -> np.ndarray:
+    """Return an array of any library on the host."""
+    if array is None or 0 in array.shape:
+        return np.zeros((0, *(() if array is None else array.shape[1:])), dtype)
+    return rt.to_numpy(rt.adopt(array, dtype))
+
+
+def _check_lines(theta: Any, rho: Any) -> tuple[np.ndarray, np.ndarray]:
+    lines = [np.asarray(a, np.float64) for a in (theta, rho)]
+    if lines[0].ndim != 1 or lines[0].shape != lines[1].shape:
+        raise ValueError(
+            f"theta and rho must be lists of one length, got shapes {lines[0].shape} and "
+            f"{lines[1].shape}"
+        )
+    for name, values in zip(("theta", "rho"), lines, strict=True):
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
+    return lines[0], lines[1]

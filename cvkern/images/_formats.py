@@ -1,0 +1,137 @@
+"""Image files to arrays and back: which reader is right for which file."""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvkern.images import _png
+
+# What each format keeps exactly (JPEG: nearly): dtypes, and channel counts (0 for 2-D).
+KEPT: dict[str, tuple[tuple[str, ...], tuple[int, ...]]] = {
+    ".png": (("uint8", "uint16"), (0, 3, 4)),
+    ".tif": (("uint8", "uint16", "float32"), (0, 3, 4)),
+    ".tiff": (("uint8", "uint16", "float32"), (0, 3, 4)),
+    ".jpg": (("uint8",), (0, 3)),
+    ".jpeg": (("uint8",), (0, 3)),
+    ".webp": (("uint8",), (3, 4)),
+    ".bmp": (("uint8",), (0, 3)),
+}
+OPTIONS: dict[str, dict[str, Any]] = {
+    ".jpg": {"quality": 95},
+    ".jpeg": {"quality": 95},
+    ".webp": {"lossless": True, "exact": True},
+}
+TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+ORIENTATION = 274  # the TIFF and EXIF tag
+# Pillow's modes and what they are read as; the others (LAB, HSV, ...) have no RGB of their own.
+MODES = {
+    **dict.fromkeys(("L", "RGB", "RGBA", "I", "I;16", "I;16L", "I;16B", "I;16N", "F")),
+    **dict.fromkeys(("CMYK", "YCbCr", "RGBX"), "RGB"),
+    **dict.fromkeys(("LA", "PA", "RGBa"), "RGBA"),
+    "1": "L",
+    "P": "RGB",
+}
+KEYED = ("1", "L", "P", "RGB")  # modes in which one colour may stand for "transparent"
+
+
+def decode(file: Path) -> tuple[np.ndarray, int]:
+    """Return the pixels as they lie in the file, (H, W) or (H, W, C), and its orientation tag."""
+    for name in ("PIL", "tifffile"):  # what they log is for those who ask, not for stderr
+        logger = logging.getLogger(name)
+        if not logger.handlers:
+            logger.addHandler(logging.NullHandler())
+    with file.open("rb") as stream:
+        tiff = stream.read(4) in TIFF_SIGNATURES
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # readers warn of odd metadata, which nobody sees here
+        if tiff:
+            return _decode_tiff(file)
+        deep = _png.is_deep_colour(file)
+        image, orientation = _png.read(file) if deep else _decode_pillow(file)
+    return _plain(image), orientation
+
+
+def turn(image: np.ndarray, orientation: int) -> np.ndarray:
+    """Return the view of `image` in which its top is up, by the eight values of the EXIF tag."""
+    if orientation in (5, 6, 7, 8):
+        image = image.swapaxes(0, 1)
+    if orientation in (3, 4, 7, 8):
+        image = image[::-1]
+    if orientation in (2, 3, 6, 7):
+        image = image[:, ::-1]
+    return image
+
+
+def encode(file: Path, image: np.ndarray) -> None:
+    """Write `image`, of a kind that `KEPT` lists for the suffix of `file`."""
+    suffix = file.suffix.lower()
+    if suffix in (".tif", ".tiff"):
+        import tifffile
+
+        tifffile.imwrite(
+            file,
+            image,
+            photometric="minisblack" if image.ndim == 2 else "rgb",
+            extrasamples=["unassalpha"] if image.shape[2:] == (4,) else None,
+            metadata=None,
+        )
+    elif suffix == ".png" and image.dtype == np.uint16 and image.ndim == 3:
+        _png.write(file, image)
+    else:
+        import imageio.v3 as iio
+
+        iio.imwrite(file, image, plugin="pillow", extension=suffix, **OPTIONS.get(suffix, {}))
+
+
+def _decode_pillow(file: Path) -> tuple[np.ndarray, int]:
+    import imageio.v3 as iio
+
+    try:
+        reader: Any = iio.imopen(file, "r", plugin="pillow")
+    except OSError:
+        raise ValueError("it has no format that Pillow knows") from None
+    with reader:
+        header: dict[str, Any] = reader.metadata(index=0, exclude_applied=False)
+        orientation = header.get("Orientation", 1)
+        mode = header["mode"]
+        if mode not in MODES:
+            raise ValueError(f"pixels of kind {mode} are not supported")
+        keyed = mode in KEYED and "transparency" in header
+        return reader.read(index=0, mode="RGBA" if keyed else MODES[mode]), orientation
+
+
+def _decode_tiff(file: Path) -> tuple[np.ndarray, int]:
+    import tifffile
+
+    with tifffile.TiffFile(file) as tiff:
+        page: Any = tiff.pages[0]
+        tag = page.tags.get(ORIENTATION)
+        orientation = int(tag.value) if tag else 1
+        if page.samplesperpixel > 1 and page.bitspersample > 8:  # Pillow would cut to 8 bits
+            image = page.asarray()
+            planar = page.planarconfig == tifffile.PLANARCONFIG.SEPARATE
+            return _plain(np.moveaxis(image, 0, -1) if planar else image), orientation
+    image, _ = _decode_pillow(file)
+    # Pillow turns TIFF, and only TIFF, by itself: turn it back. 6 and 8 undo each other.
+    return turn(_plain(image), {6: 8, 8: 6}.get(orientation, orientation)), orientation
+
+
+def _plain(image: np.ndarray) -> np.ndarray:
+    """Return uint8, uint16 or float32, (H, W) or with 3 or 4 channels; grey + alpha expanded."""
+    if image.ndim == 3 and image.shape[2] in (1, 2):
+        image = image[..., 0] if image.shape[2] == 1 else image[..., [0, 0, 0, 1]]
+    if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
+        raise ValueError(f"pixels of shape {image.shape} are not supported")
+    if image.dtype.kind == "f":
+        return image.astype(np.float32, copy=False)
+    if image.dtype.itemsize <= 2 and image.dtype.kind == "u":
+        return image.astype(image.dtype.newbyteorder("="), copy=False)
+    low, high = int(image.min()), int(image.max())  # wide integers that hold 16 bits: PGM, TIFF
+    if low < 0 or high > 65535:
+        raise ValueError(f"integers of more than 16 bits are not supported, got {low} to {high}")
+    return image.astype(np.uint16)

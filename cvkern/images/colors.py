@@ -1,0 +1,103 @@
+"""Grey values of colours, and values shown as colours."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cvkern.images._colormaps import COLORMAPS, STEPS, table
+from cvkern.images._overlay import check_color, check_numbers
+
+LUMA = (0.2125, 0.7154, 0.0721)  # Rec. 709, as skimage.color.rgb2gray
+
+
+def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
+    """Return the grey of a colour image: ``0.2125 R + 0.7154 G + 0.0721 B``.
+
+    Parameters
+    ----------
+    image : array of shape (H, W), or with 3 or 4 channels along `channel_axis`
+        A fourth channel, alpha, is ignored. Grey passes through.
+    channel_axis : int
+        Axis of the channels.
+
+    Returns
+    -------
+    array of shape (H, W), float32
+        In the units of `image`: values are not rescaled.
+
+    Raises
+    ------
+    ValueError
+        If the shape is another, or `image` is empty or holds no real numbers.
+    """
+    array = check_numbers(image, "image")
+    if array.ndim == 2:
+        return array.astype(np.float32)
+    if array.ndim != 3 or not -3 <= channel_axis < 3:
+        raise ValueError(
+            f"image must be 2-D, or 3-D with a channel axis, got shape {array.shape} "
+            f"and channel_axis {channel_axis}"
+        )
+    channels = np.moveaxis(array, channel_axis, 0)
+    if len(channels) not in (3, 4):
+        raise ValueError(f"image must have 3 or 4 channels, got shape {array.shape}")
+    red, green, blue = (
+        np.float32(w) * c for w, c in zip(LUMA, channels[:3].astype(np.float32), strict=True)
+    )
+    return red + green + blue
+
+
+def apply_colormap(
+    values: ArrayLike,
+    name: str = "sequential",
+    *,
+    vmin: float | None = None,
+    vmax: float | None = None,
+    nan: tuple[int, int, int] = (255, 0, 255),
+) -> np.ndarray:
+    """Show values as colours.
+
+    Parameters
+    ----------
+    values : array of shape (H, W)
+        Real numbers.
+    name : {"sequential", "gray", "diverging", "cyclic"}
+        "sequential" runs dark to light in even steps of tone; "diverging" runs from blue over
+        near white to red; "cyclic" goes once round the hues at one lightness, for angles.
+    vmin, vmax : float, optional
+        Values of the first and last colour. Values beyond get the end colours; in "cyclic" they
+        wrap round. By default the least and greatest finite value, and for "cyclic" -pi and pi.
+    nan : (red, green, blue)
+        Colour of NaN: magenta.
+
+    Returns
+    -------
+    array of shape (H, W, 3), uint8
+
+    Raises
+    ------
+    ValueError
+        If `values` is not 2-D or is empty, `name` is unknown, or `vmin` exceeds `vmax`.
+    """
+    array = check_numbers(values, "values")
+    if array.ndim != 2:
+        raise ValueError(f"values must be 2-D, got shape {array.shape}")
+    if name not in COLORMAPS:
+        raise ValueError(f"name must be one of {COLORMAPS}, got {name!r}")
+    array = array.astype(np.float64)
+    finite = array[np.isfinite(array)]
+    cyclic = name == "cyclic"
+    ends = (-np.pi, np.pi) if cyclic else (0.0, 1.0)
+    if finite.size and not cyclic:
+        ends = (float(finite.min()), float(finite.max()))
+    low, high = ends[0] if vmin is None else vmin, ends[1] if vmax is None else vmax
+    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        raise ValueError(f"vmin must be finite and <= vmax, got {low} and {high}")
+    missing = np.isnan(array) | (np.isinf(array) if cyclic else False)
+    # A range of no width has one colour: the first.
+    t = (np.where(missing, low, array) - low) / ((high - low) or 1.0)
+    index = np.floor(t * STEPS) % STEPS if cyclic else np.round(t.clip(0.0, 1.0) * (STEPS - 1))
+    colours = table(name)[index.astype(np.intp)]
+    colours[missing] = check_color(nan, "nan")
+    return colours

@@ -1,0 +1,52 @@
+"""Calls that compile the kernels of radiance fields."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from cvkern.app.warmup import pictures
+from cvkern.radiance import (
+    Composite,
+    HashField,
+    MLPField,
+    Scene,
+    VoxelField,
+    composite_rays,
+    composite_rays_backward,
+    fit,
+    make_scene,
+    positional_encoding,
+    spherical_harmonics,
+)
+
+
+def calls() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield a name and a call for every function, and for training each kind of field."""
+    _, real, color = pictures()
+    samples = real[:, 0], real[:, :3], real[:, :2], np.array([[0, 4]])
+    seen = Composite(real[:1, :3], real[0, :1], real[0, :1], real[0, :1])
+    yield "composite_rays", partial(composite_rays, *samples)
+    yield "composite_rays_backward", partial(composite_rays_backward, seen, *samples)
+    yield "positional_encoding", partial(positional_encoding, real)
+    yield "spherical_harmonics", partial(spherical_harmonics, color)
+    yield "make_scene", _scene
+    for field in (
+        VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),
+        HashField(table_bits=10, samples=2**12, rays=64, cells=32),
+        # Kernels are made for widths, which are the default's.
+        MLPField(samples=2**8, rays=16, cells=8, steps=16),
+    ):
+        yield "fit", partial(_train, field)
+
+
+def _scene() -> Scene:
+    return make_scene(train=2, test=1, size=16)
+
+
+def _train(field: Any) -> None:
+    """Train for as long as a grid takes to be made finer."""
+    fit(_scene(), field, steps=18, background="learnt", progress=False)

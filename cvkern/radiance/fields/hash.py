@@ -1,0 +1,201 @@
+"""A hash encoding and two small perceptrons: instant neural graphics primitives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_integer, check_number
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.radiance import network_layers, network_room
+from cvkern.radiance.fields.field import Frame, Learning
+from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
+from cvkern.radiance.march import CELLS, STEPS, SampledField, Samples, check_batch
+
+BETAS, EPSILON = (0.9, 0.99), 1e-15
+FINEST = 2**20  # cells along a side: their numbers have 20 bits in kernels
+CELLS_OF_PIXEL = 1.5  # of the finest grid: with more, held-out views of small photographs lose
+
+
+@dataclass(frozen=True)
+class HashField:
+    """Settings of a field of hashed features.
+
+    A sample's features come from tables for grids of growing fineness; a small perceptron makes a
+    density and 16 numbers of them, and a second one a colour of these and the direction of view.
+    The defaults are for a GPU; ``fit(scene, "hash")`` takes smaller ones on the CPU.
+
+    Raises
+    ------
+    TypeError
+        If a number is of another kind.
+    ValueError
+        If a number is out of its range, `levels` or `cells` are no multiples of 8, `finest` is
+        below `coarsest`, or `samples` below `steps`.
+
+    References
+    ----------
+    .. [1] T. Mueller, A. Evans, C. Schied and A. Keller, "Instant neural graphics primitives with
+       a multiresolution hash encoding", ACM Transactions on Graphics 41(4), 2022.
+    """
+
+    levels: int = 16
+    """Grids, a multiple of 8."""
+    table_bits: int = 19
+    """Base-2 logarithm of the entries of a grid's table."""
+    coarsest: int = 16
+    """Cells of the coarsest grid along a side."""
+    finest: int | None = None
+    """Cells of the finest grid along a side, up to 2^20.
+
+    By default three for two pixels of the photographs.
+    """
+    samples: int = 2**18
+    """Of a batch; at least as many as `steps`."""
+    rays: int = 2**14
+    """Of a batch, at most."""
+    cells: int = CELLS
+    """Of the occupancy grid, along a side: a multiple of 8."""
+    steps: int = STEPS
+    """Samples along the diagonal of the scene's cube, where none of it is empty: up to 1024."""
+    learning_rate: float = 1e-2
+    """In the beginning, after a warm-up of 100 steps."""
+    final_rate: float = 0.03
+    """Share of it at the end."""
+    weight_decay: float = 0.0
+    """Of the perceptrons."""
+    table_decay: float = 1e-7
+    """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
+    gradient_clip: float | None = None
+    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+
+    They are those of the sum of the losses of a batch's rays over 4096.
+    """
+
+    def __post_init__(self) -> None:
+        if check_integer(self.levels, "levels", 8, 32) % 8:
+            raise ValueError(f"levels must be a multiple of 8, got {self.levels}")
+        check_integer(self.table_bits, "table_bits", 3, 24)
+        check_integer(self.coarsest, "coarsest", 1, 2**14)
+        if self.finest is not None:
+            check_integer(self.finest, "finest", self.coarsest, FINEST)
+        check_batch(self)
+        check_number(self.table_decay, "table_decay", low=0.0)
+
+    def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
+        """Return the field itself, with random parameters."""
+        return HashNetwork(rt, frame, seed, self)
+
+
+class HashNetwork(SampledField):
+    """A field with the settings of a :class:`HashField`."""
+
+    def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: HashField):
+        self.half = rt.matrix_dtype
+        super().__init__(rt, frame, seed, settings)
+        self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
+        levels, rng = settings.levels, np.random.default_rng(seed)
+        finest = settings.finest
+        if finest is None:
+            # All of space is contracted into twice the cube.
+            side = 4 if frame.bounds.unbounded else 2
+            wanted = round(min(CELLS_OF_PIXEL * side / frame.pixel, FINEST))
+            finest = max(2 * settings.coarsest, wanted)
+        growth = (finest / settings.coarsest) ** (1 / max(levels - 1, 1))
+        resolutions = np.round(settings.coarsest * growth ** np.arange(levels)).astype(np.int32)
+        corners = (resolutions.astype(np.int64) + 1) ** 3
+        sizes = np.minimum(-(-corners // 8) * 8, 2**settings.table_bits)
+        offsets = np.concatenate(([0], np.cumsum(sizes))).astype(np.int32)
+        self.grids = rt.constant(resolutions), rt.constant(offsets)
+        self.table = Parameters(rt, rng.uniform(-1e-4, 1e-4, (int(offsets[-1]), 2)), self.half)
+        # Xavier's limits keep the size of what passes through a layer.
+        shapes = network_layers(2 * levels)
+        layers = [rng.uniform(-1, 1, s) * math.sqrt(6 / (s[0] + s[1])) for s in shapes]
+        self.layers = Parameters(rt, np.concatenate([w.ravel() for w in layers]), self.half)
+        self.d_features = rt.zeros((settings.samples, 2 * levels), self.half)
+        self.memory = rt.zeros(network_room(2 * levels, settings.samples, self.half == np.float16))
+        self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
+
+    def view_room(self, rays: int) -> int:
+        """See :meth:`SampledField.view_room`: in full precision it shares the memory of layers."""
+        half = self.half == np.float16
+        room = super().view_room(rays)
+        return room if half else min(room, self.room)
+
+    def inner(self, room: int) -> dict[str, Any]:
+        """See :meth:`SampledField.inner`."""
+        return {"features": self.rt.zeros((room, 2 * self.settings.levels), self.half)}
+
+    def evaluate_density(self, total: Any) -> None:
+        """See :meth:`SampledField.evaluate_density`."""
+        features = self._encode(self.samples, total)
+        self.rt.radiance.fields.perceptron.network.density(
+            features, total, self.layers.copy, self.memory, self.samples.sigma
+        )
+
+    def evaluate(self, directions: Any, samples: Samples) -> None:
+        """See :meth:`SampledField.evaluate`."""
+        s = samples
+        features = self._encode(s, s.total)
+        self._inputs = features, directions, s.rays, s.total, self.layers.copy
+        self.rt.radiance.fields.perceptron.network.forward(
+            *self._inputs, self.memory, s.sigma, s.rgb
+        )
+
+    def evaluate_backward(self) -> None:
+        """See :meth:`SampledField.evaluate_backward`."""
+        s = self.samples
+        self.rt.radiance.fields.perceptron.network.backward(
+            self.d_sigma, self.d_rgb, *self._inputs, s.sigma, s.rgb, self.memory,
+            self.d_features, self.layers.gradients,
+        )  # fmt: skip
+        self.rt.radiance.fields.hash.backward(
+            s.positions, s.total, *self.grids, self.d_features, self.table.sums
+        )
+        self.table.collect(self.rt)
+
+    def _encode(self, samples: Samples, total: Any) -> Any:
+        """Look up the features of the first `total` (1,) samples, and return them."""
+        features = samples.inner["features"]
+        self.rt.radiance.fields.hash.encode(
+            samples.positions, total, *self.grids, self.table.copy, features
+        )
+        return features
+
+    def make_deterministic(self) -> None:
+        """See :meth:`Field.make_deterministic`: tables are added to by atomics on a GPU."""
+        if self.rt.device != "cpu":
+            self.gradient_scale = LIFT
+            self.table.make_deterministic(self.rt)
+
+    def learn(self, learning: Learning) -> None:
+        """See :meth:`Field.learn`."""
+        adam, s = self.rt.radiance.training.adam, self.settings
+        adam.learning_rate(
+            learning.step, learning.progress, s.learning_rate, 100, s.final_rate, *BETAS, self._rate
+        )
+        gradients = self.table.gradients, self.layers.gradients
+        self._clip.update(learning.scale / self.gradient_scale, *gradients)
+        for parameters, decay, sparse in (
+            (self.table, s.table_decay, s.table_decay == 0.0),
+            (self.layers, s.weight_decay, False),
+        ):
+            given = self._rate, self._clip.factor, *BETAS, EPSILON, decay, sparse
+            adam.adam(*given, *parameters.flat())
+
+    def state(self) -> dict[str, np.ndarray]:
+        """See :meth:`Field.state`."""
+        return (
+            super().state()
+            | self.table.state("table.", self.rt)
+            | self.layers.state("layers.", self.rt)
+        )
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """See :meth:`Field.restore`."""
+        super().restore(state)
+        self.table.restore("table.", state, self.rt)
+        self.layers.restore("layers.", state, self.rt)

@@ -1,0 +1,77 @@
+"""The numbers that a field learns, and what their gradients are multiplied by."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.radiance.march import taken
+
+LIFT = 128.0  # `Field.gradient_scale` where float16 or fixed-point numbers hold gradients
+PARTS = 1024  # that a sum of squares is made in
+
+
+class Parameters:
+    """Parameters with what Adam keeps for them, and a copy in the precision they are used in."""
+
+    def __init__(self, rt: Runtime, values: np.ndarray, dtype: Any):
+        shape = values.shape
+        self.values, self.gradients, self.mean, self.square = (rt.zeros(shape) for _ in range(4))
+        self.sums = self.gradients
+        self.copy = self.values if dtype == np.float32 else rt.zeros(shape, dtype)
+        self._write(values, rt)
+
+    def _write(self, values: np.ndarray, rt: Runtime) -> None:
+        rt.write(self.values, values.astype(np.float32))
+        if self.copy is not self.values:
+            rt.write(self.copy, values.astype(np.float16))
+
+    def make_deterministic(self, rt: Runtime) -> None:
+        """Take gradients as `sums` of fixed-point numbers, which are the same in any order."""
+        self.sums = rt.zeros(self.values.shape, np.int64)
+
+    def collect(self, rt: Runtime) -> None:
+        """Make gradients of the `sums` that a backward pass added to."""
+        if self.sums is not self.gradients:
+            rt.radiance.training.adam.collect(flat(self.sums), flat(self.gradients))
+
+    def flat(self) -> list[Any]:
+        """Return gradients, means, squares, values and copy, as Adam takes them."""
+        arrays = (self.gradients, self.mean, self.square, self.values, self.copy)
+        return [flat(a) for a in arrays]
+
+    def state(self, prefix: str, rt: Runtime) -> dict[str, np.ndarray]:
+        """Return what has to be saved."""
+        arrays = {"values": self.values, "mean": self.mean, "square": self.square}
+        return {prefix + name: rt.to_numpy(a).copy() for name, a in arrays.items()}
+
+    def restore(self, prefix: str, state: dict[str, np.ndarray], rt: Runtime) -> None:
+        """Take up what was saved."""
+        self._write(taken(state, prefix + "values", self.values.shape), rt)
+        rt.write(self.mean, taken(state, prefix + "mean", self.mean.shape))
+        rt.write(self.square, taken(state, prefix + "square", self.square.shape))
+
+
+class Clip:
+    """What gradients are multiplied by: a scale, or less so that their norm stays in bounds."""
+
+    def __init__(self, rt: Runtime, most: float | None):
+        self.rt, self.most = rt, most
+        self.factor, self.parts = rt.zeros((1,)), rt.zeros((PARTS,))
+
+    def update(self, scale: float, *gradients: Any) -> None:
+        """Find `factor` (1,) for gradients whose norm counts after the scale."""
+        adam, most = self.rt.radiance.training.adam, math.inf
+        if self.most is not None:
+            most = self.most
+            for array in gradients:
+                adam.add_squares(flat(array), self.parts)
+        adam.clip(scale, most, self.parts, self.factor)
+
+
+def flat(array: Any) -> Any:
+    """View an array as one of one axis."""
+    return array.reshape((-1,)) if len(array.shape) > 1 else array

@@ -1,0 +1,294 @@
+"""Fields that are looked at in batches of samples: marched, evaluated, composited."""
+
+from __future__ import annotations
+
+import abc
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._runtime import Runtime
+from cvkern.radiance.fields.field import Field, Frame, Learning, Rays, Rendered, Seen
+
+CELLS = 128  # of the occupancy grid along a side, in each level
+LEVELS = 5  # of it in unbounded space: the outermost cube is 16 times as large
+STEPS = 1024  # along the diagonal of the innermost cube, at most; also the most on any ray
+CONE = 1 / 256  # samples of unbounded space are this share of their distance apart
+STOP = 1e-4  # of the light is left: nothing behind is looked at
+FILL = 0.92  # of the room for samples that a batch should take
+EVERY = 16  # steps between looks at where space is empty
+SETTLED = 256  # steps after which no longer all of it is looked at
+FADE = 0.95
+OPTICAL_THICKNESS = 0.01  # of a step through a cell that is looked at however thin it is
+VIEW_ROOM = 2**22  # samples of a round of rendering, at most, on a GPU
+VIEW_EACH = 16  # of them for each ray of a view, where that is less
+VIEW_FEW = 64  # of them on a ray, at most: it may be opaque behind the first
+PARTS = 16  # that this room is cut into, so that small rounds do not cost as much as large ones
+
+
+class Samples(NamedTuple):
+    """Samples along rays, as kernel arrays with room for M."""
+
+    total: Any
+    """Their number, (1,) int32."""
+    positions: Any
+    """In the cube from 0 to 1, (M, 3) float32."""
+    distances: Any
+    """Distance from the camera, and length of the step, (M, 2) float32."""
+    rays: Any
+    """(M,) int32."""
+    sigma: Any
+    """Density, (M,) float32."""
+    rgb: Any
+    """Colour, (M, 3) float32."""
+    inner: dict[str, Any]
+    """What the field makes on the way to these, M rows each."""
+
+    def first(self, rows: int) -> Samples:
+        """Return the room of the first rows."""
+        arrays = {name: getattr(self, name)[:rows] for name in self._fields[1:-1]}
+        inner = {name: a[:rows] for name, a in self.inner.items()}
+        return self._replace(**arrays, inner=inner)
+
+
+class Viewing:
+    """Room for the samples of a round of rendering."""
+
+    def __init__(self, samples: Samples, counts: Any):
+        self.samples, self.counts = samples._replace(total=counts[:1]), counts
+        self.room = samples.positions.shape[0]
+        self._parts: dict[int, Samples] = {}
+
+    def first(self, count: int) -> Samples:
+        """Return room for so many samples and a few more, of one of a few sizes."""
+        part = -(-self.room // PARTS)
+        rows = min(-(-count // part) * part, self.room)
+        if rows not in self._parts:
+            self._parts[rows] = self.samples.first(rows)
+        return self._parts[rows]
+
+
+class SampledField(Field):
+    """A field that gives density and colour for a batch of samples; this class does the rest."""
+
+    def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: Any):
+        """Take room for a batch of the `settings`, which :func:`check_batch` has looked at."""
+        self.rt, self.frame, self.seed, self.settings = rt, frame, seed, settings
+        room, rays, cells = settings.samples, settings.rays, settings.cells
+        self.room, self.rays, self.cells = room, rays, cells
+        self.first_rays = min(rays, room // settings.steps)
+        unbounded = frame.bounds.unbounded
+        self.levels = LEVELS if unbounded else 1
+        self.finest = 2 * math.sqrt(3) / settings.steps
+        self.cone = CONE if self.levels > 1 else 0.0
+        count = self.levels * cells**3
+        self.density = rt.zeros((count,))
+        self.bits = rt.zeros((count // 32,), np.uint32)
+        rt.write(self.bits, np.full(count // 32, 0xFFFFFFFF, np.uint32))
+        self._parts, self._limit = rt.zeros((1024,)), rt.zeros((1,))
+        self._visited = rt.zeros((room,), np.int32)
+        self._all = rt.zeros((1,), np.int32)
+        rt.write(self._all, np.array([room], np.int32))
+        self.samples = self._room_for(room, rt.zeros((1,), np.int32))
+        self.spans = rt.zeros((rays, 2), np.int32)
+        self.d_sigma, self.d_rgb = rt.zeros((room,)), rt.zeros((room, 3))
+        self.rendered = Rendered(
+            rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
+        )
+        self._looks: dict[bool, Any] = {}
+        self._viewing: Viewing | None = None
+
+    @abc.abstractmethod
+    def inner(self, room: int) -> dict[str, Any]:
+        """Allocate what :meth:`evaluate` makes on the way, for so many samples."""
+
+    @abc.abstractmethod
+    def evaluate(self, directions: Any, samples: Samples) -> None:
+        """Fill `sigma` and `rgb` of samples of rays with these directions, (R, 3)."""
+
+    @abc.abstractmethod
+    def evaluate_density(self, total: Any) -> None:
+        """Fill `sigma` for the first `total` positions of the field's own samples."""
+
+    @abc.abstractmethod
+    def evaluate_backward(self) -> None:
+        """Add the gradients of the parameters, from `d_sigma` and `d_rgb` of its own samples."""
+
+    def _room_for(self, room: int, total: Any) -> Samples:
+        """Allocate samples, of which there are `total` (1,)."""
+        rt = self.rt
+        return Samples(
+            total, rt.zeros((room, 3)), rt.zeros((room, 2)), rt.zeros((room,), np.int32),
+            rt.zeros((room,)), rt.zeros((room, 3)), self.inner(room),
+        )  # fmt: skip
+
+    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+        """See :meth:`Field.see`."""
+        count = origins.shape[0]
+        room = self.view_room(count)
+        if self._viewing is None or self._viewing.room < room:
+            self._viewing = self._room_to_view(room)
+        most = self._viewing.room  # a sample of each at least
+        for begin in range(0, count, most):
+            part = slice(begin, min(begin + most, count))
+            self._see(
+                self._viewing, origins[part], directions[part], Seen(*(a[part] for a in seen))
+            )
+
+    def view_room(self, rays: int) -> int:
+        """For how many samples a round of rendering has room: on a GPU many, as rounds cost."""
+        if self.rt.device == "cpu":
+            return self.room
+        return min(max(VIEW_EACH * rays, self.room), VIEW_ROOM)
+
+    def _room_to_view(self, room: int) -> Viewing:
+        """Take that room: of what training has as far as there is enough, else of its own."""
+        counts = self.rt.zeros((2,), np.int32)
+        if room <= self.room:
+            return Viewing(self.samples.first(room), counts)
+        return Viewing(self._room_for(room, counts[:1]), counts)
+
+    def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: Seen) -> None:
+        """Take the next samples of all rays, until each is opaque or has left the field."""
+        rt, view, living = self.rt, self.rt.radiance.rendering, origins.shape[0]
+        at = rt.scratch("view.at", (living,))
+        taken, listing, going = (
+            rt.scratch(f"view.{name}", (living,), np.int32) for name in ("taken", "list", "going")
+        )
+        spans = rt.scratch("view.spans", (living, 2), np.int32)
+        space = self.levels, self.frame.near, self.finest, self.cone
+        counts = viewing.counts
+        view.set_out(origins, directions, *space, at, taken, listing, counts, *seen)
+        while living:
+            s = viewing.samples
+            few = min(viewing.room // living, VIEW_FEW)
+            view.march_on(
+                origins, directions, self.bits, self.levels, self.cells, self.frame.far,
+                self.finest, self.cone, STEPS, self.frame.bounds.unbounded, few, living, listing,
+                at, taken, going, spans, counts, s.positions, s.distances, s.rays,
+            )  # fmt: skip
+            total, living = map(int, rt.to_numpy(counts))
+            if living:
+                s = viewing.first(total)
+                self.evaluate(directions, s)
+                view.composite_on(
+                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, counts, at, *seen
+                )
+                listing, going = going, listing
+
+    def forward(self, rays: Rays, step: Any) -> Rendered:
+        """See :meth:`Field.forward`."""
+        s = self.samples
+        self.rt.radiance.march.steps.march_rays(
+            rays.origins, rays.directions, self.bits, self.levels, self.cells, self.frame.near,
+            self.frame.far, self.finest, self.cone, STEPS, True, self.frame.bounds.unbounded,
+            self.seed, step, rays.active, self.spans, s.total, s.positions, s.distances, s.rays,
+        )  # fmt: skip
+        self.evaluate(rays.directions, s)
+        self.rt.radiance.compositing.forward(
+            s.sigma, s.rgb, s.distances, self.spans, STOP, *self.rendered
+        )
+        return self.rendered
+
+    def backward(self, gradients: Rendered) -> None:
+        """See :meth:`Field.backward`."""
+        s = self.samples
+        self.rt.radiance.compositing.backward(
+            *gradients, s.sigma, s.rgb, s.distances, self.spans, STOP, self.d_sigma, self.d_rgb
+        )
+        self.evaluate_backward()
+
+    def taken(self) -> int:
+        """See :meth:`Field.taken`."""
+        return int(self.rt.to_numpy(self.samples.total)[0])
+
+    def densities(self, points: np.ndarray) -> np.ndarray:
+        """See :meth:`Field.densities`."""
+        places = np.asarray(points, np.float32)
+        if self.frame.bounds.unbounded:
+            size = np.maximum(np.linalg.norm(places, axis=1, keepdims=True), 1.0)
+            places = places * ((2 - 1 / size) / size) / 2
+        places = 0.5 * places + 0.5
+        found = np.empty(len(places), np.float32)
+        block = np.zeros((self.room, 3), np.float32)
+        for begin in range(0, len(places), self.room):
+            part = places[begin : begin + self.room]
+            block[: len(part)] = part
+            self.rt.write(self.samples.positions, block)
+            self.evaluate_density(self._all)
+            found[begin : begin + len(part)] = self.rt.to_numpy(self.samples.sigma)[: len(part)]
+        return found
+
+    def rays_for(self, samples: int, rays: int) -> int:
+        """See :meth:`Field.rays_for`."""
+        return max(1, min(self.rays, int(rays * FILL * self.room / max(samples, 1))))
+
+    def tend(self, step: int, learning: Learning) -> None:
+        """Look where space is empty, every now and then."""
+        if step % EVERY == 0:
+            everywhere = step < SETTLED
+            if everywhere not in self._looks:
+                self._look(everywhere, learning.step)
+                self._looks[everywhere] = self.rt.record(
+                    lambda: self._look(everywhere, learning.step)
+                )
+            else:
+                self._looks[everywhere]()
+
+    def rest(self) -> None:
+        """See :meth:`Field.rest`."""
+        self._looks.clear()
+
+    def _look(self, everywhere: bool, step: Any) -> None:
+        """Raise each cell to the density at a random point of it: all cells, or a random part."""
+        occupancy, count = self.rt.radiance.march.occupancy, self.levels * self.cells**3
+        occupancy.fade(FADE, self.density)
+        for begin in range(0, count if everywhere else -(-count // 4), self.room):
+            occupancy.visit(
+                self.cells, count, everywhere, self.frame.bounds.unbounded, self.seed, step, begin,
+                self._visited, self.samples.positions,
+            )  # fmt: skip
+            self.evaluate_density(self._all)
+            occupancy.raise_to(self._visited, self.samples.sigma, self.density)
+        least = OPTICAL_THICKNESS / self.finest
+        occupancy.mark(self.density, least, self._parts, self._limit, self.bits)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """See :meth:`Field.state`."""
+        return {"occupancy.density": self.rt.to_numpy(self.density).copy(),
+                "occupancy.bits": self.rt.to_numpy(self.bits).copy()}  # fmt: skip
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """See :meth:`Field.restore`."""
+        self.rt.write(self.density, taken(state, "occupancy.density", self.density.shape))
+        self.rt.write(self.bits, taken(state, "occupancy.bits", self.bits.shape, np.uint32))
+
+
+def check_batch(settings: Any) -> None:
+    """Look at what the settings of all such fields have."""
+    check_integer(settings.steps, "steps", 1, STEPS)
+    check_integer(settings.samples, "samples", settings.steps, 2**24)  # a ray at least
+    check_integer(settings.rays, "rays", 1, 2**24)
+    if check_integer(settings.cells, "cells", 8, 512) % 8:
+        raise ValueError(f"cells must be a multiple of 8, got {settings.cells}")
+    for name in ("learning_rate", "final_rate"):
+        check_positive(getattr(settings, name), name)
+    check_number(settings.weight_decay, "weight_decay", low=0.0)
+    if settings.gradient_clip is not None:
+        check_positive(settings.gradient_clip, "gradient_clip")
+
+
+def taken(
+    state: dict[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
+) -> np.ndarray:
+    """Return an array of a state, if it is there and as it should be."""
+    if name not in state:
+        raise ValueError(f"state must have {name!r}, got {tuple(state)}")
+    found = state[name]
+    if found.shape != tuple(shape):
+        raise ValueError(f"{name} must have shape {tuple(shape)}, got {found.shape}")
+    if found.dtype != dtype:
+        raise ValueError(f"{name} must be {np.dtype(dtype)}, got {found.dtype}")
+    return found

@@ -1,0 +1,291 @@
+"""Pinhole cameras with lens distortion, in the conventions of OpenCV.
+
+Camera axes are x right, y down, z forward. The centre of the pixel in row i and column j has the
+image coordinates (x, y) = (j, i), here and in every kernel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_integer, check_positive
+
+# Newton's method doubles the right digits with each step; lenses need three or four steps.
+_NEWTON_STEPS = 10
+_WIDEST = 1e6  # tangent of the angle of a ray from the middle: farther is astray
+
+
+@dataclass(frozen=True, eq=False)
+class Cameras:
+    """N views of one image size: where each stands, and how it maps directions to pixels."""
+
+    poses: np.ndarray
+    """Camera to world, (N, 3, 4) float64: a rotation, and the centre of the camera."""
+    intrinsics: np.ndarray
+    """fx, fy, cx, cy in pixels, (N, 4) float64."""
+    distortion: np.ndarray
+    """k1, k2, p1, p2, k3 of OpenCV's model, (N, 5) float64."""
+    width: int
+    """Columns of an image."""
+    height: int
+    """Rows of an image."""
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def select(self, index: Any) -> Cameras:
+        """Return some of the views: `index` is a slice, a mask or an array of numbers."""
+        poses, lenses, bent = (a[index] for a in (self.poses, self.intrinsics, self.distortion))
+        return Cameras(poses, lenses, bent, self.width, self.height)
+
+    def resized(self, factor: int) -> Cameras:
+        """Return the cameras of images averaged over blocks of `factor` x `factor` pixels.
+
+        Raises
+        ------
+        TypeError
+            If `factor` is not an integer.
+        ValueError
+            If it is not between 1 and the smaller side.
+        """
+        check_integer(factor, "factor", 1, min(self.width, self.height))
+        small = self.intrinsics / factor
+        small[:, 2:] += 0.5 / factor - 0.5  # pixel centres are integers in either image
+        return Cameras(
+            self.poses, small, self.distortion, self.width // factor, self.height // factor
+        )
+
+    def scaled(self, factor: float) -> Cameras:
+        """Return the cameras of images `factor` times as large.
+
+        Raises
+        ------
+        TypeError
+            If `factor` is no number.
+        ValueError
+            If it is not > 0 and finite.
+        """
+        check_positive(factor, "factor")
+        width, height = (max(1, round(n * factor)) for n in (self.width, self.height))
+        lens = self.intrinsics * factor
+        lens[:, 2:] += 0.5 * factor - 0.5  # pixel centres are integers in either image
+        return Cameras(self.poses, lens, self.distortion, width, height)
+
+
+def cameras(
+    poses: Any,
+    intrinsics: Any,
+    width: int,
+    height: int,
+    *,
+    distortion: Any = 0.0,
+) -> Cameras:
+    """Check and collect the cameras of some views.
+
+    Parameters
+    ----------
+    poses : array of shape (N, 3, 4) or (N, 4, 4)
+        Camera to world, in any unit of length; axes x right, y down, z forward.
+    intrinsics : array of shape (4,) or (N, 4)
+        fx, fy, cx, cy in pixels, for pixel centres at integers.
+    width, height : int
+        Size of the images, in pixels.
+    distortion : array of shape (5,) or (N, 5), default 0.0
+        k1, k2, p1, p2, k3 of OpenCV's lens model.
+
+    Returns
+    -------
+    Cameras
+
+    Raises
+    ------
+    ValueError
+        If there is no view, a shape does not fit, a number is not finite, a focal length is not
+        positive, or a pose does not have a rotation in it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from cvkern.radiance import cameras
+    >>> len(cameras(np.eye(4)[None], [50, 50, 31.5, 23.5], 64, 48))
+    1
+    """
+    poses = np.asarray(poses, np.float64)
+    if poses.ndim != 3 or poses.shape[1:] not in ((3, 4), (4, 4)) or not len(poses):
+        raise ValueError(f"poses must have shape (N, 3, 4) with N >= 1, got {poses.shape}")
+    poses = poses[:, :3]
+    count = len(poses)
+    width = check_integer(width, "width", 1, 2**15)
+    height = check_integer(height, "height", 1, 2**15)
+    lens = _one_each(intrinsics, count, 4, "intrinsics")
+    bent = _one_each(distortion, count, 5, "distortion")
+    if not (lens[:, :2] > 0).all():
+        raise ValueError(f"intrinsics must have fx, fy > 0, got {lens[:, :2].min():g}")
+    if not np.isfinite(poses).all():
+        raise ValueError(f"poses must be finite, got view {np.argwhere(~np.isfinite(poses))[0, 0]}")
+    turns = poses[:, :, :3]
+    off = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    off = np.where(np.linalg.det(turns) > 0, off, np.inf)
+    if off.max() > 1e-3:
+        worst = int(off.argmax())
+        raise ValueError(f"poses must have rotations, got in view {worst}: {turns[worst].tolist()}")
+    u, _, v = np.linalg.svd(turns)  # files round their numbers: the nearest rotation
+    poses = np.concatenate((u @ v, poses[:, :, 3:]), axis=2)
+    return Cameras(poses, lens, bent, width, height)
+
+
+def _one_each(values: Any, count: int, size: int, name: str) -> np.ndarray:
+    """Return `values`, one row for each of `count` views."""
+    values = np.asarray(values, np.float64)
+    if values.ndim > 2 or (values.ndim and values.shape[-1] != size):
+        raise ValueError(f"{name} must have shape ({size},) or (N, {size}), got {values.shape}")
+    if values.ndim == 2 and len(values) != count:
+        raise ValueError(f"{name} must have one row for each of {count} views, got {len(values)}")
+    if not np.isfinite(values).all():
+        raise ValueError(f"{name} must be finite, got {values.tolist()}")
+    return np.broadcast_to(values, (count, size)).copy()
+
+
+def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
+    """Return the poses of cameras that stand at `eyes` and look at `targets`.
+
+    Parameters
+    ----------
+    eyes, targets : array of shape (3,) or (N, 3)
+        World positions.
+    up : array of shape (3,), default (0, 0, 1)
+        The world's upward direction.
+
+    Returns
+    -------
+    array of shape (N, 3, 4), float64
+
+    Raises
+    ------
+    ValueError
+        If an eye is at its target, or looks along `up`, or the shapes do not go together.
+    """
+    eyes, targets = np.broadcast_arrays(np.atleast_2d(eyes), np.atleast_2d(targets))
+    forward = np.asarray(targets - eyes, np.float64)
+    right = np.cross(forward, np.asarray(up, np.float64))
+    length = np.linalg.norm(right, axis=1, keepdims=True)
+    if not (length > 1e-9 * np.linalg.norm(forward, axis=1, keepdims=True)).all():
+        raise ValueError("eyes must be apart from their targets, and not look along up")
+    right = right / length
+    forward = forward / np.linalg.norm(forward, axis=1, keepdims=True)
+    return np.stack((right, np.cross(forward, right), forward, eyes), axis=2)
+
+
+def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return where rays through `pixels` of a view start, and their unit directions.
+
+    Parameters
+    ----------
+    cameras : Cameras
+    view : int
+    pixels : array of shape (N, 2)
+        Row and column; fractions are allowed.
+
+    Returns
+    -------
+    origins, directions : array of shape (N, 3), float64
+
+    Raises
+    ------
+    TypeError
+        If `view` is not an integer.
+    ValueError
+        If there is no such view, or `pixels` have another shape.
+    """
+    view = check_integer(view, "view", 0, len(cameras) - 1)
+    pixels = _rows(pixels, 2, "pixels")
+    fx, fy, cx, cy = cameras.intrinsics[view]
+    bent = np.stack(((pixels[:, 1] - cx) / fx, (pixels[:, 0] - cy) / fy), axis=1)
+    straight = undistort(bent, cameras.distortion[view])
+    ahead = np.concatenate((straight, np.ones((len(straight), 1))), axis=1)
+    pose = cameras.poses[view]
+    directions = ahead @ pose[:, :3].T
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    return np.broadcast_to(pose[:, 3], directions.shape), directions
+
+
+def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
+    """Return the row and column at which a view sees world points; NaN for those behind it.
+
+    Parameters
+    ----------
+    cameras : Cameras
+    view : int
+    points : array of shape (N, 3)
+
+    Returns
+    -------
+    array of shape (N, 2), float64
+
+    Raises
+    ------
+    TypeError
+        If `view` is not an integer.
+    ValueError
+        If there is no such view, or `points` have another shape.
+    """
+    pose = cameras.poses[check_integer(view, "view", 0, len(cameras) - 1)]
+    seen = (_rows(points, 3, "points") - pose[:, 3]) @ pose[:, :3]
+    depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
+    bent = distort(seen[:, :2] / depth, cameras.distortion[view])
+    fx, fy, cx, cy = cameras.intrinsics[view]
+    return np.stack((fy * bent[:, 1] + cy, fx * bent[:, 0] + cx), axis=1)
+
+
+def _rows(values: Any, size: int, name: str) -> np.ndarray:
+    """Return `values` as (N, size) float64."""
+    found = np.asarray(values, np.float64)
+    if found.ndim != 2 or found.shape[1] != size:
+        raise ValueError(f"{name} must have shape (N, {size}), got {found.shape}")
+    return found
+
+
+def distort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
+    """Bend normalised image points (N, 2), x and y, as a lens does [OpenCV, calib3d]."""
+    k1, k2, p1, p2, k3 = distortion
+    x, y = points[:, 0], points[:, 1]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        (
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ),
+        axis=1,
+    )
+
+
+@np.errstate(all="ignore")  # what comes of a slope of 0 is looked at in the end
+def undistort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
+    """Undo :func:`distort` by Newton's method.
+
+    Where a lens shows no point at that place, it is any; not one so far away that a ray would have
+    no direction.
+    """
+    if not np.any(distortion):
+        return points
+    k1, k2, p1, p2, k3 = distortion
+    found = points.copy()
+    for _ in range(_NEWTON_STEPS):
+        x, y = found[:, 0], found[:, 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d x = slope x
+        off = distort(found, distortion) - points
+        xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+        yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+        xy = slope * x * y + 2 * p1 * x + 2 * p2 * y  # the Jacobian is symmetric
+        det = xx * yy - xy * xy
+        step = np.stack((yy * off[:, 0] - xy * off[:, 1], xx * off[:, 1] - xy * off[:, 0]), axis=1)
+        found -= step / det[:, None]
+    astray = ~(np.abs(found) < _WIDEST).all(axis=1)
+    found[astray] = points[astray]
+    return found

@@ -1,0 +1,1 @@
+"""Posed photographs, read from folders or made by the library itself."""

@@ -1,0 +1,196 @@
+"""Scenes of Blender (``transforms_<split>.json``) and instant-ngp (``transforms.json``)."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvkern.radiance.pinhole import Cameras, cameras
+from cvkern.radiance.scenes.photographs import Bounds, Scene, every, read_images, shrunk
+
+SPLITS = ("train", "val", "test")
+# The synthetic scenes lie in a cube of side 3, and their cameras 4 from its middle.
+BLENDER_HALF, BLENDER_NEAR, BLENDER_FAR = 1.5, 2.0, 6.0
+DEPTH_RANGE = 8.0  # of their depth pictures: 8 (1 - v / 255), or 65535 for those of 16 bits
+# instant-ngp's unit cube is the world times the first, moved by the second, if a file says nothing.
+NGP_SCALE, NGP_OFFSET = 0.33, 0.5
+LENSES = "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
+SUFFIXES = ("", ".png", ".jpg", ".jpeg")
+TURN = np.diag([1.0, -1.0, -1.0])  # from OpenGL's axes to OpenCV's
+
+
+def load(file: Path, test_every: int) -> Scene:
+    """Read a scene; see :func:`cvkern.radiance.load_scene`."""
+    if file.stem.removeprefix("transforms_") not in SPLITS:
+        return _instant_ngp(file, test_every)
+    parts = [(s, file.with_name(f"transforms_{s}.json")) for s in SPLITS]
+    parts = [(split, part) for split, part in parts if part.exists() and split != "val"]
+    files, poses, held, lenses = [], [], [], []
+    for split, part in parts:
+        content = _content(part)
+        for number, frame in enumerate(content["frames"]):
+            files.append(_photograph(part, frame, number))
+            poses.append(_pose(part, frame, number))
+            held.append(split == "test")
+        lenses += [(part, content)] * len(content["frames"])
+    images = read_images(files)
+    height, width = images.shape[1:3]
+    intrinsics = [_intrinsics(part, content, width, height)[0] for part, content in lenses]
+    return Scene(
+        images,
+        _cameras(file, poses, np.array(intrinsics), width, height),
+        np.array(held),
+        Bounds((0.0, 0.0, 0.0), BLENDER_HALF, False),
+        BLENDER_NEAR,
+        BLENDER_FAR,
+        _depths(files, height, width),
+    )
+
+
+def _instant_ngp(file: Path, test_every: int) -> Scene:
+    content = _content(file)
+    frames = content["frames"]
+    order = sorted(range(len(frames)), key=lambda i: str(frames[i].get("file_path")))
+    frames = [frames[i] for i in order]
+    images = read_images([_photograph(file, frame, i) for i, frame in enumerate(frames)])
+    height, width = images.shape[1:3]
+    lenses = [_intrinsics(file, content | frame, width, height) for frame in frames]
+    poses = [_pose(file, frame, i) for i, frame in enumerate(frames)]
+    if any("split" in frame for frame in frames):
+        held = np.array([frame.get("split") == "test" for frame in frames])
+    else:
+        held = every(len(frames), test_every)
+    scale = _number(file, content, "scale", NGP_SCALE, 0.0)
+    half = 0.5 * _number(file, content, "aabb_scale", 1.0, 0.0) / scale
+    offset = content.get("offset", NGP_OFFSET)
+    offset = offset if isinstance(offset, list) and len(offset) == 3 else [offset] * 3
+    moved = [_number(file, {"offset": o}, "offset", NGP_OFFSET) for o in offset]
+    x, y, z = ((0.5 - o) / scale for o in moved)
+    views = _cameras(
+        file, poses, np.array([a for a, _ in lenses]), width, height,
+        np.array([b for _, b in lenses]),
+    )  # fmt: skip
+    return Scene(images, views, held, Bounds((x, y, z), half, False), 0.05 / scale, math.inf)
+
+
+def _content(file: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8-sig"))  # with its mark or without
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{file} must be JSON: {error}") from None
+    frames = content.get("frames") if isinstance(content, dict) else None
+    if not frames:
+        raise ValueError(f"{file} must have frames, got none")
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise ValueError(f"{file} must have a list of objects as frames, got {frames!r:.80}")
+    return content
+
+
+def _number(
+    file: Path, content: dict[str, Any], name: str, default: float, above: float = -math.inf
+) -> float:
+    """Return the number of that name, where there is one."""
+    value = content.get(name)
+    if value is None:
+        return default
+    try:
+        found = float(value)
+    except (TypeError, ValueError, OverflowError):
+        found = math.nan
+    if not above < found < math.inf:
+        rule = "a finite number" if above else "a finite number > 0"
+        raise ValueError(f"{file} must give {rule} for {name}, got {value!r:.80}")
+    return found
+
+
+def _photograph(file: Path, frame: dict[str, Any], number: int) -> Path:
+    name = frame.get("file_path")
+    if not isinstance(name, str):
+        raise ValueError(f"{file} must give file_path for each frame, got {name!r} in {number}")
+    stem = file.parent / name
+    for suffix in SUFFIXES:
+        found = stem.with_name(stem.name + suffix)
+        if found.is_file():
+            return found
+    raise FileNotFoundError(f"scene must have all its photographs, but {stem} is not there")
+
+
+def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
+    try:
+        pose = np.array(frame["transform_matrix"], np.float64)
+    except (KeyError, TypeError, ValueError):
+        pose = np.empty(0)
+    if pose.shape not in ((3, 4), (4, 4)):
+        raise ValueError(
+            f"{file} must give a transform_matrix of 4 x 4 for each frame, "
+            f"got shape {pose.shape} in {number}"
+        )
+    pose = pose[:3]
+    if not np.isfinite(pose).all():
+        raise ValueError(f"{file} must give finite poses, got {pose.tolist()} in {number}")
+    # Some writers scale the rotation; the axes of a view have no length.
+    lengths = np.linalg.norm(pose[:, :3], axis=0)
+    turn = pose[:, :3] / np.where(lengths > 0, lengths, 1)
+    return np.concatenate((turn @ TURN, pose[:, 3:]), axis=1)
+
+
+def _intrinsics(
+    file: Path, lens: dict[str, Any], width: int, height: int
+) -> tuple[list[float], list[float]]:
+    """Return fx, fy, cx, cy and the distortion, for images as large as they are."""
+    model = "fisheye" if lens.get("is_fisheye") else lens.get("camera_model", "OPENCV")
+    if model not in LENSES:
+        raise ValueError(f"{file} must use one of {LENSES}, got {model}")
+
+    def number(name: str, default: float, above: float = -math.inf) -> float:
+        return _number(file, lens, name, default, above)
+
+    wide, high = number("w", width, 0.0), number("h", height, 0.0)
+    fx = number("fl_x", math.nan, 0.0)
+    if math.isnan(fx):
+        angle = number("camera_angle_x", math.nan)
+        if not 0 < angle < math.pi:
+            raise ValueError(f"{file} must give fl_x, or camera_angle_x in (0, pi), got {angle}")
+        fx = 0.5 * wide / math.tan(0.5 * angle)
+    angle = number("camera_angle_y", 0.0)
+    fy = number("fl_y", 0.5 * high / math.tan(0.5 * angle) if angle else fx, 0.0)
+    across, down = shrunk(width, height, wide, high, file)
+    # These files count from the corner of the first pixel.
+    cx, cy = number("cx", 0.5 * wide) * across - 0.5, number("cy", 0.5 * high) * down - 0.5
+    bent = [number(name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")]
+    return [fx * across, fy * down, cx, cy], bent
+
+
+def _cameras(
+    file: Path,
+    poses: list[np.ndarray],
+    intrinsics: np.ndarray,
+    width: int,
+    height: int,
+    distortion: Any = 0.0,
+) -> Cameras:
+    try:
+        return cameras(np.stack(poses), intrinsics, width, height, distortion=distortion)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from None
+
+
+def _depths(files: list[Path], height: int, width: int) -> np.ndarray | None:
+    """Read the depth pictures beside the photographs, where there are any."""
+    from cvkern.images.files import read_image
+
+    depths = np.full((len(files), height, width), np.nan, np.float32)
+    for depth, file in zip(depths, files, strict=True):
+        beside = next(iter(sorted(file.parent.glob(f"{file.stem}_depth*.png"))), None)
+        if beside is not None:
+            shown = read_image(beside)
+            values = shown if shown.ndim == 2 else shown[..., 0]
+            if values.shape != depth.shape:
+                raise ValueError(f"{beside} must be {depth.shape}, got {values.shape}")
+            most = np.iinfo(values.dtype).max
+            depth[...] = np.where(values > 0, DEPTH_RANGE * (1 - values / most), np.nan)
+    return depths if np.isfinite(depths).any() else None

@@ -1,0 +1,266 @@
+"""Posed photographs: what a radiance field is made from, and where they are read from."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import check_dtype, check_integer
+from cvkern.radiance.pinhole import Cameras
+
+ONE_WAY = 0.9  # length of the mean of unit vectors, from which they are within some 35 degrees
+
+
+class Bounds(NamedTuple):
+    """The cube of the world that the scene's detail is in."""
+
+    center: tuple[float, float, float]
+    """World position of the middle."""
+    half: float
+    """Half of the side, in units of the world."""
+    unbounded: bool
+    """Whether rays go on behind the cube, to a background far away."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Photographs with their cameras, and which of them are kept back for testing.
+
+    Raises
+    ------
+    TypeError
+        If `images` are not uint8, or `test` is not bool.
+    ValueError
+        If `images`, `test` or `depths` do not fit the cameras, or the bounds have no size, or
+        `near` and `far` nothing between them.
+    """
+
+    images: np.ndarray
+    """(N, H, W, 3) or, with opacity, (N, H, W, 4), uint8; colours are not premultiplied."""
+    cameras: Cameras
+    """One view for each image."""
+    test: np.ndarray
+    """Whether a view is kept back, (N,) bool."""
+    bounds: Bounds
+    near: float
+    """Distance from a camera before which there is nothing, in units of the world."""
+    far: float
+    """Distance behind which nothing is looked for; may be infinite."""
+    depths: np.ndarray | None = None
+    """Distance along the rays of the views, (N, H, W) float32; NaN where it is not known."""
+
+    def __post_init__(self) -> None:
+        views = len(self.cameras), self.cameras.height, self.cameras.width
+        check_dtype(self.images, np.uint8, "images")
+        check_dtype(self.test, np.bool_, "test")
+        if self.images.shape not in ((*views, 3), (*views, 4)):
+            raise ValueError(
+                f"images must have shape {(*views, 3)} or {(*views, 4)}, as the cameras have, got "
+                f"{self.images.shape}"
+            )
+        if self.test.shape != views[:1]:
+            raise ValueError(f"test must have shape {views[:1]}, got {self.test.shape}")
+        if self.depths is not None and self.depths.shape != views:
+            raise ValueError(f"depths must have shape {views}, got {self.depths.shape}")
+        if not (0 < self.bounds.half < np.inf and np.isfinite(self.bounds.center).all()):
+            raise ValueError(f"bounds must be finite with half > 0, got {self.bounds}")
+        if not 0 <= self.near < self.far:
+            raise ValueError(f"near must be >= 0 and below far, got {self.near} and {self.far}")
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    @property
+    def footprint(self) -> float:
+        """Side of what a pixel sees where the detail is, units of the world; median of the views.
+
+        That is at the middle of the bounds, or, for cameras near it, as far away as their sides.
+        """
+        away = np.linalg.norm(self.cameras.poses[:, :, 3] - np.array(self.bounds.center), axis=1)
+        return float(np.median(np.maximum(away, self.bounds.half) / self.cameras.intrinsics[:, 0]))
+
+    def resized(self, factor: int) -> Scene:
+        """Return the scene with its images averaged over blocks of `factor` x `factor` pixels.
+
+        The depth of a block is that of its pixel at, or next to, the middle.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :meth:`Cameras.resized`.
+        """
+        small = self.cameras.resized(factor)
+        depths = self.depths
+        if depths is not None:
+            depths = depths[:, factor // 2 :: factor, factor // 2 :: factor]
+            depths = depths[:, : small.height, : small.width]
+        images = np.stack([_averaged(image, factor) for image in self.images])
+        return replace(self, images=images, cameras=small, depths=depths)
+
+
+def load_scene(path: Any, *, test_every: int = 8) -> Scene:
+    """Read a folder of posed photographs.
+
+    Parameters
+    ----------
+    path : str or Path
+        A folder, or the JSON file in it. What it holds decides the format:
+        ``transforms_train.json`` and its like (Blender), ``transforms.json`` (instant-ngp, with
+        lens distortion), ``sparse/0`` or ``cameras.bin`` / ``cameras.txt`` (COLMAP; photographs
+        in ``images``), ``poses_bounds.npy`` (LLFF).
+    test_every : int, default 8
+        One in so many of the photographs, in order of their names from the first on, is kept back
+        for testing where the format does not say which; 0 for none.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such folder, it is in none of the formats, or a file that it names is not
+        there.
+    TypeError
+        If `test_every` is not an integer.
+    ValueError
+        If `test_every` is negative; if a file is broken, there are no photographs, they differ in
+        size, or from their lens in proportions, a number is not finite, a pose has no rotation in
+        it, or a lens is of another model, a fisheye, say: names the file.
+
+    Notes
+    -----
+    Photographs are taken as they are stored, whatever they say is up: so are those that their
+    cameras were found from.
+
+    Bounds are guesses but for instant-ngp's, which has a cube: Blender's scenes are taken for those
+    of the first paper on radiance fields, within 1.5 of the origin, 2 to 6 from the cameras; those
+    of COLMAP and LLFF are unbounded, with a cube round the cameras about the point that they look
+    at. ``dataclasses.replace(scene, bounds=Bounds(...), near=..., far=...)`` knows better.
+
+    Formats that put pixel centres at halves are moved by half a pixel, and the OpenGL axes (y up,
+    z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
+    the unit of the files.
+
+    A depth picture beside a photograph of a Blender scene shows a distance d as 255 (1 - d / 8),
+    and nothing as 0.
+    """
+    test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"path must be a folder of posed photographs, got {str(path)!r}")
+    folder = path if path.is_dir() else path.parent
+    formats = (
+        ("_blender", path if path.is_file() else folder / "transforms_train.json"),
+        ("_blender", folder / "transforms.json"),
+        ("_llff", folder / "poses_bounds.npy"),
+        *(
+            ("_colmap", model / f"cameras.{kind}")
+            for model in (folder / "sparse" / "0", folder / "sparse", folder)
+            for kind in ("bin", "txt")
+        ),
+    )
+    for name, file in formats:
+        if file.exists():
+            return importlib.import_module(f"cvkern.radiance.scenes.{name}").load(file, test_every)
+    raise FileNotFoundError(
+        "path must hold transforms_train.json, transforms.json, poses_bounds.npy or a COLMAP "
+        f"model, got {str(path)!r}"
+    )
+
+
+def read_images(files: list[Path]) -> np.ndarray:
+    """Read photographs of one size, (N, H, W, 3 or 4) uint8."""
+    from cvkern.images.files import read_image
+
+    if not files:
+        raise ValueError("scene must have at least one photograph, got none")
+    found = []
+    for file in files:
+        if not file.exists():
+            raise FileNotFoundError(f"scene must have all its photographs, but {file} is not there")
+        image = _as_bytes(read_image(file, orient=False), file)  # as cameras were fitted to it
+        if found and image.shape != found[0].shape:
+            raise ValueError(
+                f"photographs must have one size, got {image.shape} in {file}, "
+                f"and {found[0].shape} in {files[0]}"
+            )
+        found.append(image)
+    return np.stack(found)
+
+
+def shrunk(width: int, height: int, wide: float, high: float, file: Path) -> tuple[float, float]:
+    """Return the size of photographs over that of those which a lens in `file` is for."""
+    # To a pixel: photographs that were made smaller have rounded sizes.
+    if not (wide > 0 < high and abs(width * high - height * wide) <= max(wide, high)):
+        raise ValueError(
+            f"{file} must be for photographs as wide and high as these, {width} x {height}, "
+            f"or in proportion, got {wide:g} x {high:g}"
+        )
+    return width / wide, height / high
+
+
+def view_directions(poses: np.ndarray) -> np.ndarray:
+    """Return the unit vector along which each camera looks, (N, 3)."""
+    return poses[:, :, 2]
+
+
+def focus_of(poses: np.ndarray) -> np.ndarray:
+    """Return the point that is nearest to the optical axes of all cameras, (3,).
+
+    That of cameras which look one way is not behind them, but at least as far ahead as they are
+    apart: axes that are nearly parallel meet anywhere.
+    """
+    eyes, ahead = poses[:, :, 3], view_directions(poses)
+    # The distance from an axis is |(I - d d^T)(p - o)|: least squares over all axes.
+    across = np.eye(3) - ahead[:, :, None] * ahead[:, None]
+    system = across.sum(axis=0) + 1e-9 * len(poses) * np.eye(3)  # parallel axes have no such point
+    wanted = (across @ eyes[:, :, None])[..., 0].sum(axis=0) + 1e-9 * eyes.sum(axis=0)
+    point, middle = np.linalg.solve(system, wanted), eyes.mean(axis=0)
+    way = ahead.mean(axis=0)
+    if np.linalg.norm(way) > ONE_WAY:
+        way /= np.linalg.norm(way)
+        apart = np.sqrt(((eyes - middle) ** 2).sum(axis=1).mean())
+        point += max(0.0, apart - (point - middle) @ way) * way
+    return point
+
+
+def every(count: int, step: int) -> np.ndarray:
+    """Mark the first of every `step` views, but not the only one; none for 0."""
+    marks = np.zeros(count, bool)
+    if step and count > 1:
+        marks[::step] = True
+    return marks
+
+
+def _as_bytes(image: np.ndarray, file: Path) -> np.ndarray:
+    if not np.isfinite(image).all():
+        raise ValueError(f"photographs must be finite, got NaN or infinity in {file}")
+    if image.dtype == np.uint16:
+        image = (image // 257).astype(np.uint8)
+    elif image.dtype.kind == "f":
+        image = np.round(255 * image.clip(0, 1)).astype(np.uint8)
+    elif image.dtype != np.uint8:
+        raise ValueError(f"photographs must be uint8, uint16 or float, got {image.dtype} in {file}")
+    if image.ndim == 2:
+        image = np.repeat(image[..., None], 3, axis=2)
+    if image.shape[2] not in (3, 4):
+        raise ValueError(f"photographs must be grey, RGB or RGBA, got {image.shape} in {file}")
+    return image
+
+
+def _averaged(image: np.ndarray, factor: int) -> np.ndarray:
+    """Average blocks; colours count as much as they are opaque."""
+    height, width = (n // factor for n in image.shape[:2])
+    blocks = image[: height * factor, : width * factor].astype(np.float64)
+    blocks = blocks.reshape(height, factor, width, factor, -1)
+    if image.shape[2] == 3:
+        return np.round(blocks.mean(axis=(1, 3))).astype(np.uint8)
+    opacity = blocks[..., 3:]
+    weight = opacity.mean(axis=(1, 3))
+    color = (blocks[..., :3] * opacity).mean(axis=(1, 3)) / np.maximum(weight, 1e-9)
+    return np.round(np.concatenate((color, weight), axis=2)).astype(np.uint8)

@@ -1,0 +1,148 @@
+"""A scene of solids, photographed by the library itself."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cvkern._checks import check_integer
+from cvkern._runtime import refuse_capture, runtime
+from cvkern.kernels.codes.radiance import Pattern, Shape
+from cvkern.radiance.fields.field import Frame
+from cvkern.radiance.pinhole import cameras, look_at
+from cvkern.radiance.rendering import on_device
+from cvkern.radiance.scenes.photographs import Bounds, Scene
+
+__all__ = ["make_scene"]
+
+SUN = (0.45, -0.35, 0.82)
+BOUNDS = Bounds((0.0, 0.0, 0.3), 1.05, False)
+WORLD = Bounds((0.0, 0.0, 0.0), 1.0, False)
+BALL = (0.0, 0.0, 0.25, 1.16)  # middle and radius
+TARGET = (0.0, 0.0, 0.22)
+DISTANCE = 3.7
+FOCAL = 1.5  # in image sides
+LOW, HIGH = 8.0, 62.0  # degrees above the ground
+GOLDEN = math.pi * (3 - math.sqrt(5))
+
+
+class Solid(NamedTuple):
+    """A solid and its paint: lengths in units of the world, angles in degrees."""
+
+    kind: Shape
+    middle: tuple[float, float, float]
+    size: tuple[float, float, float]
+    color: tuple[float, float, float]
+    rounding: float = 0.0
+    turn: float = 0.0  # about z
+    tilt: float = 0.0  # about its own x, before the turn
+    gloss: float = 0.6
+    pattern: Pattern = Pattern.PLAIN
+    second: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scale: float = 1.0
+
+
+SOLIDS = (
+    Solid(Shape.CYLINDER, (0, 0, -0.08), (1.0, 0.08, 0), (0.80, 0.74, 0.66), 0.03, 20, 0, 0.25,
+          Pattern.CHECKS, (0.42, 0.35, 0.31), 3.0),
+    Solid(Shape.ELLIPSOID, (0.36, -0.22, 0.34), (0.34, 0.34, 0.34), (0.80, 0.09, 0.07), gloss=1.0),
+    Solid(Shape.BOX, (-0.43, -0.30, 0.28), (0.22, 0.22, 0.28), (0.05, 0.45, 0.46), 0.05, 28),
+    Solid(Shape.ELLIPSOID, (-0.43, -0.30, 0.70), (0.14, 0.14, 0.14), (0.95, 0.80, 0.55)),
+    Solid(Shape.TORUS, (-0.16, 0.46, 0.36), (0.27, 0.09, 0), (0.95, 0.60, 0.10), 0, -35, 90, 0.9),
+    Solid(Shape.CYLINDER, (0.50, 0.42, 0.24), (0.17, 0.24, 0), (0.28, 0.16, 0.55), 0.03, 0, 0, 0.6,
+          Pattern.STRIPES, (0.85, 0.82, 0.90), 9.4),
+    Solid(Shape.ELLIPSOID, (-0.02, -0.68, 0.10), (0.17, 0.13, 0.10), (0.20, 0.50, 0.14), 0, 30),
+)  # fmt: skip
+
+
+def make_scene(*, train: int = 40, test: int = 8, size: int = 100, samples: int = 2) -> Scene:
+    """Photograph a few solids on a plinth, from all round and above.
+
+    The solids have glossy paint, which looks different from every side, shadows and patterns.
+
+    Parameters
+    ----------
+    train, test : int, default 40 and 8
+        Views to train from, at least 1, and views to keep back.
+    size : int, default 100
+        Rows and columns of an image, at most 4096.
+    samples : int, default 2
+        A pixel is the mean of so many rays down and across.
+
+    Returns
+    -------
+    Scene
+        RGBA images on nothing, with depths; the world's z is up, and the plinth has a radius of 1.
+
+    Raises
+    ------
+    TypeError
+        If a number is not an integer.
+    ValueError
+        If it is out of its range.
+
+    Examples
+    --------
+    >>> from cvkern.radiance import make_scene
+    >>> make_scene(train=2, test=1, size=24).images.shape
+    (3, 24, 24, 4)
+    """
+    refuse_capture("make_scene")
+    train = check_integer(train, "train", 1, 10000)
+    test = check_integer(test, "test", 0, 10000)
+    size = check_integer(size, "size", 1, 4096)
+    samples = check_integer(samples, "samples", 1, 8)
+    count, fine = train + test, size * samples
+    marks = np.zeros(count, bool)
+    if test:
+        marks[np.floor((np.arange(test) + 0.5) * count / test).astype(int)] = True
+    middle = 0.5 * (fine - 1)
+    lens = [FOCAL * fine, FOCAL * fine, middle, middle]
+    views = cameras(look_at(_eyes(count), TARGET), lens, fine, fine)
+    rt = runtime()
+    poses, lenses = on_device(rt, Frame(WORLD, 0.0, 0.0), views)
+    kinds, placements, sizes, paints, around, sun = (rt.constant(a) for a in _tables())
+    origins, directions = (rt.zeros((fine * fine, 3)) for _ in range(2))
+    seen, depth = rt.zeros((fine * fine, 4)), rt.zeros((fine * fine,))
+    images = np.empty((count, fine, fine, 4), np.uint8)
+    depths = np.empty((count, fine, fine), np.float32)
+    for view in range(count):
+        rt.radiance.pinhole.view_rays(poses, lenses, view, fine, 0, origins, directions)
+        rt.radiance.scenes.solids.trace(
+            origins, directions, kinds, placements, sizes, paints, around, sun, seen, depth
+        )
+        images[view] = np.round(255 * rt.to_numpy(seen)).reshape(fine, fine, 4)
+        depths[view] = rt.to_numpy(depth).reshape(fine, fine)
+    depths[depths == 0] = np.nan
+    reach = BALL[3] + abs(TARGET[2] - BALL[2])
+    scene = Scene(images, views, marks, BOUNDS, DISTANCE - reach, DISTANCE + reach, depths)
+    return scene.resized(samples)
+
+
+def _eyes(count: int) -> np.ndarray:
+    """Return places on a spiral from low to high, evenly over the part of the sphere."""
+    low, high = (math.sin(math.radians(angle)) for angle in (LOW, HIGH))
+    height = low + (high - low) * (np.arange(count) + 0.5) / count
+    flat, turn = np.sqrt(1 - height**2), GOLDEN * np.arange(count)
+    way = np.stack((flat * np.cos(turn), flat * np.sin(turn), height), axis=1)
+    return np.array(TARGET) + DISTANCE * way
+
+
+def _tables() -> tuple[np.ndarray, ...]:
+    """Return the solids as kernels take them."""
+    kinds = np.array([(s.kind, s.pattern) for s in SOLIDS], np.int32)
+    placements = np.empty((len(SOLIDS), 12), np.float32)
+    for row, solid in zip(placements, SOLIDS, strict=True):
+        turn, tilt = math.radians(solid.turn), math.radians(solid.tilt)
+        about_z = [[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0],
+                   [0, 0, 1]]  # fmt: skip
+        about_x = [[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)],
+                   [0, math.sin(tilt), math.cos(tilt)]]  # fmt: skip
+        row[:9] = (np.array(about_z) @ np.array(about_x)).T.ravel()
+        row[9:] = solid.middle
+    sizes = np.array([(*s.size, s.rounding) for s in SOLIDS], np.float32)
+    paints = np.array([(*s.color, *s.second, s.gloss, s.scale) for s in SOLIDS], np.float32)
+    sun = np.array(SUN, np.float32) / np.float32(np.linalg.norm(SUN))
+    return kinds, placements, sizes, paints, np.array(BALL, np.float32), sun

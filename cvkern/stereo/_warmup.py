@@ -1,0 +1,40 @@
+"""Calls that compile the kernels of dense stereo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from cvkern import stereo
+from cvkern.app.warmup import pictures
+
+
+def calls() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield a name and a call for every function and every dtype that has own kernels."""
+    byte, real, color = pictures()
+    q = np.eye(4)
+    yield "disparity_to_depth", partial(stereo.disparity_to_depth, real, 1.0, 1.0)
+    yield "points_from_disparity", partial(stereo.points_from_disparity, real, q)
+    yield "point_cloud", partial(stereo.point_cloud, real, q, byte)
+    for cost in ("sad", "ssd", "birchfield_tomasi", "zncc", "census", "census_symmetric"):
+        for image in (byte, real):
+            for window in (1, 3, 17):  # costs of uint8, uint16 and float32
+                pair = partial(stereo.stereo_cost, image, image, (0, 4), cost=cost, window=window)
+                yield "stereo_cost", pair
+    deep = byte[..., None].astype(np.int32) + np.arange(5)
+    for costs in (deep.astype(np.uint8), deep.astype(np.uint16)):
+        for paths in (4, 8, 16):
+            sums = partial(stereo.aggregate_semi_global, costs, 5, 50, paths=paths)
+            yield "aggregate_semi_global", sums
+        yield "winner_take_all", partial(stereo.winner_take_all, costs)
+    yield "winner_take_all", partial(stereo.winner_take_all, deep.astype(np.float32))
+    yield "left_right_check", partial(stereo.left_right_check, real, real)
+    yield "remove_speckles", partial(stereo.remove_speckles, real)
+    yield "fill_disparity", partial(stereo.fill_disparity, real)
+    yield "guided_median", partial(stereo.guided_median, real, byte)
+    for image, axis in ((byte, None), (real, None), (np.uint8(color), -1)):
+        match = partial(stereo.stereo_match, image, image, (0, 8), channel_axis=axis)
+        for method, paths in (("window", 8), ("semi-global", 4), ("semi-global", 8)):
+            yield "stereo_match", partial(match, method=method, paths=paths)

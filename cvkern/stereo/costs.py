@@ -1,0 +1,208 @@
+"""Matching costs of a rectified pair."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import (
+    check_channel_axis,
+    check_code,
+    check_disparities,
+    check_image,
+    check_integer,
+    check_pair,
+)
+from cvkern._runtime import Runtime, runtime
+from cvkern.kernels.codes.stereo import Cost
+
+MAX_COSTS = 2**31 - 1
+MAX_SIDE = 1023  # of a window
+WORD = 64  # bits of a census
+
+_LARGEST = {Cost.SAD: 255, Cost.SSD: 255**2, Cost.BIRCHFIELD_TOMASI: 255, Cost.ZNCC: 255**2}
+
+
+def stereo_cost(
+    left: Any,
+    right: Any,
+    disparities: tuple[int, int],
+    *,
+    cost: str = "census",
+    window: int | tuple[int, int] | None = None,
+    neighborhood: int | tuple[int, int] = (7, 9),
+    spacing: int = 1,
+    channel_axis: int | None = None,
+) -> Any:
+    """Compute how unlike each pixel is to each pixel it may match in the other image.
+
+    The pixel (y, x) of the left image is compared with (y, x - d) of the right one. Outside,
+    images are continued by their nearest pixel.
+
+    Parameters
+    ----------
+    left, right : array of shape (H, W) or (H, W, C)
+        A rectified pair. uint8 is compared in integers, any other real dtype in float32.
+    disparities : (int, int)
+        The first disparity d, and the one behind the last, as in :class:`range`; both may be
+        negative.
+    cost : str, default 'census'
+        What is summed over the window and over the channels:
+
+        - 'sad': absolute differences.
+        - 'ssd': squared differences.
+        - 'birchfield_tomasi': the least absolute difference between one pixel and the other image
+          half way to the neighbours of the other, or the other way round [1]_. Values half way
+          between those of uint8 are rounded down.
+        - 'census': the number of neighbours that are darker than the pixel in one image and not
+          so in the other [2]_.
+        - 'census_symmetric': the same of pixels and their mirror images in the neighbourhood, for
+          its first half in raster order [3]_.
+
+        And 'zncc', which is 1 less the zero-mean normalised cross-correlation of the windows, each
+        channel with a mean of its own: 0 for equal windows, 2 for opposite ones, and 1 where one of
+        the two is constant.
+    window : int or (int, int), optional
+        Odd sides of the window, in pixels, down and along; 1 to 1023. By default 1 for a census
+        and 9 for the others.
+    neighborhood : int or (int, int), default (7, 9)
+        Odd sides of the neighbourhood of a census, 1 to 65, with at most 64 comparisons.
+    spacing : int, default 1
+        Distance of the neighbours of a census, in pixels; 1 to 16.
+    channel_axis : int, optional
+        Axis of the colours; needed for 3-D images.
+
+    Returns
+    -------
+    array of shape (H, W, D)
+        ``costs[y, x, k]`` is that of the disparity ``disparities[0] + k``. uint8 or uint16 if
+        these hold every cost there can be, for images of uint8 and for a census of any; otherwise
+        float32. 'zncc' is float32.
+
+    Raises
+    ------
+    TypeError
+        If an image does not hold real numbers, or `disparities` are not two integers, or a side
+        or `spacing` is no integer.
+    ValueError
+        If the images are empty, of another rank or of different shapes, `disparities` are empty,
+        not within the image's width either way, more than 32768, or make more than 2^31 - 1 costs
+        (the message says how many bytes these would take); if a side is even or out of range, the
+        neighbourhood has no comparison or more than 64, `cost` is unknown, or the sums of integers
+        could reach 2^31.
+
+    Notes
+    -----
+    The time does not grow with the area of the window: sums run down and along, for float32 they
+    are made down and along. Every bit is the same on every device and kernel set.
+
+    References
+    ----------
+    .. [1] S. Birchfield and C. Tomasi, "A pixel dissimilarity measure that is insensitive to image
+       sampling", IEEE PAMI 20(4), 1998.
+    .. [2] R. Zabih and J. Woodfill, "Non-parametric local transforms for computing visual
+       correspondence", ECCV 1994.
+    .. [3] R. Spangenberg, T. Langner and R. Rojas, "Weighted semi-global matching and
+       center-symmetric census transform for robust driver assistance", CAIP 2013.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> left = np.array([[10, 20, 90, 40, 50]], np.uint8)
+    >>> right = np.array([[20, 90, 40, 50, 60]], np.uint8)
+    >>> cvkern.stereo_cost(left, right, (0, 3), cost="sad", window=1)[0, 2]
+    array([50,  0, 70], dtype=uint8)
+    """
+    left = check_image(left, ndim=(2, 3), name="left")
+    right = check_image(right, ndim=(2, 3), name="right")
+    if tuple(left.shape) != tuple(right.shape):
+        raise ValueError(
+            f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
+        )
+    axis = check_channel_axis(left.shape, channel_axis)
+    sizes = [n for i, n in enumerate(left.shape) if i != axis]
+    height, width, channels = shape = (*sizes, 1 if axis is None else left.shape[axis])
+    first, stop = check_disparities(disparities, width)
+    code = check_code(cost, Cost, "cost")
+    census = code in (Cost.CENSUS, Cost.CENSUS_SYMMETRIC)
+    radii = check_sides(window if window is not None else 1 if census else 9, "window", MAX_SIDE)
+    around, bits = (0, 0), 0
+    if census:
+        around = check_sides(neighborhood, "neighborhood", WORD + 1)
+        spacing = check_integer(spacing, "spacing", 1, 16)
+        bits = _census_bits(around, code)
+    libraries = library(left), library(right)
+    given = [lib.dtype(image) for lib, image in zip(libraries, (left, right), strict=True)]
+    dtype = np.dtype(np.uint8 if all(d == np.uint8 for d in given) else np.float32)
+    area = math.prod(2 * radius + 1 for radius in radii)
+    most = (bits if census else _LARGEST[code]) * channels * area
+    integral = census or dtype == np.uint8
+    if integral and most >= 2**31:
+        raise ValueError(f"window must keep the sums of integers below 2^31, got up to {most}")
+    result = _result_dtype(most) if integral and code != Cost.ZNCC else np.dtype(np.float32)
+    volume = (height, width, stop - first)
+    if math.prod(volume) > MAX_COSTS:
+        size = " x ".join(map(str, volume))
+        needed = math.prod(volume) * result.itemsize
+        raise ValueError(
+            f"disparities must make at most {MAX_COSTS} costs, got {size} of {needed} bytes"
+        )
+    rt = runtime(left, right)
+    one, other = (
+        rt.adopt(image if axis in (None, 2) else lib.last(image, axis), dtype, shape)
+        for lib, image in zip(libraries, (left, right), strict=True)
+    )
+    costs = rt.empty(volume, result)
+    target = rt.adopt(costs, result)
+    if code == Cost.ZNCC:
+        rt.stereo.costs.correlation.correlation(one, other, first, *radii, target)
+    elif not census:
+        rt.stereo.costs.windows.window_costs(one, other, first, code, 1, *radii, target)
+    else:
+        symmetric = code == Cost.CENSUS_SYMMETRIC
+        one = census_words(rt, "stereo_cost.left", one, around, spacing, symmetric)
+        other = census_words(rt, "stereo_cost.right", other, around, spacing, symmetric)
+        if area == 1 and result == np.uint8:
+            rt.stereo.costs.census.hamming(one, other, first, target)
+        else:
+            octets = -(-bits // 8)
+            rt.stereo.costs.windows.window_costs(
+                one, other, first, Cost.CENSUS, octets, *radii, target
+            )
+    return rt.release(costs)
+
+
+def census_words(
+    rt: Runtime, name: str, image: Any, radii: tuple[int, int], spacing: int, symmetric: bool
+) -> Any:
+    """Return the census of a kernel array (H, W, C), in scratch memory of this name."""
+    words = rt.scratch(name, tuple(image.shape), np.uint64)
+    rt.stereo.costs.census.census(image, *radii, spacing, symmetric, words)
+    return words
+
+
+def check_sides(value: Any, name: str, most: int) -> tuple[int, int]:
+    """Return half the sides, rounded down, of what has odd ones."""
+    sides = [check_integer(side, name, 1, most) for side in check_pair(value, name)]
+    for side in sides:
+        if side % 2 == 0:
+            raise ValueError(f"{name} must have odd sides, got {side}")
+    return sides[0] // 2, sides[1] // 2
+
+
+def _census_bits(radii: tuple[int, int], code: Cost) -> int:
+    """Return the number of comparisons of a census."""
+    bits = math.prod(2 * radius + 1 for radius in radii) - 1
+    bits //= 2 if code == Cost.CENSUS_SYMMETRIC else 1
+    if not 1 <= bits <= WORD:
+        raise ValueError(f"neighborhood must have 1 to {WORD} comparisons, got {bits}")
+    return bits
+
+
+def _result_dtype(most: int) -> np.dtype:
+    """Return the dtype of costs up to `most`."""
+    return np.dtype(np.uint8 if most < 2**8 else np.uint16 if most < 2**16 else np.float32)

@@ -1,0 +1,303 @@
+"""Dense stereo: from a rectified pair to disparities."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import device, library
+from cvkern._capture import capture
+from cvkern._checks import check_image
+from cvkern._runtime import pinned, runtime
+from cvkern.stereo._plan import plan_of, white
+
+
+class StereoResult(NamedTuple):
+    """What is known of each pixel of the left image."""
+
+    disparity: Any
+    """Pixels, (H, W) float32; filled where it is not valid."""
+    valid: Any
+    """Whether the disparity was found, and not filled; (H, W) bool."""
+    confidence: Any
+    """By how much the winner's cost is below that of its best rival, of 1, whether it is valid or
+    not; (H, W) float32."""
+
+
+def stereo_match(
+    left: Any,
+    right: Any,
+    disparities: tuple[int, int] = (0, 64),
+    *,
+    method: str = "semi-global",
+    paths: int = 8,
+    window: int = 11,
+    channel_axis: int | None = None,
+    data_range: float | None = None,
+    p1: int = 20,
+    p2: int = 80,
+    contrast: float = 20.0,
+    subpixel: bool | str = "equiangular",
+    uniqueness: int = 0,
+    left_right: float | None = 1.0,
+    speckle_size: int = 100,
+    speckle_difference: float = 2.0,
+    smoothing: int = 6,
+    max_bytes: int | None = None,
+) -> StereoResult:
+    """Find the disparity of each pixel of a rectified pair.
+
+    The pixel (y, x) of the left image is matched with (y, x - d) of the right one: by the cost of
+    every disparity d, the winner among them, a check from the right image's side, removal of
+    speckles, filling from the background, and a median guided by the image.
+
+    Parameters
+    ----------
+    left, right : array of shape (H, W), or with 3 or 4 channels
+        A rectified pair. Matching is of grey values in 8 bits: of colours
+        ``(77 R + 150 G + 29 B + 128) >> 8``; a fourth channel is ignored.
+    disparities : (int, int), default (0, 64)
+        The first disparity d, and the one behind the last, as in :class:`range`; both may be
+        negative.
+    method : {'semi-global', 'window'}, default 'semi-global'
+        'semi-global': see Notes. 'window': the census of windows; faster, coarser.
+    paths : {4, 8, 16}, default 8
+        Directions of semi-global paths.
+    window : int, default 11
+        Odd side of the windows of the method 'window', 1 to 51: a small one keeps detail and
+        noise, a large one smooths and makes edges fat.
+    channel_axis : int, optional
+        Axis of the colours; needed for 3-D images.
+    data_range : float, optional
+        The value of white, for all but uint8: by default the largest of an integer dtype, and 1
+        for floating-point images. Values below 0 and above white are taken for black and white.
+    p1 : int, default 20
+        Penalty of a path for a change of disparity by one; costs are 0 to 54.
+    p2 : int, default 80
+        Penalty for a change by more.
+    contrast : float, default 20.0
+        Difference of neighbours in the left image that halves `p2`.
+    subpixel : bool or {'parabola', 'equiangular'}, default 'equiangular'
+        As in :func:`winner_take_all`. Hamming distances grow like absolute differences: two lines
+        fit them better than a parabola does.
+    uniqueness : int, default 0
+        As in :func:`winner_take_all`, in per cent.
+    left_right : float or None, default 1.0
+        The tolerance of :func:`left_right_check`, in pixels. None does without the check.
+    speckle_size : int, default 100
+        Regions of fewer pixels are not valid, as in :func:`remove_speckles`; at most 1 keeps all.
+    speckle_difference : float, default 2.0
+        By how much neighbours in a region may differ.
+    smoothing : int, default 6
+        Radius of :func:`guided_median`, 0 to 15; 0 does without.
+    max_bytes : int, optional
+        Bound on the memory of semi-global matching, none by default: with fewer bytes than its
+        volumes take, it goes in strips of rows, as :func:`aggregate_semi_global` does.
+
+    Returns
+    -------
+    StereoResult
+        Named tuple of `disparity` (H, W) float32, `valid` (H, W) bool and `confidence` (H, W)
+        float32. No disparity is NaN, but if none is valid in the whole image.
+
+    Raises
+    ------
+    TypeError
+        If an image does not hold real numbers, or an option is not of its type.
+    ValueError
+        If the images are empty, of another rank or channels or of different shapes; `disparities`
+        are empty, not within the image's width either way or too many to count (the message
+        states the bytes they would take); a penalty is negative, `p1` above `p2` or the penalties
+        so large that sums of 16 bits overflow; or another option is out of its range.
+
+    Notes
+    -----
+    The cost of the method 'semi-global' is twice the Hamming distance of two census transforms of
+    5 x 5 pixels, and half the difference of the grey values but at most 6. Its sums over the
+    paths [1]_ are those of :func:`aggregate_semi_global` with the left image as guide.
+
+    Everything is in integers up to the sub-pixel fit, whose bits are the same everywhere as well:
+    the result is the same on every device and kernel set.
+
+    References
+    ----------
+    .. [1] H. Hirschmueller, "Stereo processing by semiglobal matching and mutual information",
+       IEEE PAMI 30(2), 2008.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> right = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
+    >>> left = np.roll(right, 5, axis=1)
+    >>> result = cvkern.stereo_match(left, right, (0, 16))
+    >>> float(np.median(result.disparity).round(1))
+    5.0
+    """
+    left = check_image(left, ndim=(2, 3), name="left")
+    right = check_image(right, ndim=(2, 3), name="right")
+    if tuple(left.shape) != tuple(right.shape):
+        raise ValueError(
+            f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
+        )
+    plan = plan_of(
+        tuple(left.shape), disparities, method, paths, window, channel_axis, data_range, p1, p2,
+        contrast, subpixel, uniqueness, left_right, speckle_size, speckle_difference, smoothing,
+        max_bytes,
+    )  # fmt: skip
+    rt = runtime(left, right)
+    result = StereoResult(rt.empty(plan.shape), rt.empty(plan.shape, bool), rt.empty(plan.shape))
+    plan.match(
+        rt, left, right,
+        rt.adopt(result.disparity), rt.adopt(result.valid, bool), rt.adopt(result.confidence),
+    )  # fmt: skip
+    return StereoResult(*(rt.release(a) for a in result))
+
+
+class StereoMatcher:
+    """Matches the frames of a video: :func:`stereo_match` with all memory allocated once.
+
+    On CUDA with Warp a frame is one launch of a CUDA graph.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Of each image: (H, W), or with channels.
+    disparities : (int, int), default (0, 64)
+        As in :func:`stereo_match`.
+    **options
+        The other options of :func:`stereo_match`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`stereo_match`.
+
+    Notes
+    -----
+    The first frame tells the library, device and dtype of all that follow. A matcher is for one
+    thread at a time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> right = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
+    >>> with cvkern.StereoMatcher((40, 60), (0, 16)) as matcher:
+    ...     for shift in (3, 5):
+    ...         left = np.roll(right, shift, axis=1)
+    ...         print(np.median(matcher(left, right).disparity).round(1))
+    3.0
+    5.0
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], disparities: tuple[int, int] = (0, 64), **options: Any
+    ):
+        self.shape = tuple(shape)
+        blank = np.broadcast_to(np.uint8(0), self.shape)  # takes no memory
+        check_image(blank, ndim=(2, 3), name="shape")
+        call = inspect.signature(stereo_match).bind(blank, blank, disparities, **options)
+        call.apply_defaults()
+        _, _, *checked = call.arguments.values()
+        plan_of(self.shape, *checked)
+        self._options = call.arguments
+        self._open = True
+        self._frames: _Frames | None = None
+
+    def __call__(self, left: Any, right: Any) -> StereoResult:
+        """Match a pair.
+
+        Parameters
+        ----------
+        left, right : array
+            Of the matcher's shape; of the library, device and dtype of the first pair.
+
+        Returns
+        -------
+        StereoResult
+            On the CPU, and on a GPU where the library's arrays can be written to, the same arrays
+            each time: copy what is to be kept.
+
+        Raises
+        ------
+        TypeError
+            If an image is of another dtype or library than those of the first pair.
+        ValueError
+            If an image has another shape or device, or the matcher has been closed.
+        """
+        if not self._open:
+            raise ValueError("matcher must be open, got one that has been closed")
+        for name, image in (("left", left), ("right", right)):
+            if tuple(image.shape) != self.shape:
+                raise ValueError(f"{name} must have shape {self.shape}, got {tuple(image.shape)}")
+        if self._frames is None:
+            self._frames = _Frames(left, right, self._options)
+        return self._frames.match(left, right)
+
+    def close(self) -> None:
+        """Release the memory; the matcher matches no more."""
+        self._frames, self._open = None, False
+
+    def __enter__(self) -> StereoMatcher:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+
+class _Frames:
+    """Two images in memory that stays, and the captured call that matches what they hold."""
+
+    def __init__(self, left: Any, right: Any, options: dict[str, Any]):
+        self._choice = pinned()
+        self._rt = rt = runtime(left, right)
+        self._library, self._place = library(left), device(left)
+        self._dtype = dtype = self._library.dtype(left)
+        on_cpu = rt.device == "cpu"
+        # Where kernels cannot write to the caller's arrays, those of NumPy or Warp stand in.
+        self._own = self._library.writable and (on_cpu or self._library is not _NUMPY)
+        self._kept = self._library if self._own else _NUMPY
+        if not self._own and not on_cpu:
+            self._kept = library(rt.set.empty((1,), np.dtype(np.uint8), rt.device))
+        self._carried = dtype if on_cpu or dtype == np.uint8 else np.dtype(np.float32)
+        shape = tuple(left.shape)
+        self._images = [self._kept.empty(shape, self._carried, rt.device) for _ in range(2)]
+        self._load(left, right)
+        range_ = white(options["data_range"], dtype)
+        given = {**options, "left": self._images[0], "right": self._images[1]}
+        self._replay = capture(stereo_match, **{**given, "data_range": range_})
+
+    def match(self, left: Any, right: Any) -> StereoResult:
+        for name, image in (("left", left), ("right", right)):
+            given = library(image)
+            if given is not self._library or given.dtype(image) != self._dtype:
+                raise TypeError(
+                    f"{name} must be {self._dtype} of the first frame's library, "
+                    f"got {type(image).__name__} of {given.dtype(image)}"
+                )
+            if device(image) != self._place:
+                raise ValueError(f"{name} must be on {self._place}, got {device(image)}")
+        self._load(left, right)
+        result = self._replay()
+        return result if self._own else StereoResult(*map(self._copied, result))
+
+    def _load(self, left: Any, right: Any) -> None:
+        """Copy a pair into the memory that the captured call reads."""
+        with self._choice():
+            rt = runtime(left, right)
+            for kept, image in zip(self._images, (left, right), strict=True):
+                there = self._own or self._kept is _NUMPY
+                self._kept.fill(kept, image if there else rt.adopt(image, self._carried))
+
+    def _copied(self, array: Any) -> Any:
+        """Return a copy in the caller's library of a result in memory that stays."""
+        if self._library is _NUMPY:
+            return self._rt.to_numpy(array).copy()
+        copy = array.copy() if isinstance(array, np.ndarray) else self._kept.module.clone(array)
+        return self._library.finish(copy)
+
+
+_NUMPY = library(np.empty(0))

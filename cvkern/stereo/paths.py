@@ -1,0 +1,180 @@
+"""Semi-global aggregation of matching costs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_dtype, check_image, check_integer, check_positive
+from cvkern._runtime import Runtime, runtime
+from cvkern.stereo._strips import cut_strips
+
+MAX_COSTS = 2**31 - 1
+MAX_DISPARITIES = 2**15
+PATHS = (4, 8, 16)
+_VOLUMES = 8  # of paths, that a GPU keeps at a time
+
+
+def aggregate_semi_global(
+    costs: Any,
+    p1: int,
+    p2: int,
+    *,
+    paths: int = 8,
+    guide: Any = None,
+    contrast: float = 20.0,
+    largest_cost: int | None = None,
+    max_bytes: int | None = None,
+) -> Any:
+    """Sum the costs of the cheapest paths to each pixel and disparity, from all sides.
+
+    Along a path a change of disparity by one costs `p1`, any other `p2`.
+
+    Parameters
+    ----------
+    costs : array of shape (H, W, D), uint8 or uint16
+        Matching costs, as :func:`stereo_cost` gives them.
+    p1, p2 : int
+        Penalties, ``0 <= p1 <= p2``, in the units of the costs.
+    paths : {4, 8, 16}, default 8
+        Directions: along rows and columns, diagonals as well, knight's moves as well.
+    guide : array of shape (H, W), uint8, optional
+        An image, mostly the left one of the pair: depth changes where brightness does. Where its
+        values differ by g from a pixel to the next on a path, the penalty in place of `p2` is
+        ``max(p1, floor(p2 * contrast / (contrast + g)))``.
+    contrast : float, default 20.0
+        Difference of the guide's values that halves `p2`.
+    largest_cost : int, optional
+        What no cost exceeds; sums are meaningless where one does. Otherwise 255 for uint8, and
+        looked for in uint16, which waits for the GPU.
+    max_bytes : int, optional
+        Bound on the memory of the result and of the work, as in Notes; none by default.
+
+    Returns
+    -------
+    array of shape (H, W, D), uint16
+        Sums over the paths.
+
+    Raises
+    ------
+    TypeError
+        If `costs` are neither uint8 nor uint16, or `guide` is not uint8.
+    ValueError
+        If `costs` are empty, not 3-D or more than 2^31 - 1, D is above 32768, `guide` has another
+        shape, a penalty is negative, `p1` is above `p2`, `contrast` is not above 0, `paths` is not
+        4, 8 or 16, ``paths * (largest_cost + p2)`` is 65536 or more, so that sums would overflow,
+        or `max_bytes` is too few (the message says how many are needed).
+
+    Notes
+    -----
+    All arithmetic is of integers: the sums are the same on every device and kernel set.
+
+    The result takes ``2 H W D`` bytes, the work on a CPU about ``12 (H + W) D``, and on a GPU up to
+    8 volumes of a byte an element (two if `p2` is above 255). With fewer `max_bytes` than that
+    takes, the work is done in strips of rows that see 64 rows of their neighbours: a path begins
+    there and not at the border, so the sums differ a little from those of the whole. Costs that
+    have to be copied, as they are not contiguous or not on the GPU, come on top.
+
+    References
+    ----------
+    .. [1] H. Hirschmueller, "Stereo processing by semiglobal matching and mutual information",
+       IEEE PAMI 30(2), 2008, equations 13 and 14.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> costs = np.full((1, 3, 4), 9, np.uint8)
+    >>> costs[0, 0, 2] = costs[0, 2, 2] = 0  # the pixel between them has no opinion
+    >>> cvkern.aggregate_semi_global(costs, 2, 5, paths=4)[0, 1]
+    array([46, 40, 36, 40], dtype=uint16)
+    """
+    costs = check_image(costs, ndim=(3,), name="costs", most=MAX_COSTS)
+    dtype = library(costs).dtype(costs)
+    if dtype not in (np.uint8, np.uint16):
+        raise TypeError(f"costs must be uint8 or uint16, got {dtype}")
+    height, width, depth = shape = tuple(costs.shape)
+    _check_depth(depth)
+    p1 = check_integer(p1, "p1", 0, 2**14)
+    p2 = check_integer(p2, "p2", 0, 2**14)
+    if p1 > p2:
+        raise ValueError(f"p1 must be <= p2, got {p1} > {p2}")
+    contrast = check_positive(contrast, "contrast")
+    if paths not in PATHS:
+        raise ValueError(f"paths must be one of {PATHS}, got {paths!r}")
+    if guide is not None:
+        guide = check_image(guide, name="guide")
+        check_dtype(guide, np.uint8, "guide")
+        if tuple(guide.shape) != shape[:2]:
+            raise ValueError(f"guide must have shape {shape[:2]}, got {tuple(guide.shape)}")
+    if largest_cost is not None:
+        largest_cost = check_integer(largest_cost, "largest_cost", 0, np.iinfo(dtype).max)
+    rt = runtime(costs, guide)
+    if largest_cost is None:
+        largest_cost = 255 if dtype == np.uint8 else _largest(rt, costs)
+    check_sums(paths, largest_cost, p2)
+
+    def work(rows: int) -> int:
+        return aggregation_bytes(rt.device, rows, width, depth, paths, p2)
+
+    strips = cut_strips(
+        height, 2 * height * width * depth, work, max_bytes, f"costs of shape {shape}"
+    )
+    table = rt.constant(penalties(p1, p2, contrast))
+    flat = rt.constant(np.zeros((1, 1), np.uint8))
+    sums = rt.empty(shape, np.uint16)
+    target = rt.adopt(sums, np.uint16)
+    for strip in strips:
+        seen = rt.adopt(strip.seen_of(costs), dtype)
+        gray = flat if guide is None else rt.adopt(strip.seen_of(guide), np.uint8)
+        kept = strip.kept_of(target)
+        rt.stereo.paths.aggregation.aggregate(seen, gray, p1, table, p2, paths, strip.margin, kept)
+    return rt.release(sums)
+
+
+def penalties(p1: int, p2: int, contrast: float) -> np.ndarray:
+    """Return the penalty of a change by more than one for each difference of a guide's values."""
+    table = np.floor(p2 * contrast / (contrast + np.arange(256)))
+    return np.maximum(table, p1).astype(np.uint16)
+
+
+def check_sums(paths: int, largest_cost: int, p2: int) -> None:
+    """Refuse what would overflow the sums."""
+    most = paths * (largest_cost + p2)
+    if most > np.iinfo(np.uint16).max:
+        raise ValueError(
+            f"paths * (largest_cost + p2) must be < 65536, "
+            f"got {paths} * ({largest_cost} + {p2}) = {most}"
+        )
+
+
+def aggregation_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
+    """Return at most how many bytes the work of an aggregation takes."""
+    padded = -(-depth // 32) * 32
+    if device == "cpu":
+        return 2 * 6 * (height + width) * (padded + 32)
+    lines = min(paths, _VOLUMES) * (1 if p2 < 256 else 2)
+    return height * width * padded * (lines + 2)
+
+
+def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
+    """Return at most how many bytes the work of a whole match takes, costs and sums included."""
+    padded = -(-depth // 32) * 32
+    right = height * (4 * (width + padded) + 4 * (width + 2 * padded))
+    volumes = 2 if device == "cpu" else 3
+    work = aggregation_bytes(device, height, width, depth, paths, p2)
+    return work + volumes * height * width * padded + right
+
+
+def _check_depth(depth: int) -> None:
+    if depth > MAX_DISPARITIES:
+        raise ValueError(f"costs must have at most {MAX_DISPARITIES} disparities, got {depth}")
+
+
+def _largest(rt: Runtime, costs: Any) -> int:
+    """Return the largest of uint16 costs."""
+    most = rt.scratch("semi_global.largest", tuple(costs.shape[:2]), np.int32)
+    rt.stereo.winners.largest(rt.adopt(costs, np.uint16), most)
+    return int(rt.to_numpy(most).max())

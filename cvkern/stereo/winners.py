@@ -1,0 +1,109 @@
+"""The disparity of the least cost."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_choice, check_image, check_integer
+from cvkern._runtime import runtime
+from cvkern.kernels.codes.stereo import Subpixel
+from cvkern.stereo.paths import MAX_COSTS, _check_depth
+
+
+class Winner(NamedTuple):
+    """The best disparity of each pixel."""
+
+    disparity: Any
+    """In pixels, (H, W) float32; NaN where the winner is not unique."""
+    cost: Any
+    """Cost of the winner, (H, W) float32."""
+    confidence: Any
+    """By how much the cost is below that of its best rival, of 1; (H, W) float32."""
+
+
+def winner_take_all(
+    costs: Any,
+    *,
+    first: int = 0,
+    subpixel: bool | str = True,
+    uniqueness: int = 0,
+) -> Winner:
+    """Find the disparity of the least cost of each pixel; the smallest one of equals.
+
+    Parameters
+    ----------
+    costs : array of shape (H, W, D)
+        Of any real dtype. uint8 and uint16 are compared as they are, others as float32, where an
+        infinite cost is allowed and NaN never wins.
+    first : int, default 0
+        The disparity of ``costs[..., 0]``.
+    subpixel : bool or {'parabola', 'equiangular'}, default True
+        Fit through the least cost c at disparity d and the costs a and b beside it: its lowest
+        point is at ``d + (a - b) / (2 (a + b - 2 c))`` for the parabola (also True), and at
+        ``d + (a - b) / (2 (max(a, b) - c))`` for two straight lines of opposite slope, which suit
+        absolute differences. There is none for the first and the last disparity.
+    uniqueness : int, default 0
+        In per cent, 0 to 99. A winner is not unique where a rival, more than one disparity away,
+        has ``cost * (100 - uniqueness) < 100 * c``.
+
+    Returns
+    -------
+    Winner
+        Named tuple of `disparity`, `cost` and `confidence`, each (H, W) float32. The confidence is
+        1 - c / r, where r is the least cost more than one disparity away, and 1 where there is
+        none; it tells something of costs that are not negative.
+
+    Raises
+    ------
+    TypeError
+        If `costs` are not real numbers.
+    ValueError
+        If `costs` are empty, not 3-D or more than 2^31 - 1, D is above 32768, or an option is out
+        of range.
+
+    Notes
+    -----
+    Every bit is the same on every device and kernel set.
+
+    References
+    ----------
+    .. [1] D. Scharstein and R. Szeliski, "A taxonomy and evaluation of dense two-frame stereo
+       correspondence algorithms", IJCV 47, 2002.
+    .. [2] X. Hu and P. Mordohai, "A quantitative evaluation of confidence measures for stereo
+       vision", IEEE PAMI 34(11), 2012 (the peak ratio).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> costs = np.array([[[8, 2, 4, 9, 5]]], np.uint8)
+    >>> winner = cvkern.winner_take_all(costs, first=10, uniqueness=20)
+    >>> float(winner.disparity[0, 0]), float(winner.cost[0, 0])
+    (11.25, 2.0)
+    """
+    costs = check_image(costs, ndim=(3,), name="costs", most=MAX_COSTS)
+    _check_depth(costs.shape[2])
+    first = check_integer(first, "first", -(2**24), 2**24)
+    fit = check_subpixel(subpixel)
+    uniqueness = check_integer(uniqueness, "uniqueness", 0, 99)
+    dtype = library(costs).dtype(costs)
+    if dtype not in (np.uint8, np.uint16):
+        dtype = np.dtype(np.float32)
+    rt = runtime(costs)
+    shape = tuple(costs.shape[:2])
+    index = rt.scratch("winner.index", shape, np.int32)
+    results = Winner(*(rt.empty(shape) for _ in Winner._fields))
+    rt.stereo.winners.pick(
+        rt.adopt(costs, dtype), first, fit, uniqueness, index, *(rt.adopt(a) for a in results)
+    )
+    return Winner(*(rt.release(a) for a in results))
+
+
+def check_subpixel(subpixel: bool | str) -> Subpixel:
+    """Return the code of a fit."""
+    if isinstance(subpixel, (bool, np.bool_)):
+        return Subpixel.PARABOLA if subpixel else Subpixel.NONE
+    return Subpixel[check_choice(subpixel, ("parabola", "equiangular"), "subpixel").upper()]

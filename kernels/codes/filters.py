@@ -1,0 +1,27 @@
+"""Codes of filters: borders, and the arc tangent of gradients."""
+
+from enum import IntEnum
+
+
+class Border(IntEnum):
+    """Border rules, named as in :mod:`scipy.ndimage`."""
+
+    REFLECT = 0
+    CONSTANT = 1
+    NEAREST = 2
+    MIRROR = 3
+    WRAP = 4
+
+
+# atan(a) = a P(a^2) on [0, 1] within 1.4e-7 in float32: a minimax fit, lowest coefficient first.
+# Sums and products only, so that an orientation has the same bits on every device.
+ATAN = (
+    0.9999993355361315,
+    -0.3332986060035421,
+    0.19946563377106752,
+    -0.1390861734379522,
+    0.09642164106383755,
+    -0.055911847344499485,
+    0.021862608447395723,
+    -0.004054466052665892,
+)

@@ -1,0 +1,83 @@
+"""Hysteresis by union-find.
+
+Pixel i of the raster has label i + 1, and label 0 stands for "strong". The parent of a label is
+never larger than the label; a root is its own parent.
+"""
+
+import taichi as ti
+
+from cvkern.kernels.codes.edges import Edge
+
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+
+_BEFORE = ((0, -1), (-1, -1), (-1, 0), (-1, 1))  # a pixel's neighbours before it in the raster
+
+
+@ti.func
+def find(label: ti.i32, parents: ti.template()) -> ti.i32:
+    r = label
+    while parents[r] != r:
+        r = parents[r]
+    return r
+
+
+@ti.func
+def join(first: ti.i32, second: ti.i32, parents: ti.template()):
+    """Make two labels hang below one root, the smaller, while other threads do the same."""
+    a = find(first, parents)
+    b = find(second, parents)
+    while a != b:
+        high = ti.max(a, b)
+        b = ti.min(a, b)
+        a = ti.atomic_min(parents[high], b)
+        if a == high:  # it was still a root, and now hangs below b
+            a = b
+        else:  # another thread had hung it below a, which must now join b
+            a = find(a, parents)
+            b = find(b, parents)
+
+
+@ti.kernel
+def plant(
+    states: u8_2,
+    # outputs
+    parents: i32_1,  # (1 + pixels,)
+):
+    """Let every strong pixel hang below 0 and every other be a root; one thread per pixel."""
+    parents[0] = 0
+    for y, x in states:
+        label = y * states.shape[1] + x + 1
+        parents[label] = 0 if states[y, x] == Edge.STRONG else label
+
+
+@ti.kernel
+def unite(
+    states: u8_2,
+    # outputs
+    parents: i32_1,
+):
+    """Join every edge pixel with the edge pixels before it; one thread per pixel."""
+    for y, x in states:
+        if states[y, x] != Edge.NONE:
+            for dy, dx in ti.static(_BEFORE):
+                if y + dy >= 0 and 0 <= x + dx < states.shape[1]:
+                    if states[y + dy, x + dx] != Edge.NONE:
+                        label = y * states.shape[1] + x + 1
+                        join(label, label + dy * states.shape[1] + dx, parents)
+
+
+@ti.kernel
+def keep(
+    states: u8_2,
+    parents: i32_1,
+    # outputs
+    mask: u8_2,
+):
+    """Mark the edge pixels that hang below 0; one thread per pixel."""
+    for y, x in states:
+        kept = 0
+        if states[y, x] != Edge.NONE:
+            if find(y * states.shape[1] + x + 1, parents) == 0:
+                kept = 1
+        mask[y, x] = ti.cast(kept, ti.u8)

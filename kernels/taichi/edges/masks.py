@@ -1,0 +1,197 @@
+"""Thinning and hysteresis, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.edges import SECTOR_HIGH, SECTOR_LOW, SECTOR_ONE, Edge, Norm, Thinning
+from cvkern.kernels.taichi._borders import border_index
+from cvkern.kernels.taichi._launch import primitive, scratch
+from cvkern.kernels.taichi._polar import squared_magnitude
+from cvkern.kernels.taichi._rounding import product, root
+
+from ._hysteresis import keep, plant, unite
+
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+
+
+@ti.func
+def _pixel(src: ti.template(), y: ti.i32, x: ti.i32, border: ti.i32, cval: ti.f32) -> ti.f32:
+    j = border_index(y, src.shape[0], border)
+    i = border_index(x, src.shape[1], border)
+    v = cval
+    if j >= 0 and i >= 0:
+        v = ti.cast(src[j, i], ti.f32)
+    return v
+
+
+@ti.kernel
+def _sobel(
+    src: u8_2,
+    border: ti.i32,
+    cval: ti.f32,
+    # outputs
+    dy: f32_2,
+    dx: f32_2,
+):
+    for y, x in src:
+        north_west = _pixel(src, y - 1, x - 1, border, cval)
+        north = _pixel(src, y - 1, x, border, cval)
+        north_east = _pixel(src, y - 1, x + 1, border, cval)
+        west = _pixel(src, y, x - 1, border, cval)
+        east = _pixel(src, y, x + 1, border, cval)
+        south_west = _pixel(src, y + 1, x - 1, border, cval)
+        south = _pixel(src, y + 1, x, border, cval)
+        south_east = _pixel(src, y + 1, x + 1, border, cval)
+        dx[y, x] = (north_east - north_west) + 2.0 * (east - west) + (south_east - south_west)
+        dy[y, x] = (south_west - north_west) + 2.0 * (south - north) + (south_east - north_east)
+
+
+@ti.func
+def _measure(
+    dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, norm: ti.i32, zero: ti.i32
+) -> ti.f32:
+    """Return |dx| + |dy| or dx^2 + dy^2 at a pixel; 0 outside the image."""
+    m = 0.0
+    if 0 <= y < dy.shape[0] and 0 <= x < dy.shape[1]:
+        if norm == Norm.L1:
+            m = ti.abs(dx[y, x]) + ti.abs(dy[y, x])
+        else:
+            m = squared_magnitude(dy[y, x], dx[y, x], zero)
+    return m
+
+
+@ti.func
+def _length(
+    dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, norm: ti.i32, zero: ti.i32
+) -> ti.f32:
+    """Return the length of the gradient at a pixel; 0 outside the image."""
+    m = _measure(dy, dx, y, x, norm, zero)
+    if norm == Norm.L2:
+        m = root(m, zero)
+    return m
+
+
+@ti.func
+def _tops_sector(
+    dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, norm: ti.i32, zero: ti.i32
+) -> ti.i32:
+    """Whether a pixel is a maximum along the nearest of four directions, as in OpenCV."""
+    gy = dy[y, x]
+    gx = dx[y, x]
+    sy = 0  # the step to the neighbour ahead
+    sx = 1
+    tie = 1  # whether an equal neighbour ahead is allowed
+    if ti.abs(gy) * SECTOR_ONE >= ti.abs(gx) * SECTOR_LOW:
+        sy = 1
+        sx = 0
+        if ti.abs(gy) * SECTOR_ONE <= ti.abs(gx) * SECTOR_HIGH:
+            tie = 0
+            sx = 1
+            if (gx < 0.0) != (gy < 0.0):
+                sx = -1
+    m = _measure(dy, dx, y, x, norm, zero)
+    ahead = _measure(dy, dx, y + sy, x + sx, norm, zero)
+    return m > _measure(dy, dx, y - sy, x - sx, norm, zero) and (
+        m > ahead or (tie == 1 and m == ahead)
+    )
+
+
+@ti.func
+def _tops_line(
+    dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, norm: ti.i32, zero: ti.i32
+) -> ti.i32:
+    """Whether a pixel is a maximum along its gradient, between neighbours, as in Canny 1986."""
+    gy = dy[y, x]
+    gx = dx[y, x]
+    s = 1
+    if (gx < 0.0) != (gy < 0.0):
+        s = -1
+    big = ti.abs(gx)
+    small = ti.abs(gy)
+    sy = 0  # the step to the nearer neighbour ahead
+    sx = 1
+    if ti.abs(gy) > ti.abs(gx):
+        big = ti.abs(gy)
+        small = ti.abs(gx)
+        sy = 1
+        sx = 0
+    # The diagonal neighbour ahead is s beside the nearer one: (1, s) or (s, 1).
+    ty = 1 if sy == 1 else s
+    tx = s if sy == 1 else 1
+    back = product(_length(dy, dx, y - sy, x - sx, norm, zero), big - small, zero) + product(
+        _length(dy, dx, y - ty, x - tx, norm, zero), small, zero
+    )
+    ahead = product(_length(dy, dx, y + sy, x + sx, norm, zero), big - small, zero) + product(
+        _length(dy, dx, y + ty, x + tx, norm, zero), small, zero
+    )
+    m = _length(dy, dx, y, x, norm, zero) * big
+    return m > back and m >= ahead
+
+
+@ti.kernel
+def _thin(
+    dy: f32_2,
+    dx: f32_2,
+    norm: ti.i32,
+    rule: ti.i32,
+    low: ti.f32,
+    high: ti.f32,
+    zero: ti.i32,
+    # outputs
+    states: u8_2,
+):
+    for y, x in dy:
+        state = ti.cast(Edge.NONE, ti.i32)
+        m = _measure(dy, dx, y, x, norm, zero)
+        if m > low:
+            top = 0
+            if rule == Thinning.SECTORS:
+                top = _tops_sector(dy, dx, y, x, norm, zero)
+            else:
+                top = _tops_line(dy, dx, y, x, norm, zero)
+            if top != 0:
+                state = Edge.WEAK
+                if m > high:
+                    state = Edge.STRONG
+        states[y, x] = ti.cast(state, ti.u8)
+
+
+@primitive
+def thin(
+    dy: np.ndarray,
+    dx: np.ndarray,
+    norm: int,
+    rule: int,
+    low: float,
+    high: float,
+    states: np.ndarray,
+) -> None:
+    """Keep the maxima along the gradient, weak or strong; one thread per pixel."""
+    _thin(dy, dx, norm, rule, low, high, 0, states)
+
+
+@primitive
+def thin_sobel(
+    src: np.ndarray,
+    border: int,
+    cval: float,
+    norm: int,
+    low: float,
+    high: float,
+    states: np.ndarray,
+) -> None:
+    """Differentiate with Sobel's kernels, then thin by sectors; one thread per pixel and step."""
+    dy = scratch(src.shape, np.float32)
+    dx = scratch(src.shape, np.float32)
+    _sobel(src, border, cval, dy, dx)
+    _thin(dy, dx, norm, Thinning.SECTORS, low, high, 0, states)
+
+
+@primitive
+def hysteresis(states: np.ndarray, mask: np.ndarray) -> None:
+    """Keep what is connected to a strong pixel; one thread per pixel in each of three steps."""
+    parents = scratch((states.size + 1,), np.int32)
+    plant(states, parents)
+    unite(states, parents)
+    keep(states, parents, mask)

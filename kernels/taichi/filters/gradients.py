@@ -1,0 +1,84 @@
+"""Gradients, their lengths and angles, in Taichi; one thread per element."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive, scratch
+from cvkern.kernels.taichi._polar import gradient_angle, squared_magnitude
+from cvkern.kernels.taichi._rounding import root
+
+from ._separable import correlate_along, correlate_down
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+
+
+@primitive
+def differentiate(
+    src: np.ndarray,
+    smooth: np.ndarray,
+    slope: np.ndarray,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    dy: np.ndarray,
+    dx: np.ndarray,
+) -> None:
+    """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
+    planes = (1, *src.shape)
+    down = scratch(planes, np.float32)
+    correlate_down(src.reshape(planes), slope, border, cval, 0, down)
+    correlate_along(down, smooth, 1, border, cval_slope, 0, dy.reshape(planes))
+    correlate_down(src.reshape(planes), smooth, border, cval, 0, down)
+    correlate_along(down, slope, 1, border, cval_smooth, 0, dx.reshape(planes))
+
+
+@ti.kernel
+def _polar(
+    dy: f32_1,
+    dx: f32_1,
+    zero: ti.i32,
+    # outputs
+    magnitude: f32_1,
+    orientation: f32_1,
+):
+    for i in dy:
+        magnitude[i] = root(squared_magnitude(dy[i], dx[i], zero), zero)
+        orientation[i] = gradient_angle(dy[i], dx[i], zero)
+
+
+@primitive
+def differentiate_polar(
+    src: np.ndarray,
+    smooth: np.ndarray,
+    slope: np.ndarray,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    dy: np.ndarray,
+    dx: np.ndarray,
+    magnitude: np.ndarray,
+    orientation: np.ndarray,
+) -> None:
+    """Differentiate, and give the length and the angle of each (dy, dx) as well."""
+    differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, dy, dx)
+    _polar(dy.reshape(-1), dx.reshape(-1), 0, magnitude.reshape(-1), orientation.reshape(-1))
+
+
+@ti.kernel
+def _root_mean_square(
+    dy: f32_1,
+    dx: f32_1,
+    zero: ti.i32,
+    # outputs
+    dst: f32_1,
+):
+    for i in dy:
+        dst[i] = root(squared_magnitude(dy[i], dx[i], zero) * 0.5, zero)
+
+
+@primitive
+def root_mean_square(dy: np.ndarray, dx: np.ndarray, dst: np.ndarray) -> None:
+    """``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
+    _root_mean_square(dy.reshape(-1), dx.reshape(-1), 0, dst.reshape(-1))

@@ -1,0 +1,1 @@
+"""Circles, in Taichi."""

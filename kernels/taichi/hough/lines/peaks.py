@@ -1,0 +1,51 @@
+"""Maxima of an accumulator of lines, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+
+
+@ti.kernel
+def _local_maxima(
+    values: ti.types.ndarray(ndim=2),
+    threshold: ti.f64,
+    min_distance: ti.i32,
+    min_angle: ti.i32,
+    wraps: ti.i32,
+    # outputs
+    mask: u8_2,
+):
+    for bin, angle in values:
+        here = values[bin, angle]
+        found = here > threshold
+        if found:
+            for dt in range(-min_angle, min_angle + 1):
+                t = angle + dt
+                middle = bin
+                if wraps != 0 and (t < 0 or t >= values.shape[1]):
+                    t += values.shape[1] if t < 0 else -values.shape[1]
+                    middle = values.shape[0] - 1 - bin  # half a turn on, rho changes its sign
+                if 0 <= t < values.shape[1]:
+                    low = ti.max(middle - min_distance, 0)
+                    high = ti.min(middle + min_distance, values.shape[0] - 1)
+                    for r in range(low, high + 1):
+                        before = r < bin or (r == bin and t < angle)
+                        if values[r, t] > here or (values[r, t] == here and before):
+                            found = False
+        mask[bin, angle] = ti.cast(found, ti.u8)
+
+
+@primitive
+def local_maxima(
+    values: np.ndarray,
+    threshold: float,
+    min_distance: int,
+    min_angle: int,
+    wraps: bool,
+    mask: np.ndarray,
+) -> None:
+    """Mark what is above the threshold and the first largest in its window; one thread each."""
+    _local_maxima(values, float(threshold), min_distance, min_angle, int(wraps), mask)

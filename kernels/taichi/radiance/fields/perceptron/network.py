@@ -1,0 +1,110 @@
+"""The two perceptrons of a hash field, from features to density and colour and back, in Taichi.
+
+The layers (see `network_layers`) lie one behind another in one array of weights, each (K, N). The
+first of the first perceptron and two of the second end with a rectifier.
+"""
+
+import math
+
+import numpy as np
+
+from cvkern.kernels.codes.radiance import NETWORK_RECTIFIED, NETWORK_VALUES, network_layers
+from cvkern.kernels.taichi.radiance import encodings as encode
+
+from . import heads
+from . import layers as dense
+
+
+def forward(
+    features: np.ndarray,
+    directions: np.ndarray,
+    rays: np.ndarray,
+    total: np.ndarray,
+    weights: np.ndarray,
+    memory: np.ndarray,
+    sigma: np.ndarray,
+    rgb: np.ndarray,
+) -> None:
+    """Find density (M,) and colour (M, 3) from features (M, K) and directions of view (R, 3).
+
+    `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them,
+    with `weights` (W,) of all layers and `memory` of the shape that `network_room` tells.
+    """
+    values = _views(memory, 0, features)
+    encode.spherical(directions, rays, total, 16, values[1])
+    _pass(features, total, weights, values)
+    heads.forward(values[1], values[-1], total, sigma, rgb)
+
+
+def density(
+    features: np.ndarray,
+    total: np.ndarray,
+    weights: np.ndarray,
+    memory: np.ndarray,
+    sigma: np.ndarray,
+) -> None:
+    """Find density (M,) alone, as :func:`forward` does."""
+    values = _views(memory, 0, features)[:2]
+    _pass(features, total, weights, values)
+    unused = memory[:3].reshape((memory.shape[1], 3))  # a colour, over what the first layer gave
+    heads.forward(values[1], values[1], total, sigma, unused)
+
+
+def backward(
+    d_sigma: np.ndarray,
+    d_rgb: np.ndarray,
+    features: np.ndarray,
+    directions: np.ndarray,
+    rays: np.ndarray,
+    total: np.ndarray,
+    weights: np.ndarray,
+    sigma: np.ndarray,
+    rgb: np.ndarray,
+    memory: np.ndarray,
+    d_features: np.ndarray,
+    d_weights: np.ndarray,
+) -> None:
+    """Take the gradients of what :func:`forward` last gave to `d_features` (M, K) and `d_weights`.
+
+    What is between is in `memory`, which nothing else must have used. `d_weights` is added to.
+    """
+    values = [features, *_views(memory, 0, features)]
+    gradients = [d_features, *_views(memory, sum(NETWORK_VALUES), features)]
+    layers, d_layers = _layers(weights, features), _layers(d_weights, features)
+    heads.color_backward(d_rgb, rgb, total, gradients[5])
+    for k in reversed(range(5)):
+        if k == 1:  # the first perceptron: what the second one wants of it is there
+            heads.density_backward(d_sigma, sigma, total, gradients[2])
+        x, dx, dy = values[k], gradients[k], gradients[k + 1]
+        gated = k > 0 and NETWORK_RECTIFIED[k - 1]
+        dense.backward_input(dy, layers[k], x, total, gated, 0, dx)
+        dense.backward_weight(dy, x, total, 0, d_layers[k])
+
+
+def _pass(
+    features: np.ndarray, total: np.ndarray, weights: np.ndarray, values: list[np.ndarray]
+) -> None:
+    """Go through as many layers as there are `values`."""
+    layers = _layers(weights, features)
+    for x, w, relu, y in zip([features, *values], layers, NETWORK_RECTIFIED, values, strict=False):
+        dense.forward(x, w, total, relu, 0, y)
+
+
+def _layers(weights: np.ndarray, features: np.ndarray) -> list[np.ndarray]:
+    """Cut weights, or their gradients, into layers."""
+    found, begin = [], 0
+    for shape in network_layers(features.shape[1]):
+        end = begin + math.prod(shape)
+        found.append(weights[begin:end].reshape(shape))
+        begin = end
+    return found
+
+
+def _views(memory: np.ndarray, begin: int, features: np.ndarray) -> list[np.ndarray]:
+    """Cut the memory, from a row on, into what is kept of each layer, a row for each sample."""
+    found = []
+    for width in NETWORK_VALUES:
+        rows = memory[begin : begin + width]
+        found.append(rows.reshape((memory.shape[1], width))[: features.shape[0]])
+        begin += width
+    return found

@@ -1,0 +1,170 @@
+"""The walk of a ray through a grid of density and colour, in Taichi: see rays.py."""
+
+import taichi as ti
+
+from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY
+from cvkern.kernels.taichi._random import random_unit
+from cvkern.kernels.taichi.radiance._fixed_point import add
+from cvkern.kernels.taichi.radiance._harmonics import harmonics
+from cvkern.kernels.taichi.radiance._space import (
+    in_cube,
+    interval,
+    is_set,
+    reciprocal,
+    row,
+    way_out,
+)
+
+ZERO = 0  # nothing here has to have the same bits everywhere: products may be fused with sums
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
+f32_4 = ti.types.ndarray(dtype=ti.f32, ndim=4)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
+u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
+vec3 = ti.types.vector(3, ti.f32)
+ivec3 = ti.types.vector(3, ti.i32)
+
+
+@ti.func
+def _corner(node: ivec3, corner: ti.template()):
+    """Return the node (k, j, i) at a corner of a cell, whose bits say on which sides it is."""
+    return node[2] + (corner >> 2), node[1] + (corner >> 1 & 1), node[0] + (corner & 1)
+
+
+@ti.func
+def _share(f: vec3, corner: ti.template()) -> ti.f32:
+    """Return the weight of a corner, for a place in the cell from 0 to 1."""
+    share = 1.0
+    for k in ti.static(range(3)):
+        share *= f[k] if ti.static(corner >> k & 1) else 1.0 - f[k]
+    return share
+
+
+@ti.kernel
+def march(
+    backward: ti.template(),
+    serial: ti.template(),
+    exact: ti.template(),
+    d_colors: f32_2,  # (R, 3)
+    d_opacity: f32_1,  # (R,)
+    d_depth: f32_1,  # (R,)
+    d_distortion: f32_1,  # (R,)
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    active: i32_1,  # (1,)
+    bits: u32_1,  # (cells^3 / 32,)
+    cells: ti.i32,
+    near: ti.f32,
+    far: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    unbounded: ti.i32,
+    jittered: ti.i32,
+    seed: ti.i32,
+    step: i32_1,  # (1,)
+    stop: ti.f32,
+    least: ti.f32,
+    basis: ti.i32,
+    density: f32_3,  # (N + 1, N + 1, N + 1)
+    color: f32_4,  # (N + 1, N + 1, N + 1, C)
+    # outputs of the forward pass, inputs of the backward pass
+    colors: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    depth: f32_1,  # (R,)
+    distortion: f32_1,  # (R,)
+    samples: i32_1,  # (R,)
+    # outputs of the backward pass, int64 if exact
+    d_density: ti.types.ndarray(ndim=3),
+    d_color: ti.types.ndarray(ndim=4),
+    touched: u8_3,
+):
+    ti.loop_config(serialize=serial)
+    for ray in range(origins.shape[0]):
+        if ray < active[0]:
+            o = row(origins, ray)
+            d = row(directions, ray)
+            inverse = reciprocal(d, ZERO)
+            h = harmonics(d[0], d[1], d[2])
+            resolution = density.shape[0] - 1
+            size = resolution // cells
+            t, last = near, far
+            if not unbounded:
+                inside = interval(o, inverse, 1.0, ZERO)
+                t, last = ti.max(near, inside[0]), ti.min(far, inside[1])
+            jitter = random_unit(seed, step[0], ray, 4) if jittered else 0.5
+            t += jitter * ti.max(finest, cone * t)
+            left, sum_w, sum_wt, spread, found = 1.0, 0.0, 0.0, 0.0, 0
+            seen = vec3(0.0)
+            # Of the backward pass: the gradients, and sum w_j G_j of the samples ahead.
+            dc, do, dd, dx, rest = vec3(0.0), 0.0, 0.0, 0.0, 0.0
+            if ti.static(backward):
+                dc = row(d_colors, ray)
+                do, dd, dx = d_opacity[ray], d_depth[ray], d_distortion[ray]
+                rest = dc.dot(row(colors, ray)) + do * opacity[ray] + dd * depth[ray]
+                rest += 2.0 * dx * distortion[ray]
+            while t < last and left > stop:
+                gap = ti.max(finest, cone * t)
+                point = o + t * d
+                at = ti.math.clamp(in_cube(point, unbounded), 0.0, 1.0) * resolution
+                node = ti.min(ti.cast(at, ti.i32), resolution - 1)
+                f = at - node
+                cell = node // size
+                if is_set(bits, (cell[2] * cells + cell[1]) * cells + cell[0]):
+                    raw = 0.0
+                    for corner in ti.static(range(8)):
+                        k, j, i = _corner(node, corner)
+                        raw += _share(f, corner) * density[k, j, i]
+                    if raw > least:
+                        sigma = ti.exp(ti.min(raw, MOST_LOG_DENSITY))
+                        w = left * (1.0 - ti.exp(-sigma * gap))
+                        s = vec3(0.0)
+                        for corner in ti.static(range(8)):
+                            share = _share(f, corner)
+                            k, j, i = _corner(node, corner)
+                            for n in ti.static(range(9)):
+                                if n < basis:
+                                    for c in ti.static(range(3)):
+                                        s[c] += share * h[n] * color[k, j, i, c * basis + n]
+                        rgb = 1.0 / (1.0 + ti.exp(-s))
+                        left -= w
+                        if ti.static(backward):
+                            apart = t * sum_w - sum_wt
+                            sum_w += w
+                            sum_wt += w * t
+                            apart += (depth[ray] - sum_wt) - t * (opacity[ray] - sum_w)
+                            g = dc.dot(rgb) + do + dd * t
+                            g += dx * (2.0 * apart + 2.0 / 3.0 * w * gap)
+                            rest -= w * g
+                            d_raw = sigma * gap * (left * g - rest)
+                            d_s = w * dc * rgb * (1.0 - rgb)
+                            for corner in ti.static(range(8)):
+                                share = _share(f, corner)
+                                k, j, i = _corner(node, corner)
+                                touched[k, j, i] = ti.u8(1)
+                                add(d_density[k, j, i], share * d_raw, exact)
+                                for n in ti.static(range(9)):
+                                    if n < basis:
+                                        for c in ti.static(range(3)):
+                                            v = share * h[n] * d_s[c]
+                                            add(d_color[k, j, i, c * basis + n], v, exact)
+                        else:
+                            seen += w * rgb
+                            spread += w * (2.0 * (t * sum_w - sum_wt) + w * gap / 3.0)
+                            sum_w += w
+                            sum_wt += w * t
+                            found += 1
+                    t += gap
+                elif unbounded:
+                    t += gap
+                else:  # by whole steps behind the cell
+                    t += gap * ti.max(1.0, ti.ceil(way_out(point, inverse, 0, cells, ZERO) / gap))
+            if ti.static(not backward):
+                for c in ti.static(range(3)):
+                    colors[ray, c] = seen[c]
+                opacity[ray], depth[ray], distortion[ray] = sum_w, sum_wt, spread
+                samples[ray] = found
+        elif ti.static(not backward):
+            samples[ray] = 0

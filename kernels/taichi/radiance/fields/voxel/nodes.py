@@ -1,0 +1,192 @@
+"""Steps over all nodes of a grid of density and colour, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi.radiance.training._adam_step import adam_step
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
+f32_4 = ti.types.ndarray(dtype=ti.f32, ndim=4)
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
+u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
+
+
+@ti.kernel
+def _total_variation(
+    weight_density: ti.f32,
+    weight_color: ti.f32,
+    touched: u8_3,
+    density: f32_3,
+    color: f32_4,
+    # outputs
+    d_density: f32_3,
+    d_color: f32_4,
+):
+    for k, j, i in touched:
+        if touched[k, j, i]:
+            node = ti.Vector([k, j, i])
+            for axis, sign in ti.static(ti.ndrange(3, 2)):
+                other = node + (2 * sign - 1) * ti.Vector.unit(3, axis, ti.i32)
+                if 0 <= other[axis] < density.shape[axis]:
+                    d_density[node] += weight_density * (density[node] - density[other])
+                    for c in range(color.shape[3]):
+                        difference = color[k, j, i, c] - color[other[0], other[1], other[2], c]
+                        d_color[k, j, i, c] += weight_color * difference
+
+
+@ti.kernel
+def _adam(
+    rate_density: f32_1,
+    rate_color: f32_1,
+    factor: f32_1,
+    beta1: ti.f32,
+    beta2: ti.f32,
+    epsilon: ti.f32,
+    # outputs
+    touched: u8_3,
+    d_density: f32_3,
+    density_mean: f32_3,
+    density_square: f32_3,
+    density: f32_3,
+    d_color: f32_4,
+    color_mean: f32_4,
+    color_square: f32_4,
+    color: f32_4,
+):
+    for k, j, i in touched:
+        if touched[k, j, i]:
+            touched[k, j, i] = ti.u8(0)
+            g = d_density[k, j, i] * factor[0]
+            d_density[k, j, i] = 0.0
+            density_mean[k, j, i], density_square[k, j, i], density[k, j, i] = adam_step(
+                g, density_mean[k, j, i], density_square[k, j, i], density[k, j, i], rate_density,
+                beta1, beta2, epsilon,
+            )  # fmt: skip
+            for c in range(color.shape[3]):
+                g = d_color[k, j, i, c] * factor[0]
+                d_color[k, j, i, c] = 0.0
+                color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c] = adam_step(
+                    g, color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c],
+                    rate_color, beta1, beta2, epsilon,
+                )  # fmt: skip
+
+
+@ti.kernel
+def _mark(
+    density: f32_3,
+    cells: ti.i32,
+    least: ti.f32,
+    # outputs
+    bits: u32_1,
+):
+    size = (density.shape[0] - 1) // cells
+    for word in bits:
+        found = ti.u32(0)
+        for bit in range(32):
+            cell = 32 * word + bit
+            x, y, z = cell % cells * size, cell // cells % cells * size, cell // cells**2 * size
+            most = -1e30
+            for k, j, i in ti.ndrange(size + 1, size + 1, size + 1):
+                most = ti.max(most, density[z + k, y + j, x + i])
+            if most > least:
+                found |= ti.u32(1) << ti.cast(bit, ti.u32)
+        bits[word] = found
+
+
+@ti.kernel
+def _upsample(
+    density: f32_3,
+    least: ti.f32,
+    coarse: f32_4,
+    # outputs
+    fine: f32_4,
+):
+    side, most = fine.shape[0] - 1, coarse.shape[0] - 1
+    for z, y, x in ti.ndrange(side + 1, side + 1, side + 1):
+        fine_node = ti.Vector([x, y, z])
+        # Its place among the coarse nodes is fine_node most / side: those of the cells it is in.
+        first = ti.max((fine_node * most + side - 1) // side - 1, 0)
+        last = ti.min(fine_node * most // side, most - 1) + 2
+        wanted = False
+        for k, j, i in ti.ndrange((first[2], last[2]), (first[1], last[1]), (first[0], last[0])):
+            wanted = wanted or density[k, j, i] > least
+        if wanted:
+            for c in range(fine.shape[3]):
+                total = 0.0
+                for k, j, i in ti.ndrange(
+                    (first[2], last[2]), (first[1], last[1]), (first[0], last[0])
+                ):
+                    apart = ti.abs(fine_node * most - ti.Vector([i, j, k]) * side) / side
+                    share = ti.max(1.0 - apart, 0.0)
+                    total += share[0] * share[1] * share[2] * coarse[k, j, i, c]
+                fine[z, y, x, c] = total
+
+
+@primitive
+def total_variation(
+    weight_density: float,
+    weight_color: float,
+    touched: np.ndarray,
+    density: np.ndarray,
+    color: np.ndarray,
+    d_density: np.ndarray,
+    d_color: np.ndarray,
+) -> None:
+    """At touched nodes, add the gradients of `weight / 2` times the squares of differences.
+
+    Those are the differences from the six neighbours of a node, each pair counted once. `touched`,
+    `density` and `d_density` are (N, N, N), `color` and `d_color` (N, N, N, C).
+    """
+    _total_variation(weight_density, weight_color, touched, density, color, d_density, d_color)
+
+
+@primitive
+def adam(
+    rate_density: np.ndarray,
+    rate_color: np.ndarray,
+    factor: np.ndarray,
+    beta1: float,
+    beta2: float,
+    epsilon: float,
+    touched: np.ndarray,
+    d_density: np.ndarray,
+    density_mean: np.ndarray,
+    density_square: np.ndarray,
+    density: np.ndarray,
+    d_color: np.ndarray,
+    color_mean: np.ndarray,
+    color_square: np.ndarray,
+    color: np.ndarray,
+) -> None:
+    """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
+
+    Before, these are multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those of
+    `radiance_adam.learning_rate` for the same step. What is of density, and `touched`, is
+    (N, N, N), what is of colour (N, N, N, C).
+    """
+    _adam(
+        rate_density, rate_color, factor, beta1, beta2, epsilon, touched, d_density, density_mean,
+        density_square, density, d_color, color_mean, color_square, color,
+    )  # fmt: skip
+
+
+@primitive
+def mark(density: np.ndarray, cells: int, least: float, bits: np.ndarray) -> None:
+    """Set the bits of cells with a node of a raw density above `least`, in them or on their sides.
+
+    `density` has (N + 1, N + 1, N + 1) nodes, `bits` (cells^3 / 32,) words with the first cell in
+    the lowest bit; N is a multiple of `cells`.
+    """
+    _mark(density, cells, least, bits)
+
+
+@primitive
+def upsample(density: np.ndarray, least: float, coarse: np.ndarray, fine: np.ndarray) -> None:
+    """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
+
+    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
+    `least` are not written; `density` (N, N, N) has those.
+    """
+    _upsample(density, least, coarse, fine)

@@ -1,0 +1,135 @@
+"""The occupancy grid: which cells of space have density in them, in Taichi.
+
+As in instant-ngp: each cell keeps the largest density seen in it, which fades; cells above the
+mean, or above a least density, are marched through.
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._random import random_index
+from cvkern.kernels.taichi.radiance._space import in_cube, random_point
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
+
+
+@ti.kernel
+def _visit(
+    cells: ti.i32,
+    count: ti.i32,
+    every: ti.i32,
+    unbounded: ti.i32,
+    seed: ti.i32,
+    step: i32_1,  # (1,)
+    begin: ti.i32,
+    # outputs
+    visited: i32_1,  # (N,)
+    positions: f32_2,  # (N, 3)
+):
+    for i in range(visited.shape[0]):
+        cell = ti.min(begin + i, count - 1)
+        if every == 0:
+            cell = random_index(seed, step[0], begin + i, 8, count)
+        visited[i] = cell
+        at = in_cube(random_point(cell, cells, seed, step[0]), unbounded)
+        for k in ti.static(range(3)):
+            positions[i, k] = at[k]
+
+
+@primitive
+def visit(
+    cells: int,
+    count: int,
+    every: bool,
+    unbounded: bool,
+    seed: int,
+    step: np.ndarray,
+    begin: int,
+    visited: np.ndarray,
+    positions: np.ndarray,
+) -> None:
+    """Draw a random point of each of N cells: of all `count` of them in turn, or of random ones.
+
+    If `every`, they are those from `begin` on, and the last again where there are no more; else the
+    `begin`-th and following of the random cells of this step. The grid has `cells`^3 of them in
+    each level. `visited` (N,) is filled with their numbers, `positions` (N, 3) with the points, in
+    the cube of the field.
+    """
+    _visit(cells, count, every, unbounded, seed, step, begin, visited, positions)
+
+
+@ti.kernel
+def _fade(
+    factor: ti.f32,
+    # outputs
+    density: f32_1,  # (count,)
+):
+    for i in range(density.shape[0]):
+        density[i] = density[i] * factor
+
+
+@primitive
+def fade(factor: float, density: np.ndarray) -> None:
+    """Make what is known of all cells, `density` (count,), count less."""
+    _fade(factor, density)
+
+
+@ti.kernel
+def _raise_to(
+    visited: i32_1,  # (N,)
+    sigma: f32_1,  # (N,)
+    # outputs
+    density: f32_1,  # (count,)
+):
+    for i in range(visited.shape[0]):
+        ti.atomic_max(density[visited[i]], sigma[i])
+
+
+@primitive
+def raise_to(visited: np.ndarray, sigma: np.ndarray, density: np.ndarray) -> None:
+    """Raise `density` (count,) to the densities `sigma` (N,) found in the `visited` (N,) cells."""
+    _raise_to(visited, sigma, density)
+
+
+@ti.kernel
+def _mark(
+    density: f32_1,  # (count,)
+    least: ti.f32,
+    # outputs
+    parts: f32_1,  # (P,)
+    limit: f32_1,  # (1,)
+    bits: u32_1,  # (count / 32,)
+):
+    for part in range(parts.shape[0]):
+        share = (density.shape[0] + parts.shape[0] - 1) // parts.shape[0]
+        total = 0.0
+        for i in range(part * share, ti.min((part + 1) * share, density.shape[0])):
+            total += density[i]
+        parts[part] = total
+    for _ in range(1):
+        total = 0.0
+        for part in range(parts.shape[0]):
+            total += parts[part]
+        limit[0] = ti.min(least, total / density.shape[0])
+    for word in range(bits.shape[0]):
+        found = ti.u32(0)
+        for bit in range(32):
+            if density[32 * word + bit] > limit[0]:
+                found |= ti.u32(1) << ti.cast(bit, ti.u32)
+        bits[word] = found
+
+
+@primitive
+def mark(
+    density: np.ndarray, least: float, parts: np.ndarray, limit: np.ndarray, bits: np.ndarray
+) -> None:
+    """Set the bits of cells above the mean density, or above `least` where that is lower.
+
+    `density` has (count,) numbers, `bits` (count / 32,) words with the first cell in the lowest
+    bit; the mean is summed in `parts` (P,), and `limit` (1,) filled with what cells must exceed.
+    """
+    _mark(density, least, parts, limit, bits)

@@ -1,0 +1,153 @@
+"""Marching of rays through an occupancy grid, in Taichi: where a field is looked at.
+
+Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
+The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
+in occupied cells, up to so many. They are the same on every device: hence `zero` (_rounding.py).
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._random import random_unit
+from cvkern.kernels.taichi.radiance._space import (
+    keep_sample,
+    place,
+    reach,
+    reciprocal,
+    row,
+    skip,
+    spacing,
+)
+
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
+
+
+@ti.kernel
+def _march(
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    bits: u32_1,  # (levels cells^3 / 32,)
+    levels: ti.i32,
+    cells: ti.i32,
+    near: ti.f32,
+    far: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    most: ti.i32,
+    jittered: ti.i32,
+    unbounded: ti.i32,
+    seed: ti.i32,
+    step: i32_1,  # (1,)
+    active: i32_1,  # (1,): rays behind so many have no samples
+    writes: ti.i32,
+    zero: ti.i32,
+    # outputs
+    spans: i32_2,  # (R, 2): counted unless `writes`
+    positions: f32_2,  # (M, 3)
+    distances: f32_2,  # (M, 2): distance, and length of the step
+    rays: i32_1,  # (M,)
+):
+    for ray in range(origins.shape[0]):
+        limit = most
+        if writes != 0:
+            limit = spans[ray, 1]
+        elif ray >= active[0]:
+            limit = 0
+        count = 0
+        if limit > 0:
+            jitter = 0.5
+            if jittered != 0:
+                jitter = random_unit(seed, step[0], ray, 4)
+            origin = row(origins, ray)
+            direction = row(directions, ray)
+            inverse = reciprocal(direction, zero)
+            ends = reach(origin, inverse, levels, near, far, finest, cone, jitter, zero)
+            t = ends[0]
+            while t < ends[1] and count < limit:
+                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
+                if next == t:
+                    length = spacing(t, finest, cone, zero)
+                    if writes != 0:
+                        at = spans[ray, 0] + count
+                        point = place(origin, t, direction, zero)
+                        keep_sample(
+                            at, ray, point, t, length, unbounded, positions, distances, rays
+                        )
+                    count += 1
+                    next = t + length
+                t = next
+        if writes == 0:
+            spans[ray, 1] = count
+
+
+@ti.kernel
+def _place(
+    capacity: ti.i32,
+    # outputs
+    spans: i32_2,  # (R, 2)
+    total: i32_1,  # (1,)
+    active: i32_1,  # (1,): lowered to the rays that have room
+):
+    for _ in range(1):
+        end = 0
+        for ray in range(spans.shape[0]):
+            begin = end
+            end = ti.min(begin + spans[ray, 1], capacity + 1)  # the sum might not fit 32 bits
+            spans[ray, 0] = begin
+            if end > capacity:
+                spans[ray, 0] = capacity
+                spans[ray, 1] = 0
+                if begin <= capacity:  # the first without room
+                    total[0] = begin
+                    active[0] = ray
+        if end <= capacity:
+            total[0] = end
+
+
+@primitive
+def march_rays(
+    origins: np.ndarray,
+    directions: np.ndarray,
+    bits: np.ndarray,
+    levels: int,
+    cells: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    jittered: bool,
+    unbounded: bool,
+    seed: int,
+    step: np.ndarray,
+    active: np.ndarray,
+    spans: np.ndarray,
+    total: np.ndarray,
+    positions: np.ndarray,
+    distances: np.ndarray,
+    rays: np.ndarray,
+) -> None:
+    """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
+
+    Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
+    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `active` is lowered
+    to those that fit: who wants as many again in the next batch has to write it anew. `bits` has
+    one for each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block
+    by block.
+
+    `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
+    with their number, and that many rows of `positions` (M, 3) in the cube of the field,
+    `distances` (M, 2), the distance and the length of the step, and `rays` (M,).
+    """
+    march = (
+        origins, directions, bits, levels, cells, near, far, finest, cone, most, jittered,
+        unbounded, seed, step, active,
+    )  # fmt: skip
+    outputs = spans, positions, distances, rays
+    _march(*march, False, 0, *outputs)
+    _place(positions.shape[0], spans, total, active)
+    _march(*march, True, 0, *outputs)

@@ -1,0 +1,302 @@
+"""Views of a field of samples in rounds, in Taichi: each looks at the next few samples of each ray.
+
+A ray has the distance where it goes on, how many samples it took, and what it saw so far. A list
+has the numbers of the rays that go on; behind each round it is made anew without those that left
+the field, or that no more than `stop` of the light gets through. The samples of a ray are those of
+`radiance_march`, however many of them a round takes.
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+
+from ._space import interval, keep_sample, place, reach, reciprocal, row, skip, spacing
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
+vec3 = ti.types.vector(3, ti.f32)
+
+NEVER = 1.0e30  # where a ray goes on that is done
+
+
+@ti.kernel
+def _clear(counts: i32_1):
+    for i in counts:
+        counts[i] = 0
+
+
+@ti.kernel
+def _set_out(
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    levels: ti.i32,
+    near: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    zero: ti.i32,
+    # outputs
+    at: f32_1,  # (R,)
+    taken: i32_1,  # (R,)
+    listing: i32_1,  # (R,)
+    color: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    depth: f32_1,  # (R,)
+):
+    for ray in range(origins.shape[0]):
+        inverse = reciprocal(row(directions, ray), zero)
+        origin = row(origins, ray)
+        at[ray] = reach(origin, inverse, levels, near, NEVER, finest, cone, 0.5, zero)[0]
+        taken[ray] = 0
+        listing[ray] = ray
+        for k in ti.static(range(3)):
+            color[ray, k] = 0.0
+        opacity[ray] = 0.0
+        depth[ray] = 0.0
+
+
+@primitive
+def set_out(
+    origins: np.ndarray,
+    directions: np.ndarray,
+    levels: int,
+    near: float,
+    finest: float,
+    cone: float,
+    at: np.ndarray,
+    taken: np.ndarray,
+    listing: np.ndarray,
+    counts: np.ndarray,
+    color: np.ndarray,
+    opacity: np.ndarray,
+    depth: np.ndarray,
+) -> None:
+    """Begin the views of all rays, `origins` and unit `directions` (R, 3).
+
+    What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
+    `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
+    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
+    """
+    outputs = at, taken, listing, color, opacity, depth
+    _set_out(origins, directions, levels, near, finest, cone, 0, *outputs)
+    _clear(counts)
+
+
+@ti.kernel
+def _march_on(
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    bits: u32_1,  # (levels cells^3 / 32,)
+    levels: ti.i32,
+    cells: ti.i32,
+    far: ti.f32,
+    finest: ti.f32,
+    cone: ti.f32,
+    most: ti.i32,
+    unbounded: ti.i32,
+    few: ti.i32,
+    living: ti.i32,
+    listing: i32_1,  # (R,)
+    zero: ti.i32,
+    # outputs
+    at: f32_1,  # (R,)
+    taken: i32_1,  # (R,)
+    going: i32_1,  # (R,)
+    spans: i32_2,  # (R, 2)
+    counts: i32_1,  # (2,): 0, added to
+    positions: f32_2,  # (M, 3)
+    distances: f32_2,  # (M, 2)
+    rays: i32_1,  # (M,)
+):
+    for i in range(living):
+        ray = listing[i]
+        origin = row(origins, ray)
+        direction = row(directions, ray)
+        inverse = reciprocal(direction, zero)
+        side = ti.cast(1 << (levels - 1), ti.f32)
+        last = ti.min(far, interval(origin, inverse, side, zero)[1])
+        limit = ti.min(few, most - taken[ray])
+        begin = 0
+        # Once to count the samples, and from the first of them again to write them.
+        for writes in range(2):
+            t = at[ray]
+            count = 0
+            while t < last and count < limit:
+                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
+                if next == t:
+                    step = spacing(t, finest, cone, zero)
+                    if writes != 0:
+                        point = place(origin, t, direction, zero)
+                        keep_sample(
+                            begin + count,
+                            ray,
+                            point,
+                            t,
+                            step,
+                            unbounded,
+                            positions,
+                            distances,
+                            rays,
+                        )
+                    elif count == 0:
+                        at[ray] = t
+                    count += 1
+                    next = t + step
+                t = next
+            if writes != 0:
+                at[ray] = t
+                taken[ray] += count
+            elif count > 0:
+                begin = ti.atomic_add(counts[0], count)
+                entry = ti.atomic_add(counts[1], 1)
+                going[entry] = ray
+                spans[entry, 0] = begin
+                spans[entry, 1] = count
+            limit = count
+
+
+@primitive
+def march_on(
+    origins: np.ndarray,
+    directions: np.ndarray,
+    bits: np.ndarray,
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    unbounded: bool,
+    few: int,
+    living: int,
+    listing: np.ndarray,
+    at: np.ndarray,
+    taken: np.ndarray,
+    going: np.ndarray,
+    spans: np.ndarray,
+    counts: np.ndarray,
+    positions: np.ndarray,
+    distances: np.ndarray,
+    rays: np.ndarray,
+) -> None:
+    """List the next samples, `few` at most, of each of the first `living` rays of a list.
+
+    The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
+    takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
+    of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
+    rows of each of those, and `counts` (2,), which were 0, with how many samples and rays there
+    are. The samples are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few
+    living. In which order the rays are listed is left open: nothing that they see depends on it.
+    """
+    _march_on(
+        origins, directions, bits, levels, cells, far, finest, cone, most, unbounded, few, living,
+        listing, 0, at, taken, going, spans, counts, positions, distances, rays,
+    )  # fmt: skip
+
+
+@ti.kernel
+def _composite_on(
+    sigma: f32_1,  # (M,)
+    rgb: f32_2,  # (M, 3)
+    distances: f32_2,  # (M, 2)
+    going: i32_1,  # (R,)
+    spans: i32_2,  # (R, 2)
+    living: ti.i32,
+    stop: ti.f32,
+    # outputs
+    at: f32_1,  # (R,)
+    color: f32_2,  # (R, 3): added to, as the others
+    opacity: f32_1,  # (R,)
+    depth: f32_1,  # (R,)
+):
+    for i in range(living):
+        ray = going[i]
+        c = row(color, ray)
+        sum_w = opacity[ray]
+        sum_wt = depth[ray]
+        s = spans[i, 0]
+        end = s + spans[i, 1]
+        while s < end and 1.0 - sum_w > stop:
+            w = (1.0 - sum_w) * (1.0 - ti.exp(-sigma[s] * distances[s, 1]))
+            c += w * row(rgb, s)
+            sum_w += w
+            sum_wt += w * distances[s, 0]
+            s += 1
+        for k in ti.static(range(3)):
+            color[ray, k] = c[k]
+        opacity[ray] = sum_w
+        depth[ray] = sum_wt
+        if 1.0 - sum_w <= stop:
+            at[ray] = NEVER
+
+
+@primitive
+def composite_on(
+    sigma: np.ndarray,
+    rgb: np.ndarray,
+    distances: np.ndarray,
+    going: np.ndarray,
+    spans: np.ndarray,
+    living: int,
+    stop: float,
+    counts: np.ndarray,
+    at: np.ndarray,
+    color: np.ndarray,
+    opacity: np.ndarray,
+    depth: np.ndarray,
+) -> None:
+    """Composite the samples of a round behind what their rays saw.
+
+    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
+    to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
+    `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
+    nowhere: its `at` (R,) is behind everything. `counts` (2,) are 0 for the next round.
+    """
+    inputs = sigma, rgb, distances, going, spans, living, stop
+    _composite_on(*inputs, at, color, opacity, depth)
+    _clear(counts)
+
+
+@ti.kernel
+def _finish(
+    red: ti.f32,
+    green: ti.f32,
+    blue: ti.f32,
+    unit: ti.f32,
+    solid: ti.f32,
+    # outputs
+    color: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    depth: f32_1,  # (R,)
+):
+    for ray in opacity:
+        o = opacity[ray]
+        seen = row(color, ray) + (1.0 - o) * vec3(red, green, blue)
+        for k in ti.static(range(3)):
+            color[ray, k] = ti.math.clamp(seen[k], 0.0, 1.0)
+        mean = ti.math.nan
+        if o >= solid:
+            mean = unit * depth[ray] / o
+        depth[ray] = mean
+
+
+@primitive
+def finish(
+    red: float,
+    green: float,
+    blue: float,
+    unit: float,
+    solid: float,
+    color: np.ndarray,
+    opacity: np.ndarray,
+    depth: np.ndarray,
+) -> None:
+    """Make pictures of what rays saw, in place: `color` (R, 3), `opacity` and `depth` (R,).
+
+    Colours come to stand before that of the background, within [0, 1]; depths become means, times
+    `unit`, and NaN where the opacity is below `solid`.
+    """
+    _finish(red, green, blue, unit, solid, color, opacity, depth)

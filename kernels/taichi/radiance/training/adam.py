@@ -1,0 +1,197 @@
+"""Adam [Kingma and Ba 2015], learning rates and gradient clipping, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi.radiance._fixed_point import fraction
+
+from ._adam_step import adam_step
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+
+
+@ti.kernel
+def _adam(
+    rate: f32_1,  # (3,): of learning, and what the two means have to be divided by
+    factor: f32_1,  # (1,): of the gradients
+    beta1: ti.f32,
+    beta2: ti.f32,
+    epsilon: ti.f32,
+    decay: ti.f32,
+    sparse: ti.i32,
+    # outputs
+    gradients: f32_1,  # (N,): set to 0
+    mean: f32_1,  # (N,)
+    square: f32_1,  # (N,)
+    weights: f32_1,  # (N,)
+    copy: f32_1,  # (N,): the weights again
+):
+    for i in range(weights.shape[0]):
+        g = gradients[i] * factor[0]
+        gradients[i] = 0.0
+        # Entries of a table that no sample touched stay as they are.
+        if sparse == 0 or g != 0.0:
+            w = weights[i]
+            g += decay * w
+            mean[i], square[i], weights[i] = adam_step(
+                g, mean[i], square[i], w, rate, beta1, beta2, epsilon
+            )
+            copy[i] = weights[i]
+
+
+@primitive
+def adam(
+    rate: np.ndarray,
+    factor: np.ndarray,
+    beta1: float,
+    beta2: float,
+    epsilon: float,
+    decay: float,
+    sparse: bool,
+    gradients: np.ndarray,
+    mean: np.ndarray,
+    square: np.ndarray,
+    weights: np.ndarray,
+    copy: np.ndarray,
+) -> None:
+    """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
+
+    `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
+    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If
+    `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,) is filled with the
+    weights in its own precision; it may be `weights` itself. On CUDA each array begins at a
+    multiple of 16 bytes.
+    """
+    _adam(
+        rate, factor, beta1, beta2, epsilon, decay, sparse, gradients, mean, square, weights, copy
+    )
+
+
+@ti.kernel
+def _collect(
+    # outputs
+    sums: i64_1,  # (N,): set to 0
+    gradients: f32_1,  # (N,): added to
+):
+    for i in range(sums.shape[0]):
+        gradients[i] += fraction(sums[i])
+        sums[i] = 0
+
+
+@primitive
+def collect(sums: np.ndarray, gradients: np.ndarray) -> None:
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave the sums at 0.
+
+    They are what gradients are added up in where the order must not show. On CUDA each array
+    begins at a multiple of 16 bytes.
+    """
+    _collect(sums, gradients)
+
+
+@ti.kernel
+def _learning_rate(
+    step: i32_1,  # (1,)
+    progress: f32_1,  # (1,): share of the training that is done
+    base: ti.f32,
+    warmup: ti.i32,
+    final: ti.f32,
+    beta1: ti.f32,
+    beta2: ti.f32,
+    # outputs
+    rate: f32_1,  # (3,)
+):
+    for _ in range(1):
+        steps = ti.cast(step[0] + 1, ti.f32)
+        warm = ti.min(1.0, steps / ti.max(warmup, 1))
+        rate[0] = base * warm * final ** progress[0]
+        # Both means begin at 0, and are too small by these factors.
+        rate[1] = 1.0 - beta1**steps
+        rate[2] = 1.0 - beta2**steps
+
+
+@primitive
+def learning_rate(
+    step: np.ndarray,
+    progress: np.ndarray,
+    base: float,
+    warmup: int,
+    final: float,
+    beta1: float,
+    beta2: float,
+    rate: np.ndarray,
+) -> None:
+    """Grow a rate linearly over `warmup` steps, and let it fall exponentially to `final` of it.
+
+    `rate` (3,) is filled for step `step` (1,) at `progress` (1,): the rate, and what the two means
+    of Adam have to be divided by.
+    """
+    _learning_rate(step, progress, base, warmup, final, beta1, beta2, rate)
+
+
+@ti.kernel
+def _add_squares(
+    gradients: f32_1,  # (N,)
+    # outputs
+    parts: f32_1,  # (P,): added to
+):
+    for part in range(parts.shape[0]):
+        total = 0.0
+        for turn in range((gradients.shape[0] - part + parts.shape[0] - 1) // parts.shape[0]):
+            g = gradients[part + turn * parts.shape[0]]
+            total += g * g
+        parts[part] = parts[part] + total
+
+
+@primitive
+def add_squares(gradients: np.ndarray, parts: np.ndarray) -> None:
+    """Add the squares of `gradients` (N,) to `parts` (P,), always in the same order.
+
+    On CUDA the gradients begin at a multiple of 16 bytes.
+    """
+    _add_squares(gradients, parts)
+
+
+@ti.kernel
+def _clip(
+    scale: ti.f32,
+    most: ti.f32,
+    # outputs
+    parts: f32_1,  # (P,): set to 0
+    factor: f32_1,  # (1,)
+):
+    for _ in range(1):
+        total = 0.0
+        for part in range(parts.shape[0]):
+            total += parts[part]
+            parts[part] = 0.0
+        norm = ti.sqrt(total) * scale
+        factor[0] = scale
+        if norm > most:
+            factor[0] = scale * (most / norm)
+
+
+@primitive
+def clip(scale: float, most: float, parts: np.ndarray, factor: np.ndarray) -> None:
+    """Set `factor` (1,) to `scale`, or less so that gradients times it have a norm within `most`.
+
+    `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
+    """
+    _clip(scale, most, parts, factor)
+
+
+@ti.kernel
+def _advance(
+    # outputs
+    step: i32_1,  # (1,)
+):
+    for _ in range(1):
+        step[0] = step[0] + 1
+
+
+@primitive
+def advance(step: np.ndarray) -> None:
+    """Add 1 to `step` (1,)."""
+    _advance(step)

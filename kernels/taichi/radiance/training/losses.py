@@ -1,0 +1,110 @@
+"""Losses of rendered colours against photographs, and their gradients, in Taichi.
+
+A ray of colour C and opacity O sees F = C + (1 - O) B before a background B, and the photograph
+P = a S + (1 - a) B with opacity a. Its loss is the mean over the channels of l(F - P), where l is
+the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2) beyond. So with D = l' / 3,
+
+    dL/dC = D,  dL/dO = -<D, B>,  dL/dB = D (a - O).
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.radiance import Background
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._random import random_unit
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+vec3 = ti.types.vector(3, ti.f32)
+
+
+@ti.func
+def _background(
+    kind: ti.i32, learnt: ti.template(), seed: ti.i32, step: ti.i32, ray: ti.i32
+) -> vec3:
+    """Return the colour behind a ray."""
+    color = vec3(0.0)
+    if kind == Background.WHITE:
+        color = vec3(1.0)
+    elif kind == Background.RANDOM:
+        for k in ti.static(range(3)):
+            color[k] = random_unit(seed, step, ray, 5 + k)
+    elif kind == Background.LEARNT:
+        color = vec3(learnt[0], learnt[1], learnt[2])
+    return color
+
+
+@ti.kernel
+def _loss(
+    color: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    targets: f32_2,  # (R, 4)
+    active: i32_1,  # (1,)
+    kind: ti.i32,
+    learnt: f32_1,  # (3,)
+    huber: ti.f32,
+    scale: ti.f32,
+    seed: ti.i32,
+    step: i32_1,  # (1,)
+    # outputs
+    errors: f32_1,  # (R,): mean squared error of each ray
+    d_color: f32_2,  # (R, 3)
+    d_opacity: f32_1,  # (R,)
+    d_learnt: f32_2,  # (R, 3)
+):
+    for ray in range(opacity.shape[0]):
+        if ray < active[0]:
+            behind = _background(kind, learnt, seed, step[0], ray)
+            through = 1.0 - opacity[ray]
+            seen = targets[ray, 3]
+            error = 0.0
+            d_through = 0.0
+            for k in ti.static(range(3)):
+                found = color[ray, k] + through * behind[k]
+                e = found - (seen * targets[ray, k] + (1.0 - seen) * behind[k])
+                error += e * e / 3.0
+                d = 2.0 * e
+                if huber > 0.0:
+                    d = ti.math.sign(e) * huber if ti.abs(e) > huber else e  # a NaN stays
+                d *= scale / 3.0
+                d_color[ray, k] = d
+                d_through += d * behind[k]
+                d_learnt[ray, k] = d * (seen - opacity[ray])
+            errors[ray] = error
+            d_opacity[ray] = -d_through
+        else:
+            errors[ray] = 0.0
+
+
+@primitive
+def loss(
+    color: np.ndarray,
+    opacity: np.ndarray,
+    targets: np.ndarray,
+    active: np.ndarray,
+    kind: int,
+    learnt: np.ndarray,
+    huber: float,
+    scale: float,
+    seed: int,
+    step: np.ndarray,
+    errors: np.ndarray,
+    d_color: np.ndarray,
+    d_opacity: np.ndarray,
+    d_learnt: np.ndarray,
+) -> None:
+    """Find the squared error of each ray, and the gradients of its loss times `scale`.
+
+    Of the first `active` (1,) rays, `color` (R, 3) and `opacity` (R,) are held against `targets`
+    (R, 4), the colour and opacity of the photographs. The loss is Huber's with k = `huber`, or
+    squared where that is 0. `kind` is a Background, `learnt` (3,) the colour of the learnt kind.
+    `errors` (R,) are means over the channels, whatever the loss, and 0 for the other rays;
+    `d_color` (R, 3), `d_opacity` (R,) and `d_learnt` (R, 3), for each ray alone, are not written
+    for those.
+    """
+    _loss(
+        color, opacity, targets, active, kind, learnt, huber, scale, seed, step,
+        errors, d_color, d_opacity, d_learnt,
+    )  # fmt: skip

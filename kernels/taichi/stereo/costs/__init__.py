@@ -1,0 +1,1 @@
+"""Matching costs, in Taichi."""

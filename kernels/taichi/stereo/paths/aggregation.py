@@ -1,0 +1,127 @@
+"""Semi-global aggregation of matching costs, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive, scratch
+
+any_3 = ti.types.ndarray(ndim=3)
+i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+u16_1 = ti.types.ndarray(dtype=ti.u16, ndim=1)
+u16_3 = ti.types.ndarray(dtype=ti.u16, ndim=3)
+
+
+@ti.func
+def _start(c: ti.i32, dy: ti.i32, dx: ti.i32, height: ti.i32, width: ti.i32) -> ti.math.ivec2:
+    """Return where the path number `c` of direction (dy, dx) enters the image."""
+    rows = ti.min(ti.abs(dy), height)  # paths begin in this many rows of one edge ...
+    columns = ti.min(ti.abs(dx), width)  # ... and in this many columns of another
+    y = 0
+    x = 0
+    if c < rows * width:
+        y = c // width
+        x = c % width
+    else:
+        y = rows + (c - rows * width) // columns
+        x = (c - rows * width) % columns
+    if dy < 0:
+        y = height - 1 - y
+    if dx < 0:
+        x = width - 1 - x
+    return ti.Vector([y, x])
+
+
+@ti.kernel
+def _walk(
+    costs: any_3,  # (H, W, D)
+    guide: u8_2,  # (H, W), or (1, 1) where there is none
+    p1: ti.i32,
+    p2_of: u16_1,  # (256,) by how much the guide changes along the path
+    count: ti.i32,  # how many paths there are
+    dy: ti.i32,
+    dx: ti.i32,
+    first: ti.i32,  # whether nothing has been summed yet
+    lines: i32_3,  # (2, count, D) scratch
+    top: ti.i32,
+    # outputs
+    sums: u16_3,  # (h, W, D), rows of the image from `top` on
+):
+    height = costs.shape[0]
+    width = costs.shape[1]
+    depth = costs.shape[2]
+    for c in range(count):
+        position = _start(c, dy, dx, height, width)
+        y = position[0]
+        x = position[1]
+        lowest = 0  # the minimum over d at the pixel before
+        new = 0  # which of the two lines is this pixel's
+        begun = 0
+        while 0 <= y < height and 0 <= x < width:
+            p2 = ti.cast(p2_of[0], ti.i32)
+            if begun == 1 and guide.shape[0] == height and guide.shape[1] == width:
+                step = ti.cast(guide[y, x], ti.i32) - ti.cast(guide[y - dy, x - dx], ti.i32)
+                p2 = ti.cast(p2_of[ti.abs(step)], ti.i32)
+            least = 1 << 30
+            for d in range(depth):
+                value = ti.cast(costs[y, x, d], ti.i32)
+                if begun == 1:
+                    best = ti.min(lines[1 - new, c, d], lowest + p2)
+                    if d > 0:
+                        best = ti.min(best, lines[1 - new, c, d - 1] + p1)
+                    if d < depth - 1:
+                        best = ti.min(best, lines[1 - new, c, d + 1] + p1)
+                    value += best - lowest
+                lines[new, c, d] = value
+                least = ti.min(least, value)
+                if 0 <= y - top < sums.shape[0]:
+                    total = value
+                    if first == 0:
+                        total += ti.cast(sums[y - top, x, d], ti.i32)
+                    sums[y - top, x, d] = ti.cast(total, ti.u16)
+            lowest = least
+            new = 1 - new
+            begun = 1
+            y += dy
+            x += dx
+
+
+# The directions of the first 4, 8 and 16 paths.
+_STEPS = (
+    *((0, 1), (0, -1), (1, 0), (-1, 0)),
+    *((1, 1), (1, -1), (-1, 1), (-1, -1)),
+    *((1, 2), (1, -2), (-1, 2), (-1, -2)),
+    *((2, 1), (2, -1), (-2, 1), (-2, -1)),
+)
+
+
+def _aggregate(
+    costs: np.ndarray,
+    guide: np.ndarray,
+    p1: int,
+    p2: np.ndarray,
+    paths: int,
+    top: int,
+    sums: np.ndarray,
+) -> None:
+    height, width, depth = costs.shape
+    for i, (dy, dx) in enumerate(_STEPS[:paths]):
+        rows, columns = min(abs(dy), height), min(abs(dx), width)
+        count = rows * width + columns * (height - rows)
+        lines = scratch((2, count, depth), np.int32)
+        _walk(costs, guide, p1, p2, count, dy, dx, int(i == 0), lines, top, sums)
+
+
+@primitive
+def aggregate(
+    costs: np.ndarray,
+    guide: np.ndarray,
+    p1: int,
+    p2: np.ndarray,
+    p2_max: int,
+    paths: int,
+    top: int,
+    sums: np.ndarray,
+) -> None:
+    """Sum the costs of the cheapest paths to each pixel; one thread per path."""
+    _aggregate(costs, guide, p1, p2, paths, top, sums)

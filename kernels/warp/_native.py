@@ -1,0 +1,115 @@
+"""Functions and kernels whose body is C++ or CUDA, read from a file beside the Python module.
+
+A file that ends in ``.cu`` or ``.h`` holds whole functions, so that editors colour them and
+clang-format formats them::
+
+    // needs RADIUS
+    void blur_row(int row, wp::array_t<float> image, wp::array_t<float> out) { ... }
+
+The module declares one by a signature with the same parameters, in the same order::
+
+    @_native.func_native("_blur_cpu.h", RADIUS=2)
+    def blur_row(row: int, image: wp.array2d[float], out: wp.array2d[float]): ...
+
+The constants become ``#define`` lines before the body. A line ``#include "NAME"`` at the top of a
+file stands for the text of another file beside it, which every function of the file then has: a
+rule that several share is a ``struct`` there, with static functions.
+"""
+
+from __future__ import annotations
+
+import inspect
+import linecache
+import re
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+_INCLUDE = re.compile(r'^#include "([\w./]+)"$', re.MULTILINE)
+_NEEDS = r"(?:^// needs ([\w, ]+)\n(?://[^\n]*\n)*)?"
+
+
+def func_native(file: str, **constants: Any) -> Callable[[Any], wp.Function]:
+    """Return a decorator that makes a Warp function of the C++ function of the same name.
+
+    Warp takes the type that such a function returns from a stub whose decorator is written as an
+    attribute of this name: hence the name, and the import of the module.
+    """
+
+    def make(stub: Any) -> wp.Function:
+        return wp.func_native(_snippet(stub, file, constants))(stub)
+
+    return make
+
+
+def kernel(
+    file: str, options: dict[str, Any] | None = None, **constants: Any
+) -> Callable[[Any], wp.Kernel]:
+    """Return a decorator that makes a kernel of the C++ function, in a Warp module of its own.
+
+    `options` are that module's. The body finds its thread by ``threadIdx`` and ``blockIdx``.
+    """
+
+    def make(stub: Any) -> wp.Kernel:
+        body = func_native(file, **constants)(stub)
+        types = inspect.get_annotations(stub)
+        names = ", ".join(types)
+        source = f"def {stub.__name__}({names}):\n    body({names})\n"
+        # Warp reads a kernel's source where the interpreter keeps it.
+        place = f"<{file}:{stub.__name__}:{id(body)}>"
+        linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
+        space: dict[str, Any] = {"body": body, "__name__": stub.__module__}
+        exec(compile(source, place, "exec"), space)
+        function = space[stub.__name__]
+        function.__annotations__ = types
+        function.__doc__ = stub.__doc__
+        return wp.kernel(function, module="unique", module_options=options or {})
+
+    return make
+
+
+def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
+    """Return what Warp puts between the braces of `stub`; raise where the two do not agree."""
+    name, path = stub.__name__, Path(inspect.getfile(stub)).with_name(file)
+    needs, parameters, body = _function(path, name)
+    if needs != set(constants):
+        raise ImportError(f"{file}: {name} needs {sorted(needs)}, got {sorted(constants)}")
+    declared = [p for p in inspect.get_annotations(stub) if p != "return"]
+    if declared != list(parameters):
+        raise ImportError(f"{file}: {name} takes {list(parameters)}, got {declared}")
+    defines = "".join(f"#define {key} {value}\n" for key, value in constants.items())
+    undefines = "".join(f"#undef {key}\n" for key in constants)
+    return f"\n{defines}{_shared(path)}{body}\n{undefines}"
+
+
+@lru_cache
+def _function(path: Path, name: str) -> tuple[set[str], tuple[str, ...], str]:
+    """Return the constants that a function of a file needs, its parameters and its body."""
+    text = path.read_text(encoding="utf-8")
+    head = re.search(rf"{_NEEDS}^[\w:<> ]+\b{name}\(([^)]*)\)\s*\{{", text, re.MULTILINE)
+    if head is None:
+        raise ImportError(f"{path.name} must have a function {name}")
+    depth, end = 1, head.end()
+    while depth:
+        if end == len(text):
+            raise ImportError(f"{path.name}: {name} must end with a brace")
+        depth += {"{": 1, "}": -1}.get(text[end], 0)
+        end += 1
+    needs = set(re.findall(r"\w+", head[1] or ""))
+    parameters = re.findall(r"(\w+)\s*(?:,|$)", re.sub(r"<[^>]*>", "", head[2]).strip())
+    return needs, tuple(parameters), text[head.end() : end - 1]
+
+
+@lru_cache
+def _shared(path: Path) -> str:
+    """Return the text of the files that a file includes."""
+    included = _INCLUDE.findall(path.read_text(encoding="utf-8"))
+    shared = ""
+    for other in included:
+        place = path.with_name(other)
+        text = place.read_text(encoding="utf-8")
+        shared += _shared(place) + _INCLUDE.sub("", text).replace("#pragma once\n", "")
+    return shared

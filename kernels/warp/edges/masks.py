@@ -1,0 +1,102 @@
+"""Thinning and hysteresis, in Warp.
+
+On the CPU, thinning goes row by row and hysteresis is a flood fill, both in slabs of rows; on CUDA
+a thread thins a strip of columns, and hysteresis is a union-find over all pixels at once.
+"""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+
+from . import _masks_cpu as cpu
+from . import _masks_cuda as cuda
+
+
+def thin_sobel(
+    src: wp.array, border: int, cval: float, norm: int, low: float, high: float, states: wp.array
+) -> None:
+    """Sobel, suppression of all but maxima, and both thresholds, of a uint8 image."""
+    if src.device.is_cuda:
+        launch(
+            cuda.thin_sobel,
+            _strips(src),
+            [src, _in_words(src, states), border, cval, norm, low, high],
+            [states],
+        )
+        return
+    lines = _lines(src, sums=1, differences=1, dy=3, dx=3, measures=3)
+    launch_slabs(
+        cpu.thin_sobel,
+        src.shape[0],
+        slabs(src.shape[0], src.size),
+        [src, border, cval, norm, low, high, *lines],
+        [states],
+    )
+
+
+def thin(
+    dy: wp.array, dx: wp.array, norm: int, rule: int, low: float, high: float, states: wp.array
+) -> None:
+    """Suppression of all but maxima of a gradient, and both thresholds."""
+    if dy.device.is_cuda:
+        launch(
+            cuda.thin,
+            _strips(dy),
+            [dy, dx, _in_words(states), norm, rule, low, high],
+            [states],
+        )
+        return
+    launch_slabs(
+        cpu.thin,
+        dy.shape[0],
+        slabs(dy.shape[0], dy.size),
+        [dy, dx, norm, rule, low, high, *_lines(dy, measures=3)],
+        [states],
+    )
+
+
+def hysteresis(states: wp.array, mask: wp.array) -> None:
+    """Keep strong pixels, and the weak ones connected with them."""
+    height, width = states.shape
+    size = height * width
+    states, mask = (view(a, wp.uint8, (size,)) for a in (states, mask))
+    if states.device.is_cuda:
+        words, mask_words = _words(states, mask)
+        parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
+        launch(cuda.plant, -(-size // 8), [states, words], [parents, mask, mask_words])
+        launch(cuda.merge, size, [states, width], [parents])
+        launch(cuda.select, size, [states, parents], [mask])
+        return
+    count = slabs(height, size)
+    if count > 1:  # edges gather in parts of an image: smaller slabs keep the threads busy alike
+        count = min(4 * count, height)
+    # A pixel is pushed once, and one place above the last is written to.
+    stack = scratch("hysteresis.stack", (size + count,), wp.vec2i, states.device)
+    launch_slabs(cpu.flood_slab, height, count, [states, width, stack], [mask])
+    if count > 1:
+        launch(cpu.flood_seams, 1, [count, states, width, stack], [mask])
+
+
+def _strips(image: wp.array) -> tuple[int, int]:
+    return -(-image.shape[0] // cuda.ROWS), -(-image.shape[1] // cuda.QUAD)
+
+
+def _in_words(*images: wp.array) -> bool:
+    """Tell whether every row of the images falls into aligned words of four bytes."""
+    return all(a.shape[1] % 4 == 0 and a.ptr % 4 == 0 for a in images)
+
+
+def _words(*flats: wp.array) -> list[wp.array]:
+    """View bytes eight at a time, as far as they go; none if they are not aligned."""
+    count = flats[0].size // 8 if all(a.ptr % 8 == 0 for a in flats) else 0
+    return [view(a, wp.uint64, (count,)) for a in flats]
+
+
+def _lines(image: wp.array, **counts: int) -> list[wp.array]:
+    """Scratch lines for each slab of `image`, with a margin of one pixel."""
+    height, width = image.shape
+    count = slabs(height, image.size)
+    return [
+        scratch(f"thin.{name}", (n * count, width + 2), wp.float32, image.device)
+        for name, n in counts.items()
+    ]

@@ -1,0 +1,148 @@
+"""The two passes of a separable filter over lanes, shared by the CPU kernels of several families.
+
+A line of scratch holds one row between the passes; pixel 0 stands at element `margin`.
+"""
+
+import warp as wp
+
+from cvkern.kernels.warp._borders import border_index
+from cvkern.kernels.warp._lanes_cpu import f32_lanes, f32_wide
+
+
+@wp.func
+def sum_down(
+    src: wp.array2d[f32_lanes],  # (P H, N)
+    top: int,  # first row of the plane
+    y: int,
+    height: int,
+    x: int,
+    taps: wp.array[float],
+    border: int,
+    cval: float,
+) -> f32_lanes:
+    """Weigh the rows round row `y` of a plane by the taps, for the vector at `x`."""
+    n = taps.shape[0]
+    first = y - n // 2
+    acc = f32_lanes(0.0)
+    if first >= 0 and first + n <= height:
+        for t in range(n):
+            acc += taps[t] * src[top + first + t, x]
+    else:
+        for t in range(n):
+            i = border_index(first + t, height, border)
+            v = f32_lanes(cval)
+            if i >= 0:
+                v = src[top + i, x]
+            acc += taps[t] * v
+    return acc
+
+
+@wp.func
+def pair_down(
+    src: wp.array2d[f32_lanes],  # (P H, N)
+    row: int,  # of the array
+    x: int,
+    taps: wp.array[float],
+    # outputs
+    line: wp.array2d[f32_lanes],
+    first_line: int,
+    at: int,
+):
+    """Weigh the rows round `row` and the next, all inside the plane: each is read once for both."""
+    n = taps.shape[0]
+    top = row - n // 2
+    v = src[top, x]
+    a = taps[0] * v
+    b = f32_lanes(0.0)
+    for t in range(1, n):
+        v = src[top + t, x]
+        a += taps[t] * v
+        b += taps[t - 1] * v
+    b += taps[n - 1] * src[top + n, x]
+    line[first_line, at] = a
+    line[first_line + 1, at] = b
+
+
+@wp.func
+def both_down(
+    src: wp.array2d[f32_lanes],  # (H, N)
+    y: int,
+    x: int,
+    at: int,
+    slab: int,
+    smooth: wp.array[float],
+    slope: wp.array[float],
+    border: int,
+    cval: float,
+    # outputs
+    smoothed: wp.array2d[f32_lanes],
+    sloped: wp.array2d[f32_lanes],
+):
+    """Weigh the rows round row `y` by two kernels of one length: each row is read once for both."""
+    n = smooth.shape[0]
+    first = y - n // 2
+    a = f32_lanes(0.0)
+    b = f32_lanes(0.0)
+    if first >= 0 and first + n <= src.shape[0]:
+        for t in range(n):
+            v = src[first + t, x]
+            a += smooth[t] * v
+            b += slope[t] * v
+    else:
+        for t in range(n):
+            i = border_index(first + t, src.shape[0], border)
+            v = f32_lanes(cval)
+            if i >= 0:
+                v = src[i, x]
+            a += smooth[t] * v
+            b += slope[t] * v
+    smoothed[slab, at] = a
+    sloped[slab, at] = b
+
+
+@wp.func
+def sum_along(
+    line: wp.array2d[f32_wide], row: int, x: int, step: int, taps: wp.array[float]
+) -> f32_wide:
+    """Weigh the pixels round the vector at `x` of a line by the taps."""
+    acc = f32_wide(0.0)
+    for t in range(taps.shape[0]):
+        acc += taps[t] * line[row, x + t * step]
+    return acc
+
+
+@wp.func
+def fill_margins(
+    line: wp.array2d[float],
+    row: int,
+    margin: int,
+    columns: int,
+    step: int,
+    border: int,
+    cval: float,
+):
+    """Write what lies outside the row, by `border`, on both sides of it."""
+    for i in range(margin):
+        line[row, i] = outside(line, row, margin, i - margin, columns, step, border, cval)
+        line[row, margin + columns + i] = outside(
+            line, row, margin, columns + i, columns, step, border, cval
+        )
+
+
+@wp.func
+def outside(
+    line: wp.array2d[float],
+    row: int,
+    margin: int,
+    i: int,
+    columns: int,
+    step: int,
+    border: int,
+    cval: float,
+) -> float:
+    """Value that `border` gives element `i` of the row."""
+    pixel = wp.floordiv(i, step)
+    inside = border_index(pixel, columns // step, border)
+    if inside < 0:
+        return cval
+    return line[row, margin + inside * step + i - pixel * step]

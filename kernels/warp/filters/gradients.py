@@ -1,0 +1,122 @@
+"""Gradients in Warp: over lanes on the CPU, over blocks of outputs on CUDA."""
+
+import warp as wp
+
+from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, f32_lanes, f32_wide, padded, unpad, vectors
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+
+from . import _gradients_cpu as cpu
+from . import _gradients_cuda as cuda
+from . import _linear_cuda as filter_cuda
+
+
+def differentiate(
+    src: wp.array,
+    smooth: wp.array,
+    slope: wp.array,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    dy: wp.array,
+    dx: wp.array,
+) -> None:
+    """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
+    _differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, [dy, dx])
+
+
+def differentiate_polar(
+    src: wp.array,
+    smooth: wp.array,
+    slope: wp.array,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    dy: wp.array,
+    dx: wp.array,
+    magnitude: wp.array,
+    orientation: wp.array,
+) -> None:
+    """Differentiate, and give the length and the angle of each (dy, dx) as well."""
+    outputs = [dy, dx, magnitude, orientation]
+    _differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, outputs)
+
+
+def _differentiate(
+    src: wp.array,
+    smooth: wp.array,
+    slope: wp.array,
+    border: int,
+    cval: float,
+    cval_smooth: float,
+    cval_slope: float,
+    outputs: list[wp.array],
+) -> None:
+    """Fill dy and dx, and magnitude and orientation where they are given."""
+    polar = len(outputs) == 4
+    if src.device.is_cuda:
+        planes = (1, *src.shape)
+        middle = scratch("differentiate.middle", planes, wp.float32, src.device)
+        image, dy, dx = (view(a, wp.float32, planes) for a in (src, *outputs[:2]))
+        filter_cuda.correlate_columns(image, slope, border, cval, middle)
+        filter_cuda.correlate_rows(middle, smooth, 1, border, cval_slope, dy)
+        filter_cuda.correlate_columns(image, smooth, border, cval, middle)
+        filter_cuda.correlate_rows(middle, slope, 1, border, cval_smooth, dx)
+        if polar:
+            flat = _flat(*outputs)
+            launch(cuda.polar, src.size, flat[:2], flat[2:])
+        return
+    height, columns = src.shape
+    wide_src = padded(src, "differentiate.src", WIDE)
+    wide = [padded(a, f"differentiate.{i}", WIDE) for i, a in enumerate(outputs)]
+    count = slabs(height, src.size)
+    stored = wide_src.shape[1]
+    line = (count, stored + smooth.shape[0] - 1)
+    smoothed = scratch("differentiate.smoothed", line, wp.float32, src.device)
+    sloped = scratch("differentiate.sloped", line, wp.float32, src.device)
+    launch_slabs(
+        cpu.differentiate,
+        height,
+        count,
+        [
+            vectors(wide_src, f32_lanes),
+            stored,
+            columns,
+            smooth,
+            slope,
+            border,
+            cval,
+            cval_smooth,
+            cval_slope,
+            smoothed,
+            vectors(smoothed, f32_lanes),
+            vectors(smoothed, f32_wide),
+            sloped,
+            vectors(sloped, f32_lanes),
+            vectors(sloped, f32_wide),
+        ],
+        [*(vectors(a, f32_wide) for a in wide[:2]), *(wide if polar else [*wide, None, None])],
+    )
+    for a, b in zip(wide, outputs, strict=True):
+        unpad(a, b)
+
+
+def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
+    """``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
+    size = dy.size
+    if dy.device.is_cuda:
+        launch(cuda.root_mean_square, size, _flat(dy, dx), _flat(dst))
+        return
+    given = [view(a, wp.float32, (1, size)) for a in (dy, dx, dst)]
+    wide = [padded(a, f"root_mean_square.{i}") for i, a in enumerate(given)]
+    views = [vectors(a, f32_lanes) for a in wide]
+    lanes_of_all = -(-size // LANES)
+    launch_slabs(
+        cpu.root_mean_square, lanes_of_all, slabs(lanes_of_all, size), views[:2], views[2:]
+    )
+    unpad(wide[2], given[2])
+
+
+def _flat(*arrays: wp.array) -> list[wp.array]:
+    return [view(a, wp.float32, (a.size,)) for a in arrays]

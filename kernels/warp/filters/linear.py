@@ -1,0 +1,56 @@
+"""Linear filters in Warp: over lanes on the CPU, over blocks of outputs on CUDA."""
+
+import warp as wp
+
+from cvkern.kernels.warp._lanes_cpu import WIDE, f32_lanes, f32_wide, padded, unpad, vectors
+from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs, view
+
+from . import _linear_cpu as cpu
+from . import _linear_cuda as cuda
+
+
+def correlate_separable(
+    src: wp.array,
+    taps_y: wp.array,
+    taps_x: wp.array,
+    step: int,
+    border: int,
+    cval: float,
+    dst: wp.array,
+) -> None:
+    """Correlate down the rows, then along the columns; neighbours are `step` elements apart."""
+    planes, height, columns = src.shape
+    rows = planes * height
+    if dst.device.is_cuda:
+        middle = scratch("correlate.middle", src.shape, wp.float32, dst.device)
+        cuda.correlate_columns(src, taps_y, border, cval, middle)
+        cuda.correlate_rows(middle, taps_x, step, border, cval, dst)
+        return
+    src, dst = (view(a, wp.float32, (rows, columns)) for a in (src, dst))
+    wide_src, wide_dst = (padded(a, f"correlate.{i}", WIDE) for i, a in enumerate((src, dst)))
+    count = slabs(rows, src.size)
+    margin = taps_x.shape[0] // 2 * step
+    line = scratch(
+        "correlate.line", (2 * count, wide_src.shape[1] + 2 * margin), wp.float32, dst.device
+    )
+    launch_slabs(
+        cpu.correlate_separable,
+        rows,
+        count,
+        [
+            vectors(wide_src, f32_lanes),
+            wide_src.shape[1],
+            height,
+            columns,
+            taps_y,
+            taps_x,
+            step,
+            border,
+            cval,
+            line,
+            vectors(line, f32_lanes),
+            vectors(line, f32_wide),
+        ],
+        [vectors(wide_dst, f32_wide)],
+    )
+    unpad(wide_dst, dst)

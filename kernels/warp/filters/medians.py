@@ -1,0 +1,55 @@
+"""Rank filters in Warp."""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+
+from . import _medians_cpu as cpu
+from . import _medians_cuda as cuda
+
+
+def median(
+    src: wp.array,
+    radius: int,
+    step: int,
+    low: int,
+    bits: int,
+    border: int,
+    cval: int,
+    dst: wp.array,
+) -> None:
+    """Median of each square window of uint8 or int32, by bisection of the values."""
+    parameters = [step, low, bits, border, cval]
+    if dst.device.is_cuda:
+        small = cuda.small_medians.get((src.dtype, radius))
+        if small is not None:
+            launch(small, src.shape, [src, *parameters], [dst])
+        else:
+            launch(cuda.medians[src.dtype], src.shape, [src, radius, *parameters], [dst])
+        return
+    planes, height, columns = src.shape
+    flat = (planes * height, columns)
+    size = 2 * radius + 1
+    count = slabs(flat[0], src.size * size**2)
+    # Pixels are taken 64 at a time, whose windows reach so far behind the last of a row.
+    lines = (count * size, columns + 2 * radius * step + 64)
+    window = scratch("median.window", lines, src.dtype, dst.device)
+    launch_slabs(
+        cpu.medians[src.dtype],
+        flat[0],
+        count,
+        [view(src, src.dtype, flat), height, radius, *parameters, window],
+        [view(dst, dst.dtype, flat)],
+    )
+
+
+def keys_of_floats(bits: wp.array, keys: wp.array) -> None:
+    """Order the bits of floats as integers: those of negative ones turned round below the sign."""
+    flat = (bits.size,)
+    launch(cuda.keys_of_floats, flat, [bits.reshape(flat)], [keys.reshape(flat)])
+
+
+def floats_of_keys(keys: wp.array, bits: wp.array) -> None:
+    """Undo `keys_of_floats`."""
+    flat = (keys.size,)
+    launch(cuda.floats_of_keys, flat, [keys.reshape(flat)], [bits.reshape(flat)])

@@ -1,0 +1,1 @@
+"""Hough transforms, in Warp."""

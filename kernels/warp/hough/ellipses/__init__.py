@@ -1,0 +1,1 @@
+"""Ellipses, in Warp."""

@@ -1,0 +1,1 @@
+"""The generalised Hough transform, in Warp."""

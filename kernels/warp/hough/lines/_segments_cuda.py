@@ -1,0 +1,38 @@
+"""Which line a point belongs to, on CUDA."""
+
+import warp as wp
+
+from cvkern.kernels.codes.hough import DIRECTIONS
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+
+HALF_TURN = wp.constant(DIRECTIONS // 2)
+
+
+@wp.kernel
+def claim(
+    points: wp.array2d[float],  # (N, 2)
+    codes: wp.array[int],  # (N,)
+    after: wp.array[int],  # (N,)
+    cosine: wp.array[float],  # (K,)
+    sine: wp.array[float],
+    rho: wp.array[float],
+    directions: wp.array[int],
+    distance: float,
+    tolerance: int,
+    # outputs
+    labels: wp.array[int],  # (N,)
+):
+    i = wp.tid()
+    y = points[i, 0]
+    x = points[i, 1]
+    code = codes[i]
+    k = after[i] + 1
+    searching = bool(True)
+    while searching and k < cosine.shape[0]:
+        turn = (code - directions[k]) & (HALF_TURN - 1)
+        angle = wp.min(turn, HALF_TURN - turn)
+        away = wp.abs((x * cosine[k] + y * sine[k]) - rho[k])
+        searching = away > distance or angle > tolerance
+        k += 1
+    labels[i] = wp.where(searching, k, k - 1)

@@ -1,0 +1,223 @@
+"""Where a ray is: in the cells of the occupancy grid, and in the cube of a field.
+
+Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
+has levels of cubes, each of twice the side of the one before, and as many cells, a multiple of 4 a
+side. A point belongs to the innermost cube that has it; cubes and cells have their lower sides.
+Cells are numbered block by block, of 4 x 4 x 4: the bits of a block are two words.
+
+Rounding keeps the order of numbers. So each coordinate of the places on a ray, and the number of
+its cell, only grow or only fall; and as the sides of cubes are met exactly, a cell of one level has
+no point of another. Hence what lies between two places in a cell is in it as well, to the bit. So
+it is with a block, if those of one level have no point of another either: with 16 cells a side, or
+a multiple.
+"""
+
+import warp as wp
+
+from cvkern.kernels.warp._random import random_unit
+
+
+@wp.func
+def within(point: wp.vec3, side: float) -> bool:
+    """Tell whether the cube from -side to side has the point."""
+    inside = point[0] >= -side and point[0] < side
+    inside = inside and point[1] >= -side and point[1] < side
+    return inside and point[2] >= -side and point[2] < side
+
+
+@wp.func
+def level_of(point: wp.vec3, levels: int) -> int:
+    """Return the innermost level whose cube has the point; `levels` where none has."""
+    level = int(0)
+    side = float(1.0)
+    while level < levels and not within(point, side):
+        side *= 2.0
+        level += 1
+    return level
+
+
+@wp.func
+def half(times: int) -> float:
+    """Return one, halved up to 16 times; a division would take long."""
+    return float(1 << (16 - times)) / 65536.0
+
+
+@wp.func
+def cell_of(point: wp.vec3, level: int, cells: int) -> int:
+    """Return the number of the cell of a level that the point, in its cube, is in."""
+    middle = cells // 2
+    scale = float(middle) * half(level)
+    i = int(wp.floor(point[0] * scale)) + middle
+    j = int(wp.floor(point[1] * scale)) + middle
+    k = int(wp.floor(point[2] * scale)) + middle
+    blocks = cells >> 2
+    block = ((level * blocks + (k >> 2)) * blocks + (j >> 2)) * blocks + (i >> 2)
+    return block << 6 | (k & 3) << 4 | (j & 3) << 2 | i & 3
+
+
+@wp.func
+def random_point(cell: int, cells: int, seed: int, step: int) -> wp.vec3:
+    """Return a random point of a cell."""
+    blocks = cells >> 2
+    block = cell >> 6
+    layer = block // (blocks * blocks)
+    level = layer // blocks
+    i = block % blocks << 2 | cell & 3
+    j = block // blocks % blocks << 2 | cell >> 2 & 3
+    k = layer % blocks << 2 | cell >> 4 & 3
+    side = float(1 << level)
+    size = 2.0 * side / float(cells)
+    return wp.vec3(
+        (float(i) + random_unit(seed, step, cell, 1)) * size - side,
+        (float(j) + random_unit(seed, step, cell, 2)) * size - side,
+        (float(k) + random_unit(seed, step, cell, 3)) * size - side,
+    )
+
+
+@wp.func
+def in_cube(point: wp.vec3, unbounded: bool) -> wp.vec3:
+    """Coordinates in [0, 1] for a field; all of space contracted as in mip-NeRF 360 if wanted."""
+    if not unbounded:
+        return 0.5 * point + wp.vec3(0.5, 0.5, 0.5)
+    length = wp.length(point)
+    if length > 1.0:
+        point = point * ((2.0 - 1.0 / length) / length)
+    return 0.25 * point + wp.vec3(0.5, 0.5, 0.5)
+
+
+@wp.func
+def is_set(bits: wp.array[wp.uint32], cell: int) -> bool:
+    """Tell whether the bit of a cell is set."""
+    return (bits[cell >> 5] >> wp.uint32(cell & 31)) & wp.uint32(1) != wp.uint32(0)
+
+
+@wp.func
+def is_block_empty(bits: wp.array[wp.uint32], cell: int) -> bool:
+    """Tell whether no bit of the block of a cell is set."""
+    return bits[cell >> 5] | bits[cell >> 5 ^ 1] == wp.uint32(0)
+
+
+@wp.func
+def row(a: wp.array2d[float], i: int) -> wp.vec3:
+    """Return row `i` as a vector."""
+    return wp.vec3(a[i, 0], a[i, 1], a[i, 2])
+
+
+@wp.func
+def spacing(t: float, finest: float, cone: float) -> float:
+    """Distance between samples: it grows with the distance from the camera."""
+    return wp.max(finest, cone * t)
+
+
+@wp.func
+def interval(origin: wp.vec3, inverse: wp.vec3, side: float) -> wp.vec2:
+    """Distances at which a ray enters and leaves the cube from -side to side."""
+    enter = float(-1.0e30)
+    leave = float(1.0e30)
+    for k in range(3):
+        a = (-side - origin[k]) * inverse[k]
+        b = (side - origin[k]) * inverse[k]
+        enter = wp.max(enter, wp.min(a, b))
+        leave = wp.min(leave, wp.max(a, b))
+    return wp.vec2(enter, leave)
+
+
+@wp.func
+def reciprocal(direction: wp.vec3) -> wp.vec3:
+    """One over each part, finite where that is 0."""
+    inverse = wp.vec3()
+    for k in range(3):
+        d = direction[k]
+        if wp.abs(d) < 1.0e-12:
+            d = wp.where(d < 0.0, -1.0e-12, 1.0e-12)
+        inverse[k] = 1.0 / d
+    return inverse
+
+
+@wp.func
+def way_out(point: wp.vec3, inverse: wp.vec3, level: int, cells: int) -> float:
+    """Distance along the ray to where it leaves the cell of a point."""
+    scale = float(cells // 2) * half(level)
+    size = 1.0 / float(cells // 2) * float(1 << level)
+    way = float(1.0e30)
+    for k in range(3):
+        at = point[k] * scale
+        side = wp.floor(at) + wp.where(inverse[k] > 0.0, 1.0, 0.0)
+        way = wp.min(way, wp.max((side - at) * size * inverse[k], 0.0))
+    return way
+
+
+@wp.func
+def reach(
+    origin: wp.vec3,
+    inverse: wp.vec3,
+    levels: int,
+    near: float,
+    far: float,
+    finest: float,
+    cone: float,
+    jitter: float,
+) -> wp.vec2:
+    """Distances of the first place on a ray, a share of a step behind its entry, and of its end."""
+    inside = interval(origin, inverse, float(1 << (levels - 1)))
+    entry = wp.max(near, inside[0])
+    return wp.vec2(entry + jitter * spacing(entry, finest, cone), wp.min(far, inside[1]))
+
+
+@wp.func
+def skip(
+    origin: wp.vec3,
+    direction: wp.vec3,
+    inverse: wp.vec3,
+    bits: wp.array[wp.uint32],
+    levels: int,
+    cells: int,
+    t: float,
+    finest: float,
+    cone: float,
+) -> float:
+    """Return where to look next if there is no sample at t: no sample of the ray is before.
+
+    Its samples are the places t, t + spacing(t), ... that are in occupied cells; of one, return t.
+    """
+    point = origin + t * direction
+    level = level_of(point, levels)
+    next = t + spacing(t, finest, cone)
+    if level == levels:  # on the outermost side
+        return next
+    cell = cell_of(point, level, cells)
+    if is_set(bits, cell):
+        return t
+    shift = int(0)  # binary digits of the side of what is empty, in cells
+    if cells % 16 == 0 and is_block_empty(bits, cell):
+        shift = 2
+    goal = t + way_out(point, inverse, level + shift, cells)
+    inside = t
+    behind = next
+    while behind < goal:
+        inside = behind
+        behind += spacing(behind, finest, cone)
+    # The goal is rounded: what was passed may be left out if the last of it is inside indeed.
+    own = cell_of(origin + inside * direction, level, cells)
+    return wp.where(own >> 3 * shift == cell >> 3 * shift, behind, next)
+
+
+@wp.func
+def keep_sample(
+    at: int,
+    ray: int,
+    point: wp.vec3,
+    t: float,
+    step: float,
+    unbounded: bool,
+    positions: wp.array2d[float],
+    distances: wp.array2d[float],
+    rays: wp.array[int],
+):
+    """Write a sample of a ray to row `at`."""
+    position = in_cube(point, unbounded)
+    for k in range(3):
+        positions[at, k] = position[k]
+    distances[at, 0] = t
+    distances[at, 1] = step
+    rays[at] = ray

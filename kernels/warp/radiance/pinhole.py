@@ -1,0 +1,184 @@
+"""Rays through the pixels of cameras, in Warp."""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp._random import random_index, random_unit
+
+wp.set_module_options({"enable_backward": False})
+
+NEWTON_STEPS = wp.constant(5)
+WIDEST = wp.constant(1.0e6)  # tangent of the angle of a ray from the middle: farther is astray
+
+
+@wp.func
+def undistorted(lenses: wp.array2d[float], view: int, row: float, column: float) -> wp.vec2:
+    """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method.
+
+    Where there is none, it is any; not one so far away that a ray would have no direction.
+    """
+    k1 = lenses[view, 4]
+    k2 = lenses[view, 5]
+    p1 = lenses[view, 6]
+    p2 = lenses[view, 7]
+    k3 = lenses[view, 8]
+    want = wp.vec2(
+        (column - lenses[view, 2]) / lenses[view, 0], (row - lenses[view, 3]) / lenses[view, 1]
+    )
+    found = want
+    if wp.abs(k1) + wp.abs(k2) + wp.abs(p1) + wp.abs(p2) + wp.abs(k3) > 0.0:
+        for _ in range(NEWTON_STEPS):
+            x = found[0]
+            y = found[1]
+            r2 = x * x + y * y
+            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2))  # d radial / d x = slope x
+            off = wp.vec2(
+                x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) - want[0],
+                y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y - want[1],
+            )
+            xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+            yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+            xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y  # the Jacobian is symmetric
+            det = xx * yy - xy * xy
+            found -= wp.vec2(yy * off[0] - xy * off[1], xx * off[1] - xy * off[0]) / det
+        if not (wp.abs(found[0]) < WIDEST and wp.abs(found[1]) < WIDEST):
+            found = want
+    return found
+
+
+@wp.func
+def write_ray(
+    poses: wp.array3d[float],
+    lenses: wp.array2d[float],
+    view: int,
+    row: float,
+    column: float,
+    ray: int,
+    origins: wp.array2d[float],
+    directions: wp.array2d[float],
+):
+    """Store where the ray through a pixel starts, and its unit direction."""
+    straight = undistorted(lenses, view, row, column)
+    x = straight[0]
+    y = straight[1]
+    ahead = wp.normalize(
+        wp.vec3(
+            poses[view, 0, 0] * x + poses[view, 0, 1] * y + poses[view, 0, 2],
+            poses[view, 1, 0] * x + poses[view, 1, 1] * y + poses[view, 1, 2],
+            poses[view, 2, 0] * x + poses[view, 2, 1] * y + poses[view, 2, 2],
+        )
+    )
+    for k in range(3):
+        origins[ray, k] = poses[view, k, 3]
+        directions[ray, k] = ahead[k]
+
+
+@wp.kernel
+def view_rays_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    poses: wp.array3d[float],  # (N, 3, 4)
+    lenses: wp.array2d[float],  # (N, 9): fx fy cx cy k1 k2 p1 p2 k3
+    view: int,
+    width: int,
+    begin: int,
+    # outputs
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+):
+    """Write the ray through a pixel of the view."""
+    for ray in range(first + wp.tid(), last, stride):
+        pixel = begin + ray
+        row = float(pixel // width)
+        column = float(pixel % width)
+        write_ray(poses, lenses, view, row, column, ray, origins, directions)
+
+
+def view_rays(
+    poses: wp.array,
+    lenses: wp.array,
+    view: int,
+    width: int,
+    begin: int,
+    origins: wp.array,
+    directions: wp.array,
+) -> None:
+    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on.
+
+    `poses` (N, 3, 4) are camera to world; `lenses` (N, 9) are fx, fy, cx, cy, k1, k2, p1, p2, k3
+    in OpenCV's order and meaning.
+    """
+    count = origins.shape[0]
+    launch_each(
+        view_rays_kernel,
+        count,
+        32 * count,
+        [poses, lenses, view, width, begin],
+        [origins, directions],
+    )
+
+
+@wp.kernel
+def random_rays_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    poses: wp.array3d[float],  # (N, 3, 4)
+    lenses: wp.array2d[float],  # (N, 9)
+    images: wp.array2d[wp.uint8],  # (N H W, C)
+    width: int,
+    height: int,
+    spread: float,
+    seed: int,
+    step: wp.array[int],  # (1,)
+    # outputs
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    targets: wp.array2d[float],  # (R, 4)
+):
+    """Write the ray through a random pixel."""
+    for ray in range(first + wp.tid(), last, stride):
+        pixel = random_index(seed, step[0], ray, 0, images.shape[0])
+        view = pixel // (width * height)
+        within = pixel - view * (width * height)
+        row = within // width
+        column = within - row * width
+        y = float(row) + spread * (random_unit(seed, step[0], ray, 9) - 0.5)
+        x = float(column) + spread * (random_unit(seed, step[0], ray, 10) - 0.5)
+        write_ray(poses, lenses, view, y, x, ray, origins, directions)
+        for k in range(3):
+            targets[ray, k] = float(images[pixel, k]) / 255.0
+        opacity = float(1.0)
+        if images.shape[1] == 4:
+            opacity = float(images[pixel, 3]) / 255.0
+        targets[ray, 3] = opacity
+
+
+def random_rays(
+    poses: wp.array,
+    lenses: wp.array,
+    images: wp.array,
+    width: int,
+    height: int,
+    spread: float,
+    seed: int,
+    step: wp.array,
+    origins: wp.array,
+    directions: wp.array,
+    targets: wp.array,
+) -> None:
+    """Make rays (R, 3) through random pixels of all views, with what is seen there.
+
+    A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre. `images`
+    (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1.
+    """
+    count = origins.shape[0]
+    launch_each(
+        random_rays_kernel,
+        count,
+        64 * count,
+        [poses, lenses, images, width, height, spread, seed, step],
+        [origins, directions, targets],
+    )

@@ -1,0 +1,347 @@
+"""Views of a field of samples in rounds, in Warp: each looks at the next few samples of each ray.
+
+A ray has the distance where it goes on, how many samples it took, and what it saw so far. A list
+has the numbers of the rays that go on; behind each round it is made anew without those that left
+the field, or that no more than `stop` of the light gets through. The samples of a ray are those of
+`radiance_march`, however many of them a round takes.
+"""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, scratch, slabs
+
+from . import _rendering_cuda as cuda
+from ._next_samples import look
+from ._space import keep_sample, reach, reciprocal, row, spacing
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+NEVER = wp.constant(1.0e30)  # where a ray goes on that is done
+
+
+@wp.kernel
+def set_out_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    levels: int,
+    near: float,
+    finest: float,
+    cone: float,
+    # outputs
+    at: wp.array[float],  # (R,)
+    taken: wp.array[int],  # (R,)
+    listing: wp.array[int],  # (R,)
+    counts: wp.array[int],  # (2,)
+    color: wp.array2d[float],  # (R, 3)
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+):
+    """Put a ray where it enters the field."""
+    for ray in range(first + wp.tid(), last, stride):
+        if ray == 0:
+            counts[0] = 0
+            counts[1] = 0
+        inverse = reciprocal(row(directions, ray))
+        ends = reach(row(origins, ray), inverse, levels, near, NEVER, finest, cone, 0.5)
+        at[ray] = ends[0]
+        taken[ray] = 0
+        listing[ray] = ray
+        for k in range(3):
+            color[ray, k] = 0.0
+        opacity[ray] = 0.0
+        depth[ray] = 0.0
+
+
+def set_out(
+    origins: wp.array,
+    directions: wp.array,
+    levels: int,
+    near: float,
+    finest: float,
+    cone: float,
+    at: wp.array,
+    taken: wp.array,
+    listing: wp.array,
+    counts: wp.array,
+    color: wp.array,
+    opacity: wp.array,
+    depth: wp.array,
+) -> None:
+    """Begin the views of all rays, `origins` and unit `directions` (R, 3).
+
+    What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
+    `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
+    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
+    """
+    count = origins.shape[0]
+    inputs = [origins, directions, levels, near, finest, cone]
+    outputs = [at, taken, listing, counts, color, opacity, depth]
+    launch_each(set_out_kernel, count, 32 * count, inputs, outputs)
+
+
+@wp.kernel
+def look_on(
+    slab: int,
+    first: int,
+    last: int,
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    bits: wp.array[wp.uint32],  # (levels cells^3 / 32,)
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    few: int,
+    living: int,
+    listing: wp.array[int],  # (R,)
+    # outputs
+    at: wp.array[float],  # (R,)
+    taken: wp.array[int],  # (R,)
+    times: wp.array[float],  # (M,)
+    numbers: wp.array[int],  # (R,): of samples, in the order of the list
+):
+    """Find the next samples of a ray, and have it go on behind the last."""
+    for i in range(first, last):
+        numbers[i] = look(
+            origins, directions, bits, levels, cells, far, finest, cone, most, few, living, i,
+            listing[i], at, taken, times,
+        )  # fmt: skip
+
+
+@wp.kernel
+def place(
+    living: int,
+    listing: wp.array[int],  # (R,)
+    numbers: wp.array[int],  # (R,)
+    # outputs
+    going: wp.array[int],  # (R,)
+    spans: wp.array2d[int],  # (R, 2)
+    rows: wp.array[int],  # (R,): the first of each ray, in the order of the list
+    counts: wp.array[int],  # (2,)
+):
+    """List the rays that have samples, and give them rows, in one thread."""
+    total = int(0)
+    rays = int(0)
+    for i in range(living):
+        rows[i] = total
+        if numbers[i] > 0:
+            going[rays] = listing[i]
+            spans[rays, 0] = total
+            spans[rays, 1] = numbers[i]
+            total += numbers[i]
+            rays += 1
+    counts[0] = total
+    counts[1] = rays
+
+
+@wp.kernel
+def write(
+    slab: int,
+    first: int,
+    last: int,
+    origins: wp.array2d[float],  # (R, 3)
+    directions: wp.array2d[float],  # (R, 3)
+    finest: float,
+    cone: float,
+    unbounded: bool,
+    living: int,
+    listing: wp.array[int],  # (R,)
+    times: wp.array[float],  # (M,)
+    numbers: wp.array[int],  # (R,)
+    rows: wp.array[int],  # (R,)
+    # outputs
+    positions: wp.array2d[float],  # (M, 3)
+    distances: wp.array2d[float],  # (M, 2)
+    rays: wp.array[int],  # (M,)
+):
+    """Write the samples that were found on a ray."""
+    for i in range(first, last):
+        ray = listing[i]
+        origin = row(origins, ray)
+        direction = row(directions, ray)
+        for n in range(numbers[i]):
+            t = times[n * living + i]
+            step = spacing(t, finest, cone)
+            point = origin + t * direction
+            keep_sample(rows[i] + n, ray, point, t, step, unbounded, positions, distances, rays)
+
+
+def march_on(
+    origins: wp.array,
+    directions: wp.array,
+    bits: wp.array,
+    levels: int,
+    cells: int,
+    far: float,
+    finest: float,
+    cone: float,
+    most: int,
+    unbounded: bool,
+    few: int,
+    living: int,
+    listing: wp.array,
+    at: wp.array,
+    taken: wp.array,
+    going: wp.array,
+    spans: wp.array,
+    counts: wp.array,
+    positions: wp.array,
+    distances: wp.array,
+    rays: wp.array,
+) -> None:
+    """List the next samples, `few` at most, of each of the first `living` rays of a list.
+
+    The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
+    takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
+    of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
+    rows of each of those, and `counts` (2,), which were 0, with how many samples and rays there
+    are. The samples are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few
+    living. In which order the rays are listed is left open: nothing that they see depends on it.
+    """
+    device = counts.device
+    times = scratch("view.times", rays.shape, wp.float32, device)
+    march = [origins, directions, bits, levels, cells, far, finest, cone, most, few, living]
+    if device.is_cuda:
+        inputs = [*march, unbounded, listing]
+        outputs = [at, taken, times, going, spans, counts, positions, distances, rays]
+        launch(cuda.march_on, _threads(living), inputs, outputs)
+        return
+    numbers, rows = (
+        scratch(f"view.{name}", listing.shape, wp.int32, device) for name in ("numbers", "rows")
+    )
+    parts = slabs(living, 256 * living)
+    launch_slabs(look_on, living, parts, [*march, listing], [at, taken, times, numbers])
+    launch(place, 1, [living, listing, numbers], [going, spans, rows, counts])
+    inputs = [origins, directions, finest, cone, unbounded, living, listing, times, numbers, rows]
+    parts = slabs(living, 64 * living)
+    launch_slabs(write, living, parts, inputs, [positions, distances, rays])
+
+
+@wp.kernel
+def composite_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    sigma: wp.array[float],  # (M,)
+    rgb: wp.array2d[float],  # (M, 3)
+    distances: wp.array2d[float],  # (M, 2)
+    going: wp.array[int],  # (R,)
+    spans: wp.array2d[int],  # (R, 2)
+    living: int,
+    stop: float,
+    # outputs
+    counts: wp.array[int],  # (2,)
+    at: wp.array[float],  # (R,)
+    color: wp.array2d[float],  # (R, 3): added to, as the others
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+):
+    """Walk along the samples of a ray."""
+    for i in range(first + wp.tid(), wp.min(last, living), stride):
+        if i == 0:
+            counts[0] = 0
+            counts[1] = 0
+        ray = going[i]
+        c = row(color, ray)
+        sum_w = opacity[ray]
+        sum_wt = depth[ray]
+        s = spans[i, 0]
+        end = s + spans[i, 1]
+        while s < end and 1.0 - sum_w > stop:
+            w = (1.0 - sum_w) * (1.0 - wp.exp(-sigma[s] * distances[s, 1]))
+            c += w * row(rgb, s)
+            sum_w += w
+            sum_wt += w * distances[s, 0]
+            s += 1
+        for k in range(3):
+            color[ray, k] = c[k]
+        opacity[ray] = sum_w
+        depth[ray] = sum_wt
+        if 1.0 - sum_w <= stop:
+            at[ray] = NEVER
+
+
+def composite_on(
+    sigma: wp.array,
+    rgb: wp.array,
+    distances: wp.array,
+    going: wp.array,
+    spans: wp.array,
+    living: int,
+    stop: float,
+    counts: wp.array,
+    at: wp.array,
+    color: wp.array,
+    opacity: wp.array,
+    depth: wp.array,
+) -> None:
+    """Composite the samples of a round behind what their rays saw.
+
+    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
+    to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
+    `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
+    nowhere: its `at` (R,) is behind everything. `counts` (2,) are 0 for the next round.
+    """
+    count = _threads(living) if at.device.is_cuda else living
+    inputs = [sigma, rgb, distances, going, spans, living, stop]
+    launch_each(composite_kernel, count, 64 * living, inputs, [counts, at, color, opacity, depth])
+
+
+@wp.kernel
+def finish_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    red: float,
+    green: float,
+    blue: float,
+    unit: float,
+    solid: float,
+    # outputs
+    color: wp.array2d[float],  # (R, 3)
+    opacity: wp.array[float],  # (R,)
+    depth: wp.array[float],  # (R,)
+):
+    """Finish a pixel."""
+    for ray in range(first + wp.tid(), last, stride):
+        o = opacity[ray]
+        seen = row(color, ray) + (1.0 - o) * wp.vec3(red, green, blue)
+        for k in range(3):
+            color[ray, k] = wp.clamp(seen[k], 0.0, 1.0)
+        mean = float(wp.nan)
+        if o >= solid:
+            mean = unit * depth[ray] / o
+        depth[ray] = mean
+
+
+def finish(
+    red: float,
+    green: float,
+    blue: float,
+    unit: float,
+    solid: float,
+    color: wp.array,
+    opacity: wp.array,
+    depth: wp.array,
+) -> None:
+    """Make pictures of what rays saw, in place: `color` (R, 3), `opacity` and `depth` (R,).
+
+    Colours come to stand before that of the background, within [0, 1]; depths become means, times
+    `unit`, and NaN where the opacity is below `solid`.
+    """
+    count = opacity.shape[0]
+    inputs = [red, green, blue, unit, solid]
+    launch_each(finish_kernel, count, 16 * count, inputs, [color, opacity, depth])
+
+
+def _threads(living: int) -> int:
+    """Return for how many entries of a list to launch on CUDA: one of a few numbers of blocks.
+
+    Launches are kept by their size.
+    """
+    return max(BLOCK, 1 << (living - 1).bit_length())

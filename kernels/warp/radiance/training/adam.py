@@ -1,0 +1,130 @@
+"""Adam [Kingma and Ba 2015], learning rates and gradient clipping, in Warp."""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
+
+from . import _adam_cpu as cpu
+from . import _adam_cuda as cuda
+
+wp.set_module_options({"enable_backward": False})
+
+
+@wp.kernel
+def rate_kernel(
+    step: wp.array[int],  # (1,)
+    progress: wp.array[float],  # (1,): share of the training that is done
+    base: float,
+    warmup: int,
+    final: float,
+    beta1: float,
+    beta2: float,
+    # outputs
+    rate: wp.array[float],  # (3,)
+):
+    """Work out what is the same for all weights."""
+    steps = float(step[0] + 1)
+    warm = wp.min(1.0, steps / float(wp.max(warmup, 1)))
+    rate[0] = base * warm * wp.pow(final, progress[0])
+    # Both means begin at 0, and are too small by these factors.
+    rate[1] = 1.0 - wp.pow(beta1, steps)
+    rate[2] = 1.0 - wp.pow(beta2, steps)
+
+
+@wp.kernel
+def advance_kernel(
+    # outputs
+    step: wp.array[int],  # (1,)
+):
+    """Add 1."""
+    step[0] = step[0] + 1
+
+
+def adam(
+    rate: wp.array,
+    factor: wp.array,
+    beta1: float,
+    beta2: float,
+    epsilon: float,
+    decay: float,
+    sparse: bool,
+    gradients: wp.array,
+    mean: wp.array,
+    square: wp.array,
+    weights: wp.array,
+    copy: wp.array,
+) -> None:
+    """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
+
+    `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
+    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If
+    `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,) is filled with the
+    weights in its own precision; it may be `weights` itself. On CUDA each array begins at a
+    multiple of 16 bytes.
+    """
+    count = weights.shape[0]
+    inputs = [rate, factor, beta1, beta2, epsilon, decay, sparse]
+    outputs = [gradients, mean, square, weights, copy]
+    if weights.device.is_cuda:
+        launch(cuda.adam(copy.dtype), cuda.threads(count), inputs, outputs)
+    else:
+        launch_slabs(cpu.adam, count, slabs(count, 4 * count), inputs, outputs)
+
+
+def collect(sums: wp.array, gradients: wp.array) -> None:
+    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave the sums at 0.
+
+    They are what gradients are added up in where the order must not show. On CUDA each array
+    begins at a multiple of 16 bytes.
+    """
+    count = sums.shape[0]
+    if sums.device.is_cuda:
+        launch(cuda.collect, cuda.threads(count), [], [sums, gradients])
+    else:
+        launch_slabs(cpu.collect, count, slabs(count, 2 * count), [], [sums, gradients])
+
+
+def learning_rate(
+    step: wp.array,
+    progress: wp.array,
+    base: float,
+    warmup: int,
+    final: float,
+    beta1: float,
+    beta2: float,
+    rate: wp.array,
+) -> None:
+    """Grow a rate linearly over `warmup` steps, and let it fall exponentially to `final` of it.
+
+    `rate` (3,) is filled for step `step` (1,) at `progress` (1,): the rate, and what the two means
+    of Adam have to be divided by.
+    """
+    launch(rate_kernel, 1, [step, progress, base, warmup, final, beta1, beta2], [rate])
+
+
+def add_squares(gradients: wp.array, parts: wp.array) -> None:
+    """Add the squares of `gradients` (N,) to `parts` (P,), always in the same order.
+
+    On CUDA the gradients begin at a multiple of 16 bytes.
+    """
+    count = parts.shape[0]
+    if parts.device.is_cuda:
+        launch(cuda.squares, count * BLOCK, [gradients], [parts])
+    else:
+        number = slabs(count, gradients.shape[0])
+        launch_slabs(cpu.squares, count, number, [gradients], [parts])
+
+
+def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
+    """Set `factor` (1,) to `scale`, or less so that gradients times it have a norm within `most`.
+
+    `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
+    """
+    cuda = parts.device.is_cuda
+    kernel, threads = (cuda.clip, BLOCK) if cuda else (cpu.clip, 1)
+    launch(kernel, threads, [scale, most], [parts, factor])
+
+
+def advance(step: wp.array) -> None:
+    """Add 1 to `step` (1,)."""
+    launch(advance_kernel, 1, [], [step])

@@ -1,0 +1,58 @@
+"""Depth, points and point clouds of disparities, in Warp."""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+
+from . import _depth_cpu as cpu
+from . import _depth_cuda as cuda
+
+
+def depth(disparity: wp.array, scale: float, doffs: float, depth: wp.array) -> None:
+    """Divide `scale` by the disparity and `doffs`: infinite at 0, NaN below and where not finite.
+
+    On CUDA one thread a pixel, on the CPU one a slab of rows.
+    """
+    if disparity.device.is_cuda:
+        flat = (disparity.size,)
+        launch(cuda.depth, flat, [disparity.reshape(flat), scale, doffs], [depth.reshape(flat)])
+        return
+    count = slabs(disparity.shape[0], disparity.size)
+    launch_slabs(cpu.depth, disparity.shape[0], count, [disparity, scale, doffs], [depth])
+
+
+def points(disparity: wp.array, q: wp.array, points: wp.array) -> None:
+    """Map (x, y, disparity, 1) by the matrix `q` and divide by the last coordinate.
+
+    NaN where the disparity is not finite or that coordinate is 0. On CUDA one thread a pixel, on
+    the CPU one a slab of rows.
+    """
+    if disparity.device.is_cuda:
+        launch(cuda.points, disparity.size, [disparity, q], [points])
+        return
+    count = slabs(disparity.shape[0], 4 * disparity.size)
+    launch_slabs(cpu.points, disparity.shape[0], count, [disparity, q], [points])
+
+
+def count_points(points: wp.array, mask: wp.array, counts: wp.array) -> None:
+    """Count the finite points of each part of a row where `mask` is not 0; one thread a part.
+
+    The shape of `counts` says into how many parts, of one width, a row is cut. A mask of shape
+    (1, 1) stands for all pixels.
+    """
+    launch(cuda.count_points, counts.shape, [points, mask], [counts])
+
+
+def gather_points(
+    points: wp.array,
+    mask: wp.array,
+    image: wp.array,
+    starts: wp.array,
+    cloud: wp.array,
+    colors: wp.array,
+) -> None:
+    """Copy the points that `count_points` counts, and their colours, from `starts` of a part on.
+
+    An image of one channel gives grey. One thread a part.
+    """
+    launch(cuda.gather_points, starts.shape, [points, mask, image, starts], [cloud, colors])

@@ -1,0 +1,1 @@
+"""The tests, by family as in cvkern/."""

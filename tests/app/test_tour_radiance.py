@@ -1,0 +1,40 @@
+"""The tour's chapter on radiance fields, after a training that is much too short."""
+
+import numpy as np
+import pytest
+
+from cvkern.app.tour import CHAPTERS, radiance, tour
+from cvkern.app.tour.clock import Clock
+from cvkern.images import read_image
+
+SHORT = 4.0  # seconds
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(radiance, "SECONDS", SHORT)
+    monkeypatch.setattr(radiance, "FRAMES", 3)
+
+
+def test_chapter(quick):
+    clock, chapter = Clock(), radiance.chapter()
+    photographs, learnt, orbit = (figure(clock) for figure in chapter.figures)
+    panels = {p.file: p.image for f in (photographs, learnt, orbit) for p in f.panels}
+    assert panels["radiance-photographs"].shape == (400, 800, 3)
+    assert panels["radiance-truth"].shape == panels["radiance-render"].shape == (300, 300, 3)
+    assert panels["radiance-orbit"].shape == (3, 200, 200, 3)
+    assert panels["radiance-depth"].shape == (200, 200, 3)
+    assert panels["radiance-curve"].shape == (600, 600, 3)
+    assert all(image.dtype == np.uint8 for image in panels.values())
+    off = panels["radiance-truth"].astype(float) - panels["radiance-render"]
+    blank = 255.0 - panels["radiance-truth"]
+    assert (off**2).mean() < 0.2 * (blank**2).mean()
+    assert [timing.function for timing in learnt.timings] == ["render"]
+    assert f"seconds={SHORT:g}" in learnt.call
+
+
+def test_the_page_has_the_film(quick, tmp_path):
+    assert radiance.chapter in CHAPTERS
+    tour(tmp_path, chapters=(radiance.chapter,))
+    assert (tmp_path / "radiance-orbit.gif").read_bytes()[:4] == b"GIF8"
+    assert read_image(tmp_path / "radiance-render.png").shape == (300, 300, 3)

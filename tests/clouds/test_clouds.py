@@ -1,0 +1,219 @@
+"""Point clouds as files and as pictures."""
+
+import importlib.util
+import struct
+
+import cv2
+import numpy as np
+import pytest
+import scipy.ndimage as ndi
+from PIL import Image
+
+import cvkern
+from cvkern._runtime import KERNEL_SETS
+from cvkern.clouds import turntable, write_animation, write_ply
+from tests.clouds import reference_clouds as reference
+from tests.primitives import Primitives
+
+F32, I64, U8 = np.float32, np.int64, np.uint8
+
+
+def scene(count=300, seed=0):
+    rng = np.random.default_rng(seed)
+    points = rng.normal((0.2, -0.1, 5), (1.5, 1, 1.5), (count, 3)).astype(F32)
+    return points, rng.integers(0, 256, (count, 3), U8)
+
+
+def read_ply(path):
+    """Return the columns of a PLY file by name, read by what its head says, byte by byte."""
+    head, found, body = path.read_bytes().partition(b"end_header\n")
+    assert found
+    first, form, *rest = head.decode("ascii").splitlines()
+    assert (first, form) == ("ply", "format binary_little_endian 1.0")
+    word, name, count = rest.pop(0).split()
+    assert (word, name) == ("element", "vertex")
+    assert all(line.split()[0] == "property" for line in rest)
+    kinds = {"float": "f", "uchar": "B"}
+    names, row = [r.split()[2] for r in rest], "<" + "".join(kinds[r.split()[1]] for r in rest)
+    assert len(body) == int(count) * struct.calcsize(row)
+    return dict(zip(names, zip(*struct.iter_unpack(row, body), strict=True), strict=True))
+
+
+# ------------------------------------------------------------------------------------------- files
+
+
+def test_ply(backend, tmp_path):
+    points, colors = scene()
+    write_ply(tmp_path / "a.ply", points, colors)
+    read = read_ply(tmp_path / "a.ply")
+    assert list(read) == ["x", "y", "z", "red", "green", "blue"]
+    np.testing.assert_array_equal(np.array([read[k] for k in "xyz"], F32).T, points)
+    np.testing.assert_array_equal(np.array([read[k] for k in ("red", "green", "blue")]).T, colors)
+    write_ply(tmp_path / "b.PLY", points.astype(np.float64)[::-1])
+    read = read_ply(tmp_path / "b.PLY")
+    np.testing.assert_array_equal(np.array([read[k] for k in "xyz"], F32).T, points[::-1])
+    assert len(read) == 3
+
+
+def test_ply_of_tensors(tmp_path):
+    torch = pytest.importorskip("torch")
+    points, colors = scene(20)
+    write_ply(tmp_path / "a.ply", points, colors)
+    write_ply(tmp_path / "b.ply", torch.from_numpy(points), torch.from_numpy(colors))
+    assert (tmp_path / "a.ply").read_bytes() == (tmp_path / "b.ply").read_bytes()
+
+
+def test_a_file_that_cannot_be_written_stays(tmp_path):
+    for name, write in (
+        ("a.ply", lambda path: write_ply(path, [[0, 0, np.nan]])),
+        ("a.gif", lambda path: write_animation(path, np.zeros((2, 3, 4)))),
+    ):
+        path = tmp_path / name
+        path.write_text("old")
+        with pytest.raises(ValueError, match="must be"):
+            write(path)
+        assert path.read_text() == "old"
+    assert len(list(tmp_path.iterdir())) == 2
+    with pytest.raises(FileNotFoundError, match="path must lie in a folder that exists"):
+        write_ply(tmp_path / "none" / "a.ply", [[0, 0, 1]])
+
+
+def test_gif(tmp_path):
+    frames = np.zeros((5, 30, 40, 3), U8)
+    for k in range(5):
+        frames[k, :, 8 * k : 8 * k + 8] = 250, 40 * k, 7
+    write_animation(tmp_path / "a.gif", frames, fps=12.5)
+    with Image.open(tmp_path / "a.gif") as movie:
+        assert movie.n_frames == 5
+        assert movie.info["loop"] == 0
+        for k in range(5):
+            movie.seek(k)
+            assert movie.info["duration"] == 80
+            np.testing.assert_array_equal(np.asarray(movie.convert("RGB")), frames[k])
+
+
+def test_mp4(tmp_path, monkeypatch):
+    frames = np.zeros((6, 32, 48, 3), U8)
+    frames[3:] = 200, 100, 50
+    with pytest.raises(ValueError, match=r"^frames must have an even height and width for \.mp4"):
+        write_animation(tmp_path / "a.mp4", frames[:, 1:])
+    if importlib.util.find_spec("imageio_ffmpeg"):
+        write_animation(tmp_path / "a.mp4", frames, fps=10)
+        movie = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+        assert movie.get(cv2.CAP_PROP_FPS) == 10
+        read = np.array([movie.read()[1][..., ::-1] for _ in frames])
+        assert read.shape == frames.shape
+        assert not movie.read()[0]
+        # Eight bits of luma and half as many of colour, compressed: within a few grey levels.
+        assert np.abs(read[[0, 5]].astype(int) - frames[[0, 5]]).max() < 12
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(ModuleNotFoundError, match="MP4 needs imageio-ffmpeg: pip install"):
+        write_animation(tmp_path / "b.mp4", frames)
+    assert not (tmp_path / "b.mp4").exists()
+
+
+# ---------------------------------------------------------------------------------------- pictures
+
+
+@pytest.fixture(params=["cpu", "cuda:0"], scope="module")
+def device(request):
+    return request.param
+
+
+@pytest.mark.parametrize("name", KERNEL_SETS)
+@pytest.mark.parametrize("size", [0.3, 1.0, 4.7, 90.0])
+def test_primitives(name, device, size):
+    kernels = Primitives(name, device)
+    points, colors = scene()
+    points[10] = points[11]  # at one place
+    points[20:24] = [[0, 0, 0], [1, 1, -3], [0, 0, 1e-20], [3e37, 0, 1]]
+    turn = np.deg2rad(20)
+    pose = np.array([[np.cos(turn), 0, np.sin(turn), -1.7], [0, 1, 0, 0.1],
+                     [-np.sin(turn), 0, np.cos(turn), 0.3]], F32)  # fmt: skip
+    lens, shape = (61.3, 40.2, 29.9), (62, 84)
+    keys = kernels("clouds.turntables.splat", points, pose, *lens, size, out=[(shape, I64)])
+    want = reference.splat(points, pose, *lens, size, shape)
+    np.testing.assert_array_equal(keys, want)
+    assert (want != reference.FAR).mean() > 0.01
+    background = np.array([1, 200, 30], U8)
+    for samples in (1, 2):
+        height, width = (n // samples for n in shape)
+        image = kernels(
+            "clouds.turntables.shade",
+            keys,
+            colors,
+            background,
+            samples,
+            out=[((height, width, 3), U8)],
+        )
+        np.testing.assert_array_equal(image, reference.shade(want, colors, background, samples))
+
+
+def plane(rows, columns, depth):
+    """Return a grid of points that a camera with a focal length of 100 sees a pixel apart."""
+    y, x = np.mgrid[:rows, :columns].reshape(2, -1)
+    away = np.full(y.size, float(depth))
+    return np.stack([(x - columns / 2) * depth / 100, (y - rows / 2) * depth / 100, away], 1)
+
+
+def test_the_first_frame_is_what_the_camera_saw(backend):
+    picture = np.kron(np.random.default_rng(0).integers(0, 256, (6, 8, 3)), np.ones((8, 8, 1)))
+    picture = picture.astype(U8)
+    points = plane(48, 64, 3.0)
+    (frame,) = turntable(points, picture.reshape(-1, 3), shape=(96, 128), frames=1)
+    shown = (frame != (16, 17, 20)).any(-1)
+    rows, columns = (np.flatnonzero(shown.any(axis)) for axis in (1, 0))
+    # The margin is 12 % of the picture, and quantiles leave out a pixel or so of the plane.
+    assert abs(len(rows) - 96 / 1.12) < 4
+    assert abs(len(columns) - 128 / 1.12) < 4
+    assert shown[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].all()  # and no holes
+    y = rows[0] + (np.arange(6) + 0.5) * len(rows) / 6
+    x = columns[0] + (np.arange(8) + 0.5) * len(columns) / 8
+    seen = frame[np.ix_(y.astype(int), x.astype(int))]
+    np.testing.assert_array_equal(seen, picture[4::8, 4::8])
+
+
+def test_no_holes_while_it_swings(backend):
+    points = plane(60, 80, 3.0)
+    movie = turntable(points, np.full((len(points), 3), 255, U8), shape=(60, 80), frames=8)
+    for frame in movie:
+        drawn = (frame == 255).all(-1)
+        assert drawn.mean() > 0.4
+        np.testing.assert_array_equal(drawn, ndi.binary_fill_holes(drawn))
+
+
+def test_the_nearest_is_seen_and_all_round(backend):
+    front, back = plane(9, 9, 1.0), plane(9, 9, 1.4)
+    red, blue = np.full((81, 3), (255, 0, 0), U8), np.full((81, 3), (0, 0, 255), U8)
+    options = {"shape": (40, 40), "frames": 2, "swing": 180}
+    for points, colors in (
+        (np.concatenate([front, back]), np.concatenate([red, blue])),
+        (np.concatenate([back, front]), np.concatenate([blue, red])),
+    ):
+        first, half = turntable(points, colors, **options)
+        np.testing.assert_array_equal(first[20, 20], red[0])
+        np.testing.assert_array_equal(half[20, 20], blue[0])
+
+
+def test_of_points_at_one_place_the_first_is_seen(backend):
+    points = np.concatenate([plane(9, 9, 1.0)] * 2)
+    colors = np.repeat(np.array([[0, 255, 0], [255, 0, 0]], U8), 81, 0)
+    (frame,) = turntable(points, colors, shape=(40, 40), frames=1)
+    np.testing.assert_array_equal(frame[20, 20], colors[0])
+
+
+def test_turntable_options():
+    points, colors = scene()
+    plain = turntable(points, colors, shape=(50, 60), frames=3)
+    assert plain.shape == (3, 50, 60, 3)
+    assert (plain[0] != plain[1]).any()
+    fat = turntable(points, colors, shape=(50, 60), frames=3, point_size=8)
+    assert (fat == (16, 17, 20)).all(-1).mean() < (plain == (16, 17, 20)).all(-1).mean()
+    white = turntable(points, colors, shape=(50, 60), frames=3, background=(255, 255, 255))
+    assert white[0, 0, 0].tolist() == [255] * 3
+    behind = np.concatenate([points, -points]), np.concatenate([colors, colors])
+    size = {"shape": (50, 60), "frames": 3, "point_size": 2}
+    np.testing.assert_array_equal(turntable(*behind, **size), turntable(points, colors, **size))
+    with cvkern.use(backend="taichi"):
+        other = turntable(points, colors, shape=(50, 60), frames=3)
+    np.testing.assert_array_equal(plain, other)

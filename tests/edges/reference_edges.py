@@ -1,0 +1,76 @@
+"""Plain NumPy statements of the edge primitives, pixel by pixel."""
+
+import numpy as np
+import scipy.ndimage as ndi
+
+from cvkern.kernels.codes.edges import Edge, Norm, Thinning
+
+_EIGHT = np.ones((3, 3), int)
+
+
+def _measure(dy, dx, norm):
+    return abs(dx) + abs(dy) if norm == Norm.L1 else dx * dx + dy * dy
+
+
+def thin(dy, dx, norm, rule, low, high):
+    """Keep the maxima along the gradient, in the arithmetic of the dtype of `dy`."""
+    m = np.pad(_measure(dy, dx, norm), 1)
+    states = np.full(dy.shape, Edge.NONE, np.uint8)
+    for y, x in np.argwhere(m[1:-1, 1:-1] > dy.dtype.type(low)):
+        near = m[y : y + 3, x : x + 3]
+        is_top = _tops_sector if rule == Thinning.SECTORS else _tops_line
+        if is_top(near, dy[y, x], dx[y, x], norm):
+            states[y, x] = Edge.STRONG if near[1, 1] > dy.dtype.type(high) else Edge.WEAK
+    return states
+
+
+def _tops_sector(near, gy, gx, norm):
+    here = near[1, 1]
+    ax, ay = abs(gx), abs(gy) * 32768
+    if ay < ax * 13573:
+        return here > near[1, 0] and here >= near[1, 2]
+    if ay > ax * 79109:
+        return here > near[0, 1] and here >= near[2, 1]
+    s = -1 if (gx < 0) != (gy < 0) else 1
+    return here > near[0, 1 - s] and here > near[2, 1 + s]
+
+
+def _tops_line(near, gy, gx, norm):
+    near = near if norm == Norm.L1 else np.sqrt(near)
+    s = -1 if (gx < 0) != (gy < 0) else 1
+    ax, ay = abs(gx), abs(gy)
+    if ay > ax:
+        back = near[0, 1] * (ay - ax) + near[0, 1 - s] * ax
+        ahead = near[2, 1] * (ay - ax) + near[2, 1 + s] * ax
+        return near[1, 1] * ay > back and near[1, 1] * ay >= ahead
+    back = near[1, 0] * (ax - ay) + near[1 - s, 0] * ay
+    ahead = near[1, 2] * (ax - ay) + near[1 + s, 2] * ay
+    return near[1, 1] * ax > back and near[1, 1] * ax >= ahead
+
+
+def hysteresis(states):
+    """Keep the components that hold a strong pixel."""
+    labels = np.zeros(states.shape, np.int32)
+    ndi.label(states != Edge.NONE, _EIGHT, output=labels)
+    return np.isin(labels, np.unique(labels[states == Edge.STRONG])) & (labels > 0)
+
+
+def subpixel_edges(dy, dx, mask):
+    """Accepted pixels (N, 2), their points (N, 2), and how much a point magnifies an error.
+
+    That is of a relative error of the logarithms: their size by their second difference.
+    """
+    m = np.pad(_measure(dy, dx, Norm.L2), 1)
+    pixels, points, magnified = [], [], []
+    for y, x in np.argwhere(mask):
+        near = m[y : y + 3, x : x + 3]
+        along_rows = abs(dy[y, x]) > abs(dx[y, x])
+        before, here, after = (near[:, 1] if along_rows else near[1, :]).tolist()
+        if 0 < before < here >= after > 0:
+            a, b, c = np.log(np.array([before, here, after], np.float64))
+            offset = 0.5 * (a - c) / (a - 2 * b + c)
+            pixels.append((y, x))
+            points.append((y + offset, x) if along_rows else (y, x + offset))
+            magnified.append((abs(a) + 2 * abs(b) + abs(c)) / abs(a - 2 * b + c))
+    n = len(pixels)
+    return np.array(pixels, int).reshape(n, 2), np.array(points).reshape(n, 2), np.array(magnified)

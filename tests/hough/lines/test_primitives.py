@@ -1,0 +1,117 @@
+"""The primitives of points and lines against NumPy."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cvkern.hough.lines._tables import direction_windows, line_tables
+from cvkern.kernels.codes.hough import DIRECTIONS
+from tests.hough.lines import reference_lines as lines_reference
+from tests.primitives import F32, I32, U8, noise
+
+
+def line_votes(angles, number=300, seed=3, size=(90, 130)):
+    """Return what voting for lines takes: points, their count, and tables."""
+    rng = np.random.default_rng(seed)
+    mask = np.zeros(size, bool)
+    mask.ravel()[rng.choice(mask.size, number, replace=False)] = True
+    theta = np.sort(rng.uniform(-1.5, 1.5, angles))
+    tables = line_tables(theta.tobytes(), 1.0, size, 1)
+    counted = np.array([0, number], I32)
+    spare = np.full((number + 5, 2), -9, I32)  # beyond the count there is anything
+    spare[:number] = np.argwhere(mask)
+    return mask, spare, counted, theta, tables
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (9, 64), (300, 217), (257, 48)])
+def test_count_and_gather(kernels, shape):
+    mask = (np.random.default_rng(1).random(shape) < 0.2) * U8(7)
+    starts = kernels("hough.points.count", mask, out=[((shape[0] + 1,), I32)])
+    np.testing.assert_array_equal(starts, np.append(0, np.cumsum((mask > 0).sum(1))))
+    want = np.argwhere(mask)
+    points = kernels("hough.points.gather", mask, starts, out=[((len(want) + 1, 2), I32)])
+    np.testing.assert_array_equal(points[: len(want)], want)
+
+
+def test_first_outside(kernels):
+    mask, points, counted, _, _ = line_votes(3)
+    values = noise(*mask.shape)
+    for place in (300, 120, 7):
+        if place < 300:
+            values[tuple(points[place])] = np.nan
+        (first,) = kernels("hough.points.first_outside", points, counted, values, -9.0, 9.0,
+                           out=[((1,), I32)])  # fmt: skip
+        assert first == place
+
+
+@pytest.mark.parametrize("angles", [1, 7, 8, 33])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_votes_for_lines(kernels, angles, weighted):
+    mask, points, counted, theta, tables = line_votes(angles)
+    rows = 2 * int(np.ceil(np.hypot(*mask.shape))) + 1
+    rng = np.random.default_rng(5)
+    weights = rng.integers(0, 999, len(points)).astype(I32)
+    cast = weights if weighted else np.ones_like(weights)
+    given = *tables, weighted, weights
+    got = kernels("hough.lines.votes.vote", points, counted, *given, out=[((rows, angles), I32)])
+    want = lines_reference.vote(points[:300], tables, None, None, cast, rows, angles)
+    np.testing.assert_array_equal(got, want)
+
+    turned = rng.uniform(-4, 4, len(points)).astype(F32)
+    windows = direction_windows(theta.tobytes(), 0.2)
+    got = kernels(
+        "hough.lines.votes.vote_directed", points, counted, turned, *windows, *given,
+        out=[((rows, angles), I32)],
+    )  # fmt: skip
+    codes = lines_reference.half_turn_codes(turned)
+    want = lines_reference.vote(points[:300], tables, windows, codes, cast, rows, angles)
+    np.testing.assert_array_equal(got, want)
+
+
+def test_votes_in_more_bins_than_a_block_holds(kernels):
+    """On CUDA the histogram of an angle is then cut into parts."""
+    size = (13000, 3)
+    tables = line_tables(np.linspace(-1.5, 1.5, 5).tobytes(), 1.0, size, 1)
+    points = np.stack([np.arange(0, 13000, 9), np.arange(0, 13000, 9) % 3], 1).astype(I32)
+    counted = np.array([len(points)], I32)
+    weights = np.ones(len(points), I32)
+    got = kernels(
+        "hough.lines.votes.vote", points, counted, *tables, False, weights, out=[((26003, 5), I32)]
+    )
+    want = lines_reference.vote(points, tables, None, None, weights, 26003, 5)
+    np.testing.assert_array_equal(got, want)
+
+
+def test_take(kernels):
+    mask, points, counted, _, _ = line_votes(3)
+    values = noise(*mask.shape)
+    got = kernels("hough.lines.votes.take", points, counted, values, out=[((len(points),), F32)])
+    np.testing.assert_array_equal(got[:300], values[mask])
+
+
+@pytest.mark.parametrize("dtype", [I32, F32])
+@pytest.mark.parametrize("wraps", [False, True])
+@pytest.mark.parametrize("sizes", [(0, 0), (2, 3), (40, 5)])
+def test_local_maxima(kernels, dtype, wraps, sizes):
+    values = np.random.default_rng(1).integers(0, 15, (33, 21)).astype(dtype)
+    got = kernels(
+        "hough.lines.peaks.local_maxima", values, 6, *sizes, wraps, out=[(values.shape, U8)]
+    )
+    want = lines_reference.local_maxima(values, 6, sizes[0], sizes[1], wraps)
+    np.testing.assert_array_equal(got, want)
+
+
+@pytest.mark.parametrize("number", [1, 64, 333])
+def test_claim(kernels, number):
+    rng = np.random.default_rng(2)
+    points = rng.uniform(0, 300, (number, 2)).astype(F32)
+    codes = rng.integers(0, DIRECTIONS, number).astype(I32)
+    theta = rng.uniform(-1.6, 1.6, 50)
+    lines = [a.astype(F32) for a in (np.cos(theta), np.sin(theta), rng.uniform(-99, 300, 50))]
+    directions = rng.integers(0, DIRECTIONS, 50).astype(I32)
+    after = rng.integers(-1, 30, number).astype(I32)
+    given: Any = points, codes, after, *lines, directions, 12.0, 2500
+    got = kernels("hough.lines.segments.claim", *given, out=[((number,), I32)])
+    want = lines_reference.claim(*given)
+    np.testing.assert_array_equal(got, want)

@@ -1,0 +1,95 @@
+"""Radiance fields on a GPU, against the CPU; the caller's arrays."""
+
+import numpy as np
+import pytest
+
+import cvkern
+from cvkern._runtime import runtime
+from cvkern.radiance import Composite, composite_rays, composite_rays_backward, march
+from tests.on_cuda import LIBRARIES, give, take
+from tests.radiance.fields.test_hash import Trial
+from tests.radiance.test_primitives_compositing import bundle, draw
+
+pytestmark = pytest.mark.usefixtures("gpu")
+
+
+@pytest.mark.parametrize("unbounded", [False, True])
+def test_a_hash_field_is_that_of_the_cpu(unbounded, backend):
+    # One after the other: Taichi works on the device that was asked for last.
+    answers = []
+    for device in ("cpu", "cuda"):
+        with cvkern.use(backend=backend, device=device):
+            trial = Trial(unbounded=unbounded)
+            answers.append((trial.look(), trial.slopes(), trial.field.taken()))
+    (here, slopes_here, taken_here), (there, slopes_there, taken_there) = answers
+    # Features, weights and what passes through layers have 11 digits with Warp; five layers.
+    exact = backend == "taichi"
+    for got, want in zip(there, here, strict=True):
+        np.testing.assert_allclose(
+            got, want, rtol=1e-4 if exact else 0.03, atol=1e-4 if exact else 0.03
+        )
+    for got, want in zip(slopes_there, slopes_here, strict=True):
+        off = np.linalg.norm(got - want) / np.linalg.norm(want)
+        assert off < (1e-3 if exact else 0.05)
+    assert taken_there == taken_here  # the same cells, whatever the precision
+
+
+@pytest.mark.parametrize("unbounded", [False, True])
+def test_a_hash_field_sees_what_it_does_on_the_cpu(unbounded, backend, monkeypatch):
+    answers = []
+    for device, room in (("cpu", 0), ("cuda", 2**16), ("cuda", 100)):
+        monkeypatch.setattr(march, "VIEW_ROOM", room)  # on a GPU
+        with cvkern.use(backend=backend, device=device):
+            answers.append(Trial(unbounded=unbounded).see())
+    bound = 1e-4 if backend == "taichi" else 0.03  # as above
+    for here, wide, narrow in zip(*answers, strict=True):
+        np.testing.assert_array_equal(narrow, wide)  # the same sums in the same order
+        np.testing.assert_allclose(wide, here, rtol=bound, atol=bound)
+
+
+def test_a_gpu_has_memory_left(backend):
+    with cvkern.use(backend=backend, device="cuda"):
+        assert 2**20 < runtime().free_memory() < 2**40
+
+
+@pytest.mark.parametrize("library", ["numpy", *LIBRARIES])
+def test_compositing_of_the_callers_arrays(library, backend):
+    samples, gradients = bundle(100), draw(100)
+    want = composite_rays(*samples)
+    want_slopes = composite_rays_backward(Composite(*gradients), *samples)
+    place = "cuda" if library == "numpy" else "cpu"
+
+    def put(array):
+        return array if library == "numpy" else give(library, array)
+
+    def compare(got, want, atol):
+        for a, b in zip(got, want, strict=True):
+            assert type(a) is type(given[0])
+            host = a if library == "numpy" else take(a)
+            np.testing.assert_allclose(host, b, rtol=1e-4, atol=atol)
+
+    given, incoming = [put(a) for a in samples], Composite(*(put(a) for a in gradients))
+    with cvkern.use(device=place):
+        # Sums of up to 200 weights, each an exponential of its device, rounded to 24 digits.
+        compare(composite_rays(*given), want, 200 * 2.0**-23)
+        # Slopes are weights by lengths up to 0.01 and distances up to 2, of gradients up to 4.
+        compare(composite_rays_backward(incoming, *given), want_slopes, 1e-4)
+        with pytest.raises(ValueError, match="spans must be rows of the"):
+            composite_rays(given[0][:9], given[1][:9], given[2][:9], given[3])
+
+
+@pytest.mark.parametrize("library", ["torch", "cupy"])
+def test_captured_compositing_follows_its_samples(library):
+    samples = bundle(100)
+    given = [give(library, a) for a in samples]
+    incoming = Composite(*(give(library, a) for a in draw(100)))
+    with cvkern.use(backend="warp"):
+        with pytest.raises(ValueError, match="a value needed on the host"):
+            cvkern.capture(composite_rays, *given)
+        replay = cvkern.capture(composite_rays, *given, check=False)
+        slopes = cvkern.capture(composite_rays_backward, incoming, *given, check=False)
+        for factor in (1.0, 0.5, 2.0):
+            given[0][...] = give(library, np.float32(factor) * samples[0])
+            plain = *composite_rays(*given), *composite_rays_backward(incoming, *given)
+            for a, b in zip((*replay(), *slopes()), plain, strict=True):
+                np.testing.assert_array_equal(take(a), take(b))

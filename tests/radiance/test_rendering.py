@@ -1,0 +1,404 @@
+"""Pictures, paths, points and surfaces of a field whose every ray is known: a soft ball."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from cvkern._runtime import runtime
+from cvkern.radiance import (
+    HashField,
+    Model,
+    Scene,
+    VoxelField,
+    cameras,
+    evaluate,
+    fit,
+    look_at,
+    make_scene,
+    mesh,
+    orbit_cameras,
+    pixel_rays,
+    point_cloud,
+    render,
+    render_path,
+    rendering,
+    write_mesh,
+)
+from cvkern.radiance.fields.field import Field, Frame
+from cvkern.radiance.models import Training
+from cvkern.radiance.rendering import Renderer, film
+from cvkern.radiance.scenes.photographs import Bounds
+
+BOUNDS = Bounds((0.5, -0.25, 1.0), 2.0, False)
+RADIUS = 0.5  # of the ball, in halves of the cube's side: 1 in the world
+COLOR = np.array([0.2, 0.5, 0.9], np.float32)
+
+
+class Ball(Field):
+    """A ball of one colour: rays that hit it end there."""
+
+    def __init__(self, rt, frame):
+        self.rt, self.frame, self.looks = rt, frame, []
+
+    def see(self, origins, directions, seen):
+        o, d = (self.rt.to_numpy(a).astype(float) for a in (origins, directions))
+        self.looks.append(len(o))
+        middle = -(o * d).sum(axis=1)
+        inside = RADIUS**2 - (o**2).sum(axis=1) + middle**2
+        hit = (inside > 0) & (middle > 0)  # what is behind is not seen
+        depth = np.where(hit, middle - np.sqrt(np.maximum(inside, 0)), 0)
+        for array, values in zip(seen, (hit[:, None] * COLOR, hit, depth), strict=True):
+            self.rt.write(array, np.ascontiguousarray(values, np.float32))
+
+    def forward(self, rays, step):
+        raise AssertionError("rendering is no training")
+
+    def taken(self):
+        raise AssertionError("rendering is no training")
+
+    def rays_for(self, samples, rays):
+        raise AssertionError("rendering is no training")
+
+    def densities(self, points):
+        # exp(-density) is how much is left of light through half of the cube.
+        return 100 * np.clip(1.5 - np.linalg.norm(points, axis=1) / RADIUS, 0, 1)
+
+    def backward(self, gradients):
+        raise AssertionError("rendering takes no gradients")
+
+    def learn(self, learning):
+        raise AssertionError("rendering learns nothing")
+
+    def state(self):
+        return {}
+
+    def restore(self, state):
+        pass
+
+
+def some_cameras(count=5, size=24):
+    turn = 2 * np.pi * np.arange(count) / count
+    eyes = BOUNDS.center + 5 * np.stack((np.cos(turn), np.sin(turn), 0.5 + 0 * turn), axis=1)
+    middle = 0.5 * (size - 1)
+    lens = [1.5 * size, 1.5 * size, middle, middle - 3]
+    return cameras(look_at(eyes, BOUNDS.center), lens, size, size - 6)
+
+
+def ball():
+    field = Ball(runtime(), Frame(BOUNDS, 0.1, 10.0))
+    behind = np.array([1.0, 0.5, 0.0], np.float32)
+    return Model(field, None, "white", behind, some_cameras(), 0, Training(), {})
+
+
+def looks_of(model):
+    assert isinstance(model.field, Ball)
+    return model.field.looks
+
+
+def hits(views, view):
+    """Return for each pixel whether its ray hits the ball, and how far away; float64."""
+    pixels = np.argwhere(np.ones((views.height, views.width), bool))
+    origins, directions = pixel_rays(views, view, pixels)
+    origins = origins - BOUNDS.center
+    middle = -(origins * directions).sum(axis=1)
+    inside = (RADIUS * BOUNDS.half) ** 2 - (origins**2).sum(axis=1) + middle**2
+    hit = (inside > 0).reshape(views.height, views.width)
+    away = (middle - np.sqrt(np.maximum(inside, 0))).reshape(hit.shape)
+    return hit, away, np.abs(inside).reshape(hit.shape) > 1e-4  # not a matter of rounding
+
+
+def test_pictures(backend):
+    model, views = ball(), some_cameras()
+    for view in (0, 3):
+        picture = render(model, views, view)
+        hit, away, sure = hits(views, view)
+        assert sure.mean() > 0.95
+        assert picture.color.shape == (*hit.shape, 3)
+        assert all(part.dtype == np.float32 for part in picture)
+        np.testing.assert_array_equal(picture.opacity[sure], hit[sure])
+        want = np.where(hit[..., None], COLOR, model.behind)
+        np.testing.assert_array_equal(picture.color[sure], want[sure])
+        # Distances of about 5 in float32, in and out of the frame.
+        np.testing.assert_allclose(picture.depth[hit & sure], away[hit & sure], atol=1e-4)
+        assert np.isnan(picture.depth[~hit & sure]).all()
+    black = render(model, views, 0, background=(0, 0, 0))
+    assert (black.color[~hit & sure] == 0).all()
+
+
+@pytest.mark.parametrize("most", [1, 100, 431, 432, 500])
+def test_large_pictures_are_made_part_by_part(backend, most, monkeypatch):
+    model, views = ball(), some_cameras()
+    want = render(model, views, 1)
+    monkeypatch.setattr(rendering, "RAYS", most)
+    for a, b in zip(render(model, views, 1), want, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert sum(looks_of(model)[1:]) == views.width * views.height
+    assert max(looks_of(model)[1:]) <= most
+
+
+def test_a_field_with_little_room_renders_the_same():
+    scene = make_scene(train=6, test=1, size=16)
+    wide = HashField(levels=8, table_bits=10, finest=64, samples=2**14, rays=300, cells=32)
+    narrow = HashField(levels=8, table_bits=10, finest=64, samples=2**10, rays=40, cells=32)
+    model = fit(scene, wide, steps=30)
+    small = fit(scene, narrow, steps=1)
+    small.field.restore(model.field.state())
+    draw = Renderer(small.field, small.rt)
+    for view in (2, 5):
+        want = render(model, scene.cameras, view)
+        got = draw(scene.cameras, view, small.behind)
+        # The same sums in the same order.
+        for a, b in zip(got, want, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_evaluate():
+    model, views = ball(), some_cameras(3)
+    images = np.stack([np.round(255 * render(model, views, v).color) for v in range(3)])
+    images = images.astype(np.uint8)
+    scene = Scene(images, views, np.array([False, True, False]), BOUNDS, 0.2, 20.0)
+    seen = []
+    scores = evaluate(model, scene, test=False, progress=lambda *step: seen.append(step))
+    assert seen == [(1, 2), (2, 2)]
+    # Rounding to bytes is off by at most 1/510, 54 dB.
+    assert scores.psnr.shape == (2,)
+    assert scores.psnr.min() > 54
+    assert scores.ssim.min() > 0.999
+    assert evaluate(model, scene).psnr.shape == (1,)
+    images[1] ^= 0xFF
+    assert evaluate(model, scene, views=np.array([1])).psnr[0] < 10
+
+
+# ------------------------------------------------------------------------------------------ paths
+
+
+def test_orbits_go_round():
+    views = some_cameras(8)
+    away = np.tile([0.8, 1.2], 4)[:, None]  # on average as before
+    views.poses[:, :, 3] = BOUNDS.center + away * (views.poses[:, :, 3] - BOUNDS.center)
+    orbit = orbit_cameras(views, 12)
+    assert len(orbit) == 12
+    assert (orbit.width, orbit.height) == (24, 18)
+    arms = orbit.poses[:, :, 3] - BOUNDS.center
+    np.testing.assert_allclose(np.hypot(arms[:, 0], arms[:, 1]), 5, rtol=1e-6)
+    np.testing.assert_allclose(arms[:, 2], 2.5, rtol=1e-6)
+    turns = np.diff(np.unwrap(np.arctan2(arms[:, 1], arms[:, 0])))
+    np.testing.assert_allclose(np.abs(turns), 2 * np.pi / 12, rtol=1e-6)
+    ahead = orbit.poses[:, :, 2]
+    np.testing.assert_allclose(
+        ahead, -arms / np.linalg.norm(arms, axis=1, keepdims=True), atol=1e-6
+    )
+    assert (orbit.poses[:, 2, 1] < 0).all()  # y is down
+
+
+def test_orbits_stay_where_photographs_were_taken():
+    views = some_cameras(24).select(slice(3, 9))
+    arms = views.poses[:, :, 3] - BOUNDS.center
+    taken = np.arctan2(arms[:, 1], arms[:, 0])
+    arms = orbit_cameras(views, 10).poses[:, :, 3] - BOUNDS.center
+    angles = np.arctan2(arms[:, 1], arms[:, 0])
+    # The way up is that of the cameras on average, and those lean to the middle of their arc.
+    assert angles.min() == pytest.approx(taken.min(), abs=0.03)
+    assert angles.max() == pytest.approx(taken.max(), abs=0.03)
+
+
+def test_larger_and_smaller_pictures():
+    views = some_cameras()
+    large = views.scaled(2.5)
+    assert (large.width, large.height) == (60, 45)
+    corners = np.array([(-0.5, -0.5), (17.5, 23.5)])
+    for a, b in zip(pixel_rays(views, 2, corners), pixel_rays(large, 2, 2.5 * corners + 0.75),
+                    strict=True):  # fmt: skip
+        np.testing.assert_allclose(a, b, atol=1e-12)
+    assert render(ball(), large, 0).color.shape == (45, 60, 3)
+    assert orbit_cameras(views, 2, factor=0.5).width == 12
+
+
+def test_films():
+    frames = film(ball(), some_cameras())
+    assert frames.shape == (5, 18, 24, 3)
+    assert frames.dtype == np.uint8
+    want = np.round(255 * render(ball(), some_cameras(), 4).color)
+    np.testing.assert_array_equal(frames[4], want)
+
+
+def test_render_path(tmp_path):
+    import imageio.v3 as iio
+
+    done, path = [], some_cameras()
+    arms = path.poses[:, :, 3] - BOUNDS.center
+    path.poses[:, :, 3] += 0.1 * np.arange(5)[:, None] * arms  # or all frames were the same
+    render_path(ball(), path, tmp_path / "path.gif", progress=lambda *n: done.append(n))
+    assert done == [(n, 5) for n in range(1, 6)]
+    assert iio.imread(tmp_path / "path.gif").shape == (5, 18, 24, 3)
+
+
+def with_one_at(distance):
+    """Return cameras, one of them so many halves of the cube's side from its middle."""
+    views = some_cameras()
+    arm = views.poses[3, :, 3] - BOUNDS.center
+    views.poses[3, :, 3] = BOUNDS.center + distance * BOUNDS.half * arm / np.linalg.norm(arm)
+    return views
+
+
+def scene_of(views):
+    images = np.zeros((len(views), views.height, views.width, 3), np.uint8)
+    return Scene(images, views, np.arange(len(views)) == 3, BOUNDS, 0.1, 1e9)
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        lambda model, views: render(model, views, 3),
+        lambda model, views: film(model, views),
+        lambda model, views: point_cloud(model, views),
+        lambda model, views: evaluate(model, scene_of(views)),
+        lambda model, views: evaluate(model, scene_of(views), test=False, views=[0, 3]),
+        lambda model, views: fit(scene_of(views), steps=1),
+    ],
+)
+def test_cameras_that_are_too_far_away(look):
+    """Theirs are views that a step along a ray may not get nearer to."""
+    model = ball()
+    message = "cameras must be within 32768 half-sides of the scene's cube from its middle, got "
+    with pytest.raises(ValueError, match=message + "one at 32800$"):
+        look(model, with_one_at(32800))
+    assert looks_of(model) == []
+    render(model, with_one_at(32800), 2)
+    render(model, with_one_at(32768 - 1e-6), 3)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        HashField(levels=8, table_bits=10, samples=2**12, rays=64, cells=32),
+        VoxelField(resolutions=(16,), shares=(), spacing=0.016, thin=1e-6),
+    ],
+    ids=["hash", "voxel"],
+)
+def test_cameras_as_far_away_as_may_be(backend, field):
+    """A step of the finest field there is comes to more than float32 rounds off."""
+    views = with_one_at(32768 - 1e-6)
+    net = field.build(runtime(), Frame(BOUNDS, 0.0, 1e9), 0)
+    lens = np.array([[32768 * 24, 32768 * 24, 11.5, 8.5]])
+    near = cameras(views.poses[3:4], lens, 24, 18)
+    picture = Renderer(net, runtime())(near, 0, np.ones(3, np.float32))
+    assert picture.opacity.min() > 0.1  # fog, all over the picture
+
+
+def test_render_path_refuses_before_it_renders(tmp_path):
+    model = ball()
+    with pytest.raises(ValueError, match=r"path must end in .gif or .mp4, got 'path.png'"):
+        render_path(model, some_cameras(), "path.png")
+    with pytest.raises(FileNotFoundError, match="path must lie in a folder that exists"):
+        render_path(model, some_cameras(), tmp_path / "none" / "path.gif")
+    (tmp_path / "path.gif").mkdir()
+    with pytest.raises(ValueError, match="path must name a regular file"):
+        render_path(model, some_cameras(), tmp_path / "path.gif")
+    assert looks_of(model) == []
+
+
+# --------------------------------------------------------------------------------------- surfaces
+
+
+def test_point_cloud(backend):
+    cloud = point_cloud(ball())
+    away = np.linalg.norm(cloud.points - BOUNDS.center, axis=1)
+    np.testing.assert_allclose(away, RADIUS * BOUNDS.half, atol=1e-4)  # float32, as above
+    assert (cloud.colors == np.round(255 * COLOR)).all()
+    assert (cloud.points.dtype, cloud.colors.dtype) == (np.float32, np.uint8)
+    seen = [np.isfinite(render(ball(), some_cameras(), v).depth).sum() for v in range(5)]
+    assert len(cloud.points) == sum(seen)
+    assert len(point_cloud(ball(), views=[1]).points) == seen[1]
+    assert len(point_cloud(ball(), views=[]).points) == 0
+
+
+def test_mesh():
+    surface = mesh(ball(), resolution=32, density=50.0)
+    away = np.linalg.norm(surface.points - BOUNDS.center, axis=1)
+    # The density is 50 on the ball, and linear along the radius; chords of cells of 1/16 are off
+    # by less than (1/16)^2 / (8 * 0.5), twice that in the world.
+    np.testing.assert_allclose(away, RADIUS * BOUNDS.half, atol=2 / 16**2 / 4)
+    corners = surface.points[surface.faces] - BOUNDS.center
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((normals * corners.mean(axis=1)).sum(axis=1) > 0).all()  # anticlockwise from outside
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(4 / 3 * np.pi * (RADIUS * BOUNDS.half) ** 3, rel=0.02)
+    assert (surface.colors == np.round(255 * COLOR)).all()
+    assert surface.faces.dtype == np.int32
+
+
+def test_colors_of_a_rough_mesh_are_seen_across_it(monkeypatch):
+    """Looked at from without, a ball of noise has the colour of its directions."""
+    noise = np.random.default_rng(0)
+
+    def see(self, origins, directions, seen):
+        towards = self.rt.to_numpy(directions)
+        self.rt.write(seen.color, np.ascontiguousarray(0.5 - 0.5 * towards))
+        self.rt.write(seen.opacity, np.ones(len(towards), np.float32))
+
+    def densities(self, points):
+        inside = np.linalg.norm(points, axis=1) < RADIUS
+        return np.where(inside, 100 * noise.lognormal(size=len(points)), 0)
+
+    monkeypatch.setattr(Ball, "see", see)
+    monkeypatch.setattr(Ball, "densities", densities)
+    surface = mesh(ball(), resolution=40, density=25.0)
+    arms = surface.points - BOUNDS.center
+    away = np.linalg.norm(arms, axis=1, keepdims=True)
+    outer = away[:, 0] > (RADIUS - 2 / 40) * BOUNDS.half  # within there are pits
+    want = 255 * (0.5 + 0.5 * arms / away)
+    assert outer.sum() > 1000
+    # Two degrees off, a channel is up to 128 x 0.035 off. Across the rough surface it would be 40.
+    assert np.abs(surface.colors - want)[outer].mean() < 4.5
+
+
+def test_meshes_as_files(tmp_path):
+    surface = mesh(ball(), resolution=8, density=50.0)
+    write_mesh(tmp_path / "ball.ply", surface)
+    head, _, body = (tmp_path / "ball.ply").read_bytes().partition(b"end_header\n")
+    lines = head.decode("ascii").splitlines()
+    assert lines[:2] == ["ply", "format binary_little_endian 1.0"]
+    assert f"element vertex {len(surface.points)}" in lines
+    assert f"element face {len(surface.faces)}" in lines
+    kind = [("place", "<f4", 3), ("color", "u1", 3)]
+    points = np.frombuffer(body, kind, len(surface.points))
+    np.testing.assert_array_equal(points["place"], surface.points)
+    np.testing.assert_array_equal(points["color"], surface.colors)
+    faces = np.frombuffer(body[points.nbytes :], [("count", "u1"), ("corners", "<i4", 3)])
+    assert (faces["count"] == 3).all()
+    np.testing.assert_array_equal(faces["corners"], surface.faces)
+    with pytest.raises(ValueError, match=r"path must end in .ply, got 'ball.obj'"):
+        write_mesh("ball.obj", surface)
+
+
+def test_mesh_without_scikit_image(monkeypatch):
+    monkeypatch.setitem(sys.modules, "skimage.measure", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'cvkern\[demo\]'"):
+        mesh(ball())
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "rule"),
+    [
+        (lambda m: render(m, m.cameras, 5), ValueError, r"view must be in \[0, 4\], got 5"),
+        (lambda m: render(m, m.cameras, m.seed + 0.5), TypeError,
+         "view must be an integer, got 0.5"),
+        (lambda m: render(m, m.cameras, background=(0, 2, 0)), ValueError,
+         r"background must be three numbers in \[0, 1\], got \(0, 2, 0\)"),
+        (lambda m: render(m, m.cameras, background="white"), TypeError,
+         "background must be three numbers, got 'white'"),
+        (lambda m: point_cloud(m, views=[7]), ValueError, r"views must be in \[0, 4\], got 7"),
+        (lambda m: mesh(m, resolution=4), ValueError, r"resolution must be in \[8, 1024\], got 4"),
+        (lambda m: mesh(m, density=-1), ValueError, "density must be > 0, got -1"),
+        (lambda m: mesh(m, resolution=8, density=1e6), ValueError,
+         "density must be below the model's greatest, 100, got 1e"),
+        (lambda m: orbit_cameras(m.cameras, 0), ValueError, "frames must be in"),
+        (lambda m: orbit_cameras(m.cameras, factor=0), ValueError, "factor must be > 0, got 0"),
+        (lambda m: m.save("model.txt"), ValueError, "path must end in .npz, got 'model.txt'"),
+    ],
+)  # fmt: skip
+def test_errors(call, error, rule):
+    with pytest.raises(error, match=rule):
+        call(ball())
