@@ -7,7 +7,7 @@ from typing import Any as _Any
 if _TYPE_CHECKING:
     from cvkern import clouds, images, radiance  # noqa: F401
     from cvkern._capture import capture  # noqa: F401
-    from cvkern._runtime import use  # noqa: F401
+    from cvkern._runtime import devices, release_memory, use  # noqa: F401
     from cvkern.edges import *
     from cvkern.filters import *
     from cvkern.hough import *
@@ -16,7 +16,7 @@ if _TYPE_CHECKING:
 # Every public name, by the module that has it. Modules are imported when a name is first used.
 _NAMES = {
     "_capture": ("capture",),
-    "_runtime": ("use",),
+    "_runtime": ("devices", "release_memory", "use"),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
     "filters": (
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
