@@ -10,6 +10,7 @@ if _TYPE_CHECKING:
     from cvkern._runtime import devices, release_memory, use  # noqa: F401
     from cvkern.edges import *
     from cvkern.filters import *
+    from cvkern.geometry import *
     from cvkern.hough import *
     from cvkern.stereo import *
 
@@ -22,6 +23,7 @@ _NAMES = {
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
         "sobel",
     ),
+    "geometry": ("fit_affine", "fit_homography", "fit_similarity"),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
         "HoughLineSlope", "LineBins", "LineFit", "RTable", "Shapes", "detect_circles",
