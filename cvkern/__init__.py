@@ -38,8 +38,8 @@ _NAMES = {
         "stereo_cost", "stereo_match", "winner_take_all",
     ),
     "structured_light": (
-        "GrayCode", "PhaseShift", "decode_gray_code", "decode_phase_shift", "gray_code_patterns",
-        "phase_shift_patterns", "unwrap_phase",
+        "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
+        "detect_laser_lines", "gray_code_patterns", "phase_shift_patterns", "unwrap_phase",
     ),
 }  # fmt: skip
 # Modules whose names are used through them: cvkern.images.read_image.

@@ -62,4 +62,5 @@ class Folder:
             from cvkern.kernels.warp.stereo.paths import matching as matching
     class structured_light:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
+        from cvkern.kernels.warp.structured_light import laser as laser
         from cvkern.kernels.warp.structured_light import phase as phase

@@ -10,6 +10,7 @@ import numpy as np
 from cvkern.structured_light import (
     decode_gray_code,
     decode_phase_shift,
+    detect_laser_lines,
     gray_code_patterns,
     phase_shift_patterns,
     unwrap_phase,
@@ -24,6 +25,9 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         light = np.zeros(shape, dtype)
         codes = partial(decode_gray_code, gray.astype(dtype), shape, light, light)
         yield "decode_gray_code", codes
+        for method in ("steger", "center_of_mass", "peak"):
+            lines = partial(detect_laser_lines, np.eye(9).astype(dtype), method=method)
+            yield "detect_laser_lines", lines
         yield "decode_phase_shift", partial(decode_phase_shift, fringes.astype(dtype), shape)
     yield "gray_code_patterns", partial(gray_code_patterns, shape)
     yield "phase_shift_patterns", partial(phase_shift_patterns, shape)
