@@ -167,7 +167,7 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
             rt, image, sigma, low, high, use_quantiles, "gaussian", "l2", "reflect", 0.0, mask
         )
     else:
-        check_image(orientation, name="orientation")
+        orientation = check_image(orientation, name="orientation")
         if tuple(orientation.shape) != shape:
             raise ValueError(
                 f"orientation must have the shape of the {name}, {shape}, "
