@@ -21,18 +21,9 @@ angle = found.orientation
 
 plt.figure(figsize=(6, 4))
 plt.imshow(photo, cmap="gray", interpolation="nearest")
-plt.quiver(
-    column,
-    row,
-    np.cos(angle),
-    np.sin(angle),
-    angle,
-    cmap="twilight_shifted",
-    angles="xy",
-    scale_units="xy",
-    scale=0.8,
-    width=0.006,
-)
+across = {"angles": "xy", "scale_units": "xy", "scale": 0.6, "width": 0.004}
+plt.quiver(column, row, np.cos(angle), np.sin(angle), angle, cmap="hsv", **across)
+plt.plot(column, row, "o", ms=2.5, color="white", mec="black", mew=0.4)
 plt.xlim(326, 377)
 plt.ylim(55, 21)
 plt.axis("off")

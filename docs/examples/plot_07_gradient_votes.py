@@ -23,6 +23,6 @@ across = cvkern.hough_line(**given, orientation=orientation, orientation_toleran
 
 figure, axes = plt.subplots(1, 2, figsize=(6, 4))
 for ax, found in zip(axes, (every, across)):
-    ax.imshow(np.sqrt(found.votes), cmap="inferno", aspect="auto", vmax=16)
+    ax.imshow(np.sqrt(found.votes), cmap="inferno", aspect="auto", vmax=12)
     ax.axis("off")
 plt.show()
