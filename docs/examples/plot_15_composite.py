@@ -18,8 +18,8 @@ z = np.linspace(-1, 1, samples, dtype=np.float32)
 place = np.stack(np.broadcast_arrays(x[..., None], y[..., None], z), axis=-1)
 balls = [((-0.45, 0, -0.2), (0.95, 0.45, 0.2)), ((0.4, 0.1, 0.3), (0.2, 0.5, 0.95))]
 each = [40 * np.maximum(0, 0.75 - np.linalg.norm(place - np.float32(c), axis=-1)) for c, _ in balls]
-density = sum(each)
-color = sum(d[..., None] * np.float32(rgb) for d, (_, rgb) in zip(each, balls))
+density = np.sum(each, axis=0)
+color = np.sum([d[..., None] * np.float32(rgb) for d, (_, rgb) in zip(each, balls)], axis=0)
 color /= np.maximum(density, 1e-6)[..., None]
 
 distances = np.stack((np.tile(z + 2, rows * columns), np.full(density.size, z[1] - z[0])), axis=1)
