@@ -11,7 +11,7 @@ import scipy.ndimage as ndi
 
 from cvkern.kernels.codes.edges import Edge, Norm, Thinning
 from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.codes.hough import TILE
+from cvkern.kernels.codes.hough import TILE, Cells
 from tests.edges import reference_edges as edges_reference
 from tests.filters import reference_gradients as gradients_reference
 from tests.filters import reference_linear as filters_reference
@@ -296,7 +296,7 @@ def test_the_sets_give_equal_bits(all_kernels):
         )
         for larger, shift in ((1, 0), (1, 2), (8, 1)):  # the last is more than one block holds
             sides = shape[0] * larger, shape[1] * larger
-            given = *shape_votes(*sides), 60, *sides, shift
+            given = *shape_votes(*sides), 60, Cells(*sides, shift)
             cells = [((n - 1) >> shift) + 1 for n in sides]
             tiles = [-(-n // TILE) for n in cells]
             yield kernels("hough.generalized.votes.accumulate", *given, out=[((3, 2, *cells), I32)])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cvkern.hough.circles.votes import _rings, direction_table
-from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim
+from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim, EllipseBounds
 from tests.hough.circles import reference_circles as reference
 from tests.primitives import F32, I32, U8, noise, waves
 
@@ -203,7 +203,7 @@ def test_the_sets_give_equal_bits(all_kernels):
             for dtype in (I32, F32):
                 yield call("hough.circles.votes.vote_directed", *given, out=[(shape, dtype)])
         for turn in (-1.0, 0.04, 0.5):
-            given = 100.0, 5000.0, 4.0, 900.0, 1.0, 32, turn
+            given = EllipseBounds(100.0, 5000.0, 4.0, 900.0, 1.0, turn), 32
             yield from call(
                 "hough.ellipses.votes.vote_pairs", lines, *given, out=[(pairs, I32), (pairs, I32)]
             )
