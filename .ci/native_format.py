@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def main(arguments: list[str]) -> int:
-    """Run clang-format over all native code; return its exit code."""
+    """Run clang-format on every file of native code; return its exit status."""
     if arguments not in ([], ["--fix"]):
         print(f"arguments must be none or --fix, got {arguments}", file=sys.stderr)
         return 1
