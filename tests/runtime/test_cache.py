@@ -50,7 +50,7 @@ def test_nowhere_to_write(kernel_set, by, tmp_path, right):
     """A folder below a file can no more be made than one on a disk for reading only."""
     file, variable = tmp_path / "file", _cache.VARIABLES[kernel_set]
     file.touch()
-    environment = {"TMPDIR": str(tmp_path), variable: str(file / "cache")}
+    environment: dict[str, str | None] = {"TMPDIR": str(tmp_path), variable: str(file / "cache")}
     if by == "home":
         environment.update({"HOME": str(file), "XDG_CACHE_HOME": None, variable: None})
     total, count, said = call(kernel_set, **environment)

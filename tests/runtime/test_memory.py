@@ -32,7 +32,7 @@ def _from_nothing():
 def test_scratch_is_given_back():
     image = noise(*SHAPE)
     want = cvkern.canny(image)
-    assert kept() >= image.nbytes  # or this would show nothing
+    assert kept() >= image.nbytes  # otherwise this would show nothing
     cvkern.release_memory()
     assert kept() == 0
     np.testing.assert_array_equal(cvkern.canny(image), want)
