@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._checks import MAX_ELEMENTS, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, refuse_capture, runtime
-from cvkern.edges.masks import find_edges
+from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.hough.generalized._poses import Scene, apart, strongest
 from cvkern.kernels.codes.hough import (
     DIRECTION_FACTOR,
@@ -161,11 +161,8 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
     dx: Any = None
     angles: Any = None
     if orientation is None:
-        sigma, low, high, use_quantiles = options
         mask = rt.scratch("shapes.mask", shape, bool)
-        dy, dx = find_edges(
-            rt, image, sigma, low, high, use_quantiles, "gaussian", "l2", "reflect", 0.0, mask
-        )
+        dy, dx = find_edges(rt, image, photograph_options(image, *options), mask)
     else:
         check_image(orientation, name="orientation")
         if tuple(orientation.shape) != shape:

@@ -42,7 +42,7 @@ def find_shape(
     threshold : float, default 0.25
         Least share of the boundary that is found in place.
     sigma, low_threshold, high_threshold, use_quantiles
-        As in :func:`cvkern.canny`, for both pictures.
+        As in :func:`r_table`, for both pictures.
     **options
         The others of :func:`generalized_hough`, but for `orientation`.
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from cvkern._checks import check_beside, check_image, check_number, check_positive, check_sides
 from cvkern._runtime import Runtime, runtime
-from cvkern.edges.subpixel import subpixel_edges
+from cvkern.edges.masks import photograph_options
+from cvkern.edges.quantiles import FAINT_SHARES
+from cvkern.edges.subpixel import locate_edges
 from cvkern.hough._points import mask_points
 from cvkern.hough.lines._support import (
     AIM,
@@ -191,8 +193,14 @@ def detect_lines(
     ----------
     image : array of shape (H, W)
         Any real dtype.
-    sigma, low_threshold, high_threshold, use_quantiles
-        Of the edges, as in :func:`canny`.
+    sigma : float, default 1.0
+        Standard deviation of the Gaussian under the edges, pixels.
+    low_threshold, high_threshold : float, optional
+        Of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the image's
+        gradients, and no less than 2 % of the longest; where one is given, the lower is half of
+        the higher.
+    use_quantiles : bool, default False
+        As in :func:`canny`.
     min_votes : float, optional
         The least number of edge points of a line; by default a tenth of the image's diagonal.
     distance : float, default 1.0
@@ -226,9 +234,11 @@ def detect_lines(
     size = check_sides(image.shape, "image")
     distance = check_positive(distance, "distance")
     least = 0.1 * math.hypot(*size) if min_votes is None else check_positive(min_votes, "min_votes")
+    options = photograph_options(
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+    )
     rt = runtime(image)
-    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
-    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     lines = [np.zeros((0, 3))]
     while True:
         theta, rho = vote(rt, points, directions, size, least)
@@ -268,8 +278,14 @@ def detect_segments(
     ----------
     image : array of shape (H, W)
         Any real dtype.
-    sigma, low_threshold, high_threshold, use_quantiles
-        Of the edges, as in :func:`canny`.
+    sigma : float, default 1.0
+        Standard deviation of the Gaussian under the edges, pixels.
+    low_threshold, high_threshold : float, optional
+        Of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the image's
+        gradients, and no less than 2 % of the longest; where one is given, the lower is half of
+        the higher.
+    use_quantiles : bool, default False
+        As in :func:`canny`.
     min_length : float, default 10.0
         Shorter segments are left out, pixels.
     max_gap : float, default 3.0
@@ -305,9 +321,11 @@ def detect_segments(
     min_length = check_positive(min_length, "min_length")
     max_gap = check_number(max_gap, "max_gap", low=0)
     distance = check_positive(distance, "distance")
+    options = photograph_options(
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+    )
     rt = runtime(image)
-    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
-    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     segments = [np.zeros((0, 4))]
     while True:
         theta, rho = vote(rt, points, directions, size, DENSITY * min_length)

@@ -147,7 +147,8 @@ _BETWEEN = """
         const float corner_ahead = opposite ? (downward ? sw : ne) : se;
         const float back = (downward ? n : w) * rest + corner_back * small;
         const float ahead = (downward ? s : e) * rest + corner_ahead * small;
-        const bool kept = (c * large > back) & (c * large >= ahead);
+        const float top = c * large;
+        const bool kept = ((top > back) | (framed & (top == back))) & (top >= ahead);
 """
 
 
@@ -182,6 +183,7 @@ def thin_between(
     norm: int,
     low: float,
     high: float,
+    framed: bool,
     states: wp.array2d[wp.uint8],
 ): ...
 
@@ -191,6 +193,17 @@ def clear(line: int, lines: wp.array2d[float]):
     """Outside the image there is no gradient."""
     for x in range(lines.shape[1]):
         lines[line, x] = 0.0
+
+
+@wp.func
+def clear_frame(y: int, states: wp.array2d[wp.uint8]):
+    """Leave no edge on the outermost rows and columns."""
+    last = states.shape[1] - 1
+    if y == 0 or y == states.shape[0] - 1:
+        for x in range(last + 1):
+            states[y, x] = wp.uint8(0)
+    states[y, 0] = wp.uint8(0)
+    states[y, last] = wp.uint8(0)
 
 
 @wp.kernel
@@ -248,24 +261,30 @@ def thin(
     dx: wp.array2d[float],  # (H, W)
     norm: int,
     rule: int,
-    low: float,
-    high: float,
+    limits: wp.array[float],  # (2,): what a weak and a strong pixel exceed
     # scratch
     measures: wp.array2d[float],  # (3 slabs, W + 2)
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
+    low = limits[0]
+    high = limits[1]
+    framed = rule == Thinning.FRAMED
     for y in range(first - 1, last + 1):
         line = 3 * slab + (y + 3) % 3
         if y < 0 or y >= dy.shape[0]:
             clear(line, measures)
         else:
-            measure_row(y, 0, dy, dx, norm, rule == Thinning.INTERPOLATED, line, measures)
+            measure_row(y, 0, dy, dx, norm, rule != Thinning.SECTORS, line, measures)
         if y > first:
             if rule == Thinning.SECTORS:
                 thin_in_sectors(slab, y - 1, y - 1, 0, dy, dx, measures, norm, low, high, states)
             else:
-                thin_between(slab, y - 1, y - 1, 0, dy, dx, measures, norm, low, high, states)
+                thin_between(
+                    slab, y - 1, y - 1, 0, dy, dx, measures, norm, low, high, framed, states
+                )
+                if framed:
+                    clear_frame(y - 1, states)
 
 
 @wp.func_native("""

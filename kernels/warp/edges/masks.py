@@ -35,14 +35,14 @@ def thin_sobel(
 
 
 def thin(
-    dy: wp.array, dx: wp.array, norm: int, rule: int, low: float, high: float, states: wp.array
+    dy: wp.array, dx: wp.array, norm: int, rule: int, limits: wp.array, states: wp.array
 ) -> None:
     """Suppression of all but maxima of a gradient, and both thresholds."""
     if dy.device.is_cuda:
         launch(
             cuda.thin,
             _strips(dy),
-            [dy, dx, _in_words(states), norm, rule, low, high],
+            [dy, dx, _in_words(states), norm, rule, limits],
             [states],
         )
         return
@@ -50,7 +50,7 @@ def thin(
         cpu.thin,
         dy.shape[0],
         slabs(dy.shape[0], dy.size),
-        [dy, dx, norm, rule, low, high, *_lines(dy, measures=3)],
+        [dy, dx, norm, rule, limits, *_lines(dy, measures=3)],
         [states],
     )
 
