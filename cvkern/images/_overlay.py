@@ -177,7 +177,7 @@ def check_numbers(array: ArrayLike, name: str) -> np.ndarray:
         raise ValueError(f"{name} must hold real numbers, got {array.dtype}")
     if array.size == 0:
         raise ValueError(f"{name} must not be empty, got shape {array.shape}")
-    return array
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def check_rows(rows: ArrayLike, columns: int, name: str) -> np.ndarray:

@@ -164,7 +164,7 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
         mask = rt.scratch("shapes.mask", shape, bool)
         dy, dx = find_edges(rt, image, photograph_options(image, *options), mask)
     else:
-        check_image(orientation, name="orientation")
+        orientation = check_image(orientation, name="orientation")
         if tuple(orientation.shape) != shape:
             raise ValueError(
                 f"orientation must have the shape of the {name}, {shape}, "
