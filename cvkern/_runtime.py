@@ -299,11 +299,6 @@ class Runtime(Folder):
         return self._set.record(call, self.device)
 
     @property
-    def captured(self) -> bool:
-        """Whether :func:`cvkern.capture` records or repeats this call."""
-        return _tape.buffers is not None
-
-    @property
     def matrix_dtype(self) -> np.dtype:
         """The precision of matrix products: half where there are tensor cores for it."""
         return np.dtype(self._set.MATRIX_DTYPES[self.device.partition(":")[0]])

@@ -11,6 +11,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_code, check_image, check_number
 from cvkern._runtime import Runtime, runtime
+from cvkern._tape import capturing
 from cvkern.edges.quantiles import SHARES, Thresholds, check_thresholds, find_limits, measures
 from cvkern.edges.slopes import OPERATORS, Surroundings, find_slopes
 from cvkern.filters.linear import NO_SIGMA
@@ -222,7 +223,7 @@ def _integral(limits: np.ndarray) -> list[float]:
 def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> None:
     """Say that thresholds lie above all gradients, where asking for that costs no waiting."""
     thresholds = options.thresholds
-    if rt.device != "cpu" or not isinstance(image, np.ndarray) or rt.captured:
+    if rt.device != "cpu" or not isinstance(image, np.ndarray) or capturing():
         return
     if thresholds.quantiles or thresholds.high <= 0 or rt.to_numpy(mask).any():
         return

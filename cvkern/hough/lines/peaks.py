@@ -106,10 +106,15 @@ def hough_line_peaks(
     min_angle = min(min_angle, len(theta) // 2 if wraps else len(theta) - 1)
     rt = runtime(hspace)
     whole = library(hspace).dtype(hspace).kind in "biu"
+    if isinstance(hspace, np.ndarray) and whole and not -(2**31) <= hspace.max() < 2**31:
+        raise ValueError(f"hspace must be votes that int32 holds, got {hspace.max()}")
     values = rt.adopt(hspace, np.int32 if whole else np.float32)
     host = rt.to_numpy(values)
     limit = 0.5 * float(host.max()) if threshold is None else check_number(threshold, "threshold")
-    limit = math.floor(limit) if whole else float(np.float32(limit))
+    if whole:  # no vote lies beyond int32
+        limit = math.floor(min(max(limit, -(2.0**31)), 2.0**31 - 1))
+    else:
+        limit = float(np.float32(limit))
     row, column = peak_bins(rt, values, limit, min_distance, min_angle, wraps)
     kept = len(row) if most == math.inf else int(most)
     bins = row[:kept], column[:kept]

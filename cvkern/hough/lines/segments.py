@@ -240,7 +240,7 @@ def detect_lines(
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     lines = [np.zeros((0, 3))]
-    while True:
+    for _ in range(len(points) + 1):  # a round takes a point at least, or is the last
         theta, rho = vote(rt, points, directions, size, least)
         number = np.zeros(0)
         for _ in range(FITS):
@@ -248,9 +248,11 @@ def detect_lines(
             number, theta, rho = fitted_lines(points, labels, len(theta), least)
         if not len(number):
             break
-        lines.append(np.stack([number, theta, rho], axis=1))
         # What is beside a line by less than two distances is of its edge, not another line.
         taken = claim(rt, points, directions, theta, rho, 2 * distance, AIM) < len(theta)
+        if not taken.any():  # the fit has left the points that it was made to
+            break
+        lines.append(np.stack([number, theta, rho], axis=1))
         points, directions = points[~taken], directions[~taken]
     votes, theta, rho = np.concatenate(lines).T
     order = np.argsort(-votes, kind="stable")
@@ -327,7 +329,7 @@ def detect_segments(
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     segments = [np.zeros((0, 4))]
-    while True:
+    for _ in range(len(points) + 1):  # a round takes the points of a segment, or is the last
         theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
         new, chosen = np.zeros((0, 4)), np.zeros(0, np.intp)
         for _ in range(FITS):

@@ -336,7 +336,8 @@ def _check_slopes(slopes: Any) -> np.ndarray:
 def _check_intercepts(intercepts: Any) -> np.ndarray:
     c = np.array(intercepts, np.float64)
     steps = np.diff(c) if c.ndim == 1 else np.zeros(0)
-    if not len(steps) or not steps[0] > 0 or not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
+    even = np.isfinite(steps).all() and len(steps) and steps[0] > 0
+    if not even or not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
         raise ValueError(
             f"intercepts must be two or more, evenly spaced and ascending, got {intercepts!r}"
         )

@@ -248,3 +248,12 @@ def _is_found(line, segments):
     ends = np.stack([((p - begin) * along).sum(axis=1) for p in (line[:2], line[2:])])
     overlap = np.minimum(ends.max(axis=0), length) - np.maximum(ends.min(axis=0), 0)
     return ((angle < 2) & (away < 2) & (overlap > 0)).any()
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.05, 1), (0.4, 8)])
+def test_a_fit_that_swings_between_two_lines_ends(backend, low, high):
+    """It leaves the points that it was made to, and takes none: the search must end all the same."""
+    image = np.random.default_rng(77).random((9, 7)) * 255
+    votes, theta, rho = cvkern.detect_lines(image, 2.0, low, high)
+    assert len(votes) == len(theta) == len(rho)
+    assert len(cvkern.detect_segments(image, 2.0, low, high)) < 63
