@@ -11,6 +11,8 @@ import cvkern
 from cvkern._runtime import KERNEL_SETS
 from tests.calls import CALLS, DTYPES, MODES, ROUNDED, blobs, fields, noise
 
+pytestmark = pytest.mark.filterwarnings("ignore:no edge was found")
+
 shapes = st.tuples(st.integers(1, 40), st.integers(1, 70))
 dtypes = st.sampled_from(DTYPES)
 modes = st.sampled_from(MODES)

@@ -302,12 +302,12 @@ def test_any_blobs_are_scikit_images(backend, shape, sigma, limits, mode, cval, 
 
 
 def test_of_two_equal_maxima_both_are_kept_as_by_scikit_image(backend):
+    """Without smoothing, as the roundings of float64 choose one or the other."""
     step = np.repeat([0.0, 1.0], 8)[None].repeat(9, 0)
     for image in (step, step[:, ::-1], step.T, step[:, ::-1].T):
-        for mode in ("nearest", "constant"):
-            got = cvkern.canny(image, 1.3, mode=mode)
-            np.testing.assert_array_equal(got, scikit_image(image, 1.3, mode=mode))
-            assert got.sum() == 2 * (9 - 2)  # none on the frame
+        got = cvkern.canny(image, 0)
+        np.testing.assert_array_equal(got, scikit_image(image, 0))
+        assert got.sum() == 2 * (9 - 2)  # none on the frame
 
 
 @pytest.mark.parametrize("operator", ["gaussian", "scharr"])

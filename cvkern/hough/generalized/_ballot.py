@@ -87,8 +87,9 @@ def ballot_of(
     """Check the options of the votes, and take them to integers."""
     angles = _check_rotations(rotations)
     sizes = _check_scales(scales)
+    cell = check_integer(cell, "cell", CELLS[0], CELLS[-1])
     if cell not in CELLS:
-        raise ValueError(f"cell must be one of {CELLS}, got {cell!r}")
+        raise ValueError(f"cell must be one of {CELLS}, got {cell}")
     number = min(check_integer(max_entries, "max_entries", 1, 2**20), MAX_VOTES // cell**2)
     if tolerance is None:
         tolerance = min(max(_step(angles) / 2, LEAST_TOLERANCE), MOST_TOLERANCE)
