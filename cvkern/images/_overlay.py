@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from cvkern._checks import check_number
 
-SAMPLES = 4  # a side: each pixel is judged at 16 places, each of them anti-aliased in itself
+SAMPLES = 4  # samples a side: each pixel is judged at 16 places, each anti-aliased in itself
 CHUNK = 1 << 16  # pixels judged at once: bounds the memory
 PLACES = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
 
@@ -31,7 +31,7 @@ def discs(points: np.ndarray) -> tuple[np.ndarray, Distance]:
 def segments(ends: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.ndarray, Distance]:
     """Return places along segments with round ends, one at most a pixel from the next."""
     start, along = ends[:, :2], ends[:, 2:] - ends[:, :2]
-    # Only what can show is walked along: the part of each segment inside the image's frame.
+    # Walk only along the part of each segment that lies inside the image's frame.
     enter, leave = np.zeros(len(ends)), np.ones(len(ends))
     margin = min(half, max(shape)) + 2.0  # wider ones are judged at every pixel
     for axis in (0, 1):

@@ -1,6 +1,7 @@
 """Call functions at random, in processes that may crash or hang, and report what should not be.
 
-``python -m tests.fuzz --calls N --seed S``; ``--first I`` goes on from there, ``--only I`` makes one.
+``python -m tests.fuzz --calls N --seed S``; ``--first I`` goes on from there, ``--only I`` makes
+one call.
 """
 
 from __future__ import annotations

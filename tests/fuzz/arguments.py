@@ -11,14 +11,61 @@ import numpy as np
 import cvkern
 
 MODES = ["reflect", "constant", "nearest", "mirror", "wrap"]
-DTYPES = ["bool", "int8", "uint8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
-          "float16", "float32", "float32", "float64"]  # fmt: skip
+DTYPES = [
+    "bool",
+    "int8",
+    "uint8",
+    "uint8",
+    "int16",
+    "uint16",
+    "int32",
+    "uint32",
+    "int64",
+    "uint64",
+    "float16",
+    "float32",
+    "float32",
+    "float64",
+]
 NONSENSE: list[Any] = [
-    None, "a", b"a", math.nan, math.inf, -math.inf, -1, 0, 1, 2**31, -(2**40), 10**400, 1e-320, 1e300,
-    -0.0, 3.5, True, 1 + 2j, np.complex128(2), np.uint8(2), np.int64(3), np.float32(0.5), [], [1],
-    (1, 2), [1, [2]], {}, np.zeros(0), np.zeros((0, 3)), np.array(2), np.ones((2, 2, 2, 2)), object(),
-    np.array(["x"]), memoryview(b"abc"), range(3), np.datetime64("2020-01-01"), "reflect",
-]  # fmt: skip
+    None,
+    "a",
+    b"a",
+    math.nan,
+    math.inf,
+    -math.inf,
+    -1,
+    0,
+    1,
+    2**31,
+    -(2**40),
+    10**400,
+    1e-320,
+    1e300,
+    -0.0,
+    3.5,
+    True,
+    1 + 2j,
+    np.complex128(2),
+    np.uint8(2),
+    np.int64(3),
+    np.float32(0.5),
+    [],
+    [1],
+    (1, 2),
+    [1, [2]],
+    {},
+    np.zeros(0),
+    np.zeros((0, 3)),
+    np.array(2),
+    np.ones((2, 2, 2, 2)),
+    object(),
+    np.array(["x"]),
+    memoryview(b"abc"),
+    range(3),
+    np.datetime64("2020-01-01"),
+    "reflect",
+]
 
 
 class Draw(NamedTuple):
@@ -62,8 +109,11 @@ def image(draw: Draw, shape: tuple[int, ...] | None = None) -> Any:
         values = np.round(3 * values) / 3
     array: Any
     if dtype.kind == "f":
-        array = (values * draw.pick([1, 1, 255, 1e-30, 1e30])).astype(dtype) if dtype.itemsize > 2 \
-            else values.astype(dtype)  # fmt: skip
+        array = (
+            (values * draw.pick([1, 1, 255, 1e-30, 1e30])).astype(dtype)
+            if dtype.itemsize > 2
+            else values.astype(dtype)
+        )
         if draw.odd(0.15) and array.size:
             array.reshape(-1)[rng.integers(array.size, size=3)] = draw.pick(
                 [np.nan, np.inf, -np.inf, -0.0]
@@ -116,8 +166,11 @@ def whole(low: int, high: int) -> Callable[[Draw], Any]:
 
     def make(draw: Draw) -> Any:
         value = int(draw.rng.integers(low, high + 1))
-        return draw.pick([np.int64, np.uint8, np.int32])(value) if draw.odd(0.1) and 0 <= value < 256 \
-            else value  # fmt: skip
+        return (
+            draw.pick([np.int64, np.uint8, np.int32])(value)
+            if draw.odd(0.1) and 0 <= value < 256
+            else value
+        )
 
     return make
 

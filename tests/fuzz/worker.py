@@ -17,10 +17,23 @@ from tests.fuzz.arguments import begin
 from tests.fuzz.calls import CALLS, draw_call
 
 ALLOWED = (ValueError, TypeError)
-INSIDE = ("object has no attribute", "not subscriptable", "unsupported operand", "array too small",
-          "ufunc", "broadcast", "cannot unpack", "must be real number", "invalid literal",
-          "truth value", "object is not iterable", "setting an array element",
-          "inhomogeneous", "could not convert", "argument must be")  # fmt: skip
+INSIDE = (
+    "object has no attribute",
+    "not subscriptable",
+    "unsupported operand",
+    "array too small",
+    "ufunc",
+    "broadcast",
+    "cannot unpack",
+    "must be real number",
+    "invalid literal",
+    "truth value",
+    "object is not iterable",
+    "setting an array element",
+    "inhomogeneous",
+    "could not convert",
+    "argument must be",
+)
 
 
 def answer(name: str, backend: str, arguments: dict[str, Any]) -> Any:

@@ -252,7 +252,7 @@ def _is_found(line, segments):
 
 @pytest.mark.parametrize(("low", "high"), [(0.05, 1), (0.4, 8)])
 def test_a_fit_that_swings_between_two_lines_ends(backend, low, high):
-    """It leaves the points that it was made to, and takes none: the search must end all the same."""
+    """It leaves the points that it was made to, and takes none: the search must end."""
     image = np.random.default_rng(77).random((9, 7)) * 255
     votes, theta, rho = cvkern.detect_lines(image, 2.0, low, high)
     assert len(votes) == len(theta) == len(rho)
