@@ -189,7 +189,10 @@ def blend(
 
 
 def check_numbers(array: ArrayLike, name: str) -> np.ndarray:
-    array = np.asarray(array)
+    try:
+        array = np.asarray(array)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be rectangular, got rows that differ") from None
     if array.dtype.kind not in "buif":
         raise ValueError(f"{name} must hold real numbers, got {array.dtype}")
     if array.size == 0:
@@ -217,9 +220,10 @@ def as_numbers(values: ArrayLike, name: str) -> np.ndarray:
 
 
 def check_positive(value: float, name: str) -> float:
-    if check_number(value, name, finite=False) <= 0 or not np.isfinite(value):
-        raise ValueError(f"{name} must be finite and > 0, got {value}")
-    return float(value)
+    number = check_number(value, name, finite=False)
+    if number <= 0 or not np.isfinite(number):
+        raise ValueError(f"{name} must be finite and > 0, got {number:g}")
+    return number
 
 
 def check_colors(colors: ArrayLike, count: int) -> np.ndarray:

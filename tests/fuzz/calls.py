@@ -203,7 +203,7 @@ CALLS: dict[str, Call] = {
     ),
     "hough_ellipse": Call(
         cvkern.hough_ellipse,
-        MASK,
+        {"mask": lambda draw: draw.rng.random(draw.shape) < 0.02},
         {
             "threshold": whole(0, 20),
             "accuracy": number(0.5, 5),

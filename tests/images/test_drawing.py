@@ -85,7 +85,7 @@ def test_colormap_range():
         ({"values": np.ones((0, 3))}, "empty"),
         ({"values": np.ones((2, 3)), "name": "jet"}, "name must be one of"),
         ({"values": np.ones((2, 3)), "vmin": 2, "vmax": 1}, "vmin must"),
-        ({"values": np.ones((2, 3)), "vmax": np.inf}, "vmin must"),
+        ({"values": np.ones((2, 3)), "vmax": np.inf}, "vmax must"),
         ({"values": np.ones((2, 3)), "nan": (1, 2)}, "nan must"),
     ],
 )

@@ -8,7 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_image, check_number, check_positive, check_sides
+from cvkern._checks import (
+    as_numbers,
+    check_choice,
+    check_image,
+    check_number,
+    check_positive,
+    check_sides,
+)
 from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.hough.circles.peaks import local_maxima
@@ -151,7 +158,7 @@ def detect_circles(
 
 def check_range(value: Any, side: int, name: str) -> tuple[float, float]:
     """Return the least and the largest radius of what is looked for in an image."""
-    given = tuple(np.asarray(value).reshape(-1).tolist())
+    given = tuple(as_numbers(value, name, object).reshape(-1).tolist())
     if len(given) != 2:
         raise ValueError(f"{name} must be two numbers, got {value!r}")
     low, high = (check_number(r, name, low=3) for r in given)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._checks import check_image
 from cvkern.hough.generalized.tables import SIGMA, r_table
 from cvkern.hough.generalized.votes import Shapes, generalized_hough
 
@@ -68,6 +69,7 @@ def find_shape(
     """
     if "orientation" in options:
         raise TypeError("find_shape takes pictures, got orientation: use generalized_hough")
+    scene = check_image(scene, name="scene")
     edges = {
         "sigma": sigma,
         "low_threshold": low_threshold,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number
+from cvkern._checks import as_numbers, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 
 _DISTANCE, _ANGLE = 9, 10  # of peaks from each other, as scikit-image has it
@@ -95,7 +95,7 @@ def hough_line_peaks(
     ([60, 40], [-1.57, 0.0], [-10.0, 25.0])
     """
     hspace = check_image(hspace, name="hspace")
-    theta, rho = np.asarray(angles, np.float64), np.asarray(dists, np.float64)
+    theta, rho = as_numbers(angles, "angles"), as_numbers(dists, "dists")
     for axis, name, values in ((1, "angles", theta), (0, "dists", rho)):
         if values.shape != (hspace.shape[axis],):
             raise ValueError(f"{name} must have shape ({hspace.shape[axis]},), got {values.shape}")

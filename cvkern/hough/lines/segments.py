@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_beside, check_image, check_number, check_positive, check_sides
+from cvkern._checks import (
+    as_numbers,
+    check_beside,
+    check_image,
+    check_number,
+    check_positive,
+    check_sides,
+)
 from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import photograph_options
 from cvkern.edges.quantiles import FAINT_SHARES
@@ -354,7 +361,7 @@ def _on_host(rt: Runtime, array: Any, dtype: Any) -> np.ndarray:
 
 
 def _check_lines(theta: Any, rho: Any) -> tuple[np.ndarray, np.ndarray]:
-    lines = [np.asarray(a, np.float64) for a in (theta, rho)]
+    lines = [as_numbers(theta, "theta"), as_numbers(rho, "rho")]
     if lines[0].ndim != 1 or lines[0].shape != lines[1].shape:
         raise ValueError(
             f"theta and rho must be lists of one length, got shapes {lines[0].shape} and "
