@@ -6,7 +6,7 @@
 // views of vectors that start at each float.
 void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int dx_row, int margin,
               wp::array_t<Wide> lines, int first, int norm, float low, float high,
-              wp::array_t<wp::uint8> states) {
+              bool framed, wp::array_t<wp::uint8> states) {
 #pragma clang fp contract(off)
     const int columns = states.shape[1];
     const auto row_of = [](const auto& wide, int row) {
@@ -45,7 +45,8 @@ void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int
                 const float corner_ahead = opposite ? (downward ? sw : ne) : se;
                 const float back = (downward ? n : w) * rest + corner_back * small;
                 const float ahead = (downward ? s : e) * rest + corner_ahead * small;
-                kept = (c * large > back) & (c * large >= ahead);
+                const float top = c * large;
+                kept = ((top > back) | (framed & (top == back))) & (top >= ahead);
             } else {
                 const float steep = ay * (float)SECTOR_ONE;
                 const bool across = steep < ax * (float)SECTOR_LOW;
