@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def main(arguments: list[str]) -> int:
-    """Run clang-format on every file of native code; return its exit status."""
+    """Run clang-format, and return its exit code."""
     if arguments not in ([], ["--fix"]):
         print(f"arguments must be none or --fix, got {arguments}", file=sys.stderr)
         return 1

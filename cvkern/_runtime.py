@@ -63,7 +63,7 @@ class use:
     """
 
     def __init__(self, backend: str | None = None, device: str | None = None):
-        old_backend, old_device = _choice()
+        old_backend, old_device = _chosen.get() or _environment()
         self._token = _chosen.set(
             _checked(
                 old_backend if backend is None else backend,
@@ -84,8 +84,12 @@ def _choice() -> tuple[str, str]:
 
 @lru_cache
 def _default() -> tuple[str, str]:
-    backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
-    return _checked(backend or "warp", device or "cpu")
+    return _checked(*_environment())
+
+
+@lru_cache
+def _environment() -> tuple[str, str]:
+    return os.environ.get("CVKERN_BACKEND") or "warp", os.environ.get("CVKERN_DEVICE") or "cpu"
 
 
 def _checked(backend: str, device: str) -> tuple[str, str]:
@@ -153,7 +157,7 @@ def devices(backend: str | None = None) -> tuple[str, ...]:
     >>> cvkern.devices()[0]
     'cpu'
     """
-    backend = _choice()[0] if backend is None else backend
+    backend = (_chosen.get() or _environment())[0] if backend is None else backend
     return _kernel_set(_checked(backend, "cpu")[0]).devices()
 
 
@@ -166,11 +170,17 @@ def release_memory() -> None:
     results came in. Other threads give theirs on GPUs back with the next call that needs it.
     Calls that are at work elsewhere are not disturbed; what :func:`capture` holds stays.
 
+    Raises
+    ------
+    ValueError
+        Within a call that :func:`capture` records.
+
     Examples
     --------
     >>> import cvkern
     >>> cvkern.release_memory()
     """
+    refuse_capture("release_memory")
     for name in KERNEL_SETS:
         loaded = sys.modules.get(f"cvkern.kernels.{name}")
         if loaded is not None:

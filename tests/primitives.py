@@ -14,6 +14,7 @@ class Primitives:
 
     def __init__(self, name, device):
         self.name, self.device = name, device
+        pytest.importorskip(name)
         self._package = importlib.import_module(f"cvkern.kernels.{name}")
         try:
             self.start()

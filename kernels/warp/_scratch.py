@@ -17,7 +17,7 @@ from ._streams import current_stream
 
 PAGE = 4096  # bytes below which the overhead of a copy to the host dominates its time
 MOST_MB = 1024  # MiB on the host that all threads keep together, unless CVKERN_SCRATCH_MB says
-_MAX_VIEWS = 16  # of an array
+_MAX_VIEWS = 16  # views that an array keeps
 
 _Key = tuple[str, str, int]  # name, device and stream
 
