@@ -5,11 +5,15 @@ class Folder:
         from cvkern.kernels.warp.clouds import turntables as turntables
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
+        from cvkern.kernels.warp.edges import quantiles as quantiles
+        from cvkern.kernels.warp.edges import slopes as slopes
         from cvkern.kernels.warp.edges import subpixel as subpixel
     class filters:
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
+    class geometry:
+        from cvkern.kernels.warp.geometry import robust as robust
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:
