@@ -12,7 +12,7 @@ from cvkern.radiance import VoxelField, fit, make_scene, orbit_cameras, render
 
 scene = make_scene(train=30, test=2)
 field = VoxelField(resolutions=(32, 64), shares=(0.3,))
-model = fit(scene, field, seconds=12, progress=False)
+model = fit(scene, field, steps=600, progress=False)
 picture = render(model, orbit_cameras(scene.cameras, 12, factor=3.0), view=4)
 
 plt.figure(figsize=(6, 4))
