@@ -93,3 +93,23 @@ def test_names_exist():
             for part in path.split(".")[1:]:
                 found = getattr(found, part, None)
             assert found is not None, f"{file.name}: cvkern{path}"
+
+
+EXAMPLES = sorted((DOCS / "examples").glob("plot_*.py"))
+
+
+def test_there_are_examples():
+    assert len(EXAMPLES) >= 12
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
+def test_an_example_is_short_and_explains_itself(file):
+    text = file.read_text(encoding="utf-8")
+    assert 15 <= len(text.splitlines()) <= 40
+    _, about, code = text.split('"""', 2)
+    title, rule, *sentences = about.strip().splitlines()
+    assert len(rule) == len(title)
+    assert set(rule) == {"="}
+    assert " ".join(sentences).strip().endswith(".")
+    assert "cvkern" in code
+    assert "plt.show()" in code
