@@ -27,21 +27,39 @@ class Primitives:
         """Call "FAMILY.MODULE.NAME" with inputs, then with outputs.
 
         An output is the (shape, dtype) of an array of nothing useful, or an array to begin with.
+        Named tuples of inputs and of outputs are handed over as such.
         """
         module, _, name = primitive.rpartition(".")
         function = getattr(importlib.import_module(f"{self._package.__name__}.{module}"), name)
         self.start()
-        inputs = [self._adopt(a) if isinstance(a, np.ndarray) else a for a in arguments]
-        results = [o.copy() if isinstance(o, np.ndarray) else np.full(o[0], 77, o[1]) for o in out]
-        carried = [self._adopt(r) for r in results]
-        function(*inputs, *carried)
+        results = []
+
+        def begin(output):
+            if isinstance(output, np.ndarray):
+                results.append(output.copy())
+            else:
+                results.append(np.full(output[0], 77, output[1]))
+            carried.append(self._adopt(results[-1]))
+            return carried[-1]
+
+        carried: list = []
+        outputs = [within(begin, output) for output in out]
+        function(*(within(self._given, a) for a in arguments), *outputs)
         if self.device != "cpu":
             results = [self._package.to_numpy(c) for c in carried]
         return results if len(results) > 1 else results[0]
 
+    def _given(self, value):
+        return self._adopt(value) if isinstance(value, np.ndarray) else value
+
     def _adopt(self, array):
         array = np.ascontiguousarray(array)
         return self._package.adopt(array, array.dtype, array.shape, self.device)
+
+
+def within(change, value):
+    """Change a value, or each field of a named tuple."""
+    return type(value)(*map(change, value)) if hasattr(value, "_fields") else change(value)
 
 
 def noise(*shape, seed=0):

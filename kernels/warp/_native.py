@@ -12,8 +12,9 @@ The module declares one by a signature with the same parameters, in the same ord
     def blur_row(row: int, image: wp.array2d[float], out: wp.array2d[float]): ...
 
 The constants become ``#define`` lines before the body. A line ``#include "NAME"`` at the top of a
-file stands for the text of another file beside it, which every function of the file then has: a
-rule that several share is a ``struct`` there, with static functions.
+file stands for the text of another file, whose place is relative to this one, and every function of
+the file then has it: a rule that several share is a ``struct`` there, with static functions. Such a
+file names the constants that it needs in the same way, in ``// needs`` lines of its own.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from typing import Any
 import warp as wp
 
 _INCLUDE = re.compile(r'^#include "([\w./]+)"$', re.MULTILINE)
-_NEEDS = r"(?:^// needs ([\w, ]+)\n(?://[^\n]*\n)*)?"
+_NEEDS = re.compile(r"^// needs ([\w, ]+)$", re.MULTILINE)
+_COMMENTS = r"((?:^//[^\n]*\n)*)"
 
 
 def func_native(file: str, **constants: Any) -> Callable[[Any], wp.Function]:
@@ -46,7 +48,11 @@ def func_native(file: str, **constants: Any) -> Callable[[Any], wp.Function]:
 
 
 def kernel(
-    file: str, options: dict[str, Any] | None = None, **constants: Any
+    file: str,
+    options: dict[str, Any] | None = None,
+    *,
+    launch_bounds: tuple[int, int] | None = None,
+    **constants: Any,
 ) -> Callable[[Any], wp.Kernel]:
     """Return a decorator that makes a kernel of the C++ function, in a Warp module of its own.
 
@@ -66,7 +72,9 @@ def kernel(
         function = space[stub.__name__]
         function.__annotations__ = types
         function.__doc__ = stub.__doc__
-        return wp.kernel(function, module="unique", module_options=options or {})
+        return wp.kernel(
+            function, module="unique", module_options=options or {}, launch_bounds=launch_bounds
+        )
 
     return make
 
@@ -75,6 +83,8 @@ def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
     """Return what Warp puts between the braces of `stub`; raise where the two do not agree."""
     name, path = stub.__name__, Path(inspect.getfile(stub)).with_name(file)
     needs, parameters, body = _function(path, name)
+    shared_needs, shared = _shared(path)
+    needs = needs | shared_needs
     if needs != set(constants):
         raise ImportError(f"{file}: {name} needs {sorted(needs)}, got {sorted(constants)}")
     declared = [p for p in inspect.get_annotations(stub) if p != "return"]
@@ -82,14 +92,14 @@ def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
         raise ImportError(f"{file}: {name} takes {list(parameters)}, got {declared}")
     defines = "".join(f"#define {key} {value}\n" for key, value in constants.items())
     undefines = "".join(f"#undef {key}\n" for key in constants)
-    return f"\n{defines}{_shared(path)}{body}\n{undefines}"
+    return f"\n{defines}{shared}{{{body}}}\n{undefines}"  # a block may begin with a pragma
 
 
 @lru_cache
 def _function(path: Path, name: str) -> tuple[set[str], tuple[str, ...], str]:
     """Return the constants that a function of a file needs, its parameters and its body."""
     text = path.read_text(encoding="utf-8")
-    head = re.search(rf"{_NEEDS}^[\w:<> ]+\b{name}\(([^)]*)\)\s*\{{", text, re.MULTILINE)
+    head = re.search(rf"{_COMMENTS}^[\w:<> ]+\b{name}\(([^)]*)\)\s*\{{", text, re.MULTILINE)
     if head is None:
         raise ImportError(f"{path.name} must have a function {name}")
     depth, end = 1, head.end()
@@ -98,18 +108,25 @@ def _function(path: Path, name: str) -> tuple[set[str], tuple[str, ...], str]:
             raise ImportError(f"{path.name}: {name} must end with a brace")
         depth += {"{": 1, "}": -1}.get(text[end], 0)
         end += 1
-    needs = set(re.findall(r"\w+", head[1] or ""))
+    needs = _named(head[1])
     parameters = re.findall(r"(\w+)\s*(?:,|$)", re.sub(r"<[^>]*>", "", head[2]).strip())
     return needs, tuple(parameters), text[head.end() : end - 1]
 
 
 @lru_cache
-def _shared(path: Path) -> str:
-    """Return the text of the files that a file includes."""
-    included = _INCLUDE.findall(path.read_text(encoding="utf-8"))
+def _shared(path: Path) -> tuple[set[str], str]:
+    """Return the constants that the files need which a file includes, and their text."""
+    needs: set[str] = set()
     shared = ""
-    for other in included:
-        place = path.with_name(other)
+    for other in _INCLUDE.findall(path.read_text(encoding="utf-8")):
+        place = path.parent / other
         text = place.read_text(encoding="utf-8")
-        shared += _shared(place) + _INCLUDE.sub("", text).replace("#pragma once\n", "")
-    return shared
+        inner_needs, inner = _shared(place)
+        needs |= inner_needs | _named(text)
+        shared += inner + _INCLUDE.sub("", text).replace("#pragma once\n", "")
+    return needs, shared
+
+
+def _named(text: str) -> set[str]:
+    """Return the constants that ``// needs`` lines name."""
+    return set(re.findall(r"\w+", " ".join(_NEEDS.findall(text))))
