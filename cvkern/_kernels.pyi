@@ -10,6 +10,8 @@ class Folder:
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
+    class geometry:
+        from cvkern.kernels.warp.geometry import robust as robust
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:
@@ -60,3 +62,7 @@ class Folder:
         class paths:
             from cvkern.kernels.warp.stereo.paths import aggregation as aggregation
             from cvkern.kernels.warp.stereo.paths import matching as matching
+    class structured_light:
+        from cvkern.kernels.warp.structured_light import gray_code as gray_code
+        from cvkern.kernels.warp.structured_light import laser as laser
+        from cvkern.kernels.warp.structured_light import phase as phase
