@@ -61,6 +61,8 @@ def _plain_figures(_gallery: dict[str, Any], _file: str) -> None:
             "savefig.bbox": "tight",
             "savefig.pad_inches": 0.03,
             "figure.constrained_layout.use": True,
+            "figure.constrained_layout.w_pad": 0.02,
+            "figure.constrained_layout.h_pad": 0.02,
             "axes.titlesize": 10,
             "axes.spines.top": False,
             "axes.spines.right": False,

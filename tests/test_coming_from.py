@@ -15,7 +15,7 @@ NEEDS = {"skimage": "skimage", "opencv": "cv2", "pytorch": "torch"}
 TEXTS = {name: (FOLDER / f"{name}.md").read_text(encoding="utf-8") for name in NEEDS}
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINES = [(name, *row) for name, text in TEXTS.items() for row in rows(text)]
-# A weighted sum of float32 whose terms are at most the peak of the result, within some 50 roundings.
+# Sums of float32 whose terms are at most the peak of the result, within some 50 roundings.
 ROUNDING = 50 * 2.0**-24
 
 

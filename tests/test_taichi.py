@@ -223,4 +223,5 @@ def test_kernels_take_the_memory_of_device_arrays():
     mask = wp.zeros(3, dtype=wp.bool, device="cpu")
     seen = _cuda.view(mask.ptr, mask, np.dtype(np.bool_), (3,), "cpu")
     assert seen.dtype is wp.uint8
+    assert seen.ptr is not None
     assert _cuda.view(seen.ptr, seen, np.dtype(np.uint8), (3,), "cpu") is seen

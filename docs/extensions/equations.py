@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
-from docutils.utils.math import latex2mathml
+from docutils.utils.math import MathError, latex2mathml
+from sphinx.util import logging
+
+logger = logging.getLogger(__name__)
+# Browsers size brackets by what is between them.
+SIZES = re.compile(r"\\[bB]igg?[lrm]?(?![a-zA-Z])")
 
 
 def _mathml(node: nodes.Element, display: bool) -> str:
-    return str(latex2mathml.tex2mathml(node.astext(), as_block=display))
+    text = SIZES.sub("", node.astext())
+    try:
+        return str(latex2mathml.tex2mathml(text, as_block=display))
+    except (MathError, SyntaxError) as error:
+        logger.warning("an equation is not understood: %s in %r", error, text, location=node)
+        return f"<code>{nodes.Text(text)}</code>"
 
 
 def _inline(self: Any, node: nodes.Element) -> None:

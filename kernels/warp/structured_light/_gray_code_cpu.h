@@ -44,7 +44,6 @@ void accept_row(int row, wp::array_t<TYPE> white, wp::array_t<TYPE> black, float
     if (white.shape[0] == valid.shape[0] && white.shape[1] == width) {
         const TYPE *bright = white.data + first, *dark = black.data + first;
 #pragma clang loop vectorize(assume_safety)
-        for (int x = 0; x < width; ++x)
-            to[x] &= (float)bright[x] - (float)dark[x] > contrast;
+        for (int x = 0; x < width; ++x) to[x] &= (float)bright[x] - (float)dark[x] > contrast;
     }
 }

@@ -39,8 +39,13 @@ void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float>
                 const float a = high > 0.0f ? low / (high > 0.0f ? high : 1.0f) : 0.0f;
                 const float b = a * a;
                 float r = A7;
-                r = r * b + A6; r = r * b + A5; r = r * b + A4; r = r * b + A3;
-                r = r * b + A2; r = r * b + A1; r = r * b + A0;
+                r = r * b + A6;
+                r = r * b + A5;
+                r = r * b + A4;
+                r = r * b + A3;
+                r = r * b + A2;
+                r = r * b + A1;
+                r = r * b + A0;
                 r = r * a;
                 r = ay > ax ? HALF_PI - r : r;
                 r = c[i] < 0.0f ? PI - r : r;
