@@ -24,7 +24,10 @@ _NAMES = {
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
         "sobel",
     ),
-    "geometry": ("fit_affine", "fit_homography", "fit_similarity"),
+    "geometry": (
+        "RobustFit", "RobustFits", "find_affine", "find_homographies", "find_homography",
+        "find_similarity", "fit_affine", "fit_homography", "fit_similarity",
+    ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
         "HoughLineSlope", "LineBins", "LineFit", "RTable", "Shapes", "detect_circles",

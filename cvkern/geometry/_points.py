@@ -36,9 +36,9 @@ def check_pairs(points0: Any, points1: Any, columns: int = 2) -> tuple[Any, Any]
 
 
 def on_host(rt: Runtime, array: Any) -> np.ndarray:
-    """Return an array of any library as float64 of the host, in C order."""
+    """Return an array of any library as float64 of the host."""
     if rt.device == "cpu" or not len(array):
-        return np.ascontiguousarray(np.asarray(array), np.float64)
+        return np.asarray(array, np.float64)
     dtype = _arrays.library(array).dtype(array)
     wide = np.float64 if dtype == np.float64 else np.float32
     return rt.to_numpy(rt.adopt(array, wide)).astype(np.float64)

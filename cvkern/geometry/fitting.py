@@ -52,10 +52,10 @@ def fit_homography(points0: Any, points1: Any, weights: Any = None) -> np.ndarra
     --------
     >>> import cvkern
     >>> square = [[0, 0], [0, 2], [2, 2], [2, 0]]
-    >>> cvkern.fit_homography(square, [[1, 5], [1, 7], [3, 7], [3, 5]]).round(6)
-    array([[ 1., -0.,  5.],
-           [ 0.,  1.,  1.],
-           [ 0., -0.,  1.]])
+    >>> cvkern.fit_homography(square, [[1, 5], [1, 7], [3, 7], [3, 5]]).round(6) + 0
+    array([[1., 0., 5.],
+           [0., 1., 1.],
+           [0., 0., 1.]])
     """
     a, b, w = finite_pairs(points0, points1, weights)
     _check_count(len(a), 4, "a homography")
@@ -111,7 +111,7 @@ def fit_affine(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
     Examples
     --------
     >>> import cvkern
-    >>> cvkern.fit_affine([[0, 0], [0, 1], [1, 0]], [[4, 3], [4, 5], [5, 3]]).round(6)
+    >>> cvkern.fit_affine([[0, 0], [0, 1], [1, 0]], [[4, 3], [4, 5], [5, 3]]).round(6) + 0
     array([[2., 0., 3.],
            [0., 1., 4.],
            [0., 0., 1.]])
@@ -161,7 +161,7 @@ def fit_similarity(points0: Any, points1: Any, weights: Any = None) -> np.ndarra
     Examples
     --------
     >>> import cvkern
-    >>> cvkern.fit_similarity([[0, 0], [0, 1]], [[2, 3], [3, 3]]).round(6)
+    >>> cvkern.fit_similarity([[0, 0], [0, 1]], [[2, 3], [3, 3]]).round(6) + 0
     array([[ 0., -1.,  3.],
            [ 1.,  0.,  2.],
            [ 0.,  0.,  1.]])
