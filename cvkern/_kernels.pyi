@@ -62,3 +62,7 @@ class Folder:
         class paths:
             from cvkern.kernels.warp.stereo.paths import aggregation as aggregation
             from cvkern.kernels.warp.stereo.paths import matching as matching
+    class structured_light:
+        from cvkern.kernels.warp.structured_light import gray_code as gray_code
+        from cvkern.kernels.warp.structured_light import laser as laser
+        from cvkern.kernels.warp.structured_light import phase as phase

@@ -88,7 +88,7 @@ def _singular_pencil(a: np.ndarray, b: np.ndarray) -> list[tuple[float, float]]:
     turns = np.pi * np.arange(4) / 4
     values = [np.linalg.det((np.cos(t) * a + np.sin(t) * b).reshape(3, 3)) for t in turns]
     powers = [[np.cos(t) ** (3 - k) * np.sin(t) ** k for k in range(4)] for t in turns]
-    cubic = np.linalg.solve(powers, values)  # of x^3, x^2 y, x y^2, y^3
+    cubic = np.linalg.solve(powers, values)  # coefficients of x^3, x^2 y, x y^2, y^3
     found = []
     for root in np.roots(cubic):
         if abs(root.imag) <= 1e-9 * (1 + abs(root)):

@@ -295,7 +295,7 @@ def _significant(
     and all trials [L. Moisan and B. Stival, IJCV 57(3), 2004]; or all matches are inliers.
     """
 
-    def log(x: np.ndarray) -> np.ndarray:  # of the factorial of x - 1
+    def log(x: np.ndarray) -> np.ndarray:  # the logarithm of (x - 1)!
         return np.array([math.lgamma(value) for value in x])
 
     n, k = count.astype(np.float64), support.astype(np.float64)

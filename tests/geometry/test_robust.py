@@ -9,7 +9,7 @@ from tests.geometry import reference_robust as reference
 
 KINDS = {"similarity": 0, "affine": 1, "homography": 2}
 F32, F64, I32, U8 = np.float32, np.float64, np.int32, np.uint8
-PLANES = np.zeros((1, 9))  # of models that start from none
+PLANES = np.zeros((1, 9))  # for models that start from no plane
 MAPS = (
     np.array([[0.8, -0.3, 0.1], [0.3, 0.8, -0.05], [0, 0, 1]]),
     np.array([[0.8, -0.2, 0.1], [0.35, 0.7, -0.05], [0, 0, 1]]),

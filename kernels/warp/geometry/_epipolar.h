@@ -28,8 +28,7 @@ struct Epipolar {
             for (int i = 0; i < r; ++i) {
                 if (i == k) continue;
                 const double factor = m[9 * i + k] / m[9 * k + k];
-                for (int j = k + 1; j < 9; ++j)
-                    m[9 * i + j] = m[9 * i + j] - factor * m[9 * k + j];
+                for (int j = k + 1; j < 9; ++j) m[9 * i + j] = m[9 * i + j] - factor * m[9 * k + j];
             }
         }
         for (int n = r; n < 9; ++n) {
@@ -91,8 +90,7 @@ struct Epipolar {
             for (int k = 0; k <= from; ++k) rest[k] = above[k];
             for (int d = from; d >= to; --d) {
                 const double factor = rest[d] / by[to];
-                for (int k = 0; k <= to; ++k)
-                    rest[d - to + k] = rest[d - to + k] - factor * by[k];
+                for (int k = 0; k <= to; ++k) rest[d - to + k] = rest[d - to + k] - factor * by[k];
             }
             for (int k = 0; k < to; ++k) rest[k] = -rest[k];
             degrees[length] = scale(rest, to - 1);
@@ -105,8 +103,10 @@ struct Epipolar {
             double low = -1.0, high = 1.0;
             for (int step = 0; step < 48; ++step) {
                 const double middle = (low + high) * 0.5;
-                if (before - changes(chain, degrees, length, middle) > n) high = middle;
-                else low = middle;
+                if (before - changes(chain, degrees, length, middle) > n)
+                    high = middle;
+                else
+                    low = middle;
             }
             found[n] = (low + high) * 0.5;
         }
@@ -114,14 +114,12 @@ struct Epipolar {
     }
 
     // Matrices of seven matches, at most three: det(A + t B) = 0, or det(t A + B) = 0.
-    static int seven(
-        const double* x, const double* y, const double* u, const double* v, double* models
-    ) {
+    static int seven(const double* x, const double* y, const double* u, const double* v,
+                     double* models) {
         double m[63], null[18], c[9], p[4], found[4];
         for (int i = 0; i < 7; ++i) {
-            const double row[9] = {
-                u[i] * x[i], u[i] * y[i], u[i], v[i] * x[i], v[i] * y[i], v[i], x[i], y[i], 1.0
-            };
+            const double row[9] = {u[i] * x[i], u[i] * y[i], u[i], v[i] * x[i], v[i] * y[i],
+                                   v[i],        x[i],        y[i], 1.0};
             for (int j = 0; j < 9; ++j) m[9 * i + j] = row[j];
         }
         if (!null_space(m, 7, null)) return 0;
@@ -146,10 +144,8 @@ struct Epipolar {
 
     // The matrix of a plane's homography and two matches off the plane: lines from where the
     // plane would be to where the points are meet in the epipole e; F = [e] H.
-    static int parallax(
-        const double* x, const double* y, const double* u, const double* v, const double* h,
-        double* models
-    ) {
+    static int parallax(const double* x, const double* y, const double* u, const double* v,
+                        const double* h, double* models) {
         double line[6], e[3];
         for (int i = 0; i < 2; ++i) {
             double q[3];
@@ -186,10 +182,8 @@ struct Epipolar {
 
     // What one match gives: the derivatives t of its equation, to be weighed by the square w, and
     // its value n; false where it is beyond the limit.
-    static bool derive(
-        const double* h, double x, double y, double u, double v, double limit, double* t,
-        double& n, double& w
-    ) {
+    static bool derive(const double* h, double x, double y, double u, double v, double limit,
+                       double* t, double& n, double& w) {
         const double a = (h[0] * x + h[1] * y) + h[2], b = (h[3] * x + h[4] * y) + h[5];
         const double c = (h[6] * x + h[7] * y) + h[8];
         const double d = (h[0] * u + h[3] * v) + h[6], e = (h[1] * u + h[4] * v) + h[7];

@@ -6,24 +6,22 @@ struct Lanes {
     enum { COUNT = 32, SUMS = 54, ONE = 4096 };
 
     // The cost of a model over matches in fixed point, and the number of its inliers.
-    static int cost(
-        int kind, const float* f, const float* x, size_t pitch, int count, float square,
-        int& support
-    ) {
+    static int cost(int kind, const float* f, const float* x, size_t pitch, int count, float square,
+                    int& support) {
         const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
         const float scale = ONE / square;
         float h[9];
         for (int i = 0; i < 9; ++i) h[i] = f[i];
         int cost = 0, inside = 0;
         if (kind < Robust::FUNDAMENTAL) {
-            #pragma clang loop vectorize(assume_safety)
+#pragma clang loop vectorize(assume_safety)
             for (int i = 0; i < count; ++i) {
                 const float r = Robust::transfer(h, x[i], y[i], u[i], v[i]);
                 cost += r < square ? (int)(r * scale + 0.5f) : ONE;
                 inside += r < square;
             }
         } else {
-            #pragma clang loop vectorize(assume_safety)
+#pragma clang loop vectorize(assume_safety)
             for (int i = 0; i < count; ++i) {
                 const float r = Epipolar::sampson(h, x[i], y[i], u[i], v[i]);
                 cost += r < square ? (int)(r * scale + 0.5f) : ONE;
@@ -35,13 +33,12 @@ struct Lanes {
     }
 
     // Add `COUNT` matches, those below `left` that are within the limit, to the sums of the lanes.
-    static void add(
-        const double* h, const float* x, size_t pitch, int left, double limit, double* sums
-    ) {
+    static void add(const double* h, const float* x, size_t pitch, int left, double limit,
+                    double* sums) {
         const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
         double a[COUNT], b[COUNT], c[COUNT], p[COUNT], q[COUNT], ex[COUNT], ey[COUNT];
         double square[COUNT], along[COUNT], product[COUNT];
-        #pragma clang loop vectorize(assume_safety)
+#pragma clang loop vectorize(assume_safety)
         for (int l = 0; l < COUNT; ++l) {
             const double inverse = 1.0 / ((h[6] * x[l] + h[7] * y[l]) + h[8]);
             const double px = ((h[0] * x[l] + h[1] * y[l]) + h[2]) * inverse;
@@ -75,12 +72,11 @@ struct Lanes {
     }
 
     // The same for matches of an epipolar geometry.
-    static void add_epipolar(
-        const double* h, const float* x, size_t pitch, int left, double limit, double* sums
-    ) {
+    static void add_epipolar(const double* h, const float* x, size_t pitch, int left, double limit,
+                             double* sums) {
         const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
         double t[9][COUNT], value[COUNT], weight[COUNT], weighed[COUNT];
-        #pragma clang loop vectorize(assume_safety)
+#pragma clang loop vectorize(assume_safety)
         for (int l = 0; l < COUNT; ++l) {
             double one[9], n, w;
             const bool near = Epipolar::derive(h, x[l], y[l], u[l], v[l], limit, one, n, w);
@@ -103,10 +99,8 @@ struct Lanes {
     }
 
     // Steps of least squares from a model, each over the matches below a limit of its own.
-    static void improve(
-        int kind, const float* x, size_t pitch, int count, float square, const float* schedule,
-        int steps, double* h
-    ) {
+    static void improve(int kind, const float* x, size_t pitch, int count, float square,
+                        const float* schedule, int steps, double* h) {
         const int number = kind == Robust::FUNDAMENTAL ? 54 : 33;
         for (int s = 0; s < steps; ++s) {
             const double limit = (double)square * (double)schedule[s];

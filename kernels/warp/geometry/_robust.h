@@ -40,9 +40,8 @@ struct Robust {
     // The map of four points, by barycentric coordinates: with a_i(p) those of p in the triangle
     // of the first three, s_i = a_i(p3) and t_i the same in the second image, H maps p to the sum
     // of (t_i / s_i) a_i(p) q_i. All four must be before the horizon, in either image.
-    static bool homography(
-        const double* x, const double* y, const double* u, const double* v, double flat, double* h
-    ) {
+    static bool homography(const double* x, const double* y, const double* u, const double* v,
+                           double flat, double* h) {
         double s[4], t[4];
         for (int side = 0; side < 2; ++side) {
             const double* a = side ? u : x;
@@ -64,9 +63,8 @@ struct Robust {
         return true;
     }
 
-    static bool affine(
-        const double* x, const double* y, const double* u, const double* v, double flat, double* h
-    ) {
+    static bool affine(const double* x, const double* y, const double* u, const double* v,
+                       double flat, double* h) {
         const double whole = area(x, y, 0, 1, 2);
         if (!(wp::abs(whole) > flat) || !(wp::abs(area(u, v, 0, 1, 2)) > flat)) return false;
         const double scale[3] = {1.0 / whole, 1.0 / whole, 1.0 / whole};
@@ -76,10 +74,8 @@ struct Robust {
     }
 
     // The map of p to the sum over three points of scale_i a_i(p) q_i.
-    static void barycentric(
-        const double* x, const double* y, const double* u, const double* v, const double* scale,
-        double* h
-    ) {
+    static void barycentric(const double* x, const double* y, const double* u, const double* v,
+                            const double* scale, double* h) {
         for (int i = 0; i < 9; ++i) h[i] = 0.0;
         for (int i = 0; i < 3; ++i) {
             const int j = (i + 1) % 3, k = (i + 2) % 3;
@@ -91,9 +87,8 @@ struct Robust {
         }
     }
 
-    static bool similarity(
-        const double* x, const double* y, const double* u, const double* v, double flat, double* h
-    ) {
+    static bool similarity(const double* x, const double* y, const double* u, const double* v,
+                           double flat, double* h) {
         const double dx = x[1] - x[0], dy = y[1] - y[0], du = u[1] - u[0], dv = v[1] - v[0];
         const double square = dx * dx + dy * dy;
         if (!(square > flat) || !(du * du + dv * dv > flat)) return false;
@@ -106,10 +101,8 @@ struct Robust {
 
     // The models of one hypothesis, for matches x0, y0, x1, y1 that lie `pitch` apart; their
     // number. PARALLAX takes the homography of a plane as given.
-    static int solve(
-        int kind, const float* matches, size_t pitch, int count, int seed, int hypothesis,
-        double flat, const double* plane, double* models
-    ) {
+    static int solve(int kind, const float* matches, size_t pitch, int count, int seed,
+                     int hypothesis, double flat, const double* plane, double* models) {
         int picked[8];
         const int sizes[5] = {2, 3, 4, 7, 2};
         const int size = sizes[kind];
@@ -227,10 +220,8 @@ struct Robust {
     }
 
     // Add what one match gives to the sums of a step; it counts below the limit.
-    static void add(
-        int kind, const double* h, double x, double y, double u, double v, double limit,
-        double* sums
-    ) {
+    static void add(int kind, const double* h, double x, double y, double u, double v, double limit,
+                    double* sums) {
         if (kind == FUNDAMENTAL) {
             double t[9], n, w;
             if (!Epipolar::derive(h, x, y, u, v, limit, t, n, w)) return;

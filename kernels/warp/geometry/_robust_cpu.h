@@ -2,10 +2,9 @@
 
 // needs GROUP, PREVIEW, NO_COST, FLAT
 // Of the models of a group of hypotheses the one with the least preview, of equals the first.
-void best_of_group(
-    int kind, int seed, int first, wp::array_t<float> matches, int start, int count, float square,
-    wp::array_t<double> planes, int pair, int at, wp::array_t<float> models, wp::array_t<int> costs
-) {
+void best_of_group(int kind, int seed, int first, wp::array_t<float> matches, int start, int count,
+                   float square, wp::array_t<double> planes, int pair, int at,
+                   wp::array_t<float> models, wp::array_t<int> costs) {
     const size_t pitch = matches.shape[1];
     const float* x = matches.data + start;
     const int previewed = count < PREVIEW ? count : PREVIEW;
@@ -14,7 +13,8 @@ void best_of_group(
     for (int n = 0; n < GROUP; ++n) {
         double found[27];
         const double* plane = planes.data + 9 * (size_t)pair;
-        const int number = Robust::solve(kind, x, pitch, count, seed, first + n, FLAT, plane, found);
+        const int number =
+            Robust::solve(kind, x, pitch, count, seed, first + n, FLAT, plane, found);
         for (int m = 0; m < number; ++m) {
             float h[9];
             for (int i = 0; i < 9; ++i) h[i] = (float)found[9 * m + i];
@@ -31,11 +31,9 @@ void best_of_group(
 }
 
 // Improve a model; the result stays unless it costs more than before by over a sixteenth.
-void improve(
-    int kind, wp::array_t<float> matches, int start, int count, float square,
-    wp::array_t<float> schedule, int at, wp::array_t<double> models, wp::array_t<int> costs,
-    wp::array_t<int> supports
-) {
+void improve(int kind, wp::array_t<float> matches, int start, int count, float square,
+             wp::array_t<float> schedule, int at, wp::array_t<double> models,
+             wp::array_t<int> costs, wp::array_t<int> supports) {
     const size_t pitch = matches.shape[1];
     const float* x = matches.data + start;
     double* model = models.data + 9 * (size_t)at;
@@ -57,10 +55,8 @@ void improve(
 }
 
 // Tell which matches are closer to a model than the threshold.
-void mark_pair(
-    int kind, wp::array_t<float> matches, int start, int count, float square, int at,
-    wp::array_t<double> models, wp::array_t<unsigned char> inliers
-) {
+void mark_pair(int kind, wp::array_t<float> matches, int start, int count, float square, int at,
+               wp::array_t<double> models, wp::array_t<unsigned char> inliers) {
     const size_t pitch = matches.shape[1];
     const float *x = matches.data + start, *y = x + pitch, *u = y + pitch, *v = u + pitch;
     float f[9];

@@ -2,11 +2,9 @@
 
 // needs GROUP, PREVIEW, COST_ONE, NO_COST, FLAT
 // One warp a group of hypotheses: a lane solves and previews one, then all score the best.
-void propose(
-    wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float> squares,
-    wp::array_t<double> planes, wp::array_t<int> pairs, int kind, int seed, int first,
-    wp::array_t<float> models, wp::array_t<int> costs
-) {
+void propose(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float> squares,
+             wp::array_t<double> planes, wp::array_t<int> pairs, int kind, int seed, int first,
+             wp::array_t<float> models, wp::array_t<int> costs) {
     const int groups = costs.shape[1], lane = threadIdx.x & 31;
     const int item = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) >> 5);
     if (item >= costs.shape[0] * groups) return;  // the whole warp
@@ -62,11 +60,9 @@ void propose(
 
 // needs SUMS, COST_ONE
 // One warp a model: a lane sums every 32nd match, and all solve the same equations.
-void refine(
-    wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float> squares,
-    wp::array_t<int> pairs, int kind, wp::array_t<float> schedule, wp::array_t<double> models,
-    wp::array_t<int> costs, wp::array_t<int> supports
-) {
+void refine(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float> squares,
+            wp::array_t<int> pairs, int kind, wp::array_t<float> schedule,
+            wp::array_t<double> models, wp::array_t<int> costs, wp::array_t<int> supports) {
     const int lane = threadIdx.x & 31;
     const int item = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) >> 5);
     if (item >= costs.shape[0] * costs.shape[1]) return;  // the whole warp
@@ -116,10 +112,8 @@ void refine(
 }
 
 // One warp a pair.
-void mark(
-    wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float> squares, int kind,
-    wp::array_t<double> models, wp::array_t<unsigned char> inliers
-) {
+void mark(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float> squares, int kind,
+          wp::array_t<double> models, wp::array_t<unsigned char> inliers) {
     const int pair = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) >> 5);
     if (pair >= spans.shape[0]) return;
     const int start = spans.data[2 * pair], count = spans.data[2 * pair + 1];
@@ -128,5 +122,6 @@ void mark(
     float f[9];
     for (int i = 0; i < 9; ++i) f[i] = (float)models.data[9 * (size_t)pair + i];
     for (int i = threadIdx.x & 31; i < count; i += 32)
-        inliers.data[start + i] = Robust::residual(kind, f, x[i], y[i], u[i], v[i]) < squares.data[pair];
+        inliers.data[start + i] =
+            Robust::residual(kind, f, x[i], y[i], u[i], v[i]) < squares.data[pair];
 }
