@@ -5,8 +5,8 @@
 // All neighbours are read, or the choice among them would keep the loop from vector code. The arrays
 // are views of vectors that start at each float.
 void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int dx_row, int margin,
-              wp::array_t<Wide> lines, int first, int norm, float low, float high,
-              bool framed, wp::array_t<wp::uint8> states) {
+              wp::array_t<Wide> lines, int first, int norm, float low, float high, bool framed,
+              wp::array_t<wp::uint8> states) {
 #pragma clang fp contract(off)
     const int columns = states.shape[1];
     const auto row_of = [](const auto& wide, int row) {
