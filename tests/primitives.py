@@ -36,7 +36,6 @@ class Primitives:
 
     def __init__(self, name, device):
         self.name, self.device = name, device
-        pytest.importorskip(name)
         self._package = importlib.import_module(f"cvkern.kernels.{name}")
         try:
             self.start()
@@ -50,32 +49,39 @@ class Primitives:
         """Call "FAMILY.MODULE.NAME" with inputs, then with outputs.
 
         An output is the (shape, dtype) of an array of nothing useful, or an array to begin with.
+        Named tuples of inputs and of outputs are handed over as such.
         """
         module, _, name = primitive.rpartition(".")
         function = getattr(importlib.import_module(f"{self._package.__name__}.{module}"), name)
         self.start()
-        inputs = [self._input(a) for a in arguments]
-        results = [o if isinstance(o, np.ndarray) else np.full(o[0], 77, o[1]) for o in out]
-        guards = [Guarded(r) for r in results]
-        results = [guard.array for guard in guards]
-        carried = [self._adopt(r) for r in results]
-        function(*inputs, *carried)
+        results, guards, carried = [], [], []
+
+        def begin(output):
+            before = output if isinstance(output, np.ndarray) else np.full(output[0], 77, output[1])
+            guards.append(Guarded(before))
+            results.append(guards[-1].array)
+            carried.append(self._adopt(results[-1]))
+            return carried[-1]
+
+        outputs = [within(begin, output) for output in out]
+        function(*(within(self._given, a) for a in arguments), *outputs)
         for guard in guards:
             assert guard.is_whole(), f"{primitive} wrote beyond an output"
         if self.device != "cpu":
             results = [self._package.to_numpy(c) for c in carried]
         return results if len(results) > 1 else results[0]
 
-    def _input(self, argument):
-        if isinstance(argument, np.ndarray):
-            return self._adopt(Guarded(argument).array)
-        if isinstance(argument, tuple):  # a named tuple
-            return type(argument)(*map(self._input, argument))
-        return argument
+    def _given(self, value):
+        return self._adopt(Guarded(value).array) if isinstance(value, np.ndarray) else value
 
     def _adopt(self, array):
         array = np.ascontiguousarray(array)
         return self._package.adopt(array, array.dtype, array.shape, self.device)
+
+
+def within(change, value):
+    """Change a value, or each field of a named tuple."""
+    return type(value)(*map(change, value)) if hasattr(value, "_fields") else change(value)
 
 
 def noise(*shape, seed=0):

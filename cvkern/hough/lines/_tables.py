@@ -34,7 +34,8 @@ def cast_votes(
     `crossing` says how many pixels of an image at most fall into one bin.
     """
     fixed = None if weights is None else _fixed_weights(rt, found, weights, crossing)
-    listed = LineTables(*map(rt.constant, tables[:3]), tables.shift)
+    cosine, sine, offset = (rt.constant(table) for table in tables[:3])
+    listed = LineTables(cosine, sine, offset, tables.shift)
     if windows is None:
         rt.hough.lines.votes.vote(found.points, found.starts, listed, fixed, votes)
         return

@@ -1,4 +1,9 @@
-"""Thinning and hysteresis, in Taichi."""
+"""Thinning and hysteresis, in Taichi: one thread a pixel in each step.
+
+A pixel is thinned away unless it is a maximum along the gradient; what is above the lower threshold
+is kept if it is connected with something above the higher one (Canny, "A computational approach to
+edge detection", TPAMI 1986).
+"""
 
 import numpy as np
 import taichi as ti

@@ -1,4 +1,9 @@
-"""Edges on CUDA: strips of a column in registers, components by union-find."""
+"""Edges on CUDA: a thread thins a strip of four columns; components are found by union-find.
+
+A pixel is thinned away unless it is a maximum along the gradient, and states say which of the
+thresholds it is above (Canny, "A computational approach to edge detection", TPAMI 1986). A weak
+pixel is kept if it is connected with a strong one.
+"""
 
 import warp as wp
 
@@ -181,7 +186,7 @@ def thin(
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
-    # As thin_sobel, with given gradients.
+    # The gradients are given; else this is thin_sobel.
     strip, quad = wp.tid()
     x = quad * QUAD
     top = strip * STRIP

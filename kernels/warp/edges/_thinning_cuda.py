@@ -1,4 +1,4 @@
-"""Non-maximum suppression of one pixel; _masks_cpu.py has it in C for the CPU."""
+"""Non-maximum suppression of one pixel; _masks_cpu.h has the same rules for a row."""
 
 import warp as wp
 
