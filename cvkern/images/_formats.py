@@ -112,7 +112,7 @@ def _large() -> Iterator[None]:
         _Limit.readers += 1
     try:
         yield
-    except Image.DecompressionBombError:  # of more than twice the limit
+    except Image.DecompressionBombError:  # more than twice the limit
         raise ValueError(f"it has more than {MAX_ELEMENTS} pixels") from None
     finally:
         with _Limit.lock:

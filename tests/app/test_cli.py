@@ -54,7 +54,7 @@ def test_every_parameter_of_canny_is_an_option(command, photo, tmp_path):
     assert parameters - {"image", "mask"} <= {p.name for p in options}
     defaults = inspect.signature(cvkern.canny).parameters
     for option in options:
-        if option.name in set(defaults) - {"sigma", *GAUSSIAN}:  # which suit photographs better
+        if option.name in set(defaults) - {"sigma", *GAUSSIAN}:  # these suit photographs better
             assert option.default == defaults[option.name].default
     given = {"sigma": 0.5, "low_threshold": 0.5, "high_threshold": 0.9, "operator": "scharr"}
     given |= {"norm": "l1", "mode": "constant", "cval": 7.0, "suppression": "sectors"}
