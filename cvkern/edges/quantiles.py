@@ -16,8 +16,8 @@ from cvkern.kernels.codes.edges import Norm
 # noise, darker, and as 12 bits in 16: F within 3 pixels 0.55, against 0.48 (0 for the last) of 10 %
 # and 20 % of the dtype's range.
 SHARES = 0.7, 0.9
-FAINT_SHARES = 0.5, 0.7  # for what clutter hardly disturbs, such as votes for long lines
-FAINTEST = 0.02  # of the largest gradient: below are roundings, where an image is mostly flat
+FAINT_SHARES = 0.5, 0.7  # where clutter hardly disturbs: votes for long lines
+FAINTEST = 0.02  # share of the largest gradient: below are roundings, where an image is mostly flat
 LARGE_SIGMA = 16.0
 
 
