@@ -319,8 +319,8 @@ def test_results_keep_their_memory(backend, monkeypatch):
 
 
 def test_a_gpu_that_is_not_there_is_refused(backend):
-    with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match="device must be"):
-        cvkern.gaussian(noise(), 1.0)
+    with pytest.raises(ValueError, match="device must be"):
+        cvkern.use(device="cuda:99")
 
 
 @pytest.mark.parametrize("name", ["gaussian", "box", "median"])
