@@ -192,6 +192,13 @@ def check_integer(value: Any, name: str, low: int, high: int) -> int:
     return number
 
 
+def check_flag(value: Any, name: str) -> bool:
+    """Return `value` as a bool, if it is True or False, as Python or NumPy have them."""
+    if isinstance(value, (bool, np.bool_)) or (isinstance(value, int) and value in (0, 1)):
+        return bool(value)
+    raise TypeError(f"{name} must be True or False, got {value!r}")
+
+
 def check_pair(value: Any, name: str) -> tuple[Any, Any]:
     """Return `value` twice, or the two values that it is: down the rows, along the columns."""
     if isinstance(value, (int, float)):

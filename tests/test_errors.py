@@ -336,3 +336,10 @@ def test_warp_arrays_of_vectors():
 
 def test_a_path_where_an_image_belongs():
     refused(TypeError, "image must hold real numbers, got dtype <U11", cvkern.canny, "picture.png")
+
+
+@pytest.mark.parametrize("value", [[], None, "yes", 2, np.ones(2)])
+def test_flags(value):
+    message = f"use_quantiles must be True or False, got {value!r}"
+    refused(TypeError, message, cvkern.canny, FLAT, use_quantiles=value)
+    refused(TypeError, message, cvkern.subpixel_edges, FLAT, use_quantiles=value)

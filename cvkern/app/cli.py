@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
+import warnings
 from importlib import metadata
 from pathlib import Path
 from typing import Annotated
@@ -30,6 +31,7 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command; a mistake of the user is one red line and exit code 2."""
+    warnings.showwarning = _show_warning
     try:
         app()
     except (ValueError, OSError, ImportError) as error:
@@ -39,6 +41,15 @@ def main() -> None:
         line = " ".join(f"error: {error}".split())
         Console(stderr=True).print(Text(line, style="red"), soft_wrap=True)
         sys.exit(2)
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    """Print a warning as one line, without the place in the program that it comes from."""
+    from rich.console import Console
+    from rich.text import Text
+
+    line = " ".join(f"warning: {message}".split())
+    Console(stderr=True).print(Text(line, style="yellow"), soft_wrap=True)
 
 
 def _show_version(wanted: bool) -> None:
@@ -70,12 +81,20 @@ def tour(
     folder: Annotated[
         Path, typer.Argument(metavar="DIR", help="Folder to write to; made if missing.")
     ] = Path("cvkern-tour"),
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the tour that DIR has.")
+    ] = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Run everything on sample photographs, and write pictures, timings and a page."""
     from cvkern.app.tour import tour as run
 
+    if not overwrite and (folder / "index.html").exists():
+        raise ValueError(
+            f"folder must have no tour yet, got {str(folder / 'index.html')!r}: "
+            "--overwrite replaces it"
+        )
     with cvkern.use(backend=backend, device=device), progress_bar() as bar:
         task = bar.add_task("", total=None)
         page = run(

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_number
+from cvkern._checks import check_flag, check_number
 from cvkern._runtime import Runtime
 from cvkern.edges.slopes import full_range
 from cvkern.kernels.codes.edges import Norm
@@ -16,8 +16,8 @@ from cvkern.kernels.codes.edges import Norm
 # noise, darker, and as 12 bits in 16: F within 3 pixels 0.55, against 0.48 (0 for the last) of 10 %
 # and 20 % of the dtype's range.
 SHARES = 0.7, 0.9
-FAINT_SHARES = 0.5, 0.7  # for what clutter hardly disturbs, such as votes for long lines
-FAINTEST = 0.02  # of the largest gradient: below are roundings, where an image is mostly flat
+FAINT_SHARES = 0.5, 0.7  # where clutter hardly disturbs: votes for long lines
+FAINTEST = 0.02  # share of the largest gradient: below are roundings, where an image is mostly flat
 LARGE_SIGMA = 16.0
 
 
@@ -45,6 +45,11 @@ def check_thresholds(
     With `automatic` shares they are these quantiles where neither is given; where one is, the lower
     is half of the higher.
     """
+    use_quantiles = check_flag(use_quantiles, "use_quantiles")
+    if low is not None:
+        low = check_number(low, "low_threshold", low=0, finite=False)
+    if high is not None:
+        high = check_number(high, "high_threshold", low=0, finite=False)
     if low is not None and high is None and not use_quantiles and sigma > LARGE_SIGMA:
         raise ValueError(
             f"high_threshold must be given beside low_threshold at a sigma above {LARGE_SIGMA:g}, "
@@ -55,10 +60,6 @@ def check_thresholds(
     if automatic and not given and not use_quantiles:
         return Thresholds(*automatic, True, FAINTEST)
     defaults = (0.1, 0.2) if use_quantiles else (0.1 * full_range(dtype), 0.2 * full_range(dtype))
-    if low is not None:
-        low = check_number(low, "low_threshold", low=0, finite=False)
-    if high is not None:
-        high = check_number(high, "high_threshold", low=0, finite=False)
     if automatic and given and not use_quantiles:
         defaults = (0.5 * (high or 0.0), 2.0 * (low or 0.0))
     if low is None:

@@ -18,7 +18,7 @@ from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_
 from cvkern.kernels.codes.filters import Border
 
 OPERATORS = ("sobel", "scharr", "gaussian")
-SOBEL_GAIN = 8.0  # of the integer kernel, against a derivative per pixel
+SOBEL_GAIN = 8.0  # the integer kernel against a derivative per pixel
 _SCHARR_GAIN = 4.0  # against Sobel's
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._checks import check_number
+from cvkern._checks import as_numbers, check_number
 
 SAMPLES = 4  # samples a side: each pixel is judged at 16 places, each anti-aliased in itself
 CHUNK = 1 << 16  # pixels judged at once: bounds the memory
@@ -209,14 +209,6 @@ def check_rows(rows: ArrayLike, columns: int, name: str) -> np.ndarray:
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]}")
     return array
-
-
-def as_numbers(values: ArrayLike, name: str) -> np.ndarray:
-    """Return float64 of what can be that."""
-    try:
-        return np.asarray(values, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{name} must be real numbers, got {values!r}") from None
 
 
 def check_positive(value: float, name: str) -> float:

@@ -54,7 +54,7 @@ def test_every_parameter_of_canny_is_an_option(command, photo, tmp_path):
     assert parameters - {"image", "mask"} <= {p.name for p in options}
     defaults = inspect.signature(cvkern.canny).parameters
     for option in options:
-        if option.name in set(defaults) - {"sigma", *GAUSSIAN}:  # which suit photographs better
+        if option.name in set(defaults) - {"sigma", *GAUSSIAN}:  # these suit photographs better
             assert option.default == defaults[option.name].default
     given = {"sigma": 0.5, "low_threshold": 0.5, "high_threshold": 0.9, "operator": "scharr"}
     given |= {"norm": "l1", "mode": "constant", "cval": 7.0, "suppression": "sectors"}
@@ -411,3 +411,40 @@ def test_lines_refused_leave_nothing(command, photo, tmp_path):
     assert code == 2
     assert "min_length must be > 0, got 0" in said
     assert sorted(f.name for f in tmp_path.iterdir()) == ["photo.png"]
+
+
+def test_a_tour_is_replaced_only_when_asked(command, tmp_path):
+    (tmp_path / "index.html").write_text("here already")
+    code, _, err = command("tour", tmp_path)
+    assert code == 2
+    assert "folder must have no tour yet" in err
+    assert (tmp_path / "index.html").read_text() == "here already"
+
+
+@pytest.mark.filterwarnings("default:no edge was found")
+def test_warnings_are_one_line(photo, tmp_path):
+    """In a process of its own: warnings of this one belong to pytest."""
+    words = [sys.executable, "-m", "cvkern.app.cli", "edges", str(photo), "-o", tmp_path / "e.png"]
+    words += ["--low-threshold", "90000", "--high-threshold", "90000"]
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=True)
+    assert "0 edge pixels of 60 x 70" in done.stdout
+    assert done.stderr.startswith("warning: no edge was found: the longest gradient of the image")
+    assert done.stderr.count("\n") == 1
+
+
+def test_every_operator_of_the_help_is_one(command, photo, tmp_path):
+    for operator in ("gaussian", "sobel", "scharr"):
+        assert command("edges", photo, "-o", tmp_path / "e.png", "--operator", operator)[0] == 0
+        assert read_image(tmp_path / "e.png").any()
+
+
+def test_twelve_bits_in_sixteen_are_seen(command, photo, tmp_path):
+    """The thresholds come from the image, not from what its dtype could hold."""
+    deep = read_image(photo).astype(np.uint16) * 16
+    write_image(tmp_path / "deep.png", deep)
+    code, _, _ = command("edges", tmp_path / "deep.png", "-o", tmp_path / "e.png")
+    assert code == 0
+    command("edges", photo, "-o", tmp_path / "same.png")
+    assert np.array_equal(read_image(tmp_path / "e.png"), read_image(tmp_path / "same.png"))
+    assert len(cvkern.detect_circles(deep, (10, 30)).radii) == 1
+    assert len(cvkern.detect_segments(deep))

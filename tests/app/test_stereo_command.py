@@ -152,3 +152,16 @@ def test_nothing_to_see(command, tmp_path):
     assert code == 2
     assert "no pixel has a depth" in err
     assert not (tmp_path / "out").exists()
+
+
+def test_results_are_replaced_only_when_asked(command, pair, tmp_path):
+    words = "stereo", *pair, "-o", tmp_path / "out", "--max-disparity", 16
+    assert command(*words)[0] == 0
+    before = (tmp_path / "out" / "disparity.png").stat().st_mtime_ns
+    code, _, err = command(*words)
+    assert code == 2
+    assert err.startswith("error: output must have no results yet, got ")
+    assert err.rstrip().endswith("--overwrite replaces them")
+    assert (tmp_path / "out" / "disparity.png").stat().st_mtime_ns == before
+    assert command(*words, "--overwrite")[0] == 0
+    assert (tmp_path / "out" / "disparity.png").stat().st_mtime_ns > before

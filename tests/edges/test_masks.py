@@ -112,8 +112,8 @@ def test_integers_give_the_edges_of_equal_floats(backend, mode, norm):
 
 # --- the operator 'gaussian' against float64 -----------------------------------------------------
 
-PLAIN = [mode for mode in MODES if mode != "constant"]  # which is not that of a derivative
-GAIN = 8  # of Sobel's kernels, in whose units thresholds are
+PLAIN = [mode for mode in MODES if mode != "constant"]  # the constant border is divided by weights
+GAIN = 8  # thresholds are in the units of Sobel's kernels
 
 
 def gaussian_canny(image, sigma, low, high, **options):

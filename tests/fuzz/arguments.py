@@ -110,7 +110,7 @@ def image(draw: Draw, shape: tuple[int, ...] | None = None) -> Any:
     array: Any
     if dtype.kind == "f":
         array = (
-            (values * draw.pick([1, 1, 255, 1e-30, 1e30])).astype(dtype)
+            (values * draw.pick([1, 1, 255, 1e-5, 1e30])).astype(dtype)
             if dtype.itemsize > 2
             else values.astype(dtype)
         )

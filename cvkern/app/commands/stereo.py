@@ -20,6 +20,8 @@ Writers = dict[str, tuple[Callable[[Path], None], str]]  # of files by name; wha
 
 LARGEST = 256  # disparity that 16 bits of 1/256 pixel do not hold
 CENTRE = "the middle of the image"
+RESULTS = ("disparity.png", "disparity-x256.png", "disparity.tif", "depth.tif", "cloud.ply",
+           "turntable.gif", "turntable.mp4")  # fmt: skip
 
 
 def stereo(
@@ -43,6 +45,9 @@ def stereo(
     cy: Annotated[
         float | None, typer.Option(help="Row of the principal point.", show_default=CENTRE)
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
+    ] = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -65,6 +70,12 @@ def stereo(
         cvkern.reprojection_matrix(*camera, cx or 0.0, cy or 0.0, doffs)  # checks the numbers
     if output.exists() and not output.is_dir():
         raise ValueError(f"output must be a folder, got the file {str(output)!r}")
+    kept = [] if overwrite else [name for name in RESULTS if (output / name).exists()]
+    if kept:
+        raise ValueError(
+            f"output must have no results yet, got {str(output / kept[0])!r}: "
+            "--overwrite replaces them"
+        )
     views = [read_image(file) for file in (left, right)]
     color = all(view.ndim == 3 for view in views)
     one, other = (view[..., :3] if color else as_gray(view) for view in views)

@@ -9,6 +9,7 @@ import numpy as np
 
 from cvkern._checks import (
     MAX_ELEMENTS,
+    check_flag,
     check_image,
     check_integer,
     check_number,
@@ -114,7 +115,7 @@ def hough_circle_peaks(
         grouped = np.argsort(planes_of, kind="stable")
         firsts = np.searchsorted(planes_of[grouped], planes_of[grouped])
         order = order[np.sort(grouped[np.arange(len(grouped)) - firsts < each])]
-    if normalize:
+    if check_flag(normalize, "normalize"):
         ranked = votes[order] / radii[places[order, 0]].astype(np.float32)
         order = order[np.argsort(-ranked, kind="stable")]
     if apart != (1, 1):

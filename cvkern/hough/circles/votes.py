@@ -13,6 +13,7 @@ from cvkern._checks import (
     as_numbers,
     check_accumulator,
     check_beside,
+    check_flag,
     check_image,
     check_integer,
     check_number,
@@ -97,6 +98,8 @@ def hough_circle(
     """
     mask = check_image(mask, name="mask")
     shape = check_sides(mask.shape, "mask")
+    normalize = check_flag(normalize, "normalize")
+    full_output = check_flag(full_output, "full_output")
     farthest = MAX_RADIUS if full_output else int(math.hypot(shape[0] - 1, shape[1] - 1))
     radii = _check_radii(radius, farthest)
     tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)

@@ -123,7 +123,9 @@ def fixed_tables(
     corners.
     """
     largest = max(np.abs(cosine).max(), np.abs(sine).max())
-    farthest = float(np.max(np.abs(constant))) + sum(size) * largest + 1  # of all bins
+    farthest = (
+        float(np.max(np.abs(constant))) + sum(size) * largest + 1
+    )  # the largest number of a bin
     digits = math.floor(math.log2((2**31 - 1) / max(largest, 1e-290)))
     room = 62 - (parts.bit_length() - 1) - math.frexp(farthest)[1]
     shift = min(digits, room)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import as_numbers, check_image, check_integer, check_number
+from cvkern._checks import as_numbers, check_flag, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 
 _DISTANCE, _ANGLE = 9, 10  # of peaks from each other, as scikit-image has it
@@ -104,6 +104,7 @@ def hough_line_peaks(
     most = math.inf if num_peaks == math.inf else check_integer(num_peaks, "num_peaks", 0, 2**31)
     wraps = _spans_half_a_turn(theta)
     min_angle = min(min_angle, len(theta) // 2 if wraps else len(theta) - 1)
+    refine = check_flag(refine, "refine")
     rt = runtime(hspace)
     whole = library(hspace).dtype(hspace).kind in "biu"
     if isinstance(hspace, np.ndarray) and whole and not -(2**31) <= hspace.max() < 2**31:
@@ -169,8 +170,13 @@ def _refined(
         return np.where((r < 0) | (r > last), np.nan, values[np.clip(r, 0, last), column])
 
     here = values[row, column].astype(np.float64)
-    angle = theta[column] + _top(beside(-1), here, beside(1)) * np.gradient(theta)[column]
-    return angle, rho[row] + _top(across(-1), here, across(1)) * np.gradient(rho)[row]
+    angle = theta[column] + _top(beside(-1), here, beside(1)) * _steps(theta)[column]
+    return angle, rho[row] + _top(across(-1), here, across(1)) * _steps(rho)[row]
+
+
+def _steps(values: np.ndarray) -> np.ndarray:
+    """Return the step between neighbours at each of the values; 0 where there is one alone."""
+    return np.gradient(values) if len(values) > 1 else np.zeros(len(values))
 
 
 def _top(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> np.ndarray:

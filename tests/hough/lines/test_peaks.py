@@ -146,3 +146,13 @@ def test_votes_beyond_int32_are_refused():
     votes = np.array([[2**31, 1], [1, 0]])
     with pytest.raises(ValueError, match=r"^hspace must be votes that int32 holds, got 2147483648"):
         cvkern.hough_line_peaks(votes, [0.0, 0.1], [0.0, 1.0])
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])
+def test_refinement_of_a_single_row_or_column(backend, shape):
+    votes = np.zeros(shape, np.int32)
+    votes[shape[0] // 2, shape[1] // 2] = 7
+    theta, rho = np.arange(shape[1]) * 0.1, np.arange(shape[0]) * 1.0
+    found = cvkern.hough_line_peaks(votes, theta, rho, threshold=1, refine=True)
+    np.testing.assert_allclose(found.theta, theta[shape[1] // 2])
+    np.testing.assert_allclose(found.rho, rho[shape[0] // 2])
