@@ -189,7 +189,7 @@ def triangulate(matrices: Any, points: Any) -> np.ndarray:
             f"points must have shape (V, N, 2) with V >= 2 as matrices have, {len(p)}, got {shape}"
         )
     seen = on_host(runtime(points), points)[..., ::-1]  # x, y
-    known = np.isfinite(seen).all(axis=2)
+    known = np.asarray(np.isfinite(seen).all(axis=2))
     seen = np.where(known[..., None], seen, 0.0)
     # Rows of the linear equations, each scaled to a length of 1.
     rows = seen[..., None] * p[:, None, 2:3] - p[:, None, :2]
