@@ -25,10 +25,11 @@ _NAMES = {
         "sobel",
     ),
     "geometry": (
-        "RobustFit", "RobustFits", "epipolar_lines", "epipoles", "find_affine",
-        "find_fundamental", "find_fundamentals", "find_homographies", "find_homography",
-        "find_similarity", "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
-        "sampson_distance",
+        "RecoveredPose", "RobustFit", "RobustFits", "epipolar_lines", "epipoles",
+        "essential_from_fundamental", "find_affine", "find_fundamental", "find_fundamentals",
+        "find_homographies", "find_homography", "find_similarity", "fit_affine",
+        "fit_fundamental", "fit_homography", "fit_similarity", "recover_pose",
+        "sampson_distance", "triangulate",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",

@@ -16,12 +16,20 @@ from cvkern.geometry.maps import (
     find_similarity,
 )
 from cvkern.geometry.robust import RobustFit, RobustFits
+from cvkern.geometry.views import (
+    RecoveredPose,
+    essential_from_fundamental,
+    recover_pose,
+    triangulate,
+)
 
 __all__ = [
+    "RecoveredPose",
     "RobustFit",
     "RobustFits",
     "epipolar_lines",
     "epipoles",
+    "essential_from_fundamental",
     "find_affine",
     "find_fundamental",
     "find_fundamentals",
@@ -32,5 +40,7 @@ __all__ = [
     "fit_fundamental",
     "fit_homography",
     "fit_similarity",
+    "recover_pose",
     "sampson_distance",
+    "triangulate",
 ]

@@ -61,8 +61,8 @@ def fit_fundamental(points0: Any, points1: Any, weights: Any = None) -> np.ndarr
     >>> rng = np.random.default_rng(0)
     >>> points0 = rng.uniform(0, 100, (9, 2))
     >>> points1 = points0 + np.stack((np.zeros(9), rng.uniform(3, 9, 9)), 1)  # rectified
-    >>> (cvkern.fit_fundamental(points0, points1) * 2**0.5).round(6).tolist()[0]
-    [0.0, 0.0, 0.0]
+    >>> abs(cvkern.fit_fundamental(points0, points1) * 2**0.5).round(6).tolist()
+    [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     """
     a, b, w = finite_pairs(points0, points1, weights)
     if len(a) < 7:
