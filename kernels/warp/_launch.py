@@ -36,6 +36,7 @@ _commands = _Commands()
 _lock = threading.Lock()
 _loaded: set[tuple[wp.Kernel, str, int]] = set()
 _pool: ThreadPoolExecutor | None = None
+_compiling: ThreadPoolExecutor | None = None
 
 
 def launch(
@@ -151,8 +152,22 @@ def _load(kernel: wp.Kernel, device: wp.Device, threads: int) -> None:
     if key not in _loaded:
         with _lock:
             if key not in _loaded:
-                load(kernel, device, threads)
+                if device.is_cpu:
+                    _compiler().submit(load, kernel, device, threads).result()
+                else:
+                    load(kernel, device, threads)
                 _loaded.add(key)
+
+
+def _compiler() -> ThreadPoolExecutor:
+    """Return the one thread that compiles for the CPU.
+
+    Clang parses Warp's headers anew, for two seconds, on each thread that compiles.
+    """
+    global _compiling
+    if _compiling is None:
+        _compiling = ThreadPoolExecutor(1, thread_name_prefix="cvkern-compiler")
+    return _compiling
 
 
 def _threads() -> ThreadPoolExecutor:
@@ -166,8 +181,8 @@ def _threads() -> ThreadPoolExecutor:
 
 def _after_fork() -> None:
     """Forget the parent's threads and locks: a forked child has none of the threads."""
-    global _pool, _lock
-    _pool, _lock = None, threading.Lock()
+    global _pool, _compiling, _lock
+    _pool, _compiling, _lock = None, None, threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):

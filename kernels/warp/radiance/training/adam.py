@@ -114,8 +114,7 @@ def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
 
     `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
     """
-    cuda = parts.device.is_cuda
-    kernel, threads = (cuda.clip, BLOCK) if cuda else (cpu.clip, 1)
+    kernel, threads = (cuda.clip, BLOCK) if parts.device.is_cuda else (cpu.clip, 1)
     launch(kernel, threads, [scale, most], [parts, factor])
 
 
