@@ -257,3 +257,23 @@ def test_mistakes_are_one_line_and_write_nothing(
     assert lines[0].startswith("error: ")
     assert rule in lines[0]
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_train_takes_bounds_and_settings(command, folder, tmp_path):
+    output = tmp_path / "model.npz"
+    options = ["--bounds", "0.1,0.2,0.3,2", "--near", "1", "--far", "7", "--steps", "1"]
+    settings = ["--set", "resolutions=[16]", "--set", "shares=[]", "--set", "degree=1"]
+    code, _, said = command("train", folder, "-o", output, *options, *settings)
+    assert code == 0, said
+    made = load_model(output)
+    assert made.frame.bounds == ((0.1, 0.2, 0.3), 2.0, False)
+    assert (made.frame.near, made.frame.far) == (0.5, 3.5)  # in halves of the side
+    assert (made.settings.resolutions, made.settings.degree) == ((16,), 1)
+    for wrong, rule in (
+        (["--bounds", "1,2"], "bounds must be X,Y,Z,HALF, got '1,2'"),
+        (["--set", "degree"], "set must be NAME=VALUE with a number, got 'degree'"),
+        (["--set", "colour=1"], "set must be one of"),
+    ):
+        code, _, said = command("train", folder, "-o", tmp_path / "b.npz", "--steps", 1, *wrong)
+        assert code != 0
+        assert rule in said

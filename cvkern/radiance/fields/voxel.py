@@ -180,17 +180,19 @@ class VoxelGrid(Field):
             self._exact, self.gradient_scale = True, LIFT
             self._sums = self._take_sums()
 
-    def _marched(self, rays: Rays, step: Any, training: bool) -> list[Any]:
+    def _marched(
+        self, rays: Rays, step: Any, training: bool
+    ) -> tuple[Rays, Space, March, Grid, float]:
         """Return the arguments that the forward and the backward pass share."""
         frame = self.frame
         span = frame.near, frame.far, self.finest, self.cone
-        return [
+        return (
             rays,
             Space(self.bits, 1, self.cells, frame.bounds.unbounded),
             March(*span, 2**31 - 1, training, self.seed, step),
             Grid(self.density, self.color, self.basis, self.least),
             STOP,
-        ]
+        )
 
     def see(self, origins: Any, directions: Any, seen: View) -> None:
         """See :meth:`Field.see`."""
@@ -231,8 +233,9 @@ class VoxelGrid(Field):
                 self.color, self.d_density, self.d_color,
             )  # fmt: skip
         self._clip.update(scale, self.d_density, self.d_color)
-        density = Learnt(self.d_density, *self._density_means, self.density)
-        color = Learnt(self.d_color, *self._color_means, self.color)
+        (mean, square), (color_mean, color_square) = self._density_means, self._color_means
+        density = Learnt(self.d_density, mean, square, self.density)
+        color = Learnt(self.d_color, color_mean, color_square, self.color)
         rule = Rule(*BETAS, EPSILON)
         nodes.adam(*self._rates, self._clip.factor, rule, self.touched, density, color)
 
