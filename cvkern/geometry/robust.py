@@ -176,7 +176,7 @@ def search(
     kernels = rt.geometry.robust
     best = np.zeros((len(count), 9))
     costs = np.full(len(count), NO_COST, np.int64)
-    rough = costs.copy()  # of hypotheses as they were found
+    rough = costs.copy()  # costs of hypotheses before they are refined
     supports = np.zeros(len(count), np.int64)
     trials = np.zeros(len(count), np.int64)
 

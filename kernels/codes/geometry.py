@@ -18,7 +18,7 @@ PREVIEW = 64  # matches at most
 LANES = 32  # partial sums: match i is in sum i mod LANES
 DRAWS = 16  # times that a match may be drawn until it is another than those before it
 COST_ONE = 1 << 12  # the cost of an outlier; 2^19 of them fit into 31 bits
-MAX_MATCHES = 1 << 18  # of a pair
+MAX_MATCHES = 1 << 18  # matches of a pair of images
 NO_COST = (1 << 31) - 1  # no model
 # Twice the area of a triangle, over the square of half the picture: flatter ones fix no map.
 FLAT = 1e-4

@@ -4,7 +4,7 @@ import numpy as np
 
 MASK = 2**32 - 1
 GROUP, PREVIEW, COST_ONE, NO_COST, FLAT = 64, 64, 4096, 2**31 - 1, 1e-4
-SIZES = (2, 3, 4)  # of a sample, by model
+SIZES = (2, 3, 4)  # matches in a sample, by model
 
 
 def mix(x):
