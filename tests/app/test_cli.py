@@ -227,15 +227,8 @@ def test_tour(command, tmp_path, monkeypatch):
 
 
 def test_warmup_calls_everything():
-    alone = {
-        "capture",
-        "devices",
-        "fit_affine",
-        "fit_homography",
-        "fit_similarity",
-        "release_memory",
-        "reprojection_matrix",
-    }  # fmt: skip  (have no kernels)
+    alone = {"capture", "devices", "fit_affine", "fit_homography", "fit_similarity",
+             "release_memory", "reprojection_matrix"}  # fmt: skip
     functions = {n for n in cvkern.__all__ if inspect.isfunction(getattr(cvkern, n))} - alone
     called = {name for name, _ in warmup.calls()}
     others = {
