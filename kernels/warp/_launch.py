@@ -47,7 +47,7 @@ def launch(
     block: int = BLOCK,
 ) -> None:
     """Launch `kernel` once, on the device of its first output, on CUDA in blocks of threads."""
-    _send(kernel, dim, (*inputs, *outputs), outputs[0].device, block)
+    _send(kernel, dim, (*inputs, *outputs), _device(outputs), block)
 
 
 def slabs(rows: int, elements: int) -> int:
@@ -64,7 +64,7 @@ def launch_slabs(
     The kernel runs one thread a slab; its first three arguments are the slab, its first row and
     the row behind its last.
     """
-    device = outputs[0].device
+    device = _device(outputs)
     bounds = [rows * i // count for i in range(count + 1)]
     _share(count, lambda i: (i, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
 
@@ -81,13 +81,21 @@ def launch_each(
     The first three arguments of the kernel are a stride, the first item and the one behind the
     last; its loop is ``for i in range(first + wp.tid(), last, stride)``.
     """
-    device = outputs[0].device
+    device = _device(outputs)
     if device.is_cuda:
         launch(kernel, count, [count, 0, count, *inputs], outputs)
         return
     number = slabs(count, elements)
     bounds = [count * i // number for i in range(number + 1)]
     _share(number, lambda i: (1, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
+
+
+def _device(outputs: Sequence[Any]) -> wp.Device:
+    """Return where the first output is: an array, or a Warp struct whose first field is one."""
+    first = outputs[0]
+    while not isinstance(first, wp.array):
+        first = getattr(first, next(iter(first._cls.vars)))
+    return first.device
 
 
 def _share(

@@ -45,7 +45,7 @@ def with_version(version):
     done = subprocess.run(
         [sys.executable, "-c", PLAIN, version],
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
         capture_output=True,
         text=True,
         timeout=300,
@@ -155,7 +155,11 @@ def test_one_thread_compiles():
     done = subprocess.run(
         [sys.executable, "-c", THREADS],
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "CVKERN_NUM_THREADS": "3"},
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path]),
+            "CVKERN_NUM_THREADS": "3",
+        },
         capture_output=True,
         text=True,
         timeout=300,
