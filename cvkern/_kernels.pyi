@@ -5,11 +5,15 @@ class Folder:
         from cvkern.kernels.warp.clouds import turntables as turntables
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
+        from cvkern.kernels.warp.edges import quantiles as quantiles
+        from cvkern.kernels.warp.edges import slopes as slopes
         from cvkern.kernels.warp.edges import subpixel as subpixel
     class filters:
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
+    class geometry:
+        from cvkern.kernels.warp.geometry import robust as robust
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:
@@ -49,7 +53,6 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import losses as losses
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
-        from cvkern.kernels.warp.stereo import refinement as refinement
         from cvkern.kernels.warp.stereo import windows as windows
         from cvkern.kernels.warp.stereo import winners as winners
         class costs:
@@ -60,3 +63,12 @@ class Folder:
         class paths:
             from cvkern.kernels.warp.stereo.paths import aggregation as aggregation
             from cvkern.kernels.warp.stereo.paths import matching as matching
+        class refinement:
+            from cvkern.kernels.warp.stereo.refinement import agreement as agreement
+            from cvkern.kernels.warp.stereo.refinement import gaps as gaps
+            from cvkern.kernels.warp.stereo.refinement import medians as medians
+            from cvkern.kernels.warp.stereo.refinement import speckles as speckles
+    class structured_light:
+        from cvkern.kernels.warp.structured_light import gray_code as gray_code
+        from cvkern.kernels.warp.structured_light import laser as laser
+        from cvkern.kernels.warp.structured_light import phase as phase

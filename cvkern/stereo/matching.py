@@ -136,19 +136,17 @@ def stereo_match(
     >>> float(np.median(result.disparity).round(1))
     5.0
     """
+    options = locals()
     left = check_image(left, ndim=(2, 3), name="left")
     right = check_image(right, ndim=(2, 3), name="right")
     if tuple(left.shape) != tuple(right.shape):
         raise ValueError(
             f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
         )
-    plan = plan_of(
-        tuple(left.shape), disparities, method, paths, window, channel_axis, data_range, p1, p2,
-        contrast, subpixel, uniqueness, left_right, speckle_size, speckle_difference, smoothing,
-        max_bytes,
-    )  # fmt: skip
     rt = runtime(left, right)
-    result = StereoResult(rt.empty(plan.shape), rt.empty(plan.shape, bool), rt.empty(plan.shape))
+    plan = plan_of(rt, tuple(left.shape), options)
+    shape = plan.images.shape
+    result = StereoResult(rt.empty(shape), rt.empty(shape, bool), rt.empty(shape))
     plan.match(
         rt, left, right,
         rt.adopt(result.disparity), rt.adopt(result.valid, bool), rt.adopt(result.confidence),
@@ -201,8 +199,7 @@ class StereoMatcher:
         check_image(blank, ndim=(2, 3), name="shape")
         call = inspect.signature(stereo_match).bind(blank, blank, disparities, **options)
         call.apply_defaults()
-        _, _, *checked = call.arguments.values()
-        plan_of(self.shape, *checked)
+        plan_of(runtime(blank), self.shape, call.arguments)
         self._options = call.arguments
         self._open = True
         self._frames: _Frames | None = None
@@ -230,6 +227,8 @@ class StereoMatcher:
         """
         if not self._open:
             raise ValueError("matcher must be open, got one that has been closed")
+        left = check_image(left, ndim=(2, 3), name="left")
+        right = check_image(right, ndim=(2, 3), name="right")
         for name, image in (("left", left), ("right", right)):
             if tuple(image.shape) != self.shape:
                 raise ValueError(f"{name} must have shape {self.shape}, got {tuple(image.shape)}")
@@ -259,9 +258,7 @@ class _Frames:
         on_cpu = rt.device == "cpu"
         # Where kernels cannot write to the caller's arrays, those of NumPy or Warp stand in.
         self._own = self._library.writable and (on_cpu or self._library is not _NUMPY)
-        self._kept = self._library if self._own else _NUMPY
-        if not self._own and not on_cpu:
-            self._kept = library(rt.set.empty((1,), np.dtype(np.uint8), rt.device))
+        self._kept = rt.result_library()
         self._carried = dtype if on_cpu or dtype == np.uint8 else np.dtype(np.float32)
         shape = tuple(left.shape)
         self._images = [self._kept.empty(shape, self._carried, rt.device) for _ in range(2)]

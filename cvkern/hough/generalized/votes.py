@@ -12,6 +12,7 @@ from cvkern._runtime import runtime
 from cvkern.hough.generalized._ballot import ballot_of, candidates, scene_of, voters_of
 from cvkern.hough.generalized._poses import Judge, Model
 from cvkern.hough.generalized.tables import SIGMA, RTable, check_table
+from cvkern.kernels.codes.hough import Cells
 
 CANDIDATES = 64  # poses that are judged, and four more for each that is asked for
 
@@ -73,7 +74,8 @@ def generalized_hough(
     orientation : array of shape (H, W), optional
         Direction of the gradient at the pixels of the mask, in radians.
     sigma, low_threshold, high_threshold, use_quantiles
-        As in :func:`cvkern.canny`; without meaning for a mask.
+        As in :func:`cvkern.canny`, for derivatives of the Gaussian; without meaning for a mask. By
+        default the thresholds are those of :func:`cvkern.detect_circles`.
     orientation_tolerance : float, optional
         How far, in radians, the direction of an edge point may be off that of the boundary point
         it votes as. By default half the step between rotations, but within 0.5 to 3 degrees, so
@@ -249,7 +251,11 @@ use_quantiles, orientation_tolerance, cell, max_entries
     scene = scene_of(image, orientation, options, "image")
     votes = rt.empty(shape, np.int32)
     rt.hough.generalized.votes.accumulate(
-        *voters_of(rt, scene), *ballot.entries(rt), *ballot.slices(rt, np.s_[:], np.s_[:]),
-        ballot.tolerance, height, width, ballot.shift, rt.adopt(votes, np.int32),
-    )  # fmt: skip
+        voters_of(rt, scene),
+        ballot.entries(rt),
+        ballot.slices(rt, np.s_[:], np.s_[:]),
+        ballot.tolerance,
+        Cells(height, width, ballot.shift),
+        rt.adopt(votes, np.int32),
+    )
     return rt.release(votes)

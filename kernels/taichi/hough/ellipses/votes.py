@@ -1,8 +1,13 @@
-"""Votes for ellipses in Taichi: one thread a pair of points."""
+"""Votes for ellipses in Taichi: one thread a pair of points.
+
+A pair is taken for the ends of a major axis, and every third point votes for a minor semi-axis (Xie
+and Ji, "A new efficient ellipse detection method", ICPR 2002).
+"""
 
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes.hough import EllipseBounds
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product, quotient, root
 
@@ -113,13 +118,8 @@ def _vote_pairs(
 @primitive
 def vote_pairs(
     points: np.ndarray,
-    least: float,
-    most: float,
-    narrow: float,
-    wide: float,
-    per_bin: float,
+    bounds: EllipseBounds,
     bins: int,
-    turn: float,
     votes: np.ndarray,
     axes: np.ndarray,
 ) -> None:
@@ -128,6 +128,4 @@ def vote_pairs(
     rows = max(1, min(count, _MEMORY // (count * bins)))
     histograms = scratch((rows, count, bins), np.int32)
     for first in range(0, count, rows):
-        _vote_pairs(
-            points, first, least, most, narrow, wide, per_bin, turn, 0, histograms, votes, axes
-        )
+        _vote_pairs(points, first, *bounds, 0, histograms, votes, axes)

@@ -1,9 +1,26 @@
-"""The generalised Hough transform in Taichi; a slice is the votes of one rotation and one scale."""
+"""The generalised Hough transform in Taichi: one thread a slice and an entry.
+
+An entry of the table is a vector v from a boundary point to the centre, and the direction of the
+gradient there. Turned by t and scaled by s, each edge point p of that direction, turned too, votes
+for the centre p + s R(t) v (Ballard, "Generalizing the Hough transform to detect arbitrary shapes",
+Pattern Recognition 13(2), 1981). A slice is the votes of one rotation and one scale.
+"""
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.hough import DIRECTIONS, SCALE_ONE, TILE, TURN_ONE, TURNED_ONE, VECTOR_ONE
+from cvkern.kernels.codes.hough import (
+    DIRECTIONS,
+    SCALE_ONE,
+    TILE,
+    TURN_ONE,
+    TURNED_ONE,
+    VECTOR_ONE,
+    Cells,
+    Entries,
+    Slices,
+    Voters,
+)
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._polar import gradient_angle
 from cvkern.kernels.taichi.hough._directions import direction_code
@@ -79,22 +96,15 @@ def _vote(
 
 @primitive
 def accumulate(
-    points: np.ndarray,
-    starts: np.ndarray,
-    vectors: np.ndarray,
-    directions: np.ndarray,
-    turns: np.ndarray,
-    scales: np.ndarray,
+    voters: Voters,
+    entries: Entries,
+    slices: Slices,
     tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    cells: Cells,
     votes: np.ndarray,
 ) -> None:
     """Count the votes of each cell of each slice; one thread per slice and entry."""
-    _vote(
-        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift, votes
-    )
+    _vote(*voters, *entries, *slices, tolerance, *cells, votes)
 
 
 @ti.kernel
@@ -122,22 +132,15 @@ def _find_peaks(
 
 @primitive
 def search(
-    points: np.ndarray,
-    starts: np.ndarray,
-    vectors: np.ndarray,
-    directions: np.ndarray,
-    turns: np.ndarray,
-    scales: np.ndarray,
+    voters: Voters,
+    entries: Entries,
+    slices: Slices,
     tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    cells: Cells,
     keys: np.ndarray,
 ) -> None:
     """Find the four cells of most votes in each tile of each slice; one thread per tile."""
-    rows, columns = ((height - 1) >> shift) + 1, ((width - 1) >> shift) + 1
-    votes = scratch((turns.shape[0], scales.shape[0], rows, columns), np.int32)
-    _vote(
-        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift, votes
-    )
+    rows, columns = (((n - 1) >> cells.shift) + 1 for n in cells[:2])
+    votes = scratch((slices.turns.shape[0], slices.scales.shape[0], rows, columns), np.int32)
+    _vote(*voters, *entries, *slices, tolerance, *cells, votes)
     _find_peaks(votes, keys)

@@ -1,0 +1,307 @@
+"""Robust fits: hypotheses from samples of matches, scored, refined, chosen; the same for any model.
+
+A fit depends on the set of its matches alone: not on their order, the other pairs of a batch, the
+device or the kernel set.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.geometry import (
+    COST_ONE,
+    GROUP,
+    LANES,
+    MAX_MATCHES,
+    NO_COST,
+    SAMPLE,
+    Model,
+)
+
+FIRST, MOST = 512, 8192  # hypotheses of the first round, and of any
+LEAST = 1024  # hypotheses in all
+CANDIDATES = 2  # models of a round that are refined
+_INDEX = np.uint64(MAX_MATCHES - 1)
+# Squares of the thresholds of the steps of least squares, over the square of the caller's.
+COARSE = np.array([9.0, 4.0, 2.0, 2.0], np.float32)
+FINE = np.array([2.0] * 4, np.float32)
+# Samples without outliers that are wanted: noise spoils some of them.
+SPARE = 2.0
+# The search ends when a model of so many times the inliers would have been found.
+LARGER = 1.5
+
+
+class RobustFit(NamedTuple):
+    """A model that many matches agree on."""
+
+    matrix: np.ndarray | None
+    """(3, 3) float64, acts on (x, y, 1) with x the column and y the row; None where there is no
+    such model."""
+    inliers: Any
+    """(N,) bool, of the caller's library: the matches within the threshold."""
+    cost: float
+    """Sum over the matches, equal ones once, of the squared residual in thresholds, at most 1."""
+
+
+class RobustFits(NamedTuple):
+    """The models of several pairs of images."""
+
+    matrices: np.ndarray
+    """(B, 3, 3) float64, as of a `RobustFit`; NaN where a pair has no model."""
+    inliers: Any
+    """bool, one after the other for all pairs, of the caller's library."""
+    offsets: np.ndarray
+    """(B + 1,) int64: the matches of pair b are `inliers[offsets[b]:offsets[b + 1]]`."""
+    costs: np.ndarray
+    """(B,) float64, as of a `RobustFit`."""
+
+
+class Search(NamedTuple):
+    """The options of a robust fit."""
+
+    threshold: float
+    confidence: float
+    max_trials: int
+    seed: int
+
+
+class Batch(NamedTuple):
+    """The matches of several pairs, as kernels take them."""
+
+    matches: np.ndarray
+    """x0, y0, x1, y1, within [-1, 1], (4, M) float32; a pair begins at a multiple of `LANES`."""
+    spans: np.ndarray
+    """First and number of the matches of each pair, (P, 2) int32."""
+    places: np.ndarray
+    """Where each match is in `matches`, (N,) int64; -1 for those that are not finite."""
+    to_unit: np.ndarray
+    """The matrices that scale the points of either image, (2, P, 3, 3) float64."""
+    sides: np.ndarray
+    """Width and height of the box of the scaled points of the second image, (P, 2) float64."""
+
+
+def gather(pairs: Sequence[tuple[np.ndarray, np.ndarray]], *, alike: bool = False) -> Batch:
+    """Scale the matches of each pair, in the order of a hash of their coordinates, equal ones once.
+
+    Points are (row, column). Any order of the same matches gives the same batch, and its first
+    matches are as good as drawn by lot. The centre and the scale (a power of two, of both images
+    if `alike`) are those of the points' box, which no order rounds otherwise.
+    """
+    lists = [_sorted(_columns(a, b)) for a, b in pairs]
+    counts = np.array([values.shape[1] for values, _ in lists], np.int64)
+    rooms = -(-counts // LANES) * LANES
+    starts = np.cumsum(rooms) - rooms
+    matches = np.zeros((4, max(int(rooms.sum()), LANES)), np.float32)
+    to_unit = np.zeros((2, len(pairs), 3, 3))
+    to_unit[:, :, 2, 2] = 1
+    sides = np.zeros((len(pairs), 2))
+    places = []
+    for i, (values, place) in enumerate(lists):
+        places.append(np.where(place >= 0, place + starts[i], -1))
+        if not counts[i]:
+            to_unit[:, i] = np.eye(3)
+            continue
+        low, high = values.min(axis=1), values.max(axis=1)
+        half = ((high - low) / 2).reshape(2, 2).max(axis=1)
+        half[:] = half.max() if alike else half
+        scale = np.ldexp(1.0, -np.frexp(np.where(half > 0, half, 1.0))[1]).repeat(2)
+        shift = scale * (low + high) / 2
+        matches[:, starts[i] : starts[i] + counts[i]] = values * scale[:, None] - shift[:, None]
+        to_unit[:, i, (0, 1), (0, 1)] = scale.reshape(2, 2)
+        to_unit[:, i, :2, 2] = -shift.reshape(2, 2)
+        sides[i] = ((high - low) * scale)[2:]
+    spans = np.stack((starts, counts), 1).astype(np.int32)
+    return Batch(matches, spans, np.concatenate(places), to_unit, sides)
+
+
+def _columns(points0: np.ndarray, points1: np.ndarray) -> np.ndarray:
+    """Return x0, y0, x1, y1, (4, N) float64."""
+    values = np.empty((4, len(points0)))
+    values[0], values[1] = points0[:, 1], points0[:, 0]
+    values[2], values[3] = points1[:, 1], points1[:, 0]
+    values += 0.0  # one zero, not two
+    return values
+
+
+def _sorted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return finite matches (4, K) by their hash, and where each of (4, N) is among them, or -1.
+
+    Two different matches of one hash, of 46 bits, are in the order in which they came.
+    """
+    count = values.shape[1]
+    kept = np.arange(count)
+    if not np.isfinite(values).all():
+        kept = np.flatnonzero(np.isfinite(values).all(axis=0))
+        values = values[:, kept]
+    keys = np.zeros(len(kept), np.uint64)
+    for row in values.view(np.uint64):  # mixed as by splitmix64
+        keys ^= row
+        keys *= np.uint64(0x9E3779B97F4A7C15)
+        keys ^= keys >> np.uint64(29)
+    keys &= ~_INDEX
+    keys |= np.arange(len(kept), dtype=np.uint64)
+    keys.sort()
+    order = (keys & _INDEX).astype(np.int64)
+    values = values.take(order, axis=1)
+    place = np.full(count, -1, np.int64)
+    keys >>= np.uint64(18)
+    same = keys[1:] == keys[:-1]
+    if not same.any():
+        place[kept[order]] = np.arange(len(order))
+        return values, place
+    fresh = np.ones(len(order), bool)
+    fresh[1:] = ~same | (values[:, 1:] != values[:, :-1]).any(axis=0)
+    place[kept[order]] = np.cumsum(fresh) - 1
+    return values[:, fresh], place
+
+
+class Found(NamedTuple):
+    """The best model of each pair so far."""
+
+    models: np.ndarray
+    """(P, 9) float64."""
+    costs: np.ndarray
+    """(P,) int64, in units of 1 / `COST_ONE`; `NO_COST` where there is none."""
+    supports: np.ndarray
+    """(P,) int64, the number of inliers."""
+    trials: np.ndarray
+    """(P,) int64, the number of hypotheses."""
+
+
+class Explorer:
+    """The matches of a batch where kernels find them, and the search among them."""
+
+    def __init__(self, rt: Runtime, batch: Batch, options: Search):
+        self.rt, self.batch, self.options = rt, batch, options
+        self.counts = batch.spans[:, 1].astype(np.int64)
+        scales = batch.to_unit[1, :, 0, 0]
+        self.squares = ((options.threshold * scales) ** 2).astype(np.float32)
+        self._given = (
+            rt.send("robust.matches", batch.matches),
+            rt.send("robust.spans", batch.spans),
+            rt.send("robust.squares", self.squares),
+        )
+
+    def explore(
+        self, model: Model, planes: np.ndarray | None = None, most: int | None = None
+    ) -> Found:
+        """Draw samples for each pair until a better model is unlikely; refine the best ones.
+
+        `planes` are homographies (P, 9) to start from, NaN for pairs to leave out; `most` is a
+        number of trials below that of the options.
+        """
+        rt, kernels, size = self.rt, self.rt.geometry.robust, SAMPLE[model]
+        fitted = Model.FUNDAMENTAL if model == Model.PARALLAX else model
+        number = len(self.counts)
+        best, trials = np.zeros((number, 9)), np.zeros(number, np.int64)
+        costs = np.full(number, NO_COST, np.int64)
+        rough, supports = costs.copy(), trials.copy()
+        usable = self.counts >= size
+        if planes is not None:
+            usable &= np.isfinite(planes).all(axis=1)
+        given = np.zeros((number if planes is not None else 1, 9)) if planes is None else planes
+        plane = rt.send("robust.planes", np.ascontiguousarray(given))
+        active = np.flatnonzero(usable).astype(np.int32)
+        done, room = 0, FIRST
+        last = min(self.options.max_trials, most or self.options.max_trials)
+        while len(active) and done < last:
+            room = min(room, -(-(last - done) // GROUP) * GROUP)
+            pairs = rt.send("robust.pairs", active)
+            found = rt.scratch("robust.models", (len(active), room // GROUP, 9))
+            found_costs = rt.scratch("robust.costs", found.shape[:2], np.int32)
+            seed = self.options.seed
+            kernels.propose(*self._given, plane, pairs, int(model), seed, done, found, found_costs)
+            least = rt.to_numpy(found_costs).min(axis=1)
+            promising = least < rough[active]
+            rough[active] = np.minimum(rough[active], least)
+            if promising.any():
+                to = active[promising]
+                chosen = rt.scratch("robust.chosen", (len(to), CANDIDATES, 9), np.float64)
+                rows = rt.send("robust.rows", np.flatnonzero(promising).astype(np.int32))
+                kernels.choose(found, found_costs, rows, chosen)
+                models, cost, support = self._refined(fitted, chosen, to, COARSE)
+                rank = np.argmin(cost, axis=1)  # the first of equals
+                row = np.arange(len(to))
+                better = cost[row, rank] < costs[to]
+                to, row, rank = to[better], row[better], rank[better]
+                best[to] = models[row, rank]
+                costs[to], supports[to] = cost[row, rank], support[row, rank]
+            done += room
+            trials[active] = done
+            share = supports[active] / self.counts[active]
+            active = active[done < _wanted(share, size, self.options.confidence)]
+            room = min(done, MOST)
+        return Found(best, costs, supports, trials)
+
+    def finish(self, model: Model, found: Found) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return matrices (P, 3, 3), or NaN, inliers (M,) uint8 and costs (P,) float64."""
+        rt, count = self.rt, self.counts
+        everyone = np.arange(len(count), dtype=np.int32)
+        chosen = rt.scratch("robust.chosen", (len(count), 1, 9), np.float64)
+        rt.write(chosen, found.models[:, None])
+        models, cost, support = self._refined(model, chosen, everyone, FINE)
+        none = ~self.significant(model, support[:, 0], found.trials)
+        inliers = rt.scratch("robust.inliers", (self.batch.matches.shape[1],), np.uint8)
+        last = rt.send("robust.last", np.ascontiguousarray(models[:, 0]))
+        rt.geometry.robust.mark(*self._given, int(model), last, inliers)
+        marks = np.array(rt.to_numpy(inliers))
+        matrices = models.reshape(-1, 3, 3).copy()
+        matrices[none] = np.nan
+        for begin, number in self.batch.spans[none]:
+            marks[begin : begin + number] = 0
+        return matrices, marks, np.where(none, count, cost[:, 0] / COST_ONE)
+
+    def significant(self, model: Model, supports: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """Tell where so many inliers are no accident."""
+        square = self.squares.astype(np.float64)
+        sides = self.batch.sides + 2 * np.sqrt(square)[:, None]
+        area = np.prod(sides, axis=1)
+        if model == Model.FUNDAMENTAL:  # a band along a line
+            near = 2 * np.sqrt(square) * np.hypot(*sides.T)
+        else:
+            near = math.pi * square
+        chance = np.minimum(near / area, 1.0)
+        return _significant(supports, self.counts, trials, chance, SAMPLE[model])
+
+    def _refined(
+        self, model: Model, chosen: Any, pairs: np.ndarray, schedule: np.ndarray
+    ) -> list[np.ndarray]:
+        rt, shape = self.rt, chosen.shape[:2]
+        cost = rt.scratch("robust.refined", shape, np.int32)
+        support = rt.scratch("robust.supports", shape, np.int32)
+        to = rt.send("robust.refined_pairs", pairs)
+        steps = rt.constant(schedule)
+        rt.geometry.robust.refine(*self._given, to, int(model), steps, chosen, cost, support)
+        return [rt.to_numpy(a) for a in (chosen, cost, support)]
+
+
+def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:
+    """Return how many samples show, with `confidence`, that no model has many more inliers."""
+    good = np.clip((LARGER * share) ** size, 1e-12, 1 - 1e-12)
+    return np.maximum(SPARE * math.log(1 - confidence) / np.log1p(-good), LEAST)
+
+
+def _significant(
+    support: np.ndarray, count: np.ndarray, trials: np.ndarray, chance: np.ndarray, size: int
+) -> np.ndarray:
+    """Tell where so many inliers are no accident.
+
+    Under outliers alone less than one fit like this is expected among all subsets of the matches
+    and all trials [L. Moisan and B. Stival, IJCV 57(3), 2004]; or all matches are inliers.
+    """
+
+    def log(x: np.ndarray) -> np.ndarray:  # the logarithm of (x - 1)!
+        return np.array([math.lgamma(value) for value in x])
+
+    n, k = count.astype(np.float64), support.astype(np.float64)
+    subsets = log(n + 1) - log(k + 1) - log(n - k + 1)
+    with np.errstate(divide="ignore"):
+        accidents = subsets + np.log(np.maximum(trials, 1)) + (k - size) * np.log(chance)
+    # Seven matches leave up to three fundamental matrices.
+    least = size if size < SAMPLE[Model.FUNDAMENTAL] else size + 1
+    return (support >= least) & ((accidents < 0) | (support == count))
