@@ -53,7 +53,6 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import losses as losses
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
-        from cvkern.kernels.warp.stereo import refinement as refinement
         from cvkern.kernels.warp.stereo import windows as windows
         from cvkern.kernels.warp.stereo import winners as winners
         class costs:
@@ -64,6 +63,11 @@ class Folder:
         class paths:
             from cvkern.kernels.warp.stereo.paths import aggregation as aggregation
             from cvkern.kernels.warp.stereo.paths import matching as matching
+        class refinement:
+            from cvkern.kernels.warp.stereo.refinement import agreement as agreement
+            from cvkern.kernels.warp.stereo.refinement import gaps as gaps
+            from cvkern.kernels.warp.stereo.refinement import medians as medians
+            from cvkern.kernels.warp.stereo.refinement import speckles as speckles
     class structured_light:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
         from cvkern.kernels.warp.structured_light import laser as laser

@@ -101,6 +101,11 @@ def primitives(kernel_set):
                 yield module, name, function
 
 
+def is_fact(function):
+    """Tell whether a function of a kernel module launches nothing, and returns a limit or bytes."""
+    return inspect.signature(function).return_annotation is int
+
+
 def noise(*shape: int, dtype: Any = "float32", seed: int = 0) -> np.ndarray:
     """Return uniform values: over [0, 1) for floats, from small ones on over the range else."""
     rng, dtype = np.random.default_rng(seed), np.dtype(dtype)

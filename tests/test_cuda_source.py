@@ -56,7 +56,6 @@ def cost_kernels():
     byte, word, integer, real, wide = wp.uint8, wp.uint16, wp.int32, wp.float32, wp.float64
     for scalar in (byte, real):
         yield census.census_kernel(scalar)
-        yield windows.moments_down(scalar)
     for cost in (Cost.SAD, Cost.SSD, Cost.BIRCHFIELD_TOMASI):
         for scalar, kept in ((byte, word), (byte, integer), (real, real)):
             yield windows.sum_down(cost, scalar, kept)
@@ -66,22 +65,25 @@ def cost_kernels():
         yield windows.correlate_along(kept)
     for kept, out in ((word, byte), (word, word), (integer, real), (real, real)):
         yield windows.sum_along(kept, out)
+    yield census.distances
     for words in matching.WORDS:
         yield matching.match_kernel(words)
 
 
 def stereo_kernels():
     """Kernels of semi-global matching that are compiled when they are first used."""
-    from cvkern.kernels.warp.stereo import _refinement_cuda as disparity
     from cvkern.kernels.warp.stereo import _winners_cuda as winner
     from cvkern.kernels.warp.stereo.paths import _aggregation_cuda as semi_global
     from cvkern.kernels.warp.stereo.paths import _costs_cuda as match_costs
     from cvkern.kernels.warp.stereo.paths import _matching_cuda as match
     from cvkern.kernels.warp.stereo.paths import _steps_cuda as paths
+    from cvkern.kernels.warp.stereo.refinement import _medians_cuda as disparity
+    from cvkern.kernels.warp.stereo.refinement._gaps_cuda import fill_rows
 
     byte, word = wp.uint8, wp.uint16
     for radius in (0, 6, 15):
         yield from disparity.medians(radius)
+    yield fill_rows
     yield from cost_kernels()
     for aligned in (True, False):
         yield match_costs.match_costs_kernel(aligned)

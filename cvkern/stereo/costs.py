@@ -17,11 +17,10 @@ from cvkern._checks import (
     check_pair,
 )
 from cvkern._runtime import Runtime, runtime
-from cvkern.kernels.codes.stereo import Cost
+from cvkern.kernels.codes.stereo import MAX_COSTS, Cost
 
-MAX_COSTS = 2**31 - 1
-MAX_SIDE = 1023  # of a window
-WORD = 64  # bits of a census
+MAX_SIDE = 1023  # largest side of a window, pixels
+WORD = 64  # most bits of a census
 
 _LARGEST = {Cost.SAD: 255, Cost.SSD: 255**2, Cost.BIRCHFIELD_TOMASI: 255, Cost.ZNCC: 255**2}
 

@@ -136,19 +136,17 @@ def stereo_match(
     >>> float(np.median(result.disparity).round(1))
     5.0
     """
+    options = locals()
     left = check_image(left, ndim=(2, 3), name="left")
     right = check_image(right, ndim=(2, 3), name="right")
     if tuple(left.shape) != tuple(right.shape):
         raise ValueError(
             f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
         )
-    plan = plan_of(
-        tuple(left.shape), disparities, method, paths, window, channel_axis, data_range, p1, p2,
-        contrast, subpixel, uniqueness, left_right, speckle_size, speckle_difference, smoothing,
-        max_bytes,
-    )  # fmt: skip
     rt = runtime(left, right)
-    result = StereoResult(rt.empty(plan.shape), rt.empty(plan.shape, bool), rt.empty(plan.shape))
+    plan = plan_of(rt, tuple(left.shape), options)
+    shape = plan.images.shape
+    result = StereoResult(rt.empty(shape), rt.empty(shape, bool), rt.empty(shape))
     plan.match(
         rt, left, right,
         rt.adopt(result.disparity), rt.adopt(result.valid, bool), rt.adopt(result.confidence),
@@ -201,8 +199,7 @@ class StereoMatcher:
         check_image(blank, ndim=(2, 3), name="shape")
         call = inspect.signature(stereo_match).bind(blank, blank, disparities, **options)
         call.apply_defaults()
-        _, _, *checked = call.arguments.values()
-        plan_of(self.shape, *checked)
+        plan_of(runtime(blank), self.shape, call.arguments)
         self._options = call.arguments
         self._open = True
         self._frames: _Frames | None = None

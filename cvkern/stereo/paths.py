@@ -9,12 +9,11 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_dtype, check_image, check_integer, check_positive
 from cvkern._runtime import Runtime, runtime
+from cvkern.kernels.codes.stereo import MAX_COSTS, Penalties
 from cvkern.stereo._strips import cut_strips
+from cvkern.stereo.winners import check_depth
 
-MAX_COSTS = 2**31 - 1
-MAX_DISPARITIES = 2**15
 PATHS = (4, 8, 16)
-_VOLUMES = 8  # of paths, that a GPU keeps at a time
 
 
 def aggregate_semi_global(
@@ -96,11 +95,8 @@ def aggregate_semi_global(
     if dtype not in (np.uint8, np.uint16):
         raise TypeError(f"costs must be uint8 or uint16, got {dtype}")
     height, width, depth = shape = tuple(costs.shape)
-    _check_depth(depth)
-    p1 = check_integer(p1, "p1", 0, 2**14)
-    p2 = check_integer(p2, "p2", 0, 2**14)
-    if p1 > p2:
-        raise ValueError(f"p1 must be <= p2, got {p1} > {p2}")
+    check_depth(depth)
+    p1, p2 = check_penalties(p1, p2)
     contrast = check_positive(contrast, "contrast")
     if paths not in PATHS:
         raise ValueError(f"paths must be one of {PATHS}, got {paths!r}")
@@ -117,12 +113,14 @@ def aggregate_semi_global(
     check_sums(paths, largest_cost, p2)
 
     def work(rows: int) -> int:
-        return aggregation_bytes(rt.device, rows, width, depth, paths, p2)
+        return rt.stereo.paths.aggregation.aggregation_bytes(
+            rt.device, rows, width, depth, paths, p2
+        )
 
     strips = cut_strips(
         height, 2 * height * width * depth, work, max_bytes, f"costs of shape {shape}"
     )
-    table = rt.constant(penalties(p1, p2, contrast))
+    table = Penalties(p1, rt.constant(penalties(p1, p2, contrast)), p2)
     flat = rt.constant(np.zeros((1, 1), np.uint8))
     sums = rt.empty(shape, np.uint16)
     target = rt.adopt(sums, np.uint16)
@@ -130,8 +128,17 @@ def aggregate_semi_global(
         seen = rt.adopt(strip.seen_of(costs), dtype)
         gray = flat if guide is None else rt.adopt(strip.seen_of(guide), np.uint8)
         kept = strip.kept_of(target)
-        rt.stereo.paths.aggregation.aggregate(seen, gray, p1, table, p2, paths, strip.margin, kept)
+        rt.stereo.paths.aggregation.aggregate(seen, gray, table, paths, strip.margin, kept)
     return rt.release(sums)
+
+
+def check_penalties(p1: int, p2: int) -> tuple[int, int]:
+    """Return the penalties of a path."""
+    p1 = check_integer(p1, "p1", 0, 2**14)
+    p2 = check_integer(p2, "p2", 0, 2**14)
+    if p1 > p2:
+        raise ValueError(f"p1 must be <= p2, got {p1} > {p2}")
+    return p1, p2
 
 
 def penalties(p1: int, p2: int, contrast: float) -> np.ndarray:
@@ -148,29 +155,6 @@ def check_sums(paths: int, largest_cost: int, p2: int) -> None:
             f"paths * (largest_cost + p2) must be < 65536, "
             f"got {paths} * ({largest_cost} + {p2}) = {most}"
         )
-
-
-def aggregation_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
-    """Return at most how many bytes the work of an aggregation takes."""
-    padded = -(-depth // 32) * 32
-    if device == "cpu":
-        return 2 * 6 * (height + width) * (padded + 32)
-    lines = min(paths, _VOLUMES) * (1 if p2 < 256 else 2)
-    return height * width * padded * (lines + 2)
-
-
-def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
-    """Return at most how many bytes the work of a whole match takes, costs and sums included."""
-    padded = -(-depth // 32) * 32
-    right = height * (4 * (width + padded) + 4 * (width + 2 * padded))
-    volumes = 2 if device == "cpu" else 3
-    work = aggregation_bytes(device, height, width, depth, paths, p2)
-    return work + volumes * height * width * padded + right
-
-
-def _check_depth(depth: int) -> None:
-    if depth > MAX_DISPARITIES:
-        raise ValueError(f"costs must have at most {MAX_DISPARITIES} disparities, got {depth}")
 
 
 def _largest(rt: Runtime, costs: Any) -> int:

@@ -9,8 +9,7 @@ import numpy as np
 from cvkern._checks import check_dtype, check_image, check_integer, check_number
 from cvkern._runtime import runtime
 
-MAX_RADIUS = 15
-MAX_CONTRAST = 2**16
+MAX_CONTRAST = 2**16  # weights of all pixels of a window sum to less than 2^31
 
 
 def left_right_check(disparity: Any, right: Any, *, tolerance: float = 1.0) -> Any:
@@ -53,7 +52,7 @@ def left_right_check(disparity: Any, right: Any, *, tolerance: float = 1.0) -> A
     tolerance = check_number(tolerance, "tolerance", low=0)
     rt = runtime(disparity, right)
     checked = rt.empty(shape)
-    rt.stereo.refinement.left_right(
+    rt.stereo.refinement.agreement.left_right(
         rt.adopt(disparity), rt.adopt(right), 0, tolerance, rt.adopt(checked)
     )
     return rt.release(checked)
@@ -95,7 +94,9 @@ def remove_speckles(disparity: Any, min_size: int = 100, *, difference: float = 
     difference = check_number(difference, "difference", low=0)
     rt = runtime(disparity)
     kept = rt.empty(tuple(disparity.shape))
-    rt.stereo.refinement.remove_speckles(rt.adopt(disparity), min_size, difference, rt.adopt(kept))
+    rt.stereo.refinement.speckles.remove_speckles(
+        rt.adopt(disparity), min_size, difference, rt.adopt(kept)
+    )
     return rt.release(kept)
 
 
@@ -136,7 +137,7 @@ def fill_disparity(disparity: Any) -> Any:
     shape = tuple(disparity.shape)
     filled = rt.empty(shape)
     valid = rt.scratch("fill.valid", shape, np.uint8)
-    rt.stereo.refinement.fill(rt.adopt(disparity), rt.adopt(filled), valid)
+    rt.stereo.refinement.gaps.fill(rt.adopt(disparity), rt.adopt(filled), valid)
     return rt.release(filled)
 
 
@@ -198,11 +199,11 @@ def guided_median(disparity: Any, guide: Any, radius: int = 6, *, contrast: int 
     shape = tuple(disparity.shape)
     if tuple(guide.shape) != shape:
         raise ValueError(f"guide must have shape {shape}, got {tuple(guide.shape)}")
-    radius = check_integer(radius, "radius", 0, MAX_RADIUS)
-    contrast = check_integer(contrast, "contrast", 1, MAX_CONTRAST)
     rt = runtime(disparity, guide)
+    radius = check_integer(radius, "radius", 0, rt.stereo.refinement.medians.max_radius())
+    contrast = check_integer(contrast, "contrast", 1, MAX_CONTRAST)
     smooth = rt.empty(shape)
-    rt.stereo.refinement.guided_median(
+    rt.stereo.refinement.medians.guided_median(
         rt.adopt(disparity), rt.adopt(guide, np.uint8), radius, contrast, rt.adopt(smooth)
     )
     return rt.release(smooth)

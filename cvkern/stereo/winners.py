@@ -9,8 +9,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_image, check_integer
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.stereo import Subpixel
-from cvkern.stereo.paths import MAX_COSTS, _check_depth
+from cvkern.kernels.codes.stereo import MAX_COSTS, MAX_DISPARITIES, Rule, Subpixel, Winners
 
 
 class Winner(NamedTuple):
@@ -85,7 +84,7 @@ def winner_take_all(
     (11.25, 2.0)
     """
     costs = check_image(costs, ndim=(3,), name="costs", most=MAX_COSTS)
-    _check_depth(costs.shape[2])
+    check_depth(costs.shape[2])
     first = check_integer(first, "first", -(2**24), 2**24)
     fit = check_subpixel(subpixel)
     uniqueness = check_integer(uniqueness, "uniqueness", 0, 99)
@@ -96,9 +95,8 @@ def winner_take_all(
     shape = tuple(costs.shape[:2])
     index = rt.scratch("winner.index", shape, np.int32)
     results = Winner(*(rt.empty(shape) for _ in Winner._fields))
-    rt.stereo.winners.pick(
-        rt.adopt(costs, dtype), first, fit, uniqueness, index, *(rt.adopt(a) for a in results)
-    )
+    winners = Winners(index, *(rt.adopt(a) for a in results))
+    rt.stereo.winners.pick(rt.adopt(costs, dtype), Rule(first, fit, uniqueness), winners)
     return Winner(*(rt.release(a) for a in results))
 
 
@@ -107,3 +105,9 @@ def check_subpixel(subpixel: bool | str) -> Subpixel:
     if isinstance(subpixel, (bool, np.bool_)):
         return Subpixel.PARABOLA if subpixel else Subpixel.NONE
     return Subpixel[check_choice(subpixel, ("parabola", "equiangular"), "subpixel").upper()]
+
+
+def check_depth(depth: int) -> None:
+    """Refuse more costs of a pixel than kernels can tell apart."""
+    if depth > MAX_DISPARITIES:
+        raise ValueError(f"costs must have at most {MAX_DISPARITIES} disparities, got {depth}")

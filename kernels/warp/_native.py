@@ -14,8 +14,8 @@ The module declares one by a signature with the same parameters, in the same ord
 The constants become ``#define`` lines before the body; a type is a constant too: ``SCALAR="float"``
 for ``wp::array_t<SCALAR>``. A line ``#include "NAME"`` at the top of a file stands for the text of
 another file, found from the place of the first, which every function of the file then has: a rule
-that several share is a ``struct`` there, with static functions. Its constants are needed by the
-functions of the file as well.
+that several share is a ``struct`` there, with static functions. Such a file names its constants in
+the same way, in ``// needs`` lines of its own, and the functions of the file need them as well.
 
 `kernel` declares a kernel in the same way. On the CPU it is one of slabs (`_launch.launch_slabs`),
 whose first parameters are the slab, the first row and the row behind the last; on CUDA it finds its
@@ -35,7 +35,8 @@ from typing import Any
 import warp as wp
 
 _INCLUDE = re.compile(r'^#include "([\w./]+)"$', re.MULTILINE)
-_NEEDS = r"(?:^// needs ([\w, ]+)\n(?://[^\n]*\n)*)?"
+_NEEDS = re.compile(r"^// needs ([\w, ]+)$", re.MULTILINE)
+_COMMENTS = r"((?:^//[^\n]*\n)*)"
 
 
 def func_native(file: str, **constants: Any) -> Callable[[Any], wp.Function]:
@@ -52,7 +53,11 @@ def func_native(file: str, **constants: Any) -> Callable[[Any], wp.Function]:
 
 
 def kernel(
-    file: str, options: dict[str, Any] | None = None, **constants: Any
+    file: str,
+    options: dict[str, Any] | None = None,
+    *,
+    launch_bounds: tuple[int, int] | None = None,
+    **constants: Any,
 ) -> Callable[[Any], wp.Kernel]:
     """Return a decorator that makes a kernel of the C++ function.
 
@@ -75,8 +80,10 @@ def kernel(
         function.__annotations__ = types
         function.__doc__ = stub.__doc__
         if options is None:
-            return wp.kernel(function)
-        return wp.kernel(function, module="unique", module_options=options)
+            return wp.kernel(function, launch_bounds=launch_bounds)
+        return wp.kernel(
+            function, module="unique", module_options=options, launch_bounds=launch_bounds
+        )
 
     return make
 
@@ -85,6 +92,8 @@ def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
     """Return what Warp puts between the braces of `stub`; raise where the two do not agree."""
     name, path = stub.__name__, Path(inspect.getfile(stub)).parent / file
     needs, parameters, body = _function(path, name)
+    shared_needs, shared = _shared(path)
+    needs = needs | shared_needs
     if needs != set(constants):
         raise ImportError(f"{file}: {name} needs {sorted(needs)}, got {sorted(constants)}")
     declared = [p for p in inspect.get_annotations(stub) if p != "return"]
@@ -93,14 +102,14 @@ def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
     defines = "".join(f"#define {key} {value}\n" for key, value in constants.items())
     undefines = "".join(f"#undef {key}\n" for key in constants)
     # Some pragmas must stand first behind a brace: the body keeps its own.
-    return f"\n{defines}{_shared(path)}{{{body}}}\n{undefines}"
+    return f"\n{defines}{shared}{{{body}}}\n{undefines}"
 
 
 @lru_cache
 def _function(path: Path, name: str) -> tuple[set[str], tuple[str, ...], str]:
     """Return the constants that a function of a file needs, its parameters and its body."""
     text = path.read_text(encoding="utf-8")
-    head = re.search(rf"{_NEEDS}^[\w:<> ]+\b{name}\(([^)]*)\)\s*\{{", text, re.MULTILINE)
+    head = re.search(rf"{_COMMENTS}^[\w:<> ]+\b{name}\(([^)]*)\)\s*\{{", text, re.MULTILINE)
     if head is None:
         raise ImportError(f"{path.name} must have a function {name}")
     depth, end = 1, head.end()
@@ -109,18 +118,25 @@ def _function(path: Path, name: str) -> tuple[set[str], tuple[str, ...], str]:
             raise ImportError(f"{path.name}: {name} must end with a brace")
         depth += {"{": 1, "}": -1}.get(text[end], 0)
         end += 1
-    needs = set(re.findall(r"\w+", head[1] or ""))
+    needs = _named(head[1])
     parameters = re.findall(r"(\w+)\s*(?:,|$)", re.sub(r"<[^>]*>", "", head[2]).strip())
     return needs, tuple(parameters), text[head.end() : end - 1]
 
 
 @lru_cache
-def _shared(path: Path) -> str:
-    """Return the text of the files that a file includes."""
-    included = _INCLUDE.findall(path.read_text(encoding="utf-8"))
+def _shared(path: Path) -> tuple[set[str], str]:
+    """Return the constants that the files need which a file includes, and their text."""
+    needs: set[str] = set()
     shared = ""
-    for other in included:
+    for other in _INCLUDE.findall(path.read_text(encoding="utf-8")):
         place = path.parent / other
         text = place.read_text(encoding="utf-8")
-        shared += _shared(place) + _INCLUDE.sub("", text).replace("#pragma once\n", "")
-    return shared
+        inner_needs, inner = _shared(place)
+        needs |= inner_needs | _named(text)
+        shared += inner + _INCLUDE.sub("", text).replace("#pragma once\n", "")
+    return needs, shared
+
+
+def _named(text: str) -> set[str]:
+    """Return the constants that ``// needs`` lines name."""
+    return set(re.findall(r"\w+", " ".join(_NEEDS.findall(text))))

@@ -42,7 +42,7 @@ def pick(costs, first, subpixel, uniqueness):
     index = np.empty(shape, np.int32)
     disparity, cost, confidence = (np.empty(shape, np.float32) for _ in range(3))
     for p in np.ndindex(shape):
-        # As float64 every integer cost, and float32 costs times a percentage, are exact.
+        # Float64 holds every integer cost, and float32 costs times a percentage, exactly.
         line = costs[p].astype(np.float64)
         k = int(np.argmin(line))
         least = line[k]

@@ -65,7 +65,7 @@ def test_sums_of_floats(backend, cost, shape, window):
     got = cvkern.stereo_cost(left, right, disparities, cost=cost, window=window, channel_axis=axis)
     assert got.dtype == np.float32
     want = expected(left, right, disparities, cost, window)
-    # Of n terms of at most t each, the differences among them rounded to 2^-24 of 257 (half a step
+    # Sums of n terms of at most t each, with differences rounded to 2^-24 of 257 (half a step
     # more where halves are taken), float32 loses at most n (n + 3) t 2^-24; squares twice that.
     terms = np.prod(window) * deep(left).shape[2]
     largest = 257.0 ** (2 if cost == "ssd" else 1)

@@ -11,7 +11,7 @@ import cvkern
 from tests.test_equal_bits import assert_equal_bits
 
 UNIT = 2.0**-24  # largest relative error of one rounding to float32
-# Of the quarter-size motorcycle pair: pixels, millimetres, pixels.
+# The quarter-size motorcycle pair: pixels, millimetres, pixels.
 FOCAL, BASELINE, DOFFS = 994.978, 193.001, 31.086
 CX, CY = 311.193, 254.877
 ODD = np.array([[0, -0.0, np.nan, np.inf, -np.inf, -5, -DOFFS, 7, 3e38, -3e38]], np.float32)
@@ -26,7 +26,7 @@ def motorcycle():
 def disparities(height, width, seed=0):
     values = np.random.default_rng(seed).uniform(-20, 200, (height, width)).astype(np.float32)
     values.flat[: ODD.size] = ODD.flat[: values.size]
-    values[values == np.float32(-DOFFS)] = 1  # whose point is at infinity, but for rounding
+    values[values == np.float32(-DOFFS)] = 1  # its point is at infinity, but for rounding
     return values
 
 

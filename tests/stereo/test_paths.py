@@ -8,9 +8,17 @@ import pytest
 
 import cvkern
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.stereo import CENSUS_BITS, LARGEST_MATCH_COST, Subpixel
+from cvkern.kernels.codes.stereo import (
+    CENSUS_BITS,
+    LARGEST_MATCH_COST,
+    Penalties,
+    Rule,
+    Subpixel,
+    View,
+    Winners,
+)
 from cvkern.stereo._strips import OVERLAP, cut_strips
-from cvkern.stereo.paths import aggregation_bytes, penalties
+from cvkern.stereo.paths import penalties
 from tests.stereo import reference_paths as reference
 
 
@@ -163,16 +171,24 @@ def test_matching_where_bytes_just_suffice(backend, p1, p2):
     gray = np.where(differ, 255, 0).astype(np.uint8)
     rt, shape = runtime(gray), differ.shape[1:]
     costs = np.empty((*shape, 37), np.uint8)
-    views = [rt.adopt(a, a.dtype) for a in (*bits, *gray)]
-    rt.stereo.paths.matching.match_costs(*views, first=-2, costs=rt.adopt(costs, np.uint8))
+    left, right = (
+        View(rt.adopt(words, np.uint64), rt.adopt(shades, np.uint8))
+        for words, shades in zip(bits, gray, strict=True)
+    )
+    rt.stereo.paths.matching.match_costs(left, right, -2, rt.adopt(costs, np.uint8))
     assert (costs.min(), costs.max()) == (0, LARGEST_MATCH_COST)
     table = np.full(256, p2, np.uint16)
     results = [np.empty(shape, t) for t in ("i4", "f4", "f4", "f4", "i4")]
-    given = [*views, -2, 37, p1, rt.constant(table), p2, 8, Subpixel.NONE, 0, 0]
-    rt.stereo.paths.matching.match(*given, *(rt.adopt(a, a.dtype) for a in results))
+    *winners, right_index = (rt.adopt(a, a.dtype) for a in results)
+    rule, costs_of = Rule(-2, Subpixel.NONE, 0), Penalties(p1, rt.constant(table), p2)
+    rt.stereo.paths.matching.match(
+        left, right, 37, costs_of, 8, rule, 0, Winners(*winners), right_index
+    )
     sums = reference.aggregate(costs, gray[0], p1, table, 8)
     for got, want in zip(results, reference.pick(sums, -2, "none", 0), strict=False):
-        np.testing.assert_allclose(got, want, rtol=0, atol=2**-23)  # of confidences; else equal
+        np.testing.assert_allclose(
+            got, want, rtol=0, atol=2**-23
+        )  # confidences are rounded; the rest is equal
     np.testing.assert_array_equal(results[4], reference.pick_right(sums, -2))
 
 
@@ -185,7 +201,8 @@ def test_strips_of_rows(backend):
     costs[3:] = 20  # what rows know, they know from the first ones
     shape, table = costs.shape, penalties(9, 70, 16.0)
     whole = reference.aggregate(costs, guide, 9, table, 8)
-    enough = 2 * costs.size + aggregation_bytes("cpu", *shape, paths=8, p2=70)
+    work = runtime(costs).stereo.paths.aggregation.aggregation_bytes
+    enough = 2 * costs.size + work("cpu", *shape, paths=8, p2=70)
     options = {"guide": guide, "contrast": 16.0}
     got = cvkern.aggregate_semi_global(costs, 9, 70, max_bytes=enough, **options)
     np.testing.assert_array_equal(got, whole)
@@ -193,7 +210,7 @@ def test_strips_of_rows(backend):
     strips = cut_strips(
         400,
         2 * costs.size,
-        lambda n: aggregation_bytes("cpu", n, *shape[1:], paths=8, p2=70),
+        lambda n: work("cpu", n, *shape[1:], paths=8, p2=70),
         enough - 1,
         "",
     )

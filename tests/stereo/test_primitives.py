@@ -5,7 +5,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.stereo import CENSUS_BITS, Cost, Subpixel
+from cvkern.kernels.codes.stereo import (
+    CENSUS_BITS,
+    Cost,
+    Penalties,
+    Rule,
+    Subpixel,
+    View,
+    Winners,
+)
 from tests.primitives import F32, I32, U8, U16, U64, noise
 from tests.stereo import reference_costs as stereo_reference
 from tests.stereo import reference_paths as semi_global_reference
@@ -22,6 +30,11 @@ def stereo_pair(shape: tuple[int, ...], dtype: Any) -> Any:
     if dtype == F32:
         left, right = left + rng.random(left.shape), right + rng.random(left.shape)
     return left.astype(dtype), right.astype(dtype)
+
+
+def winners_of(shape):
+    """What a primitive that picks winners fills."""
+    return Winners((shape, I32), (shape, F32), (shape, F32), (shape, F32))
 
 
 PAIRS = [(1, 1, 1), (1, 70, 2), (19, 1, 1), (40, 66, 3)]
@@ -63,7 +76,7 @@ def test_hamming(kernels, shape, first, count):
 def test_window_costs_of_integers(kernels, shape, cost, first, count, radii):
     left, right = stereo_pair(shape, U8)
     octets = 1
-    if cost == Cost.CENSUS:  # of uint64 in whose low three bytes there are bits
+    if cost == Cost.CENSUS:  # words with bits in the low three bytes only
         left, right = (np.repeat(i, 8, 2).view(U64) & U64(0xFFFFFF) for i in (left, right))
         octets = 3
     ends = first, first + count
@@ -87,7 +100,7 @@ def test_window_costs_of_floats(kernels, shape, cost, radii):
     out = [((*shape[:2], 37), F32)]
     got = kernels("stereo.costs.windows.window_costs", left, right, -2, cost, 1, *radii, out=out)
     want = stereo_reference.stereo_cost(left, right, (-2, 35), cost.name.lower(), radii)
-    # As in test_stereo_cost.py: n terms below 257, or that squared.
+    # The bound of test_costs.py: n terms below 257, or that squared.
     terms = shape[2] * (2 * radii[0] + 1) * (2 * radii[1] + 1)
     largest = 257.0 ** (2 if cost == Cost.SSD else 1)
     assert np.abs(got - want).max() <= 2 * terms * (terms + 3) * largest * 2**-24
@@ -114,16 +127,16 @@ def test_match_windows(kernels, shape, cost, first, count, radii):
     if cost == Cost.CENSUS:
         left, right = (np.repeat(i, 8, 2).view(U64) & U64(0xFFFFFF) for i in (left, right))
         octets = 3
-    given = left, right, first, count, cost, octets, *radii, Subpixel.PARABOLA, 20
-    size = shape[:2]
-    out = [(size, I32), (size, F32), (size, F32), (size, F32), (size, I32)]
+    rule, size = Rule(first, Subpixel.PARABOLA, 20), shape[:2]
+    given = left, right, count, cost, octets, *radii, rule
+    out = [winners_of(size), (size, I32)]
     got = kernels("stereo.windows.match_windows", *given, out=out)
     volume = [((*size, count), U16)]
     costs = kernels(
         "stereo.costs.windows.window_costs", left, right, first, cost, octets, *radii, out=volume
     )
-    want = kernels("stereo.winners.pick", costs, first, Subpixel.PARABOLA, 20, out=out[:4])
-    right_want = kernels("stereo.winners.pick_right", costs, first, out=out[4:])
+    want = kernels("stereo.winners.pick", costs, rule, out=out[:1])
+    right_want = kernels("stereo.winners.pick_right", costs, first, out=out[1:])
     for a, b in zip(got, [*want, right_want], strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -146,7 +159,7 @@ def test_aggregate(kernels, shape, dtype, most, p2_max, paths):
         seen = guide if guide.shape == shape[:2] else None
         want = semi_global_reference.aggregate(costs, seen, 30, p2, paths)
         for top, rows in ((0, shape[0]), (shape[0] // 3, (shape[0] + 1) // 2)):
-            given = costs, guide, 30, p2, p2_max, paths, top
+            given = costs, guide, Penalties(30, p2, p2_max), paths, top
             got = kernels(
                 "stereo.paths.aggregation.aggregate", *given, out=[((rows, *shape[1:]), U16)]
             )
@@ -159,7 +172,8 @@ def test_match_costs(kernels, shape, first):
     rng = np.random.default_rng(1)
     bits = rng.integers(0, 1 << CENSUS_BITS, (2, *shape[:2])).astype(U64)
     grey = rng.integers(0, 256, (2, *shape[:2])).astype(U8)
-    got = kernels("stereo.paths.matching.match_costs", *bits, *grey, first, out=[(shape, U8)])
+    views = [View(*view) for view in zip(bits, grey, strict=True)]
+    got = kernels("stereo.paths.matching.match_costs", *views, first, out=[(shape, U8)])
     for k in range(shape[2]):
         there = np.clip(np.arange(shape[1]) - first - k, 0, shape[1] - 1)
         differ = (bits[0] ^ bits[1][:, there])[..., None].view(U8)
@@ -179,15 +193,17 @@ def test_match_is_its_steps_in_one(kernels, shape, first, paths, p2_max):
     p2 = np.linspace(p2_max, 20, 256).astype(U16)
     top = shape[0] // 3
     size = (shape[0] + 1) // 2, shape[1]
-    costs = kernels("stereo.paths.matching.match_costs", *bits, *grey, first, out=[(shape, U8)])
+    views = [View(*view) for view in zip(bits, grey, strict=True)]
+    costs = kernels("stereo.paths.matching.match_costs", *views, first, out=[(shape, U8)])
     sums = semi_global_reference.aggregate(costs, grey[0], 20, p2, paths)
     sums = sums[top : top + size[0]].astype(U16)
-    out = [(size, I32), (size, F32), (size, F32), (size, F32), (size, I32)]
+    out = [winners_of(size), (size, I32)]
     for subpixel, uniqueness in ((Subpixel.PARABOLA, 0), (Subpixel.NONE, 20)):
-        given = first, shape[2], 20, p2, p2_max, paths, subpixel, uniqueness, top
-        got = kernels("stereo.paths.matching.match", *bits, *grey, *given, out=out)
-        want = kernels("stereo.winners.pick", sums, first, subpixel, uniqueness, out=out[:4])
-        right = kernels("stereo.winners.pick_right", sums, first, out=out[4:])
+        rule = Rule(first, subpixel, uniqueness)
+        given = *views, shape[2], Penalties(20, p2, p2_max), paths, rule, top
+        got = kernels("stereo.paths.matching.match", *given, out=out)
+        want = kernels("stereo.winners.pick", sums, rule, out=out[:1])
+        right = kernels("stereo.winners.pick_right", sums, first, out=out[1:])
         np.testing.assert_array_equal(right, semi_global_reference.pick_right(sums, first))
         for a, b in zip(got, [*want, right], strict=True):
             np.testing.assert_array_equal(a, b)
@@ -211,23 +227,23 @@ def test_refinement(kernels, shape):
     disparity, guide = rough(*shape), np.random.default_rng(1).integers(0, 256, shape, U8)
     out = [(shape, F32)]
     right = rough(*shape, seed=1)
-    got = kernels("stereo.refinement.left_right", disparity, right, 0, 0.75, out=out)
+    got = kernels("stereo.refinement.agreement.left_right", disparity, right, 0, 0.75, out=out)
     np.testing.assert_array_equal(got, disparity_reference.left_right(disparity, right, 0.75))
     index = np.random.default_rng(2).integers(-1, 9, shape).astype(I32)
-    got = kernels("stereo.refinement.left_right", disparity, index, -2, 1.0, out=out)
+    got = kernels("stereo.refinement.agreement.left_right", disparity, index, -2, 1.0, out=out)
     other = np.where(index < 0, np.nan, index - 2)
     np.testing.assert_array_equal(got, disparity_reference.left_right(disparity, other, 1.0))
     for size in (1, 9, 300):
-        got = kernels("stereo.refinement.remove_speckles", disparity, size, 0.5, out=out)
+        got = kernels("stereo.refinement.speckles.remove_speckles", disparity, size, 0.5, out=out)
         want = disparity_reference.remove_speckles(disparity, size, 0.5)
         np.testing.assert_array_equal(got, want)
-    filled, valid = kernels("stereo.refinement.fill", disparity, out=[*out, (shape, U8)])
+    filled, valid = kernels("stereo.refinement.gaps.fill", disparity, out=[*out, (shape, U8)])
     want = disparity_reference.fill(disparity)
     np.testing.assert_array_equal(filled, want[0])
     np.testing.assert_array_equal(valid, want[1])
     for radius, contrast in ((0, 40), (2, 1), (6, 40), (15, 300)):
         got = kernels(
-            "stereo.refinement.guided_median", disparity, guide, radius, contrast, out=out
+            "stereo.refinement.medians.guided_median", disparity, guide, radius, contrast, out=out
         )
         want = disparity_reference.guided_median(disparity, guide, radius, contrast)
         np.testing.assert_array_equal(got, want)

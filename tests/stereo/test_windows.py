@@ -9,8 +9,8 @@ import pytest
 import cvkern
 from cvkern._runtime import runtime
 from cvkern.images import luma, read_image
-from cvkern.kernels.codes.stereo import Cost, Subpixel
-from cvkern.stereo.windows import MAX_WINDOW, OCTETS, match_windows
+from cvkern.kernels.codes.stereo import Cost, Rule, Subpixel, Winners
+from cvkern.stereo.windows import BITS, OCTETS, match_windows, max_window
 from tests.stereo.test_costs import pair
 from tests.truth import truth
 
@@ -27,21 +27,20 @@ def matched(left, right, disparities, window, subpixel=Subpixel.PARABOLA, unique
     rt = runtime(left)
     one, other = rt.adopt(left, left.dtype), rt.adopt(right, right.dtype)
     results = filled(left.shape)
-    index, disparity, cost, confidence, right_index = (rt.adopt(a, a.dtype) for a in results)
-    match_windows(
-        rt, one, other, disparities, window, subpixel, uniqueness,
-        index, disparity, cost, confidence, right_index,
-    )  # fmt: skip
+    *winners, right_index = (rt.adopt(a, a.dtype) for a in results)
+    first, stop = disparities
+    rule = Rule(first, subpixel, uniqueness)
+    match_windows(rt, one, other, stop - first, window, rule, Winners(*winners), right_index)
     return results
 
 
 def winners(costs, first, subpixel, uniqueness):
-    """Return what the primitives of semi_global pick among stored costs."""
+    """Return what the primitives `pick` and `pick_right` find among stored costs."""
     rt = runtime(costs)
     results = filled(costs.shape[:2])
     views = [rt.adopt(a, a.dtype) for a in results]
     volume = rt.adopt(costs, costs.dtype)
-    rt.stereo.winners.pick(volume, first, subpixel, uniqueness, *views[:4])
+    rt.stereo.winners.pick(volume, Rule(first, subpixel, uniqueness), Winners(*views[:4]))
     rt.stereo.winners.pick_right(volume, first, views[4])
     return results
 
@@ -78,11 +77,11 @@ def test_other_costs(backend, channels, cost, window):
     results = filled(left.shape[:2])
     one, other = rt.adopt(left, np.uint8), rt.adopt(right, np.uint8)
     radius_y, radius_x = window[0] // 2, window[1] // 2
-    index, disparity, best, confidence, right_index = (rt.adopt(a, a.dtype) for a in results)
+    *found, right_index = (rt.adopt(a, a.dtype) for a in results)
+    rule = Rule(-2, Subpixel.EQUIANGULAR, 10)
     rt.stereo.windows.match_windows(
-        one, other, -2, 30, cost, 1, radius_y, radius_x, Subpixel.EQUIANGULAR, 10,
-        index, disparity, best, confidence, right_index,
-    )  # fmt: skip
+        one, other, 30, cost, 1, radius_y, radius_x, rule, Winners(*found), right_index
+    )
     name = cost.name.lower()
     costs = cvkern.stereo_cost(
         left, right, (-2, 28), cost=name, window=window, channel_axis=-1
@@ -95,11 +94,14 @@ def test_the_largest_window(backend):
     rng = np.random.default_rng(2)
     left = rng.integers(0, 2, (60, 70)).astype(np.uint8) * 255
     right = 255 - left
-    got = matched(left, right, (0, 3), MAX_WINDOW)
-    costs = cvkern.stereo_cost(left, right, (0, 3), window=MAX_WINDOW, neighborhood=5, spacing=2)
+    largest = max_window(runtime(left))
+    assert largest == 51
+    got = matched(left, right, (0, 3), largest)
+    costs = cvkern.stereo_cost(left, right, (0, 3), window=largest, neighborhood=5, spacing=2)
     assert costs.dtype == np.uint16
     assert costs.max() > 2**14
-    assert 8 * OCTETS * MAX_WINDOW**2 < 2**16 - 1
+    assert BITS == 8 * OCTETS
+    assert BITS * largest**2 < 2**16 - 1 <= BITS * (largest + 2) ** 2
     assert_same(got, winners(costs, 0, Subpixel.PARABOLA, 0))
 
 

@@ -1,7 +1,12 @@
-"""Matching by windows, a strip of rows at a time, in Taichi."""
+"""Matching by windows, in Taichi.
+
+The costs of costs/windows.py are stored for a strip of rows at a time, and the winners of
+winners.py picked.
+"""
 
 import numpy as np
 
+from cvkern.kernels.codes.stereo import Rule, Winners
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi.stereo.costs._window_sums import strip_rows, sum_windows
 
@@ -12,18 +17,13 @@ from .winners import pick, pick_right
 def match_windows(
     left: np.ndarray,
     right: np.ndarray,
-    first: int,
     count: int,
     cost: int,
     octets: int,
     radius_y: int,
     radius_x: int,
-    subpixel: int,
-    uniqueness: int,
-    index: np.ndarray,
-    disparity: np.ndarray,
-    cost_of_index: np.ndarray,
-    confidence: np.ndarray,
+    rule: Rule,
+    winners: Winners,
     right_index: np.ndarray,
 ) -> None:
     """Do `window_costs`, `pick` and `pick_right` a strip at a time; sums must be below 65535."""
@@ -31,8 +31,12 @@ def match_windows(
     rows = strip_rows(height, width * count)
     for top in range(0, height, rows):
         strip = slice(top, top + rows)
-        costs = scratch((len(index[strip]), width, count), np.uint16)
-        sum_windows(left, right, first, cost, radius_y, radius_x, top, costs)
-        winners = index[strip], disparity[strip], cost_of_index[strip], confidence[strip]
-        pick(costs, first, subpixel, uniqueness, *winners)
-        pick_right(costs, first, right_index[strip])
+        costs = scratch((len(right_index[strip]), width, count), np.uint16)
+        sum_windows(left, right, rule.first, cost, radius_y, radius_x, top, costs)
+        pick(costs, rule, Winners(*(a[strip] for a in winners)))
+        pick_right(costs, rule.first, right_index[strip])
+
+
+def max_sum() -> int:
+    """Return the largest sum of costs that a window may have."""
+    return 2**16 - 2

@@ -1,9 +1,16 @@
-"""The winner among the costs of a pixel, in Taichi."""
+"""The winner among the costs of a pixel, in Taichi.
+
+Let c be the least cost, at place k, and r the least cost more than one place away. The winner is
+unique unless r (100 - uniqueness) < 100 c, and its confidence is 1 - c / r. With a and b, the costs
+beside it less c, the disparity is first + k + (a - b) / (2 (a + b)) by a parabola, and first + k +
+(a - b) / (2 max(a, b)) by two lines of opposite slope (D. Scharstein and R. Szeliski, IJCV 47,
+2002).
+"""
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.stereo import Subpixel
+from cvkern.kernels.codes.stereo import Rule, Subpixel, Winners
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import quotient
 
@@ -80,18 +87,9 @@ def _pick(
 
 
 @primitive
-def pick(
-    costs: np.ndarray,
-    first: int,
-    subpixel: int,
-    uniqueness: int,
-    index: np.ndarray,
-    disparity: np.ndarray,
-    cost: np.ndarray,
-    confidence: np.ndarray,
-) -> None:
+def pick(costs: np.ndarray, rule: Rule, winners: Winners) -> None:
     """Take the smallest cost of each pixel; one thread per pixel."""
-    _pick(costs, first, subpixel, uniqueness, 0, index, disparity, cost, confidence)
+    _pick(costs, *rule, 0, *winners)
 
 
 @ti.kernel

@@ -1,9 +1,17 @@
-"""Depth, points and point clouds of disparities, in Warp."""
+"""Depth, points and point clouds of disparities, in Warp.
+
+    depth = focal baseline / (disparity + doffs),   point = (a, b, c) / w with (a, b, c, w) = Q (x,
+    y, d, 1)
+
+as cv2.reprojectImageTo3D has it. On CUDA a thread takes a pixel, on the CPU a slab of rows; a cloud
+is collected by a thread for each part of a row.
+"""
 
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 
+from . import _clouds as clouds
 from . import _depth_cpu as cpu
 from . import _depth_cuda as cuda
 
@@ -40,7 +48,7 @@ def count_points(points: wp.array, mask: wp.array, counts: wp.array) -> None:
     The shape of `counts` says into how many parts, of one width, a row is cut. A mask of shape
     (1, 1) stands for all pixels.
     """
-    launch(cuda.count_points, counts.shape, [points, mask], [counts])
+    launch(clouds.count_points, counts.shape, [points, mask], [counts])
 
 
 def gather_points(
@@ -55,4 +63,4 @@ def gather_points(
 
     An image of one channel gives grey. One thread a part.
     """
-    launch(cuda.gather_points, starts.shape, [points, mask, image, starts], [cloud, colors])
+    launch(clouds.gather_points, starts.shape, [points, mask, image, starts], [cloud, colors])

@@ -1,56 +1,73 @@
-"""The winner among the costs of a pixel, in Warp."""
+"""The winner among the costs of a pixel, in Warp.
+
+The disparity of the least cost, with a fraction by the costs beside it (D. Scharstein and R.
+Szeliski, IJCV 47, 2002), and its confidence, the peak ratio (X. Hu and P. Mordohai, IEEE PAMI
+34(11), 2012): _winner.h has the equations. On the CPU a thread takes a slab of rows, on CUDA some
+threads a pixel.
+"""
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
-from cvkern.kernels.warp.stereo.paths.aggregation import _padded
+from cvkern.kernels.codes.stereo import Rule, Winners
+from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs, view
 
-from . import _winners_cpu as winner_cpu
-from . import _winners_cuda as winner_cuda
+from . import _winners_cpu as cpu
+from . import _winners_cuda as cuda
+from ._winner import WinnerArrays, WinnerRule, struct_of
+
+
+@wp.kernel(enable_backward=False)
+def _largest(
+    stride: int,
+    first: int,
+    last: int,
+    costs: wp.array2d[wp.uint16],  # (H W, D)
+    # outputs
+    most: wp.array[int],  # (H W,)
+):
+    for pixel in range(first + wp.tid(), last, stride):
+        m = wp.uint16(0)
+        for d in range(costs.shape[1]):
+            m = wp.max(m, costs[pixel, d])
+        most[pixel] = int(m)
 
 
 def largest(costs: wp.array, most: wp.array) -> None:
-    """Find the largest cost of each pixel."""
-    if most.device.is_cuda:
-        launch(winner_cuda.largest, most.shape, [costs], [most])
-        return
-    height = most.shape[0]
-    launch_slabs(winner_cpu.largest, height, slabs(height, costs.size), [costs], [most])
+    """Find the largest cost of each pixel; one thread a pixel on CUDA."""
+    pixels, depth = most.size, costs.shape[2]
+    flat = view(costs, wp.uint16, (pixels, depth))
+    launch_each(_largest, pixels, costs.size, [flat], [view(most, wp.int32, (pixels,))])
 
 
-def pick(
-    costs: wp.array,
-    first: int,
-    subpixel: int,
-    uniqueness: int,
-    index: wp.array,
-    disparity: wp.array,
-    cost: wp.array,
-    confidence: wp.array,
-) -> None:
+def pick(costs: wp.array, rule: Rule, winners: Winners) -> None:
     """Find the least cost of each pixel, the disparity between the pixels, and how sure it is."""
-    options, outputs = [costs, first, subpixel, uniqueness], [index, disparity, cost, confidence]
-    if index.device.is_cuda:
-        winner_cuda.pick(*options, *outputs)
+    if winners.index.device.is_cuda:
+        cuda.pick(costs, rule, winners)
         return
     height, _, depth = costs.shape
     count = slabs(height, costs.size)
-    kind = winner_cpu.kinds[costs.dtype]
-    lines = scratch("winner.line", (count, _padded(depth)), kind.scalar, index.device)
-    launch_slabs(winner_cpu.picks[costs.dtype], height, count, [*options, lines], outputs)
+    line = cpu.kind_of(costs.dtype).scalar
+    lines = scratch("winner.line", (count, cpu.padded(depth)), line, costs.device)
+    launch_slabs(
+        cpu.pick(costs.dtype),
+        height,
+        count,
+        [costs, struct_of(WinnerRule, rule), lines],
+        [struct_of(WinnerArrays, winners)],
+    )
 
 
 def pick_right(costs: wp.array, first: int, index: wp.array) -> None:
     """Find the least cost of each pixel of the right image, on the diagonals of the volume."""
     height, width, depth = costs.shape
     if index.device.is_cuda:
-        winner_cuda.pick_right(costs, first, index)
+        cuda.pick_right(costs, first, index)
         return
     count = slabs(height, costs.size)
-    kind, padded = winner_cpu.kinds[costs.dtype], _padded(depth)
-    row = (count, width + 2 * padded)
-    lines = scratch("winner.line", (count, padded), kind.scalar, index.device)
+    kind, reach = cpu.kind_of(costs.dtype), cpu.padded(depth)
+    row = (count, width + 2 * reach)
+    lines = scratch("winner.line", (count, reach), kind.scalar, index.device)
     best = scratch("winner.best", row, kind.scalar, index.device)
-    place = scratch("winner.place", row, kind.index, index.device)
-    kernel = winner_cpu.picks_right[costs.dtype]
+    place = scratch("winner.place", row, kind.place, index.device)
+    kernel = cpu.pick_right(costs.dtype)
     launch_slabs(kernel, height, count, [costs, first, lines, best, place], [index])

@@ -58,7 +58,7 @@ CASES = (
         oracle_name="running sums of NumPy",
         difference=unequal,
         tolerance=0.0,
-        bytes_per_pixel=2 + 2 * 128,  # of 128 disparities
+        bytes_per_pixel=2 + 2 * 128,  # for 128 disparities
         operations_per_pixel=128 * 6,
         peers=(
             Peer("NumPy", "numpy", _numpy),

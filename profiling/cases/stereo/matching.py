@@ -13,8 +13,8 @@ from cvkern.app.tour.stereo_errors import OFF, occluded
 from profiling.case import Case, Peer, Shape, Work
 
 SIZES = ("1024x440", "1080p")
-LESS = "nothing in the first columns"  # as many as there are disparities
-# Of the pixels that both cameras see. A matcher that fails anywhere but at rims has more.
+LESS = "nothing in the first columns"  # their number is that of the disparities
+# Share of the pixels that both cameras see. A matcher that fails anywhere but at rims has more.
 BAD = 0.05
 
 
@@ -128,7 +128,7 @@ def _case(
         difference=bad,
         tolerance=BAD,
         bytes_per_pixel=2 + 9,
-        operations_per_pixel=128 * operations,  # of 128 disparities
+        operations_per_pixel=128 * operations,  # for 128 disparities
         peers=peers,
         # Disparity evaluations, as the field counts.
         work=Work("DE", lambda left, right: left.size * disparities(left.shape)),

@@ -12,7 +12,7 @@ from profiling.case import Case, Peer, Shape, Work, unequal
 
 from .matching import disparities
 
-SIZES = ("1024x440",)  # of 128 disparities
+SIZES = ("1024x440",)  # for 128 disparities
 P1, P2 = 20, 80
 MOST = LARGEST_MATCH_COST
 

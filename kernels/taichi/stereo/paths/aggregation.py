@@ -1,8 +1,18 @@
-"""Semi-global aggregation of matching costs, in Taichi."""
+"""Semi-global aggregation of matching costs, in Taichi.
+
+With q the pixel before p on a path, C the costs and m the least L(q), the cost of the cheapest path
+to p at disparity d is
+
+    L(p, d) = C(p, d) + min(L(q, d), L(q, d - 1) + P1, L(q, d + 1) + P1, m + P2) - m
+
+and the sum over the paths from all sides is what is asked for (H. Hirschmueller, IEEE PAMI 30(2),
+2008, equations 13 and 14). One thread walks a path; one direction after the other.
+"""
 
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes.stereo import Penalties
 from cvkern.kernels.taichi._launch import primitive, scratch
 
 any_3 = ti.types.ndarray(ndim=3)
@@ -55,7 +65,7 @@ def _walk(
         y = position[0]
         x = position[1]
         lowest = 0  # the minimum over d at the pixel before
-        new = 0  # which of the two lines is this pixel's
+        new = 0  # number, 0 or 1, of this pixel's line
         begun = 0
         while 0 <= y < height and 0 <= x < width:
             p2 = ti.cast(p2_of[0], ti.i32)
@@ -98,8 +108,7 @@ _STEPS = (
 def _aggregate(
     costs: np.ndarray,
     guide: np.ndarray,
-    p1: int,
-    p2: np.ndarray,
+    penalties: Penalties,
     paths: int,
     top: int,
     sums: np.ndarray,
@@ -109,19 +118,32 @@ def _aggregate(
         rows, columns = min(abs(dy), height), min(abs(dx), width)
         count = rows * width + columns * (height - rows)
         lines = scratch((2, count, depth), np.int32)
-        _walk(costs, guide, p1, p2, count, dy, dx, int(i == 0), lines, top, sums)
+        near, far, _ = penalties
+        _walk(costs, guide, near, far, count, dy, dx, int(i == 0), lines, top, sums)
 
 
 @primitive
 def aggregate(
     costs: np.ndarray,
     guide: np.ndarray,
-    p1: int,
-    p2: np.ndarray,
-    p2_max: int,
+    penalties: Penalties,
     paths: int,
     top: int,
     sums: np.ndarray,
 ) -> None:
-    """Sum the costs of the cheapest paths to each pixel; one thread per path."""
-    _aggregate(costs, guide, p1, p2, paths, top, sums)
+    """Sum the costs of the cheapest paths to each pixel; one thread per path.
+
+    A guide of shape (1, 1) stands for none.
+    """
+    _aggregate(costs, guide, penalties, paths, top, sums)
+
+
+def aggregation_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
+    """Return how many bytes to allow for the work, besides the costs and the sums.
+
+    As the Warp set has it, so that both cut an image into the same strips of rows.
+    """
+    padded = -(-depth // 32) * 32
+    if device == "cpu":
+        return 2 * 6 * (height + width) * (padded + 32)
+    return height * width * padded * (min(paths, 8) * (1 if p2 < 256 else 2) + 2)

@@ -1,14 +1,27 @@
-"""Semi-global matching of two images, in Taichi."""
+"""Semi-global matching of two images, in Taichi.
+
+The cost of a match is CENSUS_WEIGHT times the Hamming distance of two census transforms of 5 x 5
+pixels, plus the difference of the grey values, shifted right by DIFFERENCE_SHIFT, but at most
+DIFFERENCE_LIMIT. Costs and sums are stored as volumes: aggregation.py, then ../winners.py.
+"""
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.stereo import CENSUS_WEIGHT, DIFFERENCE_LIMIT, DIFFERENCE_SHIFT
+from cvkern.kernels.codes.stereo import (
+    CENSUS_WEIGHT,
+    DIFFERENCE_LIMIT,
+    DIFFERENCE_SHIFT,
+    Penalties,
+    Rule,
+    View,
+    Winners,
+)
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi.stereo.costs._window_sums import ones
 from cvkern.kernels.taichi.stereo.winners import _pick, _pick_right
 
-from .aggregation import _aggregate
+from .aggregation import _aggregate, aggregation_bytes
 
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
@@ -34,43 +47,41 @@ def _match_costs(
 
 
 @primitive
-def match_costs(
-    left_bits: np.ndarray,
-    right_bits: np.ndarray,
-    left: np.ndarray,
-    right: np.ndarray,
-    first: int,
-    costs: np.ndarray,
-) -> None:
+def match_costs(left: View, right: View, first: int, costs: np.ndarray) -> None:
     """Compare census and grey value of the pixels of a pair; one thread per disparity."""
-    _match_costs(left_bits, right_bits, left, right, first, costs)
+    _match_costs(left.bits, right.bits, left.gray, right.gray, first, costs)
 
 
 @primitive
 def match(
-    left_bits: np.ndarray,
-    right_bits: np.ndarray,
-    left: np.ndarray,
-    right: np.ndarray,
-    first: int,
+    left: View,
+    right: View,
     count: int,
-    p1: int,
-    p2: np.ndarray,
-    p2_max: int,
+    penalties: Penalties,
     paths: int,
-    subpixel: int,
-    uniqueness: int,
+    rule: Rule,
     top: int,
-    index: np.ndarray,
-    disparity: np.ndarray,
-    cost: np.ndarray,
-    confidence: np.ndarray,
+    winners: Winners,
     right_index: np.ndarray,
 ) -> None:
-    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right`."""
-    costs = scratch((*left.shape, count), np.uint8)
-    sums = scratch((*index.shape, count), np.uint16)
-    _match_costs(left_bits, right_bits, left, right, first, costs)
-    _aggregate(costs, left, p1, p2, paths, top, sums)
-    _pick(sums, first, subpixel, uniqueness, 0, index, disparity, cost, confidence)
-    _pick_right(sums, first, right_index)
+    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right`.
+
+    There are `count` disparities; the winners are those of the rows from `top` on.
+    """
+    costs = scratch((*left.gray.shape, count), np.uint8)
+    sums = scratch((*right_index.shape, count), np.uint16)
+    _match_costs(left.bits, right.bits, left.gray, right.gray, rule.first, costs)
+    _aggregate(costs, left.gray, penalties, paths, top, sums)
+    _pick(sums, *rule, 0, *winners)
+    _pick_right(sums, rule.first, right_index)
+
+
+def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
+    """Return how many bytes to allow for a whole match, costs and sums included.
+
+    As the Warp set has it, so that both cut an image into the same strips of rows.
+    """
+    padded = -(-depth // 32) * 32
+    right = height * (4 * (width + padded) + 4 * (width + 2 * padded))
+    volumes = (2 if device == "cpu" else 3) * height * width * padded
+    return aggregation_bytes(device, height, width, depth, paths, p2) + volumes + right

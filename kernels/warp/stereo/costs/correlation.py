@@ -1,13 +1,22 @@
-"""Zero-mean normalised cross-correlation of windows, in Warp."""
+"""Zero-mean normalised cross-correlation of windows, in Warp.
+
+With n pixels in a window, and sums S over it, the correlation of the windows l and r is
+
+    (n S(l r) - S(l) S(r)) / sqrt((n S(l l) - S(l)^2) (n S(r r) - S(r)^2))
+
+where each of the three differences is summed over the channels. The sums of each image come first
+(_moments.py), then those of products, as in windows.py. All is float64 beyond the sums of integers.
+"""
 
 import warp as wp
 
 from cvkern.kernels.codes.stereo import Cost
 from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs
 
-from . import _correlation_cpu as correlation_cpu
-from . import _windows_cpu as window_cpu
-from . import _windows_cuda as window_cuda
+from . import _correlation_cpu as cpu
+from . import _windows_cpu as windows_cpu
+from . import _windows_cuda as windows_cuda
+from ._moments import moments
 
 
 def correlation(
@@ -17,34 +26,24 @@ def correlation(
 
     Sums of products of uint8 must fit into int32.
     """
+    of_both = [
+        moments(name, image, radius_y, radius_x)
+        for name, image in (("left", left), ("right", right))
+    ]
+    windows = windows_cpu.windows_of(first, 1, radius_y, radius_x)
     if left.device.is_cuda:
-        window_cuda.correlation(left, right, first, radius_y, radius_x, costs)
+        windows_cuda.correlation(left, right, windows, of_both, costs)
         return
     height, width, channels = left.shape
-    pixel, device = left.dtype, left.device
-    wide = width + 2 * radius_x
-    count = slabs(height, left.size * (2 * radius_y + 1))
-    columns = scratch("zncc.columns", (count, 3 * wide + 4 * radius_x), wp.float64, device)
-    sums, scales = [], []
-    for name, image in (("left", left), ("right", right)):
-        sums.append(scratch(f"zncc.{name}_sums", (height, channels, wide), wp.float64, device))
-        scales.append(scratch(f"zncc.{name}_scales", (height, wide), wp.float64, device))
-        launch_slabs(
-            correlation_cpu.moments(pixel),
-            height,
-            count,
-            [image, radius_y, radius_x, columns],
-            [sums[-1], scales[-1]],
-        )
-    count = slabs(height, costs.size)
-    products = wp.float64 if pixel is wp.float32 else wp.int32
-    inner = window_cpu.slab_scratch(left, count, costs.shape[2], Cost.ZNCC, 1, radius_x, products)
-    shape = (count, (1 + channels) * (width + window_cpu.padded(costs.shape[2], products)))
-    moments = scratch("zncc.moments", shape, wp.float64, device)
+    count, depth = slabs(height, costs.size), costs.shape[2]
+    products = cpu.products_dtype(left.dtype)
+    inner = windows_cpu.slab_scratch(left, count, depth, Cost.ZNCC, windows, products)
+    shape = (count, (1 + channels) * (width + windows_cpu.padded(depth, products)))
+    partners = scratch("zncc.moments", shape, wp.float64, left.device)
     launch_slabs(
-        correlation_cpu.correlation(pixel),
+        cpu.correlation(left.dtype),
         height,
         count,
-        [left, right, *sums, *scales, first, radius_y, radius_x, *inner, moments],
+        [left, right, windows, *of_both, *inner, partners],
         [costs],
     )

@@ -1,14 +1,18 @@
 """Costs summed over windows, in Warp.
 
-On the CPU a row at a time, many disparities in a vector; on CUDA a thread for several disparities.
+The cost of pixel (y, x) and disparity d is the sum over a window, and over the channels, of how
+much the left image at (v, u) and the right one at (v, u - d) differ: abs(a - b), (a - b)^2, the
+dissimilarity of S. Birchfield and C. Tomasi (IEEE PAMI 20(4), 1998), or the bits of a census that
+differ. On the CPU a thread takes a slab of rows and keeps the sums down its columns; on CUDA a
+first kernel sums down, a second one along, a thread for several sums of one disparity.
 """
 
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch_slabs, slabs
 
-from . import _windows_cpu as window_cpu
-from . import _windows_cuda as window_cuda
+from . import _windows_cpu as cpu
+from . import _windows_cuda as cuda
 
 
 def window_costs(
@@ -27,16 +31,17 @@ def window_costs(
     only. Sums of integers must fit into uint8 or uint16 costs, or into int32 for float32 ones.
     """
     if left.device.is_cuda:
-        window_cuda.window_costs(left, right, first, cost, radius_y, radius_x, costs)
+        cuda.window_costs(left, right, first, cost, radius_y, radius_x, costs)
         return
     height = left.shape[0]
     count = slabs(height, costs.size)
-    sums = window_cpu.sums_dtype(left.dtype, costs.dtype)
-    inner = window_cpu.slab_scratch(left, count, costs.shape[2], cost, octets, radius_x, sums)
+    windows = cpu.windows_of(first, octets, radius_y, radius_x)
+    sums = cpu.sums_dtype(left.dtype, costs.dtype)
+    inner = cpu.slab_scratch(left, count, costs.shape[2], cost, windows, sums)
     launch_slabs(
-        window_cpu.window_costs(cost, left.dtype, costs.dtype),
+        cpu.window_costs(cost, left.dtype, costs.dtype),
         height,
         count,
-        [left, right, first, octets, radius_y, radius_x, *inner],
+        [left, right, windows, *inner],
         [costs],
     )

@@ -1,72 +1,53 @@
-"""Semi-global aggregation of matching costs, in Warp."""
+"""Semi-global aggregation of matching costs, in Warp.
+
+With q the pixel before p on a path, C the costs and m the least L(q), the cost of the cheapest path
+to p at disparity d is
+
+    L(p, d) = C(p, d) + min(L(q, d), L(q, d - 1) + P1, L(q, d + 1) + P1, m + P2) - m
+
+and the sum over the paths from all sides is what is asked for (H. Hirschmueller, IEEE PAMI 30(2),
+2008, equations 13 and 14). On the CPU threads share tasks of a few rows and diagonals; on CUDA some
+threads walk each path.
+"""
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
+from cvkern.kernels.codes.stereo import Penalties
+from cvkern.kernels.warp._launch import launch_slabs, slabs
+from cvkern.kernels.warp.stereo._winners_cpu import padded
 
 from . import _aggregation_cpu as cpu
 from . import _aggregation_cuda as cuda
-from . import _steps_cpu as path_cpu
-from ._wavefront_cpu import STATE
+from . import _steps_cpu as steps
 
 
 def aggregate(
-    costs: wp.array,
-    guide: wp.array,
-    p1: int,
-    p2: wp.array,
-    p2_max: int,
-    paths: int,
-    top: int,
-    sums: wp.array,
+    costs: wp.array, guide: wp.array, penalties: Penalties, paths: int, top: int, sums: wp.array
 ) -> None:
-    """Sum the costs of the best ways to each pixel and disparity, for the rows from `top` on."""
+    """Sum the costs of the cheapest paths to each pixel and disparity, for the rows from `top` on.
+
+    A guide of shape (1, 1) stands for none.
+    """
     if sums.device.is_cuda:
-        cuda.aggregate(costs, guide, p1, p2, p2_max, paths, top, sums)
+        cuda.aggregate(costs, guide, penalties, paths, top, sums)
         return
-    height, width, depth = costs.shape
-    count = slabs(height, costs.size)
-    lines = _lines(count, depth, path_cpu.WORD, sums.device)
-    for n, (some, step) in enumerate(path_cpu.sweeps(paths)):
-        state = _begin(some, height, width, depth, path_cpu.WORD, sums.device)
-        launch_slabs(
-            cpu.sweep(costs.dtype, some),
-            count,
-            count,
-            [costs, guide, p1, p2, step, n > 0, top, *lines, *state],
-            [sums],
-        )
+    count = slabs(costs.shape[0], costs.size)
+    lines = steps.lines(count, costs.shape[2], steps.WORD, sums.device)
+    sweeps = steps.sweeps(paths)
+    for n, (some, step) in enumerate(sweeps):
+        slots, tasks = steps.begin(some, steps.WORD, costs.shape, sums.device)
+        work = steps.work_of(steps.WORD)()
+        work.costs, work.totals, work.slots = *lines, slots
+        place = n > 0, n < len(sweeps) - 1
+        course = steps.course_of(penalties, step, place, top, tasks)
+        kernel = cpu.sweep(costs.dtype, some)
+        launch_slabs(kernel, count, count, [costs, guide, course, work], [sums])
 
 
-def _padded(depth: int) -> int:
-    return -(-depth // path_cpu.PADDED) * path_cpu.PADDED
-
-
-def _lines(
-    count: int, depth: int, number: path_cpu.Number, device: wp.Device
-) -> tuple[wp.array, wp.array]:
-    """Return the costs and the sums of the pixels that each slab is at."""
-    shape = (count, path_cpu.BLOCK * _padded(depth))
-    return (
-        scratch("semi_global.costs", shape, number.scalar, device),
-        scratch("semi_global.totals", shape, wp.uint16, device),
-    )
-
-
-def _begin(
-    paths: path_cpu.Paths,
-    height: int,
-    width: int,
-    depth: int,
-    number: path_cpu.Number,
-    device: wp.Device,
-) -> tuple[wp.array, int, int, wp.array]:
-    """Return what a sweep starts with: the slots of its chains, its grid of tasks, its tasks."""
-    strips = -(-height // path_cpu.STRIP)
-    blocks = -(-(width + path_cpu.skew(paths) * (height - 1)) // path_cpu.BLOCK)
-    # Behind the last slot, the header of one more: what is next to the last disparity.
-    shape = (path_cpu.chains(paths, height, width) + 1, number.header + _padded(depth))
-    slots = scratch("semi_global.slots", shape, number.scalar, device)
-    tasks = scratch("semi_global.tasks", (STATE + 2 * strips * blocks,), wp.int32, device)
-    launch(path_cpu.prepare(number), 1, [strips, blocks], [slots, tasks])
-    return slots, strips, blocks, tasks
+def aggregation_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
+    """Return at most how many bytes the work takes besides the costs and the sums."""
+    reach = padded(depth)
+    if device == "cpu":
+        return 2 * 6 * (height + width) * (reach + 32)
+    lines = min(paths, 8) * (1 if p2 < 256 else 2)
+    return height * width * reach * (lines + 2)

@@ -1,95 +1,95 @@
-"""Semi-global matching of two images without a volume of costs, in Warp."""
+"""Semi-global matching of two images without a volume of costs, in Warp.
+
+The cost of a match is CENSUS_WEIGHT times the Hamming distance of two census transforms of 5 x 5
+pixels, plus the difference of the grey values, shifted right by DIFFERENCE_SHIFT, but at most
+DIFFERENCE_LIMIT. Its sums over paths are those of aggregation.py with the left image as guide, and
+the winners are those of ../winners.py. On the CPU two sweeps make the costs as they go, and the
+second picks the winners; on CUDA the costs are stored as bytes, and a tile of pixels sums its paths
+in shared memory.
+"""
 
 import warp as wp
 
-from cvkern.kernels.codes.stereo import LARGEST_MATCH_COST
+from cvkern.kernels.codes.stereo import LARGEST_MATCH_COST, Penalties, Rule, View, Winners
 from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs
+from cvkern.kernels.warp.stereo._winner import WinnerArrays, WinnerRule, struct_of
+from cvkern.kernels.warp.stereo._winners_cpu import padded
 
-from . import _costs_cuda as match_costs_cuda
-from . import _matching_cpu as match_cpu
-from . import _matching_cuda as match_cuda
-from . import _steps_cpu as path_cpu
-from .aggregation import _begin, _lines, _padded
+from . import _costs_cuda as costs_cuda
+from . import _matching_cpu as cpu
+from . import _matching_cuda as cuda
+from . import _steps_cpu as steps
+from .aggregation import aggregation_bytes
 
 
-def match_costs(
-    left_bits: wp.array,
-    right_bits: wp.array,
-    left: wp.array,
-    right: wp.array,
-    first: int,
-    costs: wp.array,
-) -> None:
+def match_costs(left: View, right: View, first: int, costs: wp.array) -> None:
     """Compare each pixel of the left image with those of the right: census and grey value."""
     if costs.device.is_cuda:
-        match_costs_cuda.match_costs(
-            left_bits, right_bits, left, right, first, costs.shape[2], costs
-        )
+        costs_cuda.match_costs(left, right, first, costs.shape[2], costs)
         return
     height, _, depth = costs.shape
     count = slabs(height, costs.size)
-    unfolded = _unfold(right_bits, right, first, depth, count)
-    given = [left_bits, left, unfolded]
-    launch_slabs(match_cpu.match_costs, height, count, given, [costs])
+    unfolded = _unfold(right, first, depth, count)
+    launch_slabs(cpu.match_costs, height, count, [*left, unfolded], [costs])
 
 
 def match(
-    left_bits: wp.array,
-    right_bits: wp.array,
-    left: wp.array,
-    right: wp.array,
-    first: int,
+    left: View,
+    right: View,
     count: int,
-    p1: int,
-    p2: wp.array,
-    p2_max: int,
+    penalties: Penalties,
     paths: int,
-    subpixel: int,
-    uniqueness: int,
+    rule: Rule,
     top: int,
-    index: wp.array,
-    disparity: wp.array,
-    cost: wp.array,
-    confidence: wp.array,
+    winners: Winners,
     right_index: wp.array,
 ) -> None:
-    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right` in one."""
-    if index.device.is_cuda:
-        match_cuda.match(
-            left_bits, right_bits, left, right, first, count, p1, p2, p2_max, paths, subpixel,
-            uniqueness, top, index, disparity, cost, confidence, right_index,
-        )  # fmt: skip
+    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right` in one.
+
+    There are `count` disparities; the winners are those of the rows from `top` on.
+    """
+    if right_index.device.is_cuda:
+        cuda.match(left, right, count, penalties, paths, rule, top, winners, right_index)
         return
-    height, width = left.shape
-    kept, padded, device = index.shape[0], _padded(count), index.device
+    height, width = left.gray.shape
+    kept, reach, device = right_index.shape[0], padded(count), right_index.device
     parts = slabs(height, height * width * count)
-    unfolded = _unfold(right_bits, right, first, count, parts)
-    sums = scratch("semi_global.sums", (kept, width, padded), wp.uint16, device)
-    right_row = (kept, width + 2 * padded)
-    best = scratch("winner.best", right_row, wp.uint16, device)
-    place = scratch("winner.place", right_row, wp.uint16, device)
-    launch_slabs(match_cpu.clear_right, kept, parts, [index], [best, place])
-    number = path_cpu.BYTE if LARGEST_MATCH_COST + p2_max < 256 else path_cpu.WORD
-    lines = _lines(parts, count, number, device)
-    sweeps = path_cpu.sweeps(paths)
+    pair = cpu.Pair()
+    pair.bits, pair.gray = left
+    pair.unfolded = _unfold(right, rule.first, count, parts)
+    sums = scratch("semi_global.sums", (kept, width, reach), wp.uint16, device)
+    best = cpu.BestRight()
+    row = (kept, width + 2 * reach)
+    best.cost = scratch("winner.best", row, wp.uint16, device)
+    best.place = place = scratch("winner.place", row, wp.uint16, device)
+    launch_slabs(cpu.clear_right, kept, parts, [reach], [best.cost, place])
+    number = steps.BYTE if LARGEST_MATCH_COST + penalties.most < 256 else steps.WORD
+    lines = steps.lines(parts, count, number, device)
+    sweeps = steps.sweeps(paths)
+    rule_struct, outputs = struct_of(WinnerRule, rule), struct_of(WinnerArrays, winners)
     for n, (some, step) in enumerate(sweeps):
-        last = n == len(sweeps) - 1
-        options = [first, count, p1, p2, step, n > 0, last, subpixel, uniqueness, top]
-        state = _begin(some, height, width, count, number, device)
-        launch_slabs(
-            match_cpu.sweep(some, number),
-            parts,
-            parts,
-            [left_bits, left, unfolded, *options, *lines, *state, sums, best, place],
-            [index, disparity, cost, confidence],
-        )
-    launch_slabs(match_cpu.read_right, kept, parts, [count, best, place], [right_index])
+        slots, tasks = steps.begin(some, number, (height, width, count), device)
+        work = steps.work_of(number)()
+        work.costs, work.totals, work.slots = *lines, slots
+        course = steps.course_of(penalties, step, (n > 0, n < len(sweeps) - 1), top, tasks)
+        inputs = [pair, count, course, rule_struct, work, sums, best]
+        launch_slabs(cpu.sweep(some, number), parts, parts, inputs, [outputs])
+    launch_slabs(cpu.read_right, kept, parts, [count, place], [right_index])
 
 
-def _unfold(bits: wp.array, gray: wp.array, first: int, depth: int, count: int) -> wp.array:
-    """Lay out the right image for `match_rows`."""
-    height, width = gray.shape
-    shape = (match_cpu.LINES * height, width + _padded(depth))
-    unfolded = scratch("match.unfolded", shape, wp.uint8, gray.device)
-    launch_slabs(match_cpu.unfold, height, count, [bits, gray, first], [unfolded])
+def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
+    """Return at most how many bytes the work of a whole match takes, costs and sums included."""
+    reach = padded(depth)
+    right = height * (4 * (width + reach) + 4 * (width + 2 * reach))
+    volumes = 2 if device == "cpu" else 3
+    work = aggregation_bytes(device, height, width, depth, paths, p2)
+    return work + volumes * height * width * reach + right
+
+
+def _unfold(view: View, first: int, depth: int, count: int) -> wp.array:
+    """Lay out the right image for _costs_cpu.h."""
+    height, width = view.gray.shape
+    shape = (cpu.LINES * height, width + padded(depth))
+    unfolded = scratch("match.unfolded", shape, wp.uint8, view.gray.device)
+    launch_slabs(cpu.unfold, height, count, [*view, first], [unfolded])
     return unfolded

@@ -1,0 +1,1 @@
+"""Refinement of disparity maps, in Taichi; NaN stands for no disparity."""

@@ -1,0 +1,42 @@
+"""What kernels of both devices know of winners: the arrays that they fill, and the rule.
+
+The rule itself is C++ for both devices: _winner.h.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes.stereo import Rule, Subpixel, Winners
+
+# Without fused multiply-add a disparity has the same bits on every device.
+OPTIONS = {"enable_backward": False, "fuse_fp": False}
+# What _winner.h needs.
+CURVES = {"NO_SUBPIXEL": int(Subpixel.NONE), "PARABOLA": int(Subpixel.PARABOLA)}
+
+
+@wp.struct
+class WinnerArrays:
+    """`Winners` for kernels."""
+
+    index: wp.array2d[int]
+    disparity: wp.array2d[float]
+    cost: wp.array2d[float]
+    confidence: wp.array2d[float]
+
+
+@wp.struct
+class WinnerRule:
+    """`Rule` for kernels."""
+
+    first: int
+    subpixel: int
+    uniqueness: int
+
+
+def struct_of(struct: Any, values: Winners | Rule | Any) -> Any:
+    """Return a Warp struct with the fields of a named tuple."""
+    instance = struct()
+    for name, value in values._asdict().items():
+        setattr(instance, name, value)
+    return instance

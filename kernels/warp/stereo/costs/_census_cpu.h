@@ -1,0 +1,54 @@
+// needs TYPE
+// Comparison n of a pixel goes into byte n / 8 of 64 values at once; the bytes are joined behind.
+// Rows of the image stand in lines, continued on both sides by their outermost pixels: row v in
+// line v modulo the height of the window, so that from row to row one line is new.
+void census(int slab, int first, int last, wp::array_t<TYPE> image, int radius_y, int radius_x,
+            int spacing, int symmetric, wp::array_t<TYPE> lines, wp::array_t<wp::uint64> bits) {
+    const int height = image.shape[0], step = image.shape[2], columns = image.shape[1] * step;
+    const int reach = radius_y * spacing, size = 2 * reach + 1, pitch = lines.shape[1];
+    const int margin = radius_x * spacing * step;
+    TYPE* const window = lines.data + (size_t)slab * size * pitch + margin;
+    for (int y = first; y < last; ++y) {
+        for (int v = y == first ? y - reach : y + reach; v <= y + reach; ++v) {
+            const int inside = v < 0 ? 0 : v < height ? v : height - 1;
+            const TYPE* from = image.data + (size_t)inside * columns;
+            TYPE* to = window + (size_t)((v + size * height) % size) * pitch;
+            for (int i = 0; i < margin; ++i) {
+                to[i - margin] = from[i % step];
+                to[columns + i] = from[columns - step + i % step];
+            }
+#pragma clang loop vectorize(assume_safety)
+            for (int i = 0; i < columns; ++i) to[i] = from[i];
+        }
+        unsigned long long* out = (unsigned long long*)bits.data + (size_t)y * columns;
+        for (int begin = 0; begin < columns; begin += 64) {
+            unsigned char bytes[8][64];
+            for (int i = 0; i < 8; ++i)
+                for (int k = 0; k < 64; ++k) bytes[i][k] = 0;
+            const TYPE* centre = window + (size_t)(y % size) * pitch + begin;
+            int n = 0;
+            for (int dy = -radius_y; dy <= (symmetric ? 0 : radius_y); ++dy)
+                for (int dx = -radius_x; dx <= radius_x; ++dx) {
+                    if (dy == 0 && (symmetric ? dx >= 0 : dx == 0)) continue;
+                    const int v = dy * spacing, u = dx * spacing * step;
+                    const int above = (y + v + size) % size, below = (y - v + size) % size;
+                    const TYPE* a = window + (size_t)above * pitch + begin + u;
+                    const TYPE* b = centre;
+                    if (symmetric) b = window + (size_t)below * pitch + begin - u;
+                    unsigned char* to = bytes[n >> 3];
+                    const unsigned char bit = (unsigned char)(1 << (n & 7));
+#pragma clang loop vectorize(assume_safety)
+                    for (int k = 0; k < 64; ++k) to[k] |= a[k] < b[k] ? bit : (unsigned char)0;
+                    ++n;
+                }
+            unsigned long long words[64];
+#pragma clang loop vectorize(assume_safety)
+            for (int k = 0; k < 64; ++k) words[k] = bytes[0][k];
+            for (int i = 1; 8 * i < n; ++i) {
+#pragma clang loop vectorize(assume_safety)
+                for (int k = 0; k < 64; ++k) words[k] |= (unsigned long long)bytes[i][k] << (8 * i);
+            }
+            for (int k = 0; k < 64 && begin + k < columns; ++k) out[begin + k] = words[k];
+        }
+    }
+}

@@ -1,0 +1,78 @@
+// needs BLOCK, SHIFT, WEIGHT, LIMIT, HALF, ALIGNED
+// A word is a pixel: the census above, 8 bits of grey below. The words of the right image for all
+// pairs of 16 pixels and 16 disparities are 31 neighbours; their grey values are taken in fours.
+void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
+                 wp::array_t<wp::uint8> costs) {
+    const int height = costs.shape[0], width = costs.shape[1], padded = costs.shape[2];
+    const int chunks = (padded + 15) / 16, groups = (width + 15) / 16;
+    const unsigned i = blockIdx.x * BLOCK + threadIdx.x;
+    const int k = i % chunks * 16, begin = i / chunks % groups * 16;
+    const unsigned row = i / chunks / groups;
+    if (row >= (unsigned)height) return;
+    const unsigned* left = words.data + (size_t)row * width;
+    const unsigned* right = left + (size_t)height * width;
+    unsigned word[31], grey[28], none[4];
+#pragma unroll
+    for (int j = 0; j < 31; ++j)
+        word[j] = right[max(0, min(width - 1, begin - first - k + j - 15))];
+    grey[0] = __byte_perm(__byte_perm(word[3], word[2], 0x0040),
+                          __byte_perm(word[1], word[0], 0x0040), 0x5410);
+#pragma unroll
+    for (int j = 1; j < 28; ++j) grey[j] = __byte_perm(grey[j - 1], word[j + 3], 0x2104);
+#pragma unroll
+    for (int j = 0; j < 4; ++j) {
+        // What lies behind the last disparity costs 255, more than any that counts.
+        const int behind = k + 4 * j + 4 - depth;
+        none[j] = behind <= 0 ? 0 : behind >= 4 ? ~0u : ~0u << 8 * (4 - behind);
+    }
+    unsigned char* to = costs.data + ((size_t)row * width + begin) * padded + k;
+#pragma unroll
+    for (int p = 0; p < 16; ++p) {
+        if (begin + p >= width) break;
+        const unsigned here = left[begin + p], shade = (here & 255) * 0x1010101u;
+        unsigned packed[4];
+#pragma unroll
+        for (int j = 0; j < 4; ++j) {
+            const unsigned difference = __vabsdiffu4(shade, grey[12 + p - 4 * j]);
+            const unsigned even = __vminu2(difference >> SHIFT & HALF, LIMIT * 0x10001u);
+            const unsigned odd = __vminu2(difference >> 8 + SHIFT & HALF, LIMIT * 0x10001u);
+            packed[j] = even + odd * 256;
+#pragma unroll
+            for (int n = 0; n < 4; ++n) {
+                const unsigned different = (here ^ word[15 + p - 4 * j - n]) & 0xffffff00u;
+                packed[j] += __popc(different) * (WEIGHT << 8 * n);
+            }
+            packed[j] |= none[j];
+        }
+        if (ALIGNED)
+            *reinterpret_cast<uint4*>(to) = make_uint4(packed[0], packed[1], packed[2], packed[3]);
+        else
+            for (int j = 0; j < 16 && k + j < padded; ++j) to[j] = packed[j / 4] >> 8 * (j % 4);
+        to += padded;
+    }
+}
+// needs COST_TYPE, COST_BYTES, FAR, BLOCK
+// One chunk of 16 disparities a thread, from rows of any length to rows of whole chunks.
+void pad(wp::array_t<COST_TYPE> costs, wp::array_t<COST_TYPE> padded) {
+    const unsigned i = blockIdx.x * BLOCK + threadIdx.x;
+    const int depth = costs.shape[2], chunks = padded.shape[2] / 16, d = i % chunks * 16;
+    const long long pixel = i / chunks;
+    if (pixel >= (long long)padded.shape[0] * padded.shape[1]) return;
+    const COST_TYPE* from = costs.data + pixel * depth;
+    COST_TYPE value[16];
+#pragma unroll
+    for (int j = 0; j < 16; ++j) value[j] = d + j < depth ? from[d + j] : (COST_TYPE)FAR;
+    uint4* to = reinterpret_cast<uint4*>(padded.data + pixel * padded.shape[2] + d);
+#pragma unroll
+    for (int j = 0; j < COST_BYTES; ++j) {
+        unsigned word[4];
+#pragma unroll
+        for (int k = 0; k < 4; ++k)
+            word[k] = COST_BYTES == 1
+                          ? value[4 * k] | value[4 * k + 1] << 8 | value[4 * k + 2] << 16 |
+                                (unsigned)value[4 * k + 3] << 24
+                          : value[(8 * j + 2 * k) % 16] | (unsigned)value[(8 * j + 2 * k + 1) % 16]
+                                                              << 16;
+        to[j] = make_uint4(word[0], word[1], word[2], word[3]);
+    }
+}

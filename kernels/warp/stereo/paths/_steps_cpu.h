@@ -1,0 +1,210 @@
+#if defined(__x86_64__)
+#define PAUSE __builtin_ia32_pause()
+#elif defined(__aarch64__)
+#define PAUSE __asm__ volatile("yield")
+#else
+#define PAUSE
+#endif
+
+// Tasks on a grid of `rows` x `columns`, each after its neighbours on the left and above, which CPU
+// threads share. A thread that has done a task goes on with the one below, and leaves the one on
+// the right, if it may begin, to whoever asks next: nobody waits while there is anything to do,
+// even where other work of the machine takes a thread off its core.
+//
+// `shared` is STATE + 2 rows columns integers: a lock, the number of tasks that are left, the
+// number of those that may begin; then a stack of the latter; then for each task how many of its
+// neighbours it still waits for.
+// needs STATE
+struct Tasks {
+    int* shared;
+    int rows, columns;
+
+    int* left() const { return shared + 1; }
+    int* count() const { return shared + 2; }
+    int* ready() const { return shared + STATE; }
+    int* waits() const { return ready() + rows * columns; }
+    void lock() const {
+        while (__atomic_exchange_n(shared, 1, __ATOMIC_ACQUIRE)) PAUSE;
+    }
+    void unlock() const { __atomic_store_n(shared, 0, __ATOMIC_RELEASE); }
+
+    // Begin anew: only the task in the corner may begin.
+    void plan() const {
+        shared[0] = 0;
+        *left() = rows * columns;
+        for (int r = 0; r < rows; ++r)
+            for (int c = 0; c < columns; ++c) waits()[r * columns + c] = (r > 0) + (c > 0);
+        ready()[0] = 0;
+        *count() = 1;
+    }
+
+    // A task that may begin, when there is one, or -1 when all are done.
+    int take() const {
+        while (__atomic_load_n(left(), __ATOMIC_ACQUIRE) != 0) {
+            if (__atomic_load_n(count(), __ATOMIC_RELAXED) > 0) {
+                lock();
+                const int task = *count() > 0 ? ready()[--*count()] : -1;
+                unlock();
+                if (task >= 0) return task;
+            }
+            PAUSE;
+        }
+        return -1;
+    }
+
+    // Let begin what waits for `task`; the next task for the caller, or -1 when all are done.
+    int finish(int task) const {
+        int next = -1;
+        lock();
+        if (task + columns < rows * columns && --waits()[task + columns] == 0)
+            next = task + columns;
+        if (task % columns < columns - 1 && --waits()[task + 1] == 0) {
+            if (next < 0)
+                next = task + 1;
+            else
+                ready()[(*count())++] = task + 1;
+        }
+        __atomic_store_n(left(), *left() - 1, __ATOMIC_RELEASE);
+        unlock();
+        return next < 0 ? take() : next;
+    }
+};
+
+#undef PAUSE
+
+// One thread's share of a sweep: the rows of its tasks, one after the other.
+//
+// Pixels (i, j) are counted from the corner where the sweep begins; `step` is 1 for the first
+// corner of the image, -1 for the last. A task is STRIP rows of BLOCK diagonals u = j + LEAN i.
+// needs BLOCK, STRIP, LEAN
+struct Sweep {
+    Tasks tasks;
+    int height, columns, step;
+    int top, kept_rows;  // rows of the image whose sums are kept
+    int task, i;
+    int begin, end;  // the pixels of row i: j from `begin` to `end`
+    int row;         // the row of the sums, -1 where they are not kept
+
+    bool next() {
+        if (task == BEGIN) {
+            task = tasks.take();
+            i = task / tasks.columns * STRIP - 1;
+        }
+        while (task >= 0) {
+            const int strip = task / tasks.columns, u = task % tasks.columns * BLOCK;
+            const int last = (strip + 1) * STRIP < height ? (strip + 1) * STRIP : height;
+            for (++i; i < last; ++i) {
+                begin = u - LEAN * i > 0 ? u - LEAN * i : 0;
+                end = u + BLOCK - LEAN * i < columns ? u + BLOCK - LEAN * i : columns;
+                if (begin >= end) continue;
+                row = y() - top;
+                if (row < 0 || row >= kept_rows) row = -1;
+                return true;
+            }
+            task = tasks.finish(task);
+            i = task / tasks.columns * STRIP - 1;
+        }
+        return false;
+    }
+
+    enum { BEGIN = -2 };
+    int y() const { return step > 0 ? i : height - 1 - i; }
+    int x(int j) const { return step > 0 ? j : columns - 1 - j; }
+};
+
+// The step along all paths of a sweep. With q the pixel before p on a path, and m the least L(q),
+//
+//     L(p, d) = C(p, d) + min(L(q, d), L(q, d - 1) + P1, L(q, d + 1) + P1, m + P2) - m
+//
+// (Hirschmueller 2008, equation 13). L of the last pixel of each chain of pixels along a path
+// stands in a slot, and is updated in place: a header, a cache line with m in its middle, then L
+// over the disparities. A chain begins with a slot of zeros, which makes L = C. Beside the
+// disparities, and in their padding, stands LARGEST: it stays, as additions saturate, and is never
+// chosen.
+// needs NUMBER, VECTOR, HEADER, LARGEST, PATHS
+// needs DOWN_THE_ROWS, ALONG_THE_ROW, LOWER, UPPER
+struct Steps {
+    typedef NUMBER lanes __attribute__((vector_size(32), aligned(sizeof(NUMBER))));
+    typedef unsigned short sums __attribute__((vector_size(2 * VECTOR), aligned(2)));
+
+    const unsigned char* guide;  // grey values of all pixels, or null
+    int p1;
+    const unsigned short* p2;
+    NUMBER* slots;
+    int pitch, padded;
+
+    // Make the totals over the paths of the pixels of a row, from their costs.
+    void advance(const Sweep& sweep, const NUMBER* costs, unsigned short* totals) const {
+        const int paths = PATHS, down[] = {DOWN_THE_ROWS}, along[] = {ALONG_THE_ROW};
+        const int height = sweep.height, columns = sweep.columns, step = sweep.step, i = sweep.i;
+        const int line = padded, length = pitch;
+        const unsigned char* const gray = guide ? guide + (size_t)sweep.y() * columns : nullptr;
+        const unsigned short* const far = p2;
+        const lanes zero = {}, penalty = zero + (NUMBER)p1;
+        NUMBER* const first_slot = slots;
+        for (int j = sweep.begin, end = sweep.end; j < end; ++j, costs += line, totals += line) {
+            NUMBER* slot[paths];
+            size_t chain = 0;
+#pragma clang loop unroll(full)
+            for (int q = 0; q < paths; ++q) {
+                const int most = along[q] * (height - 1), last = down[q] * (columns - 1);
+                const int here = down[q] * j - along[q] * i + (most > 0 ? most : 0);
+                slot[q] = first_slot + (chain + here) * length + HEADER;
+                chain += last + (most > 0 ? most : -most) + 1;
+            }
+            NUMBER least[paths], jump[paths];
+            lanes before[paths], now[paths], minimum[paths];
+#pragma clang loop unroll(full)
+            for (int q = 0; q < paths; ++q) {
+                int difference = 0;
+                if (gray && i >= down[q] && j >= along[q] && j - along[q] < columns) {
+                    const unsigned char* p = gray + (step > 0 ? j : columns - 1 - j);
+                    difference = *p - p[-step * (down[q] * columns + along[q])];
+                }
+                least[q] = slot[q][-HEADER / 2];
+                jump[q] = least[q] + far[difference < 0 ? -difference : difference];
+                before[q] = *(const lanes*)(slot[q] - VECTOR);
+                now[q] = *(const lanes*)slot[q];
+                minimum[q] = zero + (NUMBER)LARGEST;
+            }
+            for (int d = 0; d < line; d += VECTOR) {
+                const lanes c = *(const lanes*)(costs + d);
+                sums sum = {};
+#pragma clang loop unroll(full)
+                for (int q = 0; q < paths; ++q) {
+                    const lanes after = *(const lanes*)(slot[q] + d + VECTOR);
+                    const lanes lower = __builtin_shufflevector(before[q], now[q], LOWER);
+                    const lanes upper = __builtin_shufflevector(now[q], after, UPPER);
+                    const lanes beside = __builtin_elementwise_add_sat(
+                        __builtin_elementwise_min(lower, upper), penalty);
+                    const lanes near = __builtin_elementwise_min(now[q], beside);
+                    const lanes best = __builtin_elementwise_min(near, zero + jump[q]);
+                    const lanes l = __builtin_elementwise_add_sat(best - least[q], c);
+                    *(lanes*)(slot[q] + d) = l;
+                    minimum[q] = __builtin_elementwise_min(minimum[q], l);
+                    sum += __builtin_convertvector(l, sums);
+                    before[q] = now[q];
+                    now[q] = after;
+                }
+                *(sums*)(totals + d) = sum;
+            }
+#pragma clang loop unroll(full)
+            for (int q = 0; q < paths; ++q) slot[q][-HEADER / 2] = __builtin_reduce_min(minimum[q]);
+        }
+    }
+
+    // Add the totals of the pixels of a row to their sums of `depth` disparities, or store them.
+    static void collect(const Sweep& sweep, const unsigned short* totals, int padded, bool add,
+                        unsigned short* sums, int depth) {
+        for (int j = sweep.begin; j < sweep.end; ++j, totals += padded) {
+            unsigned short* to = sums + ((size_t)sweep.row * sweep.columns + sweep.x(j)) * depth;
+            if (add) {
+#pragma clang loop vectorize(assume_safety)
+                for (int d = 0; d < depth; ++d) to[d] += totals[d];
+            } else {
+#pragma clang loop vectorize(assume_safety)
+                for (int d = 0; d < depth; ++d) to[d] = totals[d];
+            }
+        }
+    }
+};

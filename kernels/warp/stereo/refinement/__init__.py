@@ -1,0 +1,1 @@
+"""Refinement of disparity maps, in Warp; NaN stands for no disparity."""

@@ -1,0 +1,20 @@
+"""Gaps on CUDA: a warp takes a row, and knows by ballots where the disparities around a gap are.
+
+Native, for these ballots and shuffles.
+"""
+
+import warp as wp
+
+from cvkern.kernels.warp import _native
+
+_OPTIONS = {"enable_backward": False, "fuse_fp": False}
+
+
+@_native.kernel("_gaps_cuda.cu", _OPTIONS)
+def fill_rows(
+    disparity: wp.array2d[float],  # (H, W)
+    # outputs
+    filled: wp.array2d[float],  # (H, W)
+    valid: wp.array2d[wp.uint8],  # (H, W)
+    found: wp.array[int],  # (H,) whether a row has any
+): ...

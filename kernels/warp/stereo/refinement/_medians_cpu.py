@@ -1,0 +1,42 @@
+"""Weighted medians on the CPU: one thread a slab of rows, 16 pixels at once.
+
+Native, because the pairs of the window are compared in vectors of 16 pixels.
+"""
+
+import warp as wp
+
+from cvkern.kernels.warp import _native
+
+MAX_RADIUS = 15
+_OPTIONS = {"enable_backward": False, "fuse_fp": False}
+
+
+@_native.kernel("_medians_rows_cpu.h", _OPTIONS, MOST=2 * MAX_RADIUS + 1)
+def along(
+    slab: int,
+    first: int,
+    last: int,
+    disparity: wp.array2d[float],  # (H, W)
+    guide: wp.array2d[wp.uint8],  # (H, W)
+    radius: int,
+    contrast: int,
+    # scratch
+    lines: wp.array2d[float],  # (slabs, W + 2 radius)
+    gray_lines: wp.array2d[wp.uint8],  # (slabs, W + 2 radius)
+    # outputs
+    smooth: wp.array2d[float],  # (H, W)
+): ...
+
+
+@_native.kernel("_medians_rows_cpu.h", _OPTIONS, MOST=2 * MAX_RADIUS + 1)
+def down(
+    slab: int,
+    first: int,
+    last: int,
+    disparity: wp.array2d[float],  # (H, W)
+    guide: wp.array2d[wp.uint8],  # (H, W)
+    radius: int,
+    contrast: int,
+    # outputs
+    smooth: wp.array2d[float],  # (H, W)
+): ...

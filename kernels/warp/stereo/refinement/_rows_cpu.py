@@ -1,0 +1,47 @@
+"""The check from the right image, and the filling of gaps, on the CPU: one thread a slab of rows.
+
+Native, because rows without branches become vector code.
+"""
+
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+def _left_right(scalar: Any, c_type: str) -> wp.Kernel:
+    """Return the kernel for right disparities of one type."""
+
+    @_native.kernel("_rows_cpu.h", TYPE=c_type, INDICES=int(scalar is wp.int32))
+    def left_right(
+        slab: int,
+        begin: int,
+        end: int,
+        disparity: wp.array2d[float],  # (H, W)
+        right: wp.array2d[scalar],  # (H, W)
+        first: int,
+        tolerance: float,
+        # outputs
+        checked: wp.array2d[float],  # (H, W)
+    ): ...
+
+    return left_right
+
+
+left_rights = {wp.int32: _left_right(wp.int32, "int"), wp.float32: _left_right(wp.float32, "float")}
+
+
+@_native.kernel("_rows_cpu.h")
+def fill(
+    slab: int,
+    first: int,
+    last: int,
+    disparity: wp.array2d[float],  # (H, W)
+    # outputs
+    filled: wp.array2d[float],  # (H, W)
+    valid: wp.array2d[wp.uint8],  # (H, W)
+    found: wp.array[int],  # (H,) whether a row has any
+): ...

@@ -1,0 +1,7 @@
+// The first pixel of the run that this one is in, within the pixels of its warp.
+int start_of_run(int pixel, int pixels, bool begins) {
+    const int lane = threadIdx.x % 32, rest = pixels - (pixel - lane);
+    const unsigned mask = 0xffffffffu >> (rest < 32 ? 32 - rest : 0);
+    const unsigned starts = __ballot_sync(mask, begins || lane == 0);
+    return pixel - lane + 31 - __clz(starts & (0xffffffffu >> (31 - lane)));
+}

@@ -1,0 +1,69 @@
+"""Gaps of a disparity map are filled from the background side, in Warp.
+
+A gap takes the smaller of the two disparities that bound it along its row: only the left camera
+sees the part of the background that it shows. On the CPU a thread takes a slab of rows, on CUDA a
+warp takes a row.
+"""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
+
+from . import _gaps_cuda as cuda
+from . import _rows_cpu as cpu
+from ._none import none
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.kernel
+def _find_sources(
+    # outputs
+    found: wp.array[int],  # (H,): 1 for rows with a disparity; then the row to fill from, or -1
+):
+    # One thread: a row needs what the one before has found.
+    height = found.shape[0]
+    first = int(0)
+    while first < height and found[first] == 0:
+        first += 1
+    source = wp.where(first < height, first, -1)
+    for row in range(height):
+        if found[row] != 0:
+            source = row
+        found[row] = source
+
+
+@wp.kernel
+def _fill_empty_rows(
+    lanes: int,
+    found: wp.array[int],  # (H,) the row to fill from, or -1
+    # outputs
+    filled: wp.array2d[float],  # (H, W)
+):
+    # `lanes` threads take a row.
+    i = wp.tid()
+    row = i // lanes
+    source = found[row]
+    if source != row:
+        for x in range(i % lanes, filled.shape[1], lanes):
+            value = none()
+            if source >= 0:
+                value = filled[source, x]
+            filled[row, x] = value
+
+
+def fill(disparity: wp.array, filled: wp.array, valid: wp.array) -> None:
+    """Fill gaps with the smaller of the disparities to the left and right; tell where none was.
+
+    A row without any is that of the nearest row above that has some, else below.
+    """
+    height, lanes = filled.shape[0], 1
+    found = scratch("fill.found", (height,), wp.int32, filled.device)
+    if filled.device.is_cuda:
+        lanes = 32
+        launch(cuda.fill_rows, lanes * height, [disparity], [filled, valid, found])
+    else:
+        count = slabs(height, filled.size)
+        launch_slabs(cpu.fill, height, count, [disparity], [filled, valid, found])
+    launch(_find_sources, 1, [], [found])
+    launch(_fill_empty_rows, lanes * height, [lanes, found], [filled])
