@@ -9,15 +9,18 @@ if _TYPE_CHECKING:
     from cvkern._capture import capture  # noqa: F401
     from cvkern._runtime import use  # noqa: F401
     from cvkern.edges import *
+    from cvkern.features import *
     from cvkern.filters import *
     from cvkern.hough import *
     from cvkern.stereo import *
+    from cvkern.transform import *
 
 # Every public name, by the module that has it. Modules are imported when a name is first used.
 _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("use",),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
+    "features": ("Features", "match_descriptors", "match_images", "sift"),
     "filters": (
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
         "sobel",
@@ -35,6 +38,10 @@ _NAMES = {
         "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
         "point_cloud", "points_from_disparity", "remove_speckles", "reprojection_matrix",
         "stereo_cost", "stereo_match", "winner_take_all",
+    ),
+    "transform": (
+        "RemapGradient", "pyramid_gaussian", "pyramid_laplacian", "rectify_plane", "remap",
+        "remap_backward", "resize", "rotate", "warp_perspective",
     ),
 }  # fmt: skip
 # Modules whose names are used through them: cvkern.images.read_image.

@@ -6,6 +6,12 @@ class Folder:
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import subpixel as subpixel
+    class features:
+        from cvkern.kernels.warp.features import matching as matching
+        class keypoints:
+            from cvkern.kernels.warp.features.keypoints import descriptors as descriptors
+            from cvkern.kernels.warp.features.keypoints import extrema as extrema
+            from cvkern.kernels.warp.features.keypoints import refinement as refinement
     class filters:
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
@@ -60,3 +66,8 @@ class Folder:
         class paths:
             from cvkern.kernels.warp.stereo.paths import aggregation as aggregation
             from cvkern.kernels.warp.stereo.paths import matching as matching
+    class transform:
+        from cvkern.kernels.warp.transform import projective as projective
+        from cvkern.kernels.warp.transform import pyramids as pyramids
+        from cvkern.kernels.warp.transform import resampling as resampling
+        from cvkern.kernels.warp.transform import sampling as sampling

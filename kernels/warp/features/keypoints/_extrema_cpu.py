@@ -1,0 +1,103 @@
+"""Extrema of a scale space on the CPU, row by row."""
+
+import warp as wp
+
+from cvkern.kernels.codes.features import WORD
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+FILE = "_extrema_cpu.h"
+BITS = wp.constant(WORD)
+
+
+@_native.func_native(FILE)
+def double_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
+
+
+@_native.func_native(FILE)
+def mark_row(
+    row: int,
+    slab: int,
+    levels: wp.array3d[float],
+    threshold: float,
+    margin: int,
+    lines: wp.array2d[float],
+    words: wp.array3d[int],
+): ...
+
+
+@_native.func_native(FILE)
+def ones_of(word: int) -> int: ...
+
+
+@_native.func_native(FILE)
+def first_one(word: int) -> int: ...
+
+
+@wp.kernel
+def double(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array2d[float],  # (H, W)
+    # outputs
+    dst: wp.array2d[float],  # (2 H, 2 W)
+):
+    for row in range(first, last):
+        double_row(row, src, dst)
+
+
+@wp.kernel
+def mark(
+    slab: int,
+    first: int,
+    last: int,
+    levels: wp.array3d[float],  # (L, H, W)
+    threshold: float,
+    margin: int,
+    # scratch
+    lines: wp.array2d[float],  # (slabs, 2 L W)
+    # outputs
+    words: wp.array3d[int],  # (L - 3, H, ceil(W / 32))
+):
+    for row in range(first, last):
+        mark_row(row, slab, levels, threshold, margin, lines, words)
+
+
+@wp.kernel
+def count(
+    slab: int,
+    first: int,
+    last: int,
+    words: wp.array2d[int],  # (rows, K)
+    # outputs
+    counts: wp.array[int],
+):
+    for row in range(first, last):
+        total = int(0)
+        for k in range(words.shape[1]):
+            total += ones_of(words[row, k])
+        counts[row] = total
+
+
+@wp.kernel
+def gather(
+    slab: int,
+    first: int,
+    last: int,
+    words: wp.array2d[int],  # (rows, K)
+    starts: wp.array[int],  # (rows,)
+    width: int,
+    # outputs
+    places: wp.array[int],
+):
+    for row in range(first, last):
+        at = starts[row]
+        for k in range(words.shape[1]):
+            word = words[row, k]
+            while word != 0:
+                bit = first_one(word)
+                places[at] = row * width + k * BITS + bit
+                at += 1
+                word = word ^ (1 << bit)
