@@ -20,7 +20,10 @@ _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("use",),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
-    "features": ("Features", "match_descriptors", "match_images", "sift"),
+    "features": (
+        "Features", "corner_harris", "corner_peaks", "corner_shi_tomasi", "corner_subpix",
+        "match_descriptors", "match_images", "orb", "sift",
+    ),
     "filters": (
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
         "sobel",

@@ -7,6 +7,8 @@ class Folder:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import subpixel as subpixel
     class features:
+        from cvkern.kernels.warp.features import binary as binary
+        from cvkern.kernels.warp.features import corners as corners
         from cvkern.kernels.warp.features import matching as matching
         class keypoints:
             from cvkern.kernels.warp.features.keypoints import descriptors as descriptors

@@ -1,6 +1,16 @@
 """Constants of features: scale space, histograms of directions, matching."""
 
 import math
+from enum import IntEnum
+
+
+class Corner(IntEnum):
+    """What is taken of a structure tensor A as the measure of a corner."""
+
+    HARRIS = 0  # det(A) - k trace(A)^2
+    NOBLE = 1  # 2 det(A) / (trace(A) + eps)
+    SHI_TOMASI = 2  # the smaller eigenvalue
+
 
 # Keypoints are looked for this far from the border, and moved at most so often [Lowe 2004].
 MARGIN = 5
@@ -37,3 +47,12 @@ def decay_factors() -> tuple[float, ...]:
 FARTHEST = 2**30
 BLOCK_ROWS = 64
 MOST_BYTES = 4096  # of a descriptor: squared distances stay below half of FARTHEST
+
+# ORB: FAST corners of 9 of the 16 pixels of a circle, directions by moments of a disc, and bits
+# that compare pairs of pixels, of a pattern turned in so many steps.
+CIRCLE = ((-3, 0), (-3, 1), (-2, 2), (-1, 3), (0, 3), (1, 3), (2, 2), (3, 1),
+          (3, 0), (3, -1), (2, -2), (1, -3), (0, -3), (-1, -3), (-2, -2), (-3, -1))  # fmt: skip
+DISC = 15  # radius, pixels
+TURNS = 64
+PAIRS = 256
+TURNS_PER_RADIAN = TURNS / (2 * math.pi)

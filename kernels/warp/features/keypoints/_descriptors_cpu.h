@@ -62,7 +62,7 @@ void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::ar
     counts.data[k] = count;
 }
 
-// needs CELLS, DIRECTIONS, ROOM, LONGEST, DIRECTIONS_PER_RADIAN, REACH, LARGEST_SHARE, DESCRIPTOR_ONE
+// needs CELLS, DIRECTIONS, LONGEST, DIRECTIONS_PER_RADIAN, REACH, LARGEST_SHARE, DESCRIPTOR_ONE
 // Histograms of directions in the 4 x 4 cells round point `k`, as bytes.
 void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::array_t<float> turns,
                   float one, int root, wp::array_t<wp::uint8> descriptors) {
@@ -72,13 +72,17 @@ void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::
     const float* image = levels.data + (size_t)cell[0] * height * width;
     const float* turn = turns.data + 4 * (size_t)k;
     const float cosine = turn[0], sine = turn[1], angle = turn[2], spread = turn[3];
-    float gain[2 * REACH + 1], lengths[2 * REACH + 1], rows[2 * REACH + 1], columns[2 * REACH + 1],
-        bins[2 * REACH + 1];
+    float gain[2 * REACH + 1];
     for (int i = 0; i <= radius; ++i) {
         gain[radius + i] = Alike::decay((float)(i * i) * spread);
         gain[radius - i] = gain[radius + i];
     }
-    int sums[ROOM] = {0};
+    // Both directions that share a contribution in one sum: the next one's in the upper half. No
+    // lower half overflows, as all are positive.
+    typedef unsigned long long both;
+    both sums[(CELLS + 2) * (CELLS + 2) * DIRECTIONS] = {0};
+    both parts[4][2 * REACH + 1];
+    int places[2 * REACH + 1];
     for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
         const float i = (float)(y - cy), down = gain[y - cy + radius];
         const float row0 = i * cosine, column0 = i * sine;
@@ -109,37 +113,37 @@ void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::
             float bin = (Alike::angle(dy, dx) - angle) * DIRECTIONS_PER_RADIAN;
             bin = bin < 0.0f ? bin + (float)DIRECTIONS : bin;
             bin = bin >= (float)DIRECTIONS ? bin - (float)DIRECTIONS : bin;
-            lengths[x - left] = length * (down * along[x]) * one;
-            rows[x - left] = (row0 - j * sine) + 1.5f;
-            columns[x - left] = (column0 + j * cosine) + 1.5f;
-            bins[x - left] = bin;
+            const float v = length * (down * along[x]) * one;
+            const float r = (row0 - j * sine) + 1.5f, c = (column0 + j * cosine) + 1.5f;
+            const bool inside = r > -1.0f && r < (float)CELLS && c > -1.0f && c < (float)CELLS;
+            const int r0 = inside ? (int)(r + 1.0f) : 0, c0 = inside ? (int)(c + 1.0f) : 0;
+            const int o0 = (int)bin;
+            const float fr = (r + 1.0f) - (float)r0, fc = (c + 1.0f) - (float)c0;
+            const float fd = bin - (float)o0;
+            const float v1 = v * fr, v0 = v - v1, v11 = v1 * fc, v01 = v0 * fc;
+            const float v10 = v1 - v11, v00 = v0 - v01;
+            const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
+            places[x - left] = inside ? (r0 * (CELLS + 2) + c0) * DIRECTIONS + o0 : -1;
+            parts[0][x - left] = (both)(int)(w00 + 0.5f) << 32 | (unsigned)(int)((v00 - w00) + 0.5f);
+            parts[1][x - left] = (both)(int)(w01 + 0.5f) << 32 | (unsigned)(int)((v01 - w01) + 0.5f);
+            parts[2][x - left] = (both)(int)(w10 + 0.5f) << 32 | (unsigned)(int)((v10 - w10) + 0.5f);
+            parts[3][x - left] = (both)(int)(w11 + 0.5f) << 32 | (unsigned)(int)((v11 - w11) + 0.5f);
         }
         for (int x = 0; x <= right - left; ++x) {
-            const float r = rows[x], c = columns[x];
-            if (!(r > -1.0f && r < (float)CELLS && c > -1.0f && c < (float)CELLS)) continue;
-            const int r0 = (int)(r + 1.0f), c0 = (int)(c + 1.0f), o0 = (int)bins[x];
-            const float fr = (r + 1.0f) - (float)r0, fc = (c + 1.0f) - (float)c0;
-            const float fd = bins[x] - (float)o0;
-            const float v1 = lengths[x] * fr, v0 = lengths[x] - v1;
-            const float v11 = v1 * fc, v10 = v1 - v11, v01 = v0 * fc, v00 = v0 - v01;
-            const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
-            int* at = sums + (r0 * (CELLS + 2) + c0) * (DIRECTIONS + 1) + o0;
-            const int right_by = DIRECTIONS + 1, down_by = (CELLS + 2) * (DIRECTIONS + 1);
-            at[0] += (int)((v00 - w00) + 0.5f);
-            at[1] += (int)(w00 + 0.5f);
-            at[right_by] += (int)((v01 - w01) + 0.5f);
-            at[right_by + 1] += (int)(w01 + 0.5f);
-            at[down_by] += (int)((v10 - w10) + 0.5f);
-            at[down_by + 1] += (int)(w10 + 0.5f);
-            at[down_by + right_by] += (int)((v11 - w11) + 0.5f);
-            at[down_by + right_by + 1] += (int)(w11 + 0.5f);
+            if (places[x] < 0) continue;
+            both* at = sums + places[x];
+            at[0] += parts[0][x];
+            at[DIRECTIONS] += parts[1][x];
+            at[(CELLS + 2) * DIRECTIONS] += parts[2][x];
+            at[(CELLS + 3) * DIRECTIONS] += parts[3][x];
         }
     }
     double found[CELLS * CELLS * DIRECTIONS], squares = 0.0;
     for (int n = 0; n < CELLS * CELLS * DIRECTIONS; ++n) {
         const int o = n % DIRECTIONS, c = n / DIRECTIONS % CELLS, r = n / DIRECTIONS / CELLS;
-        const int* bin = sums + ((r + 1) * (CELLS + 2) + c + 1) * (DIRECTIONS + 1);
-        found[n] = (double)(bin[o] + (o ? 0 : bin[DIRECTIONS]));
+        const both* bin = sums + ((r + 1) * (CELLS + 2) + c + 1) * DIRECTIONS;
+        const int shared = (int)(bin[(o + DIRECTIONS - 1) % DIRECTIONS] >> 32);
+        found[n] = (double)((int)(unsigned)bin[o] + shared);
         squares += found[n] * found[n];
     }
     const double most = LARGEST_SHARE * __builtin_sqrt(squares);

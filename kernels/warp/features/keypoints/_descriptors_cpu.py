@@ -33,7 +33,6 @@ def orient_one(
     FILE,
     CELLS=codes.CELLS,
     DIRECTIONS=codes.DIRECTIONS,
-    ROOM=codes.ROOM,
     LONGEST=f"{codes.LONGEST}f",
     DIRECTIONS_PER_RADIAN=f"{codes.DIRECTIONS_PER_RADIAN!r}f",
     REACH=codes.REACH,

@@ -87,6 +87,33 @@ void mark_row(int row, int slab, wp::array_t<float> levels, float threshold, int
     }
 }
 
-int ones_of(int word) { return __builtin_popcount((unsigned)word); }
+// Bits that are set in a row of words.
+int ones_of_row(int row, wp::array_t<int> words) {
+    const int* from = words.data + (size_t)row * words.shape[1];
+    int total = 0;
+    for (int k = 0; k < words.shape[1]; ++k) total += __builtin_popcount((unsigned)from[k]);
+    return total;
+}
+
+// Every second pixel of a row.
+void halve_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
+    const float* from = src.data + 2 * (size_t)row * src.shape[1];
+    float* to = dst.data + (size_t)row * dst.shape[1];
+    for (int x = 0; x < dst.shape[1]; ++x) to[x] = from[2 * x];
+}
+
+// needs RED, GREEN, BLUE
+// Grey values of a row, times `scale`.
+void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> dst) {
+#pragma clang fp contract(off)
+    const int width = dst.shape[1], channels = src.shape[2];
+    const float* from = src.data + (size_t)row * width * channels;
+    float* to = dst.data + (size_t)row * width;
+    if (channels == 1)
+        for (int x = 0; x < width; ++x) to[x] = from[x] * scale;
+    else
+        for (int x = 0; x < width; ++x, from += channels)
+            to[x] = (RED * from[0] + GREEN * from[1] + BLUE * from[2]) * scale;
+}
 
 int first_one(int word) { return __builtin_ctz((unsigned)word); }

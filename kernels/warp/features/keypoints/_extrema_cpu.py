@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from cvkern.kernels.codes.features import WORD
+from cvkern.kernels.codes.features import GRAY, WORD
 from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -28,11 +28,48 @@ def mark_row(
 
 
 @_native.func_native(FILE)
-def ones_of(word: int) -> int: ...
+def ones_of_row(row: int, words: wp.array2d[int]) -> int: ...
+
+
+@_native.func_native(FILE)
+def halve_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
+
+
+@_native.func_native(
+    FILE, **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)}
+)
+def gray_row(row: int, src: wp.array3d[float], scale: float, dst: wp.array2d[float]): ...
 
 
 @_native.func_native(FILE)
 def first_one(word: int) -> int: ...
+
+
+@wp.kernel
+def gray(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array3d[float],  # (H, W, C)
+    scale: float,
+    # outputs
+    dst: wp.array2d[float],  # (H, W)
+):
+    for row in range(first, last):
+        gray_row(row, src, scale, dst)
+
+
+@wp.kernel
+def halve(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array2d[float],
+    # outputs
+    dst: wp.array2d[float],
+):
+    for row in range(first, last):
+        halve_row(row, src, dst)
 
 
 @wp.kernel
@@ -75,10 +112,7 @@ def count(
     counts: wp.array[int],
 ):
     for row in range(first, last):
-        total = int(0)
-        for k in range(words.shape[1]):
-            total += ones_of(words[row, k])
-        counts[row] = total
+        counts[row] = ones_of_row(row, words)
 
 
 @wp.kernel

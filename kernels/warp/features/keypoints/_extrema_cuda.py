@@ -2,11 +2,36 @@
 
 import warp as wp
 
-from cvkern.kernels.codes.features import WORD
+from cvkern.kernels.codes.features import GRAY, WORD
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BITS = wp.constant(WORD)
+RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
+
+
+@wp.kernel
+def gray(
+    src: wp.array3d[float],  # (H, W, C)
+    scale: float,
+    # outputs
+    dst: wp.array2d[float],  # (H, W)
+):
+    y, x = wp.tid()
+    v = src[y, x, 0]
+    if src.shape[2] > 1:
+        v = RED * v + GREEN * src[y, x, 1] + BLUE * src[y, x, 2]
+    dst[y, x] = v * scale
+
+
+@wp.kernel
+def halve(
+    src: wp.array2d[float],
+    # outputs
+    dst: wp.array2d[float],
+):
+    y, x = wp.tid()
+    dst[y, x] = src[2 * y, 2 * x]
 
 
 @wp.kernel

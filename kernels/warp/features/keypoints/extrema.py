@@ -2,17 +2,19 @@
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._zeros import clear
 
 from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
-from ._pixels import gray, halved
 
 
 def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
     """Grey values times `scale`; one thread a pixel."""
-    launch_each(gray, dst.shape[0] * dst.shape[1], dst.size, [src, scale], [dst])
+    if dst.device.is_cuda:
+        launch(cuda.gray, dst.shape, [src, scale], [dst])
+        return
+    launch_slabs(cpu.gray, dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst])
 
 
 def double(src: wp.array, dst: wp.array) -> None:
@@ -25,7 +27,10 @@ def double(src: wp.array, dst: wp.array) -> None:
 
 def halve(src: wp.array, dst: wp.array) -> None:
     """Every second pixel of every second row; one thread a pixel."""
-    launch_each(halved, dst.shape[0] * dst.shape[1], dst.size, [src], [dst])
+    if dst.device.is_cuda:
+        launch(cuda.halve, dst.shape, [src], [dst])
+        return
+    launch_slabs(cpu.halve, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
 def mark_extrema(levels: wp.array, threshold: float, margin: int, words: wp.array) -> None:
