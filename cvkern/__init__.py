@@ -7,18 +7,20 @@ from typing import Any as _Any
 if _TYPE_CHECKING:
     from cvkern import clouds, images, radiance  # noqa: F401
     from cvkern._capture import capture  # noqa: F401
-    from cvkern._runtime import use  # noqa: F401
+    from cvkern._runtime import devices, release_memory, use  # noqa: F401
     from cvkern.edges import *
     from cvkern.features import *
     from cvkern.filters import *
+    from cvkern.geometry import *
     from cvkern.hough import *
     from cvkern.stereo import *
+    from cvkern.structured_light import *
     from cvkern.transform import *
 
 # Every public name, by the module that has it. Modules are imported when a name is first used.
 _NAMES = {
     "_capture": ("capture",),
-    "_runtime": ("use",),
+    "_runtime": ("devices", "release_memory", "use"),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
     "features": (
         "Features", "corner_harris", "corner_peaks", "corner_shi_tomasi", "corner_subpix",
@@ -27,6 +29,10 @@ _NAMES = {
     "filters": (
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
         "sobel",
+    ),
+    "geometry": (
+        "RobustFit", "RobustFits", "find_affine", "find_homographies", "find_homography",
+        "find_similarity", "fit_affine", "fit_homography", "fit_similarity",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
@@ -41,6 +47,10 @@ _NAMES = {
         "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
         "point_cloud", "points_from_disparity", "remove_speckles", "reprojection_matrix",
         "stereo_cost", "stereo_match", "winner_take_all",
+    ),
+    "structured_light": (
+        "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
+        "detect_laser_lines", "gray_code_patterns", "phase_shift_patterns", "unwrap_phase",
     ),
     "transform": (
         "RemapGradient", "pyramid_gaussian", "pyramid_laplacian", "rectify_plane", "remap",

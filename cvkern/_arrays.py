@@ -6,6 +6,8 @@ A library is known by the module of its arrays' type, and imported only when suc
 from __future__ import annotations
 
 import importlib
+from abc import ABC, abstractmethod
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -13,34 +15,50 @@ import numpy as np
 CUDA, CUDA_MANAGED = 2, 13  # device types of DLPack
 
 
-class NumPy:
-    """NumPy, and whatever NumPy can read: lists, pictures, CPU arrays of unknown libraries."""
+class Order(Enum):
+    """How kernels on a GPU come after the work that fills an array of a library."""
 
-    writable = True
-    module: Any = np
+    STREAM = "kernels are launched on the library's current stream"
+    DLPACK = "the array is handed over by DLPack, which makes the kernels' stream wait"
+
+
+class Library(ABC):
+    """An array library: where its arrays lie, and the few things that are done with them.
+
+    The methods with a body are written for libraries with NumPy's names in `module`.
+    """
+
+    writable = True  # whether kernels may fill its arrays
+    order = Order.STREAM
+    module: Any
 
     def dtype(self, array: Any) -> np.dtype:
         """Return the NumPy dtype of `array`."""
         return array.dtype
 
+    @abstractmethod
     def device(self, array: Any) -> str:
         """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
-        if hasattr(array, "__dlpack_device__"):
-            kind, index = array.__dlpack_device__()
-            return f"cuda:{int(index)}" if kind in (CUDA, CUDA_MANAGED) else "cpu"
-        return "cuda:0" if hasattr(array, "__cuda_array_interface__") else "cpu"
+
+    @abstractmethod
+    def memory(self, array: Any, device: str) -> tuple[int, Any]:
+        """Return the address of a contiguous array on `device`, and what keeps that valid."""
+
+    @abstractmethod
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Return `array` in C order, native byte order and `dtype`: itself, if it is so already."""
+
+    def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
+        """Allocate an uninitialised array on `device`; on the host if it is not `writable`."""
+        return np.empty(shape, dtype)
 
     def stream(self, device: str) -> int | None:
         """Return the caller's current CUDA stream, or None where the library has none."""
         return None
 
-    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
-        """Return `array` in C order, native byte order and `dtype`: itself, if it is so already."""
-        return np.ascontiguousarray(array, dtype)
-
-    def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
-        """Allocate an uninitialised array on `device`."""
-        return np.empty(shape, dtype)
+    def native(self, array: Any) -> Any:
+        """Return `array` in the byte order of this machine."""
+        return array
 
     def finish(self, array: Any) -> Any:
         """Make the library's own array of one that a kernel set filled."""
@@ -72,7 +90,33 @@ class NumPy:
         return values, ranks[:-1].reshape(array.shape), int(ranks[-1])
 
 
-class Torch(NumPy):
+class NumPy(Library):
+    """NumPy, and whatever NumPy can read: lists, pictures, CPU arrays of unknown libraries."""
+
+    module = np
+
+    def device(self, array: Any) -> str:
+        """Return ``"cpu"``."""
+        return "cpu"
+
+    def memory(self, array: Any, device: str) -> tuple[int, Any]:
+        """Read the address off NumPy's interface."""
+        return array.__array_interface__["data"][0], array
+
+    def contiguous(self, array: Any, dtype: np.dtype) -> Any:
+        """Convert; values beyond the range of a smaller float become infinite."""
+        array = np.asarray(array)
+        if array.dtype is not dtype and array.dtype.kind == "f":
+            with np.errstate(over="ignore"):
+                return np.ascontiguousarray(array, dtype)
+        return np.ascontiguousarray(array, dtype)
+
+    def native(self, array: Any) -> Any:
+        """Swap the bytes of an array of the other order."""
+        return array if array.dtype.isnative else array.astype(array.dtype.newbyteorder("="))
+
+
+class Torch(Library):
     """PyTorch tensors."""
 
     def __init__(self) -> None:
@@ -89,6 +133,12 @@ class Torch(NumPy):
     def device(self, array: Any) -> str:
         """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
         return str(array.device)
+
+    def memory(self, array: Any, device: str) -> tuple[int, Any]:
+        """Ask the tensor, which is faster than its interface."""
+        if array.is_cuda == (device == "cpu"):
+            _refuse_places(device, str(array.device))
+        return array.data_ptr(), array
 
     def stream(self, device: str) -> int | None:
         """Return the current stream of this thread."""
@@ -117,11 +167,21 @@ class Torch(NumPy):
         return self._dtypes[dtype]
 
 
-class CuPy(NumPy):
+class CuPy(Library):
     """CuPy arrays."""
 
     def __init__(self) -> None:
         self.module = importlib.import_module("cupy")
+
+    def device(self, array: Any) -> str:
+        """Return ``"cuda:N"``."""
+        return f"cuda:{array.device.id}"
+
+    def memory(self, array: Any, device: str) -> tuple[int, Any]:
+        """Ask the array for its pointer."""
+        if device == "cpu":
+            _refuse_places(device, self.device(array))
+        return array.data.ptr, array
 
     def stream(self, device: str) -> int | None:
         """Return the current stream of this thread."""
@@ -139,7 +199,7 @@ class CuPy(NumPy):
             return self.module.empty(shape, dtype)
 
 
-class Warp(NumPy):
+class Warp(Library):
     """Warp arrays."""
 
     def __init__(self) -> None:
@@ -152,6 +212,16 @@ class Warp(NumPy):
         ):
             raise TypeError(f"Warp arrays must hold scalars, got {array.dtype.__name__}")
         return np.dtype(self.module.dtype_to_numpy(array.dtype))
+
+    def device(self, array: Any) -> str:
+        """Return ``"cpu"`` or ``"cuda:N"``, as Warp names devices."""
+        return array.device.alias
+
+    def memory(self, array: Any, device: str) -> tuple[int, Any]:
+        """Ask the array for its pointer."""
+        if array.device.alias != device:
+            _refuse_places(device, array.device.alias)
+        return array.ptr or 0, array
 
     def stream(self, device: str) -> int | None:
         """Return Warp's current stream of the device."""
@@ -194,13 +264,25 @@ class Warp(NumPy):
         return self.module.bool if dtype == np.bool_ else self.module.dtype_from_numpy(dtype)
 
 
-class Jax(NumPy):
+class Jax(Library):
     """JAX arrays: immutable, so that results are made elsewhere and handed over by DLPack."""
 
     writable = False
+    order = Order.DLPACK
 
     def __init__(self) -> None:
         self.module = importlib.import_module("jax.numpy")
+
+    def device(self, array: Any) -> str:
+        """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
+        return _dlpack_device(array)
+
+    def memory(self, array: Any, device: str) -> tuple[int, Any]:
+        """View an array of the host as NumPy's; DLPack brings those of a GPU."""
+        if self.device(array) != "cpu":
+            _refuse_places(device, self.device(array))
+        host = np.asarray(array)
+        return host.__array_interface__["data"][0], host
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
         """Convert on the array's own device; JAX arrays are contiguous."""
@@ -211,10 +293,10 @@ class Jax(NumPy):
         return self.module.from_dlpack(array)
 
 
-class Other(NumPy):
-    """CUDA arrays of any other library that speaks DLPack or ``__cuda_array_interface__``.
+class Other(Library):
+    """CUDA arrays of any other library that has ``__cuda_array_interface__``.
 
-    Their results are Warp arrays, which speak both.
+    Their results are Warp arrays, which speak that and DLPack.
     """
 
     writable = False
@@ -222,6 +304,16 @@ class Other(NumPy):
     def dtype(self, array: Any) -> np.dtype:
         """Read the dtype off the interface."""
         return np.dtype(array.__cuda_array_interface__["typestr"])
+
+    def device(self, array: Any) -> str:
+        """Return ``"cuda:N"``; the interface alone does not say which GPU, so the first."""
+        return _dlpack_device(array) if hasattr(array, "__dlpack_device__") else "cuda:0"
+
+    def memory(self, array: Any, device: str) -> tuple[int, Any]:
+        """Read the address off the interface."""
+        if device == "cpu":
+            _refuse_places(device, self.device(array))
+        return int(array.__cuda_array_interface__["data"][0] or 0), array
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
         """Refuse what only the library itself could convert."""
@@ -238,27 +330,60 @@ class Other(NumPy):
         raise TypeError(f"channel_axis must be the last one for {type(array).__module__} arrays")
 
 
+NUMPY = NumPy()
 _CLASSES = {"torch": Torch, "cupy": CuPy, "warp": Warp, "jax": Jax, "jaxlib": Jax}
-_known: dict[str, NumPy] = {"numpy": NumPy()}
+_known: dict[str, Library] = {}
+_of_types: dict[type, Library] = {}
 
 
-def library(array: Any) -> NumPy:
-    """Return the library that `array` belongs to."""
-    name = "numpy"
-    if not isinstance(array, np.ndarray):
-        module = type(array).__module__.partition(".")[0]
-        if module in _CLASSES:
-            name = module
-        elif hasattr(array, "__cuda_array_interface__"):
-            name = "other"
-    if name not in _known:
-        _known[name] = _CLASSES.get(name, Other)()
-    return _known[name]
+def library(array: Any, name: str = "arrays") -> Library:
+    """Return the library that `array`, an argument called `name`, belongs to.
+
+    Raises
+    ------
+    TypeError
+        If it is a masked array, or stands for values that are not there yet.
+    """
+    kind = type(array)
+    if kind is np.ndarray:
+        return NUMPY
+    return _of_types.get(kind) or _find(array, kind, name)
+
+
+def _find(array: Any, kind: type, name: str) -> Library:
+    if isinstance(array, np.ma.MaskedArray):
+        raise TypeError(f"{name} must not be masked, got {kind.__name__}: pass array.filled(value)")
+    for base in kind.__mro__:  # a subclass may be of any module
+        module = base.__module__.partition(".")[0]
+        if module not in _CLASSES:
+            continue
+        if any(parent.__name__ == "Tracer" for parent in kind.__mro__):
+            raise TypeError(
+                f"{name} must have values, got {kind.__name__}: "
+                "call cvkern outside of jax.jit and of JAX's other transformations"
+            )
+        module = "jax" if module == "jaxlib" else module
+        if module not in _known:
+            _known[module] = _CLASSES[module]()
+        _of_types[kind] = _known[module]
+        return _known[module]
+    if hasattr(array, "__cuda_array_interface__"):
+        return _known.setdefault("other", Other())
+    return NUMPY
 
 
 def device(array: Any) -> str:
     """Return where `array` lives: ``"cpu"``, or ``"cuda:N"``."""
-    return "cpu" if isinstance(array, np.ndarray) else library(array).device(array)
+    return library(array).device(array)
+
+
+def _refuse_places(*places: str) -> None:
+    raise ValueError(f"arrays must be on one device, got {', '.join(sorted(places))}")
+
+
+def _dlpack_device(array: Any) -> str:
+    kind, index = array.__dlpack_device__()
+    return f"cuda:{int(index)}" if kind in (CUDA, CUDA_MANAGED) else "cpu"
 
 
 def _index(device: str) -> int:

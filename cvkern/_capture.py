@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from cvkern._runtime import pinned, runtime, taped
+from cvkern._runtime import pinned, runtime
+from cvkern._tape import taped
 
 
 def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callable[[], Any]:
@@ -50,18 +51,18 @@ def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callabl
     arrays = [a for a in (*args, *options.values()) if hasattr(a, "shape")]
     rt = runtime(*arrays)
     choice = pinned()
-    buffers: list[Any] = []
+    results: list[Any] = []
     constants: list[Any] = []
     scratch: dict[Any, Any] = {}
 
-    with rt.set.own_scratch(scratch), taped(buffers, constants):
+    with rt.own_scratch(scratch), taped(results, constants):
         result = function(*args, **options)
 
     def again() -> None:
-        with choice(), rt.set.own_scratch(scratch), taped(buffers, constants, replay=True):
+        with choice(), rt.own_scratch(scratch), taped(results, constants, replay=True):
             function(*args, **options)
 
-    repeat = rt.set.record(again, rt.device)
+    repeat = rt.record(again)
 
     def replay() -> Any:
         with choice():

@@ -26,15 +26,13 @@ def check_image(
     image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image", most: int = MAX_ELEMENTS
 ) -> Any:
     """Return `image` as an array of real values with one of the ranks, and no empty axis."""
-    library = _arrays.library(image)
-    if not hasattr(image, "shape"):
-        try:
-            image = np.asarray(image)
-        except ValueError as error:
-            raise ValueError(f"{name} must be rectangular, got rows that differ: {error}") from None
+    library = _arrays.library(image, name)
+    image = _as_array(image, library, name)
     dtype = library.dtype(image)
     if dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {dtype}")
+    if not dtype.isnative:
+        image = library.native(image)
     shape = tuple(image.shape)
     if len(shape) not in ndim:
         want = " or ".join(f"{n}-D" for n in ndim)
@@ -44,6 +42,19 @@ def check_image(
     if math.prod(shape) > most:
         raise ValueError(f"{name} must have at most {most} elements, got shape {shape}")
     return image
+
+
+def _as_array(values: Any, library: _arrays.Library, name: str) -> Any:
+    """Return what NumPy makes of lists, buffers and data frames, and arrays as they are."""
+    if library is not _arrays.NUMPY or type(values) is np.ndarray:
+        return values
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name} must be rectangular, got rows that differ: {error}") from None
+    except Exception as error:  # whatever another library says of being asked for its values
+        got = f"{type(values).__name__}: {error}"
+        raise TypeError(f"{name} must be an array that NumPy can read, got {got}") from None
 
 
 def check_sides(shape: Any, name: str) -> tuple[int, int]:
@@ -75,8 +86,7 @@ def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
     """Return `values` as an array of `shape`, of the mask or of the points, or None as it is."""
     if values is None:
         return None
-    if not hasattr(values, "shape"):
-        values = np.asarray(values)
+    values = _as_array(values, _arrays.library(values, name), name)
     if tuple(values.shape) != tuple(shape):
         raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
     return check_image(values, ndim=(1, 2), name=name) if len(values) else values
@@ -110,17 +120,17 @@ def _names(codes: type[IntEnum]) -> dict[str, Any]:
 
 def check_choice(value: str, choices: Sequence[str], name: str) -> str:
     """Return `value` if it is one of `choices`."""
-    if value not in choices:
+    if not isinstance(value, str) or value not in choices:
         raise ValueError(f"{name} must be one of {tuple(choices)}, got {value!r}")
     return value
 
 
 def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
     """Return `value` as a float of at least `low`, finite in float32 unless told otherwise."""
-    number = float(value) if isinstance(value, (int, float)) else _as_float(value, name)
+    number = value if type(value) is float else _as_float(value, name)
     if math.isnan(number) or number < low or (finite and abs(number) > _FLOAT32_MAX):
         rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
-        raise ValueError(f"{name} must be {rule}, got {value}")
+        raise ValueError(f"{name} must be {rule}, got {_shown(value)}")
     return number
 
 
@@ -128,17 +138,26 @@ def check_positive(value: Any, name: str) -> float:
     """Return `value` as a float above 0, finite in float32."""
     number = check_number(value, name)
     if number <= 0:
-        raise ValueError(f"{name} must be > 0, got {value}")
+        raise ValueError(f"{name} must be > 0, got {_shown(value)}")
     return number
 
 
 def _as_float(value: Any, name: str) -> float:
     try:
-        if np.ndim(value) == 0:
+        if not isinstance(value, (str, bytes)) and np.ndim(value) == 0 and np.isrealobj(value):
             return float(value)
+    except OverflowError:  # an integer of Python
+        return math.inf if value > 0 else -math.inf  # pyright: ignore[reportOperatorIssue]
     except (TypeError, ValueError):
         pass
     raise TypeError(f"{name} must be a number, got {value!r}")
+
+
+def _shown(value: Any) -> str:
+    """Return a number for a message; an integer of Python may have thousands of digits."""
+    if isinstance(value, int) and abs(value) >= 10**40:
+        return f"an integer of {value.bit_length()} bits"
+    return str(value)
 
 
 def check_integer(value: Any, name: str, low: int, high: int) -> int:
@@ -148,14 +167,19 @@ def check_integer(value: Any, name: str, low: int, high: int) -> int:
     except TypeError:
         raise TypeError(f"{name} must be an integer, got {value!r}") from None
     if not low <= number <= high:
-        raise ValueError(f"{name} must be in [{low}, {high}], got {value}")
+        raise ValueError(f"{name} must be in [{low}, {high}], got {_shown(value)}")
     return number
 
 
 def check_pair(value: Any, name: str) -> tuple[Any, Any]:
     """Return `value` twice, or the two values that it is: down the rows, along the columns."""
-    if isinstance(value, (int, float)) or np.ndim(value) == 0:
+    if isinstance(value, (int, float)):
         return value, value
+    try:
+        if np.ndim(value) == 0:
+            return value, value
+    except ValueError:  # two that differ in shape
+        pass
     values = tuple(value)
     if len(values) != 2:
         raise ValueError(f"{name} must be one number or two, got {len(values)}")
@@ -211,6 +235,6 @@ def _share_memory(out: Any, image: Any, device: str) -> bool:
     if device == "cpu":
         return np.may_share_memory(np.asarray(out), np.asarray(image))
     # On a GPU: one begins within the other. An image that is not contiguous is copied first.
-    begins = [a.__cuda_array_interface__["data"][0] for a in (out, image)]
+    begins = [_arrays.library(a).memory(a, device)[0] for a in (out, image)]
     sizes = [math.prod(a.shape) * _arrays.library(a).dtype(a).itemsize for a in (out, image)]
     return begins[0] < begins[1] + sizes[1] and begins[1] < begins[0] + sizes[0]

@@ -18,6 +18,8 @@ class Folder:
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
+    class geometry:
+        from cvkern.kernels.warp.geometry import robust as robust
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:
@@ -68,6 +70,10 @@ class Folder:
         class paths:
             from cvkern.kernels.warp.stereo.paths import aggregation as aggregation
             from cvkern.kernels.warp.stereo.paths import matching as matching
+    class structured_light:
+        from cvkern.kernels.warp.structured_light import gray_code as gray_code
+        from cvkern.kernels.warp.structured_light import laser as laser
+        from cvkern.kernels.warp.structured_light import phase as phase
     class transform:
         from cvkern.kernels.warp.transform import projective as projective
         from cvkern.kernels.warp.transform import pyramids as pyramids

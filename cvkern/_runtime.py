@@ -5,12 +5,13 @@ This is the only module that knows there is more than one kernel framework.
 
 from __future__ import annotations
 
-import contextlib
 import importlib
+import importlib.util
 import os
 import re
-import threading
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from functools import lru_cache
 from typing import Any
@@ -18,9 +19,13 @@ from typing import Any
 import numpy as np
 
 from cvkern import _arrays
+from cvkern._arrays import NUMPY, Library, Order
 from cvkern._kernels import Folder
+from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
 KERNEL_SETS = ("warp", "taichi")
+# The module that each set is written in, and the package that brings it.
+PACKAGES = {"warp": ("warp", "warp-lang"), "taichi": ("taichi", "taichi")}
 _MAX_CONSTANTS = 256
 
 _chosen: ContextVar[tuple[str, str] | None] = ContextVar("cvkern", default=None)
@@ -44,7 +49,9 @@ class use:
     Raises
     ------
     ValueError
-        If either is unknown. A device that is not there is found out by the first call.
+        If either is unknown, or the device is not there (see :func:`devices`).
+    ImportError
+        If the kernel set is not installed.
 
     Examples
     --------
@@ -56,7 +63,7 @@ class use:
     """
 
     def __init__(self, backend: str | None = None, device: str | None = None):
-        old_backend, old_device = _choice()
+        old_backend, old_device = _chosen.get() or _environment()
         self._token = _chosen.set(
             _checked(
                 old_backend if backend is None else backend,
@@ -77,16 +84,107 @@ def _choice() -> tuple[str, str]:
 
 @lru_cache
 def _default() -> tuple[str, str]:
-    backend, device = os.environ.get("CVKERN_BACKEND"), os.environ.get("CVKERN_DEVICE")
-    return _checked(backend or "warp", device or "cpu")
+    return _checked(*_environment())
+
+
+@lru_cache
+def _environment() -> tuple[str, str]:
+    return os.environ.get("CVKERN_BACKEND") or "warp", os.environ.get("CVKERN_DEVICE") or "cpu"
 
 
 def _checked(backend: str, device: str) -> tuple[str, str]:
-    if backend not in KERNEL_SETS:
+    if not isinstance(backend, str) or backend not in KERNEL_SETS:
         raise ValueError(f"backend must be one of {KERNEL_SETS}, got {backend!r}")
     if not isinstance(device, str) or not re.fullmatch(r"cpu|cuda(:\d+)?", device):
         raise ValueError(f"device must be 'cpu', 'cuda' or 'cuda:N', got {device!r}")
-    return backend, "cuda:0" if device == "cuda" else device
+    device = "cuda:0" if device == "cuda" else device
+    _refuse_absent(backend, device)
+    return backend, device
+
+
+@lru_cache(maxsize=256)
+def _refuse_absent(backend: str, device: str) -> None:
+    if device == "cpu":
+        if importlib.util.find_spec(PACKAGES[backend][0]) is None:
+            _kernel_set(backend)
+    else:
+        there = _kernel_set(backend).devices()
+        if device not in there:
+            raise ValueError(
+                f"device must be one that {backend} finds here, {there}, got {device!r}"
+            )
+
+
+def _kernel_set(backend: str) -> Any:
+    """Import a kernel set, which starts no device."""
+    package, name = PACKAGES[backend]
+    try:
+        return importlib.import_module(f"cvkern.kernels.{backend}")
+    except ModuleNotFoundError as absent:
+        if absent.name != package:
+            raise
+        others = " or ".join(repr(other) for other in KERNEL_SETS if other != backend)
+        raise ImportError(
+            f"the {backend!r} backend needs {name}, which is not installed "
+            f"(it has no wheels for every Python): use {others}"
+        ) from None
+
+
+def devices(backend: str | None = None) -> tuple[str, ...]:
+    """Return the devices that a kernel set can compute on here.
+
+    Parameters
+    ----------
+    backend : {'warp', 'taichi'}, optional
+        The kernel set; the one in use when omitted.
+
+    Returns
+    -------
+    tuple of str
+        ``"cpu"``, then ``"cuda:N"`` for each GPU: what :class:`use` takes. Taichi drives the
+        first GPU alone.
+
+    Raises
+    ------
+    ValueError
+        If the kernel set is unknown.
+    ImportError
+        If it is not installed.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.devices()[0]
+    'cpu'
+    """
+    backend = (_chosen.get() or _environment())[0] if backend is None else backend
+    return _kernel_set(_checked(backend, "cpu")[0]).devices()
+
+
+def release_memory() -> None:
+    """Give back the memory that cvkern keeps for later calls.
+
+    Each thread keeps the scratch memory of its calls, so that the next one need not get it anew:
+    on the host at most ``CVKERN_SCRATCH_MB`` mebibytes in all threads together, by default 1024.
+    This gives back all of it on the host, what this thread has on GPUs, and the locked pages that
+    results came in. Other threads give theirs on GPUs back with the next call that needs it.
+    Calls that are at work elsewhere are not disturbed; what :func:`capture` holds stays.
+
+    Raises
+    ------
+    ValueError
+        Within a call that :func:`capture` records.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.release_memory()
+    """
+    refuse_capture("release_memory")
+    for name in KERNEL_SETS:
+        loaded = sys.modules.get(f"cvkern.kernels.{name}")
+        if loaded is not None:
+            loaded.release_memory()
 
 
 class Runtime(Folder):
@@ -95,28 +193,39 @@ class Runtime(Folder):
     ``rt.FAMILY.MODULE.PRIMITIVE(...)`` launches a kernel of the set.
     """
 
-    def __init__(self, name: str, device: str, library: _arrays.NumPy):
-        threads = os.environ.get("CVKERN_NUM_THREADS") or "1"
-        if not threads.isdecimal() or int(threads) < 1:
-            raise ValueError(f"CVKERN_NUM_THREADS must be an integer >= 1, got {threads!r}")
+    def __init__(self, name: str, device: str, library: Library):
+        importlib.import_module("cvkern.kernels._threads").cpu_threads()  # checks the environment
         super().__init__(f"cvkern.kernels.{name}")
         self.name, self.device, self.library = name, device, library
-        self.set = importlib.import_module(f"cvkern.kernels.{name}")
+        self._set = _kernel_set(name)
         self._constants: dict[Any, Any] = {}
+        # The caller's library allocates results, unless kernels cannot write to its arrays there.
+        self._allocates = library if library.writable else NUMPY
+        self._own_results = device != "cpu" and self._allocates is NUMPY
+
+    def start(self) -> None:
+        """Ready the kernel set for this thread, on the caller's stream."""
+        device = self.device
+        self._set.start(device, None if device == "cpu" else self.library.stream(device))
 
     def adopt(self, array: Any, dtype: Any = np.float32, shape: Any = None) -> Any:
         """View `array` for kernels, contiguous, of `dtype` and `shape`; a copy only where it must.
 
         The view of an input is for reading only: it may be the caller's own memory.
         """
-        dtype, library = np.dtype(dtype), _arrays.library(array)
+        dtype, library, device = np.dtype(dtype), _arrays.library(array), self.device
         ready = library.contiguous(array, dtype)
-        if ready is not array and _tape.buffers is not None and self.device != "cpu":
+        if ready is not array and device != "cpu" and capturing():
             raise ValueError(
                 f"captured arrays must be contiguous and {dtype.name} on a GPU, "
                 f"got {library.dtype(array).name}"
             )
-        return self.set.adopt(ready, dtype, tuple(shape or ready.shape), self.device)
+        shape = tuple(shape or ready.shape)
+        if library is NUMPY:
+            return self._set.adopt(ready, dtype, shape, device)
+        if library.order is Order.DLPACK and device != "cpu":
+            return self._set.import_dlpack(ready, dtype, shape)
+        return self._set.view(*library.memory(ready, device), dtype, shape, device)
 
     def constant(self, array: np.ndarray) -> Any:
         """View a small host array that never changes, moved to the device once."""
@@ -124,40 +233,35 @@ class Runtime(Folder):
         if key not in self._constants:
             if len(self._constants) >= _MAX_CONSTANTS:
                 self._constants.pop(next(iter(self._constants)))
-            self._constants[key] = self.set.adopt(array, array.dtype, array.shape, self.device)
-        if _tape.constants is not None:
-            _tape.constants.append(self._constants[key])
-        return self._constants[key]
+            self._constants[key] = self._set.adopt(array, array.dtype, array.shape, self.device)
+        return keep_constant(self._constants[key])
 
     def empty(self, shape: tuple[int, ...], dtype: Any = np.float32, out: Any = None) -> Any:
         """Allocate a result, in the caller's library where that can be written to.
 
         It is `out` itself where kernels reach that: not NumPy's memory from a GPU.
         """
-        if out is not None and (self.library is not _NUMPY or self.device == "cpu"):
+        if out is not None and (self.library is not NUMPY or self.device == "cpu"):
             return out
-        if _tape.replayed is not None:
-            return next(_tape.replayed)
-        ours = self.library is _NUMPY or not self.library.writable  # on a GPU
-        if _tape.buffers is not None and self.device != "cpu" and ours:
+        if self._own_results and capturing():
             raise ValueError(
                 "captured arrays must be of a library that can write to them on a GPU, "
                 f"got {type(self.library).__name__}"
             )
-        dtype = np.dtype(dtype)
-        if self.device == "cpu":
-            result = (self.library if self.library.writable else _NUMPY).empty(shape, dtype, "cpu")
-        elif not ours:
-            result = self.library.empty(shape, dtype, self.device)
-        else:
-            result = self.set.empty(shape, dtype, self.device)
-        if _tape.buffers is not None:
-            _tape.buffers.append(result)
-        return result
+        return keep_result(self._allocate, shape, np.dtype(dtype))
+
+    def _allocate(self, shape: tuple[int, ...], dtype: np.dtype) -> Any:
+        if self._own_results:
+            return self._set.empty(shape, dtype, self.device)
+        return self._allocates.empty(shape, dtype, self.device)
+
+    def result_library(self) -> Library:
+        """Return the library of the arrays that :meth:`empty` allocates."""
+        return _arrays.library(self._allocate((1,), np.dtype(np.uint8)))
 
     def scratch(self, name: str, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Return kernel memory that stays valid until this thread asks for `name` again."""
-        return self.set.scratch(name, shape, np.dtype(dtype), self.device)
+        return self._set.scratch(name, shape, np.dtype(dtype), self.device)
 
     def send(self, name: str, values: np.ndarray) -> Any:
         """Bring a host array to kernels; it stays valid until this thread asks for `name` again.
@@ -172,31 +276,42 @@ class Runtime(Folder):
 
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate kernel memory of one's own, filled with 0."""
-        return self.set.zeros(shape, np.dtype(dtype), self.device)
+        return self._set.zeros(shape, np.dtype(dtype), self.device)
 
     def clear(self, array: Any) -> None:
         """Fill a kernel array with 0."""
-        self.set.clear(array)
+        self._set.clear(array)
 
     def write(self, array: Any, values: np.ndarray) -> None:
         """Copy host values of the same shape and dtype into a kernel array."""
-        self.set.write(array, np.ascontiguousarray(values))
+        self._set.write(array, np.ascontiguousarray(values))
 
     def free_memory(self) -> int:
         """Return how many bytes a GPU has left."""
-        return self.set.free_memory(self.device)
+        return self._set.free_memory(self.device)
+
+    def host_view(self, array: Any) -> np.ndarray:
+        """See a kernel array of the CPU as NumPy's.
+
+        A captured call may do so, other than by :meth:`to_numpy`: on the CPU its replay reads anew.
+        """
+        return self._set.to_numpy(array)
+
+    def own_scratch(self, scratch: dict[Any, Any]) -> AbstractContextManager[None]:
+        """Keep the scratch memory of the block in `scratch`, apart from that of other calls."""
+        return self._set.own_scratch(scratch)
 
     def record(self, call: Callable[[], None]) -> Callable[[], None]:
         """Return what repeats the launches of `call`, as one where the kernel set can do that.
 
         This thread has done `call` before: its launches use the scratch memory that they used then.
         """
-        return self.set.record(call, self.device)
+        return self._set.record(call, self.device)
 
     @property
     def matrix_dtype(self) -> np.dtype:
         """The precision of matrix products: half where there are tensor cores for it."""
-        return np.dtype(self.set.MATRIX_DTYPES[self.device.partition(":")[0]])
+        return np.dtype(self._set.MATRIX_DTYPES[self.device.partition(":")[0]])
 
     def release(self, result: Any, out: Any = None) -> Any:
         """Return what :meth:`empty` gave, once kernels have filled it, as the caller's array."""
@@ -204,14 +319,14 @@ class Runtime(Folder):
             if result is not out:
                 self.library.fill(out, self.release(result))
             return out
-        if self.library is _NUMPY:
+        if self.library is NUMPY:
             return result if isinstance(result, np.ndarray) else self.to_numpy(result)
         return self.library.finish(result)
 
     def give(self, values: np.ndarray) -> Any:
         """Return a host array as the caller's: of the same library, on the same device."""
         refuse_capture("a result found on the host")
-        if self.library is _NUMPY:
+        if self.library is NUMPY:
             return values
         result = self.empty(values.shape, values.dtype)
         if self.device == "cpu":
@@ -223,59 +338,26 @@ class Runtime(Folder):
     def to_numpy(self, array: Any) -> np.ndarray:
         """Wait for a kernel array and bring it to the host."""
         refuse_capture("a value needed on the host")
-        return self.set.to_numpy(array)
-
-
-def refuse_capture(name: str) -> None:
-    """Raise inside :func:`capture` for what is not all done by kernels."""
-    if _tape.buffers is not None:
-        raise ValueError(f"captured functions must be kernels alone, got {name}")
-
-
-class _Tape(threading.local):
-    """The results of a captured call: recorded by its rehearsal, filled again by its replays."""
-
-    buffers: list[Any] | None = None
-    constants: list[Any] | None = None
-    replayed: Any = None
-
-
-_tape = _Tape()
-
-
-@contextlib.contextmanager
-def taped(buffers: list[Any], constants: list[Any], *, replay: bool = False) -> Iterator[None]:
-    """Keep the results that the block allocates in `buffers`, or hand those out again.
-
-    The constants that it uses are kept as well: a CUDA graph has their addresses.
-    """
-    before = _tape.buffers, _tape.constants, _tape.replayed
-    _tape.buffers, _tape.constants = buffers, constants
-    _tape.replayed = iter(buffers) if replay else None
-    try:
-        yield
-    finally:
-        _tape.buffers, _tape.constants, _tape.replayed = before
+        return self._set.to_numpy(array)
 
 
 def pinned() -> Callable[[], use]:
-    """Return what brings back, as a context, the kernel set and device chosen now."""
+    """Return a function whose context restores the kernel set and device chosen now."""
     backend, device = _choice()
     return lambda: use(backend, device)
 
 
-_NUMPY = _arrays.library(np.empty(0))
-_runtimes: dict[tuple[str, str, _arrays.NumPy], Runtime] = {}
+_runtimes: dict[tuple[str, str, Library], Runtime] = {}
 
 
 def runtime(*arrays: Any) -> Runtime:
     """Return the chosen kernel set, ready on the device and the stream of `arrays`."""
     name, device = _choice()
-    library, places = _NUMPY, set()
+    library, places = NUMPY, set()
     for array in arrays:
         of = _arrays.library(array)
-        if of is not _NUMPY:
-            library = of if library is _NUMPY else library
+        if of is not NUMPY:
+            library = of if library is NUMPY else library
             places.add(of.device(array))
     if len(places) > 1:
         raise ValueError(f"arrays must be on one device, got {', '.join(sorted(places))}")
@@ -285,5 +367,5 @@ def runtime(*arrays: Any) -> Runtime:
     rt = _runtimes.get(key)
     if rt is None:
         rt = _runtimes.setdefault(key, Runtime(name, device, library))
-    rt.set.start(device, library.stream(device) if device != "cpu" else None)
+    rt.start()
     return rt

@@ -1,6 +1,7 @@
-"""Turn profiling/results/*.json into the README's tables and plot: ``python -m profiling.report``.
+"""Turn profiling/results/*.json into tables and a plot: ``python -m profiling.report``.
 
-``--check`` writes nothing and exits with 1 where the README is not what the results say.
+They go to docs/measured.md and docs/ratios.svg. ``--check`` writes nothing and exits with 1 where
+they are not what the results say.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from typing import Any
 from .record import ROOT, write_text
 
 BEGIN, END = "<!-- profiling:begin -->", "<!-- profiling:end -->"
+PAGE = ROOT / "docs" / "measured.md"
+RESULTS = ROOT / "profiling" / "results"
 PLOT = "ratios.svg"
 FASTER, SLOWER, OTHER = "#2f6db3", "#d97a1f", "#5f6368"
 KERNELS = {"warp": "Warp", "taichi": "Taichi"}
@@ -77,8 +80,13 @@ def section(devices: dict[str, list[Result]], plot: str) -> str:
         f"![Time of each peer over the time of cvkern]({plot})",
     ]
     for name, rows in devices.items():
-        parts += [f"**{name}**", _table(rows), *_notes(rows)]
+        parts += [f"**{name}**", *table(rows)]
     return "\n\n".join(parts)
+
+
+def table(rows: list[Result]) -> list[str]:
+    """Write the Markdown table of a device, and the notes that belong under it."""
+    return [_table(rows), _notes(rows)]
 
 
 def _table(rows: list[Result]) -> str:
@@ -107,7 +115,7 @@ def in_words(ratio: float) -> str:
     return f"{ratio:.2f} x faster" if ratio >= 1 else f"{1 / ratio:.2f} x slower"
 
 
-def _notes(rows: list[Result]) -> list[str]:
+def _notes(rows: list[Result]) -> str:
     commits = sorted({f"{row['commit']} ({row['date']})" for row in rows})
     missing = {
         f"{one['name']} ({one['status']})"
@@ -126,7 +134,7 @@ def _notes(rows: list[Result]) -> list[str]:
         *([f"Not quite the same: {', '.join(sorted(said))}."] if said else []),
         *([f"Not timed: {', '.join(sorted(missing))}."] if missing else []),
     ]
-    return [" ".join(notes)]
+    return " ".join(notes)
 
 
 def draw(devices: dict[str, list[Result]]) -> str:
@@ -186,27 +194,26 @@ def _panel(panel: Any, name: str, rows: list[Result]) -> None:
 
 def main(command: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m profiling.report", description=__doc__)
-    parser.add_argument("--readme", type=Path, default=ROOT / "README.md")
-    parser.add_argument("--results", type=Path, default=ROOT / "profiling" / "results")
+    parser.add_argument("--page", type=Path, default=PAGE)
+    parser.add_argument("--results", type=Path, default=RESULTS)
     parser.add_argument("--check", action="store_true", help="only say whether it is up to date")
     args = parser.parse_args(command)
 
     devices = read_results(args.results)
-    plot = args.results / PLOT
+    plot = args.page.with_name(PLOT)
     try:
-        before = args.readme.read_text(encoding="utf-8")
-        link = plot.resolve().relative_to(args.readme.resolve().parent).as_posix()
-        after = replace(before, section(devices, link))
+        before = args.page.read_text(encoding="utf-8")
+        after = replace(before, section(devices, PLOT))
     except (OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2
     if args.check:
         stale = before != after or (bool(devices) and not plot.is_file())
-        print(f"{args.readme.name} is {'stale: python -m profiling.report' if stale else 'right'}")
+        print(f"{args.page.name} is {'stale: python -m profiling.report' if stale else 'right'}")
         return int(stale)
     if devices:
         write_text(plot, draw(devices))
-    write_text(args.readme, after)
+    write_text(args.page, after)
     return 0
 
 
@@ -214,7 +221,7 @@ def replace(text: str, new: str) -> str:
     """Put `new` between the markers of `text`."""
     begin, end = text.find(BEGIN), text.find(END)
     if not 0 <= begin < end:
-        raise ValueError(f"README must hold {BEGIN} and, behind it, {END}")
+        raise ValueError(f"the page must hold {BEGIN} and, behind it, {END}")
     return f"{text[: begin + len(BEGIN)]}\n{new}\n{text[end:]}"
 
 

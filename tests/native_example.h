@@ -12,6 +12,8 @@ void blur_row(int row, wp::array_t<float> image, wp::array_t<float> out) {
     }
 }
 
+void add_one(wp::array_t<int> out) { out.data[0] += 1; }
+
 int plus_one(int number) { return number + 1; }
 
 void without_an_end(int number) {

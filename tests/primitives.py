@@ -14,6 +14,7 @@ class Primitives:
 
     def __init__(self, name, device):
         self.name, self.device = name, device
+        pytest.importorskip(name)
         self._package = importlib.import_module(f"cvkern.kernels.{name}")
         try:
             self.start()
@@ -31,13 +32,20 @@ class Primitives:
         module, _, name = primitive.rpartition(".")
         function = getattr(importlib.import_module(f"{self._package.__name__}.{module}"), name)
         self.start()
-        inputs = [self._adopt(a) if isinstance(a, np.ndarray) else a for a in arguments]
+        inputs = [self._input(a) for a in arguments]
         results = [o.copy() if isinstance(o, np.ndarray) else np.full(o[0], 77, o[1]) for o in out]
         carried = [self._adopt(r) for r in results]
         function(*inputs, *carried)
         if self.device != "cpu":
             results = [self._package.to_numpy(c) for c in carried]
         return results if len(results) > 1 else results[0]
+
+    def _input(self, argument):
+        if isinstance(argument, np.ndarray):
+            return self._adopt(argument)
+        if isinstance(argument, tuple):  # a named tuple
+            return type(argument)(*map(self._input, argument))
+        return argument
 
     def _adopt(self, array):
         array = np.ascontiguousarray(array)

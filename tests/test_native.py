@@ -33,6 +33,18 @@ def test_a_kernel_of_native_code(radius):
     np.testing.assert_allclose(out.numpy(), expected, rtol=0, atol=7 * 2**-24)
 
 
+@_native.kernel(FILE)
+def add_one(out: wp.array[int]): ...
+
+
+def test_without_options_a_kernel_belongs_to_the_module_of_the_file():
+    assert add_one.module is wp.get_module(__name__)
+    assert blur(1).module is not add_one.module
+    out = wp.zeros(1, dtype=int, device="cpu")
+    wp.launch(add_one, dim=3, outputs=[out], device="cpu")
+    assert out.numpy()[0] == 3
+
+
 @_native.func_native(FILE)
 def plus_one(number: int) -> int: ...
 

@@ -152,6 +152,7 @@ def test_the_wheels_metadata(built):
     assert top_level == ["cvkern"]  # never the global name of another project
     assert re.search(rf"^Version: {re.escape(cvkern.__version__)}$", metadata, re.MULTILINE)
     assert re.search(r"^License-Expression: Apache-2.0$", metadata, re.MULTILINE)
+    assert re.search(r'^Requires-Dist: taichi.*; python_version < "3.14"$', metadata, re.MULTILINE)
 
 
 def test_the_sdist_builds_the_same_wheel(built, tmp_path):

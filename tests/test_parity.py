@@ -76,7 +76,10 @@ def test_sets_offer_the_runtime_the_same_functions(name):
     this = importlib.import_module(f"cvkern.kernels.{name}")
     for asked in (
         "start",
+        "devices",
         "adopt",
+        "view",
+        "import_dlpack",
         "empty",
         "zeros",
         "write",
@@ -86,6 +89,7 @@ def test_sets_offer_the_runtime_the_same_functions(name):
         "own_scratch",
         "record",
         "free_memory",
+        "release_memory",
     ):
         expected = list(inspect.signature(getattr(first, asked)).parameters)
         assert list(inspect.signature(getattr(this, asked)).parameters) == expected, asked

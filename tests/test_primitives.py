@@ -10,8 +10,8 @@ import pytest
 import scipy.ndimage as ndi
 
 from cvkern.kernels.codes.edges import Edge, Norm, Thinning
-from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.codes.hough import TILE
+from cvkern.kernels.codes.filters import Border, Outside
+from cvkern.kernels.codes.hough import TILE, Cells
 from tests.edges import reference_edges as edges_reference
 from tests.filters import reference_gradients as gradients_reference
 from tests.filters import reference_linear as filters_reference
@@ -59,7 +59,7 @@ def test_differentiate_polar(kernels, shape):
     src = np.round(noise(*shape) * 2)  # with flat parts, where derivatives are 0
     taps = np.array([1, 2, 1], F32), np.array([-1, 0, 1], F32)
     dy, dx, magnitude, orientation = kernels(
-        "filters.gradients.differentiate_polar", src, *taps, Border.NEAREST, 0.0, 0.0, 0.0,
+        "filters.gradients.differentiate_polar", src, *taps, Outside(Border.NEAREST, 0.0, 0.0, 0.0),
         out=[(shape, F32)] * 4,
     )  # fmt: skip
     down = ndi.correlate1d(src, taps[1], 0, mode="nearest")
@@ -85,7 +85,8 @@ def test_orientation_at_the_axes(kernels):
         src[1, 2], src[2, 1] = dx, dy
         *_, orientation = kernels(
             "filters.gradients.differentiate_polar", src, np.array([0, 1, 0], F32),
-            np.array([-1, 0, 1], F32), Border.NEAREST, 0.0, 0.0, 0.0, out=[(src.shape, F32)] * 4,
+            np.array([-1, 0, 1], F32), Outside(Border.NEAREST, 0.0, 0.0, 0.0),
+            out=[(src.shape, F32)] * 4,
         )  # fmt: skip
         np.testing.assert_allclose(orientation[1, 1], turns * np.pi / 2, atol=5e-7)
 
@@ -147,8 +148,9 @@ def test_nan_of_either_sign_is_above_infinity(kernels):
 def test_differentiate(kernels, shape, border):
     src, smooth, slope = noise(*shape), noise(7, seed=1), noise(7, seed=2)
     beside = F32(0.6), F32(-0.2)
+    outside = Outside(border, 0.3, *map(float, beside))
     got = kernels(
-        "filters.gradients.differentiate", src, smooth, slope, border, 0.3, *map(float, beside),
+        "filters.gradients.differentiate", src, smooth, slope, outside,
         out=[(shape, F32)] * 2,
     )  # fmt: skip
     for result, (down, along), cval in zip(
@@ -277,7 +279,7 @@ def test_the_sets_give_equal_bits(all_kernels):
         yield kernels(
             "filters.linear.correlate_separable", planes, *separable, out=[(planes.shape, F32)]
         )
-        pair = taps, other[0, :9], Border.REFLECT, 0.0, 0.0, 0.0
+        pair = taps, other[0, :9], Outside(Border.REFLECT, 0.0, 0.0, 0.0)
         yield from kernels(
             "filters.gradients.differentiate_polar", image, *pair, out=[(shape, F32)] * 4
         )
@@ -296,7 +298,7 @@ def test_the_sets_give_equal_bits(all_kernels):
         )
         for larger, shift in ((1, 0), (1, 2), (8, 1)):  # the last is more than one block holds
             sides = shape[0] * larger, shape[1] * larger
-            given = *shape_votes(*sides), 60, *sides, shift
+            given = *shape_votes(*sides), 60, Cells(*sides, shift)
             cells = [((n - 1) >> shift) + 1 for n in sides]
             tiles = [-(-n // TILE) for n in cells]
             yield kernels("hough.generalized.votes.accumulate", *given, out=[((3, 2, *cells), I32)])

@@ -237,16 +237,22 @@ def _run(date="2026-01-02T00:00:00+00:00", ms=2.0, **more):
 
 @pytest.fixture
 def project(tmp_path):
-    """A README with markers, and one result."""
+    """A page with markers, and one result."""
     results = tmp_path / "profiling" / "results"
     results.mkdir(parents=True)
-    (tmp_path / "README.md").write_text(f"# head\n{report.BEGIN}\n{report.END}\ntail\n")
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "measured.md").write_text(f"# head\n{report.BEGIN}\n{report.END}\ntail\n")
     (results / "cpu.json").write_text(json.dumps(_run()))
     return tmp_path
 
 
 def _report(project, *more):
-    places = ["--readme", project / "README.md", "--results", project / "profiling" / "results"]
+    places = [
+        "--page",
+        project / "docs" / "measured.md",
+        "--results",
+        project / "profiling" / "results",
+    ]
     return report.main([*map(str, places), *more])
 
 
@@ -255,19 +261,19 @@ def test_report_writes_table_and_plot(project):
     assert _report(project, "--check") == 1
     assert _report(project) == 0
     assert _report(project, "--check") == 0
-    text = (project / "README.md").read_text()
+    text = (project / "docs" / "measured.md").read_text()
     assert text.startswith("# head\n")
     assert text.endswith("\ntail\n")
     assert "A CPU, 2 cores, Warp kernels" in text
     assert "| Mean of 9 x 9 | 1080p | 2 | 1 (OpenCV) | 2.00 x slower |" in text
     assert "OpenCV in box (in float64)" in text
     assert "kornia-rs (absent)" in text
-    assert "(profiling/results/ratios.svg)" in text
-    plot = (project / "profiling" / "results" / report.PLOT).read_text()
+    assert f"]({report.PLOT})" in text
+    plot = (project / "docs" / report.PLOT).read_text()
     assert report.SLOWER in plot
     assert report.FASTER not in plot
     _report(project)
-    assert (project / "profiling" / "results" / report.PLOT).read_text() == plot
+    assert (project / "docs" / report.PLOT).read_text() == plot
 
 
 def test_report_tells_rates(project):
@@ -315,7 +321,7 @@ def test_report_drops_what_a_later_check_found_wrong(project):
 
 
 def test_report_needs_its_markers(project, capsys):
-    (project / "README.md").write_text("no markers")
+    (project / "docs" / "measured.md").write_text("no markers")
     assert _report(project) == 2
     assert report.BEGIN in capsys.readouterr().err
-    assert (project / "README.md").read_text() == "no markers"
+    assert (project / "docs" / "measured.md").read_text() == "no markers"

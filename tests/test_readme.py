@@ -1,7 +1,6 @@
-"""The README says what is so: commands, examples, names, links, the table of what exists."""
+"""The README says what is so: commands, examples, names, links."""
 
 import doctest
-import importlib.util
 import pkgutil
 import re
 import subprocess
@@ -11,7 +10,6 @@ from pathlib import Path
 import pytest
 
 import cvkern
-from cvkern import images, radiance
 from cvkern.app import cli
 
 ROOT = Path(__file__).parents[1]
@@ -49,19 +47,17 @@ def test_no_such_command(arguments):
 def test_ci_runs_what_pre_commit_runs():
     hooks = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
     entries = re.findall(r"entry: (.+)", hooks)
-    assert len(entries) == 4
+    assert len(entries) == 6
     script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert [e for e in entries if f'"{e}"' not in script] == []
 
 
 def test_examples():
-    """In order, in one namespace, as a reader types them; that of torch only where torch is."""
-    assert len(EXAMPLES) >= 5
+    """In order, in one namespace, as a reader types them."""
+    assert len(EXAMPLES) >= 4
     parser, names, said = doctest.DocTestParser(), {}, []
     runner = doctest.DocTestRunner(verbose=False)
     for example in EXAMPLES:
-        if "import torch" in example and importlib.util.find_spec("torch") is None:
-            continue
         test = parser.get_doctest(example, names, "README", "README.md", 0)
         assert test.examples
         assert runner.run(test, out=said.append, clear_globs=False).failed == 0, "".join(said)
@@ -70,30 +66,21 @@ def test_examples():
 
 def test_names():
     named = set(re.findall(r"\bcvkern((?:\.\w+)+)", README))
-    assert len(named) > 5
+    assert len(named) >= 5
     for path in named:
         pkgutil.resolve_name(f"cvkern{path}")  # raises an error where there is nothing
 
 
-def quoted(text):
-    return re.findall(r"`(\w+)`", text)
-
-
-def test_table_is_complete():
-    section = README.split("## What exists\n")[1].split("\n### ")[0]
-    rows = [line for line in section.splitlines() if line.startswith("| `")]
-    assert sorted(n for row in rows for n in quoted(row.split("|")[1])) == sorted(cvkern.__all__)
-    about_images = section.split("`cvkern.images`")[1].split("\n\n")[0]
-    assert set(quoted(about_images)) == set(images.__all__)
-    about_fields = README.split("\n### Radiance fields\n")[1].split("\n### ")[0]
-    rows = [line for line in about_fields.splitlines() if line.startswith("| `")]
-    assert sorted(n for row in rows for n in quoted(row.split("|")[1])) == sorted(radiance.__all__)
-    about_commands = section.split("The command `cvkern`:")[1]
-    for name in quoted(about_commands):
+def test_commands_are_complete():
+    about = README.split("**The command** `cvkern` has ")[1].split(":")[0]
+    named = re.findall(r"`(\w+)`", about)
+    for name in named:
         assert callable(getattr(cli, name))
-    assert len(set(quoted(about_commands))) == len(
-        cli.app.registered_commands + cli.app.registered_groups
-    )
+    assert len(set(named)) == len(cli.app.registered_commands + cli.app.registered_groups)
+
+
+def test_length():
+    assert len(README.splitlines()) <= 150
 
 
 def slug(heading):
@@ -113,14 +100,6 @@ def test_links(document):
             target = (ROOT / (file or document)).read_text(encoding="utf-8")
             headings = re.findall(r"^#+ (.+)$", target, re.MULTILINE)
             assert anchor in map(slug, headings), link
-
-
-def test_recipe_names_files_that_exist():
-    recipe = README.split("### Add a primitive\n")[1].split("\n## ")[0]
-    files = re.findall(r"`((?:kernels|cvkern|tests|profiling)/[\w/.]+\.py)`", recipe)
-    files = [file.replace("FAMILY", "stereo").replace("MODULE", "windows") for file in files]
-    assert len(files) > 5
-    assert [file for file in files if not (ROOT / file).is_file()] == []
 
 
 def test_changelog_has_this_version():

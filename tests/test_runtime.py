@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern._runtime import KERNEL_SETS, runtime
+from cvkern._runtime import KERNEL_SETS, PACKAGES, runtime
 from tests.calls import CALLS, blobs, fields, layouts, noise
 
 ROOT = Path(__file__).parents[1]
@@ -117,15 +117,58 @@ def test_the_environment_is_checked(name, value, message):
 
 
 def test_a_device_that_is_not_there(backend):
-    out = np.full((3, 4), 7, np.float32)
-    with cvkern.use(device="cuda:99"):
-        with pytest.raises(ValueError, match=r"^device must be one that .*, got 'cuda:99'$"):
-            cvkern.gaussian(np.zeros((3, 4)), out=out)
-        with pytest.raises(ValueError, match="device must be one that"):
-            cvkern.canny(np.zeros((3, 4)))
-    assert (out == 7).all()
-    assert cvkern.gaussian(np.ones((3, 4)), out=out) is out  # the processor still works
-    np.testing.assert_allclose(out, 1, rtol=1e-6)
+    before = chosen()
+    message = rf"^device must be one that {backend} finds here, \('cpu'.*\), got 'cuda:99'$"
+    for _ in range(2):
+        with pytest.raises(ValueError, match=message):
+            cvkern.use(device="cuda:99")
+        assert chosen() == before
+    np.testing.assert_allclose(cvkern.gaussian(np.ones((3, 4))), 1, rtol=1e-6)
+
+
+def test_devices(backend):
+    found = cvkern.devices()
+    assert found[0] == "cpu"
+    assert found == cvkern.devices(backend)
+    for device in found:
+        with cvkern.use(device=device):
+            assert chosen() == (backend, device)
+    assert set(cvkern.devices("taichi")) <= set(cvkern.devices("warp"))
+    with pytest.raises(ValueError, match="backend must be one of"):
+        cvkern.devices("opencl")
+
+
+def test_a_default_that_is_not_there():
+    code = (
+        "import cvkern\n"
+        "try:\n    cvkern.gaussian([[1.0, 2.0]])\n"
+        "except ValueError as error:\n    print(error)"
+    )
+    said = run(code, CVKERN_DEVICE="cuda:99")
+    assert said.startswith("device must be one that warp finds here, ('cpu'")
+
+
+@pytest.mark.parametrize(("gone", "other"), [("taichi", "warp"), ("warp", "taichi")])
+def test_one_kernel_set_works_without_the_other(gone, other):
+    """Taichi has no wheels for the newest Python: Warp works alone then, and says so."""
+    code = f"""
+import sys
+sys.modules[{gone!r}] = None  # an import of it fails from here on
+import numpy as np
+import cvkern
+for ask in (lambda: cvkern.use({gone!r}), lambda: cvkern.devices({gone!r})):
+    try:
+        ask()
+    except ImportError as error:
+        print(error)
+with cvkern.use({other!r}):
+    print(cvkern.devices()[0], cvkern.canny(np.eye(9)).shape)
+"""
+    said = (
+        f"the {gone!r} backend needs {PACKAGES[gone][1]}, which is not installed "
+        f"(it has no wheels for every Python): use {other!r}"
+    )
+    assert run(code).splitlines() == [said, said, "cpu (9, 9)"]
 
 
 # --- the caller's arrays -------------------------------------------------------------------------

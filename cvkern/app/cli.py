@@ -16,6 +16,7 @@ from cvkern.app.commands.circles import circles
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
 from cvkern.app.commands.lines import lines
+from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
 from cvkern.app.commands.stereo import stereo
 
@@ -61,6 +62,7 @@ app.command()(edges)
 app.command()(lines)
 app.command()(circles)
 app.command()(find)
+app.command()(match)
 app.command()(stereo)
 app.add_typer(nerf, name="nerf")
 
@@ -114,6 +116,7 @@ def doctor() -> None:
 
     from cvkern._runtime import KERNEL_SETS
     from cvkern.app.doctor import CHECKS, examine, folder_size
+    from cvkern.kernels._cache import VARIABLES
 
     console = Console()
     versions = Table.grid(padding=(0, 3))
@@ -142,6 +145,7 @@ def doctor() -> None:
         health.add_row(finding.backend, finding.device, *cells, took)
         notes += [(finding, f"{k}: {v}", "red") for k, v in finding.wrong.items() if v]
         notes += [(finding, finding.absent, "dim")] if finding.absent else []
+        notes += [(finding, finding.cache_fault, "yellow")] if finding.cache_fault else []
     console.print(health, Text())
     for finding, note, style in notes:
         console.print(Text(f"{finding.backend} on {finding.device}: {note}", style), soft_wrap=True)
@@ -150,7 +154,8 @@ def doctor() -> None:
         places.add_row("" if number else "Devices", device)
     for name, cache in {f.backend: f.cache for f in findings if f.cache}.items():
         size = f"{folder_size(cache) / 2**20:.1f} MiB"
-        places.add_row(f"Kernel cache of {name}", Text(f"{cache} ({size})", overflow="fold"))
+        where = f"{cache} ({size}, chosen by {VARIABLES[name]})"
+        places.add_row(f"Kernel cache of {name}", Text(where, overflow="fold"))
     console.print(*([Text()] if notes else []), places)
     if not all(finding.healthy or finding.absent for finding in findings):
         raise typer.Exit(1)

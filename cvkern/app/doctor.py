@@ -7,9 +7,11 @@ in a process of its own, because a broken driver may end the process that asks.
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -17,6 +19,9 @@ from pathlib import Path
 import numpy as np
 
 import cvkern
+from cvkern.kernels import _cache
+
+_COMPILED = (".tic", ".tcb", ".ptx", ".cubin")
 
 
 @dataclass
@@ -26,13 +31,15 @@ class Finding:
     backend: str
     device: str
     absent: str = ""
-    """Why the device cannot be used at all, or empty."""
+    """Why the kernel set or the device cannot be used at all, or empty."""
     wrong: dict[str, str] = field(default_factory=dict)
     """For each function tried what is wrong with its answer, or an empty string."""
     seconds: float = 0.0
     """Time of the first calls: starting, and compiling or loading the kernels."""
     cache: str = ""
     """Folder of the compiled kernels."""
+    cache_fault: str = ""
+    """What is wrong with that folder and its files, or empty."""
     devices: list[str] = field(default_factory=list)
     """Devices that the kernel set finds."""
 
@@ -62,6 +69,36 @@ def examine(backend: str, device: str, timeout: float = 600.0) -> Finding:
 def folder_size(folder: str) -> int:
     """Return the bytes of all files below `folder`; 0 if it does not exist."""
     return sum(file.stat().st_size for file in Path(folder).rglob("*") if file.is_file())
+
+
+def cache_fault(kernel_set: str, folder: str) -> str:
+    """Return what is wrong with a folder of compiled kernels, or an empty string."""
+    if reason := _cache.refusal(folder):
+        variable = _cache.VARIABLES[kernel_set]
+        return f"nothing can be written in {folder} ({reason}): set {variable} to another folder"
+    broken = [file for file in Path(folder).rglob("*") if file.is_file() and not _whole(file)]
+    if broken:
+        others = f" and {len(broken) - 1} more" if broken[1:] else ""
+        return f"{broken[0]}{others} cannot be read; kernels there are compiled again when used"
+    return ""
+
+
+def _whole(file: Path) -> bool:
+    """Tell whether a file of a kernel cache has a beginning and an end, by its kind."""
+    try:
+        if file.suffix == ".meta":
+            json.loads(file.read_bytes())
+        elif file.suffix == ".o":
+            data = file.read_bytes()
+            if data[:6] == b"\x7fELF\x02\x01":  # 64 bits, the least byte first
+                table, size, count = (
+                    int.from_bytes(data[i:j], "little") for i, j in ((40, 48), (58, 60), (60, 62))
+                )
+                return table + size * count <= len(data)
+            return data[:4] not in (b"", b"\x7fELF")
+        return file.stat().st_size > 0 or file.suffix not in _COMPILED
+    except (OSError, ValueError):
+        return not file.exists()  # another process has taken it away
 
 
 def gaussian() -> str:
@@ -95,17 +132,19 @@ CHECKS: dict[str, Callable[[], str]] = {"gaussian": gaussian, "canny": canny}
 def probe(backend: str, device: str) -> Finding:
     """Examine a kernel set on a device, in this process."""
     finding = Finding(backend, device)
+    try:
+        use = cvkern.use(backend=backend, device=device)
+    except (ValueError, ImportError) as error:
+        finding.absent = str(error)
+        return finding
     start = time.perf_counter()
-    with cvkern.use(backend=backend, device=device):
+    with use, warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", RuntimeWarning)
         for name, check in CHECKS.items():
             try:
                 finding.wrong[name] = check()
             except Exception as error:
-                reason = f"{type(error).__name__}: {error}"
-                if device != "cpu" and "device must be" in reason:
-                    finding.absent = str(error)
-                    break
-                finding.wrong[name] = reason
+                finding.wrong[name] = f"{type(error).__name__}: {error}"
     finding.seconds = time.perf_counter() - start
     if backend == "warp":
         import warp
@@ -115,7 +154,10 @@ def probe(backend: str, device: str) -> Finding:
     else:
         from taichi.lang import impl
 
-        finding.cache = impl.default_cfg().offline_cache_file_path
+        folder = os.environ.get(_cache.VARIABLES[backend])
+        finding.cache = folder or impl.default_cfg().offline_cache_file_path
+    unkept = [str(w.message) for w in said if "kernels cannot be kept" in str(w.message)]
+    finding.cache_fault = unkept[0] if unkept else cache_fault(backend, finding.cache)
     return finding
 
 

@@ -60,7 +60,7 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     with replacing(path) as beside:
         if Path(path).suffix.lower() == ".gif":
             options = {"plugin": "pillow", "duration": round(1e3 / fps), "loop": 0}
-            # By way of memory: imageio tries a file that cannot be written again on its way out.
+            # Encode in memory: after an error imageio would try to write the file once more.
             beside.write_bytes(iio.imwrite("<bytes>", movie, extension=".gif", **options))
         else:
             iio.imwrite(beside, movie, plugin="FFMPEG", fps=fps, macro_block_size=2, quality=8)

@@ -13,13 +13,15 @@ from cvkern._runtime import runtime
 from cvkern.clouds.ply import check_cloud
 from cvkern.images._overlay import check_color
 
-SAMPLES = 2  # of a pixel, down and across: what smooths the rims of points
-INSIDE = (0.005, 0.995)  # quantiles of the directions that the picture has room for
-MARGIN = 1.12
-NARROWEST = 1e-3  # of a view, as a share of the distance
-PIVOT = 0.3  # quantile of the depths that the camera swings about
-NOD = 0.3  # how far it goes up and down, of how far it goes to the sides
-COVER = 1.8  # edge of a point over the distance of its neighbours, as slanted surfaces need it
+SAMPLES = 2  # samples a pixel, down and across: they smooth the rims of points
+INSIDE = (0.005, 0.995)  # quantiles of directions: the picture has room for those between
+MARGIN = 1.12  # width of the view over that of the points
+NARROWEST = 1e-3  # least width of a view, as a share of the distance
+PIVOT = 0.3  # quantile of the depths: the camera swings about a point there
+NOD = 0.3  # swing up and down, as a share of the swing to the sides
+COVER = (
+    1.8  # edge of a point over the distance of its neighbours; slanted surfaces need more than 1
+)
 
 
 def turntable(
@@ -37,7 +39,7 @@ def turntable(
     Parameters
     ----------
     points : array of shape (N, 3)
-        As :func:`cvkern.point_cloud` gives them: x right, y down, z forward from the camera at the
+        Those of :func:`cvkern.point_cloud`, say: x right, y down, z forward from the camera at the
         origin. Points behind it are not drawn.
     colors : array of shape (N, 3), uint8
         Red, green, blue.
@@ -67,8 +69,8 @@ def turntable(
 
     Notes
     -----
-    What is nearest is seen; of points at one depth, the first. The pictures are the same on every
-    device and kernel set.
+    The nearest point is seen, and the first of several at one depth. The pictures are the same on
+    every device and kernel set.
 
     Examples
     --------
@@ -96,7 +98,7 @@ def turntable(
     focal, cx, cy, pivot = _view(seen, height, width)
     if point_size is None:
         point_size = COVER * max(1.0, math.sqrt(height * width / len(seen)))
-    # Samples are finer than pixels: theirs are the places in between.
+    # Samples lie between the centres of pixels: express the lens in their grid.
     focal, (cx, cy) = SAMPLES * focal, (SAMPLES * c + 0.5 * (SAMPLES - 1) for c in (cx, cy))
 
     rt = runtime(points, colors)

@@ -13,7 +13,7 @@ import numpy as np
 from cvkern._checks import check_choice, check_code, check_image, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
-from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.codes.filters import Border, Outside
 
 OPERATORS = ("gaussian", "sobel", "scharr")
 
@@ -205,7 +205,8 @@ def _differentiate(
     beside = [_weighted(cval, taps) if cval else 0.0 for taps in (smooth, slope)]
     family = rt.filters.gradients
     primitive: Any = family.differentiate if len(outputs) == 2 else family.differentiate_polar
-    primitive(src, rt.constant(smooth), rt.constant(slope), border, cval, *beside, *outputs)
+    outside = Outside(border, cval, *beside)
+    primitive(src, rt.constant(smooth), rt.constant(slope), outside, *outputs)
 
 
 def _weighted(value: float, taps: np.ndarray) -> float:

@@ -68,6 +68,7 @@ def median(
     >>> cvkern.median(noisy)[1, 1]
     np.uint8(1)
     """
+    order = image.dtype if type(image) is np.ndarray and not image.dtype.isnative else None
     image = check_image(image, ndim=(2, 3))
     axis = check_channel_axis(image.shape, channel_axis)
     radius = check_integer(radius, "radius", 1, 7)
@@ -99,7 +100,7 @@ def median(
         bits = max(1, (len(values) - 1).bit_length())
         result = values[_median_of_keys(ranks, radius, axis, 0, bits, border, outside)]
     if out is None:
-        return result
+        return result if order is None else result.astype(order)
     lib.fill(out, result)
     return out
 

@@ -30,7 +30,7 @@ def mask_points(rt: Runtime, mask: Any, name: str) -> Points:
     view = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
     starts = rt.scratch(f"{name}.starts", (height + 1,), np.int32)
     rt.hough.points.count(view, starts)
-    capacity = int(rt.set.to_numpy(starts)[-1]) if rt.device == "cpu" else height * width
+    capacity = int(rt.host_view(starts)[-1]) if rt.device == "cpu" else height * width
     points = rt.scratch(f"{name}.points", (max(capacity, 1), 2), np.int32)
     if capacity:
         rt.hough.points.gather(view, starts, points)

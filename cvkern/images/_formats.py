@@ -28,7 +28,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 ORIENTATION = 274  # the TIFF and EXIF tag
-# Pillow's modes and what they are read as; the others (LAB, HSV, ...) have no RGB of their own.
+# Pillow's modes, and the modes to read them as. The others (LAB, HSV, ...) have no RGB.
 MODES = {
     **dict.fromkeys(("L", "RGB", "RGBA", "I", "I;16", "I;16L", "I;16B", "I;16N", "F")),
     **dict.fromkeys(("CMYK", "YCbCr", "RGBX"), "RGB"),
@@ -41,7 +41,7 @@ KEYED = ("1", "L", "P", "RGB")  # modes in which one colour may stand for "trans
 
 def decode(file: Path) -> tuple[np.ndarray, int]:
     """Return the pixels as they lie in the file, (H, W) or (H, W, C), and its orientation tag."""
-    for name in ("PIL", "tifffile"):  # what they log is for those who ask, not for stderr
+    for name in ("PIL", "tifffile"):  # keep their messages off stderr unless somebody asks
         logger = logging.getLogger(name)
         if not logger.handlers:
             logger.addHandler(logging.NullHandler())

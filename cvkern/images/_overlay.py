@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-SAMPLES = 4  # a side: each pixel is judged at 16 places, each of them anti-aliased in itself
+SAMPLES = 4  # samples a side: each pixel is judged at 16 places, each anti-aliased in itself
 CHUNK = 1 << 16  # pixels judged at once: bounds the memory
 PLACES = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
 
@@ -29,7 +29,7 @@ def discs(points: np.ndarray) -> tuple[np.ndarray, Distance]:
 def segments(ends: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.ndarray, Distance]:
     """Return places along segments with round ends, one at most a pixel from the next."""
     start, along = ends[:, :2], ends[:, 2:] - ends[:, :2]
-    # Only what can show is walked along: the part of each segment inside the image's frame.
+    # Walk only along the part of each segment that lies inside the image's frame.
     enter, leave = np.zeros(len(ends)), np.ones(len(ends))
     margin = half + 2.0
     for axis in (0, 1):
@@ -177,7 +177,7 @@ def check_numbers(array: ArrayLike, name: str) -> np.ndarray:
         raise ValueError(f"{name} must hold real numbers, got {array.dtype}")
     if array.size == 0:
         raise ValueError(f"{name} must not be empty, got shape {array.shape}")
-    return array
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def check_rows(rows: ArrayLike, columns: int, name: str) -> np.ndarray:

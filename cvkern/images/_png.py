@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
-CHANNELS = {2: 3, 4: 2, 6: 4}  # by colour type: RGB, grey + alpha, RGB + alpha
-SUB, UP, AVERAGE, CLOSEST = 1, 2, 3, 4  # what a row filter subtracts from a pixel
+CHANNELS = {2: 3, 4: 2, 6: 4}  # colour types RGB, grey + alpha, RGB + alpha
+SUB, UP, AVERAGE, CLOSEST = 1, 2, 3, 4  # row filters, by the guess that they subtract
 
 
 def is_deep_colour(path: Path) -> bool:
@@ -39,7 +39,7 @@ def read(path: Path) -> tuple[np.ndarray, int]:
         raise ValueError("interlaced PNG of 16 bits a channel is not supported")
     step = 2 * CHANNELS[colour]  # bytes of a pixel
     size = height * (1 + width * step)
-    try:  # no more than the header says: a small file could hold gigabytes
+    try:  # decompress no more than the header says: a small file could hold gigabytes
         raw = zlib.decompressobj().decompress(chunks.get(b"IDAT", b""), max(size, 1))
     except zlib.error as error:
         raise ValueError(str(error)) from None

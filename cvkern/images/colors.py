@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from cvkern.images._colormaps import COLORMAPS, STEPS, table
 from cvkern.images._overlay import check_color, check_numbers
 
-LUMA = (0.2125, 0.7154, 0.0721)  # Rec. 709, as skimage.color.rgb2gray
+LUMA = (0.2125, 0.7154, 0.0721)  # weights of Rec. 709 and skimage.color.rgb2gray
 
 
 def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:

@@ -58,7 +58,7 @@ def draw_lines(
     Parameters
     ----------
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
-        As in `draw_points`.
+        The image, as for `draw_points`.
     segments : array of shape (N, 4)
         End points: row, column, row, column, pixels. What lies outside the image is cut off.
     color : array of shape (3,) or (N, 3)
@@ -94,13 +94,13 @@ def draw_circles(
     Parameters
     ----------
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
-        As in `draw_points`.
+        The image, as for `draw_points`.
     circles : array of shape (N, 3)
         Row and column of the centre, and radius >= 0, pixels. What lies outside is cut off.
     color : array of shape (3,) or (N, 3)
         Red, green, blue in [0, 255], for all or for each.
     width : float
-        Of the outline, pixels, > 0; half of it lies inside the circle.
+        Width of the outline in pixels, > 0; half of it lies inside the circle.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def overlay_mask(
     Parameters
     ----------
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
-        As in `draw_points`.
+        The image, as for `draw_points`.
     mask : array of shape (H, W)
         Bool, or numbers: not zero is on.
     color : (red, green, blue)

@@ -19,8 +19,8 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
     Parameters
     ----------
     path : path
-        Of a file that Pillow or tifffile reads: PNG, TIFF, JPEG, WebP, BMP, GIF and others. Of a
-        file with several images the first is read.
+        A file that Pillow or tifffile reads: PNG, TIFF, JPEG, WebP, BMP, GIF and others. Where it
+        holds several images, the first is read.
     orient : bool
         Turn and mirror the image as its EXIF orientation asks for.
 
@@ -51,7 +51,7 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
 
 
 def write_image(path: str | os.PathLike[str], image: ArrayLike) -> None:
-    """Write an image file, whole or not at all, and without loss but for JPEG.
+    """Write an image file, whole or not at all, and without loss except as JPEG.
 
     Parameters
     ----------

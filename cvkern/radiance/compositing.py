@@ -26,7 +26,7 @@ class Composite(NamedTuple):
     depth: Any
     """Sum of the samples' distances, each by its weight, (R,) float32."""
     distortion: Any
-    """How far the weights are spread along the ray [2]_, (R,) float32."""
+    """How far the weights are spread along the ray, (R,) float32: :func:`composite_rays` has it."""
 
 
 class CompositeGradient(NamedTuple):

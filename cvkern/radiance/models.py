@@ -94,7 +94,7 @@ class Model:
     def rt(self) -> Runtime:
         """The kernels of the field, ready for this thread."""
         rt = self.field.rt
-        rt.set.start(rt.device, None)
+        rt.start()
         return rt
 
     def save(self, path: str | os.PathLike[str], *, resumable: bool = True) -> None:

@@ -230,6 +230,8 @@ class StereoMatcher:
         """
         if not self._open:
             raise ValueError("matcher must be open, got one that has been closed")
+        left = check_image(left, ndim=(2, 3), name="left")
+        right = check_image(right, ndim=(2, 3), name="right")
         for name, image in (("left", left), ("right", right)):
             if tuple(image.shape) != self.shape:
                 raise ValueError(f"{name} must have shape {self.shape}, got {tuple(image.shape)}")
@@ -259,9 +261,7 @@ class _Frames:
         on_cpu = rt.device == "cpu"
         # Where kernels cannot write to the caller's arrays, those of NumPy or Warp stand in.
         self._own = self._library.writable and (on_cpu or self._library is not _NUMPY)
-        self._kept = self._library if self._own else _NUMPY
-        if not self._own and not on_cpu:
-            self._kept = library(rt.set.empty((1,), np.dtype(np.uint8), rt.device))
+        self._kept = rt.result_library()
         self._carried = dtype if on_cpu or dtype == np.uint8 else np.dtype(np.float32)
         shape = tuple(left.shape)
         self._images = [self._kept.empty(shape, self._carried, rt.device) for _ in range(2)]

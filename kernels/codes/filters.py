@@ -1,6 +1,7 @@
 """Codes of filters: borders, and the arc tangent of gradients."""
 
 from enum import IntEnum
+from typing import NamedTuple
 
 
 class Border(IntEnum):
@@ -11,6 +12,19 @@ class Border(IntEnum):
     NEAREST = 2
     MIRROR = 3
     WRAP = 4
+
+
+class Outside(NamedTuple):
+    """What an image is taken to be beyond its border, for both passes of a derivative.
+
+    `border` is a code of `Border`. With CONSTANT, `cval` is beyond the image, and `smooth` and
+    `slope` are what the taps of a first pass make of it.
+    """
+
+    border: int
+    cval: float
+    smooth: float
+    slope: float
 
 
 # atan(a) = a P(a^2) on [0, 1] within 1.4e-7 in float32: a minimax fit, lowest coefficient first.

@@ -22,33 +22,53 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", SyntaxWarning)  # escapes in its docstrings
     import taichi  # noqa: F401  (before the modules of this folder do)
 
-from ._launch import start, synchronize
+from ._launch import devices, start, synchronize
 
 __all__ = [
     "adopt",
     "clear",
+    "devices",
     "empty",
     "free_memory",
+    "import_dlpack",
     "own_scratch",
     "record",
+    "release_memory",
     "scratch",
     "start",
     "to_numpy",
+    "view",
     "write",
     "zeros",
 ]
 MATRIX_DTYPES = {"cpu": "float32", "cuda": "float32"}
 
 
-def adopt(array: Any, dtype: np.dtype, shape: tuple[int, ...], device: str) -> Any:
-    """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
+def adopt(array: np.ndarray, dtype: np.dtype, shape: tuple[int, ...], device: str) -> Any:
+    """View a contiguous host array for kernels, bool as uint8; it goes to a GPU by copy."""
     if device == "cpu":
-        host = np.asarray(array).reshape(shape)
+        host = array.reshape(shape)
         return host.view(np.uint8) if dtype == np.bool_ else np.require(host, None, "CA")
     from . import _cuda
 
-    seen = _cuda.adopt(array)
-    return seen if seen.shape == shape else seen.reshape(shape)
+    return _cuda.upload(array, shape)
+
+
+def view(address: int, owner: Any, dtype: np.dtype, shape: tuple[int, ...], device: str) -> Any:
+    """View the memory of `owner`, contiguous at `address`, for kernels, bool as uint8."""
+    if device == "cpu":
+        return adopt(np.asarray(owner), dtype, shape, device)
+    from . import _cuda
+
+    return _cuda.view(address, owner, dtype, shape)
+
+
+def import_dlpack(array: Any, dtype: np.dtype, shape: tuple[int, ...]) -> Any:
+    """View an array of a GPU by DLPack, which makes Warp's stream wait for its library's."""
+    from . import _cuda
+
+    taken = _cuda.wp.from_dlpack(array)
+    return _cuda.view(taken.ptr or 0, taken, dtype, shape)
 
 
 def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
@@ -109,6 +129,10 @@ def to_numpy(array: Any) -> np.ndarray:
         return array
     synchronize()
     return array.numpy()
+
+
+def release_memory() -> None:
+    """Give back the memory that is kept for later calls: none, but for Taichi's own pools."""
 
 
 def own_scratch(scratch: dict[Any, Any]) -> contextlib.AbstractContextManager[None]:

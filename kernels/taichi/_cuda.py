@@ -15,24 +15,20 @@ wp.init()
 DEVICE = "cuda:0"  # Taichi drives the first GPU that CUDA shows
 
 
-def adopt(array: Any) -> wp.array:
-    """View a contiguous array of the device, bool as uint8; copy one of the host."""
-    if isinstance(array, np.ndarray):
-        host = array.view(np.uint8) if array.dtype == np.bool_ else array
-        return wp.array(host, dtype=wp.dtype_from_numpy(host.dtype), device=DEVICE)
-    if isinstance(array, wp.array):
-        return array.view(wp.uint8) if array.dtype is wp.bool else array
-    if hasattr(array, "at"):  # JAX: its DLPack also orders the streams
-        return adopt(wp.from_dlpack(array))
-    return view(array)
+def upload(array: np.ndarray, shape: tuple[int, ...]) -> wp.array:
+    """Copy a contiguous host array to the device, bool as uint8."""
+    host = (array.view(np.uint8) if array.dtype == np.bool_ else array).reshape(shape)
+    return wp.array(host, dtype=wp.dtype_from_numpy(host.dtype), device=DEVICE)
 
 
-def view(owner: Any, device: str = DEVICE) -> wp.array:
-    """View the memory of any library's contiguous array, bool as uint8."""
-    face = owner.__cuda_array_interface__
-    dtype = np.dtype(face["typestr"])
+def view(
+    address: int, owner: Any, dtype: np.dtype, shape: tuple[int, ...], device: str = DEVICE
+) -> wp.array:
+    """View the memory of `owner`, contiguous at `address`, bool as uint8."""
     scalar = wp.uint8 if dtype == np.bool_ else wp.dtype_from_numpy(dtype)
-    array = wp.array(ptr=face["data"][0], dtype=scalar, shape=face["shape"], device=device)
+    if isinstance(owner, wp.array) and owner.dtype is scalar and tuple(owner.shape) == shape:
+        return owner
+    array = wp.array(ptr=address, dtype=scalar, shape=shape, device=device)
     array.owner = owner  # keeps the memory alive
     return array
 
@@ -50,7 +46,7 @@ def free_memory() -> int:
 
 def fill(array: wp.array, values: np.ndarray) -> None:
     """Copy a contiguous host array into `array`; wait for it."""
-    wp.copy(array, adopt(values))
+    wp.copy(array, upload(values, tuple(array.shape)))
     wp.synchronize_stream(array.device.stream)
 
 

@@ -4,6 +4,7 @@ import contextlib
 import functools
 import io
 import os
+import tempfile
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +12,9 @@ from typing import Any, ParamSpec
 
 import numpy as np
 import taichi as ti
+
+from cvkern.kernels import _cache
+from cvkern.kernels._threads import cpu_threads
 
 P = ParamSpec("P")
 
@@ -35,6 +39,7 @@ class _Caller(threading.local):
 
 _program = _Program()
 _caller = _Caller()
+_ARCHS = {"cpu": ti.cpu, "cuda": ti.cuda, "cuda:0": ti.cuda}
 _LEGACY = (0, 1)  # names of CUDA's default stream, the only one that Taichi launches on
 
 
@@ -52,13 +57,19 @@ def start(device: str, stream: int | None = None) -> None:
         If other code in this process has a Taichi program: starting ours would destroy its
         fields. Also in a forked child of a process that started Taichi.
     """
-    arch = {"cpu": ti.cpu, "cuda": ti.cuda, "cuda:0": ti.cuda}.get(device)
+    arch = _ARCHS.get(device)
     if arch is None or not ti.lang.misc.is_arch_supported(arch):
-        raise ValueError(f"device must be one that Taichi can drive here, got {device!r}")
+        raise ValueError(f"device must be one that taichi finds here, {devices()}, got {device!r}")
     _check_process()
     with _lock:
         _caller.device, _caller.stream = device.partition(":")[0], stream
         _switch(_caller.device, arch)
+
+
+def devices() -> tuple[str, ...]:
+    """Return the names of the devices that Taichi can drive: of several GPUs the first."""
+    found = ti.lang.misc.is_arch_supported(ti.cuda)
+    return ("cpu", "cuda:0") if found else ("cpu",)
 
 
 def primitive(launch: Callable[P, None]) -> Callable[P, None]:
@@ -134,14 +145,26 @@ def _initialise(arch: Any) -> None:
                 default_fp=ti.f32,
                 default_ip=ti.i32,
                 fast_math=False,
-                offline_cache=True,
-                cpu_max_num_threads=_threads(),
+                **_cache_options(),
+                cpu_max_num_threads=cpu_threads(),
                 log_level=ti.ERROR,
             )
     finally:
         if environment is not None:
             os.environ["TI_ARCH"] = environment
     ti.sync()  # builds what Taichi builds on the thread it started on alone
+
+
+@functools.lru_cache
+def _cache_options() -> dict[str, Any]:
+    """Say where Taichi keeps compiled kernels, or that it does not: it would say nothing."""
+    folder = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
+    folder = folder or ti.lang.impl.default_cfg().offline_cache_file_path
+    reason = _cache.refusal(folder)
+    if reason:
+        _cache.warn("taichi", folder, reason)
+        folder = tempfile.gettempdir()  # nothing is written; where there is none Taichi crashes
+    return {"offline_cache": not reason, "offline_cache_file_path": folder}
 
 
 def _launch_on_cuda(launch: Callable[..., None], args: tuple, kwargs: dict[str, Any]) -> None:
@@ -165,12 +188,3 @@ def _check_process() -> None:
         raise RuntimeError(
             "Taichi cannot run in a forked process: start workers with the 'spawn' method"
         )
-
-
-def _threads() -> int:
-    asked = os.environ.get("CVKERN_NUM_THREADS")
-    if asked:
-        return int(asked)
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

@@ -37,7 +37,9 @@ def root(x: ti.f32, zero: ti.i32) -> ti.f32:
     float32 is that close to where rounding changes: |x - m^2| >= 2^-48 for a midpoint m in [1, 2)
     of 25 digits, so |sqrt(x) - m| >= 2^-50.
     """
-    estimate = _hidden(ti.sqrt(x), zero)  # or a quotient by it becomes an inverse square root
+    estimate = _hidden(
+        ti.sqrt(x), zero
+    )  # otherwise a quotient by it becomes an inverse square root
     if 0.0 < estimate < ti.math.inf:
         wide = ti.cast(x, ti.f64)
         y = ti.cast(estimate, ti.f64)

@@ -12,37 +12,49 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from . import _launch, _pages
+from . import _pages, _scratch, _streams
+from ._internals import replace_cache, view_at
 
 _LINE = 64  # bytes of a line of the cache: rows of as many should not lie across two
 
-_streams: dict[tuple[str, int | None], wp.Stream | None] = {}
+_known_streams: dict[tuple[str, int | None], wp.Stream | None] = {}
 _process = 0
 _lock = threading.Lock()
 
 
 def start(device: str, stream: int | None) -> None:
     """Initialise Warp, check that `device` exists, send this thread's launches to `stream`."""
-    global _process
-    if not _process:
-        with _lock:
-            if not _process:
-                _initialise()
-                _process = os.getpid()
+    _begin()
     if device == "cpu":
-        _launch.set_stream(None)
+        _streams.set_stream(None)
         return
     if _process != os.getpid():
         raise RuntimeError(
             "CUDA cannot be used in a forked process: start workers with the 'spawn' method"
         )
     key = (device, stream)
-    if key not in _streams:
+    if key not in _known_streams:
         if not wp.is_device_available(device):
-            names = tuple(d.alias for d in wp.get_devices())
-            raise ValueError(f"device must be one that Warp finds here, {names}, got {device!r}")
-        _streams[key] = None if stream is None else wp.Stream(device, cuda_stream=stream)
-    _launch.set_stream(_streams[key])
+            raise ValueError(
+                f"device must be one that warp finds here, {devices()}, got {device!r}"
+            )
+        _known_streams[key] = None if stream is None else wp.Stream(device, cuda_stream=stream)
+    _streams.set_stream(_known_streams[key])
+
+
+def devices() -> tuple[str, ...]:
+    """Return the names of the devices that Warp finds."""
+    _begin()
+    return tuple(device.alias for device in wp.get_devices())
+
+
+def _begin() -> None:
+    global _process
+    if not _process:
+        with _lock:
+            if not _process:
+                _initialise()
+                _process = os.getpid()
 
 
 def _initialise() -> None:
@@ -52,7 +64,7 @@ def _initialise() -> None:
         stderr = os.dup(2)
         os.dup2(said.fileno(), 2)
         try:
-            wp.init()
+            _initialise_cache()
         finally:
             os.dup2(stderr, 2)
             os.close(stderr)
@@ -63,30 +75,39 @@ def _initialise() -> None:
         os.write(2, kept)
 
 
-def adopt(array: Any, dtype: np.dtype, shape: tuple[int, ...], device: str) -> wp.array:
-    """View a contiguous array for kernels, bool as uint8; NumPy goes to a CUDA device by copy."""
-    if isinstance(array, wp.array):
-        address = array.ptr
-    elif hasattr(array, "data_ptr") and array.is_cuda == (device != "cpu"):
-        address = array.data_ptr()  # torch, whose interface below takes longer
-    elif device == "cpu":
-        array = np.asarray(array)
-        address = array.ctypes.data
-    elif isinstance(array, np.ndarray):
-        array = wp.array(array, device=device)
-        wp.synchronize_stream(array.device.stream)  # the kernels may run on another stream
-        address = array.ptr
-    elif hasattr(array, "__cuda_array_interface__") and not hasattr(array, "at"):
-        address = array.__cuda_array_interface__["data"][0]
-    else:
-        array = wp.from_dlpack(array)  # JAX: DLPack also orders the two streams
-        address = array.ptr
+def _initialise_cache() -> None:
+    try:
+        wp.init()
+    except OSError as error:  # the folder of the kernel cache cannot be made
+        replace_cache(error.strerror or str(error))
+        wp.init()
+
+
+def adopt(array: np.ndarray, dtype: np.dtype, shape: tuple[int, ...], device: str) -> wp.array:
+    """View a contiguous host array for kernels, bool as uint8; it goes to a GPU by copy."""
+    if device == "cpu":
+        return view(array.__array_interface__["data"][0], array, dtype, shape, device)
+    there = wp.array(array, device=device)
+    wp.synchronize_stream(there.device.stream)  # the kernels may run on another stream
+    return view(there.ptr or 0, there, dtype, shape, device)
+
+
+def view(
+    address: int, owner: Any, dtype: np.dtype, shape: tuple[int, ...], device: str
+) -> wp.array:
+    """View the memory of `owner`, contiguous at `address`, for kernels, bool as uint8."""
     carried = _carried(dtype)
-    if isinstance(array, wp.array) and array.dtype is carried and array.shape == shape:
-        return array
-    view = _launch.view_at(address, carried, shape, wp.get_device(device))
-    view.owner = array  # pyright: ignore[reportAttributeAccessIssue]  (keeps the memory alive)
-    return view
+    if isinstance(owner, wp.array) and owner.dtype is carried and owner.shape == shape:
+        return owner
+    seen = view_at(address, carried, shape, wp.get_device(device))
+    seen.owner = owner  # pyright: ignore[reportAttributeAccessIssue]  (keeps the memory alive)
+    return seen
+
+
+def import_dlpack(array: Any, dtype: np.dtype, shape: tuple[int, ...]) -> wp.array:
+    """View an array of a GPU by DLPack, which makes Warp's stream wait for its library's."""
+    taken = wp.from_dlpack(array)
+    return view(taken.ptr or 0, taken, dtype, shape, taken.device.alias)
 
 
 def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
@@ -109,13 +130,13 @@ def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
 
 def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Return memory that stays valid until this thread asks for `name` again."""
-    return _launch.scratch(name, shape, _carried(dtype), wp.get_device(device))
+    return _scratch.scratch(name, shape, _carried(dtype), wp.get_device(device))
 
 
 def write(array: wp.array, values: np.ndarray) -> None:
     """Copy contiguous host values of its shape and dtype into `array`; wait for that on CUDA."""
     host = adopt(values, values.dtype, values.shape, "cpu")
-    stream = _launch.current_stream(array.device) if array.device.is_cuda else None
+    stream = _streams.current_stream(array.device) if array.device.is_cuda else None
     wp.copy(array, host, stream=stream)
     if stream:
         wp.synchronize_stream(stream)
@@ -125,7 +146,7 @@ def clear(array: wp.array) -> None:
     """Fill `array` with 0, in order with the kernels."""
     if array.device.is_cuda:
         # To wait for Warp's own stream here, its default, is what no graph could record.
-        with wp.ScopedStream(_launch.current_stream(array.device), sync_enter=False):
+        with wp.ScopedStream(_streams.current_stream(array.device), sync_enter=False):
             array.zero_()
     else:
         array.zero_()
@@ -135,13 +156,13 @@ def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
     if not array.device.is_cuda:
         return array.numpy()
-    stream = _launch.current_stream(array.device)
+    stream = _streams.current_stream(array.device)
     found = _pages.empty(array.shape, np.dtype(wp.dtype_to_numpy(array.dtype)))
-    if found.nbytes > _launch.PAGE:
+    if found.nbytes > _scratch.PAGE:
         wp.copy(adopt(found, found.dtype, found.shape, "cpu"), array, stream=stream)
         wp.synchronize_stream(stream)
     else:
-        page = _launch.page(array.dtype, array.shape)
+        page = _scratch.page(array.dtype, array.shape)
         wp.copy(page, array, stream=stream)
         wp.synchronize_stream(stream)
         found[...] = page.numpy()
@@ -153,7 +174,13 @@ def free_memory(device: str) -> int:
     return wp.get_device(device).free_memory
 
 
-own_scratch = _launch.own_scratch
+def release_memory() -> None:
+    """Give back the memory that is kept for later calls."""
+    _scratch.release()
+    _pages.release()
+
+
+own_scratch = _scratch.own_scratch
 MATRIX_DTYPES = {"cpu": "float32", "cuda": "float16"}
 
 
@@ -162,13 +189,13 @@ def record(call: Callable[[], None], device: str) -> Callable[[], None]:
     if device == "cpu":
         return call
     stream = wp.Stream(device)  # the legacy default stream, where torch works, cannot record
-    scratch = _launch.known_scratch(stream.device)  # nothing can be allocated in a recording
-    with own_scratch(scratch), _launch.only_stream(stream):
+    scratch = _scratch.known_scratch(stream.device)  # nothing can be allocated in a recording
+    with own_scratch(scratch), _streams.only_stream(stream):
         with wp.ScopedCapture(stream=stream) as captured:
             call()
 
     def launch_graph() -> None:
-        wp.capture_launch(captured.graph, stream=_launch.current_stream(stream.device))
+        wp.capture_launch(captured.graph, stream=_streams.current_stream(stream.device))
 
     # Keeps alive the memory that the graph addresses.
     launch_graph.kept = call, scratch  # pyright: ignore[reportFunctionMemberAccess]

@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from ._launch import scratch, view
+from ._scratch import scratch, view
 
 # 16 SIMD registers of 8 floats (AVX2) hold two sums of 32 floats and what is added to them, or one
 # sum of 64: down the columns two rows share what they read, along a row there is nothing to share.

@@ -1,7 +1,7 @@
 """Functions and kernels whose body is C++ or CUDA, read from a file beside the Python module.
 
-A file that ends in ``.cu`` or ``.h`` holds whole functions, so that editors colour them and
-clang-format formats them::
+A ``.h`` file has code for the CPU, or for both devices, a ``.cu`` file code for CUDA. It holds
+whole functions, so that editors colour them and clang-format formats them::
 
     // needs RADIUS
     void blur_row(int row, wp::array_t<float> image, wp::array_t<float> out) { ... }
@@ -11,9 +11,15 @@ The module declares one by a signature with the same parameters, in the same ord
     @_native.func_native("_blur_cpu.h", RADIUS=2)
     def blur_row(row: int, image: wp.array2d[float], out: wp.array2d[float]): ...
 
-The constants become ``#define`` lines before the body. A line ``#include "NAME"`` at the top of a
-file stands for the text of another file beside it, which every function of the file then has: a
-rule that several share is a ``struct`` there, with static functions.
+The constants become ``#define`` lines before the body; a type is a constant too: ``SCALAR="float"``
+for ``wp::array_t<SCALAR>``. A line ``#include "NAME"`` at the top of a file stands for the text of
+another file, found from the place of the first, which every function of the file then has: a rule
+that several share is a ``struct`` there, with static functions. Its constants are needed by the
+functions of the file as well.
+
+`kernel` declares a kernel in the same way. On the CPU it is one of slabs (`_launch.launch_slabs`),
+whose first parameters are the slab, the first row and the row behind the last; on CUDA it finds its
+thread by ``threadIdx`` and ``blockIdx``.
 """
 
 from __future__ import annotations
@@ -48,9 +54,11 @@ def func_native(file: str, **constants: Any) -> Callable[[Any], wp.Function]:
 def kernel(
     file: str, options: dict[str, Any] | None = None, **constants: Any
 ) -> Callable[[Any], wp.Kernel]:
-    """Return a decorator that makes a kernel of the C++ function, in a Warp module of its own.
+    """Return a decorator that makes a kernel of the C++ function.
 
-    `options` are that module's. The body finds its thread by ``threadIdx`` and ``blockIdx``.
+    With `options` the kernel has a Warp module of its own, whose options they are, and which is
+    compiled when the kernel is first launched. Without, it belongs to the module of the Python
+    file, which is compiled as a whole, with the options that the file has set.
     """
 
     def make(stub: Any) -> wp.Kernel:
@@ -66,14 +74,16 @@ def kernel(
         function = space[stub.__name__]
         function.__annotations__ = types
         function.__doc__ = stub.__doc__
-        return wp.kernel(function, module="unique", module_options=options or {})
+        if options is None:
+            return wp.kernel(function)
+        return wp.kernel(function, module="unique", module_options=options)
 
     return make
 
 
 def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
     """Return what Warp puts between the braces of `stub`; raise where the two do not agree."""
-    name, path = stub.__name__, Path(inspect.getfile(stub)).with_name(file)
+    name, path = stub.__name__, Path(inspect.getfile(stub)).parent / file
     needs, parameters, body = _function(path, name)
     if needs != set(constants):
         raise ImportError(f"{file}: {name} needs {sorted(needs)}, got {sorted(constants)}")
@@ -82,7 +92,8 @@ def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
         raise ImportError(f"{file}: {name} takes {list(parameters)}, got {declared}")
     defines = "".join(f"#define {key} {value}\n" for key, value in constants.items())
     undefines = "".join(f"#undef {key}\n" for key in constants)
-    return f"\n{defines}{_shared(path)}{body}\n{undefines}"
+    # Some pragmas must stand first behind a brace: the body keeps its own.
+    return f"\n{defines}{_shared(path)}{{{body}}}\n{undefines}"
 
 
 @lru_cache
@@ -109,7 +120,7 @@ def _shared(path: Path) -> str:
     included = _INCLUDE.findall(path.read_text(encoding="utf-8"))
     shared = ""
     for other in included:
-        place = path.with_name(other)
+        place = path.parent / other
         text = place.read_text(encoding="utf-8")
         shared += _shared(place) + _INCLUDE.sub("", text).replace("#pragma once\n", "")
     return shared

@@ -3,6 +3,7 @@
 So results leave theirs to later ones when they are gone. There is room for a few.
 """
 
+import contextlib
 import ctypes
 import math
 import weakref
@@ -35,3 +36,13 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
     # All views of an array end at what it was made from: that goes last.
     weakref.finalize(memory, free.append, block).atexit = False
     return np.frombuffer(memory, dtype).reshape(shape)
+
+
+def release() -> None:
+    """Unlock the pages that no result holds."""
+    global _locked
+    for room, free in list(_free.items()):
+        with contextlib.suppress(IndexError):
+            while True:
+                free.pop()
+                _locked -= room

@@ -29,7 +29,7 @@ from cvkern.radiance.training import KINDS, suited
 from profiling import clock
 from profiling.record import ROOT, surroundings, write_json
 
-Call = tuple[str, Callable[..., None], tuple[Any, ...]]  # its name, itself, its arguments
+Call = tuple[str, Callable[..., object], tuple[Any, ...]]  # its name, itself, its arguments
 
 STEPS_TIMED = 30
 AHEAD = 8  # steps that a GPU is given before the one that is timed
@@ -42,7 +42,8 @@ class Listener:
         self._place, self._inner, self._calls = place, inner, calls
 
     def __getattr__(self, name: str) -> Any:
-        found, place = getattr(self._inner, name), f"{self._place}{name}"
+        found: Any = getattr(self._inner, name)
+        place = f"{self._place}{name}"
         if not callable(found):
             return Listener(f"{place}.", found, self._calls)
 

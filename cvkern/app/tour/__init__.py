@@ -10,10 +10,10 @@ import importlib.util
 import json
 import os
 import platform
-import tempfile
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +23,12 @@ from cvkern._runtime import runtime
 from cvkern.app.tour import circles, edges, lines, page, radiance, shapes, stereo
 from cvkern.app.tour.clock import Clock
 from cvkern.app.tour.page import Chapter, Figure
-from cvkern.clouds import write_animation
-from cvkern.images.files import write_image
 
 __all__ = ["CHAPTERS", "tour"]
+
+QUALITY = 85  # WebP quality of photographs and films
+SHARP = 1.3  # a file without loss may be this many times as large, and is taken
+FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, stereo.chapter,
@@ -88,11 +90,10 @@ def tour(
         progress(total, total, "Writing")
     panels = [panel for _, figures in results for figure in figures for panel in figure.panels]
     pictures = {panel.file: _encoded(panel.image) for panel in panels}
-    text = page.render(results, pictures, _facts())
+    text = page.render(results, _facts())
     target.mkdir(parents=True, exist_ok=True)
     for name, file in pictures.items():
-        suffix = "gif" if file.startswith(b"GIF") else "png"
-        with replacing(target / f"{name}.{suffix}") as beside:
+        with replacing(target / f"{name}.webp") as beside:
             beside.write_bytes(file)
     write_text(target / "timings.json", json.dumps(_timings(results), indent=2) + "\n")
     write_text(target / "index.html", text)
@@ -100,14 +101,16 @@ def tour(
 
 
 def _encoded(image: np.ndarray) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        if image.ndim == 4:
-            file = Path(folder, "panel.gif")
-            write_animation(file, image)
-        else:
-            file = Path(folder, "panel.png")
-            write_image(file, image)
-        return file.read_bytes()
+    """Return a WebP file: without loss where that costs little, as for ink and plots."""
+    import imageio.v3 as iio
+
+    def written(**options: Any) -> bytes:
+        return iio.imwrite("<bytes>", image, extension=".webp", plugin="pillow", **options)
+
+    if image.ndim == 4:
+        return written(quality=QUALITY, duration=FRAME_MILLISECONDS, loop=0)
+    lossy, sharp = written(quality=QUALITY), written(lossless=True)
+    return sharp if len(sharp) <= SHARP * len(lossy) else lossy
 
 
 def _facts() -> dict[str, str]:

@@ -13,7 +13,7 @@ from cvkern.images.colors import apply_colormap, luma
 from cvkern.images.drawing import draw_circles, draw_lines
 
 COLOR, RIM = (255, 98, 41), (64, 220, 255)
-RADIUS = 22  # of the coins that the accumulators are for
+RADIUS = 22  # pixels: the coins that the accumulators are for
 CUP = (85, 200)
 
 
@@ -23,7 +23,7 @@ def chapter() -> Chapter:
         "circles",
         "Circles and ellipses",
         "A point of a rim knows little, but its gradient points to the centre. Where many such "
-        "lines meet is a circle, even if half of its rim is hidden.",
+        "lines meet, there is a circle, even if half of its rim is hidden.",
         (_coins, _accumulators, _ellipse),
     )
 

@@ -10,7 +10,7 @@ import numpy as np
 import cvkern
 
 SIDE = 256  # pixels of the image
-POINTS = 60  # on the line
+POINTS = 60  # points on the line
 CLUTTER = 1500  # points anywhere, of any direction
 DIRECTION_ERROR = math.radians(3)  # standard deviation of the gradients of the line's points
 TOLERANCE = 2 * DIRECTION_ERROR

@@ -45,7 +45,7 @@ def _votes(clock: Clock) -> Figure:
         "Each point of the edges makes a wave in the votes: left to right the angle of the line's "
         "normal, over half a turn, top to bottom its distance. The waves of points on a line "
         "cross in one place; the legs of the tripod are the bright spots. With the gradient, a "
-        "point votes for six or seven angles instead of 180, and little but the spots is left.",
+        "point votes for six or seven angles instead of 180, and only the spots are left.",
         "edges = cvkern.canny(photo, 1.5)\n"
         "votes, theta, rho = cvkern.hough_line(edges)\n"
         "directed = cvkern.hough_line(\n"
@@ -71,7 +71,8 @@ def _noise(clock: Clock) -> Figure:
         "what counts is the lead over the highest bin elsewhere. Smoothing along rho costs "
         "height, and pays where the noise is about a pixel or more; voting across the gradient "
         "leads throughout. Right, with half a pixel of noise: narrow bins split the peak, so that "
-        "chance comes up to half of it; wide ones gather strangers. `suggest_line_bins` says 1.4.",
+        "chance comes up to half of it; wide ones gather votes of other points. "
+        "`suggest_line_bins` says 1.4.",
         "cvkern.hough_line(points=points, shape=(256, 256))\n"
         "cvkern.gaussian(votes, (1.5, 0))  # smoothed\n"
         "cvkern.hough_line(\n"
@@ -96,9 +97,8 @@ def _lines(clock: Clock) -> Figure:
     found = clock(cvkern.detect_lines, photo, sigma=2.0, min_votes=150)
     return Figure(
         "Lines, to a fraction of a pixel",
-        "Edges between the pixels vote, each peak is fitted to the edge points near it, and what "
-        "is left votes again. The rows of the wall come out as the pairs of edges that each joint "
-        "has.",
+        "Edges between the pixels vote, each peak is fitted to the edge points near it, and the "
+        "others vote again. Each joint of the wall comes out as a pair of edges.",
         "votes, theta, rho = cvkern.detect_lines(photo, sigma=2, min_votes=150)",
         (
             Panel("lines-lines-photograph", photo, "The photograph, `skimage.data.brick()`"),

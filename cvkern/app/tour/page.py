@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import re
-import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -22,7 +20,7 @@ __all__ = ["Chapter", "Figure", "Panel", "Timing", "render"]
 class Panel:
     """One picture. `file` names it, without suffix; `label` tells in words what it shows.
 
-    An image of shape (F, H, W, 3) is a film, and becomes a GIF; any other becomes a PNG.
+    An image of shape (F, H, W, 3) is a film. Every file is a WebP.
 
     `ink` marks black lines on white, which turn to white on black where the page is dark;
     `pixelated` keeps enlarged pixels square; `small` marks a legend.
@@ -69,21 +67,15 @@ class Chapter:
     figures: tuple[Callable[[Clock], Figure], ...]
 
 
-def render(
-    chapters: Iterable[tuple[Chapter, list[Figure]]],
-    pictures: dict[str, bytes],
-    facts: dict[str, str],
-) -> str:
-    """Return the page: HTML with every picture inside it, and nothing from outside.
+def render(chapters: Iterable[tuple[Chapter, list[Figure]]], facts: dict[str, str]) -> str:
+    """Return the page: HTML that shows the files of the panels beside it, and nothing else.
 
     Parameters
     ----------
     chapters : iterable of (Chapter, list of Figure)
         In order.
-    pictures : dict
-        The PNG or GIF file of every panel, by its `Panel.file`.
     facts : dict
-        What the pictures were made with, by name.
+        Versions and devices that the pictures were made with, by name.
     """
     chapters = list(chapters)
     body, timings = [], []
@@ -94,7 +86,7 @@ def render(
             f'<p class="lead">{_prose(chapter.lead)}</p></header>'
         )
         for place, figure in enumerate(figures, 1):
-            body.append(_figure(f"{order}.{place}", figure, pictures))
+            body.append(_figure(f"{order}.{place}", figure))
             timings.extend(figure.timings)
         body.append("</section>")
     links = "".join(
@@ -110,9 +102,9 @@ def render(
     )
 
 
-def _figure(number: str, figure: Figure, files: dict[str, bytes]) -> str:
-    pictures = [_picture(panel, files[panel.file]) for panel in figure.panels if not panel.small]
-    legends = "".join(_picture(panel, files[panel.file]) for panel in figure.panels if panel.small)
+def _figure(number: str, figure: Figure) -> str:
+    pictures = [_picture(panel) for panel in figure.panels if not panel.small]
+    legends = "".join(_picture(panel) for panel in figure.panels if panel.small)
     clocks = "".join(
         f"<li><span>{_milliseconds(t.milliseconds)} ms</span>"
         f"<span>{_text(f'{t.function}({t.options})')}</span></li>"
@@ -122,25 +114,23 @@ def _figure(number: str, figure: Figure, files: dict[str, bytes]) -> str:
         f'<figure><div class="panels n{len(pictures)}">{"".join(pictures)}</div>'
         f'<figcaption><div class="what"><h3><span>{number}</span>{_text(figure.title)}</h3>'
         f"<p>{_prose(figure.caption)}</p>{legends}</div>"
-        f'<div class="how"><pre tabindex="0"><code>{_text(figure.call)}</code></pre>'
+        f'<div class="how"><pre><code>{_text(figure.call)}</code></pre>'
         f"<ul>{clocks}</ul></div></figcaption></figure>"
     )
 
 
-def _picture(panel: Panel, file: bytes) -> str:
-    kind = "gif" if file.startswith(b"GIF") else "png"  # whose heads hold the size
-    width, height = struct.unpack(*(("<HH", file[6:10]) if kind == "gif" else (">II", file[16:24])))
+def _picture(panel: Panel) -> str:
+    height, width = panel.image.shape[:2] if panel.image.ndim < 4 else panel.image.shape[1:3]
     kinds = [k for k in ("ink", "pixelated", "small") if getattr(panel, k)]
-    data = base64.b64encode(file).decode("ascii")
     return (
         f'<div class="panel {" ".join(kinds)}"><img alt="{_text(panel.label)}" width="{width}" '
-        f'height="{height}" src="data:image/{kind};base64,{data}">'
+        f'height="{height}" loading="lazy" decoding="async" src="{_text(panel.file)}.webp">'
         f"<p>{_prose(panel.label)}</p></div>"
     )
 
 
 def _table(timings: list[Timing]) -> str:
-    """Return all timings; the numbers stand on the left, where a phone shows them."""
+    """Return all timings; a phone shows each as a few short lines."""
     head = ("Function", "Milliseconds", "Megapixels a second", "Image", "Options")
     rows = (
         (
@@ -164,7 +154,7 @@ def _milliseconds(value: float) -> str:
 
 
 def _rate(value: float) -> str:
-    return f"{value:.1f}" if value < 10 else f"{value:,.0f}"
+    return f"{value:.2g}" if value < 1 else f"{value:.1f}" if value < 10 else f"{value:,.0f}"
 
 
 def _text(text: str) -> str:
@@ -199,7 +189,7 @@ below it, from photographs that come with scikit-image.</p>
 <header class="chapter"><h2>Timings</h2>
 <p class="lead">Medians of warm calls, NumPy array in and NumPy array out. Compiling the kernels is
 not counted: it happens once on a machine.</p></header>
-<div class="scroll" tabindex="0">{{timings}}</div>
+{{timings}}
 </section>
 </main>
 </body>
@@ -270,15 +260,16 @@ h3 span { color: var(--accent); margin-right: 0.7em; font-variant-numeric: tabul
 code { font: 0.88em/1.5 var(--mono); }
 .what > p { color: var(--soft); }
 .what code { color: var(--ink); }
-pre { background: var(--raised); border-radius: 6px; padding: 16px 18px; overflow-x: auto;
-  line-height: 1.6; }
+pre { background: var(--raised); border-radius: 6px; padding: 16px 18px; line-height: 1.6;
+  white-space: pre-wrap; overflow-wrap: anywhere; }
 pre code { font-size: 13px; }
 .how ul { list-style: none; padding: 0; margin-top: 12px; font-size: 13.5px; color: var(--soft); }
 .how li { display: flex; gap: 16px; }
 .how li span:first-child { color: var(--ink); font-weight: 600; flex: 0 0 4.6em;
   font-variant-numeric: tabular-nums; }
-.scroll { overflow-x: auto; }
-table { border-collapse: collapse; width: 100%; font-size: 14.5px; white-space: nowrap; }
+table { border-collapse: collapse; width: 100%; font-size: 14.5px; }
+td { vertical-align: top; white-space: nowrap; }
+td:last-child { white-space: normal; overflow-wrap: anywhere; color: var(--soft); }
 th { color: var(--soft); font-weight: 500; text-align: left; }
 th, td { padding: 11px 28px 11px 0; border-bottom: 1px solid var(--line); }
 th:last-child, td:last-child { padding-right: 0; }
@@ -289,6 +280,15 @@ th:nth-child(2), td:nth-child(2), th:nth-child(3), td:nth-child(3) { text-align:
   nav { padding: 18px 0; }
   .panels.n3 { grid-template-columns: minmax(0, 1fr); }
   figcaption { grid-template-columns: minmax(0, 1fr); }
+  thead { display: none; }
+  tr { display: grid; grid-template-columns: minmax(0, 1fr) auto; gap: 0 16px; padding: 11px 0;
+    border-bottom: 1px solid var(--line); }
+  td { padding: 0; border: none; white-space: normal; }
+  td:nth-child(2)::after { content: " ms"; }
+  td:nth-child(3)::after { content: " MP/s"; }
+  td:nth-child(3) { grid-column: 2; grid-row: 2; color: var(--soft); }
+  td:nth-child(4) { grid-column: 1; grid-row: 2; color: var(--soft); }
+  td:last-child { grid-column: 1 / -1; }
 }
 @media (max-width: 460px) { .panels { grid-template-columns: minmax(0, 1fr); } }
 @media (prefers-reduced-motion: reduce) { html { scroll-behavior: auto; } }

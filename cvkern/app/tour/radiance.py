@@ -26,20 +26,20 @@ from cvkern.radiance import (
 from cvkern.radiance.rendering import film, photograph
 from cvkern.radiance.trainer import FEW
 
-SECONDS = 40.0  # of training
+SECONDS = 40.0  # training time
 SHEET = (4, 8)  # rows and columns of photographs
 ENLARGED = 3
-FRAMES, FACTOR = 40, 2.0  # of the orbit
+FRAMES, FACTOR = 40, 2.0  # frames of the orbit, and their enlargement
 PALE, DARK = "#5f6368", "#a8431f"
 
 
 class Made(NamedTuple):
-    """What the figures share."""
+    """The scene and the model that all figures share."""
 
     scene: Scene
     model: Model
     view: int
-    """Which of the photographs that were kept back is shown."""
+    """The photograph, among those kept back, that is shown."""
 
 
 def chapter() -> Chapter:
@@ -103,7 +103,7 @@ def _learnt(clock: Clock, made: Made) -> Figure:
         f"After {last.seconds:.0f} s of training, the {int(scene.test.sum())} photographs that "
         f"were kept back are met with {last.test_psnr:.1f} dB and a structural similarity of "
         f"{last.test_ssim:.3f} on average. Where the curves dip, the grid of the field was made "
-        "finer; what lies between them is learnt by heart.",
+        "finer; the gap between them is what the field has learnt by heart.",
         f"model = fit(scene, VoxelField(), seconds={SECONDS:g})\n"
         "picture = render(model, scene.cameras, view)",
         (

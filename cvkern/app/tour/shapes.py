@@ -14,11 +14,11 @@ from cvkern.hough.generalized._poses import placed
 from cvkern.images.colors import apply_colormap, luma
 from cvkern.images.drawing import draw_lines, draw_points
 
-CUT = (slice(0, 190), slice(130, 320))  # of the photograph: the template
+CUT = (slice(0, 190), slice(130, 320))  # the template's place in the photograph
 TURN, SIZE = math.radians(-35), 0.9
 EDGES: dict[str, Any] = {"sigma": 2, "low_threshold": 4, "high_threshold": 8}
 SCALES = [0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1]
-HORSE = 0.3  # of its picture's size
+HORSE = 0.3  # size of the silhouette, as a share of its picture's
 POSES = (  # row, column, rotation in degrees, scale
     (95, 110, 0, 1.0), (100, 300, 35, 1.2), (92, 500, -60, 0.9), (310, 95, 170, 1.3),
     (195, 62, -20, 0.8), (295, 490, 75, 1.1),
@@ -32,8 +32,8 @@ def chapter() -> Chapter:
     return Chapter(
         "shapes",
         "Shapes",
-        "What a shape looks like is kept as its boundary: from each point of it, the way to one "
-        "point of reference. Every edge of a photograph then votes for where that point would be.",
+        "A shape is kept as its boundary: from each point of it, the way to one reference point. "
+        "Every edge of a photograph then votes for where that point would be.",
         (_one, _many),
     )
 

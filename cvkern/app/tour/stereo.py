@@ -15,12 +15,12 @@ from cvkern.images.colors import apply_colormap, luma
 from cvkern.images.drawing import overlay_mask
 
 DISPARITIES = (0, 64)
-# Of the motorcycle pair of scikit-image: pixels and millimetres.
+# The camera of scikit-image's motorcycle pair, in pixels and millimetres.
 CAMERA = {"focal": 994.978, "baseline": 193.001, "doffs": 31.086}
 CENTRE = {"cx": 311.193, "cy": 254.877}
 WINDOWS = (3, 5, 7, 11, 15, 21, 31)
-SHOWN = (3, 11, 31)  # of those
-DIMMED = 0.6  # of the light of the left camera
+SHOWN = (3, 11, 31)  # windows whose maps are shown
+DIMMED = 0.6  # light of the right camera, as a share of the left one's
 HIDDEN, PLAIN, OTHER = (255, 150, 40), (70, 130, 255), (255, 40, 90)
 
 
@@ -87,8 +87,8 @@ def _cloud(clock: Clock) -> Figure:
     return Figure(
         "A photograph to look around in",
         "Focal length and distance of the cameras turn disparity into metres, and each pixel into "
-        f"a point: {len(cloud.points):,} of them, from {near:.1f} to {far:.1f} m away. Black is "
-        "what only one camera saw, or where the two did not agree.",
+        f"a point: {len(cloud.points):,} of them, from {near:.1f} to {far:.1f} m away. Black are "
+        "the pixels that only one camera saw, or where the two did not agree.",
         "q = cvkern.reprojection_matrix(\n"
         "    focal=994.978, baseline=193.001, doffs=31.086,\n"
         "    cx=311.193, cy=254.877,\n"
@@ -200,7 +200,7 @@ def _brightness(clock: Clock) -> Figure:
         "When one camera sees less light",
         "Two cameras rarely agree on brightness. Differences of grey levels then compare the "
         "lamps, not the things. The census asks only which neighbours are darker, and dimming "
-        "leaves that as it is, but for rounding.",
+        "changes that only by rounding.",
         'costs = cvkern.stereo_cost(\n    left, dim, (0, 64), cost="census",\n'
         "    window=9, channel_axis=-1,\n"
         ")\n"

@@ -13,7 +13,7 @@ from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import edge_thresholds, find_edges
 from cvkern.hough.circles.peaks import local_maxima
 from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE
+from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim
 
 POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
 
@@ -240,7 +240,13 @@ def _radii(
     bins = math.ceil(end - begin)
     counts = rt.scratch("circles.counts", (len(centers), bins), np.int32)
     rt.hough.circles.detection.vote_radii(
-        lines, rt.send("circles.near", centers), begin, end, 1.0, 1.0 + cell, SLOPE, *sides, counts
+        lines,
+        rt.send("circles.near", centers),
+        begin,
+        end,
+        1.0,
+        Aim(1.0 + cell, SLOPE, *sides),
+        counts,
     )
     near = np.pad(rt.to_numpy(counts), ((0, 0), (1, 1)))
     near = near[:, :-2] + near[:, 1:-1] + near[:, 2:]
@@ -268,10 +274,11 @@ def _fitted(
     sums = rt.scratch("circles.sums", (len(circles), 9), np.int64)
     arcs = rt.scratch("circles.arcs", (len(circles), ARCS), np.int32)
     exact = circles.astype(np.float64)
+    aim = Aim(1.0, SLOPE, *sides)
     for step in range(FITS + 1):
         band = max(BAND, 4.0 - 1.5 * step)
         near = rt.send("circles.near", exact.astype(np.float32))
-        rt.hough.circles.detection.support(lines, near, band, 1.0, SLOPE, *sides, sums, arcs)
+        rt.hough.circles.detection.support(lines, near, band, aim, sums, arcs)
         if step == FITS:
             # A row or a column of pixels has one point of the edge that crosses it.
             whole = exact[:, 2:] * np.tile(_CROSSED, 8)

@@ -19,7 +19,7 @@ from cvkern._checks import (
 )
 from cvkern._runtime import runtime
 from cvkern.hough._points import check_at_points, mask_points
-from cvkern.kernels.codes.hough import DIRECTIONS
+from cvkern.kernels.codes.hough import DIRECTIONS, Rings
 
 MAX_RADIUS = 2**14  # times the 2^16 of the tables of directions, within 32 bits
 ALONG = -1  # the tolerance that says: the two pixels along the gradient, no arcs
@@ -106,22 +106,21 @@ def hough_circle(
     size = (len(radii), shape[0] + 2 * pad, shape[1] + 2 * pad)
     check_accumulator(size, "votes")
     rt = runtime(mask, orientation)
-    offsets, codes, starts = (rt.constant(table) for table in _rings(radii))
+    rings = Rings(*map(rt.constant, _rings(radii)))
     dtype = np.float32 if normalize else np.int32
     votes = rt.empty(size, dtype)
     if orientation is None:
         given = library(mask).dtype(mask)
         view = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
-        rt.hough.circles.votes.vote_rings(view, offsets, starts, max(radii), rt.adopt(votes, dtype))
+        rt.hough.circles.votes.vote_rings(view, rings, max(radii), rt.adopt(votes, dtype))
     else:
         angles = rt.adopt(orientation)
         found = mask_points(rt, mask, "circles")
         check_at_points(rt, found, angles, "orientation", -2 * math.pi, 2 * math.pi)
         units = min(round(tolerance * DIRECTIONS / (2 * math.pi)), DIRECTIONS // 4 - 1)
         rt.hough.circles.votes.vote_directed(
-            found.points, found.starts, angles, rt.constant(np.array(radii, np.int32)),
-            rt.constant(direction_table()), units if tolerance else ALONG, offsets, codes, starts,
-            rt.adopt(votes, dtype),
+            found.points, found.starts, angles, rings, rt.constant(direction_table()),
+            units if tolerance else ALONG, rt.adopt(votes, dtype),
         )  # fmt: skip
     return rt.release(votes)
 
@@ -134,11 +133,8 @@ def _check_radii(radius: Any, farthest: int, name: str = "radius") -> tuple[int,
 
 
 @lru_cache(maxsize=8)
-def _rings(radii: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the offsets of all circles (N, 2), their direction codes, and where each begins.
-
-    The offsets of a circle stand in the order of their codes.
-    """
+def _rings(radii: tuple[int, ...]) -> Rings:
+    """Return circles; the offsets of a circle stand in the order of their codes."""
     rings = [_ring(radius) for radius in radii]
     codes = [
         np.floor(np.arctan2(*ring.T) * (DIRECTIONS / (2 * math.pi)) + 0.5).astype(np.int32)
@@ -146,7 +142,8 @@ def _rings(radii: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         for ring in rings
     ]
     orders = [np.lexsort((*ring.T, code)) for ring, code in zip(rings, codes, strict=True)]
-    return (
+    return Rings(
+        np.array(radii, np.int32),
         np.concatenate([ring[order] for ring, order in zip(rings, orders, strict=True)]),
         np.concatenate([code[order] for code, order in zip(codes, orders, strict=True)]),
         np.cumsum([0, *map(len, rings)], dtype=np.int32),

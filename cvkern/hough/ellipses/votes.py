@@ -18,7 +18,7 @@ from cvkern._checks import (
 )
 from cvkern._runtime import Runtime, runtime
 from cvkern.hough._points import check_at_points, mask_points
-from cvkern.kernels.codes.hough import MAX_BINS
+from cvkern.kernels.codes.hough import MAX_BINS, EllipseBounds
 
 UNDIRECTED = -1.0  # the square of a sine that says: directions do not count
 
@@ -172,10 +172,8 @@ def paired(
     shortest, longest = (min(a * a, 3e38) for a in lengths)
     narrow, wide = (b * b for b in widths)
     bins = math.floor(widths[1] / accuracy + 0.5) + 2
-    rt.hough.ellipses.votes.vote_pairs(
-        rt.send("pairs.points", points), shortest, longest, narrow, wide, 1 / accuracy, bins, turn,
-        votes, axes,
-    )  # fmt: skip
+    bounds = EllipseBounds(shortest, longest, narrow, wide, 1 / accuracy, turn)
+    rt.hough.ellipses.votes.vote_pairs(rt.send("pairs.points", points), bounds, bins, votes, axes)
     most = rt.to_numpy(votes)
     pairs = np.stack(np.nonzero(most > threshold))
     found = most[tuple(pairs)]

@@ -18,6 +18,10 @@ from cvkern.kernels.codes.hough import (
     TILE,
     TURN_ONE,
     VECTOR_ONE,
+    Cells,
+    Entries,
+    Slices,
+    Voters,
 )
 
 CELLS = (1, 2, 4, 8, 16)
@@ -63,13 +67,14 @@ class Ballot(NamedTuple):
         scales = min(slices, len(self.scales))
         return min(slices // scales, len(self.turns)), scales
 
-    def entries(self, rt: Runtime) -> tuple[Any, Any]:
+    def entries(self, rt: Runtime) -> Entries:
         """Return the kernel arrays of the entries."""
-        return rt.send("shapes.vectors", self.vectors), rt.send("shapes.angles", self.directions)
+        angles = rt.send("shapes.angles", self.directions)
+        return Entries(rt.send("shapes.vectors", self.vectors), angles)
 
-    def slices(self, rt: Runtime, turns: slice, scales: slice) -> tuple[Any, Any]:
+    def slices(self, rt: Runtime, turns: slice, scales: slice) -> Slices:
         """Return the kernel arrays of some rotations and scales."""
-        return (
+        return Slices(
             rt.send("shapes.turns", self.turns[turns]),
             rt.send("shapes.scales", self.scales[scales]),
         )
@@ -119,15 +124,15 @@ def candidates(
         return np.empty((0, 4)), np.empty(0)
     found: list[tuple[np.ndarray, ...]] = []  # key, rotation, scale, row and column of tiles
     voters, entries = voters_of(rt, scene), ballot.entries(rt)
+    cells = Cells(height, width, ballot.shift)
     for r in range(0, len(ballot.turns), batch[0]):
         for s in range(0, len(ballot.scales), batch[1]):
-            turns, scales = ballot.slices(rt, np.s_[r : r + batch[0]], np.s_[s : s + batch[1]])
-            shape = (turns.shape[0], scales.shape[0], *tiles)
+            slices = ballot.slices(rt, np.s_[r : r + batch[0]], np.s_[s : s + batch[1]])
+            shape = (slices.turns.shape[0], slices.scales.shape[0], *tiles)
             keys = rt.scratch("shapes.keys", shape, np.int32)
             rt.hough.generalized.votes.search(
-                *voters, *entries, turns, scales, ballot.tolerance, height, width, ballot.shift,
-                keys,
-            )  # fmt: skip
+                voters, entries, slices, ballot.tolerance, cells, keys
+            )
             host = rt.to_numpy(keys).reshape(-1)
             best = strongest(host, MANY)
             turn, scale, down, across = np.unravel_index(best, shape)
@@ -167,7 +172,7 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
             rt, image, sigma, low, high, use_quantiles, "gaussian", "l2", "reflect", 0.0, mask
         )
     else:
-        check_image(orientation, name="orientation")
+        orientation = check_image(orientation, name="orientation")
         if tuple(orientation.shape) != shape:
             raise ValueError(
                 f"orientation must have the shape of the {name}, {shape}, "
@@ -194,7 +199,7 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
     return Scene(host, turned.astype(np.int32) & (DIRECTIONS - 1), shape)
 
 
-def voters_of(rt: Runtime, scene: Scene) -> tuple[Any, Any]:
+def voters_of(rt: Runtime, scene: Scene) -> Voters:
     """Return the points sorted by direction, twice over, and where each direction starts.
 
     Twice, so that a window of directions that goes round is one piece.
@@ -206,7 +211,7 @@ def voters_of(rt: Runtime, scene: Scene) -> tuple[Any, Any]:
     numbers = np.bincount(scene.codes, minlength=DIRECTIONS)
     starts = np.zeros(2 * DIRECTIONS + 1, np.int32)
     np.cumsum(np.concatenate((numbers, numbers)), out=starts[1:])
-    return rt.send("shapes.sorted", points), rt.send("shapes.places", starts)
+    return Voters(rt.send("shapes.sorted", points), rt.send("shapes.places", starts))
 
 
 def _code(angles: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from cvkern._runtime import runtime
 from cvkern.hough.generalized._ballot import ballot_of, candidates, scene_of, voters_of
 from cvkern.hough.generalized._poses import Judge, Model
 from cvkern.hough.generalized.tables import SIGMA, RTable, check_table
+from cvkern.kernels.codes.hough import Cells
 
 CANDIDATES = 64  # poses that are judged, and four more for each that is asked for
 
@@ -249,7 +250,11 @@ use_quantiles, orientation_tolerance, cell, max_entries
     scene = scene_of(image, orientation, options, "image")
     votes = rt.empty(shape, np.int32)
     rt.hough.generalized.votes.accumulate(
-        *voters_of(rt, scene), *ballot.entries(rt), *ballot.slices(rt, np.s_[:], np.s_[:]),
-        ballot.tolerance, height, width, ballot.shift, rt.adopt(votes, np.int32),
-    )  # fmt: skip
+        voters_of(rt, scene),
+        ballot.entries(rt),
+        ballot.slices(rt, np.s_[:], np.s_[:]),
+        ballot.tolerance,
+        Cells(height, width, ballot.shift),
+        rt.adopt(votes, np.int32),
+    )
     return rt.release(votes)

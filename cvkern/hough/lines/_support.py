@@ -73,15 +73,12 @@ def claim(
     if not len(points) or not len(theta):
         return np.full(len(points), len(theta))
     labels = rt.scratch("segments.labels", (len(points),), np.int32)
-    cosine, sine, place = (rt.adopt(a) for a in (np.cos(theta), np.sin(theta), rho))
     past = np.full(len(points), -1) if after is None else after
     rt.hough.lines.segments.claim(
         rt.adopt(points),
         rt.adopt(_codes(directions), np.int32),
         rt.adopt(past, np.int32),
-        cosine,
-        sine,
-        place,
+        rt.adopt(np.stack((np.cos(theta), np.sin(theta), rho))),
         rt.adopt(_codes(theta), np.int32),
         float(np.float32(distance)),
         math.floor(min(tolerance, math.pi) * DIRECTION_FACTOR),

@@ -4,34 +4,24 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from cvkern._runtime import Runtime, refuse_capture
 from cvkern.hough._points import Points
-from cvkern.kernels.codes.hough import DIRECTIONS
+from cvkern.kernels.codes.hough import DIRECTIONS, LineTables, LineWindows
 
 SUBPIXEL = 4096  # sub-pixel points are taken to the nearest of so many parts of a pixel
 WEIGHT = 256  # a weight of 1, in votes
 _ANGLES = 8  # tables are padded to a multiple of this, for kernels that take so many at a time
-_NO_WEIGHTS = np.zeros(1, np.int32)
 _NOTHING = 1e-9  # radians by which angles may differ and be the same
-
-
-class Tables(NamedTuple):
-    """What takes a point to its bin: ``(x cosine + y sine + offset) >> shift``."""
-
-    cosine: np.ndarray
-    sine: np.ndarray
-    offset: np.ndarray
-    shift: int
 
 
 def cast_votes(
     rt: Runtime,
     found: Points,
-    tables: Tables,
+    tables: LineTables,
     windows: tuple[np.ndarray, np.ndarray] | None,
     orientation: Any,
     weights: Any,
@@ -42,19 +32,15 @@ def cast_votes(
 
     `crossing` says how many pixels of an image at most fall into one bin.
     """
-    if weights is None:
-        fixed = rt.constant(_NO_WEIGHTS)
-    else:
-        fixed = _fixed_weights(rt, found, weights, crossing)
-    listed = rt.constant(tables.cosine), rt.constant(tables.sine), rt.constant(tables.offset)
-    last = (*listed, tables.shift, weights is not None, fixed, votes)
+    fixed = None if weights is None else _fixed_weights(rt, found, weights, crossing)
+    listed = LineTables(*map(rt.constant, tables[:3]), tables.shift)
     if windows is None:
-        rt.hough.lines.votes.vote(found.points, found.starts, *last)
+        rt.hough.lines.votes.vote(found.points, found.starts, listed, fixed, votes)
         return
     directions = values_at(rt, found, orientation, "orientation")
     check_listed(rt, found, directions, "orientation", -math.inf)
-    allowed = rt.constant(windows[0]), rt.constant(windows[1])
-    rt.hough.lines.votes.vote_directed(found.points, found.starts, directions, *allowed, *last)
+    allowed = LineWindows(directions, *map(rt.constant, windows))
+    rt.hough.lines.votes.vote_directed(found.points, found.starts, allowed, listed, fixed, votes)
 
 
 def values_at(rt: Runtime, found: Points, values: Any, name: str) -> Any:
@@ -118,7 +104,7 @@ def reach(size: tuple[int, int], step: float) -> int:
 
 
 @lru_cache(maxsize=32)
-def line_tables(angles: bytes, step: float, size: tuple[int, int], parts: int) -> Tables:
+def line_tables(angles: bytes, step: float, size: tuple[int, int], parts: int) -> LineTables:
     """Return the tables for float64 angles, and for points in `parts` of a pixel."""
     theta = np.frombuffer(angles)
     return fixed_tables(np.cos(theta) / step, np.sin(theta) / step, reach(size, step), size, parts)
@@ -126,7 +112,7 @@ def line_tables(angles: bytes, step: float, size: tuple[int, int], parts: int) -
 
 def fixed_tables(
     cosine: np.ndarray, sine: np.ndarray, constant: Any, size: tuple[int, int], parts: int = 1
-) -> Tables:
+) -> LineTables:
     """Return tables for the bin nearest to ``x cosine + y sine + constant``.
 
     The factors get as many digits as int32 holds. What rounding them does is nothing at the
@@ -137,7 +123,7 @@ def fixed_tables(
     y, x = (n // 2 for n in size)
     middle = np.round((x * cosine + y * sine + constant + 0.5) * 2.0**shift).astype(np.int64)
     fill = (0, -len(c) % _ANGLES)
-    return Tables(
+    return LineTables(
         np.pad(c, fill).astype(np.int32),
         np.pad(s, fill).astype(np.int32),
         np.pad((middle - x * c - y * s) * parts, fill),

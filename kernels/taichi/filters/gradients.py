@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes.filters import Outside
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._polar import gradient_angle, squared_magnitude
 from cvkern.kernels.taichi._rounding import root
@@ -17,15 +18,13 @@ def differentiate(
     src: np.ndarray,
     smooth: np.ndarray,
     slope: np.ndarray,
-    border: int,
-    cval: float,
-    cval_smooth: float,
-    cval_slope: float,
+    outside: Outside,
     dy: np.ndarray,
     dx: np.ndarray,
 ) -> None:
     """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
     planes = (1, *src.shape)
+    border, cval, cval_smooth, cval_slope = outside
     down = scratch(planes, np.float32)
     correlate_down(src.reshape(planes), slope, border, cval, 0, down)
     correlate_along(down, smooth, 1, border, cval_slope, 0, dy.reshape(planes))
@@ -52,17 +51,14 @@ def differentiate_polar(
     src: np.ndarray,
     smooth: np.ndarray,
     slope: np.ndarray,
-    border: int,
-    cval: float,
-    cval_smooth: float,
-    cval_slope: float,
+    outside: Outside,
     dy: np.ndarray,
     dx: np.ndarray,
     magnitude: np.ndarray,
     orientation: np.ndarray,
 ) -> None:
     """Differentiate, and give the length and the angle of each (dy, dx) as well."""
-    differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, dy, dx)
+    differentiate(src, smooth, slope, outside, dy, dx)
     _polar(dy.reshape(-1), dx.reshape(-1), 0, magnitude.reshape(-1), orientation.reshape(-1))
 
 

@@ -1,307 +1,68 @@
 """Edges on the CPU: one thread a slab of rows, a row at a time.
 
-What is done to each pixel of a row is C (`wp.func_native`), because it becomes vector code as it
-stands. In Warp's own language a loop over pixels stays scalar, and a vector of lanes whose elements
-are chosen one by one goes through memory: both were measured at two to five times the time.
-_masks_cuda.py has the same rules in Warp.
+Sobel's kernels are [1 2 1] across and [-1 0 1] along. A pixel is thinned away unless it is a
+maximum along the gradient, and states say which of the thresholds it is above (Canny, "A
+computational approach to edge detection", TPAMI 1986). Derivatives and their lengths are made of
+vectors of pixels; to thin chooses among neighbours, and to flood needs a stack: both are native.
 """
+
+from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.codes.edges import SECTOR_HIGH, SECTOR_LOW, SECTOR_ONE, Edge, Thinning
+from cvkern.kernels.codes.edges import SECTOR_HIGH, SECTOR_LOW, SECTOR_ONE, Edge, Norm, Thinning
+from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._borders import border_index
+from cvkern.kernels.warp._lanes_cpu import WIDE, f32_wide
 
 # Without fused multiply-add a gradient has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 # Scratch of each slab is lines of W + 2 floats: pixel x stands at x + 1, between margins of one.
-# Of rows y - 1, y and y + 1 a slab holds row r in line r mod 3.
+# Of rows y - 1, y and y + 1 a slab holds row r in line r mod 3 of the derivatives and measures.
+SUMS = wp.constant(0)
+DIFFERENCES = wp.constant(1)
+DOWN = wp.constant(2)
+ALONG = wp.constant(5)
+MEASURES = wp.constant(8)
+LINES = 11  # lines of a slab that differentiates
+MEASURE_LINES = 3  # lines of a slab that is given the derivatives
+u8_wide = wp.types.vector(WIDE, wp.uint8)
 
 
-@wp.func_native("""
-    // Weights 1 2 1 and -1 0 1 down each column of the row.
-    #pragma clang fp contract(off)
-    const int columns = src.shape[1], pitch = sums.shape[1];
-    const unsigned char* b = src.data + (size_t)y * columns;
-    const unsigned char* a = above < 0 ? b : src.data + (size_t)above * columns;
-    const unsigned char* c = below < 0 ? b : src.data + (size_t)below * columns;
-    float* __restrict__ sum = sums.data + (size_t)slab * pitch + 1;
-    float* __restrict__ difference = differences.data + (size_t)slab * pitch + 1;
-    #pragma clang loop vectorize(assume_safety)
-    for (int x = 0; x < columns; ++x) {
-        const float over = a[x], here = b[x], under = c[x];
-        const float up = above < 0 ? cval : over, down = below < 0 ? cval : under;
-        sum[x] = up + here + here + down;
-        difference[x] = down - up;
-    }
-""")
-def sobel_columns(
-    src: wp.array2d[wp.uint8],
-    y: int,
-    above: int,
-    below: int,
-    cval: float,
-    slab: int,
-    sums: wp.array2d[float],
-    differences: wp.array2d[float],
-): ...
+def _thin_row(interpolated: bool) -> Any:
+    """Return the function that thins a row by one of the rules."""
+
+    @_native.func_native(
+        "_masks_cpu.h",
+        INTERPOLATED=int(interpolated),
+        SECTOR_ONE=SECTOR_ONE,
+        SECTOR_LOW=SECTOR_LOW,
+        SECTOR_HIGH=SECTOR_HIGH,
+    )
+    def thin_row(
+        y: int,
+        dy: wp.array2d[f32_wide],
+        dy_row: int,
+        dx: wp.array2d[f32_wide],
+        dx_row: int,
+        margin: int,
+        lines: wp.array2d[f32_wide],
+        first: int,
+        norm: int,
+        low: float,
+        high: float,
+        states: wp.array2d[wp.uint8],
+    ): ...
+
+    return thin_row
 
 
-@wp.func_native("""
-    // Weights -1 0 1 and 1 2 1 along the row of the sums and the differences.
-    #pragma clang fp contract(off)
-    const int pitch = sums.shape[1];
-    const float* sum = sums.data + (size_t)slab * pitch + 1;
-    const float* difference = differences.data + (size_t)slab * pitch + 1;
-    float* __restrict__ down = dy.data + (size_t)line * pitch + 1;
-    float* __restrict__ along = dx.data + (size_t)line * pitch + 1;
-    #pragma clang loop vectorize(assume_safety)
-    for (int x = 0; x < pitch - 2; ++x) {
-        down[x] = difference[x - 1] + difference[x] + difference[x] + difference[x + 1];
-        along[x] = sum[x + 1] - sum[x - 1];
-    }
-""")
-def sobel_row(
-    slab: int,
-    sums: wp.array2d[float],
-    differences: wp.array2d[float],
-    line: int,
-    dy: wp.array2d[float],
-    dx: wp.array2d[float],
-): ...
+thin_in_sectors = _thin_row(False)
+thin_between = _thin_row(True)
 
 
-@wp.func_native("""
-    // What neighbours are compared by; 0 in the margins, outside the image. Norm.L1 is 0.
-    #pragma clang fp contract(off)
-    const int pitch = measures.shape[1];
-    const float* down = dy.data + (size_t)row * dy.shape[1] + margin;
-    const float* along = dx.data + (size_t)row * dx.shape[1] + margin;
-    float* __restrict__ m = measures.data + (size_t)line * pitch + 1;
-    #pragma clang loop vectorize(assume_safety)
-    for (int x = 0; x < pitch - 2; ++x) {
-        const float l1 = __builtin_fabsf(along[x]) + __builtin_fabsf(down[x]);
-        const float square = along[x] * along[x] + down[x] * down[x];
-        m[x] = norm == 0 ? l1 : root ? wp::sqrt(square) : square;
-    }
-    m[-1] = m[pitch - 2] = 0.0f;
-""")
-def measure_row(
-    row: int,
-    margin: int,
-    dy: wp.array2d[float],
-    dx: wp.array2d[float],
-    norm: int,
-    root: bool,
-    line: int,
-    measures: wp.array2d[float],
-): ...
-
-
-# The rule of _thinning_cuda.py; the letters are those of a compass. All neighbours are read, or the
-# choice among them would keep the loop from vector code.
-_THIN = """
-    #pragma clang fp contract(off)
-    const int pitch = measures.shape[1], columns = pitch - 2;
-    const float* down = dy.data + (size_t)row * dy.shape[1] + margin;
-    const float* along = dx.data + (size_t)row * dx.shape[1] + margin;
-    const float* above = measures.data + (size_t)(3 * slab + (y + 2) % 3) * pitch + 1;
-    const float* here = measures.data + (size_t)(3 * slab + y % 3) * pitch + 1;
-    const float* below = measures.data + (size_t)(3 * slab + (y + 1) % 3) * pitch + 1;
-    unsigned char* __restrict__ state = states.data + (size_t)y * columns;
-    const float least = LEAST;  // at most what a pixel above `low` is compared by
-    for (int begin = 0; begin < columns; begin += 64) {
-    const int end = begin + 64 < columns ? begin + 64 : columns;
-    int found = 0;  // nothing in most of a photograph
-    for (int x = begin; x < end; ++x) found |= here[x] > least;
-    if (!found) {
-        for (int x = begin; x < end; ++x) state[x] = 0;
-        continue;
-    }
-    #pragma clang loop vectorize(assume_safety)
-    for (int x = begin; x < end; ++x) {
-        const float nw = above[x - 1], n = above[x], ne = above[x + 1];
-        const float w = here[x - 1], c = here[x], e = here[x + 1];
-        const float sw = below[x - 1], s = below[x], se = below[x + 1];
-        const float ax = __builtin_fabsf(along[x]), ay = __builtin_fabsf(down[x]);
-        const bool opposite = (along[x] < 0.0f) != (down[x] < 0.0f);
-        RULE
-        const float m = norm == 0 ? ax + ay : along[x] * along[x] + down[x] * down[x];
-        state[x] = (kept & (m > low)) ? 1 + (m > high) : 0;
-    }
-    }
-"""
-
-_IN_SECTOR = f"""
-        const float steep = ay * {SECTOR_ONE}f;
-        const bool across = steep < ax * {SECTOR_LOW}f, downward = steep > ax * {SECTOR_HIGH}f;
-        const float back = across ? w : downward ? n : opposite ? ne : nw;
-        const float ahead = across ? e : downward ? s : opposite ? sw : se;
-        const bool kept = (c > back) & ((c > ahead) | ((across | downward) & (c == ahead)));
-"""
-
-_BETWEEN = """
-        const bool downward = ay > ax;
-        const float large = downward ? ay : ax, small = downward ? ax : ay, rest = large - small;
-        const float corner_back = opposite ? (downward ? ne : sw) : nw;
-        const float corner_ahead = opposite ? (downward ? sw : ne) : se;
-        const float back = (downward ? n : w) * rest + corner_back * small;
-        const float ahead = (downward ? s : e) * rest + corner_ahead * small;
-        const bool kept = (c * large > back) & (c * large >= ahead);
-"""
-
-
-@wp.func_native(_THIN.replace("RULE", _IN_SECTOR).replace("LEAST", "low"))
-def thin_in_sectors(
-    slab: int,
-    y: int,
-    row: int,
-    margin: int,
-    dy: wp.array2d[float],
-    dx: wp.array2d[float],
-    measures: wp.array2d[float],
-    norm: int,
-    low: float,
-    high: float,
-    states: wp.array2d[wp.uint8],
-): ...
-
-
-# Rounding a root keeps order, but may make two one: hence not the root of `low` itself.
-@wp.func_native(
-    _THIN.replace("RULE", _BETWEEN).replace("LEAST", "norm == 0 ? low : 0.999f * wp::sqrt(low)")
-)
-def thin_between(
-    slab: int,
-    y: int,
-    row: int,
-    margin: int,
-    dy: wp.array2d[float],
-    dx: wp.array2d[float],
-    measures: wp.array2d[float],
-    norm: int,
-    low: float,
-    high: float,
-    states: wp.array2d[wp.uint8],
-): ...
-
-
-@wp.func
-def clear(line: int, lines: wp.array2d[float]):
-    """Outside the image there is no gradient."""
-    for x in range(lines.shape[1]):
-        lines[line, x] = 0.0
-
-
-@wp.kernel
-def thin_sobel(
-    slab: int,
-    first: int,
-    last: int,
-    src: wp.array2d[wp.uint8],  # (H, W)
-    border: int,
-    cval: float,
-    norm: int,
-    low: float,
-    high: float,
-    # scratch
-    sums: wp.array2d[float],  # (slabs, W + 2)
-    differences: wp.array2d[float],  # (slabs, W + 2)
-    dy: wp.array2d[float],  # (3 slabs, W + 2)
-    dx: wp.array2d[float],  # (3 slabs, W + 2)
-    measures: wp.array2d[float],  # (3 slabs, W + 2)
-    # outputs
-    states: wp.array2d[wp.uint8],  # (H, W)
-):
-    height = src.shape[0]
-    columns = src.shape[1]
-    for y in range(first - 1, last + 1):
-        line = 3 * slab + (y + 3) % 3
-        if y < 0 or y >= height:
-            clear(line, measures)
-        else:
-            above = border_index(y - 1, height, border)
-            below = border_index(y + 1, height, border)
-            sobel_columns(src, y, above, below, cval, slab, sums, differences)
-            for side in range(2):
-                x = wp.where(side == 0, -1, columns)
-                inside = border_index(x, columns, border)
-                sums[slab, x + 1] = wp.where(
-                    inside < 0, 4.0 * cval, sums[slab, wp.max(inside, 0) + 1]
-                )
-                differences[slab, x + 1] = wp.where(
-                    inside < 0, 0.0, differences[slab, wp.max(inside, 0) + 1]
-                )
-            sobel_row(slab, sums, differences, line, dy, dx)
-            measure_row(line, 1, dy, dx, norm, False, line, measures)
-        if y > first:
-            row = 3 * slab + (y + 2) % 3
-            thin_in_sectors(slab, y - 1, row, 1, dy, dx, measures, norm, low, high, states)
-
-
-@wp.kernel
-def thin(
-    slab: int,
-    first: int,
-    last: int,
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
-    norm: int,
-    rule: int,
-    low: float,
-    high: float,
-    # scratch
-    measures: wp.array2d[float],  # (3 slabs, W + 2)
-    # outputs
-    states: wp.array2d[wp.uint8],  # (H, W)
-):
-    for y in range(first - 1, last + 1):
-        line = 3 * slab + (y + 3) % 3
-        if y < 0 or y >= dy.shape[0]:
-            clear(line, measures)
-        else:
-            measure_row(y, 0, dy, dx, norm, rule == Thinning.INTERPOLATED, line, measures)
-        if y > first:
-            if rule == Thinning.SECTORS:
-                thin_in_sectors(slab, y - 1, y - 1, 0, dy, dx, measures, norm, low, high, states)
-            else:
-                thin_between(slab, y - 1, y - 1, 0, dy, dx, measures, norm, low, high, states)
-
-
-@wp.func_native("""
-    // Keep all that is 8-connected, between pixels start and stop, with a pixel from first to last
-    // whose state is at least `least`.
-    const unsigned char* state = states.data;
-    unsigned char* kept = mask.data;
-    wp::vec_t<2, int>* const bottom = stack.data + room;  // of pixels and their columns
-    for (int i = first; i < last; ++i) {
-        unsigned long long eight = 0;
-        while (i + 8 <= last) {  // pass over what has no such state
-            __builtin_memcpy(&eight, state + i, 8);
-            if (eight & (least == 2 ? 0x0202020202020202ull : 0x0303030303030303ull)) break;
-            i += 8;
-        }
-        if (i == last) break;
-        if (state[i] < least || kept[i]) continue;
-        wp::vec_t<2, int>* top = bottom;
-        kept[i] = 1;
-        *top++ = wp::vec_t<2, int>(i, i % width);
-        while (top > bottom) {
-            const wp::vec_t<2, int> pixel = *--top;
-            const int x = pixel[1], left = x > 0 ? -1 : 0, right = x + 1 < width ? 1 : 0;
-            for (int row = pixel[0] - width; row <= pixel[0] + width; row += width) {
-                if (row - x < start || row - x >= stop) continue;
-                for (int dx = left; dx <= right; ++dx) {
-                    // Without a branch, which nothing could predict.
-                    const unsigned char next = (state[row + dx] != 0) & (kept[row + dx] == 0);
-                    kept[row + dx] |= next;
-                    *top = wp::vec_t<2, int>(row + dx, x + dx);
-                    top += next;
-                }
-            }
-        }
-    }
-""")
+@_native.func_native("_masks_cpu.h")
 def flood(
     first: int,
     last: int,
@@ -313,13 +74,155 @@ def flood(
     room: int,
     stack: wp.array[wp.vec2i],
     mask: wp.array[wp.uint8],
-): ...
+):
+    """Keep what is connected with pixels of at least a state."""
 
 
-@wp.func_native("""
-    __builtin_memset(mask.data + start, 0, stop - start);
-""")
-def forget(start: int, stop: int, mask: wp.array[wp.uint8]): ...
+@wp.func_native("__builtin_memset(mask.data + start, 0, stop - start);")
+def forget(start: int, stop: int, mask: wp.array[wp.uint8]):
+    """Set pixels from `start` to `stop` to 0."""
+
+
+@wp.func
+def as_floats(pixels: u8_wide) -> f32_wide:
+    """Return the same values as floats."""
+    v = f32_wide()
+    for k in range(WIDE):
+        v[k] = float(pixels[k])
+    return v
+
+
+@wp.func
+def measured(dy: f32_wide, dx: f32_wide, norm: int, root: bool) -> f32_wide:
+    """Return what neighbours are compared by."""
+    m = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy)
+    if norm == Norm.L1:
+        for k in range(WIDE):
+            m[k] = wp.abs(dx[k]) + wp.abs(dy[k])
+    elif root:
+        for k in range(WIDE):
+            m[k] = wp.sqrt(m[k])
+    return m
+
+
+@wp.func
+def clear(line: int, lines: wp.array2d[float]):
+    """Outside the image there is no gradient."""
+    for x in range(lines.shape[1]):
+        lines[line, x] = 0.0
+
+
+@wp.func
+def close(line: int, columns: int, lines: wp.array2d[float]):
+    """There is none beside a row either."""
+    lines[line, 0] = 0.0
+    lines[line, columns + 1] = 0.0
+
+
+@wp.kernel
+def thin_sobel(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array2d[u8_wide],  # (H, N - 63)
+    border: int,
+    cval: float,
+    norm: int,
+    low: float,
+    high: float,
+    # scratch
+    lines: wp.array2d[float],  # (LINES slabs, N + 2)
+    wide: wp.array2d[f32_wide],  # (LINES slabs, N + 2 - 63): the same
+    # outputs
+    states: wp.array2d[wp.uint8],  # (H, W)
+):
+    height = states.shape[0]
+    columns = states.shape[1]
+    behind = src.shape[1] - 1  # where the last vector of a row begins
+    sums = LINES * slab + SUMS
+    differences = LINES * slab + DIFFERENCES
+    measures = LINES * slab + MEASURES
+    for y in range(first - 1, last + 1):
+        third = (y + 3) % 3
+        if y < 0 or y >= height:
+            clear(measures + third, lines)
+        else:
+            above = border_index(y - 1, height, border)
+            below = border_index(y + 1, height, border)
+            for begin in range(0, behind + WIDE, WIDE):
+                x = wp.min(begin, behind)
+                over = f32_wide(cval)
+                under = f32_wide(cval)
+                if above >= 0:
+                    over = as_floats(src[above, x])
+                if below >= 0:
+                    under = as_floats(src[below, x])
+                here = as_floats(src[y, x])
+                wide[sums, x + 1] = over + here + here + under
+                wide[differences, x + 1] = under - over
+            for side in range(2):
+                x = wp.where(side == 0, -1, columns)
+                inside = border_index(x, columns, border)
+                at = wp.max(inside, 0) + 1
+                lines[sums, x + 1] = wp.where(inside < 0, 4.0 * cval, lines[sums, at])
+                lines[differences, x + 1] = wp.where(inside < 0, 0.0, lines[differences, at])
+            for begin in range(0, behind + WIDE, WIDE):
+                x = wp.min(begin, behind)
+                middle = wide[differences, x + 1]
+                dy = wide[differences, x] + middle + middle + wide[differences, x + 2]
+                dx = wide[sums, x + 2] - wide[sums, x]
+                wide[LINES * slab + DOWN + third, x + 1] = dy
+                wide[LINES * slab + ALONG + third, x + 1] = dx
+                wide[measures + third, x + 1] = measured(dy, dx, norm, False)
+            close(measures + third, columns, lines)
+        if y > first:
+            third = (y + 2) % 3
+            down = LINES * slab + DOWN + third
+            along = LINES * slab + ALONG + third
+            thin_in_sectors(
+                y - 1, wide, down, wide, along, 1, wide, measures, norm, low, high, states
+            )
+
+
+@wp.kernel
+def thin(
+    slab: int,
+    first: int,
+    last: int,
+    dy: wp.array2d[f32_wide],  # (H, N - 63)
+    dx: wp.array2d[f32_wide],  # (H, N - 63)
+    norm: int,
+    rule: int,
+    low: float,
+    high: float,
+    # scratch
+    lines: wp.array2d[float],  # (MEASURE_LINES slabs, N + 2)
+    wide: wp.array2d[f32_wide],  # (MEASURE_LINES slabs, N + 2 - 63): the same
+    # outputs
+    states: wp.array2d[wp.uint8],  # (H, W)
+):
+    columns = states.shape[1]
+    behind = dy.shape[1] - 1
+    measures = MEASURE_LINES * slab
+    for y in range(first - 1, last + 1):
+        line = measures + (y + 3) % 3
+        if y < 0 or y >= states.shape[0]:
+            clear(line, lines)
+        else:
+            for begin in range(0, behind + WIDE, WIDE):
+                x = wp.min(begin, behind)
+                root = rule == Thinning.INTERPOLATED
+                wide[line, x + 1] = measured(dy[y, x], dx[y, x], norm, root)
+            close(line, columns, lines)
+        if y > first:
+            if rule == Thinning.SECTORS:
+                thin_in_sectors(
+                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, states
+                )
+            else:
+                thin_between(
+                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, states
+                )
 
 
 @wp.kernel

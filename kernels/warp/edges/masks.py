@@ -6,6 +6,7 @@ a thread thins a strip of columns, and hysteresis is a union-find over all pixel
 
 import warp as wp
 
+from cvkern.kernels.warp._lanes_cpu import WIDE, f32_wide, padded, vectors
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 
 from . import _masks_cpu as cpu
@@ -24,14 +25,10 @@ def thin_sobel(
             [states],
         )
         return
-    lines = _lines(src, sums=1, differences=1, dy=3, dx=3, measures=3)
-    launch_slabs(
-        cpu.thin_sobel,
-        src.shape[0],
-        slabs(src.shape[0], src.size),
-        [src, border, cval, norm, low, high, *lines],
-        [states],
-    )
+    wide = vectors(padded(src, "thin.src", WIDE), cpu.u8_wide)
+    count = slabs(src.shape[0], src.size)
+    inputs = [wide, border, cval, norm, low, high, *_lines(src, cpu.LINES * count)]
+    launch_slabs(cpu.thin_sobel, src.shape[0], count, inputs, [states])
 
 
 def thin(
@@ -46,13 +43,10 @@ def thin(
             [states],
         )
         return
-    launch_slabs(
-        cpu.thin,
-        dy.shape[0],
-        slabs(dy.shape[0], dy.size),
-        [dy, dx, norm, rule, low, high, *_lines(dy, measures=3)],
-        [states],
-    )
+    wide = [vectors(padded(a, f"thin.{i}", WIDE), f32_wide) for i, a in enumerate((dy, dx))]
+    count = slabs(dy.shape[0], dy.size)
+    inputs = [*wide, norm, rule, low, high, *_lines(dy, cpu.MEASURE_LINES * count)]
+    launch_slabs(cpu.thin, dy.shape[0], count, inputs, [states])
 
 
 def hysteresis(states: wp.array, mask: wp.array) -> None:
@@ -92,11 +86,8 @@ def _words(*flats: wp.array) -> list[wp.array]:
     return [view(a, wp.uint64, (count,)) for a in flats]
 
 
-def _lines(image: wp.array, **counts: int) -> list[wp.array]:
-    """Scratch lines for each slab of `image`, with a margin of one pixel."""
-    height, width = image.shape
-    count = slabs(height, image.size)
-    return [
-        scratch(f"thin.{name}", (n * count, width + 2), wp.float32, image.device)
-        for name, n in counts.items()
-    ]
+def _lines(image: wp.array, count: int) -> list[wp.array]:
+    """Scratch lines of the image's width with a margin of one pixel, as floats and as vectors."""
+    shape = (count, max(image.shape[1], WIDE) + 2)
+    lines = scratch("thin.lines", shape, wp.float32, image.device)
+    return [lines, vectors(lines, f32_wide)]

@@ -1,15 +1,94 @@
-"""Sub-pixel edge points, in Warp."""
+"""Sub-pixel edge points, in Warp: one thread a row.
+
+Across a blurred straight step the gradient is a Gaussian, along either axis. Its logarithm is a
+parabola, and the edge is where that has its top: with a, b and c the logarithms before, at and
+behind a pixel, ``(a - c) / (2 (a - 2 b + c))`` from it. Two passes: the points of each row are
+counted, and then listed from the row's place on.
+"""
 
 import warp as wp
 
+from cvkern.kernels.warp._angles import atan2
 from cvkern.kernels.warp._launch import launch
 
-from . import _subpixel as edge_points
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.func
+def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
+    """Squared gradient length at (y, x), 0 outside the image."""
+    if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
+        return 0.0
+    return dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]
+
+
+@wp.func
+def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.vec3:
+    """Squared lengths before, at and behind (y, x) along the axis of the larger derivative."""
+    down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1, 0)
+    across = 1 - down
+    return wp.vec3(
+        _squared(dy, dx, y - down, x - across),
+        _squared(dy, dx, y, x),
+        _squared(dy, dx, y + down, x + across),
+    )
+
+
+@wp.func
+def _is_peak(m: wp.vec3) -> bool:
+    """Tell whether a parabola through the logarithms of `m` has its top at the middle."""
+    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0
+
+
+@wp.kernel
+def _count_edges(
+    dy: wp.array2d[float],  # (H, W)
+    dx: wp.array2d[float],  # (H, W)
+    mask: wp.array2d[wp.uint8],  # (H, W)
+    # outputs
+    counts: wp.array[int],  # (H,)
+):
+    y = wp.tid()
+    count = int(0)
+    for x in range(mask.shape[1]):
+        if mask[y, x] != wp.uint8(0):
+            if _is_peak(_three(dy, dx, y, x)):
+                count += 1
+    counts[y] = count
+
+
+@wp.kernel
+def _gather_edges(
+    dy: wp.array2d[float],  # (H, W)
+    dx: wp.array2d[float],  # (H, W)
+    mask: wp.array2d[wp.uint8],  # (H, W)
+    starts: wp.array[int],  # (H,)
+    # outputs
+    points: wp.array2d[float],  # (N, 2)
+    orientation: wp.array[float],  # (N,)
+    strength: wp.array[float],  # (N,)
+):
+    y = wp.tid()
+    i = starts[y]
+    for x in range(mask.shape[1]):
+        if mask[y, x] != wp.uint8(0):
+            m = _three(dy, dx, y, x)
+            if _is_peak(m):
+                a = wp.log(m[0])
+                b = wp.log(m[1])
+                c = wp.log(m[2])
+                offset = 0.5 * (a - c) / (a - 2.0 * b + c)
+                down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1.0, 0.0)
+                points[i, 0] = float(y) + down * offset
+                points[i, 1] = float(x) + (1.0 - down) * offset
+                orientation[i] = atan2(dy[y, x], dx[y, x])
+                strength[i] = wp.sqrt(m[1])
+                i += 1
 
 
 def count_edges(dy: wp.array, dx: wp.array, mask: wp.array, counts: wp.array) -> None:
-    """Count the sub-pixel edge points of each row; one thread a row."""
-    launch(edge_points.count_edges, mask.shape[0], [dy, dx, mask], [counts])
+    """Count the sub-pixel edge points of each row."""
+    launch(_count_edges, mask.shape[0], [dy, dx, mask], [counts])
 
 
 def gather_edges(
@@ -21,9 +100,9 @@ def gather_edges(
     orientation: wp.array,
     strength: wp.array,
 ) -> None:
-    """Locate the edge points of each row, from its place in `starts` on; one thread a row."""
+    """Locate the edge points of each row, from its place in `starts` on."""
     launch(
-        edge_points.gather_edges,
+        _gather_edges,
         mask.shape[0],
         [dy, dx, mask, starts],
         [points, orientation, strength],

@@ -1,14 +1,57 @@
-"""Gradients on the CPU, a vector of pixels at a time."""
+"""Gradients on the CPU: one thread a slab of rows, a vector of pixels at a time.
+
+A derivative is smoothed in one direction and differenced in the other. The rows round a row are
+read once for both derivatives, into two lines of scratch, which are then correlated along.
+"""
+
+from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.warp._angles import polar_row
+from cvkern.kernels.warp._angles import atan2
 from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, f32_lanes, f32_wide
 
-from ._separable_cpu import both_down, fill_margins, sum_along
+from ._separable_cpu import Lines, both_down, fill_margins, sum_along
 
 # Without fused multiply-add a sum has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.struct
+class Outside:
+    """Where the outside begins, and what is there; see `codes.filters.Outside`."""
+
+    columns: int  # W <= N
+    border: int
+    cval: float
+    smooth: float
+    slope: float
+
+
+def outside_of(columns: int, given: Any) -> Any:
+    """Return the structure of an `Outside`."""
+    made = Outside()
+    made.columns = columns
+    made.border, made.cval, made.smooth, made.slope = given
+    return made
+
+
+@wp.func
+def lengths(dy: f32_wide, dx: f32_wide) -> f32_wide:
+    """Return ``sqrt(dx^2 + dy^2)``."""
+    squares = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy)
+    for k in range(WIDE):
+        squares[k] = wp.sqrt(squares[k])
+    return squares
+
+
+@wp.func
+def angles(dy: f32_wide, dx: f32_wide) -> f32_wide:
+    """Return the angle of each (dx, dy)."""
+    turned = f32_wide()
+    for k in range(WIDE):
+        turned[k] = atan2(dy[k], dx[k])
+    return turned
 
 
 @wp.kernel
@@ -16,55 +59,42 @@ def differentiate(
     slab: int,
     first: int,
     last: int,
-    src: wp.array2d[f32_lanes],  # (H, N)
-    stored: int,  # N
-    columns: int,  # W <= N
+    src: wp.array2d[f32_lanes],  # (H, N - 31)
     smooth: wp.array[float],  # (2 r + 1,)
     slope: wp.array[float],  # (2 r + 1,)
-    border: int,
-    cval: float,
-    cval_smooth: float,
-    cval_slope: float,
+    outside: Outside,
     # scratch
-    smoothed: wp.array2d[float],  # (slabs, r + N + r)
-    smoothed_lanes: wp.array2d[f32_lanes],
-    smoothed_wide: wp.array2d[f32_wide],
-    sloped: wp.array2d[float],  # (slabs, r + N + r)
-    sloped_lanes: wp.array2d[f32_lanes],
-    sloped_wide: wp.array2d[f32_wide],
+    lines: Lines,  # (2 slabs, r + N + r): rows that are smoothed, and rows of differences
     # outputs
-    dy: wp.array2d[f32_wide],  # (H, N)
-    dx: wp.array2d[f32_wide],  # (H, N)
-    dy_rows: wp.array2d[float],  # the same
-    dx_rows: wp.array2d[float],
-    magnitude: wp.array2d[float],  # (H, N), or None
-    orientation: wp.array2d[float],  # (H, N), or None
+    dy: wp.array2d[f32_wide],  # (H, N - 63)
+    dx: wp.array2d[f32_wide],
+    magnitude: wp.array2d[f32_wide],  # or None
+    orientation: wp.array2d[f32_wide],  # or None
 ):
+    stored = dy.shape[1] + WIDE - 1
     margin = smooth.shape[0] // 2
+    smoothed = 2 * slab
+    sloped = 2 * slab + 1
     for y in range(first, last):
         for lane in range((stored + LANES - 1) // LANES):
             x = wp.min(lane * LANES, stored - LANES)
             both_down(
-                src,
-                y,
-                x,
-                margin + x,
-                slab,
-                smooth,
-                slope,
-                border,
-                cval,
-                smoothed_lanes,
-                sloped_lanes,
-            )
-        fill_margins(smoothed, slab, margin, columns, 1, border, cval_smooth)
-        fill_margins(sloped, slab, margin, columns, 1, border, cval_slope)
+                src, y, x, smooth, slope, outside.border, outside.cval, lines.lanes,
+                smoothed, margin + x,
+            )  # fmt: skip
+        columns = outside.columns
+        border = outside.border
+        fill_margins(lines.values, smoothed, margin, columns, 1, border, outside.smooth)
+        fill_margins(lines.values, sloped, margin, columns, 1, border, outside.slope)
         for lane in range((stored + WIDE - 1) // WIDE):
             x = wp.min(lane * WIDE, stored - WIDE)
-            dy[y, x] = sum_along(sloped_wide, slab, x, 1, smooth)
-            dx[y, x] = sum_along(smoothed_wide, slab, x, 1, slope)
-        if magnitude:
-            polar_row(y, dy_rows, dx_rows, magnitude, orientation)
+            down = sum_along(lines.wide, sloped, x, 1, smooth)
+            along = sum_along(lines.wide, smoothed, x, 1, slope)
+            dy[y, x] = down
+            dx[y, x] = along
+            if magnitude:
+                magnitude[y, x] = lengths(down, along)
+                orientation[y, x] = angles(down, along)
 
 
 @wp.kernel

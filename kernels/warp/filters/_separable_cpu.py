@@ -1,12 +1,35 @@
-"""The two passes of a separable filter over lanes, shared by the CPU kernels of several families.
+"""The two passes of a separable filter over lanes, shared by the CPU kernels of linear filters.
 
 A line of scratch holds one row between the passes; pixel 0 stands at element `margin`.
 """
 
+from typing import Any
+
 import warp as wp
 
 from cvkern.kernels.warp._borders import border_index
-from cvkern.kernels.warp._lanes_cpu import f32_lanes, f32_wide
+from cvkern.kernels.warp._lanes_cpu import f32_lanes, f32_wide, vectors
+from cvkern.kernels.warp._launch import scratch
+
+
+@wp.struct
+class Lines:
+    """Lines of scratch, as floats and as vectors that start at each of them."""
+
+    values: wp.array2d[float]
+    lanes: wp.array2d[f32_lanes]
+    wide: wp.array2d[f32_wide]
+
+
+def lines(name: str, shape: tuple[int, int], device: Any) -> Any:
+    """Return scratch memory as lines."""
+    values = scratch(name, shape, wp.float32, device)
+    made = values.__dict__.get("lines")
+    if made is None:
+        made = values.__dict__["lines"] = Lines()
+        made.values = values
+        made.lanes, made.wide = vectors(values, f32_lanes), vectors(values, f32_wide)
+    return made
 
 
 @wp.func
@@ -40,7 +63,7 @@ def sum_down(
 @wp.func
 def pair_down(
     src: wp.array2d[f32_lanes],  # (P H, N)
-    row: int,  # of the array
+    row: int,  # row of the array
     x: int,
     taps: wp.array[float],
     # outputs
@@ -65,18 +88,17 @@ def pair_down(
 
 @wp.func
 def both_down(
-    src: wp.array2d[f32_lanes],  # (H, N)
+    src: wp.array2d[f32_lanes],  # (H, N - 31)
     y: int,
     x: int,
-    at: int,
-    slab: int,
     smooth: wp.array[float],
     slope: wp.array[float],
     border: int,
     cval: float,
     # outputs
-    smoothed: wp.array2d[f32_lanes],
-    sloped: wp.array2d[f32_lanes],
+    line: wp.array2d[f32_lanes],
+    first_line: int,
+    at: int,
 ):
     """Weigh the rows round row `y` by two kernels of one length: each row is read once for both."""
     n = smooth.shape[0]
@@ -96,8 +118,8 @@ def both_down(
                 v = src[i, x]
             a += smooth[t] * v
             b += slope[t] * v
-    smoothed[slab, at] = a
-    sloped[slab, at] = b
+    line[first_line, at] = a
+    line[first_line + 1, at] = b
 
 
 @wp.func

@@ -2,37 +2,33 @@
 
 import warp as wp
 
+from cvkern.kernels.codes.filters import Outside
 from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, f32_lanes, f32_wide, padded, unpad, vectors
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 
 from . import _gradients_cpu as cpu
 from . import _gradients_cuda as cuda
 from . import _linear_cuda as filter_cuda
+from ._separable_cpu import lines
 
 
 def differentiate(
     src: wp.array,
     smooth: wp.array,
     slope: wp.array,
-    border: int,
-    cval: float,
-    cval_smooth: float,
-    cval_slope: float,
+    outside: Outside,
     dy: wp.array,
     dx: wp.array,
 ) -> None:
     """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
-    _differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, [dy, dx])
+    _differentiate(src, smooth, slope, outside, [dy, dx])
 
 
 def differentiate_polar(
     src: wp.array,
     smooth: wp.array,
     slope: wp.array,
-    border: int,
-    cval: float,
-    cval_smooth: float,
-    cval_slope: float,
+    outside: Outside,
     dy: wp.array,
     dx: wp.array,
     magnitude: wp.array,
@@ -40,17 +36,14 @@ def differentiate_polar(
 ) -> None:
     """Differentiate, and give the length and the angle of each (dy, dx) as well."""
     outputs = [dy, dx, magnitude, orientation]
-    _differentiate(src, smooth, slope, border, cval, cval_smooth, cval_slope, outputs)
+    _differentiate(src, smooth, slope, outside, outputs)
 
 
 def _differentiate(
     src: wp.array,
     smooth: wp.array,
     slope: wp.array,
-    border: int,
-    cval: float,
-    cval_smooth: float,
-    cval_slope: float,
+    outside: Outside,
     outputs: list[wp.array],
 ) -> None:
     """Fill dy and dx, and magnitude and orientation where they are given."""
@@ -59,6 +52,7 @@ def _differentiate(
         planes = (1, *src.shape)
         middle = scratch("differentiate.middle", planes, wp.float32, src.device)
         image, dy, dx = (view(a, wp.float32, planes) for a in (src, *outputs[:2]))
+        border, cval, cval_smooth, cval_slope = outside
         filter_cuda.correlate_columns(image, slope, border, cval, middle)
         filter_cuda.correlate_rows(middle, smooth, 1, border, cval_slope, dy)
         filter_cuda.correlate_columns(image, smooth, border, cval, middle)
@@ -71,32 +65,15 @@ def _differentiate(
     wide_src = padded(src, "differentiate.src", WIDE)
     wide = [padded(a, f"differentiate.{i}", WIDE) for i, a in enumerate(outputs)]
     count = slabs(height, src.size)
-    stored = wide_src.shape[1]
-    line = (count, stored + smooth.shape[0] - 1)
-    smoothed = scratch("differentiate.smoothed", line, wp.float32, src.device)
-    sloped = scratch("differentiate.sloped", line, wp.float32, src.device)
+    shape = (2 * count, wide_src.shape[1] + smooth.shape[0] - 1)
+    line = lines("differentiate.line", shape, src.device)
+    wide_outputs = [vectors(a, f32_wide) for a in wide]
     launch_slabs(
         cpu.differentiate,
         height,
         count,
-        [
-            vectors(wide_src, f32_lanes),
-            stored,
-            columns,
-            smooth,
-            slope,
-            border,
-            cval,
-            cval_smooth,
-            cval_slope,
-            smoothed,
-            vectors(smoothed, f32_lanes),
-            vectors(smoothed, f32_wide),
-            sloped,
-            vectors(sloped, f32_lanes),
-            vectors(sloped, f32_wide),
-        ],
-        [*(vectors(a, f32_wide) for a in wide[:2]), *(wide if polar else [*wide, None, None])],
+        [vectors(wide_src, f32_lanes), smooth, slope, cpu.outside_of(columns, outside), line],
+        wide_outputs if polar else [*wide_outputs, None, None],
     )
     for a, b in zip(wide, outputs, strict=True):
         unpad(a, b)

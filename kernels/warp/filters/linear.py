@@ -7,6 +7,7 @@ from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs, view
 
 from . import _linear_cpu as cpu
 from . import _linear_cuda as cuda
+from ._separable_cpu import lines
 
 
 def correlate_separable(
@@ -26,31 +27,18 @@ def correlate_separable(
         cuda.correlate_columns(src, taps_y, border, cval, middle)
         cuda.correlate_rows(middle, taps_x, step, border, cval, dst)
         return
-    src, dst = (view(a, wp.float32, (rows, columns)) for a in (src, dst))
-    wide_src, wide_dst = (padded(a, f"correlate.{i}", WIDE) for i, a in enumerate((src, dst)))
+    flat = [view(a, wp.float32, (rows, columns)) for a in (src, dst)]
+    wide_src, wide_dst = (padded(a, f"correlate.{i}", WIDE) for i, a in enumerate(flat))
+    stored = wide_dst.shape[1]
     count = slabs(rows, src.size)
-    margin = taps_x.shape[0] // 2 * step
-    line = scratch(
-        "correlate.line", (2 * count, wide_src.shape[1] + 2 * margin), wp.float32, dst.device
+    line = lines(
+        "correlate.line", (2 * count, stored + taps_x.shape[0] // 2 * step * 2), dst.device
     )
     launch_slabs(
         cpu.correlate_separable,
         rows,
         count,
-        [
-            vectors(wide_src, f32_lanes),
-            wide_src.shape[1],
-            height,
-            columns,
-            taps_y,
-            taps_x,
-            step,
-            border,
-            cval,
-            line,
-            vectors(line, f32_lanes),
-            vectors(line, f32_wide),
-        ],
-        [vectors(wide_dst, f32_wide)],
+        [vectors(wide_src, f32_lanes), columns, taps_y, taps_x, step, border, cval, line],
+        [vectors(view(wide_dst, wp.float32, (planes, height, stored)), f32_wide)],
     )
-    unpad(wide_dst, dst)
+    unpad(wide_dst, flat[1])

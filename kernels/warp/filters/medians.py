@@ -1,7 +1,11 @@
-"""Rank filters in Warp."""
+"""Rank filters in Warp: one thread a slab of rows, or one an element.
+
+Floats are compared as integers: their bits, those of negative ones turned round.
+"""
 
 import warp as wp
 
+from cvkern.kernels.warp._lanes_cpu import WIDE, padded, vectors
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 
 from . import _medians_cpu as cpu
@@ -28,19 +32,18 @@ def median(
             launch(cuda.medians[src.dtype], src.shape, [src, radius, *parameters], [dst])
         return
     planes, height, columns = src.shape
-    flat = (planes * height, columns)
+    rows = planes * height
+    vector = wp.types.vector(WIDE, src.dtype)
+    flat = padded(view(src, src.dtype, (rows, columns)), "median.src", WIDE)
+    stored = flat.shape[1]
+    wide = vectors(view(flat, src.dtype, (planes, height, stored)), vector)
     size = 2 * radius + 1
-    count = slabs(flat[0], src.size * size**2)
+    count = slabs(rows, src.size * size**2)
     # Pixels are taken 64 at a time, whose windows reach so far behind the last of a row.
-    lines = (count * size, columns + 2 * radius * step + 64)
+    lines = (count * size, stored + 2 * radius * step + 64)
     window = scratch("median.window", lines, src.dtype, dst.device)
-    launch_slabs(
-        cpu.medians[src.dtype],
-        flat[0],
-        count,
-        [view(src, src.dtype, flat), height, radius, *parameters, window],
-        [view(dst, dst.dtype, flat)],
-    )
+    inputs = [wide, cpu.options(radius, *parameters), window, vectors(window, vector)]
+    launch_slabs(cpu.medians[src.dtype], rows, count, inputs, [dst])
 
 
 def keys_of_floats(bits: wp.array, keys: wp.array) -> None:

@@ -12,11 +12,3 @@ LAST = wp.constant(DIRECTIONS - 1)
 def direction_code(angle: float) -> int:
     """Return the nearest of DIRECTIONS over the full turn; for modules without `fuse_fp`."""
     return int(wp.floor(angle * FACTOR + 0.5)) & LAST
-
-
-# The same in C: `code` of the expression ANGLE, for text that becomes `wp.func_native`.
-DIRECTION_CODE = f"""
-    const float turned = (ANGLE) * {DIRECTION_FACTOR!r}f + 0.5f;
-    const int toward_zero = (int)turned;
-    const int code = (toward_zero - ((float)toward_zero > turned)) & {DIRECTIONS - 1};
-"""

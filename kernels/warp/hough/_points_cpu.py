@@ -1,19 +1,34 @@
-"""The set pixels of a mask on the CPU: one thread a slab of rows, eight pixels at a time."""
+"""The set pixels of a mask as a list, on the CPU: one thread a slab of rows, 8 pixels at a time.
+
+Two passes: the number of set pixels of each row, added up from the top, says where the points of a
+row stand in the list; then each row writes its own. A word of 64 bits holds eight pixels. With L
+the word whose bytes are 127, the highest bit of each byte of ``(((w & L) + L) | w)`` tells whether
+the byte is not 0, and a product with a word whose bytes are 1 adds the bits up.
+"""
 
 import warp as wp
 
+from cvkern.kernels.warp._launch import view
+
 wp.set_module_options({"enable_backward": False})
 
+LOWER = wp.constant(wp.uint64(0x7F7F7F7F7F7F7F7F))
+HIGHEST = wp.constant(wp.uint64(0x8080808080808080))
+ONES = wp.constant(wp.uint64(0x0101010101010101))
+NOTHING = wp.constant(wp.uint64(0))
 
-@wp.func_native("""
-    const int columns = mask.shape[1];
-    const unsigned char* pixel = mask.data + (size_t)y * columns;
-    int number = 0;
-    #pragma clang loop vectorize(assume_safety)
-    for (int x = 0; x < columns; ++x) number += pixel[x] != 0;
-    starts.data[y + 1] = number;
-""")
-def count_row(mask: wp.array2d[wp.uint8], y: int, starts: wp.array[int]): ...
+
+def words(mask: wp.array) -> wp.array:
+    """View the eight pixels from each pixel of a row on as a word; the words overlap."""
+    height, width = mask.shape
+    return view(mask, wp.uint64, (height, max(width - 7, 0)), (width, 1))
+
+
+@wp.func
+def number_of_set(word: wp.uint64) -> int:
+    """Return how many of the eight bytes are not 0."""
+    highest = (((word & LOWER) + LOWER) | word) & HIGHEST
+    return int(((highest >> wp.uint64(7)) * ONES) >> wp.uint64(56))
 
 
 @wp.kernel
@@ -22,11 +37,19 @@ def count(
     first: int,
     last: int,
     mask: wp.array2d[wp.uint8],  # (H, W)
+    words: wp.array2d[wp.uint64],  # (H, W - 7)
     # outputs
     starts: wp.array[int],  # (H + 1,): for now the number in each row, one place later
 ):
     for y in range(first, last):
-        count_row(mask, y, starts)
+        number = int(0)
+        whole = mask.shape[1] // 8 * 8
+        for x in range(0, whole, 8):
+            number += number_of_set(words[y, x])
+        for x in range(whole, mask.shape[1]):
+            if mask[y, x] != wp.uint8(0):
+                number += 1
+        starts[y + 1] = number
 
 
 @wp.kernel
@@ -39,47 +62,31 @@ def add_up(
         starts[y] = starts[y] + starts[y - 1]
 
 
-@wp.func_native("""
-    const int columns = mask.shape[1];
-    const unsigned char* pixel = mask.data + (size_t)y * columns;
-    int* next = points.data + 2 * (size_t)starts.data[y];
-    int x = 0;
-    for (; x + 8 <= columns; x += 8) {
-        unsigned long long eight;
-        __builtin_memcpy(&eight, pixel + x, 8);
-        // The highest bit of every byte that is not 0.
-        const unsigned long long low = 0x7f7f7f7f7f7f7f7full;
-        unsigned long long set = (((eight & low) + low) | eight) & ~low;
-        for (; set; set &= set - 1) {
-            next[0] = y;
-            next[1] = x + __builtin_ctzll(set) / 8;
-            next += 2;
-        }
-    }
-    for (; x < columns; ++x)
-        if (pixel[x]) {
-            next[0] = y;
-            next[1] = x;
-            next += 2;
-        }
-""")
-def gather_row(
-    mask: wp.array2d[wp.uint8], y: int, starts: wp.array[int], points: wp.array2d[int]
-): ...
-
-
 @wp.kernel
 def gather(
     slab: int,
     first: int,
     last: int,
     mask: wp.array2d[wp.uint8],  # (H, W)
+    words: wp.array2d[wp.uint64],  # (H, W - 7)
     starts: wp.array[int],  # (H + 1,)
     # outputs
     points: wp.array2d[int],  # (capacity, 2)
 ):
     for y in range(first, last):
-        gather_row(mask, y, starts, points)
+        i = starts[y]
+        x = int(0)
+        while i < starts[y + 1]:
+            empty = bool(False)
+            if x + 8 <= mask.shape[1]:
+                empty = words[y, x] == NOTHING
+            if not empty:
+                for k in range(x, wp.min(x + 8, mask.shape[1])):
+                    if mask[y, k] != wp.uint8(0):
+                        points[i, 0] = y
+                        points[i, 1] = k
+                        i += 1
+            x += 8
 
 
 @wp.kernel

@@ -1,10 +1,16 @@
-"""The set pixels of a mask on CUDA: one warp a row, 16 pixels a lane."""
+"""The set pixels of a mask as a list, on CUDA: one warp a row, 16 pixels a lane.
+
+As on the CPU, the pixels of each row are counted, the counts added up from the top, by one block,
+and then each row writes its points. A lane knows its place from the counts of the lanes before it.
+"""
 
 import warp as wp
 
+from cvkern.kernels.warp import _native
+
 wp.set_module_options({"enable_backward": False})
 
-BLOCK = 256  # threads; Warp's own
+BLOCK = 256  # threads of a block; Warp's own
 WARPS = BLOCK // 32
 
 
@@ -18,119 +24,30 @@ def in_words(mask: wp.array) -> bool:
     return mask.shape[1] % 16 == 0 and mask.ptr % 16 == 0
 
 
-# Bit k of `bits`: whether pixel x + k of a row is set, for 16 pixels from x on.
-_BITS = """
-    unsigned int bits = 0;
-    if (words && x < columns) {
-        const uint4 w = *reinterpret_cast<const uint4*>(pixel + x);
-        const unsigned int four[4] = {w.x, w.y, w.z, w.w};
-        #pragma unroll
-        for (int k = 0; k < 4; ++k) {  // bytes of 255, one bit of each, moved into four bits
-            const unsigned int ones = __vcmpne4(four[k], 0u) & 0x08040201u;
-            bits |= ((ones * 0x01010101u) >> 24 & 15u) << 4 * k;
-        }
-    } else {
-        for (int k = 0; k < 16 && x + k < columns; ++k) bits |= (pixel[x + k] != 0) << k;
-    }
-"""
-_ROW = """
-    const int y = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
-    const int columns = mask.shape[1];
-    if (y >= mask.shape[0]) return;
-    const unsigned char* pixel = mask.data + (size_t)y * columns;
-"""
-
-
-@wp.func_native(f"""{_ROW}
-    int number = 0;
-    for (int x = 16 * lane; x < columns; x += 512) {{
-        {_BITS}
-        number += __popc(bits);
-    }}
-    #pragma unroll
-    for (int step = 16; step; step /= 2) number += __shfl_xor_sync(0xffffffffu, number, step);
-    if (lane == 0) starts.data[y + 1] = number;
-""")
-def count_row(mask: wp.array2d[wp.uint8], words: bool, starts: wp.array[int]): ...
-
-
-@wp.kernel
+@_native.kernel("_points_cuda.cu")
 def count(
     mask: wp.array2d[wp.uint8],  # (H, W)
     words: bool,
     # outputs
     starts: wp.array[int],  # (H + 1,): for now the number in each row, one place later
-):
-    count_row(mask, words, starts)
-
-
-@wp.func_native("""
-    // One block: a thread adds up its share, the shares are added up by halves, then its share.
-    __shared__ int sums[256];
-    const int t = threadIdx.x, length = starts.shape[0] - 1;
-    const int share = (length + 255) / 256;
-    const int first = 1 + t * share;
-    const int last = first + share < length + 1 ? first + share : length + 1;
-    int sum = 0;
-    for (int i = first; i < last; ++i) sum += starts.data[i];
-    sums[t] = sum;
-    __syncthreads();
-    for (int step = 1; step < 256; step *= 2) {
-        const int before = t >= step ? sums[t - step] : 0;
-        __syncthreads();
-        sums[t] += before;
-        __syncthreads();
-    }
-    int total = sums[t] - sum;
-    for (int i = first; i < last; ++i) starts.data[i] = total += starts.data[i];
-    if (t == 0) starts.data[0] = 0;
-""")
-def add_up_in_a_block(starts: wp.array[int]): ...
-
-
-@wp.kernel
-def add_up(
-    # outputs
-    starts: wp.array[int],  # (H + 1,)
-):
-    add_up_in_a_block(starts)
-
-
-@wp.func_native(f"""{_ROW}
-    int next = starts.data[y];
-    if (starts.data[y + 1] == next) return;
-    for (int left = 0; left < columns; left += 512) {{
-        const int x = left + 16 * lane;
-        {_BITS}
-        const int number = __popc(bits);
-        int upto = number;  // of this lane and those before it
-        #pragma unroll
-        for (int step = 1; step < 32; step *= 2) {{
-            const int before = __shfl_up_sync(0xffffffffu, upto, step);
-            if (lane >= step) upto += before;
-        }}
-        int2* to = reinterpret_cast<int2*>(points.data) + next + upto - number;
-        while (bits) {{
-            *to++ = make_int2(y, x + __ffs(bits) - 1);
-            bits &= bits - 1;
-        }}
-        next += __shfl_sync(0xffffffffu, upto, 31);
-    }}
-""")
-def gather_row(
-    mask: wp.array2d[wp.uint8], starts: wp.array[int], words: bool, points: wp.array2d[int]
 ): ...
 
 
-@wp.kernel
+@_native.kernel("_points_cuda.cu", BLOCK=BLOCK)
+def add_up(
+    # outputs
+    starts: wp.array[int],  # (H + 1,)
+): ...
+
+
+@_native.kernel("_points_cuda.cu")
 def gather(
     mask: wp.array2d[wp.uint8],  # (H, W)
     starts: wp.array[int],  # (H + 1,)
     words: bool,
     # outputs
     points: wp.array2d[int],  # (capacity, 2)
-):
-    gather_row(mask, starts, words, points)
+): ...
 
 
 @wp.kernel

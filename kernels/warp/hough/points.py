@@ -1,4 +1,8 @@
-"""The set pixels of a mask as a list, in Warp."""
+"""The set pixels of a mask as a list, in Warp.
+
+The points stand in raster order: `starts` tells how many there are above each row. On the CPU a
+thread has a slab of rows, on CUDA a warp has one row.
+"""
 
 import warp as wp
 
@@ -15,7 +19,8 @@ def count(mask: wp.array, starts: wp.array) -> None:
         launch(cuda.add_up, cuda.BLOCK, [], [starts])
         return
     height = mask.shape[0]
-    launch_slabs(cpu.count, height, slabs(height, mask.size), [mask], [starts])
+    inputs = [mask, cpu.words(mask)]
+    launch_slabs(cpu.count, height, slabs(height, mask.size), inputs, [starts])
     launch(cpu.add_up, 1, [], [starts])
 
 
@@ -25,7 +30,8 @@ def gather(mask: wp.array, starts: wp.array, points: wp.array) -> None:
         launch(cuda.gather, cuda.dim(mask), [mask, starts, cuda.in_words(mask)], [points])
         return
     height = mask.shape[0]
-    launch_slabs(cpu.gather, height, slabs(height, mask.size), [mask, starts], [points])
+    inputs = [mask, cpu.words(mask), starts]
+    launch_slabs(cpu.gather, height, slabs(height, mask.size), inputs, [points])
 
 
 def first_outside(

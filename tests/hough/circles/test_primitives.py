@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cvkern.hough.circles.votes import _rings, direction_table
-from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE
+from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim, EllipseBounds
 from tests.hough.circles import reference_circles as reference
 from tests.primitives import F32, I32, U8, noise, waves
 
@@ -28,14 +28,15 @@ def lines_of(count=3000, height=90, width=120, seed=0):
 @pytest.mark.parametrize("shape", [(1, 1), (7, 40), (37, 29), (20, 530)])
 def test_vote_rings(kernels, shape, pad):
     mask = specks(*shape)
-    offsets, _, starts = _rings(RADII)
+    rings = _rings(RADII)
+    offsets, starts = rings.offsets, rings.starts
     padded = np.pad(mask, pad + 20).astype(I32)
     height, width = shape[0] + 2 * pad, shape[1] + 2 * pad
     want = np.zeros((len(RADII), height, width), I32)
     for i in range(len(RADII)):
         for dy, dx in offsets[starts[i] : starts[i + 1]]:
             want[i] += padded[20 + dy : 20 + dy + height, 20 + dx : 20 + dx + width]
-    given = mask, offsets, starts, max(RADII)
+    given = mask, rings, max(RADII)
     np.testing.assert_array_equal(
         kernels("hough.circles.votes.vote_rings", *given, out=[(want.shape, I32)]), want
     )
@@ -46,13 +47,10 @@ def test_vote_rings(kernels, shape, pad):
 
 
 def directed(mask, tolerance):
-    offsets, codes, starts = _rings(RADII)
     points = np.argwhere(mask).astype(I32)
     rows = np.searchsorted(points[:, 0], np.arange(len(mask) + 1)).astype(I32)
     angles = (6.2 * np.random.default_rng(1).random(mask.shape) - 3.1).astype(F32)
-    radii = np.array(RADII, I32)
-    tables = radii, direction_table(), tolerance, offsets, codes, starts
-    return (points, rows, angles, *tables), angles
+    return (points, rows, angles, _rings(RADII), direction_table(), tolerance), angles
 
 
 @pytest.mark.parametrize("pad", [0, 20])
@@ -160,8 +158,8 @@ def test_vote_radii(kernels, sides):
     lines = lines_of()
     centers = np.array([[40.5, 60.25], [0, 0], [89, 10], [300, 300]], F32)
     got = kernels(
-        "hough.circles.detection.vote_radii", lines, centers, 5.0, 30.0, 1.0, 2.0, 0.25, *sides,
-        out=[((4, 26), I32)],
+        "hough.circles.detection.vote_radii", lines, centers, 5.0, 30.0, 1.0,
+        Aim(2.0, 0.25, *sides), out=[((4, 26), I32)],
     )  # fmt: skip
     for center, counts in zip(centers, got, strict=True):
         _, _, far, kept = seen(lines, center[0], center[1], 2.0, 0.25, sides)
@@ -176,7 +174,7 @@ def test_support(kernels):
     lines = lines_of()
     circles = np.array([[40.5, 60.25, 20], [5, 5, 30], [300, 300, 9]], F32)
     sums, arcs = kernels(
-        "hough.circles.detection.support", lines, circles, 6.0, 2.0, 0.25, 1, -1,
+        "hough.circles.detection.support", lines, circles, 6.0, Aim(2.0, 0.25, 1, -1),
         out=[((3, 9), I64), ((3, ARCS), I32)],
     )  # fmt: skip
     for (row, column, radius), found, parts in zip(circles, sums, arcs, strict=True):
@@ -205,7 +203,7 @@ def test_the_sets_give_equal_bits(all_kernels):
             for dtype in (I32, F32):
                 yield call("hough.circles.votes.vote_directed", *given, out=[(shape, dtype)])
         for turn in (-1.0, 0.04, 0.5):
-            given = 100.0, 5000.0, 4.0, 900.0, 1.0, 32, turn
+            given = EllipseBounds(100.0, 5000.0, 4.0, 900.0, 1.0, turn), 32
             yield from call(
                 "hough.ellipses.votes.vote_pairs", lines, *given, out=[(pairs, I32), (pairs, I32)]
             )

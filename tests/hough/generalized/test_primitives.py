@@ -10,6 +10,10 @@ from cvkern.kernels.codes.hough import (
     TILE,
     TURN_ONE,
     VECTOR_ONE,
+    Cells,
+    Entries,
+    Slices,
+    Voters,
 )
 from tests.filters import reference_gradients as gradients_reference
 from tests.primitives import F32, I32, waves
@@ -30,7 +34,8 @@ def shape_votes(height, width):
     angles = turns * (2 * np.pi / DIRECTIONS)
     turns = np.stack((turns, TURN_ONE * np.cos(angles), TURN_ONE * np.sin(angles)), 1).round()
     scales = np.array([0.8, 1.3]) * SCALE_ONE
-    return points, starts, vectors, directions, turns.astype(I32), scales.astype(I32)
+    slices = Slices(turns.astype(I32), scales.astype(I32))
+    return Voters(points, starts), Entries(vectors, directions), slices
 
 
 @pytest.mark.parametrize("shift", [0, 3])
@@ -38,7 +43,9 @@ def test_accumulate_and_search(kernels, shift):
     """The integers that the kernels state, pair by pair."""
     height, width, tolerance = 53, 67, 60
     given = shape_votes(height, width)
-    points, starts, vectors, directions, turns, scales = (a.astype(np.int64) for a in given)
+    points, starts, vectors, directions, turns, scales = (
+        a.astype(np.int64) for pair in given for a in pair
+    )
     cells = ((height - 1) >> shift) + 1, ((width - 1) >> shift) + 1
     want = np.zeros((3, 2, *cells), np.int64)
     for r, (turn, cosine, sine) in enumerate(turns):
@@ -51,7 +58,7 @@ def test_accumulate_and_search(kernels, shift):
                 at = some + np.floor(turned * scale / 2**15 + 0.5).astype(np.int64)[:, None]
                 at = at[:, (at >= 0).all(0) & (at[0] < height) & (at[1] < width)] >> shift
                 np.add.at(want[r, s], tuple(at), 1)
-    options = tolerance, height, width, shift
+    options = tolerance, Cells(height, width, shift)
     got = kernels("hough.generalized.votes.accumulate", *given, *options, out=[(want.shape, I32)])
     np.testing.assert_array_equal(got, want)
     assert want.sum() > 500

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cvkern.hough.lines._tables import direction_windows, line_tables
-from cvkern.kernels.codes.hough import DIRECTIONS
+from cvkern.kernels.codes.hough import DIRECTIONS, LineWindows
 from tests.hough.lines import reference_lines as lines_reference
 from tests.primitives import F32, I32, U8, noise
 
@@ -53,7 +53,7 @@ def test_votes_for_lines(kernels, angles, weighted):
     rng = np.random.default_rng(5)
     weights = rng.integers(0, 999, len(points)).astype(I32)
     cast = weights if weighted else np.ones_like(weights)
-    given = *tables, weighted, weights
+    given = tables, weights if weighted else None
     got = kernels("hough.lines.votes.vote", points, counted, *given, out=[((rows, angles), I32)])
     want = lines_reference.vote(points[:300], tables, None, None, cast, rows, angles)
     np.testing.assert_array_equal(got, want)
@@ -61,7 +61,7 @@ def test_votes_for_lines(kernels, angles, weighted):
     turned = rng.uniform(-4, 4, len(points)).astype(F32)
     windows = direction_windows(theta.tobytes(), 0.2)
     got = kernels(
-        "hough.lines.votes.vote_directed", points, counted, turned, *windows, *given,
+        "hough.lines.votes.vote_directed", points, counted, LineWindows(turned, *windows), *given,
         out=[((rows, angles), I32)],
     )  # fmt: skip
     codes = lines_reference.half_turn_codes(turned)
@@ -76,9 +76,7 @@ def test_votes_in_more_bins_than_a_block_holds(kernels):
     points = np.stack([np.arange(0, 13000, 9), np.arange(0, 13000, 9) % 3], 1).astype(I32)
     counted = np.array([len(points)], I32)
     weights = np.ones(len(points), I32)
-    got = kernels(
-        "hough.lines.votes.vote", points, counted, *tables, False, weights, out=[((26003, 5), I32)]
-    )
+    got = kernels("hough.lines.votes.vote", points, counted, tables, None, out=[((26003, 5), I32)])
     want = lines_reference.vote(points, tables, None, None, weights, 26003, 5)
     np.testing.assert_array_equal(got, want)
 
@@ -108,10 +106,10 @@ def test_claim(kernels, number):
     points = rng.uniform(0, 300, (number, 2)).astype(F32)
     codes = rng.integers(0, DIRECTIONS, number).astype(I32)
     theta = rng.uniform(-1.6, 1.6, 50)
-    lines = [a.astype(F32) for a in (np.cos(theta), np.sin(theta), rng.uniform(-99, 300, 50))]
+    lines = np.stack([np.cos(theta), np.sin(theta), rng.uniform(-99, 300, 50)]).astype(F32)
     directions = rng.integers(0, DIRECTIONS, 50).astype(I32)
     after = rng.integers(-1, 30, number).astype(I32)
-    given: Any = points, codes, after, *lines, directions, 12.0, 2500
+    given: Any = points, codes, after, lines, directions, 12.0, 2500
     got = kernels("hough.lines.segments.claim", *given, out=[((number,), I32)])
-    want = lines_reference.claim(*given)
+    want = lines_reference.claim(points, codes, after, *lines, directions, 12.0, 2500)
     np.testing.assert_array_equal(got, want)

@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE
+from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product, quotient, root
 
@@ -181,16 +181,11 @@ def vote_radii(
     least: float,
     most: float,
     per_bin: float,
-    slack: float,
-    slope: float,
-    first_side: int,
-    last_side: int,
+    aim: Aim,
     histograms: np.ndarray,
 ) -> None:
     """Count, by distance, the points that aim at each centre; write all histograms."""
-    _vote_radii(
-        lines, centers, least, most, per_bin, slack, slope, first_side, last_side, 0, histograms
-    )
+    _vote_radii(lines, centers, least, most, per_bin, *aim, 0, histograms)
 
 
 @ti.kernel
@@ -249,12 +244,9 @@ def support(
     lines: np.ndarray,
     circles: np.ndarray,
     band: float,
-    slack: float,
-    slope: float,
-    first_side: int,
-    last_side: int,
+    aim: Aim,
     sums: np.ndarray,
     arcs: np.ndarray,
 ) -> None:
     """Add up what a least-squares fit needs of the points near each circle, and count its arcs."""
-    _support(lines, circles, band, slack, slope, first_side, last_side, 0, sums, arcs)
+    _support(lines, circles, band, *aim, 0, sums, arcs)

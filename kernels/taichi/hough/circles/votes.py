@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.hough import DIRECTIONS
+from cvkern.kernels.codes.hough import DIRECTIONS, Rings
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import quotient
 from cvkern.kernels.taichi.hough._directions import direction_code
@@ -95,14 +95,12 @@ def _counts(votes: np.ndarray) -> np.ndarray:
 
 
 @primitive
-def vote_rings(
-    mask: np.ndarray, offsets: np.ndarray, starts: np.ndarray, reach: int, votes: np.ndarray
-) -> None:
+def vote_rings(mask: np.ndarray, rings: Rings, reach: int, votes: np.ndarray) -> None:
     """Cast a vote for each offset of each ring from each set pixel; one thread a pixel."""
     counts = _counts(votes)
-    _vote_rings(mask, offsets, starts, counts)
+    _vote_rings(mask, rings.offsets, rings.starts, counts)
     if counts is not votes:
-        _share(counts, starts, 0, votes)
+        _share(counts, rings.starts, 0, votes)
 
 
 @primitive
@@ -110,19 +108,17 @@ def vote_directed(
     points: np.ndarray,
     starts: np.ndarray,
     orientation: np.ndarray,
-    radii: np.ndarray,
+    rings: Rings,
     directions: np.ndarray,
     tolerance: int,
-    offsets: np.ndarray,
-    codes: np.ndarray,
-    offset_starts: np.ndarray,
     votes: np.ndarray,
 ) -> None:
     """Cast the votes that lie along the gradient; one thread a point."""
     counts = _counts(votes)
+    radii, offsets, codes, offset_starts = rings
     _vote_directed(
         points, starts, orientation, radii, directions, tolerance, offsets, codes, offset_starts,
         0, counts,
     )  # fmt: skip
     if counts is not votes:
-        _share(counts, offset_starts, 0, votes)
+        _share(counts, rings.starts, 0, votes)

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes.hough import EllipseBounds
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product, quotient, root
 
@@ -113,13 +114,8 @@ def _vote_pairs(
 @primitive
 def vote_pairs(
     points: np.ndarray,
-    least: float,
-    most: float,
-    narrow: float,
-    wide: float,
-    per_bin: float,
+    bounds: EllipseBounds,
     bins: int,
-    turn: float,
     votes: np.ndarray,
     axes: np.ndarray,
 ) -> None:
@@ -128,6 +124,4 @@ def vote_pairs(
     rows = max(1, min(count, _MEMORY // (count * bins)))
     histograms = scratch((rows, count, bins), np.int32)
     for first in range(0, count, rows):
-        _vote_pairs(
-            points, first, least, most, narrow, wide, per_bin, turn, 0, histograms, votes, axes
-        )
+        _vote_pairs(points, first, *bounds, 0, histograms, votes, axes)

@@ -3,7 +3,18 @@
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.hough import DIRECTIONS, SCALE_ONE, TILE, TURN_ONE, TURNED_ONE, VECTOR_ONE
+from cvkern.kernels.codes.hough import (
+    DIRECTIONS,
+    SCALE_ONE,
+    TILE,
+    TURN_ONE,
+    TURNED_ONE,
+    VECTOR_ONE,
+    Cells,
+    Entries,
+    Slices,
+    Voters,
+)
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._polar import gradient_angle
 from cvkern.kernels.taichi.hough._directions import direction_code
@@ -79,22 +90,15 @@ def _vote(
 
 @primitive
 def accumulate(
-    points: np.ndarray,
-    starts: np.ndarray,
-    vectors: np.ndarray,
-    directions: np.ndarray,
-    turns: np.ndarray,
-    scales: np.ndarray,
+    voters: Voters,
+    entries: Entries,
+    slices: Slices,
     tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    cells: Cells,
     votes: np.ndarray,
 ) -> None:
     """Count the votes of each cell of each slice; one thread per slice and entry."""
-    _vote(
-        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift, votes
-    )
+    _vote(*voters, *entries, *slices, tolerance, *cells, votes)
 
 
 @ti.kernel
@@ -122,22 +126,15 @@ def _find_peaks(
 
 @primitive
 def search(
-    points: np.ndarray,
-    starts: np.ndarray,
-    vectors: np.ndarray,
-    directions: np.ndarray,
-    turns: np.ndarray,
-    scales: np.ndarray,
+    voters: Voters,
+    entries: Entries,
+    slices: Slices,
     tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    cells: Cells,
     keys: np.ndarray,
 ) -> None:
     """Find the four cells of most votes in each tile of each slice; one thread per tile."""
-    rows, columns = ((height - 1) >> shift) + 1, ((width - 1) >> shift) + 1
-    votes = scratch((turns.shape[0], scales.shape[0], rows, columns), np.int32)
-    _vote(
-        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift, votes
-    )
+    rows, columns = (((n - 1) >> cells.shift) + 1 for n in cells[:2])
+    votes = scratch((slices.turns.shape[0], slices.scales.shape[0], rows, columns), np.int32)
+    _vote(*voters, *entries, *slices, tolerance, *cells, votes)
     _find_peaks(votes, keys)

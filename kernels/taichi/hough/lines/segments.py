@@ -1,4 +1,8 @@
-"""Which line a point belongs to, in Taichi."""
+"""Which line a point belongs to, in Taichi: one thread a point.
+
+A point (y, x) is on a line if ``|x cos + y sin - rho|`` is at most a distance and its direction is
+within a tolerance of the line's.
+"""
 
 import numpy as np
 import taichi as ti
@@ -19,9 +23,7 @@ def _claim(
     points: f32_2,
     codes: i32_1,
     after: i32_1,
-    cosine: f32_1,
-    sine: f32_1,
-    rho: f32_1,
+    lines: f32_2,
     directions: i32_1,
     distance: ti.f32,
     tolerance: ti.i32,
@@ -30,12 +32,13 @@ def _claim(
     labels: i32_1,
 ):
     for i in labels:
-        label = cosine.shape[0]
-        for k in range(after[i] + 1, cosine.shape[0]):
+        label = lines.shape[1]
+        for k in range(after[i] + 1, lines.shape[1]):
             turn = (codes[i] - directions[k]) & (HALF_TURN - 1)
             angle = ti.min(turn, HALF_TURN - turn)
-            along = product(points[i, 1], cosine[k], zero) + product(points[i, 0], sine[k], zero)
-            if ti.abs(along - rho[k]) <= distance and angle <= tolerance:
+            along = product(points[i, 1], lines[0, k], zero)
+            along += product(points[i, 0], lines[1, k], zero)
+            if ti.abs(along - lines[2, k]) <= distance and angle <= tolerance:
                 label = ti.min(label, k)
         labels[i] = label
 
@@ -45,9 +48,7 @@ def claim(
     points: np.ndarray,
     codes: np.ndarray,
     after: np.ndarray,
-    cosine: np.ndarray,
-    sine: np.ndarray,
-    rho: np.ndarray,
+    lines: np.ndarray,
     directions: np.ndarray,
     distance: float,
     tolerance: int,
@@ -55,6 +56,6 @@ def claim(
 ) -> None:
     """Label every point with the first line, behind `after`, that it is on, or their number.
 
-    One thread a point.
+    `lines` has rows of cosines, sines and distances, (3, K).
     """
-    _claim(points, codes, after, cosine, sine, rho, directions, distance, tolerance, 0, labels)
+    _claim(points, codes, after, lines, directions, distance, tolerance, 0, labels)

@@ -1,10 +1,14 @@
-"""Votes for lines, in Taichi."""
+"""Votes for lines in Taichi: one thread a point, which adds to what it votes for.
+
+A point (y, x) votes at angle t for the bin of rho = x cos t + y sin t (Duda and Hart, "Use of the
+Hough transformation to detect lines and curves in pictures", CACM 1972). Rho is in fixed point.
+"""
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.hough import DIRECTIONS
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.codes.hough import DIRECTIONS, LineTables, LineWindows
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi.hough._directions import direction_code
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
@@ -69,19 +73,32 @@ def _vote(
 
 
 @ti.kernel
-def _vote_directed(
+def _code(
     points: i32_2,
     starts: i32_1,
     orientation: f32_1,
+    zero: ti.i32,
+    # outputs
+    codes: i32_1,
+):
+    for i in range(points.shape[0]):
+        if i < starts[starts.shape[0] - 1]:
+            codes[i] = direction_code(orientation[i], zero) & (DIRECTIONS // 2 - 1)
+
+
+@ti.kernel
+def _vote_directed(
+    starts: i32_1,
+    codes: i32_1,
     first: i32_1,
     number: i32_1,
+    points: i32_2,
     cosine: i32_1,
     sine: i32_1,
     offset: i64_1,
     shift: ti.i32,
     weighted: ti.i32,
     weights: i32_1,
-    zero: ti.i32,
     # outputs
     votes: i32_2,
 ):
@@ -90,9 +107,8 @@ def _vote_directed(
             vote = 1
             if weighted != 0:
                 vote = weights[i]
-            code = direction_code(orientation[i], zero) & (DIRECTIONS // 2 - 1)
-            for k in range(number[code]):
-                t = (first[code] + k) % votes.shape[1]
+            for k in range(number[codes[i]]):
+                t = (first[codes[i]] + k) % votes.shape[1]
                 r = _bin(points[i, 0], points[i, 1], cosine[t], sine[t], offset[t], shift)
                 ti.atomic_add(votes[r, t], vote)
 
@@ -107,37 +123,31 @@ def take(points: np.ndarray, starts: np.ndarray, values: np.ndarray, taken: np.n
 def vote(
     points: np.ndarray,
     starts: np.ndarray,
-    cosine: np.ndarray,
-    sine: np.ndarray,
-    offset: np.ndarray,
-    shift: int,
-    weighted: bool,
-    weights: np.ndarray,
+    tables: LineTables,
+    weights: np.ndarray | None,
     votes: np.ndarray,
 ) -> None:
-    """Let every point vote at all angles; one thread a point; `votes` is overwritten."""
+    """Let every point vote at all angles, by 1 or its weight; one thread a point."""
     _clear(votes)
-    _vote(points, starts, cosine, sine, offset, shift, int(weighted), weights, votes)
+    given = starts if weights is None else weights  # an array of the same type
+    _vote(points, starts, *tables, int(weights is not None), given, votes)
 
 
 @primitive
 def vote_directed(
     points: np.ndarray,
     starts: np.ndarray,
-    orientation: np.ndarray,
-    first: np.ndarray,
-    number: np.ndarray,
-    cosine: np.ndarray,
-    sine: np.ndarray,
-    offset: np.ndarray,
-    shift: int,
-    weighted: bool,
-    weights: np.ndarray,
+    windows: LineWindows,
+    tables: LineTables,
+    weights: np.ndarray | None,
     votes: np.ndarray,
 ) -> None:
     """Let every point vote at the angles of its direction code; one thread a point."""
+    directions = scratch((points.shape[0],), np.int32)
+    _code(points, starts, windows.orientation, 0, directions)
     _clear(votes)
+    given = starts if weights is None else weights
+    weighted = int(weights is not None)
     _vote_directed(
-        points, starts, orientation, first, number, cosine, sine, offset, shift, int(weighted),
-        weights, 0, votes,
-    )  # fmt: skip
+        starts, directions, windows.first, windows.number, points, *tables, weighted, given, votes
+    )

@@ -12,7 +12,6 @@ ONE = wp.constant(LINE_ONE)
 BITS = wp.constant(LINE_ONE.bit_length() - 1)
 NORMAL = wp.constant(float(NORMAL_ONE))
 FINE = wp.constant(float(FINE_ONE))
-COUNT = wp.constant(ARCS)
 STEPS = wp.constant(ARCS // 8)
 
 
@@ -65,39 +64,6 @@ def clear_sums(
     values: wp.array[wp.int64],
 ):
     values[wp.tid()] = wp.int64(0)
-
-
-@wp.func
-def length(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
-    """Length of the gradient, 0 outside the image."""
-    if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
-        return 0.0
-    return wp.sqrt(dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x])
-
-
-@wp.kernel
-def aim(
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
-    pixels: wp.array2d[int],  # (N, 2)
-    # outputs
-    lines: wp.array2d[float],  # (4, N)
-):
-    i = wp.tid()
-    y = pixels[i, 0]
-    x = pixels[i, 1]
-    steep = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1, 0)
-    flat = 1 - steep
-    before = length(dy, dx, y - steep, x - flat)
-    here = length(dy, dx, y, x)
-    behind = length(dy, dx, y + steep, x + flat)
-    offset = float(0.0)
-    if here > before and here >= behind:
-        offset = 0.5 * (before - behind) / (before - 2.0 * here + behind)
-    lines[0, i] = float(y) + wp.where(steep == 1, offset, 0.0)
-    lines[1, i] = float(x) + wp.where(steep == 1, 0.0, offset)
-    lines[2, i] = dy[y, x] / here
-    lines[3, i] = dx[y, x] / here
 
 
 @wp.kernel

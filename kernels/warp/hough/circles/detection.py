@@ -1,14 +1,67 @@
-"""From edge points to circles, in Warp."""
+"""From edge points to circles, in Warp.
+
+Each edge point has a line: its place between the pixels, and the direction of its gradient. Lines
+vote for centres, in cells; points near a centre vote for radii; and the points near a circle give
+the sums of a least-squares fit.
+"""
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import cpu_threads, launch, launch_slabs, scratch, slabs
+from cvkern.kernels.codes.hough import Aim
+from cvkern.kernels.warp._launch import (
+    cpu_threads,
+    launch,
+    launch_each,
+    launch_slabs,
+    scratch,
+    slabs,
+)
 
 from . import _detection_cpu as cpu
 from . import _detection_cuda as cuda
 
 _SLAB_POINTS = 1 << 12  # for fewer, an accumulator more costs more than a thread gains
 _SLAB_TESTS = 1 << 18
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
+
+
+@wp.func
+def _length(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
+    """Length of the gradient, 0 outside the image."""
+    if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
+        return 0.0
+    return wp.sqrt(dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x])
+
+
+@wp.kernel
+def _aim(
+    stride: int,
+    first: int,
+    last: int,
+    dy: wp.array2d[float],  # (H, W)
+    dx: wp.array2d[float],  # (H, W)
+    pixels: wp.array2d[int],  # (N, 2)
+    # outputs
+    lines: wp.array2d[float],  # (4, N)
+):
+    # Between the pixels, the edge is at the top of the parabola through the lengths of the gradient
+    # along the axis that it is nearest to.
+    for i in range(first + wp.tid(), last, stride):
+        y = pixels[i, 0]
+        x = pixels[i, 1]
+        steep = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1, 0)
+        flat = 1 - steep
+        before = _length(dy, dx, y - steep, x - flat)
+        here = _length(dy, dx, y, x)
+        behind = _length(dy, dx, y + steep, x + flat)
+        offset = float(0.0)
+        if here > before and here >= behind:
+            offset = 0.5 * (before - behind) / (before - 2.0 * here + behind)
+        lines[0, i] = float(y) + wp.where(steep == 1, offset, 0.0)
+        lines[1, i] = float(x) + wp.where(steep == 1, 0.0, offset)
+        lines[2, i] = dy[y, x] / here
+        lines[3, i] = dx[y, x] / here
 
 
 def shrink(src: wp.array, factor: int, dst: wp.array) -> None:
@@ -24,10 +77,8 @@ def shrink(src: wp.array, factor: int, dst: wp.array) -> None:
 
 def aim(dy: wp.array, dx: wp.array, pixels: wp.array, lines: wp.array) -> None:
     """Write row and column of the edge at each of N pixels, and its direction's sine and cosine."""
-    if dy.device.is_cuda:
-        launch(cuda.aim, lines.shape[1], [dy, dx, pixels], [lines])
-    else:
-        launch(cpu.aim, 1, [dy, dx, pixels], [lines])
+    count = lines.shape[1]
+    launch_each(_aim, count, count, [dy, dx, pixels], [lines])
 
 
 def vote_centers(
@@ -62,22 +113,20 @@ def vote_radii(
     least: float,
     most: float,
     per_bin: float,
-    slack: float,
-    slope: float,
-    first_side: int,
-    last_side: int,
+    aim: Aim,
     histograms: wp.array,
 ) -> None:
     """Count, by distance, the points that aim at each centre; write all histograms.
 
-    A point aims at what lies at most `slack + slope * distance` beside its line, and on its side.
+    A point at a distance in [least, most] counts, if it aims at the centre.
     """
-    inputs = [lines, centers, least, most, per_bin, slack, slope, first_side, last_side]
+    inputs = [lines, centers, least, most, per_bin]
     if lines.device.is_cuda:
         launch(cuda.clear_integers, histograms.size, [], [histograms.reshape((histograms.size,))])
-        launch(cuda.vote_radii, centers.shape[0] * lines.shape[1], inputs, [histograms])
+        launch(cuda.vote_radii, centers.shape[0] * lines.shape[1], [*inputs, *aim], [histograms])
         return
     count = centers.shape[0]
+    inputs.append(cpu.sight(*aim))
     launch_slabs(cpu.vote_radii, count, _parts(count, lines), inputs, [histograms])
 
 
@@ -85,10 +134,7 @@ def support(
     lines: wp.array,
     circles: wp.array,
     band: float,
-    slack: float,
-    slope: float,
-    first_side: int,
-    last_side: int,
+    aim: Aim,
     sums: wp.array,
     arcs: wp.array,
 ) -> None:
@@ -97,13 +143,14 @@ def support(
     With normal n in 2^-14 and distance e from the circle in 2^-10, the sums are those of ny ny,
     ny nx, nx nx, ny, nx, 1, e ny, e nx and e.
     """
-    inputs = [lines, circles, band, slack, slope, first_side, last_side]
+    inputs = [lines, circles, band]
     if lines.device.is_cuda:
         launch(cuda.clear_sums, sums.size, [], [sums.reshape((sums.size,))])
         launch(cuda.clear_integers, arcs.size, [], [arcs.reshape((arcs.size,))])
-        launch(cuda.support, circles.shape[0] * lines.shape[1], inputs, [sums, arcs])
+        launch(cuda.support, circles.shape[0] * lines.shape[1], [*inputs, *aim], [sums, arcs])
         return
     count = circles.shape[0]
+    inputs.append(cpu.sight(*aim))
     launch_slabs(cpu.support, count, _parts(count, lines), inputs, [sums, arcs])
 
 

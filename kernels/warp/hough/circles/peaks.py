@@ -1,22 +1,127 @@
-"""Peaks among the votes for circles, in Warp."""
+"""Peaks among the votes for circles, in Warp: a slab of rows a thread on the CPU, one on CUDA.
+
+Each row counts its peaks; the host adds the counts up; each row then lists its peaks from its place
+in the list on.
+"""
 
 from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._lanes_cpu import WIDE, f32_wide, vectors
+from cvkern.kernels.warp._launch import launch_each, launch_slabs, slabs, view
 
-from . import _peaks as peaks
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@_native.func_native("_peaks_of_rows.h")
+def count_in_row(
+    votes: wp.array3d[float],
+    row: int,
+    limits: wp.array[float],
+    down: int,
+    along: int,
+    counts: wp.array[int],
+):
+    """Count the peaks of a row."""
+
+
+@_native.func_native("_peaks_of_rows.h")
+def gather_in_row(
+    votes: wp.array3d[float],
+    row: int,
+    limits: wp.array[float],
+    down: int,
+    along: int,
+    starts: wp.array[int],
+    places: wp.array2d[int],
+    values: wp.array[float],
+):
+    """List the peaks of a row, from its place in `starts` on."""
+
+
+@wp.kernel
+def _row_maxima(
+    stride: int,
+    first: int,
+    last: int,
+    votes: wp.array2d[float],  # (P H, W)
+    # outputs
+    tops: wp.array[float],  # (P H,)
+):
+    for row in range(first + wp.tid(), last, stride):
+        top = votes[row, 0]
+        for x in range(1, votes.shape[1]):
+            top = wp.max(top, votes[row, x])
+        tops[row] = top
+
+
+@wp.kernel
+def _row_maxima_of_lanes(
+    slab: int,
+    first: int,
+    last: int,
+    lanes: wp.array2d[f32_wide],  # (P H, W)
+    # outputs
+    tops: wp.array[float],  # (P H,)
+):
+    behind = lanes.shape[1] - 1  # where the last vector of a row begins
+    for row in range(first, last):
+        top = lanes[row, 0]
+        for x in range(WIDE, behind + WIDE, WIDE):
+            top = wp.max(top, lanes[row, wp.min(x, behind)])
+        tops[row] = wp.max(top)
+
+
+@wp.kernel
+def _count_peaks(
+    stride: int,
+    first: int,
+    last: int,
+    votes: wp.array3d[float],  # (P, H, W)
+    limits: wp.array[float],  # (P,)
+    down: int,
+    along: int,
+    # outputs
+    counts: wp.array[int],  # (P H,)
+):
+    for row in range(first + wp.tid(), last, stride):
+        count_in_row(votes, row, limits, down, along, counts)
+
+
+@wp.kernel
+def _gather_peaks(
+    stride: int,
+    first: int,
+    last: int,
+    votes: wp.array3d[float],  # (P, H, W)
+    limits: wp.array[float],  # (P,)
+    down: int,
+    along: int,
+    starts: wp.array[int],  # (P H + 1,)
+    # outputs
+    places: wp.array2d[int],  # (N, 3)
+    values: wp.array[float],  # (N,)
+):
+    for row in range(first + wp.tid(), last, stride):
+        gather_in_row(votes, row, limits, down, along, starts, places, values)
 
 
 def row_maxima(votes: wp.array, tops: wp.array) -> None:
     """Find the largest of each row of each plane."""
-    _by_rows(peaks.row_maxima, peaks.row_maximum, votes, [], [tops])
+    rows, width = votes.shape[0] * votes.shape[1], votes.shape[2]
+    flat = view(votes, wp.float32, (rows, width))
+    if votes.device.is_cuda or width < WIDE:
+        launch_each(_row_maxima, rows, votes.size, [flat], [tops])
+        return
+    lanes = vectors(flat, f32_wide)
+    launch_slabs(_row_maxima_of_lanes, rows, slabs(rows, votes.size), [lanes], [tops])
 
 
 def count_peaks(votes: wp.array, limits: wp.array, down: int, along: int, counts: wp.array) -> None:
     """Count the peaks of each row: above the limit of their plane, and largest around."""
-    _by_rows(peaks.count_peaks, peaks.count_row, votes, [limits, down, along], [counts])
+    _by_rows(_count_peaks, votes, [limits, down, along], [counts])
 
 
 def gather_peaks(
@@ -29,15 +134,11 @@ def gather_peaks(
     values: wp.array,
 ) -> None:
     """List plane, row, column and votes of the peaks of each row, from its place in `starts` on."""
-    inputs = [limits, down, along, starts]
-    _by_rows(peaks.gather_peaks, peaks.gather_row, votes, inputs, [places, values])
+    _by_rows(_gather_peaks, votes, [limits, down, along, starts], [places, values])
 
 
 def _by_rows(
-    slab: wp.Kernel, row: wp.Kernel, votes: wp.array, inputs: list[Any], outputs: list[wp.array]
+    kernel: wp.Kernel, votes: wp.array, inputs: list[Any], outputs: list[wp.array]
 ) -> None:
     rows = votes.shape[0] * votes.shape[1]
-    if votes.device.is_cuda:
-        launch(row, rows, [votes, *inputs], outputs)
-        return
-    launch_slabs(slab, rows, slabs(rows, votes.size), [votes, *inputs], outputs)
+    launch_each(kernel, rows, votes.size, [votes, *inputs], outputs)

@@ -2,17 +2,17 @@
 
 import warp as wp
 
+from cvkern.kernels.codes.hough import Rings
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp.hough._points_cpu import words
 
 from . import _votes_cpu as cpu
 from . import _votes_cuda as cuda
 
-_SLABS = 4  # a thread: rows of small rings are done sooner
+_SLABS = 4  # slabs a thread: rows of small rings are done sooner
 
 
-def vote_rings(
-    mask: wp.array, offsets: wp.array, starts: wp.array, reach: int, votes: wp.array
-) -> None:
+def vote_rings(mask: wp.array, rings: Rings, reach: int, votes: wp.array) -> None:
     """Cast a vote for each offset of each ring from each set pixel; write all votes.
 
     `votes`, (R, H + 2 pad, W + 2 pad), are int32, or float32 for shares of the ring.
@@ -20,20 +20,20 @@ def vote_rings(
     shares, votes = _integers(votes)
     pad = (votes.shape[2] - mask.shape[1]) // 2
     top = pad + reach
-    count = offsets.shape[0]
+    count = rings.offsets.shape[0]
     if mask.device.is_cuda:
         left = -(-top // 32) * 32
-        words = -(-votes.shape[2] // 32)
-        shape = (mask.shape[0] + 2 * top + 1, words + (left + reach) // 32 + 2)
+        across = -(-votes.shape[2] // 32)
+        shape = (mask.shape[0] + 2 * top + 1, across + (left + reach) // 32 + 2)
         bits = scratch("circles.bits", shape, wp.uint32, mask.device)
         places = scratch("circles.places", (count,), wp.uint32, mask.device)
         launch(cuda.pack, _in_blocks(32 * bits.size), [mask, top, left], [bits])
-        launch(cuda.place, count, [offsets, reach, left - pad, bits], [places])
-        items = words * -(-votes.shape[1] // cuda.ROWS)
+        launch(cuda.place, count, [rings.offsets, reach, left - pad, bits], [places])
+        items = across * -(-votes.shape[1] // cuda.ROWS)
         launch(
             cuda.vote_rings,
             votes.shape[0] * _in_blocks(items),
-            [bits, places, starts, shares],
+            [bits, places, rings.starts, shares],
             [votes],
         )
         return
@@ -42,11 +42,13 @@ def vote_rings(
     shape = (8, mask.shape[0] + 2 * top, (width + left + reach) // 64 * 8 + 8)
     bits = scratch("circles.bits", shape, wp.uint8, mask.device)
     places = scratch("circles.places", (count,), wp.int64, mask.device)
-    launch_slabs(cpu.pack, shape[1], slabs(shape[1], bits.size), [mask, top, left], [bits])
-    launch(cpu.place, 1, [offsets, reach, left - pad, bits], [places])
+    bit_words = view(bits, wp.uint64, (*shape[:2], shape[2] // 8))
+    inputs = [mask, words(mask), top, left]
+    launch_slabs(cpu.pack, shape[1], slabs(shape[1], bits.size), inputs, [bits, bit_words])
+    launch(cpu.place, 1, [rings.offsets, reach, left - pad, bits], [places])
     lines = votes.shape[0] * votes.shape[1]
     launch_slabs(
-        cpu.vote_rings, lines, _pieces(lines, votes), [bits, places, starts, shares], [votes]
+        cpu.vote_rings, lines, _pieces(lines, votes), [bits, places, rings.starts, shares], [votes]
     )
 
 
@@ -54,12 +56,9 @@ def vote_directed(
     points: wp.array,
     starts: wp.array,
     orientation: wp.array,
-    radii: wp.array,
+    rings: Rings,
     directions: wp.array,
     tolerance: int,
-    offsets: wp.array,
-    codes: wp.array,
-    offset_starts: wp.array,
     votes: wp.array,
 ) -> None:
     """Cast the votes of `vote_rings` that lie along the gradient; write all votes.
@@ -68,19 +67,19 @@ def vote_directed(
     else for the offsets whose direction codes lie within the tolerance of its own, on both sides.
     """
     shares, votes = _integers(votes)
-    inputs = [
-        points, starts, orientation, radii, directions, tolerance, offsets, codes, offset_starts
-    ]  # fmt: skip
     if votes.device.is_cuda:
         flat = view(votes, wp.int32, (votes.size,))
         launch(cuda.clear, votes.size, [], [flat])
+        radii, *listed = rings
+        inputs = [points, starts, orientation, radii, directions, tolerance, *listed]
         launch(cuda.vote_directed, points.shape[0], inputs, [votes])
         if shares:
             plane = votes.shape[1] * votes.shape[2]
-            launch(cuda.share, votes.size, [offset_starts, plane], [flat])
+            launch(cuda.share, votes.size, [rings.starts, plane], [flat])
         return
     lines = votes.shape[0] * votes.shape[1]
-    launch_slabs(cpu.vote_directed, lines, _pieces(lines, votes), [*inputs, shares], [votes])
+    inputs = [points, starts, orientation, directions, tolerance, cpu.circles(*rings), shares]
+    launch_slabs(cpu.vote_directed, lines, _pieces(lines, votes), inputs, [votes])
 
 
 def _integers(votes: wp.array) -> tuple[bool, wp.array]:

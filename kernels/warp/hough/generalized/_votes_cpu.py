@@ -1,153 +1,77 @@
 """The generalised Hough transform on the CPU: one thread a slab of slices, a slice at a time.
 
-The accumulator of a slice, one rotation and one scale, stays in the cache. Where the votes of 16
-points fall is worked out in vector code, into a list; what is left is adding one at each place.
+An entry of the table is a vector v from a boundary point to the centre, and the direction of the
+gradient there. Turned by t and scaled by s, each edge point p of that direction, turned too, votes
+for the centre p + s R(t) v (Ballard, "Generalizing the Hough transform to detect arbitrary shapes",
+Pattern Recognition 13(2), 1981). The accumulator of a slice, one rotation and one scale, stays in
+the cache.
 """
 
 import warp as wp
 
-from cvkern.kernels.codes.hough import DIRECTIONS, SCALE_ONE, TILE, TURN_ONE, TURNED_ONE, VECTOR_ONE
+from cvkern.kernels.codes.hough import DIRECTIONS, TILE
+from cvkern.kernels.warp import _native
+
+from ._ballot import SCALED_BITS, TURNED_BITS, Ballot
 
 wp.set_module_options({"enable_backward": False})
 
 LANES = 16  # points are read this many at a time, beyond the end of a window too
-_DOWN = TURN_ONE * VECTOR_ONE // TURNED_ONE
-_ONE = TURNED_ONE * SCALE_ONE
+LAST = wp.constant(DIRECTIONS - 1)
+HALF = wp.constant(wp.int64(1 << (TURNED_BITS - 1)))
+BITS = wp.constant(wp.int64(TURNED_BITS))
 
 
-@wp.func_native(f"""
-    // For each entry: the points whose direction is within the tolerance, and its turned vector.
-    const int* turn = turns.data + 3 * rotation;
-    for (int e = 0; e < directions.shape[0]; ++e) {{
-        const int low = (directions.data[e] + turn[0] - tolerance) & {DIRECTIONS - 1};
-        const long long y = vectors.data[2 * e], x = vectors.data[2 * e + 1];
-        int* window = windows.data + 4 * ((size_t)slab * directions.shape[0] + e);
-        window[0] = starts.data[low];
-        window[1] = starts.data[low + 2 * tolerance + 1];
-        window[2] = (int)((y * turn[1] + x * turn[2] + {_DOWN // 2}) >> {_DOWN.bit_length() - 1});
-        window[3] = (int)((x * turn[1] - y * turn[2] + {_DOWN // 2}) >> {_DOWN.bit_length() - 1});
-    }}
-""")
-def turn_entries(
-    slab: int,
-    rotation: int,
-    starts: wp.array[int],
-    vectors: wp.array2d[int],
-    directions: wp.array[int],
-    turns: wp.array2d[int],
-    tolerance: int,
-    windows: wp.array2d[int],
-): ...
-
-
-# Cells beyond the last column and the last row stay 0; 16 behind them take the votes that fall
-# outside, one each, as a cell that all of them hit would make them wait for each other.
-@wp.func_native(f"""
-    const int rows = ((height - 1) >> shift) + 1, pitch = ((width - 1) >> shift) + 2;
-    const int outside = (rows + 1) * pitch, count = windows.shape[0] / slabs;
-    const unsigned tall = height, broad = width;
-    const int* ys = points.data;
-    const int* xs = points.data + points.shape[1];
-    unsigned short* cell = cells.data + (size_t)slab * cells.shape[1];
-    for (int i = 0; i < outside + {LANES}; ++i) cell[i] = 0;
-    int list[1024 + {LANES}];
-    int listed = 0;
-    for (int e = 0; e < count; ++e) {{
-        const int* window = windows.data + 4 * ((size_t)slab * count + e);
-        const int dy = (window[2] * scale + {_ONE // 2}) >> {_ONE.bit_length() - 1};
-        const int dx = (window[3] * scale + {_ONE // 2}) >> {_ONE.bit_length() - 1};
-        const int last = window[1];
-        for (int i = window[0]; i < last; i += {LANES}) {{
-            int* place = list + listed;
-            #pragma clang loop vectorize(assume_safety)
-            for (int k = 0; k < {LANES}; ++k) {{
-                const int y = ys[i + k] + dy, x = xs[i + k] + dx;
-                const bool inside = ((unsigned)y < tall) & ((unsigned)x < broad);
-                place[k] = inside ? (y >> shift) * pitch + (x >> shift) : outside + k;
-            }}
-            listed += last - i < {LANES} ? last - i : {LANES};
-            if (listed > 1024) {{
-                #pragma clang loop unroll_count(4)
-                for (int k = 0; k < listed; ++k) ++cell[list[k]];
-                listed = 0;
-            }}
-        }}
-    }}
-    for (int k = 0; k < listed; ++k) ++cell[list[k]];
-""")
+@_native.func_native("_votes_cpu.h", LANES=LANES, SCALED_BITS=SCALED_BITS)
 def vote_slice(
     slab: int,
-    slabs: int,
-    points: wp.array2d[int],
-    windows: wp.array2d[int],
     scale: int,
-    height: int,
-    width: int,
-    shift: int,
+    ballot: Ballot,
+    windows: wp.array2d[int],
     cells: wp.array2d[wp.uint16],
-): ...
+):
+    """Vote for one slice."""
 
 
-# Of four cells that meet at a corner the sum, or a peak between cells would be lost; then of each
-# tile the largest, and of equal ones the first, which the lower bits of the key say.
-@wp.func_native(f"""
-    const int rows = ((height - 1) >> shift) + 1, pitch = ((width - 1) >> shift) + 2;
-    const int across = (pitch - 1 + {TILE - 1}) / {TILE}, down = (rows + {TILE - 1}) / {TILE};
-    const unsigned short* cell = cells.data + (size_t)slab * cells.shape[1];
-    int* key = keys.data + (size_t)slice * down * across;
-    for (int tile = 0; tile < down; ++tile) {{
-        const int first = tile * {TILE}, last = first + {TILE} < rows ? first + {TILE} : rows;
-        for (int begin = 0; begin < pitch - 1; begin += 256) {{
-            int best[256];
-            const int columns = pitch - 1 - begin < 256 ? pitch - 1 - begin : 256;
-            for (int k = 0; k < 256; ++k) best[k] = 0;
-            for (int row = first; row < last; ++row) {{
-                const unsigned short* above = cell + (size_t)row * pitch + begin;
-                const unsigned short* below = above + pitch;
-                const int place = {TILE * TILE - 1} - (row - first) * {TILE};
-                #pragma clang loop vectorize(assume_safety)
-                for (int k = 0; k < columns; ++k) {{
-                    const int sum = above[k] + above[k + 1] + below[k] + below[k + 1];
-                    const int here = sum * {TILE * TILE} + place - (k & {TILE - 1});
-                    best[k] = here > best[k] ? here : best[k];
-                }}
-            }}
-            for (int k = 0; k < columns; k += {TILE}) {{
-                int most = best[k];
-                for (int i = 1; i < {TILE}; ++i) most = best[k + i] > most ? best[k + i] : most;
-                key[tile * across + (begin + k) / {TILE}] = most;
-            }}
-        }}
-    }}
-""")
+@_native.func_native("_votes_cpu.h", TILE=TILE)
 def find_peaks(
     slab: int,
     slice: int,
+    ballot: Ballot,
     cells: wp.array2d[wp.uint16],
-    height: int,
-    width: int,
-    shift: int,
     keys: wp.array[int],
-): ...
+):
+    """Find the four cells of most votes in each tile of a slice."""
 
 
-@wp.func_native("""
-    const int rows = ((height - 1) >> shift) + 1, columns = ((width - 1) >> shift) + 1;
-    const unsigned short* cell = cells.data + (size_t)slab * cells.shape[1];
-    int* vote = votes.data + (size_t)slice * rows * columns;
-    for (int row = 0; row < rows; ++row)
-        for (int k = 0; k < columns; ++k)
-            vote[(size_t)row * columns + k] = cell[(size_t)row * (columns + 1) + k];
-""")
+@wp.func
+def turn_entries(slab: int, rotation: int, ballot: Ballot, windows: wp.array2d[int]):
+    """Write, for each entry, which points may vote with it, and its turned vector."""
+    code = ballot.turns[rotation, 0]
+    cosine = wp.int64(ballot.turns[rotation, 1])
+    sine = wp.int64(ballot.turns[rotation, 2])
+    count = ballot.directions.shape[0]
+    for e in range(count):
+        low = (ballot.directions[e] + code - ballot.tolerance) & LAST
+        y = wp.int64(ballot.vectors[e, 0])
+        x = wp.int64(ballot.vectors[e, 1])
+        line = slab * count + e
+        windows[line, 0] = ballot.starts[low]
+        windows[line, 1] = ballot.starts[low + 2 * ballot.tolerance + 1]
+        windows[line, 2] = int((y * cosine + x * sine + HALF) >> BITS)
+        windows[line, 3] = int((x * cosine - y * sine + HALF) >> BITS)
+
+
+@wp.func
 def copy_votes(
-    slab: int,
-    slice: int,
-    cells: wp.array2d[wp.uint16],
-    height: int,
-    width: int,
-    shift: int,
-    votes: wp.array[int],
-): ...
+    slab: int, slice: int, ballot: Ballot, cells: wp.array2d[wp.uint16], votes: wp.array[int]
+):
+    """Write the votes of all cells of a slice."""
+    rows = ((ballot.height - 1) >> ballot.shift) + 1
+    columns = ((ballot.width - 1) >> ballot.shift) + 1
+    for row in range(rows):
+        for k in range(columns):
+            votes[(slice * rows + row) * columns + k] = int(cells[slab, row * (columns + 1) + k])
 
 
 @wp.kernel
@@ -155,32 +79,20 @@ def search(
     slab: int,
     first: int,
     last: int,
-    slabs: int,
-    points: wp.array2d[int],  # (2, P + LANES): rows, columns
-    starts: wp.array[int],  # (2 DIRECTIONS + 1,)
-    vectors: wp.array2d[int],  # (N, 2)
-    directions: wp.array[int],  # (N,)
-    turns: wp.array2d[int],  # (R, 3)
-    scales: wp.array[int],  # (S,)
-    tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    ballot: Ballot,
     peaks: bool,
     # scratch
-    windows: wp.array2d[int],  # (slabs N, 4)
+    windows: wp.array2d[int],  # (slabs N, 4): first point, point behind the last, turned vector
     cells: wp.array2d[wp.uint16],  # (slabs, cells of a slice with margin)
     # outputs
     found: wp.array[int],  # keys of the tiles, or votes of the cells, of the R S slices
 ):
-    count = scales.shape[0]
+    count = ballot.scales.shape[0]
     for slice in range(first, last):
-        rotation = slice // count
         if slice == first or slice % count == 0:
-            turn_entries(slab, rotation, starts, vectors, directions, turns, tolerance, windows)
-        scale = scales[slice % count]
-        vote_slice(slab, slabs, points, windows, scale, height, width, shift, cells)
+            turn_entries(slab, slice // count, ballot, windows)
+        vote_slice(slab, ballot.scales[slice % count], ballot, windows, cells)
         if peaks:
-            find_peaks(slab, slice, cells, height, width, shift, found)
+            find_peaks(slab, slice, ballot, cells, found)
         else:
-            copy_votes(slab, slice, cells, height, width, shift, found)
+            copy_votes(slab, slice, ballot, cells, found)

@@ -8,90 +8,89 @@ import math
 
 import warp as wp
 
-from cvkern.kernels.codes.hough import DIRECTIONS
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.codes.hough import DIRECTIONS, Cells, Entries, Slices, Voters
+from cvkern.kernels.warp._angles import atan2
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp.hough._directions import direction_code
 
-from . import _edge_directions as edge_points
 from . import _votes_cpu as cpu
 from . import _votes_cuda as cuda
+from ._ballot import ballot_of
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.kernel
+def _code_directions(
+    stride: int,
+    first: int,
+    last: int,
+    points: wp.array2d[int],  # (N, 2)
+    dy: wp.array2d[float],  # (H, W)
+    dx: wp.array2d[float],  # (H, W)
+    # outputs
+    codes: wp.array[int],  # (N,)
+):
+    for i in range(first + wp.tid(), last, stride):
+        y = points[i, 0]
+        x = points[i, 1]
+        codes[i] = direction_code(atan2(dy[y, x], dx[y, x]))
 
 
 def code_directions(points: wp.array, dy: wp.array, dx: wp.array, codes: wp.array) -> None:
-    """Code the direction of the gradient at each point; one thread a point."""
-    launch(edge_points.code_directions, codes.size, [points, dy, dx], [codes])
+    """Code the direction of the gradient at each point; a slab of points a thread, or one."""
+    launch_each(_code_directions, codes.size, codes.size, [points, dy, dx], [codes])
 
 
 def search(
-    points: wp.array,
-    starts: wp.array,
-    vectors: wp.array,
-    directions: wp.array,
-    turns: wp.array,
-    scales: wp.array,
+    voters: Voters,
+    entries: Entries,
+    slices: Slices,
     tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    cells: Cells,
     keys: wp.array,
 ) -> None:
-    """Find the cell of most votes in each tile of each slice."""
-    _vote(
-        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift,
-        True, keys,
-    )  # fmt: skip
+    """Find the four cells of most votes in each tile of each slice."""
+    _vote(voters, entries, slices, tolerance, cells, True, keys)
 
 
 def accumulate(
-    points: wp.array,
-    starts: wp.array,
-    vectors: wp.array,
-    directions: wp.array,
-    turns: wp.array,
-    scales: wp.array,
+    voters: Voters,
+    entries: Entries,
+    slices: Slices,
     tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    cells: Cells,
     votes: wp.array,
 ) -> None:
     """Count the votes of each cell of each slice."""
-    _vote(
-        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift,
-        False, votes,
-    )  # fmt: skip
+    _vote(voters, entries, slices, tolerance, cells, False, votes)
 
 
 def _vote(
-    points: wp.array,
-    starts: wp.array,
-    vectors: wp.array,
-    directions: wp.array,
-    turns: wp.array,
-    scales: wp.array,
+    voters: Voters,
+    entries: Entries,
+    slices: Slices,
     tolerance: int,
-    height: int,
-    width: int,
-    shift: int,
+    cells: Cells,
     peaks: bool,
     found: wp.array,
 ) -> None:
-    slices = turns.shape[0] * scales.shape[0]
+    points, directions = voters.points, entries.directions
+    number = slices.turns.shape[0] * slices.scales.shape[0]
     flat = view(found, wp.int32, (math.prod(found.shape),))
-    inputs = [
-        points, starts, vectors, directions, turns, scales, tolerance, height, width, shift,
-    ]  # fmt: skip
+    ballot = ballot_of(voters, entries, slices, tolerance, cells)
+    rows, columns = (((n - 1) >> cells.shift) + 1 for n in cells[:2])
     if points.device.is_cuda:
-        kernel = cuda.search if peaks else cuda.accumulate
-        deep, wide, number = cuda.rectangle(((height - 1) >> shift) + 1, ((width - 1) >> shift) + 1)
-        launch(kernel, slices * number * cuda.BLOCK, [*inputs, deep, wide], [flat])
+        deep, wide, rectangles = cuda.rectangle(rows, columns)
+        threads = number * rectangles * cuda.BLOCK
+        launch(cuda.searches[peaks], threads, [ballot, deep, wide], [flat])
         return
-    cells = (((height - 1) >> shift) + 2) * (((width - 1) >> shift) + 2) + cpu.LANES
-    entries = directions.shape[0]
-    pairs = points.shape[1] * entries * (2 * tolerance + 1) // (2 * DIRECTIONS)
-    count = slabs(slices, slices * (pairs + cells))
-    if count > 1:  # some directions have more points than others
-        count = min(4 * count, slices)
-    device = points.device
-    windows = scratch("shapes.windows", (count * entries, 4), wp.int32, device)
-    slab_cells = scratch("shapes.cells", (count, cells), wp.uint16, device)
-    launch_slabs(cpu.search, slices, count, [count, *inputs, peaks, windows, slab_cells], [flat])
+    size = (rows + 1) * (columns + 1) + cpu.LANES
+    count = directions.shape[0]
+    pairs = points.shape[1] * count * (2 * tolerance + 1) // (2 * DIRECTIONS)
+    parts = slabs(number, number * (pairs + size))
+    if parts > 1:  # some directions have more points than others
+        parts = min(4 * parts, number)
+    windows = scratch("shapes.windows", (parts * count, 4), wp.int32, points.device)
+    slab_cells = scratch("shapes.cells", (parts, size), wp.uint16, points.device)
+    launch_slabs(cpu.search, number, parts, [ballot, peaks, windows, slab_cells], [flat])

@@ -1,58 +1,19 @@
-"""Which line a point belongs to, on the CPU: 64 points at a time, as vector code."""
+"""Which line a point belongs to, on the CPU: one thread a slab of blocks of 64 points.
+
+A point (y, x) is on a line if ``|x cos + y sin - rho|`` is at most a distance and its direction is
+within a tolerance of the line's. The 64 points of a block are tried on one line after the other, as
+vector code without branches.
+"""
 
 import warp as wp
 
 from cvkern.kernels.codes.hough import DIRECTIONS
+from cvkern.kernels.warp._lanes_cpu import WIDE, f32_wide
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-POINTS = 64  # at a time
-
-_CLAIM = """
-    #pragma clang fp contract(off)
-    const int number = points.shape[0], count = cosine.shape[0], begin = block * SIZE;
-    const int size = number - begin < SIZE ? number - begin : SIZE;
-    float y[SIZE], x[SIZE];
-    int code[SIZE], past[SIZE], label[SIZE];
-    for (int i = 0; i < SIZE; ++i) {
-        const int point = begin + (i < size ? i : 0);
-        y[i] = points.data[2 * point];
-        x[i] = points.data[2 * point + 1];
-        code[i] = codes.data[point];
-        past[i] = after.data[point];
-        label[i] = count;
-    }
-    for (int k = 0; k < count; ++k) {
-        const float c = cosine.data[k], s = sine.data[k], r = rho.data[k];
-        const int direction = directions.data[k];
-        #pragma clang loop vectorize(assume_safety)
-        for (int i = 0; i < SIZE; ++i) {
-            const float away = __builtin_fabsf((x[i] * c + y[i] * s) - r);
-            const int turn = (code[i] - direction) & (HALF_TURN - 1);
-            const int angle = turn < HALF_TURN - turn ? turn : HALF_TURN - turn;
-            const bool on = (away <= distance) & (angle <= tolerance) & (k > past[i]);
-            const int mine = on ? k : count;
-            label[i] = mine < label[i] ? mine : label[i];
-        }
-    }
-    for (int i = 0; i < size; ++i) labels.data[begin + i] = label[i];
-"""
-
-
-@wp.func_native(_CLAIM.replace("SIZE", str(POINTS)).replace("HALF_TURN", str(DIRECTIONS // 2)))
-def claim_block(
-    block: int,
-    points: wp.array2d[float],
-    codes: wp.array[int],
-    after: wp.array[int],
-    cosine: wp.array[float],
-    sine: wp.array[float],
-    rho: wp.array[float],
-    directions: wp.array[int],
-    distance: float,
-    tolerance: int,
-    labels: wp.array[int],
-): ...
+HALF_TURN = wp.constant(DIRECTIONS // 2)
+i32_wide = wp.types.vector(WIDE, wp.int32)
 
 
 @wp.kernel
@@ -63,17 +24,38 @@ def claim(
     points: wp.array2d[float],  # (N, 2)
     codes: wp.array[int],  # (N,)
     after: wp.array[int],  # (N,)
-    cosine: wp.array[float],  # (K,)
-    sine: wp.array[float],
-    rho: wp.array[float],
-    directions: wp.array[int],
+    lines: wp.array2d[float],  # (3, K): cosine, sine, rho
+    directions: wp.array[int],  # (K,)
     distance: float,
     tolerance: int,
     # outputs
     labels: wp.array[int],  # (N,)
 ):
     # Rows of a slab are blocks of points.
+    count = lines.shape[1]
     for block in range(first, last):
-        claim_block(
-            block, points, codes, after, cosine, sine, rho, directions, distance, tolerance, labels
-        )
+        begin = WIDE * block
+        size = wp.min(WIDE, points.shape[0] - begin)
+        y = f32_wide()
+        x = f32_wide()
+        code = i32_wide()
+        past = i32_wide()
+        label = i32_wide(count)
+        for i in range(size):
+            y[i] = points[begin + i, 0]
+            x[i] = points[begin + i, 1]
+            code[i] = codes[begin + i]
+            past[i] = after[begin + i]
+        for k in range(count):
+            cosine = lines[0, k]
+            sine = lines[1, k]
+            rho = lines[2, k]
+            direction = directions[k]
+            for i in range(WIDE):
+                away = wp.abs((x[i] * cosine + y[i] * sine) - rho)
+                turn = (code[i] - direction) & (HALF_TURN - 1)
+                angle = wp.min(turn, HALF_TURN - turn)
+                on = int(away <= distance) & int(angle <= tolerance) & int(k > past[i])
+                label[i] = wp.min(label[i], wp.where(on != 0, k, count))
+        for i in range(size):
+            labels[begin + i] = label[i]

@@ -1,4 +1,4 @@
-"""Which line a point belongs to, on CUDA."""
+"""Which line a point belongs to, on CUDA: one thread a point, which stops at its first line."""
 
 import warp as wp
 
@@ -14,10 +14,8 @@ def claim(
     points: wp.array2d[float],  # (N, 2)
     codes: wp.array[int],  # (N,)
     after: wp.array[int],  # (N,)
-    cosine: wp.array[float],  # (K,)
-    sine: wp.array[float],
-    rho: wp.array[float],
-    directions: wp.array[int],
+    lines: wp.array2d[float],  # (3, K): cosine, sine, rho
+    directions: wp.array[int],  # (K,)
     distance: float,
     tolerance: int,
     # outputs
@@ -29,10 +27,10 @@ def claim(
     code = codes[i]
     k = after[i] + 1
     searching = bool(True)
-    while searching and k < cosine.shape[0]:
+    while searching and k < lines.shape[1]:
         turn = (code - directions[k]) & (HALF_TURN - 1)
         angle = wp.min(turn, HALF_TURN - turn)
-        away = wp.abs((x * cosine[k] + y * sine[k]) - rho[k])
+        away = wp.abs((x * lines[0, k] + y * lines[1, k]) - lines[2, k])
         searching = away > distance or angle > tolerance
         k += 1
     labels[i] = wp.where(searching, k, k - 1)

@@ -1,10 +1,92 @@
-"""Maxima of an accumulator of lines, in Warp."""
+"""Maxima of an accumulator of lines, in Warp: one thread a slab of rows, or one an element.
+
+A maximum is above a threshold, and in a window round it nothing is larger, or equal and before it.
+The window may run on past the last angle: half a turn on, rho changes its sign.
+"""
+
+from typing import Any
 
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 
-from . import _peaks as peaks
+wp.set_module_options({"enable_backward": False})
+
+
+def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
+    """Return the kernels, for the CPU and for CUDA, for values of one type."""
+
+    @wp.func
+    def is_maximum(
+        values: wp.array2d[scalar],
+        bin: int,
+        angle: int,
+        min_distance: int,
+        min_angle: int,
+        wraps: bool,
+    ) -> bool:
+        """Tell whether nothing in the window is larger, or equal and before the element."""
+        bins = values.shape[0]
+        angles = values.shape[1]
+        here = values[bin, angle]
+        for dt in range(-min_angle, min_angle + 1):
+            t = angle + dt
+            middle = bin
+            if wraps and (t < 0 or t >= angles):
+                t = wp.where(t < 0, t + angles, t - angles)
+                middle = bins - 1 - bin
+            if t >= 0 and t < angles:
+                low = wp.max(middle - min_distance, 0)
+                for r in range(low, wp.min(middle + min_distance + 1, bins)):
+                    there = values[r, t]
+                    if there > here:
+                        return False
+                    if there == here and r * angles + t < bin * angles + angle:
+                        return False
+        return True
+
+    @wp.kernel
+    def maxima_of_rows(
+        slab: int,
+        first: int,
+        last: int,
+        values: wp.array2d[scalar],  # (R, T)
+        threshold: scalar,
+        min_distance: int,
+        min_angle: int,
+        wraps: bool,
+        # outputs
+        mask: wp.array2d[wp.uint8],  # (R, T)
+    ):
+        for bin in range(first, last):
+            for angle in range(values.shape[1]):
+                found = values[bin, angle] > threshold
+                if found:
+                    found = is_maximum(values, bin, angle, min_distance, min_angle, wraps)
+                mask[bin, angle] = wp.where(found, wp.uint8(1), wp.uint8(0))
+
+    @wp.kernel
+    def maxima(
+        values: wp.array2d[scalar],  # (R, T)
+        threshold: scalar,
+        min_distance: int,
+        min_angle: int,
+        wraps: bool,
+        # outputs
+        mask: wp.array2d[wp.uint8],  # (R, T)
+    ):
+        i = wp.tid()
+        bin = i // values.shape[1]
+        angle = i - bin * values.shape[1]
+        found = values[bin, angle] > threshold
+        if found:
+            found = is_maximum(values, bin, angle, min_distance, min_angle, wraps)
+        mask[bin, angle] = wp.where(found, wp.uint8(1), wp.uint8(0))
+
+    return maxima_of_rows, maxima
+
+
+_maxima_of = {scalar: _maxima(scalar) for scalar in (wp.int32, wp.float32)}
 
 
 def local_maxima(
@@ -15,11 +97,8 @@ def local_maxima(
     wraps: bool,
     mask: wp.array,
 ) -> None:
-    """Mark what is above the threshold and the first largest in its window.
-
-    One thread a slab of rows, or one an element.
-    """
-    of_rows, of_elements = peaks.maxima[values.dtype]
+    """Mark what is above the threshold and the first largest in its window."""
+    of_rows, of_elements = _maxima_of[values.dtype]
     limit = int(threshold) if values.dtype is wp.int32 else float(threshold)
     inputs = [values, limit, min_distance, min_angle, wraps]
     if values.device.is_cuda:

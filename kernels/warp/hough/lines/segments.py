@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from cvkern.kernels.warp._lanes_cpu import WIDE
 from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 
 from . import _segments_cpu as cpu
@@ -12,9 +13,7 @@ def claim(
     points: wp.array,
     codes: wp.array,
     after: wp.array,
-    cosine: wp.array,
-    sine: wp.array,
-    rho: wp.array,
+    lines: wp.array,
     directions: wp.array,
     distance: float,
     tolerance: int,
@@ -22,12 +21,13 @@ def claim(
 ) -> None:
     """Label every point with the first line, behind `after`, that it is on, or their number.
 
-    One thread a slab of points, or one a point.
+    `lines` has rows of cosines, sines and distances, (3, K). One thread a slab of points, or one a
+    point.
     """
     number = points.shape[0]
-    inputs = [points, codes, after, cosine, sine, rho, directions, distance, tolerance]
+    inputs = [points, codes, after, lines, directions, distance, tolerance]
     if points.device.is_cuda:
         launch(cuda.claim, number, inputs, [labels])
         return
-    groups = -(-number // cpu.POINTS)
-    launch_slabs(cpu.claim, groups, slabs(groups, number * cosine.shape[0]), inputs, [labels])
+    groups = -(-number // WIDE)
+    launch_slabs(cpu.claim, groups, slabs(groups, number * lines.shape[1]), inputs, [labels])

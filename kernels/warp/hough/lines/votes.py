@@ -5,37 +5,70 @@ On the CPU a slab of angles has histograms of its own; on CUDA a block has one i
 
 import warp as wp
 
+from cvkern.kernels.codes.hough import DIRECTIONS, LineTables, LineWindows
 from cvkern.kernels.warp._launch import cpu_threads, launch, launch_slabs, scratch
+from cvkern.kernels.warp.hough._directions import direction_code
 
-from . import _lookups as line_points
 from . import _votes_cpu as cpu
 from . import _votes_cuda as cuda
 
-_SHARES = (
-    360  # blocks at work in all, or a little less: fewer leave an H200 idle, more add up longer
-)
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+HALF_TURN = wp.constant(DIRECTIONS // 2 - 1)
+_THREADS = 1 << 16  # threads of CUDA at most, where the host may not know how many points there are
+_SHARES = 360  # blocks at work in all: fewer leave an H200 idle, more take longer to be added up
+
+
+@wp.kernel
+def _take(
+    points: wp.array2d[int],  # (capacity, 2)
+    starts: wp.array[int],
+    values: wp.array2d[float],  # (H, W)
+    threads: int,
+    # outputs
+    taken: wp.array[float],  # (capacity,)
+):
+    i = wp.tid()
+    while i < starts[starts.shape[0] - 1]:
+        taken[i] = values[points[i, 0], points[i, 1]]
+        i += threads
+
+
+@wp.kernel
+def _find_windows(
+    starts: wp.array[int],
+    orientation: wp.array[float],  # (capacity,)
+    first: wp.array[int],  # (DIRECTIONS / 2,)
+    number: wp.array[int],
+    threads: int,
+    # outputs
+    windows: wp.array2d[int],  # (capacity, 2): first angle, number of angles
+):
+    i = wp.tid()
+    while i < starts[starts.shape[0] - 1]:
+        code = direction_code(orientation[i]) & HALF_TURN
+        windows[i, 0] = first[code]
+        windows[i, 1] = number[code]
+        i += threads
 
 
 def take(points: wp.array, starts: wp.array, values: wp.array, taken: wp.array) -> None:
     """Look the value of every point up; one thread in all, or each with every so many points."""
     threads = _threads(points)
-    launch(line_points.take, threads, [points, starts, values, threads], [taken])
+    launch(_take, threads, [points, starts, values, threads], [taken])
 
 
 def vote(
     points: wp.array,
     starts: wp.array,
-    cosine: wp.array,
-    sine: wp.array,
-    offset: wp.array,
-    shift: int,
-    weighted: bool,
-    weights: wp.array,
+    tables: LineTables,
+    weights: wp.array | None,
     votes: wp.array,
 ) -> None:
-    """Let every point vote at all angles; `votes` is overwritten."""
+    """Let every point vote at all angles, by 1 or its weight; `votes` is overwritten."""
     bins, angles = votes.shape
-    tables = [cosine, sine, offset, shift]
+    weighted = weights is not None
+    given = weights if weighted else starts  # an array of the same type, which is not read
     if votes.device.is_cuda:
         size = cuda.SMALL if bins <= cuda.SMALL else cuda.LARGE
         parts = -(-bins // size)
@@ -44,7 +77,7 @@ def vote(
         launch(
             cuda.votes[size, weighted],
             count * parts * angles * cuda.BLOCK,
-            [points, starts, *tables, parts, weights],
+            [points, starts, *tables, parts, given],
             [shares],
         )
         squares = -(-bins // cuda.TILE) * -(-angles // cuda.TILE)
@@ -53,39 +86,34 @@ def vote(
     groups = -(-angles // cpu.ANGLES)
     count = min(4 * cpu_threads(), groups)
     lines = scratch("lines.lines", (count * cpu.GROUP, bins), wp.int32, votes.device)
-    launch_slabs(
-        cpu.vote, groups, count, [points, starts, *tables, weighted, weights, lines], [votes]
-    )
+    inputs = [points, starts, *tables, given, lines]
+    launch_slabs(cpu.votes[weighted], groups, count, inputs, [votes])
 
 
 def vote_directed(
     points: wp.array,
     starts: wp.array,
-    orientation: wp.array,
-    first: wp.array,
-    number: wp.array,
-    cosine: wp.array,
-    sine: wp.array,
-    offset: wp.array,
-    shift: int,
-    weighted: bool,
-    weights: wp.array,
+    windows: LineWindows,
+    tables: LineTables,
+    weights: wp.array | None,
     votes: wp.array,
 ) -> None:
     """Let every point vote at the angles of its direction code; `votes` is overwritten."""
     threads = _threads(points)
-    windows = scratch("lines.windows", tuple(points.shape), wp.int32, votes.device)
-    launch(
-        line_points.find_windows, threads, [starts, orientation, first, number, threads], [windows]
-    )
-    inputs = [points, starts, windows, cosine, sine, offset, shift, weighted, weights]
+    found = scratch("lines.windows", tuple(points.shape), wp.int32, votes.device)
+    launch(_find_windows, threads, [starts, *windows, threads], [found])
+    weighted = weights is not None
+    given = weights if weighted else starts
     if votes.device.is_cuda:
+        inputs = [points, starts, found, *tables, weighted, given, threads]
         launch(cuda.clear, votes.size, [], [votes])
-        launch(cuda.vote_directed, threads, [*inputs, threads], [votes])
+        launch(cuda.vote_directed, threads, inputs, [votes])
         return
     angles = votes.shape[1]
-    launch_slabs(cpu.vote_directed, angles, min(2 * cpu_threads(), angles), inputs, [votes])
+    inputs = [points, starts, found, *tables, given]
+    count = min(2 * cpu_threads(), angles)
+    launch_slabs(cpu.directed_votes[weighted], angles, count, inputs, [votes])
 
 
 def _threads(points: wp.array) -> int:
-    return min(line_points.THREADS, points.shape[0]) if points.device.is_cuda else 1
+    return min(_THREADS, points.shape[0]) if points.device.is_cuda else 1

@@ -1,0 +1,22 @@
+"""Geometry of one and two views: maps between images, robust fits to matches with outliers."""
+
+from cvkern.geometry.fitting import fit_affine, fit_homography, fit_similarity
+from cvkern.geometry.maps import (
+    find_affine,
+    find_homographies,
+    find_homography,
+    find_similarity,
+)
+from cvkern.geometry.robust import RobustFit, RobustFits
+
+__all__ = [
+    "RobustFit",
+    "RobustFits",
+    "find_affine",
+    "find_homographies",
+    "find_homography",
+    "find_similarity",
+    "fit_affine",
+    "fit_homography",
+    "fit_similarity",
+]

@@ -1,0 +1,19 @@
+"""Calls that compile the kernels of geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from cvkern import geometry
+
+
+def calls() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield a name and a call for every function and every model that has own kernels."""
+    points = np.random.default_rng(0).uniform(0, 100, (40, 2))
+    pair = points, points + 5.0
+    for name in ("find_similarity", "find_affine", "find_homography"):
+        yield name, partial(getattr(geometry, name), *pair)
+    yield "find_homographies", partial(geometry.find_homographies, [pair, pair])

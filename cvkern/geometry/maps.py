@@ -1,0 +1,310 @@
+"""Homographies, affine maps and similarities between matches with outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._runtime import runtime
+from cvkern.geometry._points import check_pairs, on_host
+from cvkern.geometry.fitting import scaled
+from cvkern.geometry.robust import RobustFit, RobustFits, Search, gather, search
+from cvkern.kernels.codes.geometry import MAX_MATCHES, Model
+
+
+def find_homography(
+    points0: Any,
+    points1: Any,
+    threshold: float = 3.0,
+    *,
+    confidence: float = 0.999,
+    max_trials: int = 32768,
+    seed: int = 0,
+) -> RobustFit:
+    """Find the homography that many of the given matches agree on.
+
+    Samples of four matches give hypotheses. The best of each 64, by a preview of 64 matches, is
+    scored on all matches by squared distances, truncated at the threshold. The best of those are
+    refined by least squares over their inliers, in float64, and the one of least cost wins. The
+    result depends on the set of the matches, not on their order, and is the same on every device;
+    matches that are equal count once.
+
+    Parameters
+    ----------
+    points0 : array of shape (N, 2)
+        Row and column in the first image. Matches that are not finite are outliers.
+    points1 : array of shape (N, 2)
+        Row and column of the matching points in the second image.
+    threshold : float, default 3.0
+        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+    confidence : float, default 0.999
+        The search ends when, with this probability, it would have found a model with half as many
+        inliers again; in (0, 1).
+    max_trials : int, default 32768
+        Most samples for a pair, rounded up to whole groups of 64.
+    seed : int, default 0
+        Another seed draws other samples.
+
+    Returns
+    -------
+    RobustFit
+        Named tuple of `matrix` (None where there is no such map, or chance explains as many
+        inliers), `inliers` and `cost`.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or an option is no number.
+    ValueError
+        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
+        devices, or an option is out of range.
+
+    References
+    ----------
+    O. Chum, J. Matas and J. Kittler, "Locally optimized RANSAC", DAGM 2003; P. Torr and
+    A. Zisserman, "MLESAC", CVIU 78(1), 2000 (the truncated cost); L. Moisan and B. Stival, "A
+    probabilistic criterion to detect rigid point matches", IJCV 57(3), 2004 (what chance explains).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> rng = np.random.default_rng(0)
+    >>> points0 = rng.uniform(0, 500, (100, 2))
+    >>> points1 = points0 + (20, 30)
+    >>> points1[:40] = rng.uniform(0, 500, (40, 2))
+    >>> fit = cvkern.find_homography(points0, points1)
+    >>> fit.matrix.round(4) + 0
+    array([[ 1.,  0., 30.],
+           [ 0.,  1., 20.],
+           [ 0.,  0.,  1.]])
+    >>> int(fit.inliers.sum()), fit.cost
+    (60, 40.0)
+    """
+    options = _options(threshold, confidence, max_trials, seed)
+    return _one(points0, points1, Model.HOMOGRAPHY, options)
+
+
+def find_homographies(
+    pairs: Sequence[tuple[Any, Any]],
+    threshold: float = 3.0,
+    *,
+    confidence: float = 0.999,
+    max_trials: int = 32768,
+    seed: int = 0,
+) -> RobustFits:
+    """Find the homography of each of several pairs of images, all at once.
+
+    Each is what :func:`find_homography` finds for the pair alone. A pair that has none, be it for
+    too few matches or for numbers that are not finite, does not disturb the others.
+
+    Parameters
+    ----------
+    pairs : sequence of pairs of arrays of shape (N, 2)
+        Row and column in the first image, and in the second, N as it may be for each pair.
+    threshold : float, default 3.0
+        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+    confidence : float, default 0.999
+        The search ends when, with this probability, it would have found a model with half as many
+        inliers again; in (0, 1).
+    max_trials : int, default 32768
+        Most samples for a pair, rounded up to whole groups of 64.
+    seed : int, default 0
+        Another seed draws other samples.
+
+    Returns
+    -------
+    RobustFits
+        Named tuple of `matrices`, NaN where a pair has none, `inliers`, `offsets` and `costs`.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or an option is no number.
+    ValueError
+        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
+        devices, or an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> points = np.random.default_rng(0).uniform(0, 500, (50, 2))
+    >>> fits = cvkern.find_homographies([(points, points + 5), (points[:3], points[:3])])
+    >>> fits.matrices[0].round(4) + 0
+    array([[1., 0., 5.],
+           [0., 1., 5.],
+           [0., 0., 1.]])
+    >>> bool(np.isnan(fits.matrices[1]).all()), fits.offsets.tolist(), fits.costs.tolist()
+    (True, [0, 50, 53], [0.0, 3.0])
+    """
+    return find_many(pairs, Model.HOMOGRAPHY, _options(threshold, confidence, max_trials, seed))
+
+
+def find_affine(
+    points0: Any,
+    points1: Any,
+    threshold: float = 3.0,
+    *,
+    confidence: float = 0.999,
+    max_trials: int = 32768,
+    seed: int = 0,
+) -> RobustFit:
+    """Find the affine map that many of the given matches agree on.
+
+    As :func:`find_homography`, from samples of three matches; the last row is (0, 0, 1).
+
+    Parameters
+    ----------
+    points0 : array of shape (N, 2)
+        Row and column in the first image. Matches that are not finite are outliers.
+    points1 : array of shape (N, 2)
+        Row and column of the matching points in the second image.
+    threshold : float, default 3.0
+        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+    confidence : float, default 0.999
+        The search ends when, with this probability, it would have found a model with half as many
+        inliers again; in (0, 1).
+    max_trials : int, default 32768
+        Most samples for a pair, rounded up to whole groups of 64.
+    seed : int, default 0
+        Another seed draws other samples.
+
+    Returns
+    -------
+    RobustFit
+        Named tuple of `matrix` (None where there is no such map, or chance explains as many
+        inliers), `inliers` and `cost`.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or an option is no number.
+    ValueError
+        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
+        devices, or an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> rng = np.random.default_rng(0)
+    >>> points0 = rng.uniform(0, 500, (50, 2))
+    >>> points1 = points0 * 2
+    >>> points1[:20] = rng.uniform(0, 500, (20, 2))
+    >>> cvkern.find_affine(points0, points1).matrix.round(4) + 0
+    array([[2., 0., 0.],
+           [0., 2., 0.],
+           [0., 0., 1.]])
+    """
+    options = _options(threshold, confidence, max_trials, seed)
+    return _one(points0, points1, Model.AFFINE, options)
+
+
+def find_similarity(
+    points0: Any,
+    points1: Any,
+    threshold: float = 3.0,
+    *,
+    confidence: float = 0.999,
+    max_trials: int = 32768,
+    seed: int = 0,
+) -> RobustFit:
+    """Find the similarity that many of the given matches agree on.
+
+    As :func:`find_homography`, from samples of two matches: rotation, scale and translation,
+    never a mirror image; the last row is (0, 0, 1).
+
+    Parameters
+    ----------
+    points0 : array of shape (N, 2)
+        Row and column in the first image. Matches that are not finite are outliers.
+    points1 : array of shape (N, 2)
+        Row and column of the matching points in the second image.
+    threshold : float, default 3.0
+        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+    confidence : float, default 0.999
+        The search ends when, with this probability, it would have found a model with half as many
+        inliers again; in (0, 1).
+    max_trials : int, default 32768
+        Most samples for a pair, rounded up to whole groups of 64.
+    seed : int, default 0
+        Another seed draws other samples.
+
+    Returns
+    -------
+    RobustFit
+        Named tuple of `matrix` (None where there is no such map, or chance explains as many
+        inliers), `inliers` and `cost`.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or an option is no number.
+    ValueError
+        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
+        devices, or an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> rng = np.random.default_rng(0)
+    >>> points0 = rng.uniform(0, 500, (50, 2))
+    >>> points1 = points0 * 2
+    >>> points1[:20] = rng.uniform(0, 500, (20, 2))
+    >>> cvkern.find_similarity(points0, points1).matrix.round(4) + 0
+    array([[2., 0., 0.],
+           [0., 2., 0.],
+           [0., 0., 1.]])
+    """
+    options = _options(threshold, confidence, max_trials, seed)
+    return _one(points0, points1, Model.SIMILARITY, options)
+
+
+def _options(threshold: Any, confidence: Any, max_trials: Any, seed: Any) -> Search:
+    threshold = check_positive(threshold, "threshold")
+    confidence = check_number(confidence, "confidence", low=0)
+    if not 0 < confidence < 1:
+        raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
+    return Search(
+        threshold,
+        confidence,
+        check_integer(max_trials, "max_trials", 1, 2**30),
+        check_integer(seed, "seed", 0, 2**31 - 1),
+    )
+
+
+def _one(points0: Any, points1: Any, model: Model, options: Search) -> RobustFit:
+    fits = find_many([(points0, points1)], model, options)
+    matrix = fits.matrices[0]
+    found = None if np.isnan(matrix[0, 0]) else matrix
+    return RobustFit(found, fits.inliers, float(fits.costs[0]))
+
+
+def find_many(pairs: Sequence[tuple[Any, Any]], model: Model, options: Search) -> RobustFits:
+    """Check the pairs of a batch, and fit the model to each."""
+    checked = [check_pairs(a, b) for a, b in pairs]
+    offsets = np.cumsum([0] + [len(a) for a, _ in checked], dtype=np.int64)
+    for a, _ in checked:
+        if len(a) > MAX_MATCHES:
+            raise ValueError(f"points0 must be at most {MAX_MATCHES}, got {len(a)}")
+    rt = runtime(*(points for pair in checked for points in pair))
+    if not offsets[-1]:
+        empty = np.full((len(checked), 3, 3), np.nan)
+        return RobustFits(empty, rt.give(np.zeros(0, bool)), offsets, np.zeros(len(checked)))
+    host = [(on_host(rt, a), on_host(rt, b)) for a, b in checked]
+    batch = gather(host)
+    matrices, marks, costs = search(rt, batch, model, options)
+    matrices = np.linalg.inv(batch.to_unit[1]) @ matrices @ batch.to_unit[0]
+    for i, matrix in enumerate(matrices):
+        matrices[i] = scaled(matrix)
+    kept = batch.places >= 0
+    inliers = np.zeros(len(kept), bool)
+    inliers[kept] = marks[batch.places[kept]] != 0
+    # Matches that are not finite are outliers as well.
+    ignored = np.diff(np.concatenate(([0], np.cumsum(~kept)))[offsets])
+    return RobustFits(matrices, rt.give(inliers), offsets, costs + ignored)

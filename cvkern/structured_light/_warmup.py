@@ -1,0 +1,34 @@
+"""Calls that compile the kernels of structured light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+
+from cvkern.structured_light import (
+    decode_gray_code,
+    decode_phase_shift,
+    detect_laser_lines,
+    gray_code_patterns,
+    phase_shift_patterns,
+    unwrap_phase,
+)
+
+
+def calls() -> Iterator[tuple[str, Callable[[], object]]]:
+    """Yield a name and a call for every function and every dtype that has own kernels."""
+    shape = (6, 9)
+    gray, fringes = gray_code_patterns(shape), phase_shift_patterns(shape)
+    for dtype in (np.uint8, np.uint16, np.float32):
+        light = np.zeros(shape, dtype)
+        codes = partial(decode_gray_code, gray.astype(dtype), shape, light, light)
+        yield "decode_gray_code", codes
+        for method in ("steger", "center_of_mass", "peak"):
+            lines = partial(detect_laser_lines, np.eye(9).astype(dtype), method=method)
+            yield "detect_laser_lines", lines
+        yield "decode_phase_shift", partial(decode_phase_shift, fringes.astype(dtype), shape)
+    yield "gray_code_patterns", partial(gray_code_patterns, shape)
+    yield "phase_shift_patterns", partial(phase_shift_patterns, shape)
+    yield "unwrap_phase", partial(unwrap_phase, np.zeros(shape))

@@ -1,0 +1,179 @@
+"""From photographs of Gray-code patterns to the projector's coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_image, check_number, check_sides
+from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern.structured_light.patterns import AXES, check_axes, code_bits
+
+CARRIED = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
+MARGIN = 2.5  # standard deviations of the noise that a pair must differ by
+SAMPLED = 128  # pixels along a side of the grid that tells the noise
+ROUNDING = 12**-0.5  # standard deviation of rounding to integers
+
+
+class GrayCode(NamedTuple):
+    """What a camera's pixels see of a projector."""
+
+    columns: Any
+    """Column of the projector, (H, W) int32; -1 where it is not known, None if not asked for."""
+    rows: Any
+    """Row of the projector, (H, W) int32; likewise."""
+    valid: Any
+    """Whether all that was asked for is known, (H, W) bool."""
+
+
+def decode_gray_code(
+    images: Any,
+    shape: tuple[int, int],
+    white: Any = None,
+    black: Any = None,
+    *,
+    axes: Sequence[str] = AXES,
+    margin: float | None = None,
+    contrast: float | None = None,
+) -> GrayCode:
+    """Decode photographs of Gray-code patterns and their inverses.
+
+    Parameters
+    ----------
+    images : array of shape (K, H, W)
+        Photographs of `gray_code_patterns`, in its order: for each of `axes` the highest bit first,
+        each pattern before its inverse. Any real dtype. NumPy also takes a sequence of K images.
+    shape : (int, int)
+        Rows and columns of the projector.
+    white, black : array of shape (H, W), optional
+        Photographs of an all-white and an all-black frame, both or neither.
+    axes : sequence of {'columns', 'rows'}, default ('columns', 'rows')
+        What the images tell, in their order.
+    margin : float, optional
+        A pattern and its inverse must differ by more than this, in values of the images. By default
+        2.5 standard deviations of the noise, which the images tell themselves: a pattern and its
+        inverse add up to the same light for every bit.
+    contrast : float, optional
+        White must be brighter than black by more than this; by default twice `margin`.
+
+    Returns
+    -------
+    GrayCode
+        Named tuple of `columns` and `rows`, (H, W) int32, -1 where a pixel saw no code or one
+        beyond `shape`, and `valid`, (H, W) bool. Equal in every bit on all devices.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers.
+    ValueError
+        If the number of images is not that of `shape` and `axes`, shapes differ, arrays are on
+        several devices, one of `white` and `black` is missing, or a number is out of range.
+
+    See Also
+    --------
+    gray_code_patterns : The patterns.
+
+    References
+    ----------
+    .. [1] S. Inokuchi, K. Sato and F. Matsuda, "Range imaging system for 3-D object recognition",
+       ICPR 1984.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> seen = cvkern.gray_code_patterns((3, 5))  # by a camera that looks as the projector does
+    >>> cvkern.decode_gray_code(seen, (3, 5)).columns[0]
+    array([0, 1, 2, 3, 4], dtype=int32)
+    """
+    height, width = check_sides(shape, "shape")
+    axes = check_axes(axes)
+    images = stacked(images)
+    counts = [2 * code_bits(width if axis == "columns" else height) for axis in axes]
+    if images.shape[0] != sum(counts):
+        raise ValueError(
+            f"images must be {sum(counts)} for {' and '.join(axes)} of shape {(height, width)}, "
+            f"got {images.shape[0]}"
+        )
+    seen = tuple(images.shape[1:])
+    if (white is None) != (black is None):
+        raise ValueError("white and black must be given together, got one of them")
+    lights = [] if white is None else [check_image(a, name=n) for a, n in
+                                       ((white, "white"), (black, "black"))]  # fmt: skip
+    for light, name in zip(lights, ("white", "black"), strict=False):
+        if tuple(light.shape) != seen:
+            raise ValueError(f"{name} must have the shape of an image, {seen}, got {light.shape}")
+    rt = runtime(images, *lights)
+    dtype = library(images).dtype(images)
+    carried = dtype if dtype in CARRIED else np.dtype(np.float32)
+    frames = rt.adopt(images, carried)
+    if margin is None:
+        margin = MARGIN * _noise(rt, frames, counts, integral=dtype.kind in "biu")
+    margin = check_number(margin, "margin", low=0)
+    contrast = 2 * margin if contrast is None else check_number(contrast, "contrast", low=0)
+
+    found, begin = {}, 0
+    for axis, count in zip(axes, counts, strict=True):
+        found[axis] = rt.empty(seen, np.int32)
+        size = width if axis == "columns" else height
+        codes = rt.adopt(found[axis], np.int32)
+        rt.structured_light.gray_code.decode(frames, begin, count // 2, size, margin, codes)
+        begin += count
+    first, second = (rt.adopt(found[axis], np.int32) for axis in (axes[0], axes[-1]))
+    valid = rt.empty(seen, bool)
+    if lights:
+        bright, dark = (rt.adopt(light, carried) for light in lights)
+    else:
+        bright = dark = rt.constant(np.zeros((1, 1), carried))
+        contrast = -1.0
+    rt.structured_light.gray_code.accept(
+        bright, dark, contrast, first, second, rt.adopt(valid, bool)
+    )
+    released = {axis: rt.release(codes) for axis, codes in found.items()}
+    return GrayCode(released.get("columns"), released.get("rows"), rt.release(valid))
+
+
+def stacked(images: Any) -> Any:
+    """Return the stack of images, or one made of a sequence of them."""
+    if isinstance(images, (list, tuple)):
+        if any(not isinstance(image, np.ndarray) for image in images):
+            raise TypeError(
+                "images must be one array of shape (K, H, W), or a list of NumPy arrays"
+            )
+        if len({image.shape for image in images}) > 1:
+            shapes = sorted({image.shape for image in images})
+            raise ValueError(f"images must have one shape, got {', '.join(map(str, shapes))}")
+        images = np.stack(images) if images else np.zeros((0, 0, 0))
+    return check_image(images, ndim=(3,), name="images")
+
+
+def _noise(rt: Runtime, frames: Any, counts: list[int], *, integral: bool) -> float:
+    """Return the standard deviation of the noise of a frame, from sums of pairs that should be one.
+
+    Differences of two such sums have twice that of a frame. Of their absolute values the smaller
+    half is taken, which neither edges nor interreflections reach; for normal noise its mean square
+    is 0.1426 of the variance.
+    """
+    refuse_capture("decode_gray_code without a margin")
+    height, width = frames.shape[1:]
+    step = max(1, min(height, width) // SAMPLED)
+    samples = -(-height // step) * -(-width // step)
+    found, begin = [], 0
+    for count in counts:
+        pairs = count // 2
+        if pairs > 1:
+            spreads = rt.scratch("gray_code.spreads", (samples, pairs - 1))
+            rt.structured_light.gray_code.spreads(frames, begin, step, spreads)
+            found.append(rt.to_numpy(spreads).ravel().astype(np.float64))
+        begin += count
+    low = ROUNDING if integral else 0.0
+    if not found:
+        return low
+    differences = np.sort(np.concatenate(found))  # NaN last
+    half = differences[: -(-len(differences) // 2)]
+    sigma = math.sqrt(float(np.mean(half**2)) / 0.1426) / 2
+    return max(low, sigma) if math.isfinite(sigma) else low

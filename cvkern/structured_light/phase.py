@@ -1,0 +1,156 @@
+"""From photographs of shifted fringes to phases and the projector's coordinates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_integer, check_number, check_sides
+from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern.structured_light.gray_code import CARRIED, SAMPLED, stacked
+from cvkern.structured_light.patterns import AXES, check_axes, check_frequencies
+
+SHARE = 0.05  # modulation of a valid pixel, as a share of that of the brightest
+BRIGHTEST = 0.99  # quantile of the modulations
+
+
+class PhaseShift(NamedTuple):
+    """What a camera's pixels see of a projector."""
+
+    columns: Any
+    """Column of the projector between its pixels, (H, W) float32; None if not asked for."""
+    rows: Any
+    """Row of the projector, likewise."""
+    valid: Any
+    """Whether the modulation of all axes is above the threshold, (H, W) bool."""
+    phase: Any
+    """Phase of the highest frequency of each axis, (axes, H, W) float32, in (-pi, pi]."""
+    modulation: Any
+    """Least amplitude of the fringes of an axis, (axes, H, W) float32, in values of the images."""
+
+
+def decode_phase_shift(
+    images: Any,
+    shape: tuple[int, int],
+    frequencies: Sequence[float] = (1, 8, 64),
+    steps: int = 4,
+    *,
+    axes: Sequence[str] = AXES,
+    threshold: float | None = None,
+) -> PhaseShift:
+    """Decode photographs of shifted fringes.
+
+    Parameters
+    ----------
+    images : array of shape (K, H, W)
+        Photographs of `phase_shift_patterns` of the same arguments, in its order. Any real dtype.
+        NumPy also takes a sequence of K images.
+    shape : (int, int)
+        Rows and columns of the projector.
+    frequencies : sequence of float, default (1, 8, 64)
+        Periods over the whole axis, rising. Each takes its fringe's number from the one before.
+        Where the first is above 1, places are told within its first period only: with one
+        frequency, `phase` and `unwrap_phase` are what is meant.
+    steps : int, default 4
+        Shifts of each fringe, at least 3.
+    axes : sequence of {'columns', 'rows'}, default ('columns', 'rows')
+        What the images tell, in their order.
+    threshold : float, optional
+        A pixel is valid where the modulation of every frequency is above this. By default 5 % of
+        the modulation of the brightest pixels (the 99 % quantile, on a grid of pixels).
+
+    Returns
+    -------
+    PhaseShift
+        Named tuple of `columns` and `rows` (H, W) float32, `valid` (H, W) bool, `phase` and
+        `modulation` (axes, H, W) float32. Equal in every bit on all devices.
+
+    Raises
+    ------
+    TypeError
+        If `images` does not hold real numbers, or a number is not one.
+    ValueError
+        If the number of images is not that of the other arguments, shapes differ, or a number is
+        out of range.
+
+    See Also
+    --------
+    phase_shift_patterns : The patterns.
+
+    Notes
+    -----
+    With noise of standard deviation s, a modulation B and N steps, phases have the standard
+    deviation ``s sqrt(2 / N) / B``: the Cramer-Rao bound.
+
+    References
+    ----------
+    .. [1] C. Zuo, L. Huang, M. Zhang, Q. Chen and A. Asundi, "Temporal phase unwrapping algorithms
+       for fringe projection profilometry: a comparative review", Optics and Lasers in
+       Engineering 85, 2016.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> seen = cvkern.phase_shift_patterns((2, 5), [1, 2])  # seen as the projector sees them
+    >>> cvkern.decode_phase_shift(seen, (2, 5), [1, 2]).columns[0, 1:].round(1)
+    array([1., 2., 3., 4.], dtype=float32)
+    """
+    height, width = check_sides(shape, "shape")
+    axes, frequencies = check_axes(axes), check_frequencies(frequencies)
+    steps = check_integer(steps, "steps", 3, 64)
+    images = stacked(images)
+    each = steps * len(frequencies)
+    if images.shape[0] != each * len(axes):
+        raise ValueError(
+            f"images must be {each * len(axes)} for {len(frequencies)} frequencies of {steps} "
+            f"steps and {' and '.join(axes)}, got {images.shape[0]}"
+        )
+    if threshold is not None:
+        threshold = check_number(threshold, "threshold", low=0)
+    seen = tuple(images.shape[1:])
+    rt = runtime(images)
+    dtype = library(images).dtype(images)
+    frames = rt.adopt(images, dtype if dtype in CARRIED else np.float32)
+    turns = 2 * math.pi * np.arange(steps) / steps
+    waves = rt.constant(np.stack([np.sin(turns), np.cos(turns)], axis=1).astype(np.float32))
+    numbers = rt.constant(np.array(frequencies, np.float32))
+
+    places = [rt.empty(seen) for _ in axes]
+    phase, modulation = (rt.empty((len(axes), *seen)) for _ in range(2))
+    planes = [
+        [rt.adopt(a, np.float32, (len(axes), *seen))[n] for n in range(len(axes))]
+        for a in (phase, modulation)
+    ]
+    for n, axis in enumerate(axes):
+        size = width if axis == "columns" else height
+        rt.structured_light.phase.decode(
+            frames, n * each, numbers, waves, size, rt.adopt(places[n]), planes[0][n], planes[1][n]
+        )
+    strengths = planes[1][0], planes[1][-1]
+    if threshold is None:  # only now: the modulations tell it
+        threshold = _threshold(rt, planes[1])
+    valid = rt.empty(seen, bool)
+    rt.structured_light.phase.accept(*strengths, threshold, rt.adopt(valid, bool))
+    found = {axis: rt.release(place) for axis, place in zip(axes, places, strict=True)}
+    return PhaseShift(
+        found.get("columns"), found.get("rows"),
+        *(rt.release(a) for a in (valid, phase, modulation)),
+    )  # fmt: skip
+
+
+def _threshold(rt: Runtime, modulations: list[Any]) -> float:
+    """Return a share of the modulation of the brightest pixels."""
+    refuse_capture("decode_phase_shift without a threshold")
+    least = np.inf
+    for plane in modulations:
+        values = rt.to_numpy(plane)
+        step = max(1, min(values.shape) // SAMPLED)
+        values = values[::step, ::step]
+        values = np.sort(values[np.isfinite(values)])
+        if len(values):
+            least = min(least, float(values[int(BRIGHTEST * (len(values) - 1))]))
+    return SHARE * least if np.isfinite(least) else 0.0

@@ -1,0 +1,25 @@
+"""Constants of robust fits, which decide their bits: samples, previews, costs in fixed point."""
+
+from enum import IntEnum
+
+
+class Model(IntEnum):
+    """What is fitted to matches."""
+
+    SIMILARITY = 0
+    AFFINE = 1
+    HOMOGRAPHY = 2
+
+
+SAMPLE = {Model.SIMILARITY: 2, Model.AFFINE: 3, Model.HOMOGRAPHY: 4}  # matches of a sample
+
+GROUP = 64  # hypotheses, of which the one with the least preview is scored on all matches
+PREVIEW = 64  # matches at most
+LANES = 32  # partial sums: match i is in sum i mod LANES
+DRAWS = 16  # times that a match may be drawn until it is another than those before it
+COST_ONE = 1 << 12  # the cost of an outlier; 2^19 of them fit into 31 bits
+MAX_MATCHES = 1 << 18  # of a pair
+NO_COST = (1 << 31) - 1  # no model
+# Twice the area of a triangle, over the square of half the picture: flatter ones fix no map.
+FLAT = 1e-4
+SUMS = 33  # sums of a least-squares step: 6 products of (x, y, 1) / w by 4 factors, 9 residuals

@@ -1,0 +1,109 @@
+"""Phases of shifted fringes, and the projector's coordinates that they tell, in Taichi.
+
+A pixel sees the fringe of frequency f in N steps as ``I_n = A + B cos(phi - 2 pi n / N)``. With
+``S = sum I_n sin(2 pi n / N)`` and ``C = sum I_n cos(2 pi n / N)``, least squares give the phase
+``phi = atan2(S, C)`` and the modulation ``B = 2 / N sqrt(S^2 + C^2)`` [Bruning et al. 1974]. In
+turns, ``p = phi / 2 pi`` of a frequency tells the place t in the axis but for whole periods:
+``t = (p + k) / f``. The lowest frequency stays in its first period; each other takes the k that
+brings it closest to the one before it, ``k = floor(f t - p + 1/2)`` [Zuo et al. 2016, "Temporal
+phase unwrapping algorithms for fringe projection profilometry"].
+"""
+
+import math
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._polar import gradient_angle, squared_magnitude
+from cvkern.kernels.taichi._rounding import product, quotient, root
+
+any_3 = ti.types.ndarray(ndim=3)  # u8, u16 or f32
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+
+TURN = 1 / (2 * math.pi)
+
+
+@ti.kernel
+def _decode(
+    frames: any_3,  # (K, H, W)
+    begin: ti.i32,
+    frequencies: f32_1,
+    waves: f32_2,  # (steps, 2): sine, cosine
+    size: ti.i32,
+    zero: ti.i32,
+    # outputs
+    places: f32_2,
+    phases: f32_2,
+    modulations: f32_2,
+):
+    steps = waves.shape[0]
+    for y, x in places:
+        t = 0.0
+        angle = 0.0
+        least = ti.cast(ti.math.inf, ti.f32)
+        for j in range(frequencies.shape[0]):
+            s = 0.0
+            c = 0.0
+            for n in range(steps):
+                value = ti.cast(frames[begin + j * steps + n, y, x], ti.f32)
+                s += product(value, waves[n, 0], zero)
+                c += product(value, waves[n, 1], zero)
+            angle = gradient_angle(s, c, zero)
+            length = root(squared_magnitude(s, c, zero), zero)
+            least = ti.min(
+                least, quotient(product(2.0, length, zero), ti.cast(steps, ti.f32), zero)
+            )
+            p = product(angle, ti.cast(TURN, ti.f32), zero)
+            f = frequencies[j]
+            k = 0.0
+            if j == 0:
+                if p < 0.0:
+                    k = 1.0
+            else:
+                k = ti.floor(product(f, t, zero) - p + 0.5)
+            t = quotient(p + k, f, zero)
+        # Noise may have moved a place across the end of the first period.
+        f = frequencies[0]
+        u = product(f, t, zero)
+        t = quotient(u - ti.floor(u), f, zero)
+        places[y, x] = product(t, ti.cast(size, ti.f32), zero) - 0.5
+        phases[y, x] = angle
+        modulations[y, x] = least
+
+
+@primitive
+def decode(
+    frames: np.ndarray,
+    begin: int,
+    frequencies: np.ndarray,
+    waves: np.ndarray,
+    size: int,
+    places: np.ndarray,
+    phases: np.ndarray,
+    modulations: np.ndarray,
+) -> None:
+    """Decode the frames of an axis of `size` lines, from `begin` on; one thread a pixel.
+
+    Writes the place in the axis, the phase of the last frequency, and the least modulation.
+    """
+    _decode(frames, begin, frequencies, waves, size, 0, places, phases, modulations)
+
+
+@ti.kernel
+def _accept(
+    columns: f32_2,  # modulations
+    rows: f32_2,
+    threshold: ti.f32,
+    # outputs
+    valid: ti.types.ndarray(dtype=ti.u8, ndim=2),
+):
+    for y, x in valid:
+        valid[y, x] = ti.cast(columns[y, x] > threshold and rows[y, x] > threshold, ti.u8)
+
+
+@primitive
+def accept(columns: np.ndarray, rows: np.ndarray, threshold: float, valid: np.ndarray) -> None:
+    """Mark the pixels whose modulation of both axes is above the threshold; one thread a pixel."""
+    _accept(columns, rows, threshold, valid)

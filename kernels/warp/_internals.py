@@ -1,0 +1,169 @@
+"""What spares most of Warp's Python by reaching into Warp, and the plain way to do the same.
+
+Two things take longer in Warp's Python than a small kernel takes to run: to make an array that
+views memory, and to pack the arguments of a launch. The quick ways below rely on how Warp does
+that inside. They are taken for the versions that they were tested with; a newer Warp gets the
+plain ones, by its documented interface, which give the same results later.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels import _cache
+
+TESTED = (1, 19)  # the newest minor version of Warp that the quick ways were tested with
+_MAX_LAYOUTS = 512
+
+_layouts: dict[Any, wp.array] = {}
+
+
+def _quick() -> bool:
+    """Tell whether this Warp is one that the quick ways were tested with."""
+    version = re.match(r"(\d+)\.(\d+)", wp.__version__)
+    return version is not None and (int(version[1]), int(version[2])) <= TESTED
+
+
+QUICK = _quick()
+
+
+def _plain_view_at(
+    address: int | None,
+    dtype: Any,
+    shape: tuple[int, ...],
+    device: wp.Device,
+    strides: tuple[int, ...] | None = None,
+) -> wp.array:
+    """See the memory at an address, without keeping it alive."""
+    return wp.array(ptr=address or 0, dtype=dtype, shape=shape, strides=strides, device=device)
+
+
+def _quick_view_at(
+    address: int | None,
+    dtype: Any,
+    shape: tuple[int, ...],
+    device: wp.Device,
+    strides: tuple[int, ...] | None = None,
+) -> wp.array:
+    """See the memory at an address, without keeping it alive: a copy of an array seen before."""
+    key = (dtype, shape, device.alias, strides)
+    layout = _layouts.get(key)
+    if layout is None:
+        if len(_layouts) >= _MAX_LAYOUTS:
+            _layouts.clear()
+        layout = _plain_view_at(0, dtype, shape, device, strides)
+        _layouts[key] = layout
+    # A copy of an array that nobody else has: to make one anew takes several times as long.
+    seen = object.__new__(wp.array)
+    seen.__dict__ = layout.__dict__.copy()
+    seen.ptr = address
+    return seen
+
+
+class _PlainCommand:
+    """A launch of a kernel that is loaded."""
+
+    def __init__(
+        self, kernel: wp.Kernel, dim: Any, arguments: Sequence[Any], device: wp.Device, block: int
+    ):
+        self._given: dict[str, Any] = {"device": device, "block_dim": block}
+        self._kernel, self._dim = kernel, dim
+
+    def launch(self, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
+        """Launch with these arguments."""
+        wp.launch(self._kernel, self._dim, arguments, stream=stream, **self._given)
+
+
+class _QuickCommand:
+    """A launch that a thread keeps, with the descriptors of its arguments.
+
+    They are its own, not those of arrays: it must not keep the memory of arrays alive.
+    """
+
+    def __init__(
+        self, kernel: wp.Kernel, dim: Any, arguments: Sequence[Any], device: wp.Device, block: int
+    ):
+        self._command = wp.launch(
+            kernel, dim, arguments, device=device, record_cmd=True, block_dim=block
+        )
+        self._known: list[Any] = [None] * len(arguments)  # numbers, and the layouts of arrays
+        self._descriptors: list[Any] = [None] * len(arguments)
+
+    def launch(self, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
+        """Launch with these arguments, where None stands for the same array as the first time."""
+        known, descriptors = self._known, self._descriptors
+        for i, argument in enumerate(arguments):
+            if isinstance(argument, wp.array):
+                layout = argument.shape, argument.strides
+                if layout != known[i]:
+                    given = argument.__ctype__()
+                    descriptors[i] = type(given).from_buffer_copy(given)
+                    self._command.set_param_at_index_from_ctype(i, descriptors[i])
+                    known[i] = layout
+                descriptors[i].data = argument.ptr or 0
+            elif hasattr(argument, "__ctype__"):  # a structure
+                self._command.set_param_at_index_from_ctype(i, argument.__ctype__())
+            elif argument is not known[i]:
+                self._command.set_param_at_index_from_ctype(i, argument)
+                known[i] = argument
+        self._command.launch(stream)
+
+
+view_at = _quick_view_at if QUICK else _plain_view_at
+Command = _QuickCommand if QUICK else _PlainCommand
+
+
+def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
+    """Compile and load the module of `kernel` for blocks of so many threads.
+
+    What the cache holds of it is removed once if it cannot be loaded: a process that was killed,
+    or a full disk, may have left a part of a file. A cache that cannot be written to, and does
+    not have the module yet, is replaced by one for this process.
+    """
+    kept = _cached(kernel, block)
+    there = kept is not None and kept.is_dir()
+    try:
+        _load(kernel, device, block)
+    except Exception:
+        folder = wp.config.kernel_cache_dir
+        reason = _cache.refusal(folder) if folder else ""
+        if reason:
+            replace_cache(reason)
+        elif kept is not None and there:
+            shutil.rmtree(kept, ignore_errors=True)
+        else:
+            raise
+        kernel.module.mark_modified()  # forgets that it failed
+        _load(kernel, device, block)
+
+
+def replace_cache(reason: str) -> None:
+    """Keep compiled kernels in a folder for this process alone, and warn of it."""
+    _cache.warn("warp", wp.config.kernel_cache_dir or "", reason)
+    wp.config.kernel_cache_dir = tempfile.mkdtemp(prefix="cvkern-kernels-")
+    atexit.register(shutil.rmtree, wp.config.kernel_cache_dir, ignore_errors=True)
+
+
+def _load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
+    if QUICK:
+        kernel.module.load(device, block)
+    else:
+        wp.load_module(kernel.module, device, block_dim=block)
+
+
+def _cached(kernel: wp.Kernel, block: int) -> Path | None:
+    """Return the folder of the kernel cache that has the module of `kernel`, if Warp tells."""
+    identify = getattr(kernel.module, "get_module_identifier", None)
+    folder = wp.config.kernel_cache_dir
+    if identify is None or not folder:
+        return None
+    return Path(os.fspath(folder)) / identify(block)

@@ -1,0 +1,227 @@
+#pragma once
+
+// Samples, minimal solvers and least-squares steps of robust fits, for either device. Arithmetic
+// is in the order written, with no fused multiply-add; Taichi's robust.py has the same order.
+struct Robust {
+    enum Model { SIMILARITY, AFFINE, HOMOGRAPHY };
+
+    static unsigned mix(unsigned x) {  // kernels/warp/_random.py
+        const unsigned state = x * 747796405u + 2891336453u;
+        const unsigned word = ((state >> ((state >> 28) + 4u)) ^ state) * 277803737u;
+        return (word >> 22) ^ word;
+    }
+
+    static int index(int seed, int hypothesis, int which, int count) {
+        const unsigned x = mix((unsigned)seed ^ 0x1E3779B9u * (unsigned)which);
+        const unsigned bits = mix((unsigned)hypothesis + mix(x));
+        return (int)((unsigned long long)bits * (unsigned long long)count >> 32);
+    }
+
+    // Matches of a sample; slot s draws number s + 8 n until its match is in no slot before.
+    static bool sample(int seed, int hypothesis, int count, int size, int* picked) {
+        for (int s = 0; s < size; ++s) {
+            bool fresh = false;
+            for (int n = 0; n < 16 && !fresh; ++n) {
+                picked[s] = index(seed, hypothesis, s + 8 * n, count);
+                fresh = true;
+                for (int r = 0; r < s; ++r) fresh = fresh && picked[r] != picked[s];
+            }
+            if (!fresh) return false;
+        }
+        return true;
+    }
+
+    // Twice the area of the triangle a, b, c.
+    static double area(const double* x, const double* y, int a, int b, int c) {
+        return (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a]);
+    }
+
+    // The map of four points, by barycentric coordinates: with a_i(p) those of p in the triangle
+    // of the first three, s_i = a_i(p3) and t_i the same in the second image, H maps p to the sum
+    // of (t_i / s_i) a_i(p) q_i. All four must be before the horizon, in either image.
+    static bool homography(const double* x, const double* y, const double* u, const double* v,
+                           double flat, double* h) {
+        double s[4], t[4];
+        for (int side = 0; side < 2; ++side) {
+            const double* a = side ? u : x;
+            const double* b = side ? v : y;
+            double* of = side ? t : s;
+            of[0] = area(a, b, 3, 1, 2);
+            of[1] = area(a, b, 0, 3, 2);
+            of[2] = area(a, b, 0, 1, 3);
+            of[3] = area(a, b, 0, 1, 2);
+        }
+        const bool mirrored = s[3] * t[3] < 0.0;
+        for (int i = 0; i < 4; ++i) {
+            if (!(wp::abs(s[i]) > flat) || !(wp::abs(t[i]) > flat)) return false;
+            if ((s[i] * t[i] < 0.0) != mirrored) return false;
+        }
+        double scale[3];
+        for (int i = 0; i < 3; ++i) scale[i] = t[i] / s[i];
+        barycentric(x, y, u, v, scale, h);
+        return true;
+    }
+
+    static bool affine(const double* x, const double* y, const double* u, const double* v,
+                       double flat, double* h) {
+        const double whole = area(x, y, 0, 1, 2);
+        if (!(wp::abs(whole) > flat) || !(wp::abs(area(u, v, 0, 1, 2)) > flat)) return false;
+        const double scale[3] = {1.0 / whole, 1.0 / whole, 1.0 / whole};
+        barycentric(x, y, u, v, scale, h);
+        h[6] = 0.0, h[7] = 0.0, h[8] = 1.0;
+        return true;
+    }
+
+    // The map of p to the sum over three points of scale_i a_i(p) q_i.
+    static void barycentric(const double* x, const double* y, const double* u, const double* v,
+                            const double* scale, double* h) {
+        for (int i = 0; i < 9; ++i) h[i] = 0.0;
+        for (int i = 0; i < 3; ++i) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            const double row[3] = {y[j] - y[k], x[k] - x[j], x[j] * y[k] - x[k] * y[j]};
+            for (int c = 0; c < 3; ++c) {
+                const double scaled = row[c] * scale[i];
+                h[c] += u[i] * scaled, h[3 + c] += v[i] * scaled, h[6 + c] += scaled;
+            }
+        }
+    }
+
+    static bool similarity(const double* x, const double* y, const double* u, const double* v,
+                           double flat, double* h) {
+        const double dx = x[1] - x[0], dy = y[1] - y[0], du = u[1] - u[0], dv = v[1] - v[0];
+        const double square = dx * dx + dy * dy;
+        if (!(square > flat) || !(du * du + dv * dv > flat)) return false;
+        const double a = (dx * du + dy * dv) / square, b = (dx * dv - dy * du) / square;
+        h[0] = a, h[1] = -b, h[2] = u[0] - (a * x[0] - b * y[0]);
+        h[3] = b, h[4] = a, h[5] = v[0] - (b * x[0] + a * y[0]);
+        h[6] = 0.0, h[7] = 0.0, h[8] = 1.0;
+        return true;
+    }
+
+    // The model of one hypothesis, for matches x0, y0, x1, y1 that lie `pitch` apart.
+    static bool solve(int kind, const float* matches, size_t pitch, int count, int seed,
+                      int hypothesis, double flat, double* h) {
+        int picked[4];
+        const int size = kind == SIMILARITY ? 2 : kind == AFFINE ? 3 : 4;
+        if (!sample(seed, hypothesis, count, size, picked)) return false;
+        double x[4], y[4], u[4], v[4];
+        for (int i = 0; i < size; ++i) {
+            const float* match = matches + picked[i];
+            x[i] = match[0], y[i] = match[pitch], u[i] = match[2 * pitch], v[i] = match[3 * pitch];
+        }
+        if (kind == SIMILARITY) return similarity(x, y, u, v, flat, h);
+        return kind == AFFINE ? affine(x, y, u, v, flat, h) : homography(x, y, u, v, flat, h);
+    }
+
+    // The squared distance of H (x, y) from (u, v).
+    static float transfer(const float* h, float x, float y, float u, float v) {
+        const float w = 1.0f / ((h[6] * x + h[7] * y) + h[8]);
+        const float dx = ((h[0] * x + h[1] * y) + h[2]) * w - u;
+        const float dy = ((h[3] * x + h[4] * y) + h[5]) * w - v;
+        return dx * dx + dy * dy;
+    }
+
+    // Solve A d = b, n unknowns, positive definite; rows of 10 numbers, the last is b's.
+    static bool eliminate(double* a, int n, double least, double* d) {
+        for (int k = 0; k < n; ++k) {
+            const double* row = a + 10 * k;
+            if (!(row[k] > least)) return false;
+            for (int i = k + 1; i < n; ++i) {
+                double* below = a + 10 * i;
+                const double factor = below[k] / row[k];
+                for (int j = k + 1; j < n; ++j) below[j] = below[j] - factor * row[j];
+                below[9] = below[9] - factor * row[9];
+            }
+        }
+        for (int k = n - 1; k >= 0; --k) {
+            double sum = a[10 * k + 9];
+            for (int j = k + 1; j < n; ++j) sum = sum - a[10 * k + j] * d[j];
+            d[k] = sum / a[10 * k + k];
+        }
+        return true;
+    }
+
+    // One Gauss-Newton step from the sums over all matches; false where they fix no model.
+    static bool step(int kind, const double* sums, double* h) {
+        // Normal equations of all nine elements: blocks of 3 x 3 by rows of H.
+        double full[90], a[90], d[9];
+        const int place[9] = {0, 1, 2, 1, 3, 4, 2, 4, 5};
+        for (int i = 0; i < 3; ++i) {
+            for (int j = 0; j < 3; ++j) {
+                const int p = place[3 * i + j];
+                full[10 * i + j] = full[10 * (i + 3) + j + 3] = sums[p];
+                full[10 * i + j + 3] = full[10 * (i + 3) + j] = 0.0;
+                full[10 * i + j + 6] = full[10 * (j + 6) + i] = -sums[6 + p];
+                full[10 * (i + 3) + j + 6] = full[10 * (j + 6) + i + 3] = -sums[12 + p];
+                full[10 * (i + 6) + j + 6] = sums[18 + p];
+            }
+            full[10 * i + 9] = -sums[24 + i];
+            full[10 * (i + 3) + 9] = -sums[27 + i];
+            full[10 * (i + 6) + 9] = sums[30 + i];
+        }
+        if (kind == SIMILARITY) {  // h = (a, -b, c, b, a, d, 0, 0, 1)
+            const int at[8] = {0, 4, 3, 1, 2, 2, 5, 5};
+            const double sign[8] = {1.0, 1.0, 1.0, -1.0, 0.5, 0.5, 0.5, 0.5};
+            for (int i = 0; i < 4; ++i) {
+                const int p = at[2 * i], q = at[2 * i + 1];
+                const double f = sign[2 * i], g = sign[2 * i + 1];
+                for (int j = 0; j < 4; ++j) {
+                    const int r = at[2 * j], t = at[2 * j + 1];
+                    const double m = sign[2 * j], n = sign[2 * j + 1];
+                    const double one = f * full[10 * p + r] * m + f * full[10 * p + t] * n;
+                    a[10 * i + j] = one + (g * full[10 * q + r] * m + g * full[10 * q + t] * n);
+                }
+                a[10 * i + 9] = f * full[10 * p + 9] + g * full[10 * q + 9];
+            }
+        } else {
+            for (int i = 0; i < 90; ++i) a[i] = full[i];
+        }
+        const int n = kind == SIMILARITY ? 4 : kind == AFFINE ? 6 : 9;
+        double trace = 0.0;
+        for (int i = 0; i < n; ++i) trace = trace + a[11 * i];
+        if (kind == HOMOGRAPHY)  // the scale of H is free: the step is square to it
+            for (int i = 0; i < 9; ++i)
+                for (int j = 0; j < 9; ++j) a[10 * i + j] = a[10 * i + j] + trace * h[i] * h[j];
+        if (!eliminate(a, n, 1e-13 * trace, d)) return false;
+        if (kind == SIMILARITY) {
+            h[0] = h[0] + d[0], h[4] = h[0], h[3] = h[3] + d[1], h[1] = -h[3];
+            h[2] = h[2] + d[2], h[5] = h[5] + d[3];
+        } else {
+            for (int i = 0; i < n; ++i) h[i] = h[i] + d[i];
+        }
+        if (kind == HOMOGRAPHY) unit(h);
+        return true;
+    }
+
+    // Scale H to a largest element of 1.
+    static void unit(double* h) {
+        double largest = 0.0;
+        for (int i = 0; i < 9; ++i) largest = wp::abs(h[i]) > largest ? wp::abs(h[i]) : largest;
+        for (int i = 0; i < 9; ++i) h[i] = h[i] / largest;
+    }
+
+    // Add what one match gives to sums that lie `pitch` apart; it counts below the limit.
+    static void add(const double* h, double x, double y, double u, double v, bool given,
+                    double limit, double* sums, int pitch) {
+        const double inverse = 1.0 / ((h[6] * x + h[7] * y) + h[8]);
+        const double px = ((h[0] * x + h[1] * y) + h[2]) * inverse;
+        const double py = ((h[3] * x + h[4] * y) + h[5]) * inverse;
+        const double rx = px - u, ry = py - v;
+        const bool counts = given && rx * rx + ry * ry < limit;
+        const double p = counts ? px : 0.0, q = counts ? py : 0.0;
+        const double ex = counts ? rx : 0.0, ey = counts ? ry : 0.0;
+        const double c = counts ? inverse : 0.0, a = x * c, b = y * c;
+        const double products[6] = {a * a, a * b, a * c, b * b, b * c, c * c};
+        const double square = p * p + q * q, along = p * ex + q * ey;
+        for (int i = 0; i < 6; ++i) {
+            sums[i * pitch] += products[i];
+            sums[(6 + i) * pitch] += products[i] * p;
+            sums[(12 + i) * pitch] += products[i] * q;
+            sums[(18 + i) * pitch] += products[i] * square;
+        }
+        sums[24 * pitch] += a * ex, sums[25 * pitch] += b * ex, sums[26 * pitch] += c * ex;
+        sums[27 * pitch] += a * ey, sums[28 * pitch] += b * ey, sums[29 * pitch] += c * ey;
+        sums[30 * pitch] += a * along, sums[31 * pitch] += b * along;
+        sums[32 * pitch] += c * along;
+    }
+};

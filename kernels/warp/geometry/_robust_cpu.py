@@ -1,0 +1,132 @@
+"""Robust fits on the CPU, one thread a slab of groups of hypotheses, or of models.
+
+What is done to the matches is C, because it becomes vector code as it stands.
+"""
+
+import warp as wp
+
+from cvkern.kernels.codes.geometry import (
+    COST_ONE,
+    FLAT,
+    GROUP,
+    LANES,
+    NO_COST,
+    PREVIEW,
+    SUMS,
+)
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+_FILE = "_robust_cpu.h"
+
+
+@_native.func_native(
+    _FILE, GROUP=GROUP, PREVIEW=PREVIEW, COST_ONE=COST_ONE, NO_COST=NO_COST, FLAT=FLAT
+)
+def best_of_group(
+    kind: int,
+    seed: int,
+    first: int,
+    matches: wp.array2d[float],
+    start: int,
+    count: int,
+    square: float,
+    at: int,
+    models: wp.array3d[float],
+    costs: wp.array2d[int],
+): ...
+
+
+@_native.func_native(_FILE, LANES=LANES, SUMS=SUMS, COST_ONE=COST_ONE)
+def improve(
+    kind: int,
+    matches: wp.array2d[float],
+    start: int,
+    count: int,
+    square: float,
+    schedule: wp.array[float],
+    at: int,
+    models: wp.array3d[wp.float64],
+    costs: wp.array2d[int],
+    supports: wp.array2d[int],
+): ...
+
+
+@_native.func_native(_FILE)
+def mark_pair(
+    kind: int,
+    matches: wp.array2d[float],
+    start: int,
+    count: int,
+    square: float,
+    at: int,
+    models: wp.array2d[wp.float64],
+    inliers: wp.array[wp.uint8],
+): ...
+
+
+@wp.kernel
+def propose(
+    stride: int,
+    begin: int,
+    end: int,
+    matches: wp.array2d[float],
+    spans: wp.array2d[int],
+    squares: wp.array[float],
+    pairs: wp.array[int],
+    kind: int,
+    seed: int,
+    first: int,
+    # outputs
+    models: wp.array3d[float],
+    costs: wp.array2d[int],
+):
+    groups = costs.shape[1]
+    for i in range(begin + wp.tid(), end, stride):
+        pair = pairs[i // groups]
+        best_of_group(
+            kind, seed, first + (i % groups) * wp.static(GROUP), matches, spans[pair, 0],
+            spans[pair, 1], squares[pair], i, models, costs,
+        )  # fmt: skip
+
+
+@wp.kernel
+def refine(
+    stride: int,
+    begin: int,
+    end: int,
+    matches: wp.array2d[float],
+    spans: wp.array2d[int],
+    squares: wp.array[float],
+    pairs: wp.array[int],
+    kind: int,
+    schedule: wp.array[float],
+    # outputs
+    models: wp.array3d[wp.float64],
+    costs: wp.array2d[int],
+    supports: wp.array2d[int],
+):
+    for i in range(begin + wp.tid(), end, stride):
+        pair = pairs[i // costs.shape[1]]
+        improve(
+            kind, matches, spans[pair, 0], spans[pair, 1], squares[pair], schedule, i, models,
+            costs, supports,
+        )  # fmt: skip
+
+
+@wp.kernel
+def mark(
+    stride: int,
+    begin: int,
+    end: int,
+    matches: wp.array2d[float],
+    spans: wp.array2d[int],
+    squares: wp.array[float],
+    kind: int,
+    models: wp.array2d[wp.float64],
+    # output
+    inliers: wp.array[wp.uint8],
+):
+    for i in range(begin + wp.tid(), end, stride):
+        mark_pair(kind, matches, spans[i, 0], spans[i, 1], squares[i], i, models, inliers)

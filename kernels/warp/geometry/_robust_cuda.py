@@ -1,0 +1,65 @@
+"""Robust fits on CUDA, one warp a group of hypotheses, a model or a pair."""
+
+import warp as wp
+
+from cvkern.kernels.codes.geometry import (
+    COST_ONE,
+    FLAT,
+    GROUP,
+    NO_COST,
+    PREVIEW,
+    SUMS,
+)
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+BLOCK = 128  # four warps
+_FILE = "_robust_cuda.cu"
+_OPTIONS = {"enable_backward": False, "fuse_fp": False}
+
+
+def threads(items: int) -> int:
+    """Return the threads of a launch with a warp an item, in whole blocks."""
+    return -(-items * 32 // BLOCK) * BLOCK
+
+
+@_native.kernel(
+    _FILE, _OPTIONS, GROUP=GROUP, PREVIEW=PREVIEW, COST_ONE=COST_ONE, NO_COST=NO_COST, FLAT=FLAT
+)
+def propose(
+    matches: wp.array2d[float],
+    spans: wp.array2d[int],
+    squares: wp.array[float],
+    pairs: wp.array[int],
+    kind: int,
+    seed: int,
+    first: int,
+    models: wp.array3d[float],
+    costs: wp.array2d[int],
+): ...
+
+
+@_native.kernel(_FILE, _OPTIONS, SUMS=SUMS, COST_ONE=COST_ONE)
+def refine(
+    matches: wp.array2d[float],
+    spans: wp.array2d[int],
+    squares: wp.array[float],
+    pairs: wp.array[int],
+    kind: int,
+    schedule: wp.array[float],
+    models: wp.array3d[wp.float64],
+    costs: wp.array2d[int],
+    supports: wp.array2d[int],
+): ...
+
+
+@_native.kernel(_FILE, _OPTIONS)
+def mark(
+    matches: wp.array2d[float],
+    spans: wp.array2d[int],
+    squares: wp.array[float],
+    kind: int,
+    models: wp.array2d[wp.float64],
+    inliers: wp.array[wp.uint8],
+): ...

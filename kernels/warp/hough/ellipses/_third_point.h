@@ -1,0 +1,42 @@
+// What a third point says about an ellipse whose major axis is known, for either device.
+//
+// With 2 a the axis from one point to another, e their difference, and 2 p the third point's place
+// from the centre, P = 2 p . e and Q = 2 p x e are 4 a times its coordinates along the axes. From
+// x^2 / a^2 + y^2 / b^2 = 1 the square of the minor semi-axis is
+//     b^2 = (4 a^2) Q^2 / (4 (4 a^2 - P) (4 a^2 + P)),
+// which is the formula of Xie and Ji without its angle. The normal there is b^2 P e + a^2 Q e', with
+// e' square to e. Only sums of two products are rounded twice: the same on every device.
+struct Axis {
+    float ey, ex, my, mx, whole;  // the difference, the sum and the squared distance of the two
+
+    CUDA_CALLABLE Axis(const float* row, const float* column, int i, int j) {
+#pragma clang fp contract(off)
+        ey = row[j] - row[i], ex = column[j] - column[i];
+        my = row[j] + row[i], mx = column[j] + column[i];
+        whole = ey * ey + ex * ex;
+    }
+
+    // Whether a direction is that of (gy, gx), or its opposite, within a sine whose square is turn.
+    static CUDA_CALLABLE bool aligned(float ny, float nx, float gy, float gx, float square,
+                                      float turn) {
+#pragma clang fp contract(off)
+        const float cross = ny * gx - nx * gy;
+        return cross * cross <= turn * square;
+    }
+
+    // The square of the minor semi-axis, or -1 for a point that counts for none.
+    CUDA_CALLABLE float minor(float y, float x, float ny, float nx, float narrow, float wide,
+                              bool directed, float turn) const {
+#pragma clang fp contract(off)
+        const float py = y + y - my, px = x + x - mx;
+        const float p = py * ey + px * ex, q = py * ex - px * ey;
+        const float behind = whole - p, ahead = whole + p;
+        const bool inside = (behind > 0.0f) & (ahead > 0.0f) & (py * py + px * px <= whole);
+        const float divisor = inside ? behind * ahead : 1.0f;
+        const float square = q * q * (0.25f * whole) / divisor;
+        const float u = square * p, v = 0.25f * whole * q;
+        const float gy = u * ey + v * ex, gx = u * ex - v * ey;
+        const bool along = !directed | aligned(ny, nx, gy, gx, gy * gy + gx * gx, turn);
+        return inside & (square >= narrow) & (square <= wide) & along ? square : -1.0f;
+    }
+};

@@ -1,0 +1,37 @@
+"""What is voted for, as kernels of both devices take it."""
+
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes.hough import SCALE_ONE, TURN_ONE, TURNED_ONE, VECTOR_ONE
+
+TURNED_BITS = (TURN_ONE * VECTOR_ONE // TURNED_ONE).bit_length() - 1  # of a turned vector, too many
+SCALED_BITS = (TURNED_ONE * SCALE_ONE).bit_length() - 1  # the same of a scaled one, to whole pixels
+
+
+@wp.struct
+class Ballot:
+    """Voters, entries, slices and cells; see `codes.hough`."""
+
+    points: wp.array2d[int]  # (2, P + 16): rows, columns
+    starts: wp.array[int]  # (2 DIRECTIONS + 1,)
+    vectors: wp.array2d[int]  # (N, 2)
+    directions: wp.array[int]  # (N,)
+    turns: wp.array2d[int]  # (R, 3): code, cosine, sine
+    scales: wp.array[int]  # (S,)
+    tolerance: int
+    height: int
+    width: int
+    shift: int
+
+
+def ballot_of(voters: Any, entries: Any, slices: Any, tolerance: int, cells: Any) -> Any:
+    """Return the structure of what a primitive is given."""
+    made = Ballot()
+    made.points, made.starts = voters
+    made.vectors, made.directions = entries
+    made.turns, made.scales = slices
+    made.tolerance = tolerance
+    made.height, made.width, made.shift = cells
+    return made

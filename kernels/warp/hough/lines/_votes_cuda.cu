@@ -1,0 +1,67 @@
+// needs SIZE WEIGHTED
+// A block has one angle, a share of the points, and the SIZE bins from `low` on in shared memory.
+// A thread takes four points at a time, two by one load of 16 bytes.
+void vote(wp::array_t<int> points, wp::array_t<int> starts, wp::array_t<int> cosine,
+          wp::array_t<int> sine, wp::array_t<wp::int64> offset, int shift, int parts,
+          wp::array_t<int> weights, wp::array_t<int> shares) {
+    __shared__ int histogram[SIZE];
+    const int t = threadIdx.x, threads = blockDim.x;
+    const int angles = shares.shape[1], bins = shares.shape[2];
+    const int angle = blockIdx.x % angles, rest = blockIdx.x / angles;
+    const int low = rest % parts * SIZE, share = rest / parts, count = shares.shape[0];
+    const int width = bins - low < SIZE ? bins - low : SIZE;
+    for (int i = t; i < width; i += threads) histogram[i] = 0;
+    __syncthreads();
+    const int number = starts.data[starts.shape[0] - 1];
+    const int begin = (int)((long long)number * share / count) & ~1;
+    const int end =
+        share + 1 == count ? number : (int)((long long)number * (share + 1) / count) & ~1;
+    const long long c = cosine.data[angle], s = sine.data[angle];
+    const long long o = offset.data[angle] - ((long long)low << shift);
+    const int4* pairs = reinterpret_cast<const int4*>(points.data);
+    int i = begin + 2 * t;
+    for (; i + 2 * threads + 1 < end; i += 4 * threads) {
+        const int4 a = pairs[i / 2], b = pairs[i / 2 + threads];
+        const unsigned int at[4] = {(unsigned int)((a.y * c + (a.x * s + o)) >> shift),
+                                    (unsigned int)((a.w * c + (a.z * s + o)) >> shift),
+                                    (unsigned int)((b.y * c + (b.x * s + o)) >> shift),
+                                    (unsigned int)((b.w * c + (b.z * s + o)) >> shift)};
+#pragma unroll
+        for (int k = 0; k < 4; ++k)
+            if (at[k] < width)
+                atomicAdd(histogram + at[k],
+                          WEIGHTED ? weights.data[i + k % 2 + 2 * threads * (k / 2)] : 1);
+    }
+    for (; i < end; i += 2 * threads)
+        for (int j = i; j < i + 2 && j < end; ++j) {
+            const int y = points.data[2 * j], x = points.data[2 * j + 1];
+            const unsigned int at = (unsigned int)((x * c + (y * s + o)) >> shift);
+            if (at < width) atomicAdd(histogram + at, WEIGHTED ? weights.data[j] : 1);
+        }
+    __syncthreads();
+    int* to = shares.data + ((size_t)share * angles + angle) * bins + low;
+    for (int i = t; i < width; i += threads) to[i] = histogram[i];
+}
+
+// needs TILE
+// A block adds up the shares of a square of TILE by TILE votes, and turns it to have the angles
+// along the rows; its warps take a row of it each.
+void add_up(wp::array_t<int> shares, wp::array_t<int> votes) {
+    __shared__ int square[TILE][TILE + 1];
+    const int angles = votes.shape[1], bins = votes.shape[0];
+    const int across = (bins + TILE - 1) / TILE;
+    const int bin = blockIdx.x % across * TILE, angle = blockIdx.x / across * TILE;
+    const int lane = threadIdx.x % 32, row = threadIdx.x / 32;
+    const size_t size = (size_t)angles * bins;
+    for (int k = row; k < TILE; k += 8)
+        if (angle + k < angles && bin + lane < bins) {
+            const int* from = shares.data + (size_t)(angle + k) * bins + bin + lane;
+            int sum = 0;
+            for (int share = 0; share < shares.shape[0]; ++share) sum += from[share * size];
+            square[k][lane] = sum;
+        }
+    __syncthreads();
+    for (int k = row; k < TILE; k += 8)
+        if (bin + k < bins && angle + lane < angles)
+            votes.data[(size_t)(bin + k) * angles + angle + lane] = square[lane][k];
+}

@@ -1,0 +1,72 @@
+// Phases of shifted fringes on the CPU: a row at a time, PART pixels at once, so that loops become
+// vector code.
+
+// needs TYPE, A0, A1, A2, A3, A4, A5, A6, A7, PI, HALF_PI, TURN
+void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequencies,
+                wp::array_t<float> waves, int size, wp::array_t<float> places,
+                wp::array_t<float> phases, wp::array_t<float> modulations) {
+#pragma clang fp contract(off)
+    enum { PART = 256 };
+    const int width = places.shape[1], steps = waves.shape[0];
+    const size_t plane = (size_t)places.shape[0] * width;
+    float s[PART], c[PART], place[PART], angle[PART], least[PART];
+    for (int left = 0; left < width; left += PART) {
+        const int count = width - left < PART ? width - left : PART;
+        const size_t here = (size_t)row * width + left;
+        const TYPE* from = frames.data + begin * plane + here;
+        for (int i = 0; i < count; ++i) {
+            place[i] = 0.0f;
+            least[i] = __builtin_inff();
+        }
+        for (int j = 0; j < frequencies.shape[0]; ++j) {
+            for (int i = 0; i < count; ++i) s[i] = c[i] = 0.0f;
+            for (int n = 0; n < steps; ++n, from += plane) {
+                const float sine = waves.data[2 * n], cosine = waves.data[2 * n + 1];
+#pragma clang loop vectorize(assume_safety)
+                for (int i = 0; i < count; ++i) {
+                    const float value = (float)from[i];
+                    s[i] += value * sine;
+                    c[i] += value * cosine;
+                }
+            }
+            const float f = frequencies.data[j], number = (float)steps;
+            const bool first = j == 0;
+#pragma clang loop vectorize(assume_safety)
+            for (int i = 0; i < count; ++i) {
+                // The arc tangent of _angles.py.
+                const float ax = __builtin_fabsf(c[i]), ay = __builtin_fabsf(s[i]);
+                const float high = ax < ay ? ay : ax, low = ax < ay ? ax : ay;
+                const float a = high > 0.0f ? low / (high > 0.0f ? high : 1.0f) : 0.0f;
+                const float b = a * a;
+                float r = A7;
+                r = r * b + A6;
+                r = r * b + A5;
+                r = r * b + A4;
+                r = r * b + A3;
+                r = r * b + A2;
+                r = r * b + A1;
+                r = r * b + A0;
+                r = r * a;
+                r = ay > ax ? HALF_PI - r : r;
+                r = c[i] < 0.0f ? PI - r : r;
+                r = s[i] < 0.0f ? -r : r;
+                angle[i] = r;
+                const float modulation = 2.0f * __builtin_sqrtf(c[i] * c[i] + s[i] * s[i]) / number;
+                least[i] = least[i] < modulation ? least[i] : modulation;
+                const float p = r * TURN;
+                const float near = __builtin_floorf(f * place[i] - p + 0.5f);
+                const float k = first ? (p < 0.0f ? 1.0f : 0.0f) : near;
+                place[i] = (p + k) / f;
+            }
+        }
+        const float whole = (float)size, lowest = frequencies.data[0];
+        for (int i = 0; i < count; ++i) {
+            // Noise may have moved a place across the end of the first period.
+            const float u = lowest * place[i];
+            place[i] = (u - __builtin_floorf(u)) / lowest;
+            places.data[here + i] = place[i] * whole - 0.5f;
+            phases.data[here + i] = angle[i];
+            modulations.data[here + i] = least[i];
+        }
+    }
+}

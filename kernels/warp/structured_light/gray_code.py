@@ -1,0 +1,192 @@
+"""Gray codes of what a camera sees of a projector's patterns, in Warp.
+
+The Taichi set states the rule. All frames of a pixel are read once: on the CPU a row at a time,
+on CUDA four pixels a thread.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes.structured_light import NONE
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+
+wp.set_module_options({"enable_backward": False})
+
+_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
+_QUAD = 4  # pixels of a thread on CUDA
+
+
+def decode(
+    frames: wp.array, begin: int, bits: int, size: int, margin: float, codes: wp.array
+) -> None:
+    """Decode the pairs of frames of an axis of `size` lines, from `begin` on."""
+    inputs = [frames, begin, bits, size, margin]
+    if codes.device.is_cuda:
+        launch(_decode_cuda(frames.dtype), -(-codes.size // _QUAD), inputs, [codes])
+        return
+    height = codes.shape[0]
+    launch_slabs(
+        _decode_cpu(frames.dtype), height, slabs(height, 2 * bits * codes.size), inputs, [codes]
+    )
+
+
+def accept(
+    white: wp.array,
+    black: wp.array,
+    contrast: float,
+    columns: wp.array,
+    rows: wp.array,
+    valid: wp.array,
+) -> None:
+    """Mark the pixels with a code on both axes and enough light.
+
+    One thread a slab of rows on the CPU, a pixel on CUDA.
+    """
+    inputs, height = [white, black, contrast, columns, rows], valid.shape[0]
+    if valid.device.is_cuda:
+        launch(_accept_cuda(white.dtype), valid.size, inputs, [valid])
+        return
+    launch_slabs(_accept_cpu(white.dtype), height, slabs(height, valid.size), inputs, [valid])
+
+
+def spreads(frames: wp.array, begin: int, step: int, spreads: wp.array) -> None:
+    """Compare the sums of consecutive pairs, at every `step`-th pixel down and across.
+
+    A pattern and its inverse add up to the same light, so that the sums differ by noise alone. One
+    thread a comparison.
+    """
+    launch(_spreads(frames.dtype), spreads.shape, [frames, begin, step], [spreads])
+
+
+@lru_cache
+def _decode_cpu(scalar: Any) -> wp.Kernel:
+    @_native.func_native("_gray_code_cpu.h", TYPE=_TYPES[scalar], NONE=NONE)
+    def decode_row(
+        row: int,
+        frames: wp.array3d[scalar],
+        begin: int,
+        bits: int,
+        size: int,
+        margin: float,
+        codes: wp.array2d[int],
+    ): ...
+
+    @wp.kernel(module="unique", module_options={"enable_backward": False})
+    def decode_slab(
+        slab: int,
+        first: int,
+        last: int,
+        frames: wp.array3d[scalar],  # (K, H, W)
+        begin: int,
+        bits: int,
+        size: int,
+        margin: float,
+        # outputs
+        codes: wp.array2d[int],
+    ):
+        for row in range(first, last):
+            decode_row(row, frames, begin, bits, size, margin, codes)
+
+    return decode_slab
+
+
+@lru_cache
+def _decode_cuda(scalar: Any) -> wp.Kernel:
+    @_native.kernel(
+        "_gray_code_cuda.cu",
+        {"enable_backward": False, "default_grid_stride": False},
+        TYPE=_TYPES[scalar],
+        NONE=NONE,
+        QUAD=_QUAD,
+    )
+    def decode_quad(
+        frames: wp.array3d[scalar],
+        begin: int,
+        bits: int,
+        size: int,
+        margin: float,
+        codes: wp.array2d[int],
+    ): ...
+
+    return decode_quad
+
+
+@lru_cache
+def _accept_cpu(scalar: Any) -> wp.Kernel:
+    @_native.func_native("_gray_code_cpu.h", TYPE=_TYPES[scalar])
+    def accept_row(
+        row: int,
+        white: wp.array2d[scalar],
+        black: wp.array2d[scalar],
+        contrast: float,
+        columns: wp.array2d[int],
+        rows: wp.array2d[int],
+        valid: wp.array2d[wp.uint8],
+    ): ...
+
+    @wp.kernel(module="unique", module_options={"enable_backward": False})
+    def accept_slab(
+        slab: int,
+        first: int,
+        last: int,
+        white: wp.array2d[scalar],  # (H, W), or of another shape for none
+        black: wp.array2d[scalar],
+        contrast: float,
+        columns: wp.array2d[int],
+        rows: wp.array2d[int],
+        # outputs
+        valid: wp.array2d[wp.uint8],
+    ):
+        for row in range(first, last):
+            accept_row(row, white, black, contrast, columns, rows, valid)
+
+    return accept_slab
+
+
+@lru_cache
+def _accept_cuda(scalar: Any) -> wp.Kernel:
+    @wp.kernel(module="unique", module_options={"enable_backward": False})
+    def accept_pixel(
+        white: wp.array2d[scalar],  # (H, W), or of another shape for none
+        black: wp.array2d[scalar],
+        contrast: float,
+        columns: wp.array2d[int],
+        rows: wp.array2d[int],
+        # outputs
+        valid: wp.array2d[wp.uint8],
+    ):
+        i = wp.tid()
+        y = i // valid.shape[1]
+        x = i % valid.shape[1]
+        lit = True
+        if white.shape[0] == valid.shape[0] and white.shape[1] == valid.shape[1]:
+            lit = float(white[y, x]) - float(black[y, x]) > contrast
+        there = lit and columns[y, x] >= 0 and rows[y, x] >= 0
+        valid[y, x] = wp.where(there, wp.uint8(1), wp.uint8(0))
+
+    return accept_pixel
+
+
+@lru_cache
+def _spreads(scalar: Any) -> wp.Kernel:
+    @wp.kernel(module="unique", module_options={"enable_backward": False})
+    def compare_sums(
+        frames: wp.array3d[scalar],  # (K, H, W)
+        begin: int,
+        step: int,
+        # outputs
+        spreads: wp.array2d[float],  # (samples, bits - 1)
+    ):
+        i, k = wp.tid()
+        across = (frames.shape[2] + step - 1) // step
+        y = i // across * step
+        x = i % across * step
+        at = begin + 2 * k
+        first = float(frames[at, y, x]) + float(frames[at + 1, y, x])
+        second = float(frames[at + 2, y, x]) + float(frames[at + 3, y, x])
+        spreads[i, k] = wp.abs(second - first)
+
+    return compare_sums

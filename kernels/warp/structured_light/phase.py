@@ -1,0 +1,156 @@
+"""Phases of shifted fringes, and the projector's coordinates that they tell, in Warp.
+
+The Taichi set has the equations. All frames of a pixel are read once: on the CPU a row at a time,
+on CUDA one pixel a thread.
+"""
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes.filters import ATAN
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._angles import atan2
+from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+
+OPTIONS = {"enable_backward": False, "fuse_fp": False}
+wp.set_module_options(OPTIONS)
+
+_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
+_NUMBERS = {f"A{i}": f"{a!r}f" for i, a in enumerate(ATAN)} | {
+    "PI": f"{math.pi!r}f",
+    "HALF_PI": f"{math.pi / 2!r}f",
+    "TURN": f"{1 / (2 * math.pi)!r}f",
+}
+TURN = wp.constant(1 / (2 * math.pi))
+
+
+def decode(
+    frames: wp.array,
+    begin: int,
+    frequencies: wp.array,
+    waves: wp.array,
+    size: int,
+    places: wp.array,
+    phases: wp.array,
+    modulations: wp.array,
+) -> None:
+    """Decode the frames of an axis of `size` lines, from `begin` on.
+
+    Writes the place in the axis, the phase of the last frequency, and the least modulation.
+    """
+    inputs = [frames, begin, frequencies, waves, size]
+    outputs = [places, phases, modulations]
+    if places.device.is_cuda:
+        launch(_decode_cuda(frames.dtype), places.size, inputs, outputs)
+        return
+    height = places.shape[0]
+    work = waves.shape[0] * frequencies.size * places.size
+    launch_slabs(_decode_cpu(frames.dtype), height, slabs(height, work), inputs, outputs)
+
+
+def accept(columns: wp.array, rows: wp.array, threshold: float, valid: wp.array) -> None:
+    """Mark the pixels whose modulation of both axes is above the threshold; one thread a row."""
+    launch(_accept, valid.shape[0], [columns, rows, threshold], [valid])
+
+
+@wp.kernel
+def _accept(
+    columns: wp.array2d[float],  # modulations
+    rows: wp.array2d[float],
+    threshold: float,
+    # outputs
+    valid: wp.array2d[wp.uint8],
+):
+    y = wp.tid()
+    for x in range(valid.shape[1]):
+        seen = columns[y, x] > threshold and rows[y, x] > threshold
+        valid[y, x] = wp.where(seen, wp.uint8(1), wp.uint8(0))
+
+
+@lru_cache
+def _decode_cpu(scalar: Any) -> wp.Kernel:
+    @_native.func_native("_phase_cpu.h", TYPE=_TYPES[scalar], **_NUMBERS)
+    def decode_row(
+        row: int,
+        frames: wp.array3d[scalar],
+        begin: int,
+        frequencies: wp.array[float],
+        waves: wp.array2d[float],
+        size: int,
+        places: wp.array2d[float],
+        phases: wp.array2d[float],
+        modulations: wp.array2d[float],
+    ): ...
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def decode_slab(
+        slab: int,
+        first: int,
+        last: int,
+        frames: wp.array3d[scalar],  # (K, H, W)
+        begin: int,
+        frequencies: wp.array[float],
+        waves: wp.array2d[float],  # (steps, 2): sine, cosine
+        size: int,
+        # outputs
+        places: wp.array2d[float],
+        phases: wp.array2d[float],
+        modulations: wp.array2d[float],
+    ):
+        for row in range(first, last):
+            decode_row(
+                row, frames, begin, frequencies, waves, size, places, phases, modulations
+            )  # fmt: skip
+
+    return decode_slab
+
+
+@lru_cache
+def _decode_cuda(scalar: Any) -> wp.Kernel:
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def decode_pixel(
+        frames: wp.array3d[scalar],  # (K, H, W)
+        begin: int,
+        frequencies: wp.array[float],
+        waves: wp.array2d[float],  # (steps, 2): sine, cosine
+        size: int,
+        # outputs
+        places: wp.array2d[float],
+        phases: wp.array2d[float],
+        modulations: wp.array2d[float],
+    ):
+        i = wp.tid()
+        y = i // places.shape[1]
+        x = i % places.shape[1]
+        steps = waves.shape[0]
+        t = float(0.0)
+        angle = float(0.0)
+        least = float(wp.inf)
+        f = float(1.0)
+        for j in range(frequencies.shape[0]):
+            s = float(0.0)
+            c = float(0.0)
+            for n in range(steps):
+                value = float(frames[begin + j * steps + n, y, x])
+                s += value * waves[n, 0]
+                c += value * waves[n, 1]
+            angle = atan2(s, c)
+            least = wp.min(least, 2.0 * wp.sqrt(c * c + s * s) / float(steps))
+            p = angle * TURN
+            f = frequencies[j]
+            k = wp.floor(f * t - p + 0.5)
+            if j == 0:
+                k = wp.where(p < 0.0, 1.0, 0.0)
+            t = (p + k) / f
+        # Noise may have moved a place across the end of the first period.
+        f = frequencies[0]
+        u = f * t
+        t = (u - wp.floor(u)) / f
+        places[y, x] = t * float(size) - 0.5
+        phases[y, x] = angle
+        modulations[y, x] = least
+
+    return decode_pixel

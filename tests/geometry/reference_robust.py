@@ -1,0 +1,97 @@
+"""Robust fits in NumPy: samples by a counter, models by linear solvers, costs in fixed point."""
+
+import numpy as np
+
+MASK = 2**32 - 1
+GROUP, PREVIEW, COST_ONE, NO_COST, FLAT = 64, 64, 4096, 2**31 - 1, 1e-4
+SIZES = (2, 3, 4)  # of a sample, by model
+
+
+def mix(x):
+    """PCG's output function [Jarzynski and Olano 2020], on Python's integers."""
+    state = (x * 747796405 + 2891336453) & MASK
+    word = (((state >> ((state >> 28) + 4)) ^ state) * 277803737) & MASK
+    return (word >> 22) ^ word
+
+
+def index(seed, hypothesis, which, count):
+    x = mix((seed ^ (0x1E3779B9 * which)) & MASK)
+    return mix((hypothesis + mix(x)) & MASK) * count >> 32
+
+
+def sample(seed, hypothesis, count, size):
+    """Return the matches of a hypothesis, or None; slot s may draw numbers s, s + 8, ..."""
+    picked = []
+    for slot in range(size):
+        for n in range(16):
+            drawn = index(seed, hypothesis, slot + 8 * n, count)
+            if drawn not in picked:
+                picked.append(drawn)
+                break
+        else:
+            return None
+    return picked
+
+
+def flat(x, y, limit=FLAT):
+    """Tell whether three of the points are nearly on a line, or two of two are one."""
+    points = np.stack((x, y), 1)
+    if len(x) == 2:
+        return np.sum((points[1] - points[0]) ** 2) <= limit
+    triples = [t for t in np.ndindex(*[len(x)] * 3) if t[0] < t[1] < t[2]]
+    return any(abs(np.linalg.det((points[j] - points[i], points[k] - points[i]))) <= limit
+               for i, j, k in triples)  # fmt: skip
+
+
+def solve(kind, x, y, u, v):
+    """Return the map of a sample, or None for one that is flat or crosses the horizon."""
+    if flat(x, y) or flat(u, v):
+        return None
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    if kind == 0:
+        rows = np.r_[np.c_[x, -y, one, zero], np.c_[y, x, zero, one]]
+        a, b, c, d = np.linalg.solve(rows, np.r_[u, v])
+        return np.array([a, -b, c, b, a, d, 0, 0, 1])
+    if kind == 1:
+        rows = np.c_[x, y, one]
+        return np.r_[np.linalg.solve(rows, u), np.linalg.solve(rows, v), 0, 0, 1]
+    rows = np.r_[
+        np.c_[x, y, one, zero, zero, zero, -u * x, -u * y, -u],
+        np.c_[zero, zero, zero, x, y, one, -v * x, -v * y, -v],
+    ]
+    h = np.linalg.svd(rows)[2][8]
+    w = np.c_[x, y, one] @ h[6:]
+    return h if (w > 0).all() or (w < 0).all() else None
+
+
+def residuals(h, matches):
+    """Return squared distances in float32, in the order in which kernels compute them."""
+    x, y, u, v = matches
+    h = np.asarray(h, np.float32)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        w = np.float32(1) / ((h[6] * x + h[7] * y) + h[8])
+        dx = ((h[0] * x + h[1] * y) + h[2]) * w - u
+        dy = ((h[3] * x + h[4] * y) + h[5]) * w - v
+        return dx * dx + dy * dy
+
+
+def cost(h, matches, square):
+    """Return the truncated cost in fixed point, and the number of inliers."""
+    r = residuals(h, matches)
+    inside = r < square
+    scale = np.float32(COST_ONE) / np.float32(square)
+    units = (r[inside] * scale + np.float32(0.5)).astype(np.int64)
+    return int(units.sum() + COST_ONE * np.sum(~inside)), int(inside.sum())
+
+
+def best_of_group(kind, seed, first, matches, square):
+    """Return the hypothesis of least preview and its map, or None."""
+    best = None
+    for hypothesis in range(first, first + GROUP):
+        picked = sample(seed, hypothesis, matches.shape[1], SIZES[kind])
+        h = None if picked is None else solve(kind, *matches[:, picked].astype(float))
+        if h is not None:
+            preview = cost(h, matches[:, :PREVIEW], square)[0]
+            if best is None or preview < best[0]:
+                best = preview, hypothesis, h
+    return best

@@ -1,0 +1,217 @@
+"""The primitives of robust fits, against NumPy and SciPy."""
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from cvkern.geometry.robust import gather
+from tests.geometry import reference_robust as reference
+
+KINDS = {"similarity": 0, "affine": 1, "homography": 2}
+F32, F64, I32, U8 = np.float32, np.float64, np.int32, np.uint8
+MAPS = (
+    np.array([[0.8, -0.3, 0.1], [0.3, 0.8, -0.05], [0, 0, 1]]),
+    np.array([[0.8, -0.2, 0.1], [0.35, 0.7, -0.05], [0, 0, 1]]),
+    np.array([[0.8, -0.2, 0.1], [0.35, 0.7, -0.05], [0.1, -0.2, 1]]),
+)
+
+
+def pairs(kind, counts=(150, 33, 7), outliers=0.3, noise=0.004, seed=0):
+    """Matches in the form of kernels, with gaps of numbers that must not be read as matches."""
+    rng = np.random.default_rng(seed)
+    starts = np.cumsum([0] + [-(-n // 32) * 32 for n in counts])
+    matches = np.full((4, starts[-1]), 0.25, F32)
+    for start, n in zip(starts[:-1], counts, strict=True):
+        a = rng.uniform(-1, 1, (n, 2))
+        q = np.c_[a, np.ones(n)] @ MAPS[kind].T
+        b = q[:, :2] / q[:, 2:] + rng.normal(0, noise, (n, 2))
+        wild = rng.random(n) < outliers
+        b[wild] = rng.uniform(-1, 1, (wild.sum(), 2))
+        matches[:, start : start + n] = np.c_[a, b].T
+    spans = np.stack((starts[:-1], counts), 1).astype(I32)
+    squares = np.array([0.02, 0.01, 0.03][: len(counts)], F32) ** 2
+    return matches, spans, squares
+
+
+def of(matches, span):
+    return matches[:, span[0] : span[0] + span[1]]
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_propose(kernels, kind):
+    matches, spans, squares = pairs(kind)
+    chosen, seed, first, groups = np.array([2, 0, 1], I32), 5, 128, 3
+    models, costs = kernels(
+        "geometry.robust.propose", matches, spans, squares, chosen, kind, seed, first,
+        out=[((3, groups, 9), F32), ((3, groups), I32)],
+    )  # fmt: skip
+    for row, pair in enumerate(chosen):
+        given, square = of(matches, spans[pair]), squares[pair]
+        for g in range(groups):
+            best = reference.best_of_group(kind, seed, first + 64 * g, given, square)
+            assert best is not None
+            preview, _, right = best
+            model = models[row, g]
+            # Exactly what NumPy counts for this model, which is the best but for rounding.
+            assert costs[row, g] == reference.cost(model, given, square)[0]
+            assert reference.cost(model, given[:, :64], square)[0] == pytest.approx(preview, abs=64)
+            scale = model[8] / right[8]
+            np.testing.assert_allclose(
+                model, right * scale, rtol=0, atol=2e-5 * np.abs(model).max()
+            )
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_propose_has_no_model_for_degenerate_samples(kernels, kind):
+    line = np.linspace(-1, 1, 32, dtype=F32)
+    rng = np.random.default_rng(0).uniform(-1, 1, (2, 32)).astype(F32)
+    wrong = [np.zeros((4, 32), F32), np.full((4, 32), np.nan, F32)]
+    if kind:
+        wrong += [np.stack((line, line, *rng)), np.stack((*rng, line, -line))]
+    matches = np.concatenate(wrong, 1)
+    spans = np.array([(32 * i, 32) for i in range(len(wrong))], I32)
+    squares, chosen = np.full(len(wrong), 1e-4, F32), np.arange(len(wrong), dtype=I32)
+    models, costs = kernels(
+        "geometry.robust.propose", matches, spans, squares, chosen, kind, 0, 0,
+        out=[((len(wrong), 2, 9), F32), ((len(wrong), 2), I32)],
+    )  # fmt: skip
+    assert (costs == reference.NO_COST).all()
+    assert (models == 0).all()
+
+
+def test_samples_have_no_match_twice():
+    for hypothesis in range(300):
+        for count in (4, 5, 9):
+            picked = reference.sample(3, hypothesis, count, 4)
+            assert picked is None or len(set(picked)) == 4
+            assert picked is None or max(picked) < count
+
+
+def test_choose(kernels):
+    rng = np.random.default_rng(0)
+    models = rng.normal(size=(4, 6, 9)).astype(F32)
+    costs = rng.integers(0, 3, (4, 6)).astype(I32)  # many ties
+    costs[3, 1:] = reference.NO_COST
+    rows = np.array([3, 0, 2], I32)
+    chosen = kernels("geometry.robust.choose", models, costs, rows, out=[((3, 3, 9), F64)])
+    for i, row in enumerate(rows):
+        order = np.argsort(costs[row], kind="stable")[:3]
+        np.testing.assert_array_equal(chosen[i], models[row, order])
+
+
+def refined(kernels, kind, start, schedule, noise=0.004):
+    matches, spans, squares = pairs(kind, noise=noise)
+    chosen = np.arange(3, dtype=I32)
+    models = np.broadcast_to(start, (3, 2, 9)).astype(F64).copy()
+    found = kernels(
+        "geometry.robust.refine", matches, spans, squares, chosen, kind,
+        np.array(schedule, F32), out=[models, ((3, 2), I32), ((3, 2), I32)],
+    )  # fmt: skip
+    return matches, spans, squares, *found
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_refine_is_least_squares(kernels, kind):
+    start = MAPS[kind].ravel() + np.array([0.01, -0.01, 0.01, 0.01, 0.01, 0.01, 0, 0, 0])
+    if kind == 0:
+        start[4], start[3] = start[0], -start[1]
+    matches, spans, squares, models, costs, supports = refined(
+        kernels, kind, start, [9, 4, 2, 2, 2, 2, 2, 2]
+    )
+    for i in range(2):  # the third pair has too few
+        given = of(matches, spans[i])
+        h = models[i, 0]
+        np.testing.assert_array_equal(models[i, 1], h)
+        expected = reference.cost(h, given, squares[i])
+        assert (costs[i, 0], supports[i, 0]) == expected
+        near = reference.residuals(h, given) < 2 * squares[i]
+        assert 0.5 * len(near) < near.sum() < len(near)
+
+        def gaps(free, near=near, given=given):
+            m = {0: lambda p: [p[0], -p[1], p[2], p[1], p[0], p[3], 0, 0, 1],
+                 1: lambda p: [*p, 0, 0, 1], 2: lambda p: [*p, 1]}[kind](free)  # fmt: skip
+            x, y, u, v = given[:, near].astype(F64)
+            q = np.c_[x, y, np.ones(len(x))] @ np.reshape(m, (3, 3)).T
+            return np.r_[q[:, 0] / q[:, 2] - u, q[:, 1] / q[:, 2] - v]
+
+        free = h / h[8]
+        free = {0: free[[0, 3, 2, 5]], 1: free[:6], 2: free[:8]}[kind]
+        best = scipy.optimize.least_squares(gaps, free, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        # Gauss-Newton on noise of 0.004 has converged to a millionth of it.
+        np.testing.assert_allclose(free, best.x, rtol=0, atol=1e-6)
+
+
+def test_refine_keeps_what_is_better(kernels):
+    """A step that makes a model worse is not taken; a model of nothing stays."""
+    matches, spans, squares, models, costs, _ = refined(kernels, 2, np.zeros(9), [2, 2])
+    assert (models == 0).all()
+    assert costs[:, 0].tolist() == (spans[:, 1] * reference.COST_ONE).tolist()
+    start = MAPS[2].ravel()
+    _, _, _, models, costs, _ = refined(kernels, 2, start, [1e4, 1e4, 1e4])
+    for i in range(3):
+        before = reference.cost(start, of(matches, spans[i]), squares[i])[0]
+        assert costs[i, 0] <= before + before // 16
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_mark(kernels, kind):
+    matches, spans, squares = pairs(kind)
+    models = np.broadcast_to(MAPS[kind].ravel(), (3, 9)).astype(F64)
+    marks = kernels(
+        "geometry.robust.mark", matches, spans, squares, kind, models,
+        out=[((matches.shape[1],), U8)],
+    )  # fmt: skip
+    for i in range(3):
+        near = reference.residuals(models[i], of(matches, spans[i])) < squares[i]
+        np.testing.assert_array_equal(of(marks[None], spans[i])[0], near)
+    rest = np.ones(len(marks), bool)
+    for start, count in spans:
+        rest[start : start + count] = False
+    assert (marks[rest] == 77).all()
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
+def test_equal_bits(all_kernels, kind):
+    """Also of models in float64, in which the sets round alike."""
+    matches, spans, squares = pairs(kind, (500, 96, 31), 0.5)
+    chosen = np.arange(3, dtype=I32)
+    schedule = np.array([9, 4, 2, 2], F32)
+    answers = []
+    for kernels in all_kernels:
+        models, costs = kernels(
+            "geometry.robust.propose", matches, spans, squares, chosen, kind, 9, 0,
+            out=[((3, 8, 9), F32), ((3, 8), I32)],
+        )  # fmt: skip
+        best = kernels("geometry.robust.choose", models, costs, chosen, out=[((3, 4, 9), F64)])
+        end = kernels(
+            "geometry.robust.refine", matches, spans, squares, chosen, kind, schedule,
+            out=[best, ((3, 4), I32), ((3, 4), I32)],
+        )  # fmt: skip
+        answers.append((models, costs, best, *end))
+    for one, other in zip(*answers, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_gather():
+    rng = np.random.default_rng(0)
+    a, b = rng.uniform(0, 700, (2, 50, 2))
+    a[7], b[9] = np.nan, np.inf
+    a[20], b[20] = a[3], b[3]
+    a[21], b[21] = a[3], b[4]
+    a[0], b[0] = 0.0, -0.0
+    empty = np.empty((0, 2))
+    batch = gather([(a, b), (empty, empty), (a[:5], b[:5])])
+    assert batch.spans.tolist() == [[0, 47], [64, 0], [64, 5]]
+    assert batch.places[[7, 9]].tolist() == [-1, -1]
+    assert batch.places[20] == batch.places[3] != batch.places[21]
+    for pair, rows in ((0, np.r_[0:7, 8, 10:50]), (2, np.arange(5))):
+        offset = 50 if pair else 0
+        for side, points in enumerate((a, b)):
+            q = np.c_[points[rows, ::-1], np.ones(len(rows))] @ batch.to_unit[side, pair].T
+            got = batch.matches[2 * side : 2 * side + 2, batch.places[offset + rows]]
+            np.testing.assert_array_equal(got, q[:, :2].T.astype(F32))
+            assert np.abs(got).max() <= 1
+    order = rng.permutation(50)
+    again = gather([(a[order], b[order])])
+    np.testing.assert_array_equal(again.matches[:, :47], batch.matches[:, :47])
+    np.testing.assert_array_equal(again.places, batch.places[:50][order])

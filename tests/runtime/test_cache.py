@@ -1,0 +1,118 @@
+"""Compiled kernels on a disk that is full, broken or for reading only."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cvkern.app import doctor
+from cvkern.kernels import _cache
+
+ROOT = Path(__file__).parents[2]
+CALL = """
+import os, sys, warnings
+import numpy as np
+import cvkern
+with warnings.catch_warnings(record=True) as said, cvkern.use(sys.argv[1]):
+    warnings.simplefilter("always", RuntimeWarning)
+    total = sum(float(cvkern.sobel(np.eye(5, dtype="f4")).sum()) for _ in range(2))
+said = [str(w.message) for w in said if w.category is RuntimeWarning]
+print(round(total, 3), len(said), *said)
+"""
+
+
+def call(kernel_set, *arguments, code=CALL, **environment):
+    """Call two functions in a fresh process; return the sum, the warnings' number and text."""
+    chosen = {**os.environ, **environment}
+    done = subprocess.run(
+        [sys.executable, "-c", code, kernel_set, *arguments],
+        cwd=ROOT,
+        env={key: value for key, value in chosen.items() if value is not None},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    total, count, said = f"{done.stdout.splitlines()[-1]} ".split(" ", 2)
+    return float(total), int(count), said
+
+
+@pytest.fixture(scope="module")
+def right():
+    return call("warp")[0]
+
+
+@pytest.mark.parametrize("kernel_set", ["warp", "taichi"])
+@pytest.mark.parametrize("by", ["home", "variable"])
+def test_nowhere_to_write(kernel_set, by, tmp_path, right):
+    """A folder below a file can no more be made than one on a disk for reading only."""
+    file, variable = tmp_path / "file", _cache.VARIABLES[kernel_set]
+    file.touch()
+    environment: dict[str, str | None] = {"TMPDIR": str(tmp_path), variable: str(file / "cache")}
+    if by == "home":
+        environment.update({"HOME": str(file), "XDG_CACHE_HOME": None, variable: None})
+    total, count, said = call(kernel_set, **environment)
+    assert total == right
+    assert count == 1
+    assert said.startswith(f"kernels cannot be kept in {file}")
+    assert f"set {variable} to a folder that can be written to" in said
+    assert [path.name for path in tmp_path.iterdir() if "cvkern" in path.name] == []
+
+
+CHOSEN = CALL.replace(
+    "import cvkern\n",
+    "import cvkern, warp\nwarp.init()\nwarp.config.kernel_cache_dir = sys.argv[2]\n",
+    1,
+)
+
+
+def test_a_folder_that_is_for_reading_only(tmp_path, right):
+    """Warp finds that out when it compiles: whatever the folder has already is used."""
+    if not Path("/proc").is_dir():
+        pytest.skip("needs /proc, where nobody can write")
+    assert call("warp", str(tmp_path), code=CHOSEN)[:2] == (right, 0)
+    assert call("warp", "/proc", code=CHOSEN)[:2] == (right, 1)
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A cache of each set that has the kernels of CALL."""
+    folder = tmp_path_factory.mktemp("cache")
+    places = {name: str(folder / name) for name in _cache.VARIABLES}
+    environment = {_cache.VARIABLES[name]: place for name, place in places.items()}
+    for name in places:
+        call(name, **environment)
+    return places, environment
+
+
+@pytest.mark.parametrize(
+    ("suffix", "left"), [(".o", 0.0), (".o", 0.5), (".meta", 0.5), (".tic", 0.5), (".tcb", 0.0)]
+)
+def test_a_broken_file_is_compiled_again(suffix, left, compiled, right):
+    places, environment = compiled
+    name = "warp" if suffix in (".o", ".meta") else "taichi"
+    files = sorted(Path(places[name]).rglob(f"*{suffix}"))
+    assert files
+    whole = {file: file.read_bytes() for file in files}
+    assert doctor.cache_fault(name, places[name]) == ""
+    for file, data in whole.items():
+        file.write_bytes(data[: int(left * len(data))])
+    if name == "warp" or left == 0:
+        assert str(files[0].parent) in doctor.cache_fault(name, places[name])
+    assert call(name, **environment)[:2] == (right, 0)
+    if name == "warp":  # and is whole again
+        assert doctor.cache_fault(name, places[name]) == ""
+        for file, data in whole.items():
+            assert abs(file.stat().st_size - len(data)) < 64
+    for file, data in whole.items():
+        file.write_bytes(data)
+
+
+def test_the_doctor_names_the_variable(tmp_path):
+    (tmp_path / "file").touch()
+    for name, variable in _cache.VARIABLES.items():
+        said = doctor.cache_fault(name, str(tmp_path / "file" / "cache"))
+        assert said.startswith(f"nothing can be written in {tmp_path}")
+        assert said.endswith(f"set {variable} to another folder")

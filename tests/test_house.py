@@ -1,0 +1,317 @@
+"""The laws of the house: sizes, signatures, imports, names, words, and one place for each trick.
+
+A set that begins with LEFT holds what breaks a law still. Each only gets shorter: a test fails when
+an entry is no longer needed, and nothing may be added.
+"""
+
+import ast
+import re
+import runpy
+from collections import Counter
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("cvkern", "kernels", "tests", "profiling", "docs", ".ci")
+MOST_LINES, MOST_MODULES, MOST_PARAMETERS, MOST_LINES_OF_C = 400, 20, 12, 3
+WRITTEN_BY_PROGRAM = {"cvkern/_kernels.pyi"}
+LINT = runpy.run_path(str(ROOT / ".ci" / "comments.py"))
+
+
+@cache
+def files(*endings, folders=FOLDERS):
+    """Return the paths of the files of some folders, without what the link in cvkern/ repeats."""
+    return sorted(
+        path.relative_to(ROOT)
+        for folder in folders
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in endings
+        and not path.is_relative_to(ROOT / "cvkern" / "kernels")
+        and path.relative_to(ROOT).as_posix() not in WRITTEN_BY_PROGRAM
+    )
+
+
+@cache
+def tree(path):
+    return ast.parse((ROOT / path).read_text(encoding="utf-8"))
+
+
+def hold(found, left, law):
+    """Compare what breaks a law with what is known to."""
+    found = {str(name) for name in found}
+    assert found - left == set(), f"{law}: mend these"
+    assert left - found == set(), f"{law}: these are mended, so take them out of the set"
+
+
+LEFT_LONG_FILES = {
+    "tests/app/test_cli.py",
+    "tests/radiance/fields/test_layers.py",
+    "tests/radiance/test_rendering.py",
+}
+
+LEFT_FULL_FOLDERS = {"tests"}
+
+
+def test_files_are_short():
+    long = [
+        path
+        for path in files(".py", ".cu", ".h", ".pyi")
+        if len((ROOT / path).read_text(encoding="utf-8").splitlines()) > MOST_LINES
+    ]
+    hold(long, LEFT_LONG_FILES, f"a file has at most {MOST_LINES} lines")
+
+
+def test_folders_are_small():
+    count = Counter(path.parent for path in files(".py"))
+    full = [folder for folder, modules in count.items() if modules > MOST_MODULES]
+    hold(full, LEFT_FULL_FOLDERS, f"a folder has at most {MOST_MODULES} modules")
+
+
+# --- signatures ----------------------------------------------------------------------------------
+
+COMMANDS = "cvkern/app/commands/"  # the options of a command are its parameters
+LEFT_SIGNATURES = {
+    "cvkern/stereo/_plan.py",
+    "kernels/taichi/hough/lines/votes.py",
+    "kernels/taichi/radiance/fields/voxel/_march.py",
+    "kernels/taichi/radiance/fields/voxel/nodes.py",
+    "kernels/taichi/radiance/fields/voxel/rays.py",
+    "kernels/taichi/radiance/march/steps.py",
+    "kernels/taichi/radiance/rendering.py",
+    "kernels/taichi/radiance/training/losses.py",
+    "kernels/taichi/stereo/paths/matching.py",
+    "kernels/taichi/stereo/windows.py",
+    "kernels/warp/edges/_masks_cpu.py",
+    "kernels/warp/filters/_gradients_cpu.py",
+    "kernels/warp/filters/_linear_cpu.py",
+    "kernels/warp/filters/_medians_cpu.py",
+    "kernels/warp/hough/circles/_detection_cpu.py",
+    "kernels/warp/hough/circles/_votes_cpu.py",
+    "kernels/warp/hough/ellipses/_votes_cpu.py",
+    "kernels/warp/hough/generalized/_votes_cpu.py",
+    "kernels/warp/hough/generalized/_votes_cuda.py",
+    "kernels/warp/hough/lines/_segments_cpu.py",
+    "kernels/warp/hough/lines/_votes_cpu.py",
+    "kernels/warp/radiance/_next_samples.py",
+    "kernels/warp/radiance/_rendering_cuda.py",
+    "kernels/warp/radiance/compositing.py",
+    "kernels/warp/radiance/fields/perceptron/_layers_cpu.py",
+    "kernels/warp/radiance/fields/voxel/_nodes_cpu.py",
+    "kernels/warp/radiance/fields/voxel/_nodes_cuda.py",
+    "kernels/warp/radiance/fields/voxel/_rays_cpu.py",
+    "kernels/warp/radiance/fields/voxel/_rays_cuda.py",
+    "kernels/warp/radiance/fields/voxel/nodes.py",
+    "kernels/warp/radiance/fields/voxel/rays.py",
+    "kernels/warp/radiance/march/_steps_cuda.py",
+    "kernels/warp/radiance/march/steps.py",
+    "kernels/warp/radiance/pinhole.py",
+    "kernels/warp/radiance/rendering.py",
+    "kernels/warp/radiance/scenes/solids.py",
+    "kernels/warp/radiance/training/_adam_cpu.py",
+    "kernels/warp/radiance/training/_adam_cuda.py",
+    "kernels/warp/radiance/training/losses.py",
+    "kernels/warp/stereo/_windows_cpu.py",
+    "kernels/warp/stereo/_windows_cuda.py",
+    "kernels/warp/stereo/costs/_correlation_cpu.py",
+    "kernels/warp/stereo/costs/_windows_cpu.py",
+    "kernels/warp/stereo/paths/_aggregation_cpu.py",
+    "kernels/warp/stereo/paths/_matching_cpu.py",
+    "kernels/warp/stereo/paths/_matching_cuda.py",
+    "kernels/warp/stereo/paths/_steps_cpu.py",
+    "kernels/warp/stereo/paths/matching.py",
+    "kernels/warp/stereo/windows.py",
+}
+
+
+def parameters(path, function):
+    """Count what a call passes by position; keyword options count below the API only."""
+    given = function.args
+    names = [a.arg for a in (*given.posonlyargs, *given.args) if a.arg not in ("self", "cls")]
+    name = getattr(function, "name", "_")
+    options = path.parts[0] == "cvkern" and not name.startswith("_")
+    return len(names) + (0 if options else len(given.kwonlyargs))
+
+
+def test_signatures_are_short():
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
+    long = {
+        path
+        for path in files(".py", folders=("cvkern", "kernels"))
+        if not path.as_posix().startswith(COMMANDS)
+        for node in ast.walk(tree(path))
+        if isinstance(node, kinds) and parameters(path, node) > MOST_PARAMETERS
+    }
+    hold(long, LEFT_SIGNATURES, f"a function has at most {MOST_PARAMETERS} parameters")
+
+
+# --- native code ---------------------------------------------------------------------------------
+
+LEFT_C = {
+    "kernels/warp/_angles.py",
+    "kernels/warp/edges/_masks_cpu.py",
+    "kernels/warp/filters/_medians_cpu.py",
+    "kernels/warp/hough/_points_cpu.py",
+    "kernels/warp/hough/_points_cuda.py",
+    "kernels/warp/hough/circles/_detection_cpu.py",
+    "kernels/warp/hough/circles/_peaks.py",
+    "kernels/warp/hough/circles/_votes_cpu.py",
+    "kernels/warp/hough/circles/_votes_cuda.py",
+    "kernels/warp/hough/ellipses/_third_point.py",
+    "kernels/warp/hough/ellipses/_votes_cpu.py",
+    "kernels/warp/hough/ellipses/_votes_cuda.py",
+    "kernels/warp/hough/generalized/_votes_cpu.py",
+    "kernels/warp/hough/generalized/_votes_cuda.py",
+    "kernels/warp/hough/lines/_segments_cpu.py",
+    "kernels/warp/hough/lines/_votes_cpu.py",
+    "kernels/warp/hough/lines/_votes_cuda.py",
+    "kernels/warp/radiance/_compositing_cuda.py",
+    "kernels/warp/radiance/_rendering_cuda.py",
+    "kernels/warp/radiance/_sums_cuda.py",
+    "kernels/warp/radiance/fields/_hash_cpu.py",
+    "kernels/warp/radiance/fields/_hash_cuda.py",
+    "kernels/warp/radiance/fields/perceptron/_layers_cpu.py",
+    "kernels/warp/radiance/fields/perceptron/_layers_cuda.py",
+    "kernels/warp/radiance/fields/perceptron/_network_cuda.py",
+    "kernels/warp/radiance/fields/perceptron/_products_cuda.py",
+    "kernels/warp/radiance/fields/perceptron/_tensor_cores_cuda.py",
+    "kernels/warp/radiance/fields/voxel/_nodes_cpu.py",
+    "kernels/warp/radiance/fields/voxel/_nodes_cuda.py",
+    "kernels/warp/radiance/fields/voxel/_rays_cuda.py",
+    "kernels/warp/radiance/fields/voxel/_walk_cpu.py",
+    "kernels/warp/radiance/march/_occupancy_cuda.py",
+    "kernels/warp/radiance/march/_steps_cuda.py",
+    "kernels/warp/radiance/training/_adam_cpu.py",
+    "kernels/warp/radiance/training/_adam_cuda.py",
+    "kernels/warp/radiance/training/_adam_step.py",
+    "kernels/warp/stereo/_depth_cpu.py",
+    "kernels/warp/stereo/_refinement_cpu.py",
+    "kernels/warp/stereo/_refinement_cuda.py",
+    "kernels/warp/stereo/_windows_cpu.py",
+    "kernels/warp/stereo/_windows_cuda.py",
+    "kernels/warp/stereo/_winners_cpu.py",
+    "kernels/warp/stereo/_winners_cuda.py",
+    "kernels/warp/stereo/costs/_census_cpu.py",
+    "kernels/warp/stereo/costs/_census_cuda.py",
+    "kernels/warp/stereo/costs/_correlation_cpu.py",
+    "kernels/warp/stereo/costs/_gray_cpu.py",
+    "kernels/warp/stereo/costs/_windows_cpu.py",
+    "kernels/warp/stereo/costs/_windows_cuda.py",
+    "kernels/warp/stereo/paths/_aggregation_cpu.py",
+    "kernels/warp/stereo/paths/_aggregation_cuda.py",
+    "kernels/warp/stereo/paths/_costs_cuda.py",
+    "kernels/warp/stereo/paths/_matching_cpu.py",
+    "kernels/warp/stereo/paths/_matching_cuda.py",
+    "kernels/warp/stereo/paths/_steps_cpu.py",
+    "kernels/warp/stereo/paths/_steps_cuda.py",
+    "kernels/warp/stereo/paths/_wavefront_cpu.py",
+}
+
+
+def is_c(text):
+    """Tell whether a string has more than three lines of C: they end in one of its marks."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    ends = sum(line.endswith((";", "{", "}", "\\")) for line in lines)
+    return len(lines) > MOST_LINES_OF_C and 2 * ends >= len(lines)
+
+
+def test_native_code_is_in_files_of_its_own():
+    found = {
+        path
+        for path in files(".py", folders=("kernels", "tests"))
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and is_c(node.value)
+    }
+    hold(found, LEFT_C, f"a string has at most {MOST_LINES_OF_C} lines of C")
+
+
+def test_c_is_told_from_words():
+    lines = ["int i = 0;", "for (; i < 4; i++) {", "  a[i] = i;", "}"]
+    assert is_c("\n".join(lines))
+    assert not is_c("\n".join(lines[:3]))
+    assert not is_c(__doc__ or "")
+
+
+# --- imports and names ---------------------------------------------------------------------------
+
+
+def imported(path):
+    """Return the absolute names that a module imports, and how deep its relative ones reach."""
+    for node in ast.walk(tree(path)):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, 0) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            yield from ((f"{base}.{alias.name}", node.level) for alias in node.names)
+
+
+def test_kernels_know_nothing_of_the_api():
+    for path in files(".py", folders=("kernels",)):
+        for name, level in imported(path):
+            assert level < len(path.parts), (path, name)
+            if level == 0 and name.partition(".")[0] == "cvkern":
+                assert name.startswith("cvkern.kernels"), (path, name)
+
+
+NAMES = {"utils", "util", "common", "misc", "helpers", "helper", "core", "tools", "stuff"}
+
+
+def test_names_say_what_is_inside():
+    parts = {part for path in files(".py", ".cu", ".h") for part in (*path.parts[:-1], path.stem)}
+    assert {part for part in parts if part.strip("_") in NAMES} == set()
+
+
+# --- one place -----------------------------------------------------------------------------------
+
+INSIDES = (
+    r"object\.__new__\(wp\b", r"set_param_at_index", r"record_cmd", r"\.__ctype__\(",
+    r"\bwp\._src\b", r"\bwarp\._src\b", r"\bwp\.context\b",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("pattern", "folders", "allowed"),
+    [
+        ("|".join(INSIDES), ("cvkern", "kernels"), {"kernels/warp/_internals.py"}),
+        (r"CVKERN_NUM_THREADS\"", ("cvkern", "kernels"), {"kernels/_threads.py"}),
+        (r"\brt\._?set\b|\._set\.", ("cvkern",), {"cvkern/_runtime.py"}),
+        (r"data_ptr|__cuda_array_interface__", ("cvkern", "kernels"), {"cvkern/_arrays.py"}),
+        (r"hasattr\(\w+, \"at\"\)", ("cvkern", "kernels"), set()),
+    ],
+)
+def test_what_stands_in_one_place(pattern, folders, allowed):
+    found = {
+        path.as_posix()
+        for path in files(".py", folders=folders)
+        if re.search(pattern, (ROOT / path).read_text(encoding="utf-8"))
+    }
+    assert found == allowed
+
+
+# --- words ---------------------------------------------------------------------------------------
+
+
+def test_comments_begin_as_sentences_do():
+    left = set(LINT["LEFT"].read_text(encoding="utf-8").split())
+    hold(LINT["offenders"](), left, "a comment is a sentence, or names its object")
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("x = 1  # of an array", True),
+        ("# As above.", True),
+        ("# Which is so.", True),
+        ("# Often enough.", False),
+        ("x = '# of'  # pixels of a tile", False),
+        ("# The number\n# of threads.", False),
+        ("# The number.\n\n# of threads", True),
+        ("#: that", False),
+    ],
+)
+def test_the_lint_of_comments(line, found, tmp_path):
+    file = tmp_path / "example.py"
+    file.write_text(line + "\n")
+    said = [LINT["BEGINS"].match(text) is not None for _, text in LINT["comments"](file)]
+    assert any(said) is found
