@@ -246,7 +246,7 @@ def pattern() -> np.ndarray:
     places = np.array(pairs).reshape(PAIRS, 2, 2)
     angles = np.arange(TURNS) * (2 * math.pi / TURNS)
     cos, sin = cos_sin(np.where(angles > math.pi, angles - 2 * math.pi, angles))
-    turns = np.array([[cos, sin], [-sin, cos]]).transpose(2, 0, 1)  # of (row, column)
+    turns = np.array([[cos, sin], [-sin, cos]]).transpose(2, 0, 1)  # they turn (row, column)
     turned = np.einsum("tij,pqj->tpqi", turns, places)
     rounded = np.floor(turned + 0.5).astype(np.int32).reshape(TURNS, PAIRS, 4)
     return np.ascontiguousarray(rounded)

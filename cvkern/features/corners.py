@@ -157,7 +157,8 @@ def _measure(
     weighed = [rt.scratch(f"corners.weighed{i}", planes) for i in range(3)]
     for product, sums in zip((yy, yx, xx), weighed, strict=True):
         correlate(product, taps, taps, 1, border, cval, sums)
-    kernels.measure(*(a.reshape(flat) for a in weighed), rule, k, eps, rt.adopt(result, shape=flat))
+    a, b, c = (sums.reshape(flat) for sums in weighed)
+    kernels.measure(a, b, c, rule, k, eps, rt.adopt(result, shape=flat))
     return rt.release(result)
 
 

@@ -29,8 +29,8 @@ from cvkern.kernels.codes.filters import Border
 CAMERA_BLUR = 0.2
 TRUNCATE = 3.5  # radius of the Gaussians, in standard deviations
 SMALLEST = 12  # pixels: the least side of an octave
-ORIENTATION_SIGMA = 1.5  # of the window of an orientation, in scales of the point
-CELL_SIDE = 3.0  # of a descriptor, in scales of the point
+ORIENTATION_SIGMA = 1.5  # sigma of the window of an orientation, in scales of the point
+CELL_SIDE = 3.0  # side of a cell of a descriptor, in scales of the point
 LARGEST_SIGMA = 4.0
 LEAST_CONTRAST = 1e-4  # noise of a byte has more
 

@@ -13,7 +13,7 @@ from cvkern._runtime import runtime
 from cvkern.transform.sampling import check_sampled, layout, result_dtype, sampled, shaped
 
 MAX_SIDE = 2**16
-SINGULAR = 1e-12  # of a matrix: its determinant against the cube of its largest element
+SINGULAR = 1e-12  # least determinant of a matrix whose columns have 1 as their largest element
 
 
 def warp_perspective(

@@ -94,18 +94,17 @@ def resample(
 ) -> None:
     """Resize a kernel array (P, H, W, C), down the rows first, then along the columns."""
     planes, height, width, channels = old
-    tables = [
-        [rt.constant(a) for a in weights_along(n, m, rule)]
+    down, along = (
+        tuple(rt.constant(a) for a in weights_along(n, m, rule))
         for n, m in zip(old[1:3], new[1:3], strict=True)
-    ]
+    )
     middle = rt.scratch("resize.middle", (planes, new[1], width * channels))
     kernels = rt.transform.resampling
-    kernels.resample(src.reshape((planes, height, width * channels)), *tables[0], middle)
+    lines = src.reshape((planes, height, width * channels))
+    kernels.resample(lines, down[0], down[1], middle)
     rows = planes * new[1]
-    kernels.resample(
-        middle.reshape((rows, width, channels)), *tables[1],
-        dst.reshape((rows, new[2], channels)),
-    )  # fmt: skip
+    lines, result = middle.reshape((rows, width, channels)), dst.reshape((rows, new[2], channels))
+    kernels.resample(lines, along[0], along[1], result)
 
 
 @lru_cache(maxsize=64)

@@ -28,7 +28,7 @@ DIRECTIONS = 8  # directions of each cell
 DIRECTIONS_PER_RADIAN = DIRECTIONS / (2 * math.pi)
 ROOM = (CELLS + 2) * (CELLS + 2) * (DIRECTIONS + 1)  # with a margin of cells, and the first again
 REACH = 127  # pixels from a point to the end of its window, at most
-LARGEST_SHARE = 0.2  # of the length of a descriptor that one number may have [Lowe 2004]
+LARGEST_SHARE = 0.2  # share of a descriptor's length that one number may have [Lowe 2004]
 DESCRIPTOR_ONE = 512.0
 
 # exp(-x) = (1 - y (1 - y / 2 (1 - y / 3 (...))))^16 for y = x / 16 <= 1 / 2, within 3e-7.
@@ -46,7 +46,7 @@ def decay_factors() -> tuple[float, ...]:
 # Squared distances of 128 bytes are at most 128 * 255^2 = 8.3e6.
 FARTHEST = 2**30
 BLOCK_ROWS = 64
-MOST_BYTES = 4096  # of a descriptor: squared distances stay below half of FARTHEST
+MOST_BYTES = 4096  # largest size of a descriptor: squared distances stay below half of FARTHEST
 
 # ORB: FAST corners of 9 of the 16 pixels of a circle, directions by moments of a disc, and bits
 # that compare pairs of pixels, of a pattern turned in so many steps.

@@ -67,7 +67,7 @@ def test_orientations_follow_the_image(backend):
     assert close.mean() > 0.8
     angle = (turned.orientations + np.pi / 2 - plain.orientations[index])[close]
     off = np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
-    assert np.mean(off < 0.02) > 0.6  # of points with several directions another may be nearest
+    assert np.mean(off < 0.02) > 0.6  # a point with several directions may meet another of them
 
 
 @pytest.mark.parametrize("sigma", [3.0, 5.0, 9.0])

@@ -9,8 +9,9 @@ void score_row(int row, wp::array_t<wp::uint8> src, int threshold, int margin,
     if (row < margin || row >= height - margin || width <= 2 * margin) return;
     const byte* c = src.data + (size_t)row * width;
     const long w = width;
-    const long at[16] = {-3 * w,     -3 * w + 1, -2 * w + 2, -w + 3, 3,  w + 3,  2 * w + 2,  3 * w + 1,
-                         3 * w, 3 * w - 1,  2 * w - 2,  w - 3,  -3, -w - 3, -2 * w - 2, -3 * w - 1};
+    const long at[16] = {-3 * w,    -3 * w + 1, -2 * w + 2, -w + 3,    3,         w + 3,
+                         2 * w + 2, 3 * w + 1,  3 * w,      3 * w - 1, 2 * w - 2, w - 3,
+                         -3,        -w - 3,     -2 * w - 2, -3 * w - 1};
     const byte least = (byte)threshold;
 #pragma clang loop vectorize(assume_safety)
     for (int x = margin; x < width - margin; ++x) {

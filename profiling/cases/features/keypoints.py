@@ -37,7 +37,7 @@ def _strays(ours: tuple[np.ndarray, ...], right: tuple[np.ndarray, ...]) -> floa
     few, many = sorted((ours[0], right[0]), key=len)
     if not len(few):
         return 1.0
-    return float((scipy.spatial.cKDTree(many).query(few)[0] > CLOSE).mean())
+    return float((scipy.spatial.KDTree(many).query(few)[0] > CLOSE).mean())
 
 
 CASES = (

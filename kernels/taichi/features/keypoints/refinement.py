@@ -118,7 +118,7 @@ def _fit(
             if ti.abs(ox) < 0.5 and ti.abs(oy) < 0.5 and ti.abs(os) < 0.5:
                 top = c + 0.5 * _dot(gx, gy, gs, ox, oy, os, zero)
                 trace = xx + yy
-                # As tr^2 / det <= edge, for a positive det.
+                # This is tr^2 / det < edge, for a positive det.
                 if ti.abs(top) >= ti.cast(contrast, ti.f64) and m22 > 0.0:
                     squared = wide_product(trace, trace, zero)
                     if squared < wide_product(ti.cast(edge, ti.f64), m22, zero):

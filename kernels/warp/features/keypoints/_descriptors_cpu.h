@@ -2,8 +2,9 @@
 
 // needs BINS, PEAKS, LONGEST, BINS_PER_RADIAN, REACH
 // Directions of the gradient round point `k`: the peaks of their histogram.
-void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::array_t<float> spreads,
-                float one, wp::array_t<float> angles, wp::array_t<int> counts) {
+void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
+                wp::array_t<float> spreads, float one, wp::array_t<float> angles,
+                wp::array_t<int> counts) {
     const int height = levels.shape[1], width = levels.shape[2];
     const int* cell = cells.data + 4 * (size_t)k;
     const int cy = cell[1], cx = cell[2], radius = cell[3];
@@ -64,8 +65,9 @@ void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::ar
 
 // needs CELLS, DIRECTIONS, LONGEST, DIRECTIONS_PER_RADIAN, REACH, LARGEST_SHARE, DESCRIPTOR_ONE
 // Histograms of directions in the 4 x 4 cells round point `k`, as bytes.
-void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::array_t<float> turns,
-                  float one, int root, wp::array_t<wp::uint8> descriptors) {
+void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
+                  wp::array_t<float> turns, float one, int root,
+                  wp::array_t<wp::uint8> descriptors) {
     const int height = levels.shape[1], width = levels.shape[2];
     const int* cell = cells.data + 4 * (size_t)k;
     const int cy = cell[1], cx = cell[2], radius = cell[3];
@@ -124,10 +126,14 @@ void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells, wp::
             const float v10 = v1 - v11, v00 = v0 - v01;
             const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
             places[x - left] = inside ? (r0 * (CELLS + 2) + c0) * DIRECTIONS + o0 : -1;
-            parts[0][x - left] = (both)(int)(w00 + 0.5f) << 32 | (unsigned)(int)((v00 - w00) + 0.5f);
-            parts[1][x - left] = (both)(int)(w01 + 0.5f) << 32 | (unsigned)(int)((v01 - w01) + 0.5f);
-            parts[2][x - left] = (both)(int)(w10 + 0.5f) << 32 | (unsigned)(int)((v10 - w10) + 0.5f);
-            parts[3][x - left] = (both)(int)(w11 + 0.5f) << 32 | (unsigned)(int)((v11 - w11) + 0.5f);
+            parts[0][x - left] =
+                (both)(int)(w00 + 0.5f) << 32 | (unsigned)(int)((v00 - w00) + 0.5f);
+            parts[1][x - left] =
+                (both)(int)(w01 + 0.5f) << 32 | (unsigned)(int)((v01 - w01) + 0.5f);
+            parts[2][x - left] =
+                (both)(int)(w10 + 0.5f) << 32 | (unsigned)(int)((v10 - w10) + 0.5f);
+            parts[3][x - left] =
+                (both)(int)(w11 + 0.5f) << 32 | (unsigned)(int)((v11 - w11) + 0.5f);
         }
         for (int x = 0; x <= right - left; ++x) {
             if (places[x] < 0) continue;

@@ -25,10 +25,9 @@ void mark_row(int row, int slab, wp::array_t<float> levels, float threshold, int
     const int stored = words.shape[2];
     const size_t plane = (size_t)height * width;
     for (int s = 0; s < count - 2; ++s)
-        for (int k = 0; k < stored; ++k)
-            words.data[((size_t)s * height + row) * stored + k] = 0;
+        for (int k = 0; k < stored; ++k) words.data[((size_t)s * height + row) * stored + k] = 0;
     if (row < margin || row >= height - margin) return;
-    // Of each difference of two levels: maxima and minima of 3 x 3 pixels.
+    // Each difference of two levels: its maxima and minima of 3 x 3 pixels.
     float* line = lines.data + (size_t)slab * lines.shape[1];
     float* __restrict__ high = line;
     float* __restrict__ low = line + width;

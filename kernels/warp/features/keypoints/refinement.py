@@ -109,7 +109,7 @@ def _fit(
             if wp.abs(ox) < half and wp.abs(oy) < half and wp.abs(os) < half:
                 top = c + half * (gx * ox + gy * oy + gs * os)
                 trace = xx + yy
-                # As tr^2 / det <= edge, for a positive det.
+                # This is tr^2 / det < edge, for a positive det.
                 if wp.abs(top) >= wp.float64(contrast) and m22 > wp.float64(0.0):
                     if trace * trace < wp.float64(edge) * m22:
                         kept = int(1)
