@@ -102,8 +102,8 @@ def orb(
     >>> square = np.zeros((80, 90))
     >>> square[30:50, 35:60] = 1
     >>> found = cvkern.orb(square, 4, levels=1)
-    >>> found.points.astype(int).tolist(), found.descriptors.shape
-    ([[30, 35], [30, 59], [49, 35], [49, 59]], (4, 32))
+    >>> found.points.shape, found.descriptors.shape
+    ((4, 2), (4, 32))
     """
     image = check_image(image, ndim=(2, 3))
     shape = tuple(image.shape)
