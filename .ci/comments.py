@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 LEFT = ROOT / ".ci" / "comments_left.txt"
 FOLDERS = ("cvkern", "kernels", "tests", "profiling", "docs", ".ci")
-BEGINS = re.compile(r"(of|that|which|for what|as|than|whose|or|nor)\b", re.IGNORECASE)
+BEGINS = re.compile(r"(of|that|which|for what|as|than|whose)\b", re.IGNORECASE)
 
 
 def comments(file: Path) -> Iterator[tuple[int, str]]:

@@ -31,8 +31,10 @@ _NAMES = {
         "sobel",
     ),
     "geometry": (
-        "RobustFit", "RobustFits", "find_affine", "find_homographies", "find_homography",
-        "find_similarity", "fit_affine", "fit_homography", "fit_similarity",
+        "RobustFit", "RobustFits", "epipolar_lines", "epipoles", "find_affine",
+        "find_fundamental", "find_fundamentals", "find_homographies", "find_homography",
+        "find_similarity", "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
+        "sampson_distance",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",

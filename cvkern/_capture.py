@@ -19,8 +19,8 @@ def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callabl
     ----------
     function : callable
         A function of cvkern, or one that calls several. It must be kernels alone: not
-        :func:`subpixel_edges`, :func:`median` or thresholds by quantiles, which look at values
-        or convert dtypes outside of kernels.
+        :func:`subpixel_edges` or :func:`median`, which look at values or convert dtypes outside
+        of kernels.
     *args, **options
         Its arguments. Arrays are read again at each repetition, where they are: fill them in
         place. On a GPU they must be contiguous, of the dtype that `function` computes in, and of

@@ -57,9 +57,30 @@ def _as_array(values: Any, library: _arrays.Library, name: str) -> Any:
         raise TypeError(f"{name} must be an array that NumPy can read, got {got}") from None
 
 
+def as_numbers(values: Any, name: str, dtype: Any = np.float64) -> np.ndarray:
+    """Return a host array of `dtype` of what can be that."""
+    try:
+        if np.isrealobj(values := np.asarray(values)):
+            with np.errstate(over="ignore"):
+                return values.astype(dtype)
+    except Exception:  # whatever another library says of being asked for its values
+        pass
+    raise TypeError(f"{name} must be real numbers, got {_brief(values)}")
+
+
+def _brief(value: Any) -> str:
+    """Return at most a line of what was given."""
+    said = " ".join(repr(value).split())
+    return said if len(said) <= 80 else f"{said[:77]}..."
+
+
 def check_sides(shape: Any, name: str) -> tuple[int, int]:
     """Return height and width, each at most what voting kernels count with."""
-    sides = tuple(check_integer(n, name, 1, MAX_SIDE) for n in shape)
+    try:
+        given = tuple(shape)
+    except TypeError:
+        raise TypeError(f"{name} must be a height and a width, got {shape!r}") from None
+    sides = tuple(check_integer(n, name, 1, MAX_SIDE) for n in given)
     if len(sides) != 2:
         raise ValueError(f"{name} must be a height and a width, got {len(sides)} numbers")
     return sides

@@ -5,6 +5,8 @@ class Folder:
         from cvkern.kernels.warp.clouds import turntables as turntables
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
+        from cvkern.kernels.warp.edges import quantiles as quantiles
+        from cvkern.kernels.warp.edges import slopes as slopes
         from cvkern.kernels.warp.edges import subpixel as subpixel
     class features:
         from cvkern.kernels.warp.features import binary as binary

@@ -22,7 +22,7 @@ def main() -> None:
 
     photo = data.coffee()
     gray = luma(photo)
-    edges = cvkern.canny(gray, 2, low_threshold=0.8, high_threshold=0.93, use_quantiles=True)
+    edges = cvkern.canny(gray, 2, low_threshold=0.7, high_threshold=0.9, use_quantiles=True)
     gradient = cvkern.gradient(gray, sigma=2)
     hue = apply_colormap(gradient.orientation, "cyclic")
     bright = (gradient.magnitude / np.quantile(gradient.magnitude, 0.985)).clip(0, 1) ** 0.7

@@ -16,7 +16,7 @@ MODES = [border.name.lower() for border in Border]
 
 def edges(image):
     """Return a mask that every library's array gives, of the same library."""
-    return cvkern.canny(image, 1.5, 2, 4)
+    return cvkern.canny(image, 1.5, 16, 32)
 
 
 # A ring that is no circle, as a table of shapes.
@@ -47,8 +47,11 @@ CALLS = {
     "gradient": lambda x: cvkern.gradient(x, sigma=1.5),
     "gradient_sobel": lambda x: cvkern.gradient(x, sigma=0, operator="sobel"),
     "canny": lambda x: cvkern.canny(x, 1.5, use_quantiles=True, low_threshold=0.5),
-    "canny_sobel": lambda x: cvkern.canny(x, 0, 100, 200, operator="sobel"),
-    "subpixel_edges": lambda x: cvkern.subpixel_edges(x, 1.5, 2, 4),
+    "canny_sectors": lambda x: cvkern.canny(x, 0, 100, 200, suppression="sectors"),
+    "canny_gaussian": lambda x: cvkern.canny(
+        x, 1.2, 0.7, 0.9, use_quantiles=True, operator="gaussian", mode="nearest"
+    ),
+    "subpixel_edges": lambda x: cvkern.subpixel_edges(x, 1.5, 16, 32),
     "hough_circle": lambda x: cvkern.hough_circle(edges(x), [3, 6, 11]),
     "hough_circle_peaks": lambda x: cvkern.hough_circle_peaks(
         cvkern.hough_circle(edges(x), [3, 6]), [3, 6], 2, 3

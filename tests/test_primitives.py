@@ -171,7 +171,8 @@ def test_thin(kernels, shape, norm, rule):
     for dy, dx in (waves(*shape), (noise(*shape), noise(*shape, seed=1))):
         square = norm == Norm.L2
         low, high = (0.25, 1.0) if square else (0.5, 1.3)
-        got = kernels("edges.masks.thin", dy, dx, norm, rule, low, high, out=[(shape, U8)])
+        limits = np.array([low, high], F32)
+        got = kernels("edges.masks.thin", dy, dx, norm, rule, limits, out=[(shape, U8)])
         want = edges_reference.thin(dy, dx, norm, rule, low, high)
         np.testing.assert_array_equal(got, want)
 
@@ -287,7 +288,7 @@ def test_the_sets_give_equal_bits(all_kernels):
         yield kernels("filters.medians.median", integers, *ranks, out=[(integers.shape, I32)])
         for norm in Norm:
             for rule in Thinning:
-                given = norm, rule, 0.4, 0.9
+                given = norm, rule, np.array([0.4, 0.9], F32)
                 yield kernels("edges.masks.thin", dy, dx, *given, out=[(shape, U8)])
             given = Border.REFLECT, 0.0, norm, 100.0, 400.0
             yield kernels("edges.masks.thin_sobel", octets, *given, out=[(shape, U8)])

@@ -53,8 +53,11 @@ WRONG = {
         "stereo_8_paths",
         lambda x, y: cvkern.stereo_match(x, y, (0, 8)).disparity,
     ),
-    "other thresholds": ("canny_gaussian_noise", lambda x: cvkern.canny(x, 2.0, 0.019, 0.04)),
-    "whole pixels": ("subpixel_edges", lambda x: (np.argwhere(cvkern.canny(x, 2.0, 0.02, 0.04)),)),
+    "other thresholds": (
+        "canny_gaussian_noise",
+        lambda x: cvkern.canny(x, 2.0, 0.15, 0.32, operator="gaussian", mode="reflect"),
+    ),
+    "whole pixels": ("subpixel_edges", lambda x: (np.argwhere(cvkern.canny(x, 2.0, 0.16, 0.32)),)),
 }
 
 

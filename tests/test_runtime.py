@@ -284,7 +284,7 @@ def test_eight_threads_with_images_of_their_own(backend):
     """Small ones, and some that each thread would cut into slabs for others."""
     sizes = [(9 + 31 * i, 400 - 45 * i) for i in range(7)] + [(300, 450)]
     images = [blobs(*size, seed=i) for i, size in enumerate(sizes)]
-    names = ["gaussian", "gradient", "canny", "canny_sobel", "subpixel_edges", "median"]
+    names = ["gaussian", "gradient", "canny", "canny_sectors", "subpixel_edges", "median"]
     expected = [[fields(CALLS[name](image)) for name in names] for image in images]
     ready = threading.Barrier(len(images), timeout=60)
 
@@ -328,7 +328,8 @@ import numpy as np
 import cvkern
 image = np.random.default_rng(0).integers(0, 256, (411, 523)).astype(np.uint8)
 answers = [cvkern.gaussian(image, 2.0), *cvkern.gradient(image), cvkern.median(image, 1),
-    cvkern.canny(image, 1.0, 5, 20), cvkern.canny(image, 0, 300, 900, operator="sobel")]
+    cvkern.canny(image, 1.0, 40, 160), cvkern.canny(image, 0, 300, 900, suppression="sectors"),
+    cvkern.canny(image, 1.5, 0.7, 0.9, use_quantiles=True)]
 print([zlib.crc32(a.tobytes()) for a in answers])
 """
 

@@ -119,7 +119,7 @@ def canny() -> str:
     height = 200 - 8 * np.arange(24, dtype=np.uint8)[:, None]
     image = np.where(np.arange(44) >= 20, height, np.uint8(0))
     image[:, 32:] += 40
-    edges = cvkern.canny(image, 0, 200, 600, operator="sobel", norm="l1", mode="nearest")
+    edges = cvkern.canny(image, 0, 200, 600, suppression="sectors", norm="l1", mode="nearest")
     expected = np.zeros(image.shape, bool)
     expected[:21, 20] = True
     wrong = int((edges != expected).sum())

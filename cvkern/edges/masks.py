@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+import warnings
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_code, check_image, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.filters.gradients import derivatives
+from cvkern._tape import capturing
+from cvkern.edges.quantiles import SHARES, Thresholds, check_thresholds, find_limits, measures
+from cvkern.edges.slopes import OPERATORS, Surroundings, find_slopes
 from cvkern.filters.linear import NO_SIGMA
 from cvkern.kernels.codes.edges import Norm, Thinning
 from cvkern.kernels.codes.filters import Border
 
-OPERATORS = ("gaussian", "sobel")
-SOBEL_GAIN = 8.0  # of the integer kernel, against a derivative per pixel
+SUPPRESSIONS = ("interpolated", "sectors")
+
+
+class EdgeOptions(NamedTuple):
+    """How edges are found, once it is checked."""
+
+    sigma: float
+    thresholds: Thresholds
+    operator: str = "gaussian"
+    norm: Norm = Norm.L2
+    rule: Thinning = Thinning.INTERPOLATED
+    around: Surroundings = Surroundings(Border.REFLECT, 0.0)
 
 
 def canny(
@@ -24,39 +37,50 @@ def canny(
     sigma: float = 1.0,
     low_threshold: float | None = None,
     high_threshold: float | None = None,
-    *,
+    mask: Any = None,
     use_quantiles: bool = False,
-    operator: str = "gaussian",
+    *,
+    operator: str = "sobel",
+    suppression: str = "interpolated",
     norm: str = "l2",
-    mode: str = "reflect",
+    mode: str = "constant",
     cval: float = 0.0,
 ) -> Any:
     """Find edges by the Canny algorithm.
 
-    A pixel is an edge where the gradient is a maximum along its own direction and longer than
-    `low_threshold`, and where such pixels connect it (by sides or corners) with one longer than
-    `high_threshold`.
+    A pixel is an edge where the gradient is a maximum along its own direction and at least as long
+    as `low_threshold`, and where such pixels connect it (by sides or corners) with one at least as
+    long as `high_threshold`.
 
     Parameters
     ----------
     image : array of shape (H, W)
         Any real dtype; colour is for :func:`cvkern.images.luma` to take out first.
     sigma : float, default 1.0
-        Standard deviation of the Gaussian, in pixels; 0 only with the operator 'sobel'.
+        Standard deviation of the Gaussian, in pixels; 0 not with the operator 'gaussian'.
     low_threshold, high_threshold : float, optional
-        On the gradient's length, in the units of the operator. By default 10 % and 20 % of the
-        dtype's range (1 for floating-point images) with 'sobel', as scikit-image has it, and an
-        eighth of that, Sobel's gain, with 'gaussian'.
+        On the length of the gradient, in the units of Sobel's kernels applied to `image`: 8 times
+        a slope per pixel. By default 10 % and 20 % of the dtype's range (1 for floating-point
+        images).
+    mask : array of shape (H, W), optional
+        Pixels where it is 0 do not count: edges are looked for only where it is nonzero at a pixel
+        and all its neighbours.
     use_quantiles : bool, default False
         Take the thresholds as quantiles, in [0, 1], of the gradient lengths of this image.
-    operator : {'gaussian', 'sobel'}, default 'gaussian'
-        'gaussian': derivatives of the Gaussian, suppression between interpolated neighbours
-        (Canny 1986). 'sobel': the integer Sobel kernels after the Gaussian, suppression in four
-        sectors, as OpenCV does it.
+    operator : {'sobel', 'scharr', 'gaussian'}, default 'sobel'
+        'sobel' and 'scharr' apply their kernels after the Gaussian; 'gaussian' takes derivatives of
+        the Gaussian, which favour no direction. All are in the units of Sobel's kernels.
+    suppression : {'interpolated', 'sectors'}, default 'interpolated'
+        What a pixel must not be shorter than: values interpolated along its gradient between its
+        neighbours, or the neighbours in the nearest of four directions, as OpenCV does it; see
+        the notes.
     norm : {'l1', 'l2'}, default 'l2'
         Length of the gradient: ``|dx| + |dy|`` or ``sqrt(dx^2 + dy^2)``.
-    mode, cval
-        As in :func:`gaussian`.
+    mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'constant'
+        What the Gaussian sees outside the image. With 'constant', as with `mask`, the smoothed
+        image is divided by the smoothed image of ones, so that no edge runs along the border.
+    cval : float, default 0.0
+        Value outside the image when `mode` is 'constant', in the units of `image`.
 
     Returns
     -------
@@ -65,17 +89,33 @@ def canny(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers.
+        If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or not 2-D, `sigma` is negative or not finite (or 0 with 'gaussian'),
-        a threshold is negative, above 1 where it is a quantile, or `low_threshold` is above
-        `high_threshold`, or an option is unknown.
+        If `image` is empty or not 2-D, `mask` is of another shape, `sigma` is negative or not
+        finite (or 0 with 'gaussian'), a threshold is negative, above 1 where it is a quantile, or
+        `low_threshold` is above `high_threshold` or alone at a `sigma` above 16, or an option is
+        unknown.
+
+    Warns
+    -----
+    UserWarning
+        If a NumPy image on the CPU has no gradient as long as `high_threshold`.
 
     Notes
     -----
-    ``canny(x, 0, low, high, operator="sobel", norm=norm, mode="nearest")`` of a uint8 image equals
-    ``cv2.Canny(x, low, high, L2gradient=norm == "l2")`` in every pixel. Edges of integer images
-    are the same on every device and kernel set.
+    By default the edges are those of :func:`skimage.feature.canny`, for images of unsigned integers
+    and floating-point numbers (where float32 rounds two lengths to one, or parts them, a pixel may
+    differ; scikit-image counts `cval` in units of the dtype's range). As there, of two pixels with
+    equal gradients both are edges, and none is on the outermost rows and columns.
+
+    ``canny(x, 0, low, high, suppression="sectors", norm=norm, mode="nearest")`` of a uint8 image
+    equals ``cv2.Canny(x, low, high, L2gradient=norm == "l2")`` in every pixel. Then lengths must
+    exceed the thresholds, and 3 x 3 kernels continue beyond the border as `mode` says.
+
+    With the operator 'gaussian' lengths must exceed the thresholds as well, of two equal pixels the
+    first is the edge, and the outermost pixels may be edges.
+
+    Edges of integer images are the same on every device and kernel set.
 
     References
     ----------
@@ -85,97 +125,128 @@ def canny(
     --------
     >>> import numpy as np
     >>> import cvkern
-    >>> square = np.zeros((7, 7))
-    >>> square[2:5, 2:5] = 1
+    >>> square = np.zeros((9, 9))
+    >>> square[3:6, 3:6] = 1
     >>> int(cvkern.canny(square, 0.5).sum())
     8
     """
     image = check_image(image)
     check_choice(operator, OPERATORS, "operator")
-    rt = runtime(image)
-    edges = rt.empty(tuple(image.shape), bool)
-    find_edges(
-        rt, image, sigma, low_threshold, high_threshold, use_quantiles, operator, norm, mode, cval,
-        rt.adopt(edges, bool),
-    )  # fmt: skip
-    return rt.release(edges)
-
-
-def find_edges(
-    rt: Runtime,
-    image: Any,
-    sigma: float,
-    low_threshold: float | None,
-    high_threshold: float | None,
-    use_quantiles: bool,
-    operator: str,
-    norm: str,
-    mode: str,
-    cval: float,
-    mask: Any,
-) -> tuple[Any, Any]:
-    """Fill the kernel array `mask`; return dy and dx, which a uint8 image under Sobel has not."""
+    check_choice(suppression, SUPPRESSIONS, "suppression")
     border = check_code(mode, Border, "mode")
     length = check_code(norm, Norm, "norm")
     cval = check_number(cval, "cval")
     sigma = check_number(sigma, "sigma", low=0)
+    if mask is not None:
+        mask = check_image(mask, name="mask")
+        if tuple(mask.shape) != tuple(image.shape):
+            raise ValueError(
+                f"mask must have the shape of the image, {tuple(image.shape)}, "
+                f"got {tuple(mask.shape)}"
+            )
     dtype = library(image).dtype(image)
-    low, high = edge_thresholds(low_threshold, high_threshold, use_quantiles, operator, dtype)
+    thresholds = check_thresholds(low_threshold, high_threshold, use_quantiles, dtype, sigma)
+    rule = Thinning.SECTORS
+    if suppression == "interpolated":
+        rule = Thinning.INTERPOLATED if operator == "gaussian" else Thinning.FRAMED
+    around = Surroundings(border, cval, mask)
+    rt = runtime(image, mask)
+    edges = rt.empty(tuple(image.shape), bool)
+    options = EdgeOptions(sigma, thresholds, operator, length, rule, around)
+    find_edges(rt, image, options, rt.adopt(edges, bool))
+    return rt.release(edges)
+
+
+def photograph_options(
+    image: Any,
+    sigma: float,
+    low: float | None,
+    high: float | None,
+    use_quantiles: bool = False,
+    *,
+    automatic: tuple[float, float] | None = SHARES,
+) -> EdgeOptions:
+    """Check the options of functions that start from a photograph's edges.
+
+    They take derivatives of the Gaussian, and where no threshold is given the `automatic` quantiles
+    of the image itself, if there are such.
+    """
+    sigma = check_number(sigma, "sigma", low=0)
+    dtype = library(image).dtype(image)
+    return EdgeOptions(
+        sigma, check_thresholds(low, high, use_quantiles, dtype, sigma, automatic=automatic)
+    )
+
+
+def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tuple[Any, Any]:
+    """Fill the kernel array `mask`; return dy and dx, which a uint8 image under Sobel has not."""
+    sigma, thresholds, operator, norm, rule, around = options
     shape = tuple(image.shape)
     states = rt.scratch("canny.states", shape, np.uint8)
-    dy = dx = None
-    # Sums of uint8 are exact in any order.
-    exact = dtype == np.uint8 and (border != Border.CONSTANT or cval in range(256))
-    if operator == "sobel" and sigma <= NO_SIGMA and exact and not use_quantiles:
-        limits = _measures(low, high, length, integral=True)
-        rt.edges.masks.thin_sobel(rt.adopt(image, np.uint8), border, cval, length, *limits, states)
+    slopes: tuple[Any, Any] = (None, None)
+    strict = rule != Thinning.FRAMED
+    sectors = rule == Thinning.SECTORS
+    if sectors and sigma <= NO_SIGMA and _is_exact(image, options):
+        low, high = _integral(measures(thresholds, norm))
+        src = rt.adopt(image, np.uint8)
+        rt.edges.masks.thin_sobel(src, around.border, around.cval, norm, low, high, states)
     else:
-        dy, dx = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
-        derivatives(rt, image, sigma, operator, mode, cval, dy, dx)
-        if use_quantiles:
-            low, high = _quantiles(rt, dy, dx, length, low, high)
-        rule = Thinning.SECTORS if operator == "sobel" else Thinning.INTERPOLATED
-        rt.edges.masks.thin(dy, dx, length, rule, *_measures(low, high, length), states)
+        slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
+        bare = sectors and around.mask is None
+        find_slopes(rt, image, sigma, operator, around, bare, *slopes)
+        limits = find_limits(rt, *slopes, norm, thresholds, strict)
+        rt.edges.masks.thin(*slopes, norm, rule, limits, states)
+    if around.mask is not None:
+        rt.edges.slopes.confine(rt.adopt(around.mask, bool), states)
     rt.edges.masks.hysteresis(states, mask)
-    return dy, dx
+    _warn_of_none(rt, image, options, mask)
+    return slopes
 
 
-def edge_thresholds(
-    low: float | None, high: float | None, use_quantiles: bool, operator: str, dtype: np.dtype
-) -> tuple[float, float]:
-    """Return the thresholds, checked, with their defaults filled in."""
-    full = 1.0
-    if not use_quantiles:
-        full = float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
-        full /= SOBEL_GAIN if operator == "gaussian" else 1.0
-    low = check_number(0.1 * full if low is None else low, "low_threshold", low=0, finite=False)
-    high = check_number(
-        max(0.2 * full, low) if high is None else high, "high_threshold", low=0, finite=False
-    )
-    if use_quantiles and high > 1:
-        raise ValueError(f"high_threshold must be a quantile in [0, 1], got {high:g}")
-    if low > high:
-        raise ValueError(f"low_threshold must be <= high_threshold, got {low:g} > {high:g}")
-    return low, high
+def _is_exact(image: Any, options: EdgeOptions) -> bool:
+    """Tell whether Sobel's sums of an image are exact in any order."""
+    border, cval, mask = options.around
+    integral = border != Border.CONSTANT or cval in range(256)
+    plain = options.operator == "sobel" and mask is None and not options.thresholds.quantiles
+    return plain and integral and library(image).dtype(image) == np.uint8
 
 
-def _measures(low: float, high: float, norm: Norm, integral: bool = False) -> tuple[float, float]:
-    """Return the limits for what kernels compare: the length itself, or its square.
+def _integral(limits: np.ndarray) -> list[float]:
+    """Return limits that an integer exceeds exactly when it exceeds the given ones.
 
-    An integer exceeds a limit exactly when it exceeds its floor, which float32 holds exactly up to
-    2^24; no Sobel measure of a uint8 image is larger.
+    It exceeds a limit exactly when it exceeds its floor, which float32 holds exactly up to 2^24;
+    no Sobel measure of a uint8 image is larger.
     """
-    limits = [t if norm == Norm.L1 else t * t for t in (low, high)]
-    if integral:
-        limits = [min(math.floor(t) if math.isfinite(t) else 2**24, 2**24) for t in limits]
-    return float(limits[0]), float(limits[1])
+    return [float(min(math.floor(t) if math.isfinite(t) else 2**24, 2**24)) for t in limits]
 
 
-def _quantiles(
-    rt: Runtime, dy: Any, dx: Any, norm: Norm, low: float, high: float
-) -> tuple[float, float]:
-    """Return two quantiles of the gradient lengths, found on the host."""
-    y, x = rt.to_numpy(dy), rt.to_numpy(dx)
-    length = np.abs(x) + np.abs(y) if norm == Norm.L1 else np.sqrt(x * x + y * y)
-    low, high = np.quantile(length, [low, high])
-    return float(low), float(high)
+def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> None:
+    """Say that thresholds lie above all gradients, where asking for that costs no waiting."""
+    thresholds = options.thresholds
+    if rt.device != "cpu" or not isinstance(image, np.ndarray) or capturing():
+        return
+    if thresholds.quantiles or thresholds.high <= 0 or rt.to_numpy(mask).any():
+        return
+    shape = tuple(image.shape)
+    slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
+    bare = options.rule == Thinning.SECTORS and options.around.mask is None
+    find_slopes(rt, image, options.sigma, options.operator, options.around, bare, *slopes)
+    y, x = (np.nan_to_num(rt.to_numpy(a).astype(np.float64)) for a in slopes)
+    most = float((np.hypot(y, x) if options.norm == Norm.L2 else np.abs(y) + np.abs(x)).max())
+    if 0 < most < thresholds.high:
+        warnings.warn(
+            f"no edge was found: the longest gradient of the image is {most:.4g}, below "
+            f"high_threshold {thresholds.high:.4g}",
+            UserWarning,
+            stacklevel=_depth(),
+        )
+
+
+def _depth() -> int:
+    """Return how many frames up the caller of cvkern is, for a warning to name its line."""
+    import sys
+
+    depth, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("cvkern."):
+        depth, frame = depth + 1, frame.f_back
+    return depth

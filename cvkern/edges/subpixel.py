@@ -6,9 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_image
-from cvkern._runtime import runtime
-from cvkern.edges.masks import find_edges
+from cvkern._checks import check_code, check_image, check_number
+from cvkern._runtime import Runtime, runtime
+from cvkern.edges.masks import EdgeOptions, find_edges, photograph_options
+from cvkern.edges.slopes import Surroundings
+from cvkern.kernels.codes.filters import Border
 
 
 class SubpixelEdges(NamedTuple):
@@ -19,7 +21,7 @@ class SubpixelEdges(NamedTuple):
     orientation: Any
     """Direction of the gradient, ``atan2(dy, dx)`` in radians, (N,) float32."""
     strength: Any
-    """Gradient magnitude at the pixel, (N,) float32."""
+    """Length of the gradient at the pixel, in Sobel's units, (N,) float32."""
 
 
 def subpixel_edges(
@@ -44,8 +46,10 @@ def subpixel_edges(
         Any real dtype.
     sigma : float, default 1.0
         Standard deviation of the Gaussian, in pixels; at least about 1 for accuracy.
-    low_threshold, high_threshold, use_quantiles, mode, cval
+    low_threshold, high_threshold, use_quantiles
         As in :func:`canny`.
+    mode, cval
+        As in :func:`gaussian`.
 
     Returns
     -------
@@ -80,13 +84,21 @@ def subpixel_edges(
            [1.  , 4.27]], dtype=float32)
     """
     image = check_image(image)
+    around = Surroundings(check_code(mode, Border, "mode"), check_number(cval, "cval"))
+    options = photograph_options(
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=None
+    )
     rt = runtime(image)
+    return SubpixelEdges(
+        *(rt.release(a) for a in locate_edges(rt, image, options._replace(around=around)))
+    )
+
+
+def locate_edges(rt: Runtime, image: Any, options: EdgeOptions) -> SubpixelEdges:
+    """Return the edges between the pixels, not yet released to the caller."""
     shape = tuple(image.shape)
     mask = rt.scratch("subpixel.mask", shape, bool)
-    dy, dx = find_edges(
-        rt, image, sigma, low_threshold, high_threshold, use_quantiles, "gaussian", "l2", mode,
-        cval, mask,
-    )  # fmt: skip
+    dy, dx = find_edges(rt, image, options, mask)
     counts = rt.scratch("subpixel.counts", shape[:1], np.int32)
     rt.edges.subpixel.count_edges(dy, dx, mask, counts)
     ends = np.cumsum(rt.to_numpy(counts), dtype=np.int32)
@@ -96,4 +108,4 @@ def subpixel_edges(
     if total:
         views = [rt.adopt(a) for a in results]
         rt.edges.subpixel.gather_edges(dy, dx, mask, rt.send("subpixel.starts", starts), *views)
-    return SubpixelEdges(*(rt.release(a) for a in results))
+    return results

@@ -18,9 +18,9 @@ from cvkern.kernels.codes.filters import Border, Outside
 OPERATORS = ("gaussian", "sobel", "scharr")
 
 # Smoothing halves of the 3 x 3 operators; the other half is the difference (-1, 0, 1).
-_SMOOTH = {"sobel": frozen_taps([1, 2, 1]), "scharr": frozen_taps([3, 10, 3])}
-_MEAN = {name: frozen_taps(taps / taps.sum()) for name, taps in _SMOOTH.items()}
-_DIFFERENCE = frozen_taps([-1, 0, 1])
+SMOOTH = {"sobel": frozen_taps([1, 2, 1]), "scharr": frozen_taps([3, 10, 3])}
+_MEAN = {name: frozen_taps(taps / taps.sum()) for name, taps in SMOOTH.items()}
+DIFFERENCE = frozen_taps([-1, 0, 1])
 
 
 class Gradient(NamedTuple):
@@ -180,7 +180,7 @@ def derivatives(
             raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
         smooth, slope = gaussian_taps(sigma), gaussian_taps(sigma, 1)
     else:
-        smooth, slope = _SMOOTH[operator], _DIFFERENCE
+        smooth, slope = SMOOTH[operator], DIFFERENCE
         if sigma > NO_SIGMA:
             planes = (1, *image.shape)
             taps = rt.constant(gaussian_taps(sigma))
@@ -189,10 +189,10 @@ def derivatives(
                 src.reshape(planes), taps, taps, 1, border, cval, blurred
             )
             src = blurred.reshape(tuple(image.shape))
-    _differentiate(rt, src, smooth, slope, border, cval, *outputs)
+    differentiate(rt, src, smooth, slope, border, cval, *outputs)
 
 
-def _differentiate(
+def differentiate(
     rt: Runtime,
     src: Any,
     smooth: np.ndarray,
@@ -229,7 +229,7 @@ def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval:
     dst = rt.adopt(result)
     dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
     dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
-    _differentiate(rt, rt.adopt(image), _MEAN[operator], _DIFFERENCE, border, cval, dy, dx)
+    differentiate(rt, rt.adopt(image), _MEAN[operator], DIFFERENCE, border, cval, dy, dx)
     if axis is None:
         rt.filters.gradients.root_mean_square(dy, dx, dst)
     return rt.release(result)

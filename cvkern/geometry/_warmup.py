@@ -14,6 +14,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function and every model that has own kernels."""
     points = np.random.default_rng(0).uniform(0, 100, (40, 2))
     pair = points, points + 5.0
-    for name in ("find_similarity", "find_affine", "find_homography"):
+    for name in ("find_similarity", "find_affine", "find_homography", "find_fundamental"):
         yield name, partial(getattr(geometry, name), *pair)
     yield "find_homographies", partial(geometry.find_homographies, [pair, pair])
+    yield "find_fundamentals", partial(geometry.find_fundamentals, [pair, pair])

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_number, check_positive
-from cvkern._runtime import runtime
-from cvkern.geometry._points import check_pairs, on_host
+from cvkern.geometry._batches import check_batch, search_options
 from cvkern.geometry.fitting import scaled
-from cvkern.geometry.robust import RobustFit, RobustFits, Search, gather, search
-from cvkern.kernels.codes.geometry import MAX_MATCHES, Model
+from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, gather
+from cvkern.kernels.codes.geometry import Model
 
 
 def find_homography(
@@ -84,7 +82,7 @@ def find_homography(
     >>> int(fit.inliers.sum()), fit.cost
     (60, 40.0)
     """
-    options = _options(threshold, confidence, max_trials, seed)
+    options = search_options(threshold, confidence, max_trials, seed)
     return _one(points0, points1, Model.HOMOGRAPHY, options)
 
 
@@ -141,7 +139,9 @@ def find_homographies(
     >>> bool(np.isnan(fits.matrices[1]).all()), fits.offsets.tolist(), fits.costs.tolist()
     (True, [0, 50, 53], [0.0, 3.0])
     """
-    return find_many(pairs, Model.HOMOGRAPHY, _options(threshold, confidence, max_trials, seed))
+    return find_many(
+        pairs, Model.HOMOGRAPHY, search_options(threshold, confidence, max_trials, seed)
+    )
 
 
 def find_affine(
@@ -200,7 +200,7 @@ def find_affine(
            [0., 2., 0.],
            [0., 0., 1.]])
     """
-    options = _options(threshold, confidence, max_trials, seed)
+    options = search_options(threshold, confidence, max_trials, seed)
     return _one(points0, points1, Model.AFFINE, options)
 
 
@@ -261,21 +261,8 @@ def find_similarity(
            [0., 2., 0.],
            [0., 0., 1.]])
     """
-    options = _options(threshold, confidence, max_trials, seed)
+    options = search_options(threshold, confidence, max_trials, seed)
     return _one(points0, points1, Model.SIMILARITY, options)
-
-
-def _options(threshold: Any, confidence: Any, max_trials: Any, seed: Any) -> Search:
-    threshold = check_positive(threshold, "threshold")
-    confidence = check_number(confidence, "confidence", low=0)
-    if not 0 < confidence < 1:
-        raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
-    return Search(
-        threshold,
-        confidence,
-        check_integer(max_trials, "max_trials", 1, 2**30),
-        check_integer(seed, "seed", 0, 2**31 - 1),
-    )
 
 
 def _one(points0: Any, points1: Any, model: Model, options: Search) -> RobustFit:
@@ -286,25 +273,10 @@ def _one(points0: Any, points1: Any, model: Model, options: Search) -> RobustFit
 
 
 def find_many(pairs: Sequence[tuple[Any, Any]], model: Model, options: Search) -> RobustFits:
-    """Check the pairs of a batch, and fit the model to each."""
-    checked = [check_pairs(a, b) for a, b in pairs]
-    offsets = np.cumsum([0] + [len(a) for a, _ in checked], dtype=np.int64)
-    for a, _ in checked:
-        if len(a) > MAX_MATCHES:
-            raise ValueError(f"points0 must be at most {MAX_MATCHES}, got {len(a)}")
-    rt = runtime(*(points for pair in checked for points in pair))
-    if not offsets[-1]:
-        empty = np.full((len(checked), 3, 3), np.nan)
-        return RobustFits(empty, rt.give(np.zeros(0, bool)), offsets, np.zeros(len(checked)))
-    host = [(on_host(rt, a), on_host(rt, b)) for a, b in checked]
-    batch = gather(host)
-    matrices, marks, costs = search(rt, batch, model, options)
+    """Check the pairs of a batch, and fit a map to each."""
+    batched = check_batch(pairs)
+    batch = gather(batched.points)
+    explorer = Explorer(batched.rt, batch, options)
+    matrices, marks, costs = explorer.finish(model, explorer.explore(model))
     matrices = np.linalg.inv(batch.to_unit[1]) @ matrices @ batch.to_unit[0]
-    for i, matrix in enumerate(matrices):
-        matrices[i] = scaled(matrix)
-    kept = batch.places >= 0
-    inliers = np.zeros(len(kept), bool)
-    inliers[kept] = marks[batch.places[kept]] != 0
-    # Matches that are not finite are outliers as well.
-    ignored = np.diff(np.concatenate(([0], np.cumsum(~kept)))[offsets])
-    return RobustFits(matrices, rt.give(inliers), offsets, costs + ignored)
+    return batched.fits(batch, np.stack([scaled(m) for m in matrices]), marks, costs)

@@ -160,90 +160,130 @@ def _sorted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return values[:, fresh], place
 
 
-def search(
-    rt: Runtime, batch: Batch, model: Model, options: Search
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return matrices (P, 3, 3), or NaN, inliers (M,) uint8 and costs (P,) float64."""
-    count = batch.spans[:, 1]
-    squares = ((options.threshold * batch.to_unit[1, :, 0, 0]) ** 2).astype(np.float32)
-    matches, spans, square = (
-        rt.send(f"robust.{name}", values)
-        for name, values in (
-            ("matches", batch.matches), ("spans", batch.spans), ("squares", squares),
-        )
-    )  # fmt: skip
-    given = matches, spans, square
-    kernels = rt.geometry.robust
-    best = np.zeros((len(count), 9))
-    costs = np.full(len(count), NO_COST, np.int64)
-    rough = costs.copy()  # of hypotheses as they were found
-    supports = np.zeros(len(count), np.int64)
-    trials = np.zeros(len(count), np.int64)
+class Found(NamedTuple):
+    """The best model of each pair so far."""
 
-    def refined(chosen: Any, pairs: Any, schedule: np.ndarray) -> list[np.ndarray]:
-        shape = chosen.shape[:2]
+    models: np.ndarray
+    """(P, 9) float64."""
+    costs: np.ndarray
+    """(P,) int64, in units of 1 / `COST_ONE`; `NO_COST` where there is none."""
+    supports: np.ndarray
+    """(P,) int64, the number of inliers."""
+    trials: np.ndarray
+    """(P,) int64, the number of hypotheses."""
+
+
+class Explorer:
+    """The matches of a batch where kernels find them, and the search among them."""
+
+    def __init__(self, rt: Runtime, batch: Batch, options: Search):
+        self.rt, self.batch, self.options = rt, batch, options
+        self.counts = batch.spans[:, 1].astype(np.int64)
+        scales = batch.to_unit[1, :, 0, 0]
+        self.squares = ((options.threshold * scales) ** 2).astype(np.float32)
+        self._given = (
+            rt.send("robust.matches", batch.matches),
+            rt.send("robust.spans", batch.spans),
+            rt.send("robust.squares", self.squares),
+        )
+
+    def explore(
+        self, model: Model, planes: np.ndarray | None = None, most: int | None = None
+    ) -> Found:
+        """Draw samples for each pair until a better model is unlikely; refine the best ones.
+
+        `planes` are homographies (P, 9) to start from, NaN for pairs to leave out; `most` is a
+        number of trials below that of the options.
+        """
+        rt, kernels, size = self.rt, self.rt.geometry.robust, SAMPLE[model]
+        fitted = Model.FUNDAMENTAL if model == Model.PARALLAX else model
+        number = len(self.counts)
+        best, trials = np.zeros((number, 9)), np.zeros(number, np.int64)
+        costs = np.full(number, NO_COST, np.int64)
+        rough, supports = costs.copy(), trials.copy()
+        usable = self.counts >= size
+        if planes is not None:
+            usable &= np.isfinite(planes).all(axis=1)
+        given = np.zeros((number if planes is not None else 1, 9)) if planes is None else planes
+        plane = rt.send("robust.planes", np.ascontiguousarray(given))
+        active = np.flatnonzero(usable).astype(np.int32)
+        done, room = 0, FIRST
+        last = min(self.options.max_trials, most or self.options.max_trials)
+        while len(active) and done < last:
+            room = min(room, -(-(last - done) // GROUP) * GROUP)
+            pairs = rt.send("robust.pairs", active)
+            found = rt.scratch("robust.models", (len(active), room // GROUP, 9))
+            found_costs = rt.scratch("robust.costs", found.shape[:2], np.int32)
+            seed = self.options.seed
+            kernels.propose(*self._given, plane, pairs, int(model), seed, done, found, found_costs)
+            least = rt.to_numpy(found_costs).min(axis=1)
+            promising = least < rough[active]
+            rough[active] = np.minimum(rough[active], least)
+            if promising.any():
+                to = active[promising]
+                chosen = rt.scratch("robust.chosen", (len(to), CANDIDATES, 9), np.float64)
+                rows = rt.send("robust.rows", np.flatnonzero(promising).astype(np.int32))
+                kernels.choose(found, found_costs, rows, chosen)
+                models, cost, support = self._refined(fitted, chosen, to, COARSE)
+                rank = np.argmin(cost, axis=1)  # the first of equals
+                row = np.arange(len(to))
+                better = cost[row, rank] < costs[to]
+                to, row, rank = to[better], row[better], rank[better]
+                best[to] = models[row, rank]
+                costs[to], supports[to] = cost[row, rank], support[row, rank]
+            done += room
+            trials[active] = done
+            share = supports[active] / self.counts[active]
+            active = active[done < _wanted(share, size, self.options.confidence)]
+            room = min(done, MOST)
+        return Found(best, costs, supports, trials)
+
+    def finish(self, model: Model, found: Found) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return matrices (P, 3, 3), or NaN, inliers (M,) uint8 and costs (P,) float64."""
+        rt, count = self.rt, self.counts
+        everyone = np.arange(len(count), dtype=np.int32)
+        chosen = rt.scratch("robust.chosen", (len(count), 1, 9), np.float64)
+        rt.write(chosen, found.models[:, None])
+        models, cost, support = self._refined(model, chosen, everyone, FINE)
+        none = ~self.significant(model, support[:, 0], found.trials)
+        inliers = rt.scratch("robust.inliers", (self.batch.matches.shape[1],), np.uint8)
+        last = rt.send("robust.last", np.ascontiguousarray(models[:, 0]))
+        rt.geometry.robust.mark(*self._given, int(model), last, inliers)
+        marks = np.array(rt.to_numpy(inliers))
+        matrices = models.reshape(-1, 3, 3).copy()
+        matrices[none] = np.nan
+        for begin, number in self.batch.spans[none]:
+            marks[begin : begin + number] = 0
+        return matrices, marks, np.where(none, count, cost[:, 0] / COST_ONE)
+
+    def significant(self, model: Model, supports: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """Tell where so many inliers are no accident."""
+        square = self.squares.astype(np.float64)
+        sides = self.batch.sides + 2 * np.sqrt(square)[:, None]
+        area = np.prod(sides, axis=1)
+        if model == Model.FUNDAMENTAL:  # a band along a line
+            near = 2 * np.sqrt(square) * np.hypot(*sides.T)
+        else:
+            near = math.pi * square
+        chance = np.minimum(near / area, 1.0)
+        return _significant(supports, self.counts, trials, chance, SAMPLE[model])
+
+    def _refined(
+        self, model: Model, chosen: Any, pairs: np.ndarray, schedule: np.ndarray
+    ) -> list[np.ndarray]:
+        rt, shape = self.rt, chosen.shape[:2]
         cost = rt.scratch("robust.refined", shape, np.int32)
         support = rt.scratch("robust.supports", shape, np.int32)
-        kernels.refine(*given, pairs, int(model), rt.constant(schedule), chosen, cost, support)
+        to = rt.send("robust.refined_pairs", pairs)
+        steps = rt.constant(schedule)
+        rt.geometry.robust.refine(*self._given, to, int(model), steps, chosen, cost, support)
         return [rt.to_numpy(a) for a in (chosen, cost, support)]
-
-    active = np.flatnonzero(count >= SAMPLE[model]).astype(np.int32)
-    done, size = 0, FIRST
-    while len(active) and done < options.max_trials:
-        size = min(size, -(-(options.max_trials - done) // GROUP) * GROUP)
-        pairs = rt.send("robust.pairs", active)
-        found = rt.scratch("robust.models", (len(active), size // GROUP, 9))
-        found_costs = rt.scratch("robust.costs", found.shape[:2], np.int32)
-        kernels.propose(*given, pairs, int(model), options.seed, done, found, found_costs)
-        least = rt.to_numpy(found_costs).min(axis=1)
-        promising = least < rough[active]
-        rough[active] = np.minimum(rough[active], least)
-        if promising.any():
-            to = active[promising]
-            chosen = rt.scratch("robust.chosen", (len(to), CANDIDATES, 9), np.float64)
-            rows = rt.send("robust.rows", np.flatnonzero(promising).astype(np.int32))
-            kernels.choose(found, found_costs, rows, chosen)
-            models, cost, support = refined(chosen, rt.send("robust.pairs", to), COARSE)
-            rank = np.argmin(cost, axis=1)  # the first of equals
-            row = np.arange(len(to))
-            better = cost[row, rank] < costs[to]
-            to, row, rank = to[better], row[better], rank[better]
-            best[to] = models[row, rank]
-            costs[to], supports[to] = cost[row, rank], support[row, rank]
-        done += size
-        trials[active] = done
-        wanted = _wanted(supports[active] / count[active], SAMPLE[model], options.confidence)
-        active = active[done < wanted]
-        size = min(done, MOST)
-
-    everyone = np.arange(len(count), dtype=np.int32)
-    chosen = rt.scratch("robust.chosen", (len(count), 1, 9), np.float64)
-    rt.write(chosen, best[:, None])
-    models, cost, support = refined(chosen, rt.send("robust.pairs", everyone), FINE)
-    inliers = rt.scratch("robust.inliers", (batch.matches.shape[1],), np.uint8)
-    last = rt.send("robust.last", np.ascontiguousarray(models[:, 0]))
-    kernels.mark(*given, int(model), last, inliers)
-    marks = np.array(rt.to_numpy(inliers))
-    matrices = models.reshape(-1, 3, 3).copy()
-    none = ~_significant(support[:, 0], count, trials, _chance(batch, squares), SAMPLE[model])
-    matrices[none] = np.nan
-    for begin, number in batch.spans[none]:
-        marks[begin : begin + number] = 0
-    final = np.where(none, count, cost[:, 0] / COST_ONE)
-    return matrices, marks, final
 
 
 def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:
     """Return how many samples show, with `confidence`, that no model has many more inliers."""
     good = np.clip((LARGER * share) ** size, 1e-12, 1 - 1e-12)
     return np.maximum(SPARE * math.log(1 - confidence) / np.log1p(-good), LEAST)
-
-
-def _chance(batch: Batch, squares: np.ndarray) -> np.ndarray:
-    """Return the share of the second image's box that is within the threshold of a point."""
-    square = squares.astype(np.float64)
-    area = np.prod(batch.sides + 2 * np.sqrt(square)[:, None], axis=1)
-    return np.minimum(math.pi * square / area, 1.0)
 
 
 def _significant(
@@ -254,9 +294,14 @@ def _significant(
     Under outliers alone less than one fit like this is expected among all subsets of the matches
     and all trials [L. Moisan and B. Stival, IJCV 57(3), 2004]; or all matches are inliers.
     """
-    log = np.frompyfunc(math.lgamma, 1, 1)
+
+    def log(x: np.ndarray) -> np.ndarray:  # the logarithm of (x - 1)!
+        return np.array([math.lgamma(value) for value in x])
+
     n, k = count.astype(np.float64), support.astype(np.float64)
-    subsets = (log(n + 1) - log(k + 1) - log(n - k + 1)).astype(np.float64)
+    subsets = log(n + 1) - log(k + 1) - log(n - k + 1)
     with np.errstate(divide="ignore"):
         accidents = subsets + np.log(np.maximum(trials, 1)) + (k - size) * np.log(chance)
-    return (support >= size) & ((accidents < 0) | (support == count))
+    # Seven matches leave up to three fundamental matrices.
+    least = size if size < SAMPLE[Model.FUNDAMENTAL] else size + 1
+    return (support >= least) & ((accidents < 0) | (support == count))

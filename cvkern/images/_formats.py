@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import threading
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cvkern._checks import MAX_ELEMENTS
 from cvkern.images import _png
 
 # What each format keeps exactly (JPEG: nearly): dtypes, and channel counts (0 for 2-D).
@@ -88,10 +92,46 @@ def encode(file: Path, image: np.ndarray) -> None:
         iio.imwrite(file, image, plugin="pillow", extension=suffix, **OPTIONS.get(suffix, {}))
 
 
+class _Limit:
+    """Pillow's one limit for all threads, as it was before the first of them began to read."""
+
+    lock = threading.Lock()
+    readers = 0
+    before: int | None = None
+
+
+@contextlib.contextmanager
+def _large() -> Iterator[None]:
+    """Let Pillow read as many pixels as an array of the library has, and say so beyond."""
+    from PIL import Image
+
+    with _Limit.lock:
+        if not _Limit.readers:
+            _Limit.before = Image.MAX_IMAGE_PIXELS
+            Image.MAX_IMAGE_PIXELS = MAX_ELEMENTS // 2
+        _Limit.readers += 1
+    try:
+        yield
+    except Image.DecompressionBombError:  # of more than twice the limit
+        raise ValueError(f"it has more than {MAX_ELEMENTS} pixels") from None
+    finally:
+        with _Limit.lock:
+            _Limit.readers -= 1
+            if not _Limit.readers:
+                Image.MAX_IMAGE_PIXELS = _Limit.before
+
+
 def _decode_pillow(file: Path) -> tuple[np.ndarray, int]:
+    with _large():
+        return _decode_by_pillow(file)
+
+
+def _decode_by_pillow(file: Path) -> tuple[np.ndarray, int]:
     import imageio.v3 as iio
+    from PIL import Image
 
     try:
+        Image.open(file).close()  # what is too large is not named by what follows
         reader: Any = iio.imopen(file, "r", plugin="pillow")
     except OSError:
         raise ValueError("it has no format that Pillow knows") from None

@@ -7,6 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvkern._checks import check_number
+
 SAMPLES = 4  # samples a side: each pixel is judged at 16 places, each anti-aliased in itself
 CHUNK = 1 << 16  # pixels judged at once: bounds the memory
 PLACES = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
@@ -31,7 +33,7 @@ def segments(ends: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.
     start, along = ends[:, :2], ends[:, 2:] - ends[:, :2]
     # Walk only along the part of each segment that lies inside the image's frame.
     enter, leave = np.zeros(len(ends)), np.ones(len(ends))
-    margin = half + 2.0
+    margin = min(half, max(shape)) + 2.0  # wider ones are judged at every pixel
     for axis in (0, 1):
         bounds = np.array((-margin, shape[axis] - 1 + margin))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -68,7 +70,7 @@ def across(theta: np.ndarray, rho: np.ndarray, shape: tuple[int, ...]) -> np.nda
 
 def circles(rings: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.ndarray, Distance]:
     """Return where circles cross the rows and columns of pixels, and their extreme points."""
-    margin = half + 2.0
+    margin = min(half, max(shape)) + 2.0  # wider ones are judged at every pixel
     found = []
     for i, (y, x, radius) in enumerate(rings):
         places = [(y - radius, x), (y + radius, x), (y, x - radius), (y, x + radius)]
@@ -90,14 +92,22 @@ def circles(rings: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.
 
 
 def coverage(
-    places: np.ndarray, distance: Distance, half: float, shape: tuple[int, int]
+    places: np.ndarray, distance: Distance, half: float, shape: tuple[int, int], count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (item, flat pixel index, covered share) of every pixel that a shape touches.
 
-    A shape is all within `half` of its centre line. `places` are (item, row, column), and every
-    point of the centre line in the image has one of them within a pixel. Pixels outside `shape`
-    are dropped.
+    A shape, one of `count`, is all within `half` of its centre line. `places` are (item, row,
+    column), and every point of the centre line in the image has one of them within a pixel. Pixels
+    outside `shape` are dropped.
     """
+    size = shape[0] * shape[1]
+    if 2 * half > max(shape):
+        found = [np.zeros(0, np.int64)]
+        for begin in range(0, count * size, CHUNK):
+            key = np.arange(begin, min(begin + CHUNK, count * size))
+            item, pixel = np.divmod(key, size)
+            found.append(key[distance(item, *np.divmod(pixel, shape[1])) < half + FARTHEST])
+        return _shares(np.concatenate(found), distance, half, shape)
     reach = int(np.ceil(half + FARTHEST + 1.5))  # 1 to the place, 0.5 lost by rounding it
     around = np.arange(-reach, reach + 1)
     near = (places[:, 1:] > -reach - 1) & (places[:, 1:] < np.array(shape) + reach)
@@ -111,7 +121,13 @@ def coverage(
         key = np.unique(key[(y >= 0) & (y < shape[0]) & (x >= 0) & (x < shape[1])])
         item, pixel = np.divmod(key, shape[0] * shape[1])
         found.append(key[distance(item, *np.divmod(pixel, shape[1])) < half + FARTHEST])
-    key = np.unique(np.concatenate(found))
+    return _shares(np.unique(np.concatenate(found)), distance, half, shape)
+
+
+def _shares(
+    key: np.ndarray, distance: Distance, half: float, shape: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return item, pixel and covered share of the pairs of them that keys stand for."""
     item, pixel = np.divmod(key, shape[0] * shape[1])
     share = np.zeros(len(key))
     for begin in range(0, len(key), CHUNK):
@@ -159,7 +175,8 @@ def blend(
     Where shapes overlap, the share is the largest of them and the colour their mean weighted by
     share: neither depends on the order of the shapes.
     """
-    item, pixel, share = coverage(places, distance, half, canvas.shape[:2])
+    height, width = canvas.shape[:2]
+    item, pixel, share = coverage(places, distance, half, (height, width), len(colors))
     on, spot = np.unique(pixel, return_inverse=True)
     most, weight, mixed = np.zeros(len(on)), np.zeros(len(on)), np.zeros((len(on), 3))
     np.maximum.at(most, spot, share)
@@ -172,7 +189,10 @@ def blend(
 
 
 def check_numbers(array: ArrayLike, name: str) -> np.ndarray:
-    array = np.asarray(array)
+    try:
+        array = np.asarray(array)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be rectangular, got rows that differ") from None
     if array.dtype.kind not in "buif":
         raise ValueError(f"{name} must hold real numbers, got {array.dtype}")
     if array.size == 0:
@@ -181,7 +201,7 @@ def check_numbers(array: ArrayLike, name: str) -> np.ndarray:
 
 
 def check_rows(rows: ArrayLike, columns: int, name: str) -> np.ndarray:
-    array = np.asarray(rows, np.float64)
+    array = as_numbers(rows, name)
     if array.size == 0 and array.ndim < 3:
         return np.empty((0, columns))  # nothing to draw, as [] too
     if array.ndim != 2 or array.shape[1] != columns:
@@ -191,14 +211,23 @@ def check_rows(rows: ArrayLike, columns: int, name: str) -> np.ndarray:
     return array
 
 
+def as_numbers(values: ArrayLike, name: str) -> np.ndarray:
+    """Return float64 of what can be that."""
+    try:
+        return np.asarray(values, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name} must be real numbers, got {values!r}") from None
+
+
 def check_positive(value: float, name: str) -> float:
-    if not (np.isfinite(value) and value > 0):
-        raise ValueError(f"{name} must be finite and > 0, got {value}")
-    return float(value)
+    number = check_number(value, name, finite=False)
+    if number <= 0 or not np.isfinite(number):
+        raise ValueError(f"{name} must be finite and > 0, got {number:g}")
+    return number
 
 
 def check_colors(colors: ArrayLike, count: int) -> np.ndarray:
-    array = np.asarray(colors, np.float64)
+    array = as_numbers(colors, "color")
     if array.ndim == 2 and array.shape == (count, 3):
         if not ((array >= 0) & (array <= 255)).all():
             raise ValueError(f"color must lie in [0, 255], got {array.min()} to {array.max()}")
@@ -207,7 +236,7 @@ def check_colors(colors: ArrayLike, count: int) -> np.ndarray:
 
 
 def check_color(color: ArrayLike, name: str) -> np.ndarray:
-    array = np.asarray(color, np.float64)
+    array = as_numbers(color, name)
     if array.shape != (3,) or not ((array >= 0) & (array <= 255)).all():
         raise ValueError(f"{name} must be red, green and blue in [0, 255], got {color}")
     return array

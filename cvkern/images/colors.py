@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvkern._checks import check_number
 from cvkern.images._colormaps import COLORMAPS, STEPS, table
 from cvkern.images._overlay import check_color, check_numbers
 
@@ -34,6 +35,8 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     array = check_numbers(image, "image")
     if array.ndim == 2:
         return array.astype(np.float32)
+    if not isinstance(channel_axis, (int, np.integer)):
+        raise TypeError(f"channel_axis must be an integer, got {channel_axis!r}")
     if array.ndim != 3 or not -3 <= channel_axis < 3:
         raise ValueError(
             f"image must be 2-D, or 3-D with a channel axis, got shape {array.shape} "
@@ -91,7 +94,8 @@ def apply_colormap(
     ends = (-np.pi, np.pi) if cyclic else (0.0, 1.0)
     if finite.size and not cyclic:
         ends = (float(finite.min()), float(finite.max()))
-    low, high = ends[0] if vmin is None else vmin, ends[1] if vmax is None else vmax
+    low = ends[0] if vmin is None else check_number(vmin, "vmin")
+    high = ends[1] if vmax is None else check_number(vmax, "vmax")
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise ValueError(f"vmin must be finite and <= vmax, got {low} and {high}")
     missing = np.isnan(array) | (np.isinf(array) if cyclic else False)

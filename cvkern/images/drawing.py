@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvkern._checks import check_number
 from cvkern.images import _overlay
 from cvkern.images._overlay import check_color
 
@@ -153,7 +154,7 @@ def overlay_mask(
     canvas, on = _overlay.canvas(image), np.asarray(mask)
     if on.shape != canvas.shape[:2]:
         raise ValueError(f"mask must have shape {canvas.shape[:2]}, got {on.shape}")
-    if not 0.0 <= opacity <= 1.0:
+    if not 0.0 <= check_number(opacity, "opacity", finite=False) <= 1.0:
         raise ValueError(f"opacity must lie in [0, 1], got {opacity}")
     on = on != 0
     mixed = (1.0 - opacity) * canvas[on] + opacity * check_color(color, "color")

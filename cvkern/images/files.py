@@ -19,8 +19,8 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
     Parameters
     ----------
     path : path
-        A file that Pillow or tifffile reads: PNG, TIFF, JPEG, WebP, BMP, GIF and others. Where it
-        holds several images, the first is read.
+        A file that Pillow or tifffile reads: PNG, TIFF, JPEG, WebP, BMP, GIF and others, of at most
+        2^29 pixels. Where it holds several images, the first is read.
     orient : bool
         Turn and mirror the image as its EXIF orientation asks for.
 

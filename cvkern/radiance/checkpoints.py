@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import zipfile
 import zlib
@@ -15,6 +16,9 @@ from cvkern._files import check_target, replacing
 
 FORMAT, VERSION = "cvkern radiance field", 3
 HEADER = "header"
+ARCHIVE = b"PK\x03\x04"  # how every model begins
+NAMES, GROUPS = (HEADER, "behind", "marks"), ("cameras", "state", "extra")  # what models have
+MOST_HEADER, MOST_BYTES = 2**20, 2**36
 
 # What reading raises where bytes are missing, or are not what we write: a RuntimeError where they
 # say that an array is encrypted, or packed in a way that zipfile does not know.
@@ -52,8 +56,17 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
     if not Path(path).is_file():
         raise FileNotFoundError(f"path must be a file that exists, got {name!r}")
     try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {key: file[key] for key in file.files}
+        with open(path, "rb") as stream:
+            begin = stream.read(len(ARCHIVE))
+        if begin and begin != ARCHIVE:
+            raise ValueError(f"path must be a model of cvkern, got {name!r}, which is another file")
+    except OSError as error:
+        raise ValueError(f"path must be a whole model, got {name!r}: {error}") from error
+    try:
+        with open(path, "rb") as stream:
+            _survey(stream)
+            with np.load(stream, allow_pickle=False) as file:
+                arrays = {key: file[key] for key in file.files}
         header = json.loads(arrays.pop(HEADER).tobytes())
         made, version = header["format"], header["version"]
     except DAMAGED as error:
@@ -65,6 +78,37 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
             f"in {name!r}"
         )
     return header, arrays
+
+
+def _survey(stream: Any) -> None:
+    """Refuse entries that no model has, or whose sizes are not what they say, before any is read.
+
+    An entry that is packed may claim far more than the file holds.
+    """
+    total = 0
+    with zipfile.ZipFile(stream) as archive:
+        for entry in archive.infolist():
+            key = entry.filename.removesuffix(".npy")
+            if key not in NAMES and key.partition(".")[0] not in GROUPS:
+                raise ValueError(f"it must not have an entry {key!r}")
+            with archive.open(entry) as file:
+                version = np.lib.format.read_magic(file)
+                if version == (1, 0):
+                    shape, _, dtype = np.lib.format.read_array_header_1_0(file)
+                else:
+                    shape, _, dtype = np.lib.format.read_array_header_2_0(file)
+                size = math.prod(shape) * dtype.itemsize
+                if size != entry.file_size - file.tell():
+                    raise ValueError(
+                        f"{key} must have the {size} bytes of its shape {shape}, got "
+                        f"{entry.file_size - file.tell()}"
+                    )
+            total += size
+            if key == HEADER and size > MOST_HEADER:
+                raise ValueError(f"its header must have at most {MOST_HEADER} bytes, got {size}")
+    if total > MOST_BYTES:
+        raise ValueError(f"its arrays must have at most {MOST_BYTES} bytes in all, got {total}")
+    stream.seek(0)
 
 
 def check_path(path: str | os.PathLike[str]) -> None:

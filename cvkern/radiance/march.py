@@ -10,22 +10,24 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
-from cvkern.radiance.fields.field import Field, Frame, Learning, Rays, Rendered, Seen
+from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.codes.radiance import March, Rays, Seen, Space, Views
+from cvkern.radiance.fields.field import Field, Frame, Learning, View
 
-CELLS = 128  # of the occupancy grid along a side, in each level
-LEVELS = 5  # of it in unbounded space: the outermost cube is 16 times as large
+CELLS = 128  # cells of the occupancy grid along a side, in each level
+LEVELS = 5  # levels in unbounded space: the outermost cube is 16 times as large
 STEPS = 1024  # along the diagonal of the innermost cube, at most; also the most on any ray
 CONE = 1 / 256  # samples of unbounded space are this share of their distance apart
-STOP = 1e-4  # of the light is left: nothing behind is looked at
-FILL = 0.92  # of the room for samples that a batch should take
+STOP = 1e-4  # share of the light: nothing is looked at where less is left
+FILL = 0.92  # share of the room for samples that a batch should take
 EVERY = 16  # steps between looks at where space is empty
 SETTLED = 256  # steps after which no longer all of it is looked at
 FADE = 0.95
-OPTICAL_THICKNESS = 0.01  # of a step through a cell that is looked at however thin it is
+OPTICAL_THICKNESS = 0.01  # thickness of a step from which on a cell is always looked at
 VIEW_ROOM = 2**22  # samples of a round of rendering, at most, on a GPU
-VIEW_EACH = 16  # of them for each ray of a view, where that is less
-VIEW_FEW = 64  # of them on a ray, at most: it may be opaque behind the first
-PARTS = 16  # that this room is cut into, so that small rounds do not cost as much as large ones
+VIEW_EACH = 16  # samples for each ray of a view, where that is less
+VIEW_FEW = 64  # samples of a ray, at most: it may be opaque behind the first
+PARTS = 16  # parts of this room: small rounds use, and cost, less
 
 
 class Samples(NamedTuple):
@@ -87,6 +89,7 @@ class SampledField(Field):
         self.density = rt.zeros((count,))
         self.bits = rt.zeros((count // 32,), np.uint32)
         rt.write(self.bits, np.full(count // 32, 0xFFFFFFFF, np.uint32))
+        self.space = Space(self.bits, self.levels, cells, unbounded)
         self._parts, self._limit = rt.zeros((1024,)), rt.zeros((1,))
         self._visited = rt.zeros((room,), np.int32)
         self._all = rt.zeros((1,), np.int32)
@@ -94,7 +97,7 @@ class SampledField(Field):
         self.samples = self._room_for(room, rt.zeros((1,), np.int32))
         self.spans = rt.zeros((rays, 2), np.int32)
         self.d_sigma, self.d_rgb = rt.zeros((room,)), rt.zeros((room, 3))
-        self.rendered = Rendered(
+        self.rendered = Seen(
             rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
         )
         self._looks: dict[bool, Any] = {}
@@ -124,7 +127,7 @@ class SampledField(Field):
             rt.zeros((room,)), rt.zeros((room, 3)), self.inner(room),
         )  # fmt: skip
 
-    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+    def see(self, origins: Any, directions: Any, seen: View) -> None:
         """See :meth:`Field.see`."""
         count = origins.shape[0]
         room = self.view_room(count)
@@ -134,7 +137,7 @@ class SampledField(Field):
         for begin in range(0, count, most):
             part = slice(begin, min(begin + most, count))
             self._see(
-                self._viewing, origins[part], directions[part], Seen(*(a[part] for a in seen))
+                self._viewing, origins[part], directions[part], View(*(a[part] for a in seen))
             )
 
     def view_room(self, rays: int) -> int:
@@ -150,7 +153,7 @@ class SampledField(Field):
             return Viewing(self.samples.first(room), counts)
         return Viewing(self._room_for(room, counts[:1]), counts)
 
-    def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: Seen) -> None:
+    def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: View) -> None:
         """Take the next samples of all rays, until each is opaque or has left the field."""
         rt, view, living = self.rt, self.rt.radiance.rendering, origins.shape[0]
         at = rt.scratch("view.at", (living,))
@@ -158,45 +161,51 @@ class SampledField(Field):
             rt.scratch(f"view.{name}", (living,), np.int32) for name in ("taken", "list", "going")
         )
         spans = rt.scratch("view.spans", (living, 2), np.int32)
-        space = self.levels, self.frame.near, self.finest, self.cone
         counts = viewing.counts
-        view.set_out(origins, directions, *space, at, taken, listing, counts, *seen)
+        # Where rays are jittered and which of them are active does not matter: all are seen.
+        rays, march = Rays(origins, directions, counts), self._march(False, counts)
+        views = Views(at, taken, *seen)
+        view.set_out(rays, self.space, march, listing, counts, views)
         while living:
             s = viewing.samples
             few = min(viewing.room // living, VIEW_FEW)
+            found = codes.Samples(s.positions, s.distances, s.rays)
             view.march_on(
-                origins, directions, self.bits, self.levels, self.cells, self.frame.far,
-                self.finest, self.cone, STEPS, self.frame.bounds.unbounded, few, living, listing,
-                at, taken, going, spans, counts, s.positions, s.distances, s.rays,
-            )  # fmt: skip
+                rays, self.space, march, few, living, listing, views, going, spans, counts, found
+            )
             total, living = map(int, rt.to_numpy(counts))
             if living:
                 s = viewing.first(total)
                 self.evaluate(directions, s)
                 view.composite_on(
-                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, counts, at, *seen
+                    s.sigma, s.rgb, s.distances, going, spans, living, STOP, counts, views
                 )
                 listing, going = going, listing
 
-    def forward(self, rays: Rays, step: Any) -> Rendered:
+    def _march(self, jittered: bool, step: Any) -> March:
+        frame = self.frame
+        return March(
+            frame.near, frame.far, self.finest, self.cone, STEPS, jittered, self.seed, step
+        )
+
+    def forward(self, rays: Rays, step: Any) -> Seen:
         """See :meth:`Field.forward`."""
         s = self.samples
+        found = codes.Samples(s.positions, s.distances, s.rays)
         self.rt.radiance.march.steps.march_rays(
-            rays.origins, rays.directions, self.bits, self.levels, self.cells, self.frame.near,
-            self.frame.far, self.finest, self.cone, STEPS, True, self.frame.bounds.unbounded,
-            self.seed, step, rays.active, self.spans, s.total, s.positions, s.distances, s.rays,
-        )  # fmt: skip
+            self.space, self._march(True, step), rays, self.spans, s.total, found
+        )
         self.evaluate(rays.directions, s)
         self.rt.radiance.compositing.forward(
-            s.sigma, s.rgb, s.distances, self.spans, STOP, *self.rendered
+            s.sigma, s.rgb, s.distances, self.spans, STOP, self.rendered
         )
         return self.rendered
 
-    def backward(self, gradients: Rendered) -> None:
+    def backward(self, gradients: Seen) -> None:
         """See :meth:`Field.backward`."""
         s = self.samples
         self.rt.radiance.compositing.backward(
-            *gradients, s.sigma, s.rgb, s.distances, self.spans, STOP, self.d_sigma, self.d_rgb
+            gradients, s.sigma, s.rgb, s.distances, self.spans, STOP, self.d_sigma, self.d_rgb
         )
         self.evaluate_backward()
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_positive
 from cvkern._runtime import Runtime
-from cvkern.radiance.fields.field import Field, Frame, Seen
+from cvkern.kernels.codes.radiance import CameraSet
+from cvkern.radiance.fields.field import Field, Frame, View
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras, cameras, look_at
@@ -20,7 +21,7 @@ from cvkern.radiance.scenes.photographs import Scene, focus_of
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
 
 SOLID = 0.5  # opacity from which on a ray has a depth
-RAYS = 2**20  # that a field looks along at once: what is kept of them stays small
+RAYS = 2**20  # rays that a field looks along at once: this bounds the memory
 
 
 class Picture(NamedTuple):
@@ -96,13 +97,13 @@ class Renderer:
         count = cameras.height * width
         pictures = [rt.empty((cameras.height, width, *tail)) for tail in ((3,), (), ())]
         flat = (count, 3), (count,), (count,)
-        seen = Seen(*(rt.adopt(p, shape=s) for p, s in zip(pictures, flat, strict=True)))
+        seen = View(*(rt.adopt(p, shape=s) for p, s in zip(pictures, flat, strict=True)))
         for begin in range(0, count, RAYS):
             part = slice(begin, min(begin + RAYS, count))
             shape = part.stop - begin, 3
             origins, directions = (rt.scratch(f"view.{n}", shape) for n in ("from", "towards"))
-            rt.radiance.pinhole.view_rays(*lens, 0, width, begin, origins, directions)
-            self.field.see(origins, directions, Seen(*(a[part] for a in seen)))
+            rt.radiance.pinhole.view_rays(lens, 0, begin, origins, directions)
+            self.field.see(origins, directions, View(*(a[part] for a in seen)))
         red, green, blue = map(float, behind)
         rt.radiance.rendering.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
         return Picture(*(rt.release(p) for p in pictures))
@@ -292,10 +293,11 @@ def photograph(scene: Scene, view: int, behind: np.ndarray) -> np.ndarray:
     return image[..., :3] * seen + (1 - seen) * behind
 
 
-def on_device(rt: Runtime, frame: Frame, views: Cameras) -> tuple[Any, Any]:
-    """Return poses (N, 3, 4) of the frame and lenses (N, 9), as kernels take them."""
+def on_device(rt: Runtime, frame: Frame, views: Cameras) -> CameraSet:
+    """Return cameras in the frame, as kernels take them."""
     lenses = np.hstack((views.intrinsics, views.distortion)).astype(np.float32)
-    return owned(rt, frame.inside(views.poses)), owned(rt, lenses)
+    poses = owned(rt, frame.inside(views.poses))
+    return CameraSet(poses, owned(rt, lenses), views.width, views.height)
 
 
 def owned(rt: Runtime, values: np.ndarray) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_positive
 from cvkern._files import replacing
-from cvkern.radiance.fields.field import Seen
+from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays
 from cvkern.radiance.rendering import RAYS, Renderer
@@ -86,7 +86,9 @@ def point_cloud(
     return Cloud(np.concatenate(points), np.concatenate(colors))
 
 
-def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
+def mesh(
+    model: Model, *, resolution: int = 128, density: float = 25.0, pieces: int | None = 1
+) -> Mesh:
     """Return the surface on which the density of a model has one value, by marching cubes.
 
     Parameters
@@ -98,6 +100,9 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
     density : float, default 25.0
         The value, per half of the cube's side, > 0: light that goes so far through it is left
         with ``exp(-density)`` of itself.
+    pieces : int, optional
+        How many of the surface's connected pieces to keep, the largest first by area; by default
+        one, as noise in space that no photograph shows makes thousands of small ones. None for all.
 
     Returns
     -------
@@ -116,6 +121,8 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
     """
     cells = check_integer(resolution, "resolution", 8, 1024)
     density = check_positive(density, "density")
+    if pieces is not None:
+        pieces = check_integer(pieces, "pieces", 1, 2**31 - 1)
     try:
         from skimage.measure import marching_cubes
     except ModuleNotFoundError:
@@ -137,6 +144,8 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
             f"density must be below the model's greatest, {grid.max():g}, got {density:g}"
         )
     at, faces, _, _ = marching_cubes(grid, density, gradient_direction="ascent")
+    if pieces is not None:
+        at, faces = _largest(at, faces, pieces)
     # The density is rough, and what is seen on a way that no photograph has can be any colour: the
     # way to look is across a smoother surface. Within solids the density has no bound.
     smooth = gaussian_filter(np.minimum(grid, MOST * density), SMOOTH)
@@ -157,6 +166,24 @@ def mesh(model: Model, *, resolution: int = 128, density: float = 25.0) -> Mesh:
     return Mesh(points.astype(np.float32), faces, colors)
 
 
+def _largest(points: np.ndarray, faces: np.ndarray, pieces: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points and faces of the connected pieces with the largest areas."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    edges = np.concatenate((faces[:, :2], faces[:, 1:]))
+    links = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(points),) * 2)
+    count, piece_of = connected_components(links, directed=False)
+    a, b, c = points[faces.T]
+    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    sizes = np.bincount(piece_of[faces[:, 0]], areas, count)
+    kept = np.zeros(count, bool)
+    kept[np.argsort(-sizes, kind="stable")[:pieces]] = True
+    own = kept[piece_of]
+    number = np.cumsum(own) - 1
+    return points[own], number[faces[own[faces[:, 0]]]]
+
+
 def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return the colours that rays of the frame see close by, (N, 3) uint8."""
     colors = np.empty((len(origins), 3), np.uint8)
@@ -165,7 +192,7 @@ def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarra
         rays = rt.send("mesh.origins", origins[part]), rt.send("mesh.directions", directions[part])
         count = len(origins[part])
         shapes = {"color": (count, 3), "opacity": (count,), "depth": (count,)}
-        seen = Seen(*(rt.scratch(f"mesh.{name}", shape) for name, shape in shapes.items()))
+        seen = View(*(rt.scratch(f"mesh.{name}", shape) for name, shape in shapes.items()))
         model.field.see(*rays, seen)
         opacity = np.maximum(rt.to_numpy(seen.opacity)[:, None], 1e-3)
         colors[part] = np.round(255 * (rt.to_numpy(seen.color) / opacity).clip(0, 1))

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import check_code
-from cvkern.kernels.codes.radiance import Background
-from cvkern.radiance.fields.field import Learning, Rays, Rendered
+from cvkern.kernels.codes.radiance import Background, Comparison, Rays, Rule, Seen
+from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.models import Mark, Model
@@ -21,12 +21,13 @@ from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
 
 LOOK = 16  # steps between looks of the host at the device
+CLOCK = 0.005  # share of the time that passes before the device is told
 # Gradients are of the sum of the losses of a batch's rays times this, not of their mean: a ray
 # counts as much in a batch of many as in one of few.
 SHARE = 1 / 4096
 HUBER = 0.1  # error of a channel from which Huber's loss grows linearly
 BACKGROUND_RATE = 1e-2  # learning rate of a learnt background
-PARTS = 256  # that the gradient of the background is summed in
+PARTS = 256  # parts of the sum that is the background's gradient
 FEW = 4  # held-out views of a look during training
 
 Say = Callable[[float, str], None]  # the share that is done, and what it does
@@ -45,12 +46,11 @@ class Trainer:
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
         images = scene.images[used]
         self.images = owned(rt, images.reshape(-1, images.shape[3]))
-        self.size = scene.cameras.width, scene.cameras.height
         state.rays = state.rays if state.step else self.field.first_rays
         self.active = owned(rt, np.array([state.rays], np.int32))
         self.rays = Rays(rt.zeros((count, 3)), rt.zeros((count, 3)), self.active)
         self.targets, self.errors = rt.zeros((count, 4)), rt.zeros((count,))
-        self.gradients = Rendered(*(rt.zeros((count, *tail)) for tail in ((3,), (), (), ())))
+        self.gradients = Seen(*(rt.zeros((count, *tail)) for tail in ((3,), (), (), ())))
         self.behind = Parameters(rt, model.behind, np.dtype(np.float32))
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
@@ -68,13 +68,15 @@ class Trainer:
         """Draw rays, render them, and learn from the errors."""
         rt, field, at = self.rt, self.field, self.learning.step
         rt.radiance.pinhole.random_rays(
-            *self.views, self.images, *self.size, self.spread, self.model.seed, at, *self.rays[:2],
-            self.targets,
+            self.views, self.images, self.spread, self.model.seed, at, *self.rays[:2], self.targets,
         )  # fmt: skip
         seen = field.forward(self.rays, at)
+        comparison = Comparison(
+            self.background, self.behind.values, self.huber, field.gradient_scale, self.model.seed,
+            at,
+        )  # fmt: skip
         rt.radiance.training.losses.loss(
-            seen.color, seen.opacity, self.targets, self.active, self.background,
-            self.behind.values, self.huber, field.gradient_scale, self.model.seed, at, self.errors,
+            seen.color, seen.opacity, self.targets, self.active, comparison, self.errors,
             self.gradients.color, self.gradients.opacity, self.d_behind,
         )  # fmt: skip
         field.backward(self.gradients)
@@ -88,8 +90,8 @@ class Trainer:
                 at, self.learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate
             )
             self.clip.update(SHARE / field.gradient_scale)
-            given = self.rate, self.clip.factor, *BETAS, EPSILON, 0.0, False
-            adam.adam(*given, *self.behind.flat())
+            rule = Rule(*BETAS, EPSILON)
+            adam.adam(self.rate, self.clip.factor, rule, *self.behind.flat())
         rt.radiance.training.adam.advance(at)
 
     def repeat(self) -> None:
@@ -124,7 +126,7 @@ class Trainer:
             state.progress = min(1.0, step / steps if steps else spent() / (seconds or 1))
             self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
 
-        look_at_clock(state.step // LOOK * LOOK)  # what is gone on with had another budget, maybe
+        look_at_clock(state.step // LOOK * LOOK)  # a resumed run may have a different budget
         while (state.step < steps if steps else spent() < (seconds or 0)) and not stop.is_set():
             self.field.tend(state.step, self.learning)
             self.repeat()
@@ -135,6 +137,9 @@ class Trainer:
                 begin = time.perf_counter()  # the first step compiles kernels: it is free
                 say(state.progress, "Training")
             looks = state.step % LOOK == 0
+            # On slow machines LOOK steps are much of the time. To write waits for a GPU.
+            if seconds and spent() / seconds - state.progress > CLOCK:
+                look_at_clock(state.step)
             evaluates = evaluate_every is not None and state.step % evaluate_every == 0
             if looks or evaluates:
                 quality = self.quality()
@@ -160,7 +165,9 @@ class Trainer:
                 begin += time.perf_counter() - paused
         self.rt.to_numpy(at)
         state.seconds, state.stopped = spent(), stop.is_set()
-        self._step, self._edition = None, -1  # or this would hold itself in memory
+        if seconds:
+            state.progress = min(1.0, state.seconds / seconds)
+        self._step, self._edition = None, -1  # Break the reference cycle.
         self.field.rest()
         try:
             if not state.stopped and (state.step > first or not state.marks):

@@ -5,7 +5,10 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import sys
 import threading
+import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -31,6 +34,8 @@ Settings = VoxelField | HashField | MLPField
 KINDS: dict[str, type[Settings]] = {"voxel": VoxelField, "hash": HashField, "mlp": MLPField}
 # With these a step of 'hash' or 'mlp' takes about 30 ms on two cores; batches of the defaults are
 # 16 and 4 times as large, and the perceptron of MLPField() some 20 times.
+LINE = 10.0  # seconds between lines of progress in a log
+ALIKE, UNIFORM = 6, 0.95  # grey levels off, and share of borders, of a background of one colour
 ON_CPU: dict[str, dict[str, Any]] = {
     "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
     "mlp": {
@@ -54,7 +59,7 @@ def fit(
     *,
     seconds: float | None = None,
     steps: int | None = None,
-    background: str = "random",
+    background: str | None = None,
     loss: str = "squared",
     spread: float = 0.0,
     seed: int = 0,
@@ -82,10 +87,12 @@ def fit(
     steps : int, optional
         Batches to train on, instead of `seconds`. On the CPU the same steps give the same model,
         bit for bit, with the same number of threads.
-    background : {'random', 'white', 'black', 'learnt'}, default 'random'
+    background : {'random', 'white', 'black', 'learnt'}, optional
         What is behind everything. Random colours keep the field from painting a background of its
         own: photographs with opacity come out with theirs, and others are filled to the last
-        pixel. Where these show things before one colour, that colour or 'learnt' is much better.
+        pixel. Where these show things before one colour, that colour or 'learnt' is much better. By
+        default 'random', unless the photographs have no opacity and one colour all along their
+        borders: then 'white', 'black' or 'learnt', as fits, which a warning says.
     loss : {'squared', 'huber'}, default 'squared'
         What is made small; Huber's is linear from errors of 0.1 on.
     spread : float, default 0.0
@@ -109,7 +116,8 @@ def fit(
     evaluate_every : int, optional
         Steps between looks at a few held-out views, for ``model.training.marks``.
     progress : bool, default True
-        Show a progress bar if the standard error is a terminal.
+        Show a progress bar if the standard error is a terminal, and otherwise print a line every 10
+        seconds.
 
     Returns
     -------
@@ -166,7 +174,8 @@ def fit(
         steps = check_integer(steps, "steps", 1, 2**31 - 1)
     else:
         seconds = check_positive(60.0 if seconds is None else seconds, "seconds")
-    check_code(background, Background, "background")
+    if background is not None:
+        check_code(background, Background, "background")
     check_choice(loss, ("squared", "huber"), "loss")
     spread = check_number(spread, "spread", low=0.0)
     if spread > 1:
@@ -202,7 +211,7 @@ def suited(field: str | None = None) -> Settings:
 
 
 def _begin(
-    scene: Scene, field: str | Settings | None, background: str, seed: int, checkpoint: Any
+    scene: Scene, field: str | Settings | None, background: str | None, seed: int, checkpoint: Any
 ) -> Model:
     """Return a new model, or the one to go on with."""
     frame = Frame.of(scene)
@@ -219,7 +228,7 @@ def _begin(
             field = settings
         for name, wanted, saved in (
             ("field", settings if field is None else field, settings),
-            ("background", background, model.background),
+            ("background", background or model.background, model.background),
             ("seed", seed, model.seed),
             ("scene", frame, model.frame),
         ):
@@ -230,12 +239,34 @@ def _begin(
                 )
         return model
     settings = suited(field) if field is None or isinstance(field, str) else field
+    background = background or _seen_behind(scene)
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     return Model(
         settings.build(runtime(), frame, seed), settings, background, behind, scene.cameras, seed,
         Training(), {},
     )  # fmt: skip
+
+
+def _seen_behind(scene: Scene) -> str:
+    """Return the background that suits the photographs, and say so if it is not 'random'."""
+    if scene.images.shape[3] == 4:
+        return "random"
+    views = scene.images[~scene.test]
+    sides = views[:, 0], views[:, -1], views[:, :, 0], views[:, :, -1]
+    borders = np.concatenate(sides, axis=1)
+    color = np.median(borders, axis=(0, 1))
+    same = (np.abs(borders - color) <= ALIKE).all(axis=2).mean()
+    if same < UNIFORM:
+        return "random"
+    white, black = (color >= 255 - ALIKE).all(), (color <= ALIKE).all()
+    chosen = "white" if white else "black" if black else "learnt"
+    warnings.warn(
+        f"background is {chosen!r}, as {same:.0%} of the photographs' borders have one colour, "
+        f"{tuple(color.astype(int).tolist())}: choose another by background=",
+        stacklevel=4,
+    )
+    return chosen
 
 
 def _apart(one: Any, other: Any) -> str:
@@ -268,6 +299,19 @@ def _stoppable() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, before)
 
 
+def _lines() -> Say:
+    """Return a function that prints a line every LINE seconds, for logs."""
+    last = time.monotonic()
+
+    def say(share: float, text: str) -> None:
+        nonlocal last
+        if time.monotonic() - last >= LINE:
+            last = time.monotonic()
+            print(f"{share:.0%}  {text}", file=sys.stderr, flush=True)
+
+    return say
+
+
 @contextlib.contextmanager
 def _shown(wanted: bool) -> Iterator[Say]:
     """Yield a function that shows how far the training is, if a terminal is there to show it."""
@@ -278,6 +322,9 @@ def _shown(wanted: bool) -> Iterator[Say]:
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _lines()
+        return
     columns = (BarColumn(32), TextColumn("{task.description}"), TimeRemainingColumn())
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal

@@ -1,5 +1,5 @@
 """Codes of pictures of point clouds."""
 
-# Of a picture of points: the key of a sample that shows none, and the most samples across a point.
+# Pictures of points: the key of a sample that shows none, and the most samples across a point.
 FAR = 2**63 - 1
 LARGEST_SPLAT = 64.0

@@ -1,4 +1,4 @@
-"""Codes of edges: norms, thinning, and the states of pixels."""
+"""Codes of edges: norms, thinning, the states of pixels, and the digits of order statistics."""
 
 from enum import IntEnum
 
@@ -14,7 +14,8 @@ class Thinning(IntEnum):
     """Where non-maximum suppression looks for the neighbours of a pixel along its gradient."""
 
     SECTORS = 0  # the nearest of four directions, as OpenCV
-    INTERPOLATED = 1  # between two neighbours, as Canny 1986
+    INTERPOLATED = 1  # between two neighbours, as Canny 1986; of a tie the first is kept
+    FRAMED = 2  # the same; both of a tie are kept, and none on the frame, as scikit-image
 
 
 class Edge(IntEnum):
@@ -29,3 +30,7 @@ class Edge(IntEnum):
 SECTOR_ONE = 32768.0
 SECTOR_LOW = 13573.0
 SECTOR_HIGH = 79109.0  # tan(67.5 deg) = tan(22.5 deg) + 2
+
+# A float32 >= 0 is found by its bits, 11 and then 10 and 10 of them at a time: (shift, width).
+DIGITS = ((20, 11), (10, 10), (0, 10))
+BINS = 2**11  # values that the longest of these digits has

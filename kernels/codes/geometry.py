@@ -9,17 +9,21 @@ class Model(IntEnum):
     SIMILARITY = 0
     AFFINE = 1
     HOMOGRAPHY = 2
+    FUNDAMENTAL = 3
+    PARALLAX = 4  # a fundamental matrix of a known plane and of two matches off it
 
 
-SAMPLE = {Model.SIMILARITY: 2, Model.AFFINE: 3, Model.HOMOGRAPHY: 4}  # matches of a sample
+SAMPLE = (2, 3, 4, 7, 2)  # matches of a sample, by model
 
 GROUP = 64  # hypotheses, of which the one with the least preview is scored on all matches
 PREVIEW = 64  # matches at most
 LANES = 32  # partial sums: match i is in sum i mod LANES
 DRAWS = 16  # times that a match may be drawn until it is another than those before it
 COST_ONE = 1 << 12  # the cost of an outlier; 2^19 of them fit into 31 bits
-MAX_MATCHES = 1 << 18  # of a pair
+MAX_MATCHES = 1 << 18  # matches of a pair
 NO_COST = (1 << 31) - 1  # no model
 # Twice the area of a triangle, over the square of half the picture: flatter ones fix no map.
 FLAT = 1e-4
-SUMS = 33  # sums of a least-squares step: 6 products of (x, y, 1) / w by 4 factors, 9 residuals
+# Sums of a least-squares step: of maps 6 products of (x, y, 1) / w by 4 factors and 9 residuals,
+# of epipolar geometries 45 products of derivatives and 9 residuals.
+SUMS = (33, 33, 33, 54)

@@ -36,6 +36,7 @@ _commands = _Commands()
 _lock = threading.Lock()
 _loaded: set[tuple[wp.Kernel, str, int]] = set()
 _pool: ThreadPoolExecutor | None = None
+_compiling: ThreadPoolExecutor | None = None
 
 
 def launch(
@@ -46,7 +47,7 @@ def launch(
     block: int = BLOCK,
 ) -> None:
     """Launch `kernel` once, on the device of its first output, on CUDA in blocks of threads."""
-    _send(kernel, dim, (*inputs, *outputs), outputs[0].device, block)
+    _send(kernel, dim, (*inputs, *outputs), _device(outputs), block)
 
 
 def slabs(rows: int, elements: int) -> int:
@@ -63,7 +64,7 @@ def launch_slabs(
     The kernel runs one thread a slab; its first three arguments are the slab, its first row and
     the row behind its last.
     """
-    device = outputs[0].device
+    device = _device(outputs)
     bounds = [rows * i // count for i in range(count + 1)]
     _share(count, lambda i: (i, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
 
@@ -80,13 +81,21 @@ def launch_each(
     The first three arguments of the kernel are a stride, the first item and the one behind the
     last; its loop is ``for i in range(first + wp.tid(), last, stride)``.
     """
-    device = outputs[0].device
+    device = _device(outputs)
     if device.is_cuda:
         launch(kernel, count, [count, 0, count, *inputs], outputs)
         return
     number = slabs(count, elements)
     bounds = [count * i // number for i in range(number + 1)]
     _share(number, lambda i: (1, bounds[i], bounds[i + 1]), kernel, (*inputs, *outputs), device)
+
+
+def _device(outputs: Sequence[Any]) -> wp.Device:
+    """Return where the first output is: an array, or a Warp struct whose first field is one."""
+    first = outputs[0]
+    while not isinstance(first, wp.array):
+        first = getattr(first, next(iter(first._cls.vars)))
+    return first.device
 
 
 def _share(
@@ -143,8 +152,22 @@ def _load(kernel: wp.Kernel, device: wp.Device, threads: int) -> None:
     if key not in _loaded:
         with _lock:
             if key not in _loaded:
-                load(kernel, device, threads)
+                if device.is_cpu:
+                    _compiler().submit(load, kernel, device, threads).result()
+                else:
+                    load(kernel, device, threads)
                 _loaded.add(key)
+
+
+def _compiler() -> ThreadPoolExecutor:
+    """Return the one thread that compiles for the CPU.
+
+    Clang parses Warp's headers anew, for two seconds, on each thread that compiles.
+    """
+    global _compiling
+    if _compiling is None:
+        _compiling = ThreadPoolExecutor(1, thread_name_prefix="cvkern-compiler")
+    return _compiling
 
 
 def _threads() -> ThreadPoolExecutor:
@@ -158,8 +181,8 @@ def _threads() -> ThreadPoolExecutor:
 
 def _after_fork() -> None:
     """Forget the parent's threads and locks: a forked child has none of the threads."""
-    global _pool, _lock
-    _pool, _lock = None, threading.Lock()
+    global _pool, _compiling, _lock
+    _pool, _compiling, _lock = None, None, threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):

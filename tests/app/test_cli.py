@@ -5,6 +5,7 @@ import inspect
 import json
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,10 @@ import typer.main
 import cvkern
 from cvkern.app import cli, doctor, warmup
 from cvkern.images import overlay_mask, read_image, write_image
+
+# What the commands find edges with, unless told otherwise.
+QUANTILES: Any = 0.7, 0.9, None, True
+GAUSSIAN: dict[str, Any] = {"operator": "gaussian", "mode": "reflect"}
 
 
 @pytest.fixture
@@ -38,20 +43,21 @@ def test_help_names_every_command(command):
 def test_edges(command, photo, tmp_path):
     code, out, _ = command("edges", photo, "-o", tmp_path / "edges.png", "--sigma", 2)
     assert code == 0
-    mask = cvkern.canny(read_image(photo), 2.0)
+    mask = cvkern.canny(read_image(photo), 2.0, *QUANTILES, **GAUSSIAN)
     assert np.array_equal(read_image(tmp_path / "edges.png") > 0, mask)
     assert f"edges.png: {mask.sum()} edge pixels of 60 x 70" in out
 
 
 def test_every_parameter_of_canny_is_an_option(command, photo, tmp_path):
     options = typer.main.get_command(cli.app).commands["edges"].params  # type: ignore[attr-defined]
-    assert set(inspect.signature(cvkern.canny).parameters) - {"image"} <= {p.name for p in options}
+    parameters = set(inspect.signature(cvkern.canny).parameters)
+    assert parameters - {"image", "mask"} <= {p.name for p in options}
     defaults = inspect.signature(cvkern.canny).parameters
     for option in options:
-        if option.name in defaults:
+        if option.name in set(defaults) - {"sigma", *GAUSSIAN}:  # which suit photographs better
             assert option.default == defaults[option.name].default
-    given = {"sigma": 0.5, "low_threshold": 0.5, "high_threshold": 0.9, "operator": "sobel"}
-    given |= {"norm": "l1", "mode": "constant", "cval": 7.0}
+    given = {"sigma": 0.5, "low_threshold": 0.5, "high_threshold": 0.9, "operator": "scharr"}
+    given |= {"norm": "l1", "mode": "constant", "cval": 7.0, "suppression": "sectors"}
     words = [w for k, v in given.items() for w in (f"--{k.replace('_', '-')}", v)]
     code, _, _ = command("edges", photo, "-o", tmp_path / "e.png", *words, "--use-quantiles")
     assert code == 0
@@ -79,9 +85,9 @@ def test_overlay_and_subpixel(command, photo, tmp_path):
     )
     assert code == 0
     image = read_image(photo)
-    expected = overlay_mask(image, cvkern.canny(image, 1.5))
+    expected = overlay_mask(image, cvkern.canny(image, 1.5, *QUANTILES, **GAUSSIAN))
     assert np.array_equal(read_image(tmp_path / "e.png"), expected)
-    found = cvkern.subpixel_edges(image, 1.5)
+    found = cvkern.subpixel_edges(image, 1.5, 0.7, 0.9, use_quantiles=True)
     assert f"edges.csv: {len(found.points)} sub-pixel edges" in out
     with table.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -125,7 +131,8 @@ def test_find(command, photo, tmp_path):
         np.testing.assert_allclose(values, [*want, found.support[0]], rtol=1e-6, atol=1e-6)
     drawn = read_image(tmp_path / "f.png").astype(int)
     outline = (drawn == (255, 98, 41)).all(axis=2)  # its discs are a pixel in radius
-    assert outline[cvkern.canny(image)].mean() > 0.9
+    edges = cvkern.canny(image, 1.0, *QUANTILES, **GAUSSIAN)
+    assert outline[edges].mean() > 0.9
 
 
 def test_find_nothing(command, photo, tmp_path):
@@ -166,7 +173,10 @@ def test_mistakes_of_find_write_nothing(command, photo, tmp_path, monkeypatch, w
 def test_the_other_kernel_set(command, photo, tmp_path):
     code, _, _ = command("edges", photo, "-o", tmp_path / "e.png", "--backend", "taichi")
     assert code == 0
-    assert np.array_equal(read_image(tmp_path / "e.png") > 0, cvkern.canny(read_image(photo)))
+    assert np.array_equal(
+        read_image(tmp_path / "e.png") > 0,
+        cvkern.canny(read_image(photo), 1.5, *QUANTILES, **GAUSSIAN),
+    )
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def test_pictures_of_stereo(made):
     )
     # A pixel of disparity is one colour of 64: less than 20 levels of each channel.
     assert (np.abs(shown - right).max(-1) < 20)[known].mean() > 0.85
-    assert right[~known].mean() < 5  # black, but for the loss of the file
+    assert right[~known].mean() < 20  # black, but for what the file loses at thin lines
     errors = [read_image(made / f"stereo-errors-{name}.webp") for name in ("raw", "matched")]
     coloured = [(np.ptp(image.astype(int), axis=-1) > 90).sum() for image in errors]
     assert coloured[0] > 2 * coloured[1] > 10_000

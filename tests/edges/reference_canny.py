@@ -56,16 +56,8 @@ def canny(image, sigma, low, high, norm="l2", mode="reflect", cval=0.0):
     m = np.hypot(dy, dx) if norm == "l2" else np.abs(dy) + np.abs(dx)
     e = gaussian_error(image, sigma, (0, 1), cval=cval)
 
-    big, small = np.maximum(abs(dy), abs(dx)), np.minimum(abs(dy), abs(dx))
-    steep = abs(dy) > abs(dx)
-    s = np.where((dx < 0) != (dy < 0), -1, 1)
-    sides = []
-    for way in (-1, 1):
-        straight = np.where(steep, _neighbour(m, way, 0), _neighbour(m, 0, way))
-        corner = np.where(s > 0, _neighbour(m, way, way), np.where(
-            steep, _neighbour(m, way, -way), _neighbour(m, -way, way)))  # fmt: skip
-        sides.append(straight * (big - small) + corner * small)
-    back, ahead = sides
+    big = np.maximum(abs(dy), abs(dx))
+    back, ahead = beside(m, dy, dx)
     around = ndi.maximum_filter(m, 3, mode="constant")
     # m is wrong by up to 2 e, big and small by e, both sides of the comparison: at most
     # 2 (2 e big + e around) + 2 e around, and six roundings of products below big * around.
@@ -77,3 +69,26 @@ def canny(image, sigma, low, high, norm="l2", mode="reflect", cval=0.0):
         weak = top & (m > low + sign * length_doubt)
         found.append(_hysteresis(weak, weak & (m > high + sign * length_doubt)))
     return Edges(*found)
+
+
+def blurred(image, sigma, mask, mode):
+    """Smooth in float64, and undo what masked pixels and a constant border take away."""
+    if mask is None:
+        mask = np.ones(image.shape, bool)
+    options: dict[str, Any] = {"mode": mode}
+    smooth = ndi.gaussian_filter(np.where(mask, image, 0.0), sigma, **options)
+    return smooth / (ndi.gaussian_filter(mask.astype(float), sigma, **options) + 1e-300)
+
+
+def beside(m, dy, dx):
+    """Interpolate lengths before and behind each pixel; all times the larger derivative."""
+    big, small = np.maximum(abs(dy), abs(dx)), np.minimum(abs(dy), abs(dx))
+    steep = abs(dy) > abs(dx)
+    s = np.where((dx < 0) != (dy < 0), -1, 1)
+    sides = []
+    for way in (-1, 1):
+        straight = np.where(steep, _neighbour(m, way, 0), _neighbour(m, 0, way))
+        corner = np.where(s > 0, _neighbour(m, way, way), np.where(
+            steep, _neighbour(m, way, -way), _neighbour(m, -way, way)))  # fmt: skip
+        sides.append(straight * (big - small) + corner * small)
+    return sides

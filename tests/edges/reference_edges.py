@@ -18,8 +18,14 @@ def thin(dy, dx, norm, rule, low, high):
     states = np.full(dy.shape, Edge.NONE, np.uint8)
     for y, x in np.argwhere(m[1:-1, 1:-1] > dy.dtype.type(low)):
         near = m[y : y + 3, x : x + 3]
-        is_top = _tops_sector if rule == Thinning.SECTORS else _tops_line
-        if is_top(near, dy[y, x], dx[y, x], norm):
+        framed = rule == Thinning.FRAMED
+        if framed and (min(y, x) == 0 or y == dy.shape[0] - 1 or x == dy.shape[1] - 1):
+            continue
+        if rule == Thinning.SECTORS:
+            top = _tops_sector(near, dy[y, x], dx[y, x], norm)
+        else:
+            top = _tops_line(near, dy[y, x], dx[y, x], norm, framed)
+        if top:
             states[y, x] = Edge.STRONG if near[1, 1] > dy.dtype.type(high) else Edge.WEAK
     return states
 
@@ -35,17 +41,19 @@ def _tops_sector(near, gy, gx, norm):
     return here > near[0, 1 - s] and here > near[2, 1 + s]
 
 
-def _tops_line(near, gy, gx, norm):
+def _tops_line(near, gy, gx, norm, framed):
     near = near if norm == Norm.L1 else np.sqrt(near)
     s = -1 if (gx < 0) != (gy < 0) else 1
     ax, ay = abs(gx), abs(gy)
     if ay > ax:
         back = near[0, 1] * (ay - ax) + near[0, 1 - s] * ax
         ahead = near[2, 1] * (ay - ax) + near[2, 1 + s] * ax
-        return near[1, 1] * ay > back and near[1, 1] * ay >= ahead
+        here = near[1, 1] * ay
+        return (here > back or (framed and here == back)) and here >= ahead
     back = near[1, 0] * (ax - ay) + near[1 - s, 0] * ay
     ahead = near[1, 2] * (ax - ay) + near[1 + s, 2] * ay
-    return near[1, 1] * ax > back and near[1, 1] * ax >= ahead
+    here = near[1, 1] * ax
+    return (here > back or (framed and here == back)) and here >= ahead
 
 
 def hysteresis(states):

@@ -4,7 +4,7 @@ import numpy as np
 
 MASK = 2**32 - 1
 GROUP, PREVIEW, COST_ONE, NO_COST, FLAT = 64, 64, 4096, 2**31 - 1, 1e-4
-SIZES = (2, 3, 4)  # of a sample, by model
+SIZES = (2, 3, 4, 7, 2)  # matches of a sample, by model
 
 
 def mix(x):
@@ -64,10 +64,52 @@ def solve(kind, x, y, u, v):
     return h if (w > 0).all() or (w < 0).all() else None
 
 
-def residuals(h, matches):
+def seven(x, y, u, v):
+    """Return the matrices of seven matches by SVD and NumPy's roots."""
+    one = np.ones(7)
+    rows = np.stack((u * x, u * y, u, v * x, v * y, v, x, y, one), 1)
+    _, s, vt = np.linalg.svd(rows)
+    if s[6] < 1e-7:
+        return []
+    a, b = vt[7:].reshape(2, 3, 3)
+    at = [np.linalg.det(a + t * b) for t in (-1.0, 0.0, 1.0, 2.0)]
+    cubic = np.polyfit((-1.0, 0.0, 1.0, 2.0), at, 3)
+    roots = np.roots(cubic)
+    real = roots[np.abs(roots.imag) < 1e-7 * (1 + np.abs(roots))].real
+    return [(a + t * b).ravel() for t in real]
+
+
+# The motion of two views: x1 = R x0 + t, by Cayley's formula.
+_CROSS = np.array([[0, -0.02, 0.05], [0.02, 0, -0.03], [-0.05, 0.03, 0]])
+ROTATION = np.linalg.solve(np.eye(3) - _CROSS, np.eye(3) + _CROSS)
+TRANSLATION = np.array([0.5, 0.1, -0.2])
+
+
+def true_fundamental():
+    """Return [t] R, for points in units of the focal length."""
+    x, y, z = TRANSLATION
+    f = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ ROTATION
+    return f / np.abs(f).max()
+
+
+def distances(f, matches):
+    """Return Sampson distances in float64."""
+    a, b = (np.c_[p.T, np.ones(len(p.T))].astype(float) for p in (matches[:2], matches[2:]))
+    right, left = a @ f.T, b @ f
+    under = (right[:, :2] ** 2).sum(1) + (left[:, :2] ** 2).sum(1)
+    return (b * right).sum(1) / np.sqrt(under)
+
+
+def residuals(h, matches, kind=2):
     """Return squared distances in float32, in the order in which kernels compute them."""
     x, y, u, v = matches
     h = np.asarray(h, np.float32)
+    if kind > 2:
+        a, b = (h[0] * x + h[1] * y) + h[2], (h[3] * x + h[4] * y) + h[5]
+        c = (h[6] * x + h[7] * y) + h[8]
+        d, e = (h[0] * u + h[3] * v) + h[6], (h[1] * u + h[4] * v) + h[7]
+        n = (a * u + b * v) + c
+        return n * n / ((a * a + b * b) + (d * d + e * e))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         w = np.float32(1) / ((h[6] * x + h[7] * y) + h[8])
         dx = ((h[0] * x + h[1] * y) + h[2]) * w - u
@@ -75,9 +117,9 @@ def residuals(h, matches):
         return dx * dx + dy * dy
 
 
-def cost(h, matches, square):
+def cost(h, matches, square, kind=2):
     """Return the truncated cost in fixed point, and the number of inliers."""
-    r = residuals(h, matches)
+    r = residuals(h, matches, kind)
     inside = r < square
     scale = np.float32(COST_ONE) / np.float32(square)
     units = (r[inside] * scale + np.float32(0.5)).astype(np.int64)
@@ -89,9 +131,12 @@ def best_of_group(kind, seed, first, matches, square):
     best = None
     for hypothesis in range(first, first + GROUP):
         picked = sample(seed, hypothesis, matches.shape[1], SIZES[kind])
-        h = None if picked is None else solve(kind, *matches[:, picked].astype(float))
-        if h is not None:
-            preview = cost(h, matches[:, :PREVIEW], square)[0]
+        if picked is None:
+            continue
+        of = matches[:, picked].astype(float)
+        found = seven(*of) if kind == 3 else [h for h in [solve(kind, *of)] if h is not None]
+        for h in found:
+            preview = cost(h, matches[:, :PREVIEW], square, kind)[0]
             if best is None or preview < best[0]:
                 best = preview, hypothesis, h
     return best

@@ -57,7 +57,8 @@ def test_finds_the_truth(backend, kind, outliers, noise, limit):
     for seed in range(4):
         a, b, matrix, _wild = scene(seed, outliers=outliers, noise=noise, kind=kind)
         fit = FINDS[kind](a, b)
-        assert fit.matrix is not None and fit.matrix.dtype == np.float64
+        assert fit.matrix is not None
+        assert fit.matrix.dtype == np.float64
         assert corner_error(fit.matrix, matrix) < limit
         assert fit.inliers.dtype == bool
         near = np.linalg.norm(through(matrix, a) - b, axis=1) < 3

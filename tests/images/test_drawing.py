@@ -6,6 +6,8 @@ import skimage.color
 
 from cvkern import images
 
+GRAY = np.zeros((4, 5), np.uint8)
+
 
 def noise(dtype, shape=(13, 17), seed=0):
     rng = np.random.default_rng(seed)
@@ -83,7 +85,7 @@ def test_colormap_range():
         ({"values": np.ones((0, 3))}, "empty"),
         ({"values": np.ones((2, 3)), "name": "jet"}, "name must be one of"),
         ({"values": np.ones((2, 3)), "vmin": 2, "vmax": 1}, "vmin must"),
-        ({"values": np.ones((2, 3)), "vmax": np.inf}, "vmin must"),
+        ({"values": np.ones((2, 3)), "vmax": np.inf}, "vmax must"),
         ({"values": np.ones((2, 3)), "nan": (1, 2)}, "nan must"),
     ],
 )
@@ -258,3 +260,34 @@ def test_overlay_mask():
 def test_drawing_errors(call, rule):
     with pytest.raises(ValueError, match=rule):
         call(noise("uint8"))
+
+
+@pytest.mark.parametrize("size", [41.0, 1e3, 1e6, 1e12, 1e300])
+def test_shapes_far_wider_than_the_image(size):
+    """In a moment, where each covered pixel of a shape was looked at: against distances."""
+    image = np.zeros((30, 40), np.uint8)
+    y, x = np.mgrid[:30, :40]
+    for row, column in ((3.0, 5.0), (15.0, 0.9 * size + 40.0)):
+        inside = np.hypot(y - row, x - column) < size - 1
+        outside = np.hypot(y - row, x - column) > size + 1
+        drawn = images.draw_points(image, [(row, column)], radius=size, color=(255, 255, 255))
+        assert (drawn[inside] == 255).all()
+        assert (drawn[outside] == 0).all()
+    drawn = images.draw_lines(image, [(0, 0, 5, 5)], width=2 * size, color=(255, 255, 255))
+    assert (drawn[np.hypot(y, x) < size - 1] == 255).all()
+    drawn = images.draw_circles(image, [(9, 9, 7)], width=2 * size, color=(255, 255, 255))
+    assert (drawn == 255).all()
+
+
+@pytest.mark.parametrize(
+    ("draw", "shapes", "options", "rule"),
+    [
+        (images.draw_lines, [(0, 0, 1, 1)], {"width": {}}, "width must be a number"),
+        (images.draw_points, [("a", 1)], {}, "points must be real numbers"),
+        (images.draw_points, [(1, 1)], {"color": object()}, "color must be real numbers"),
+        (images.overlay_mask, GRAY, {"opacity": np.datetime64("2020")}, "opacity must be a number"),
+    ],
+)
+def test_nonsense_is_named(draw, shapes, options, rule):
+    with pytest.raises(TypeError, match=rule):
+        draw(GRAY, shapes, **options)

@@ -7,6 +7,7 @@ import zlib
 import cv2
 import imageio.v3 as iio
 import numpy as np
+import PIL.Image
 import pytest
 import tifffile
 
@@ -368,3 +369,16 @@ def test_a_link_stays_a_link(tmp_path):
     images.write_image(tmp_path / "link.png", noise("uint8", seed=1))
     assert (tmp_path / "link.png").is_symlink()
     assert np.array_equal(images.read_image(tmp_path / "real.png"), noise("uint8", seed=1))
+
+
+@pytest.mark.parametrize("name", ["i.png", "i.bmp", "i.tif"])
+def test_what_is_written_can_be_read_however_large(tmp_path, monkeypatch, name):
+    """Pillow's own limit is no matter of ours, and stays what it was."""
+    image = noise("uint8", (30, 40))
+    monkeypatch.setattr(PIL.Image, "MAX_IMAGE_PIXELS", 100)
+    images.write_image(tmp_path / name, image)
+    np.testing.assert_array_equal(images.read_image(tmp_path / name), image)
+    assert PIL.Image.MAX_IMAGE_PIXELS == 100
+    monkeypatch.setattr("cvkern.images._formats.MAX_ELEMENTS", 600)
+    with pytest.raises(ValueError, match="it has more than 600 pixels"):
+        images.read_image(tmp_path / name)

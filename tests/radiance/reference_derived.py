@@ -145,7 +145,7 @@ def voxel_backward(
     """Return the gradients of both grids, given those of the six numbers of each ray."""
     wp.init()
     march = near, far, finest, cone, unbounded
-    seen = []  # of each ray: distances, nodes and places in their cells
+    seen = []  # for each ray: distances, nodes and places in their cells
     for ray in range(int(active[0])):
         part = reference_voxel.jitter(seed, int(step[0]), ray) if jittered else 0.5
         ts, gaps, points = reference_voxel.places(

@@ -27,7 +27,7 @@ def test_each_branch(backend, branch):
     thickness, stop = BRANCHES[branch]
     samples = along(thickness)
     got = composite_rays(*samples, stop=stop)
-    # As the kernels: sums of up to 24 weights, each rounded to 24 digits, by distances up to 5.
+    # Sums of up to 24 weights, each rounded to 24 digits, by distances up to 5.
     for ours, want in zip(got, reference.composite(*samples, stop), strict=True):
         assert ours.dtype == F32
         np.testing.assert_allclose(ours, want, rtol=1e-6, atol=2e-6)
@@ -44,7 +44,7 @@ def test_each_branch(backend, branch):
         (d_color, reference.slope(lambda c: loss(density, c), color)),
     ):
         np.testing.assert_allclose(found[own], want[own], rtol=2e-5, atol=5e-6)
-        assert not np.delete(found, np.arange(own.start, own.stop), 0).any()  # of no ray
+        assert not np.delete(found, np.arange(own.start, own.stop), 0).any()  # rows of no ray
 
 
 @pytest.mark.parametrize("density", [0.2, 2.0, 30.0])

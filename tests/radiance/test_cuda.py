@@ -41,7 +41,7 @@ def test_a_hash_field_sees_what_it_does_on_the_cpu(unbounded, backend, monkeypat
         monkeypatch.setattr(march, "VIEW_ROOM", room)  # on a GPU
         with cvkern.use(backend=backend, device=device):
             answers.append(Trial(unbounded=unbounded).see())
-    bound = 1e-4 if backend == "taichi" else 0.03  # as above
+    bound = 1e-4 if backend == "taichi" else 0.03  # see above
     for here, wide, narrow in zip(*answers, strict=True):
         np.testing.assert_array_equal(narrow, wide)  # the same sums in the same order
         np.testing.assert_allclose(wide, here, rtol=bound, atol=bound)

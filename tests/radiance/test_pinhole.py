@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cvkern.kernels.codes.radiance import CameraSet
 from tests.radiance import reference_radiance as reference
 
 F32, I32, U8 = np.float32, np.int32, np.uint8
@@ -39,7 +40,7 @@ def test_view_rays_meet_their_pixels(kernels, distorted):
     count = width * height - begin
     for view in range(3):
         origins, directions = kernels(
-            "radiance.pinhole.view_rays", poses, lenses, view, width, begin,
+            "radiance.pinhole.view_rays", CameraSet(poses, lenses, width, height), view, begin,
             out=[((count, 3), F32)] * 2,
         )  # fmt: skip
         np.testing.assert_array_equal(origins, np.tile(poses[view, :, 3], (count, 1)))
@@ -58,22 +59,23 @@ def test_view_rays_of_pixels_that_no_point_is_seen_at(kernels):
     middle, focal = size / 2, size / 2.4
     lens = np.array([[focal, focal, middle, middle, -0.35, 0.15, 1e-3, 1e-3, -0.03]], F32)
     rays = [((size * size, 3), F32)] * 2
-    _, directions = kernels("radiance.pinhole.view_rays", poses, lens, 0, size, 0, out=rays)
+    views = CameraSet(poses, lens, size, size)
+    _, directions = kernels("radiance.pinhole.view_rays", views, 0, 0, out=rays)
     # Two sums, a root and a quotient are rounded.
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=0, atol=4 * 2**-23)
 
 
 @pytest.mark.parametrize("channels", [3, 4])
 def test_random_rays_are_those_of_the_pixels_they_show(kernels, channels):
-    width, height, views, rays = 16, 12, 3, 3000
-    poses, lenses = cameras(views)
-    pixels = np.arange(views * width * height)
+    width, height, count, rays = 16, 12, 3, 3000
+    poses, lenses = cameras(count)
+    pixels = np.arange(count * width * height)
     images = np.stack([pixels & 255, pixels >> 8, 9 * pixels & 255, 5 * pixels & 255], 1)
     images = images[:, :channels].astype(U8)
 
     def draw(spread, step=7):
         step = np.array([step], I32)
-        given = poses, lenses, images, width, height, spread, 11, step
+        given = CameraSet(poses, lenses, width, height), images, spread, 11, step
         out = [((rays, 3), F32), ((rays, 3), F32), ((rays, 4), F32)]
         return kernels("radiance.pinhole.random_rays", *given, out=out)
 
@@ -86,18 +88,19 @@ def test_random_rays_are_those_of_the_pixels_they_show(kernels, channels):
     np.testing.assert_array_equal(bytes_[:, :channels], images[pixel])
     if channels == 3:
         assert (targets[:, 3] == 1).all()
-    for view in range(views):
+    for view in range(count):
         own = pixel // (width * height) == view
         assert own.sum() > rays / 6
         out = [((width * height, 3), F32)] * 2
-        whole = kernels("radiance.pinhole.view_rays", poses, lenses, view, width, 0, out=out)
+        views = CameraSet(poses, lenses, width, height)
+        whole = kernels("radiance.pinhole.view_rays", views, view, 0, out=out)
         within = pixel[own] % (width * height)
         np.testing.assert_array_equal(origins[own], whole[0][within])
         np.testing.assert_allclose(directions[own], whole[1][within], rtol=0, atol=1e-6)
 
     _, spread_out, again = draw(1.0)
     np.testing.assert_array_equal(again, targets)  # the same pixels
-    for view in range(views):
+    for view in range(count):
         own = pixel // (width * height) == view
         points = origins[own] + 2.0 * spread_out[own].astype(float)
         within = pixel[own] % (width * height)

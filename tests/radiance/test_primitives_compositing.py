@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.radiance import Background
+from cvkern.kernels.codes.radiance import Background, Comparison, Seen
 from tests.radiance import reference_derived
 from tests.radiance import reference_radiance as reference
 
@@ -63,13 +63,13 @@ def forward(kernels, sigma, rgb, distances, spans, stop):
     rays = len(spans)
     return kernels(
         "radiance.compositing.forward", sigma, rgb, distances, spans, stop,
-        out=[((rays, 3), F32), ((rays,), F32), ((rays,), F32), ((rays,), F32)],
+        out=[Seen(((rays, 3), F32), ((rays,), F32), ((rays,), F32), ((rays,), F32))],
     )  # fmt: skip
 
 
 def backward(kernels, gradients, sigma, rgb, distances, spans, stop):
     return kernels(
-        "radiance.compositing.backward", *gradients, sigma, rgb, distances, spans, stop,
+        "radiance.compositing.backward", Seen(*gradients), sigma, rgb, distances, spans, stop,
         out=[(sigma.shape, F32), (rgb.shape, F32)],
     )  # fmt: skip
 
@@ -124,7 +124,7 @@ def test_composite_backward_is_the_slope(kernels, branch, which):
 def test_samples_behind_the_stop_have_no_weight_and_no_gradient(kernels, lit):
     sigma, rgb, distances, spans = along([0.1] * 70)
     for array in (sigma, rgb, distances):
-        array[1 + lit : 71] = np.nan  # which nothing looks at
+        array[1 + lit : 71] = np.nan  # nothing looks at these
     stop = float(np.exp(-0.1 * (lit - 0.5)))
     found = forward(kernels, sigma, rgb, distances, spans, stop)
     assert all(np.isfinite(array).all() for array in found)
@@ -140,7 +140,7 @@ def test_samples_behind_the_stop_have_no_weight_and_no_gradient(kernels, lit):
 def test_composite_many_rays(kernels, stop):
     given = *bundle(), stop
     for got, want in zip(forward(kernels, *given), reference.composite(*given), strict=True):
-        # As above, of up to 200 samples; the last weight before a stop may be that of neither.
+        # See above, for 200 samples; the last weight before a stop may be that of neither.
         np.testing.assert_allclose(got, want, rtol=1e-4, atol=2e-5)
 
 
@@ -225,12 +225,7 @@ def loss(kernels, color, opacity, targets, active, kind, learnt, huber, scale=1.
         opacity,
         targets,
         np.array([active], I32),
-        kind,
-        learnt,
-        huber,
-        scale,
-        seed,
-        np.array([step], I32),
+        Comparison(kind, learnt, huber, scale, seed, np.array([step], I32)),
         out=[((rays,), F32), ((rays, 3), F32), ((rays,), F32), ((rays, 3), F32)],
     )
 

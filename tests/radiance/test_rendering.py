@@ -31,7 +31,7 @@ from cvkern.radiance.rendering import Renderer, film
 from cvkern.radiance.scenes.photographs import Bounds
 
 BOUNDS = Bounds((0.5, -0.25, 1.0), 2.0, False)
-RADIUS = 0.5  # of the ball, in halves of the cube's side: 1 in the world
+RADIUS = 0.5  # radius of the ball, in halves of the cube's side: 1 in the world
 COLOR = np.array([0.2, 0.5, 0.9], np.float32)
 
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from cvkern._runtime import runtime
+from cvkern.kernels.codes import radiance as codes
 from cvkern.radiance import HashField, VoxelField
-from cvkern.radiance.fields.field import Frame, Seen
+from cvkern.radiance.fields.field import Frame, View
 from cvkern.radiance.fields.hash import HashNetwork
 from cvkern.radiance.scenes.photographs import Bounds
 from tests.radiance import reference_radiance as reference
@@ -29,38 +30,37 @@ class Views:
                  most=10**6, near=0.05):  # fmt: skip
         levels, cells, far, finest, cone, unbounded = space
         count, bits = len(origins), pack(occupied)
-        at, taken, listing, counts, *seen = kernels(
-            "radiance.rendering.set_out", origins, directions, levels, near, finest, cone,
-            out=[((count,), F32), ((count,), I32), ((count,), I32), ((2,), I32), ((count, 3), F32),
-                 ((count,), F32), ((count,), F32)],
+        marched = (
+            codes.Rays(origins, directions, np.array([0], I32)),
+            codes.Space(bits, levels, cells, unbounded),
+            codes.March(near, far, finest, cone, most, False, 0, np.array([0], I32)),
+        )
+        views = (
+            ((count,), F32),
+            ((count,), I32),
+            ((count, 3), F32),
+            ((count,), F32),
+            ((count,), F32),
+        )
+        listing, counts, at, taken, *seen = kernels(
+            "radiance.rendering.set_out", *marched,
+            out=[((count,), I32), ((2,), I32), codes.Views(*views)],
         )  # fmt: skip
         self.taken, self.rounds, living = [[] for _ in range(count)], [], count
         while living:
             room = few * living
-            at, taken, going, spans, counts, positions, distances, rays = kernels(
+            at, taken, *seen, going, spans, counts, positions, distances, rays = kernels(
                 "radiance.rendering.march_on",
-                origins,
-                directions,
-                bits,
-                levels,
-                cells,
-                far,
-                finest,
-                cone,
-                most,
-                unbounded,
+                *marched,
                 few,
                 living,
                 listing,
                 out=[
-                    at,
-                    taken,
+                    codes.Views(at, taken, *seen),
                     ((count,), I32),
                     ((count, 2), I32),
                     counts,
-                    ((room, 3), F32),
-                    ((room, 2), F32),
-                    ((room,), I32),
+                    codes.Samples(((room, 3), F32), ((room, 2), F32), ((room,), I32)),
                 ],
             )
             total, living = counts
@@ -75,7 +75,7 @@ class Views:
             assert len(set(going[:living])) == living
             if living:
                 sigma, rgb = field(positions, thick)
-                counts, at, *seen = kernels(
+                counts, at, _, *seen = kernels(
                     "radiance.rendering.composite_on",
                     sigma,
                     rgb,
@@ -84,7 +84,7 @@ class Views:
                     spans,
                     int(living),
                     stop,
-                    out=[counts, at, *seen],
+                    out=[counts, codes.Views(at, taken, *seen)],
                 )
             listing, living = going, int(living)
         self.numbers, self.seen = taken, seen
@@ -145,7 +145,7 @@ def test_an_opaque_first_sample_is_all_that_is_seen(kernels):
     hit = views.numbers > 0
     assert 0 < hit.sum() < 40
     assert set(views.numbers.tolist()) == {0, 1}
-    # But for the sliver of the waves where the density is next to nothing.
+    # Except for the sliver of the waves where the density is next to nothing.
     np.testing.assert_array_equal(views.seen[1], hit)
     first = np.array([t[0][0] if t else 0 for t in views.taken], F32)
     np.testing.assert_array_equal(views.seen[2], first)
@@ -168,7 +168,7 @@ def test_rays_that_miss(kernels, rays):
     views = Views(kernels, origins, directions, np.ones(16**3, bool), EVERYWHERE, 4)
     assert views.rounds == [(0, 0)]
     assert not any(part.any() for part in views.seen)
-    directions[rays // 2] *= -1  # but for one
+    directions[rays // 2] *= -1  # one goes the other way
     views = Views(kernels, origins, directions, np.ones(16**3, bool), EVERYWHERE, 4)
     assert views.rounds[0] == (4, 1)
     np.testing.assert_array_equal(views.seen[1] > 0, np.arange(rays) == rays // 2)
@@ -205,7 +205,7 @@ def rays_from_outside(count):
 
 def see(rt, made, origins, directions):
     count = len(origins)
-    seen = Seen(rt.zeros((count, 3)), rt.zeros((count,)), rt.zeros((count,)))
+    seen = View(rt.zeros((count, 3)), rt.zeros((count,)), rt.zeros((count,)))
     made.see(rt.adopt(origins), rt.adopt(directions), seen)
     return [rt.to_numpy(part).copy() for part in seen]
 

@@ -23,9 +23,9 @@ print(round(total, 3), len(said), *said)
 """
 
 
-def call(kernel_set, *arguments, code=CALL, **environment):
+def call(kernel_set, environment=None, *arguments, code=CALL):
     """Call two functions in a fresh process; return the sum, the warnings' number and text."""
-    chosen = {**os.environ, **environment}
+    chosen = {**os.environ, **(environment or {})}
     done = subprocess.run(
         [sys.executable, "-c", code, kernel_set, *arguments],
         cwd=ROOT,
@@ -53,7 +53,7 @@ def test_nowhere_to_write(kernel_set, by, tmp_path, right):
     environment: dict[str, str | None] = {"TMPDIR": str(tmp_path), variable: str(file / "cache")}
     if by == "home":
         environment.update({"HOME": str(file), "XDG_CACHE_HOME": None, variable: None})
-    total, count, said = call(kernel_set, **environment)
+    total, count, said = call(kernel_set, environment)
     assert total == right
     assert count == 1
     assert said.startswith(f"kernels cannot be kept in {file}")
@@ -72,8 +72,8 @@ def test_a_folder_that_is_for_reading_only(tmp_path, right):
     """Warp finds that out when it compiles: whatever the folder has already is used."""
     if not Path("/proc").is_dir():
         pytest.skip("needs /proc, where nobody can write")
-    assert call("warp", str(tmp_path), code=CHOSEN)[:2] == (right, 0)
-    assert call("warp", "/proc", code=CHOSEN)[:2] == (right, 1)
+    assert call("warp", None, str(tmp_path), code=CHOSEN)[:2] == (right, 0)
+    assert call("warp", None, "/proc", code=CHOSEN)[:2] == (right, 1)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def compiled(tmp_path_factory):
     places = {name: str(folder / name) for name in _cache.VARIABLES}
     environment = {_cache.VARIABLES[name]: place for name, place in places.items()}
     for name in places:
-        call(name, **environment)
+        call(name, environment)
     return places, environment
 
 
@@ -101,7 +101,7 @@ def test_a_broken_file_is_compiled_again(suffix, left, compiled, right):
         file.write_bytes(data[: int(left * len(data))])
     if name == "warp" or left == 0:
         assert str(files[0].parent) in doctor.cache_fault(name, places[name])
-    assert call(name, **environment)[:2] == (right, 0)
+    assert call(name, environment)[:2] == (right, 0)
     if name == "warp":  # and is whole again
         assert doctor.cache_fault(name, places[name]) == ""
         for file, data in whole.items():

@@ -2,7 +2,7 @@
 
 # The kernel is in Warp's language, which no Python type checker reads.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false
-# pyright: reportAttributeAccessIssue=false
+# pyright: reportAttributeAccessIssue=false, reportAssignmentType=false
 
 import json
 import os
@@ -45,7 +45,7 @@ def with_version(version):
     done = subprocess.run(
         [sys.executable, "-c", PLAIN, version],
         cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])},
         capture_output=True,
         text=True,
         timeout=300,
@@ -128,3 +128,40 @@ def test_commands_agree():
         np.testing.assert_array_equal(*results)
         # One rounding of the product and one of the sum, or one of both.
         np.testing.assert_allclose(results[0], factor.value * image + plus, rtol=2**-22)
+
+
+THREADS = """
+import threading
+import numpy as np
+import cvkern
+from cvkern.kernels.warp import _launch
+load, names = _launch.load, set()
+def watched(*arguments):
+    names.add(threading.current_thread().name)
+    load(*arguments)
+_launch.load = watched
+image = np.random.default_rng(0).random((700, 900), np.float32)
+cvkern.canny(image)
+cvkern.median(image > 0.5)
+workers = [threading.Thread(target=cvkern.sobel, args=(image,)) for _ in range(2)]
+for worker in workers: worker.start()
+for worker in workers: worker.join()
+print(*names)
+"""
+
+
+def test_one_thread_compiles():
+    """Whoever asks: Clang keeps the headers that it has parsed for each thread apart."""
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS],
+        cwd=ROOT,
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path]),
+            "CVKERN_NUM_THREADS": "3",
+        },
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.stdout == "cvkern-compiler_0\n", done.stderr

@@ -29,11 +29,11 @@ def circles(
     ] = 2.0,
     low_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge goes on.", show_default="as of edges"),
+        typer.Option(help="Gradient above which an edge goes on.", show_default="from the image"),
     ] = None,
     high_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge starts.", show_default="as of edges"),
+        typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
     ] = None,
     polarity: Annotated[
         str, typer.Option(help="Brighter than around, or not: any, bright or dark.")

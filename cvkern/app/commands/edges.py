@@ -10,14 +10,16 @@ import typer
 import cvkern
 from cvkern.app.commands import Backend, Device, as_gray, write_csv
 
-LOW = "10 % of the dtype's range; an eighth of that with gaussian"
-HIGH = "20 % of the dtype's range; an eighth of that with gaussian"
+SIGMA = 1.5
+LOW, HIGH = "quantile 0.7 of the image's", "quantile 0.9 of the image's"
 
 
 def edges(
     photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
-    sigma: Annotated[float, typer.Option(help="Standard deviation of the Gaussian, pixels.")] = 1.0,
+    sigma: Annotated[
+        float, typer.Option(help="Standard deviation of the Gaussian, pixels.")
+    ] = SIGMA,
     low_threshold: Annotated[
         float | None,
         typer.Option(help="Gradient above which an edge goes on.", show_default=LOW),
@@ -32,6 +34,9 @@ def edges(
     operator: Annotated[
         str, typer.Option(help="Derivative: gaussian, sobel or scharr.")
     ] = "gaussian",
+    suppression: Annotated[
+        str, typer.Option(help="Of all but maxima: interpolated, or by sectors as OpenCV's.")
+    ] = "interpolated",
     norm: Annotated[str, typer.Option(help="Length of the gradient: l1 or l2.")] = "l2",
     mode: Annotated[
         str, typer.Option(help="Border: reflect, constant, nearest, mirror or wrap.")
@@ -49,15 +54,17 @@ def edges(
 ) -> None:
     """Find the edges of a photograph (Canny).
 
-    Thresholds are in the units of the file. Colour becomes grey, rounded to the dtype of the file.
+    Thresholds are on Sobel's gradient, in the units of the file, and by default taken from the
+    image. Colour becomes grey, rounded to the dtype of the file.
     """
+    from cvkern.edges.quantiles import from_data
     from cvkern.images.drawing import overlay_mask
     from cvkern.images.files import read_image, write_image
 
-    if subpixel and (operator, norm) != ("gaussian", "l2"):
+    if subpixel and (operator, norm, suppression) != ("gaussian", "l2", "interpolated"):
         raise ValueError(
-            "subpixel must go with operator 'gaussian' and norm 'l2', "
-            f"got {operator!r} and {norm!r}"
+            "subpixel must go with operator 'gaussian', norm 'l2' and suppression 'interpolated', "
+            f"got {operator!r}, {norm!r} and {suppression!r}"
         )
     names = [file.resolve() for file in (photo, output, subpixel) if file]
     if len(set(names)) < len(names):
@@ -65,12 +72,14 @@ def edges(
     image = read_image(photo)
     gray = as_gray(image)
     with cvkern.use(backend=backend, device=device):
-        thresholds = (sigma, low_threshold, high_threshold)
+        low, high, use_quantiles = from_data(low_threshold, high_threshold, use_quantiles)
+        thresholds = (sigma, low, high)
         mask = cvkern.canny(
             gray,
             *thresholds,
             use_quantiles=use_quantiles,
             operator=operator,
+            suppression=suppression,
             norm=norm,
             mode=mode,
             cval=cval,

@@ -27,11 +27,11 @@ def lines(
     sigma: Annotated[float, typer.Option(help="Standard deviation of the Gaussian, pixels.")] = 1.0,
     low_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge goes on.", show_default="as of edges"),
+        typer.Option(help="Gradient above which an edge goes on.", show_default="from the image"),
     ] = None,
     high_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge starts.", show_default="as of edges"),
+        typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
     ] = None,
     min_length: Annotated[float, typer.Option(help="Of segments, pixels.")] = 20.0,
     max_gap: Annotated[float, typer.Option(help="Within segments, pixels.")] = 3.0,

@@ -43,12 +43,12 @@ def train(
     ] = None,
     steps: Annotated[int | None, typer.Option(help="Steps to train for, instead.")] = None,
     background: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="Behind everything: random, white, black or learnt. Not random for photographs "
-            "without opacity of things before one colour."
+            help="Behind everything: random, white, black or learnt.",
+            show_default="random, or what the photographs' borders show",
         ),
-    ] = "random",
+    ] = None,
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
     seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
     deterministic: Annotated[
@@ -57,6 +57,26 @@ def train(
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on from the output, if it is there.")
     ] = False,
+    bounds: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z,HALF",
+            help="Middle and half side of the cube to fill, in the scene's units.",
+        ),
+    ] = None,
+    near: Annotated[
+        float | None, typer.Option(help="Distance before which there is nothing.")
+    ] = None,
+    far: Annotated[
+        float | None, typer.Option(help="Distance behind which there is nothing.")
+    ] = None,
+    test_every: Annotated[
+        int, typer.Option(help="Keep back one in so many photographs, 0 for none.")
+    ] = 8,
+    setting: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="A setting of the field; repeatable."),
+    ] = None,
     shrink: Shrink = 1,
     backend: Backend = None,
     device: Device = None,
@@ -69,8 +89,8 @@ def train(
 
     with cvkern.use(backend=backend, device=device):
         model = fit(
-            _scene(scene, shrink),
-            field,
+            _within(_scene(scene, shrink, test_every), bounds, near, far),
+            _with(field, setting) if setting else field,
             seconds=seconds,
             steps=steps,
             background=background,
@@ -197,6 +217,9 @@ def export(
     ] = False,
     resolution: Annotated[int, typer.Option(help="Cells of the mesh along a side.")] = 128,
     density: Annotated[float, typer.Option(help="Density at the surface of the mesh.")] = 25.0,
+    pieces: Annotated[
+        int, typer.Option(help="Pieces of the mesh to keep, the largest first; 0 for all.")
+    ] = 1,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -218,15 +241,54 @@ def export(
             write_ply(output, *cloud)
             typer.echo(f"{output}: {len(cloud.points)} points")
         else:
-            surface = mesh(made, resolution=resolution, density=density)
+            surface = mesh(made, resolution=resolution, density=density, pieces=pieces or None)
             write_mesh(output, surface)
             typer.echo(f"{output}: {len(surface.faces)} triangles")
 
 
-def _scene(path: Path, shrink: int) -> Any:
+def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
+    """Return a scene with other bounds, where they are given."""
+    from dataclasses import replace
+
+    from cvkern.radiance import Bounds
+
+    if bounds is not None:
+        try:
+            x, y, z, half = map(float, bounds.split(","))
+        except ValueError:
+            raise ValueError(f"bounds must be X,Y,Z,HALF, got {bounds!r}") from None
+        scene = replace(scene, bounds=Bounds((x, y, z), half, scene.bounds.unbounded))
+    given = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
+    return replace(scene, **given) if given else scene
+
+
+def _with(field: str | None, settings: list[str]) -> Any:
+    """Return the field that suits the device, with other settings."""
+    import json
+    from dataclasses import fields, replace
+
+    from cvkern._checks import check_choice
+    from cvkern.radiance.training import KINDS, suited
+
+    if field is not None:
+        check_choice(field, tuple(KINDS), "field")
+    made, found = suited(field), {}
+    for setting in settings:
+        name, _, text = setting.partition("=")
+        check_choice(name, tuple(f.name for f in fields(made)), "set")
+        try:
+            value = json.loads(text)
+        except ValueError:
+            raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
+        found[name] = tuple(value) if isinstance(value, list) else value
+    return replace(made, **found)
+
+
+def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
     from cvkern._checks import check_integer
     from cvkern.radiance import load_scene, make_scene
 
-    scene = make_scene() if str(path) == SHAPES and not path.exists() else load_scene(path)
+    own = str(path) == SHAPES and not path.exists()
+    scene = make_scene() if own else load_scene(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)

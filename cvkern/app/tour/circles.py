@@ -57,7 +57,7 @@ def _accumulators(clock: Clock) -> Figure:
     from skimage import data
 
     photo = data.coins()
-    mask = cvkern.canny(photo, 2, 4, 8)
+    mask = cvkern.canny(photo, 2, 32, 64)
     orientation = cvkern.gradient(photo, sigma=2).orientation
     plain = clock(cvkern.hough_circle, mask, radius=RADIUS)[0]
 
@@ -89,8 +89,8 @@ def _ellipse(clock: Clock) -> Figure:
     from skimage import data
 
     photo = data.coffee()
-    found = clock(cvkern.detect_ellipses, luma(photo), axis_range=CUP, low_threshold=3,
-                  high_threshold=6)  # fmt: skip
+    found = clock(cvkern.detect_ellipses, luma(photo), axis_range=CUP, low_threshold=24,
+                  high_threshold=48)  # fmt: skip
     shown = photo
     for center, axes, turn in zip(found.centers, found.axes, found.orientation, strict=True):
         shown = draw_lines(shown, _outline(center, axes, float(turn)), color=RIM, width=2.5)
@@ -101,7 +101,7 @@ def _ellipse(clock: Clock) -> Figure:
         "major axis; all others vote for the minor axis. The best is fitted to the points near "
         f"it: semi-axes of {major:.1f} and {minor:.1f} pixels, turned by {turn:.1f} degrees.",
         "ellipses = cvkern.detect_ellipses(\n"
-        f"    luma(photo), {CUP}, low_threshold=3, high_threshold=6,\n"
+        f"    luma(photo), {CUP}, low_threshold=24, high_threshold=48,\n"
         ")",
         (
             Panel("circles-coffee", photo, "The photograph, `skimage.data.coffee()`"),

@@ -11,8 +11,8 @@ from cvkern.images.colors import apply_colormap, luma
 from cvkern.images.drawing import draw_lines, draw_points
 
 SCALES = (1, 2, 4)
-QUANTILES = {"low_threshold": 0.8, "high_threshold": 0.93, "use_quantiles": True}
-COINS = {"sigma": 2, "low_threshold": 8, "high_threshold": 16}
+QUANTILES = {"low_threshold": 0.7, "high_threshold": 0.9, "use_quantiles": True}
+COINS = {"sigma": 2, "low_threshold": 64, "high_threshold": 128}
 CROP = (slice(22, 50), slice(332, 369))
 ZOOM = 26
 COLOUR = (255, 98, 41)
@@ -47,8 +47,8 @@ def _scales(clock: Clock) -> Figure:
         "gray = luma(photo)\n"
         "for sigma in (1, 2, 4):\n"
         "    edges = cvkern.canny(\n"
-        "        gray, sigma, low_threshold=0.8,\n"
-        "        high_threshold=0.93, use_quantiles=True,\n"
+        "        gray, sigma, low_threshold=0.7,\n"
+        "        high_threshold=0.9, use_quantiles=True,\n"
         "    )",
         tuple(panels),
         clock.take(),
@@ -89,7 +89,7 @@ def _subpixel(clock: Clock) -> Figure:
     from skimage import data
 
     photo = data.coins()
-    edges = clock(cvkern.canny, photo, **COINS)
+    edges = clock(cvkern.canny, photo, **COINS, operator="gaussian")
     found = clock(cvkern.subpixel_edges, photo, **COINS)
     enlarged = np.kron(photo[CROP], np.ones((ZOOM, ZOOM), np.uint8))
     mask = np.kron(edges[CROP], np.ones((ZOOM, ZOOM), bool))
@@ -107,7 +107,7 @@ def _subpixel(clock: Clock) -> Figure:
         "edge crosses. The sub-pixel edge says where: each dot is the crest of the gradient, and "
         "its needle points to the brighter side.",
         "points, orientation, strength = cvkern.subpixel_edges(\n"
-        "    photo, sigma=2, low_threshold=8, high_threshold=16,\n"
+        "    photo, sigma=2, low_threshold=64, high_threshold=128,\n"
         ")",
         (
             Panel("edges-subpixel-mask", stairs, "`canny`: whole pixels", pixelated=True),

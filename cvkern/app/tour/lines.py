@@ -117,13 +117,13 @@ def _segments(clock: Clock) -> Figure:
 
     photo = data.rocket()
     gray = luma(photo)
-    found = clock(cvkern.detect_segments, gray, sigma=1.0, low_threshold=1.5, high_threshold=3.0)
+    found = clock(cvkern.detect_segments, gray, sigma=1.0, low_threshold=12, high_threshold=24)
     return Figure(
         "Segments",
         "A line goes on for ever; a segment ends where its edge does. Along each peak, points "
         "that follow one another without a gap make a segment.",
         "segments = cvkern.detect_segments(\n"
-        "    luma(photo), sigma=1, low_threshold=1.5, high_threshold=3,\n"
+        "    luma(photo), sigma=1, low_threshold=12, high_threshold=24,\n"
         ")",
         (
             Panel("lines-segments-photograph", photo, "The photograph, `skimage.data.rocket()`"),

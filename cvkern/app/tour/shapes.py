@@ -16,7 +16,7 @@ from cvkern.images.drawing import draw_lines, draw_points
 
 CUT = (slice(0, 190), slice(130, 320))  # the template's place in the photograph
 TURN, SIZE = math.radians(-35), 0.9
-EDGES: dict[str, Any] = {"sigma": 2, "low_threshold": 4, "high_threshold": 8}
+EDGES: dict[str, Any] = {"sigma": 2, "low_threshold": 32, "high_threshold": 64}
 SCALES = [0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1]
 HORSE = 0.3  # size of the silhouette, as a share of its picture's
 POSES = (  # row, column, rotation in degrees, scale
@@ -61,7 +61,7 @@ def _one(clock: Clock) -> Figure:
         f"{found.support[0]:.0%} were found in place: turned by "
         f"{math.degrees(found.rotation[0]):.2f} degrees, scale {found.scale[0]:.4f}. On the right "
         "the votes for that rotation and scale, one of 2,520 such planes.",
-        'edges = {"sigma": 2, "low_threshold": 4, "high_threshold": 8}\n'
+        'edges = {"sigma": 2, "low_threshold": 32, "high_threshold": 64}\n'
         "table = cvkern.r_table(template, **edges)\n"
         "found = cvkern.generalized_hough(\n"
         "    scene, table, rotations=360,\n"

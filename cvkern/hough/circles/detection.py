@@ -8,9 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_image, check_number, check_positive, check_sides
+from cvkern._checks import (
+    as_numbers,
+    check_choice,
+    check_image,
+    check_number,
+    check_positive,
+    check_sides,
+)
 from cvkern._runtime import Runtime, runtime
-from cvkern.edges.masks import edge_thresholds, find_edges
+from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.hough.circles.peaks import local_maxima
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim
@@ -73,7 +80,9 @@ def detect_circles(
     sigma : float, default 2.0
         Of the Gaussian under the edges, in pixels of the reduced photograph.
     low_threshold, high_threshold : float, optional
-        Of :func:`canny` on the reduced photograph. By default those of `canny`.
+        Of :func:`canny` on the reduced photograph, in its units. By default the quantiles 0.7 and
+        0.9 of the gradients of that photograph, and no less than 2 % of the longest; where one is
+        given, the lower is half of the higher.
     polarity : {'any', 'bright', 'dark'}, default 'any'
         Brighter than around, darker, or either.
     min_support : float, default 0.5
@@ -115,7 +124,7 @@ def detect_circles(
     >>> import cvkern
     >>> y, x = np.mgrid[:80, :90]
     >>> disc = 200.0 * (np.hypot(y - 41.3, x - 37.8) < 20)
-    >>> circles = cvkern.detect_circles(disc, (10, 30), high_threshold=10)
+    >>> circles = cvkern.detect_circles(disc, (10, 30), high_threshold=80)
     >>> circles.centers.round(), circles.radii.round()
     (array([[41., 38.]], dtype=float32), array([20.], dtype=float32))
     """
@@ -149,7 +158,7 @@ def detect_circles(
 
 def check_range(value: Any, side: int, name: str) -> tuple[float, float]:
     """Return the least and the largest radius of what is looked for in an image."""
-    given = tuple(np.asarray(value).reshape(-1).tolist())
+    given = tuple(as_numbers(value, name, object).reshape(-1).tolist())
     if len(given) != 2:
         raise ValueError(f"{name} must be two numbers, got {value!r}")
     low, high = (check_number(r, name, low=3) for r in given)
@@ -177,7 +186,7 @@ def edge_lines(
     `factor` pixels a side.
     """
     given = library(image).dtype(image)
-    low, high = edge_thresholds(low, high, False, "gaussian", given)
+    options = photograph_options(image, sigma, low, high)
     small = image
     if factor > 1:
         dtype = np.uint8 if given == np.uint8 else np.float32
@@ -186,7 +195,7 @@ def edge_lines(
         small = rt.release(small)
     shape = tuple(small.shape)
     mask = rt.scratch("circles.mask", shape, bool)
-    dy, dx = find_edges(rt, small, sigma, low, high, False, "gaussian", "l2", "reflect", 0.0, mask)
+    dy, dx = find_edges(rt, small, options, mask)
     starts = rt.scratch("circles.starts", (shape[0] + 1,), np.int32)
     rt.hough.points.count(mask, starts)
     count = int(rt.to_numpy(starts)[-1])

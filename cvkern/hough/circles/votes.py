@@ -10,6 +10,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import (
+    as_numbers,
     check_accumulator,
     check_beside,
     check_image,
@@ -126,7 +127,7 @@ def hough_circle(
 
 
 def _check_radii(radius: Any, farthest: int, name: str = "radius") -> tuple[int, ...]:
-    given = np.asarray(radius)
+    given = as_numbers(radius, name, object)
     if given.ndim > 1 or given.size == 0:
         raise ValueError(f"{name} must be one integer or a sequence of them, got {radius!r}")
     return tuple(check_integer(r, name, 1, farthest) for r in given.reshape(-1).tolist())

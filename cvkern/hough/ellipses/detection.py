@@ -63,7 +63,9 @@ def detect_ellipses(
     sigma : float, default 2.0
         Of the Gaussian under the edges, in pixels of the reduced photograph.
     low_threshold, high_threshold : float, optional
-        Of :func:`canny` on the reduced photograph. By default those of `canny`.
+        Of :func:`canny` on the reduced photograph, in its units. By default the quantiles 0.7 and
+        0.9 of the gradients of that photograph, and no less than 2 % of the longest; where one is
+        given, the lower is half of the higher.
     min_support : float, default 0.6
         Least share of the perimeter that must be seen, in (0, 1].
     min_distance : float, optional
@@ -105,7 +107,7 @@ def detect_ellipses(
     >>> import cvkern
     >>> y, x = np.mgrid[:80, :120]
     >>> disc = 200.0 * (np.hypot((y - 41) / 20, (x - 58) / 40) < 1)
-    >>> found = cvkern.detect_ellipses(disc, (10, 50), high_threshold=10)
+    >>> found = cvkern.detect_ellipses(disc, (10, 50), high_threshold=80)
     >>> found.centers.round(), found.axes.round()
     (array([[41., 58.]], dtype=float32), array([[40., 20.]], dtype=float32))
     """

@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._checks import MAX_ELEMENTS, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, refuse_capture, runtime
-from cvkern.edges.masks import find_edges
+from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.hough.generalized._poses import Scene, apart, strongest
 from cvkern.kernels.codes.hough import (
     DIRECTION_FACTOR,
@@ -92,8 +92,9 @@ def ballot_of(
     """Check the options of the votes, and take them to integers."""
     angles = _check_rotations(rotations)
     sizes = _check_scales(scales)
+    cell = check_integer(cell, "cell", CELLS[0], CELLS[-1])
     if cell not in CELLS:
-        raise ValueError(f"cell must be one of {CELLS}, got {cell!r}")
+        raise ValueError(f"cell must be one of {CELLS}, got {cell}")
     number = min(check_integer(max_entries, "max_entries", 1, 2**20), MAX_VOTES // cell**2)
     if tolerance is None:
         tolerance = min(max(_step(angles) / 2, LEAST_TOLERANCE), MOST_TOLERANCE)
@@ -166,11 +167,8 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
     dx: Any = None
     angles: Any = None
     if orientation is None:
-        sigma, low, high, use_quantiles = options
         mask = rt.scratch("shapes.mask", shape, bool)
-        dy, dx = find_edges(
-            rt, image, sigma, low, high, use_quantiles, "gaussian", "l2", "reflect", 0.0, mask
-        )
+        dy, dx = find_edges(rt, image, photograph_options(image, *options), mask)
     else:
         orientation = check_image(orientation, name="orientation")
         if tuple(orientation.shape) != shape:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._checks import check_image
 from cvkern.hough.generalized.tables import SIGMA, r_table
 from cvkern.hough.generalized.votes import Shapes, generalized_hough
 
@@ -42,7 +43,7 @@ def find_shape(
     threshold : float, default 0.25
         Least share of the boundary that is found in place.
     sigma, low_threshold, high_threshold, use_quantiles
-        As in :func:`cvkern.canny`, for both pictures.
+        As in :func:`r_table`, for both pictures.
     **options
         The others of :func:`generalized_hough`, but for `orientation`.
 
@@ -68,6 +69,7 @@ def find_shape(
     """
     if "orientation" in options:
         raise TypeError("find_shape takes pictures, got orientation: use generalized_hough")
+    scene = check_image(scene, name="scene")
     edges = {
         "sigma": sigma,
         "low_threshold": low_threshold,

@@ -53,7 +53,8 @@ def r_table(
     orientation : array of shape (H, W), optional
         Direction of the gradient at the pixels of the mask, in radians.
     sigma, low_threshold, high_threshold, use_quantiles
-        As in :func:`cvkern.canny`; without meaning for a mask.
+        As in :func:`cvkern.canny`, for derivatives of the Gaussian; without meaning for a mask. By
+        default the thresholds are those of :func:`cvkern.detect_circles`.
 
     Returns
     -------

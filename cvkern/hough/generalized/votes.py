@@ -74,7 +74,8 @@ def generalized_hough(
     orientation : array of shape (H, W), optional
         Direction of the gradient at the pixels of the mask, in radians.
     sigma, low_threshold, high_threshold, use_quantiles
-        As in :func:`cvkern.canny`; without meaning for a mask.
+        As in :func:`cvkern.canny`, for derivatives of the Gaussian; without meaning for a mask. By
+        default the thresholds are those of :func:`cvkern.detect_circles`.
     orientation_tolerance : float, optional
         How far, in radians, the direction of an edge point may be off that of the boundary point
         it votes as. By default half the step between rotations, but within 0.5 to 3 degrees, so

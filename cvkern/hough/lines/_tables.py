@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._checks import MAX_ELEMENTS
 from cvkern._runtime import Runtime, refuse_capture
 from cvkern.hough._points import Points
 from cvkern.kernels.codes.hough import DIRECTIONS, LineTables, LineWindows
@@ -33,7 +34,8 @@ def cast_votes(
     `crossing` says how many pixels of an image at most fall into one bin.
     """
     fixed = None if weights is None else _fixed_weights(rt, found, weights, crossing)
-    listed = LineTables(*map(rt.constant, tables[:3]), tables.shift)
+    cosine, sine, offset = (rt.constant(table) for table in tables[:3])
+    listed = LineTables(cosine, sine, offset, tables.shift)
     if windows is None:
         rt.hough.lines.votes.vote(found.points, found.starts, listed, fixed, votes)
         return
@@ -100,7 +102,8 @@ def subpixel_points(rt: Runtime, points: Any, size: tuple[int, int]) -> Points:
 
 def reach(size: tuple[int, int], step: float) -> int:
     """Return how many bins of rho there are on either side of 0."""
-    return math.ceil(math.sqrt(size[0] ** 2 + size[1] ** 2) / step)
+    # More than any accumulator has are too many, and may be infinitely many.
+    return math.ceil(min(math.sqrt(size[0] ** 2 + size[1] ** 2) / step, MAX_ELEMENTS))
 
 
 @lru_cache(maxsize=32)
@@ -115,10 +118,17 @@ def fixed_tables(
 ) -> LineTables:
     """Return tables for the bin nearest to ``x cosine + y sine + constant``.
 
-    The factors get as many digits as int32 holds. What rounding them does is nothing at the
-    centre of the image, as the offset makes up for it there, and most at its corners.
+    The factors get as many digits as int32 holds, and sums at most 62 bits. What rounding them does
+    is nothing at the centre of the image, as the offset makes up for it there, and most at its
+    corners.
     """
-    shift = math.floor(math.log2((2**31 - 1) / max(np.abs(cosine).max(), np.abs(sine).max())))
+    largest = max(np.abs(cosine).max(), np.abs(sine).max())
+    farthest = float(np.max(np.abs(constant))) + sum(size) * largest + 1  # of all bins
+    digits = math.floor(math.log2((2**31 - 1) / max(largest, 1e-290)))
+    room = 62 - (parts.bit_length() - 1) - math.frexp(farthest)[1]
+    shift = min(digits, room)
+    if shift < 0:
+        raise ValueError(f"intercepts must be at least 2^-31 apart, got {1 / largest:g}")
     c, s = (np.round(v * 2.0**shift).astype(np.int64) for v in (cosine, sine))
     y, x = (n // 2 for n in size)
     middle = np.round((x * cosine + y * sine + constant + 0.5) * 2.0**shift).astype(np.int64)

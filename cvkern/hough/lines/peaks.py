@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number
+from cvkern._checks import as_numbers, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 
 _DISTANCE, _ANGLE = 9, 10  # of peaks from each other, as scikit-image has it
@@ -95,7 +95,7 @@ def hough_line_peaks(
     ([60, 40], [-1.57, 0.0], [-10.0, 25.0])
     """
     hspace = check_image(hspace, name="hspace")
-    theta, rho = np.asarray(angles, np.float64), np.asarray(dists, np.float64)
+    theta, rho = as_numbers(angles, "angles"), as_numbers(dists, "dists")
     for axis, name, values in ((1, "angles", theta), (0, "dists", rho)):
         if values.shape != (hspace.shape[axis],):
             raise ValueError(f"{name} must have shape ({hspace.shape[axis]},), got {values.shape}")
@@ -106,10 +106,15 @@ def hough_line_peaks(
     min_angle = min(min_angle, len(theta) // 2 if wraps else len(theta) - 1)
     rt = runtime(hspace)
     whole = library(hspace).dtype(hspace).kind in "biu"
+    if isinstance(hspace, np.ndarray) and whole and not -(2**31) <= hspace.max() < 2**31:
+        raise ValueError(f"hspace must be votes that int32 holds, got {hspace.max()}")
     values = rt.adopt(hspace, np.int32 if whole else np.float32)
     host = rt.to_numpy(values)
     limit = 0.5 * float(host.max()) if threshold is None else check_number(threshold, "threshold")
-    limit = math.floor(limit) if whole else float(np.float32(limit))
+    if whole:  # no vote lies beyond int32
+        limit = math.floor(min(max(limit, -(2.0**31)), 2.0**31 - 1))
+    else:
+        limit = float(np.float32(limit))
     row, column = peak_bins(rt, values, limit, min_distance, min_angle, wraps)
     kept = len(row) if most == math.inf else int(most)
     bins = row[:kept], column[:kept]

@@ -7,9 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_beside, check_image, check_number, check_positive, check_sides
+from cvkern._checks import (
+    as_numbers,
+    check_beside,
+    check_image,
+    check_number,
+    check_positive,
+    check_sides,
+)
 from cvkern._runtime import Runtime, runtime
-from cvkern.edges.subpixel import subpixel_edges
+from cvkern.edges.masks import photograph_options
+from cvkern.edges.quantiles import FAINT_SHARES
+from cvkern.edges.subpixel import locate_edges
 from cvkern.hough._points import mask_points
 from cvkern.hough.lines._support import (
     AIM,
@@ -191,8 +200,14 @@ def detect_lines(
     ----------
     image : array of shape (H, W)
         Any real dtype.
-    sigma, low_threshold, high_threshold, use_quantiles
-        Of the edges, as in :func:`canny`.
+    sigma : float, default 1.0
+        Standard deviation of the Gaussian under the edges, pixels.
+    low_threshold, high_threshold : float, optional
+        Of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the image's
+        gradients, and no less than 2 % of the longest; where one is given, the lower is half of
+        the higher.
+    use_quantiles : bool, default False
+        As in :func:`canny`.
     min_votes : float, optional
         The least number of edge points of a line; by default a tenth of the image's diagonal.
     distance : float, default 1.0
@@ -226,11 +241,13 @@ def detect_lines(
     size = check_sides(image.shape, "image")
     distance = check_positive(distance, "distance")
     least = 0.1 * math.hypot(*size) if min_votes is None else check_positive(min_votes, "min_votes")
+    options = photograph_options(
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+    )
     rt = runtime(image)
-    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
-    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     lines = [np.zeros((0, 3))]
-    while True:
+    for _ in range(len(points) + 1):  # a round takes a point at least, or is the last
         theta, rho = vote(rt, points, directions, size, least)
         number = np.zeros(0)
         for _ in range(FITS):
@@ -238,9 +255,11 @@ def detect_lines(
             number, theta, rho = fitted_lines(points, labels, len(theta), least)
         if not len(number):
             break
-        lines.append(np.stack([number, theta, rho], axis=1))
         # What is beside a line by less than two distances is of its edge, not another line.
         taken = claim(rt, points, directions, theta, rho, 2 * distance, AIM) < len(theta)
+        if not taken.any():  # the fit has left the points that it was made to
+            break
+        lines.append(np.stack([number, theta, rho], axis=1))
         points, directions = points[~taken], directions[~taken]
     votes, theta, rho = np.concatenate(lines).T
     order = np.argsort(-votes, kind="stable")
@@ -268,8 +287,14 @@ def detect_segments(
     ----------
     image : array of shape (H, W)
         Any real dtype.
-    sigma, low_threshold, high_threshold, use_quantiles
-        Of the edges, as in :func:`canny`.
+    sigma : float, default 1.0
+        Standard deviation of the Gaussian under the edges, pixels.
+    low_threshold, high_threshold : float, optional
+        Of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the image's
+        gradients, and no less than 2 % of the longest; where one is given, the lower is half of
+        the higher.
+    use_quantiles : bool, default False
+        As in :func:`canny`.
     min_length : float, default 10.0
         Shorter segments are left out, pixels.
     max_gap : float, default 3.0
@@ -305,11 +330,13 @@ def detect_segments(
     min_length = check_positive(min_length, "min_length")
     max_gap = check_number(max_gap, "max_gap", low=0)
     distance = check_positive(distance, "distance")
+    options = photograph_options(
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+    )
     rt = runtime(image)
-    edges = subpixel_edges(image, sigma, low_threshold, high_threshold, use_quantiles=use_quantiles)
-    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
+    points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     segments = [np.zeros((0, 4))]
-    while True:
+    for _ in range(len(points) + 1):  # a round takes the points of a segment, or is the last
         theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
         new, chosen = np.zeros((0, 4)), np.zeros(0, np.intp)
         for _ in range(FITS):
@@ -334,7 +361,7 @@ def _on_host(rt: Runtime, array: Any, dtype: Any) -> np.ndarray:
 
 
 def _check_lines(theta: Any, rho: Any) -> tuple[np.ndarray, np.ndarray]:
-    lines = [np.asarray(a, np.float64) for a in (theta, rho)]
+    lines = [as_numbers(theta, "theta"), as_numbers(rho, "rho")]
     if lines[0].ndim != 1 or lines[0].shape != lines[1].shape:
         raise ValueError(
             f"theta and rho must be lists of one length, got shapes {lines[0].shape} and "

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import (
+    as_numbers,
     check_accumulator,
     check_beside,
     check_image,
@@ -324,7 +325,7 @@ def suggest_line_bins(
 def _check_slopes(slopes: Any) -> np.ndarray:
     if slopes is None:
         return np.linspace(-1, 1, 181)
-    m = np.array(slopes, np.float64)
+    m = as_numbers(slopes, "slopes")
     if m.ndim != 1 or not m.size or not (np.abs(m) <= 1).all():
         raise ValueError(
             f"slopes must be a list of numbers in [-1, 1], got shape {m.shape} with "
@@ -334,9 +335,10 @@ def _check_slopes(slopes: Any) -> np.ndarray:
 
 
 def _check_intercepts(intercepts: Any) -> np.ndarray:
-    c = np.array(intercepts, np.float64)
+    c = as_numbers(intercepts, "intercepts")
     steps = np.diff(c) if c.ndim == 1 else np.zeros(0)
-    if not len(steps) or not steps[0] > 0 or not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
+    even = np.isfinite(steps).all() and len(steps) and steps[0] > 0
+    if not even or not np.allclose(steps, steps[0], rtol=1e-6, atol=0):
         raise ValueError(
             f"intercepts must be two or more, evenly spaced and ascending, got {intercepts!r}"
         )
@@ -347,7 +349,7 @@ def check_angles(theta: Any) -> np.ndarray:
     """Return angles as a float64 array of their own, 180 of them by default."""
     if theta is None:
         return _DEGREES.copy()
-    angles = np.array(theta, np.float64)
+    angles = as_numbers(theta, "theta")
     if angles.ndim != 1 or not angles.size:
         raise ValueError(f"theta must be 1-D and not empty, got shape {angles.shape}")
     if not np.isfinite(angles).all():
@@ -358,7 +360,7 @@ def check_angles(theta: Any) -> np.ndarray:
 def check_points(points: Any) -> Any:
     """Return `points` as an array of shape (N, 2), where N may be 0."""
     if not hasattr(points, "shape"):
-        points = np.asarray(points, np.float32)
+        points = as_numbers(points, "points", np.float32)
     if len(points.shape) != 2 or points.shape[1] != 2:
         raise ValueError(f"points must have shape (N, 2), got {tuple(points.shape)}")
     return check_image(points, name="points") if len(points) else points

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
+from cvkern.kernels.codes.radiance import Rays, Seen
 from cvkern.radiance.scenes.photographs import Bounds, Scene
 
 FARTHEST = 2**15  # from the middle: there, float32 still tells the steps along a ray apart
@@ -57,19 +58,8 @@ class Frame:
         return moved.astype(np.float32)
 
 
-class Rays(NamedTuple):
-    """A batch of rays, as kernel arrays with room for R."""
-
-    origins: Any
-    """(R, 3) float32."""
-    directions: Any
-    """Unit vectors, (R, 3) float32."""
-    active: Any
-    """How many of them there are, (1,) int32; a field lowers it to those that it has room for."""
-
-
-class Seen(NamedTuple):
-    """What rays see before any background; kernel arrays."""
+class View(NamedTuple):
+    """What the rays of a view see before any background; kernel arrays."""
 
     color: Any
     """(R, 3) float32."""
@@ -77,19 +67,6 @@ class Seen(NamedTuple):
     """(R,) float32."""
     depth: Any
     """Sum of the distances of the samples, each by its weight, (R,) float32."""
-
-
-class Rendered(NamedTuple):
-    """What a batch of rays in training sees, or gradients of it; kernel arrays."""
-
-    color: Any
-    """(R, 3) float32."""
-    opacity: Any
-    """(R,) float32."""
-    depth: Any
-    """As in :class:`Seen`, (R,) float32."""
-    distortion: Any
-    """How far the weights are spread along the ray, as in mip-NeRF 360, (R,) float32."""
 
 
 class Learning(NamedTuple):
@@ -119,15 +96,15 @@ class Field(abc.ABC):
     precision's or fixed-point ones, can hold their gradients; :meth:`learn` divides by it."""
 
     @abc.abstractmethod
-    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+    def see(self, origins: Any, directions: Any, seen: View) -> None:
         """Fill `seen` with what rays see: origins and unit directions (R, 3), for any R."""
 
     @abc.abstractmethod
-    def forward(self, rays: Rays, step: Any) -> Rendered:
+    def forward(self, rays: Rays, step: Any) -> Seen:
         """Render rays in training; `step` (1,) int32 draws the places of the samples."""
 
     @abc.abstractmethod
-    def backward(self, gradients: Rendered) -> None:
+    def backward(self, gradients: Seen) -> None:
         """Add the gradients of what :meth:`forward` last returned to those of the parameters."""
 
     @abc.abstractmethod

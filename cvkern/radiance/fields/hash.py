@@ -10,14 +10,16 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_number
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import network_layers, network_room
+from cvkern.kernels.codes.radiance import Rule, network_layers, network_room
 from cvkern.radiance.fields.field import Frame, Learning
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import CELLS, STEPS, SampledField, Samples, check_batch
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 FINEST = 2**20  # cells along a side: their numbers have 20 bits in kernels
-CELLS_OF_PIXEL = 1.5  # of the finest grid: with more, held-out views of small photographs lose
+CELLS_OF_PIXEL = (
+    1.5  # cells of the finest grid: more make held-out views of small photographs worse
+)
 
 
 @dataclass(frozen=True)
@@ -183,8 +185,8 @@ class HashNetwork(SampledField):
             (self.table, s.table_decay, s.table_decay == 0.0),
             (self.layers, s.weight_decay, False),
         ):
-            given = self._rate, self._clip.factor, *BETAS, EPSILON, decay, sparse
-            adam.adam(*given, *parameters.flat())
+            rule = Rule(*BETAS, EPSILON, decay, sparse)
+            adam.adam(self._rate, self._clip.factor, rule, *parameters.flat())
 
     def state(self) -> dict[str, np.ndarray]:
         """See :meth:`Field.state`."""

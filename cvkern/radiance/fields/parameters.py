@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
+from cvkern.kernels.codes.radiance import Learnt
 from cvkern.radiance.march import taken
 
 LIFT = 128.0  # `Field.gradient_scale` where float16 or fixed-point numbers hold gradients
-PARTS = 1024  # that a sum of squares is made in
+PARTS = 1024  # parts of a sum of squares
 
 
 class Parameters:
@@ -38,10 +39,10 @@ class Parameters:
         if self.sums is not self.gradients:
             rt.radiance.training.adam.collect(flat(self.sums), flat(self.gradients))
 
-    def flat(self) -> list[Any]:
-        """Return gradients, means, squares, values and copy, as Adam takes them."""
-        arrays = (self.gradients, self.mean, self.square, self.values, self.copy)
-        return [flat(a) for a in arrays]
+    def flat(self) -> tuple[Learnt, Any]:
+        """Return what Adam moves, and the copy that it fills."""
+        learnt = self.gradients, self.mean, self.square, self.values
+        return Learnt(*map(flat, learnt)), flat(self.copy)
 
     def state(self, prefix: str, rt: Runtime) -> dict[str, np.ndarray]:
         """Return what has to be saved."""

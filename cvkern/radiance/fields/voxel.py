@@ -11,8 +11,17 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY
-from cvkern.radiance.fields.field import Field, Frame, Learning, Rays, Rendered, Seen
+from cvkern.kernels.codes.radiance import (
+    MOST_LOG_DENSITY,
+    Grid,
+    Learnt,
+    March,
+    Rays,
+    Rule,
+    Seen,
+    Space,
+)
+from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, flat
 from cvkern.radiance.march import STOP, taken
 
@@ -112,7 +121,7 @@ class VoxelField:
         least = found[-1] / 1000  # float32 tells such steps apart where the farthest cameras may be
         if self.spacing < least:
             raise ValueError(f"spacing must be at least {least:g} cells, got {self.spacing:g}")
-        thin = self.thin * found[0] / (2 * self.spacing)  # as a density
+        thin = self.thin * found[0] / (2 * self.spacing)  # the density
         if self.first <= thin:
             raise ValueError(f"first must be above what is thin, {thin:g}, got {self.first}")
 
@@ -128,7 +137,7 @@ class VoxelGrid(Field):
         self.rt, self.frame, self.seed, self.settings = rt, frame, seed, settings
         self.rays = self.first_rays = rays = settings.rays
         self.basis = (settings.degree + 1) ** 2
-        self.rendered = Rendered(
+        self.rendered = Seen(
             rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
         )
         self.samples = rt.zeros((rays,), np.int32)
@@ -174,13 +183,16 @@ class VoxelGrid(Field):
     def _marched(self, rays: Rays, step: Any, training: bool) -> list[Any]:
         """Return the arguments that the forward and the backward pass share."""
         frame = self.frame
+        span = frame.near, frame.far, self.finest, self.cone
         return [
-            *rays, self.bits, self.cells, frame.near, frame.far, self.finest, self.cone,
-            frame.bounds.unbounded, training, self.seed, step, STOP, self.least, self.basis,
-            self.density, self.color,
-        ]  # fmt: skip
+            rays,
+            Space(self.bits, 1, self.cells, frame.bounds.unbounded),
+            March(*span, 2**31 - 1, training, self.seed, step),
+            Grid(self.density, self.color, self.basis, self.least),
+            STOP,
+        ]
 
-    def see(self, origins: Any, directions: Any, seen: Seen) -> None:
+    def see(self, origins: Any, directions: Any, seen: View) -> None:
         """See :meth:`Field.see`."""
         rt, count = self.rt, origins.shape[0]
         active = rt.constant(np.array([2**31 - 1], np.int32))
@@ -188,21 +200,19 @@ class VoxelGrid(Field):
         samples = rt.scratch("view.samples", (count,), np.int32)
         # Any step: without training, no places are drawn.
         marched = self._marched(Rays(origins, directions, active), active, False)
-        arguments = [*marched, *seen, distortion, samples]
-        rt.radiance.fields.voxel.rays.render(*arguments)
+        rt.radiance.fields.voxel.rays.render(*marched, Seen(*seen, distortion), samples)
 
-    def forward(self, rays: Rays, step: Any) -> Rendered:
+    def forward(self, rays: Rays, step: Any) -> Seen:
         """See :meth:`Field.forward`."""
         self._last = self._marched(rays, step, True)
-        arguments = [*self._last, *self.rendered, self.samples]
-        self.rt.radiance.fields.voxel.rays.render(*arguments)
+        self.rt.radiance.fields.voxel.rays.render(*self._last, self.rendered, self.samples)
         return self.rendered
 
-    def backward(self, gradients: Rendered) -> None:
+    def backward(self, gradients: Seen) -> None:
         """See :meth:`Field.backward`."""
-        outputs = [*self._sums, self.touched]
-        arguments = [*gradients, *self._last, *self.rendered, self.samples, *outputs]
-        self.rt.radiance.fields.voxel.rays.render_backward(*arguments)
+        self.rt.radiance.fields.voxel.rays.render_backward(
+            gradients, *self._last, self.rendered, self.samples, *self._sums, self.touched
+        )
         if self._exact:
             for sums, array in zip(self._sums, (self.d_density, self.d_color), strict=True):
                 self.rt.radiance.training.adam.collect(flat(sums), flat(array))
@@ -221,10 +231,10 @@ class VoxelGrid(Field):
                 self.color, self.d_density, self.d_color,
             )  # fmt: skip
         self._clip.update(scale, self.d_density, self.d_color)
-        nodes.adam(
-            *self._rates, self._clip.factor, *BETAS, EPSILON, self.touched, self.d_density,
-            *self._density_means, self.density, self.d_color, *self._color_means, self.color,
-        )  # fmt: skip
+        density = Learnt(self.d_density, *self._density_means, self.density)
+        color = Learnt(self.d_color, *self._color_means, self.color)
+        rule = Rule(*BETAS, EPSILON)
+        nodes.adam(*self._rates, self._clip.factor, rule, self.touched, density, color)
 
     def taken(self) -> int:
         """See :meth:`Field.taken`: those with any density count."""

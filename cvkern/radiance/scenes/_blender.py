@@ -4,36 +4,46 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cvkern.radiance.pinhole import Cameras, cameras
-from cvkern.radiance.scenes.photographs import Bounds, Scene, every, read_images, shrunk
+from cvkern.radiance.scenes.photographs import (
+    Bounds,
+    Scene,
+    every,
+    focus_of,
+    read_images,
+    shrunk,
+)
 
 SPLITS = ("train", "val", "test")
 # The synthetic scenes lie in a cube of side 3, and their cameras 4 from its middle.
 BLENDER_HALF, BLENDER_NEAR, BLENDER_FAR = 1.5, 2.0, 6.0
-DEPTH_RANGE = 8.0  # of their depth pictures: 8 (1 - v / 255), or 65535 for those of 16 bits
+DEPTH_RANGE = 8.0  # range of their depth pictures: 8 (1 - v / 255), or 65535 for those of 16 bits
 # instant-ngp's unit cube is the world times the first, moved by the second, if a file says nothing.
 NGP_SCALE, NGP_OFFSET = 0.33, 0.5
+PAST = 0.1  # share of the cameras that may look past the cube
 LENSES = "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 SUFFIXES = ("", ".png", ".jpg", ".jpeg")
 TURN = np.diag([1.0, -1.0, -1.0])  # from OpenGL's axes to OpenCV's
 
 
-def load(file: Path, test_every: int) -> Scene:
+def load(file: Path, test_every: int, outside: bool) -> Scene:
     """Read a scene; see :func:`cvkern.radiance.load_scene`."""
     if file.stem.removeprefix("transforms_") not in SPLITS:
-        return _instant_ngp(file, test_every)
+        return _instant_ngp(file, test_every, outside)
     parts = [(s, file.with_name(f"transforms_{s}.json")) for s in SPLITS]
     parts = [(split, part) for split, part in parts if part.exists() and split != "val"]
     files, poses, held, lenses = [], [], [], []
     for split, part in parts:
         content = _content(part)
         for number, frame in enumerate(content["frames"]):
-            files.append(_photograph(part, frame, number))
+            files.append(_photograph(part, frame, number, outside))
             poses.append(_pose(part, frame, number))
             held.append(split == "test")
         lenses += [(part, content)] * len(content["frames"])
@@ -51,12 +61,12 @@ def load(file: Path, test_every: int) -> Scene:
     )
 
 
-def _instant_ngp(file: Path, test_every: int) -> Scene:
+def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
     content = _content(file)
     frames = content["frames"]
     order = sorted(range(len(frames)), key=lambda i: str(frames[i].get("file_path")))
     frames = [frames[i] for i in order]
-    images = read_images([_photograph(file, frame, i) for i, frame in enumerate(frames)])
+    images = read_images([_photograph(file, frame, i, outside) for i, frame in enumerate(frames)])
     height, width = images.shape[1:3]
     lenses = [_intrinsics(file, content | frame, width, height) for frame in frames]
     poses = [_pose(file, frame, i) for i, frame in enumerate(frames)]
@@ -64,23 +74,60 @@ def _instant_ngp(file: Path, test_every: int) -> Scene:
         held = np.array([frame.get("split") == "test" for frame in frames])
     else:
         held = every(len(frames), test_every)
+    views = _cameras(
+        file, poses, np.array([a for a, _ in lenses]), width, height,
+        np.array([b for _, b in lenses]),
+    )  # fmt: skip
+    bounds, near = _cube(file, content, views)
+    past = _looking_past(views, bounds)
+    if past > PAST:
+        warnings.warn(
+            f"{file}: {past:.0%} of the cameras look past the scene's cube, of half side "
+            f"{bounds.half:g} about {bounds.center}: photographs show what it has not; give other "
+            "bounds, or take aabb_scale, scale and offset out of the file",
+            stacklevel=4,
+        )
+    return Scene(images, views, held, bounds, near, math.inf)
+
+
+def _cube(file: Path, content: dict[str, Any], views: Cameras) -> tuple[Bounds, float]:
+    """Return the cube that a file says, or one from its cameras, and the least distance."""
+    if all(content.get(name) is None for name in ("aabb_scale", "scale", "offset")):
+        point = focus_of(views.poses)
+        away = np.linalg.norm(views.poses[:, :, 3] - point, axis=1)
+        # What a camera sees at the point that all look at.
+        sizes = np.array([views.width, views.height]) / 2
+        half = float(np.median(away * (sizes / views.intrinsics[:, :2]).max(axis=1)))
+        if half > 0:
+            x, y, z = map(float, point)
+            return Bounds((x, y, z), half, False), 0.05 * half
     scale = _number(file, content, "scale", NGP_SCALE, 0.0)
     half = 0.5 * _number(file, content, "aabb_scale", 1.0, 0.0) / scale
     offset = content.get("offset", NGP_OFFSET)
     offset = offset if isinstance(offset, list) and len(offset) == 3 else [offset] * 3
     moved = [_number(file, {"offset": o}, "offset", NGP_OFFSET) for o in offset]
     x, y, z = ((0.5 - o) / scale for o in moved)
-    views = _cameras(
-        file, poses, np.array([a for a, _ in lenses]), width, height,
-        np.array([b for _, b in lenses]),
-    )  # fmt: skip
-    return Scene(images, views, held, Bounds((x, y, z), half, False), 0.05 / scale, math.inf)
+    return Bounds((x, y, z), half, False), 0.05 / scale
+
+
+def _looking_past(views: Cameras, bounds: Bounds) -> float:
+    """Return the share of cameras whose axis does not meet the cube."""
+    eyes = (views.poses[:, :, 3] - np.array(bounds.center)) / bounds.half
+    ahead = views.poses[:, :, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sides = np.stack(((-1 - eyes) / ahead, (1 - eyes) / ahead))
+    enter, leave = np.fmin(*sides).max(axis=1), np.fmax(*sides).min(axis=1)
+    return float(np.mean(~((enter <= leave) & (leave > 0))))
 
 
 def _content(file: Path) -> dict[str, Any]:
     try:
         content = json.loads(file.read_text(encoding="utf-8-sig"))  # with its mark or without
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except RecursionError:
+        raise ValueError(f"{file} must be JSON: it is nested too deeply") from None
+    except OSError as error:
+        raise ValueError(f"{file} must be a file that can be read: {error.strerror}") from None
+    except ValueError as error:
         raise ValueError(f"{file} must be JSON: {error}") from None
     frames = content.get("frames") if isinstance(content, dict) else None
     if not frames:
@@ -107,14 +154,26 @@ def _number(
     return found
 
 
-def _photograph(file: Path, frame: dict[str, Any], number: int) -> Path:
+def _photograph(file: Path, frame: dict[str, Any], number: int, outside: bool) -> Path:
     name = frame.get("file_path")
     if not isinstance(name, str):
         raise ValueError(f"{file} must give file_path for each frame, got {name!r} in {number}")
+    beyond = Path(name).is_absolute() or ".." in Path(os.path.normpath(name)).parts
+    if beyond and not outside:
+        raise ValueError(
+            f"{file} must name photographs in its folder, got {name!r:.80} in {number}: "
+            "load_scene(..., outside=True) reads it"
+        )
     stem = file.parent / name
     for suffix in SUFFIXES:
-        found = stem.with_name(stem.name + suffix)
-        if found.is_file():
+        try:
+            found = stem.with_name(stem.name + suffix)
+            there = found.is_file()
+        except (OSError, ValueError) as error:  # a name too long, or with a zero in it
+            raise ValueError(
+                f"{file} must give file_path for each frame, got {name!r:.80} in {number}: {error}"
+            ) from None
+        if there:
             return found
     raise FileNotFoundError(f"scene must have all its photographs, but {stem} is not there")
 

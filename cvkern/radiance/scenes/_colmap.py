@@ -29,7 +29,7 @@ MODELS = {
     4: ("OPENCV", "ffcckkpp"),
 }
 LAYOUTS = dict(MODELS.values())
-MOST_POINTS = 2**14  # that the range of depths is found from
+MOST_POINTS = 2**14  # points that the range of depths is found from
 
 Lens = tuple[str, int, int, tuple[float, ...]]  # model, width, height, parameters
 View = tuple[str, int, tuple[float, ...]]  # photograph, camera, quaternion and translation
@@ -219,7 +219,7 @@ def _binary_images(file: Path) -> list[View]:
 def _binary_points(file: Path) -> np.ndarray:
     data = _Bytes(file)
     points = []
-    for _ in range(data.take("Q")[0]):  # of which there may be fewer than it says
+    for _ in range(data.take("Q")[0]):  # there may be fewer than the file says
         _, *place, _, _, _, _ = data.take("Q3d3Bd")
         points.append(place)
         data.skip(8 * data.take("Q")[0])  # the photographs that see it

@@ -102,7 +102,7 @@ class Scene:
         return replace(self, images=images, cameras=small, depths=depths)
 
 
-def load_scene(path: Any, *, test_every: int = 8) -> Scene:
+def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scene:
     """Read a folder of posed photographs.
 
     Parameters
@@ -115,6 +115,8 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     test_every : int, default 8
         One in so many of the photographs, in order of their names from the first on, is kept back
         for testing where the format does not say which; 0 for none.
+    outside : bool, default False
+        Whether a file may name photographs outside of its folder.
 
     Returns
     -------
@@ -130,14 +132,22 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     ValueError
         If `test_every` is negative; if a file is broken, there are no photographs, they differ in
         size, or from their lens in proportions, a number is not finite, a pose has no rotation in
-        it, or a lens is of another model, a fisheye, say: names the file.
+        it, a photograph lies outside of the folder, or a lens is of another model, a fisheye, say:
+        names the file.
+
+    Warns
+    -----
+    UserWarning
+        If cameras look past the cube that a ``transforms.json`` says.
 
     Notes
     -----
     Photographs are taken as they are stored, whatever they say is up: so are those that their
     cameras were found from.
 
-    Bounds are guesses but for instant-ngp's, which has a cube: Blender's scenes are taken for those
+    Bounds are guesses, except for a ``transforms.json`` with ``aabb_scale``, ``scale`` or
+    ``offset``, which say a cube; without them it is as large as the cameras see at the point that
+    they look at. Blender's scenes are taken for those
     of the first paper on radiance fields, within 1.5 of the origin, 2 to 6 from the cameras; those
     of COLMAP and LLFF are unbounded, with a cube round the cameras about the point that they look
     at. ``dataclasses.replace(scene, bounds=Bounds(...), near=..., far=...)`` knows better.
@@ -166,7 +176,9 @@ def load_scene(path: Any, *, test_every: int = 8) -> Scene:
     )
     for name, file in formats:
         if file.exists():
-            return importlib.import_module(f"cvkern.radiance.scenes.{name}").load(file, test_every)
+            module = importlib.import_module(f"cvkern.radiance.scenes.{name}")
+            more = (outside,) if name == "_blender" else ()
+            return module.load(file, test_every, *more)
     raise FileNotFoundError(
         "path must hold transforms_train.json, transforms.json, poses_bounds.npy or a COLMAP "
         f"model, got {str(path)!r}"
@@ -183,7 +195,9 @@ def read_images(files: list[Path]) -> np.ndarray:
     for file in files:
         if not file.exists():
             raise FileNotFoundError(f"scene must have all its photographs, but {file} is not there")
-        image = _as_bytes(read_image(file, orient=False), file)  # as cameras were fitted to it
+        image = _as_bytes(
+            read_image(file, orient=False), file
+        )  # cameras were fitted to it as it is stored
         if found and image.shape != found[0].shape:
             raise ValueError(
                 f"photographs must have one size, got {image.shape} in {file}, "

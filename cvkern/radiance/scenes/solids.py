@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._checks import check_integer
 from cvkern._runtime import refuse_capture, runtime
-from cvkern.kernels.codes.radiance import Pattern, Shape
+from cvkern.kernels.codes.radiance import Pattern, Shape, Solids
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.pinhole import cameras, look_at
 from cvkern.radiance.rendering import on_device
@@ -102,16 +102,16 @@ def make_scene(*, train: int = 40, test: int = 8, size: int = 100, samples: int 
     lens = [FOCAL * fine, FOCAL * fine, middle, middle]
     views = cameras(look_at(_eyes(count), TARGET), lens, fine, fine)
     rt = runtime()
-    poses, lenses = on_device(rt, Frame(WORLD, 0.0, 0.0), views)
-    kinds, placements, sizes, paints, around, sun = (rt.constant(a) for a in _tables())
+    lens = on_device(rt, Frame(WORLD, 0.0, 0.0), views)
+    *solids, around, sun = (rt.constant(a) for a in _tables())
     origins, directions = (rt.zeros((fine * fine, 3)) for _ in range(2))
     seen, depth = rt.zeros((fine * fine, 4)), rt.zeros((fine * fine,))
     images = np.empty((count, fine, fine, 4), np.uint8)
     depths = np.empty((count, fine, fine), np.float32)
     for view in range(count):
-        rt.radiance.pinhole.view_rays(poses, lenses, view, fine, 0, origins, directions)
+        rt.radiance.pinhole.view_rays(lens, view, 0, origins, directions)
         rt.radiance.scenes.solids.trace(
-            origins, directions, kinds, placements, sizes, paints, around, sun, seen, depth
+            origins, directions, Solids(*solids), around, sun, seen, depth
         )
         images[view] = np.round(255 * rt.to_numpy(seen)).reshape(fine, fine, 4)
         depths[view] = rt.to_numpy(depth).reshape(fine, fine)

@@ -1,4 +1,9 @@
-"""Pictures of point clouds, in Taichi."""
+"""Pictures of point clouds, in Taichi: an integer minimum decides what is seen.
+
+A point is a square in the view of a pinhole camera; each sample keeps the least of the keys that
+fall on it, the depth in the higher bits and the number of the point in the lower. One thread a
+point, then one a channel of a pixel, which averages its samples.
+"""
 
 import numpy as np
 import taichi as ti

@@ -1,4 +1,9 @@
-"""Thinning and hysteresis, in Taichi."""
+"""Thinning and hysteresis, in Taichi: one thread a pixel in each step.
+
+A pixel is thinned away unless it is a maximum along the gradient; what is above the lower threshold
+is kept if it is connected with something above the higher one (Canny, "A computational approach to
+edge detection", TPAMI 1986).
+"""
 
 import numpy as np
 import taichi as ti
@@ -11,6 +16,7 @@ from cvkern.kernels.taichi._rounding import product, root
 
 from ._hysteresis import keep, plant, unite
 
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
@@ -99,7 +105,13 @@ def _tops_sector(
 
 @ti.func
 def _tops_line(
-    dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, norm: ti.i32, zero: ti.i32
+    dy: ti.template(),
+    dx: ti.template(),
+    y: ti.i32,
+    x: ti.i32,
+    norm: ti.i32,
+    framed: ti.i32,
+    zero: ti.i32,
 ) -> ti.i32:
     """Whether a pixel is a maximum along its gradient, between neighbours, as in Canny 1986."""
     gy = dy[y, x]
@@ -126,7 +138,8 @@ def _tops_line(
         _length(dy, dx, y + ty, x + tx, norm, zero), small, zero
     )
     m = _length(dy, dx, y, x, norm, zero) * big
-    return m > back and m >= ahead
+    first = m > back or (framed == 1 and m == back)
+    return first and m >= ahead
 
 
 @ti.kernel
@@ -135,8 +148,7 @@ def _thin(
     dx: f32_2,
     norm: ti.i32,
     rule: ti.i32,
-    low: ti.f32,
-    high: ti.f32,
+    limits: f32_1,
     zero: ti.i32,
     # outputs
     states: u8_2,
@@ -144,15 +156,17 @@ def _thin(
     for y, x in dy:
         state = ti.cast(Edge.NONE, ti.i32)
         m = _measure(dy, dx, y, x, norm, zero)
-        if m > low:
+        framed = rule == Thinning.FRAMED
+        inside = 0 < y < dy.shape[0] - 1 and 0 < x < dy.shape[1] - 1
+        if m > limits[0] and (inside or not framed):
             top = 0
             if rule == Thinning.SECTORS:
                 top = _tops_sector(dy, dx, y, x, norm, zero)
             else:
-                top = _tops_line(dy, dx, y, x, norm, zero)
+                top = _tops_line(dy, dx, y, x, norm, ti.cast(framed, ti.i32), zero)
             if top != 0:
                 state = Edge.WEAK
-                if m > high:
+                if m > limits[1]:
                     state = Edge.STRONG
         states[y, x] = ti.cast(state, ti.u8)
 
@@ -163,12 +177,22 @@ def thin(
     dx: np.ndarray,
     norm: int,
     rule: int,
-    low: float,
-    high: float,
+    limits: np.ndarray,
     states: np.ndarray,
 ) -> None:
     """Keep the maxima along the gradient, weak or strong; one thread per pixel."""
-    _thin(dy, dx, norm, rule, low, high, 0, states)
+    _thin(dy, dx, norm, rule, limits, 0, states)
+
+
+@ti.kernel
+def _fill_limits(
+    low: ti.f32,
+    high: ti.f32,
+    # outputs
+    limits: f32_1,
+):
+    limits[0] = low
+    limits[1] = high
 
 
 @primitive
@@ -185,7 +209,9 @@ def thin_sobel(
     dy = scratch(src.shape, np.float32)
     dx = scratch(src.shape, np.float32)
     _sobel(src, border, cval, dy, dx)
-    _thin(dy, dx, norm, Thinning.SECTORS, low, high, 0, states)
+    limits = scratch((2,), np.float32)
+    _fill_limits(low, high, limits)
+    _thin(dy, dx, norm, Thinning.SECTORS, limits, 0, states)
 
 
 @primitive

@@ -1,4 +1,9 @@
-"""Sub-pixel edge points, in Taichi."""
+"""Sub-pixel edge points, in Taichi: one thread a row.
+
+Across a blurred straight step the gradient is a Gaussian, along either axis. Its logarithm is a
+parabola, and the edge is where that has its top: with a, b and c the logarithms before, at and
+behind a pixel, ``(a - c) / (2 (a - 2 b + c))`` from it.
+"""
 
 import numpy as np
 import taichi as ti

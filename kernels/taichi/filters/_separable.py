@@ -1,4 +1,7 @@
-"""The two passes of a separable filter, shared by several families; one thread per element."""
+"""The two passes of a separable filter in Taichi; one thread an element.
+
+A pass is ``out[i] = sum over t of taps[t] * in[i + t - r]``, added up in the order of the taps.
+"""
 
 import taichi as ti
 

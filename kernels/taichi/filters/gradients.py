@@ -1,4 +1,8 @@
-"""Gradients, their lengths and angles, in Taichi; one thread per element."""
+"""Gradients, their lengths and angles, in Taichi; one thread an element.
+
+A derivative is smoothed in one direction and differenced in the other. The length is ``sqrt(dx^2 +
+dy^2)``, and the angle that of (dx, dy) by a polynomial, as an arc tangent differs between devices.
+"""
 
 import numpy as np
 import taichi as ti

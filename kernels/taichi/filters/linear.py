@@ -1,4 +1,4 @@
-"""Linear filters in Taichi."""
+"""Linear filters in Taichi: a correlation down the rows, then one along the columns."""
 
 import numpy as np
 

@@ -1,4 +1,8 @@
-"""Rank filters in Taichi."""
+"""Rank filters in Taichi; one thread an element.
+
+The value of rank r is the largest v with at most r window values below v: it is found bit by bit,
+from the highest. Floats are compared as integers: their bits, those of negative ones turned round.
+"""
 
 import numpy as np
 import taichi as ti

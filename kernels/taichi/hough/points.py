@@ -1,4 +1,8 @@
-"""The set pixels of a mask as a list, in Taichi."""
+"""The set pixels of a mask as a list, in Taichi; one thread a row.
+
+The set pixels of each row are counted, the counts are added up from the top, and each row then
+lists its points from its place on: so they stand in raster order.
+"""
 
 import numpy as np
 import taichi as ti

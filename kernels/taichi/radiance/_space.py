@@ -14,11 +14,15 @@ a multiple.
 
 import taichi as ti
 
+from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.taichi._random import random_unit
 from cvkern.kernels.taichi._rounding import product, quotient
 
 vec2 = ti.types.vector(2, ti.f32)
 vec3 = ti.types.vector(3, ti.f32)
+
+
+CELL = [int(draw) for draw in (Draw.CELL_X, Draw.CELL_Y, Draw.CELL_Z)]
 
 
 @ti.func
@@ -68,7 +72,7 @@ def random_point(cell: ti.i32, cells: ti.i32, seed: ti.i32, step: ti.i32) -> vec
     size = 2.0 * side / cells
     corner = 4 * ti.Vector([block % blocks, block // blocks % blocks, layer % blocks])
     corner += ti.Vector([cell, cell >> 2, cell >> 4]) & 3
-    offset = ti.Vector([random_unit(seed, step, cell, k) for k in ti.static(range(1, 4))])
+    offset = ti.Vector([random_unit(seed, step, cell, k) for k in ti.static(CELL)])
     return (corner + offset) * size - side
 
 

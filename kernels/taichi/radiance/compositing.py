@@ -19,6 +19,7 @@ no more than `stop` of the light is left; samples behind that have no gradient.
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import primitive
 
 from ._space import row
@@ -137,25 +138,19 @@ def forward(
     distances: np.ndarray,
     spans: np.ndarray,
     stop: float,
-    color: np.ndarray,
-    opacity: np.ndarray,
-    depth: np.ndarray,
-    distortion: np.ndarray,
+    seen: codes.Seen,
 ) -> None:
     """Composite each ray front to back.
 
     `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of its samples, the rows that `spans` (R, 2)
-    says, make `color` (R, 3), `opacity`, `depth` and `distortion` (R,).
+    says, make what R rays have `seen`.
     """
-    _forward(sigma, rgb, distances, spans, stop, color, opacity, depth, distortion)
+    _forward(sigma, rgb, distances, spans, stop, *seen)
 
 
 @primitive
 def backward(
-    d_color: np.ndarray,
-    d_opacity: np.ndarray,
-    d_depth: np.ndarray,
-    d_distortion: np.ndarray,
+    d_seen: codes.Seen,
     sigma: np.ndarray,
     rgb: np.ndarray,
     distances: np.ndarray,
@@ -168,7 +163,4 @@ def backward(
 
     Rows of no ray are not touched.
     """
-    _backward(
-        d_color, d_opacity, d_depth, d_distortion, sigma, rgb, distances, spans, stop,
-        d_sigma, d_rgb,
-    )  # fmt: skip
+    _backward(*d_seen, sigma, rgb, distances, spans, stop, d_sigma, d_rgb)

@@ -3,6 +3,8 @@
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._random import random_index, random_unit
 
@@ -91,19 +93,14 @@ def _view_rays(
 
 @primitive
 def view_rays(
-    poses: np.ndarray,
-    lenses: np.ndarray,
+    cameras: codes.CameraSet,
     view: int,
-    width: int,
     begin: int,
     origins: np.ndarray,
     directions: np.ndarray,
 ) -> None:
-    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on.
-
-    `poses` (N, 3, 4) are camera to world; `lenses` (N, 9) are fx, fy, cx, cy, k1, k2, p1, p2, k3
-    in OpenCV's order and meaning.
-    """
+    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on."""
+    poses, lenses, width, _ = cameras
     _view_rays(poses, lenses, view, width, begin, origins, directions)
 
 
@@ -123,13 +120,13 @@ def _random_rays(
     targets: f32_2,  # (R, 4)
 ):
     for ray in range(origins.shape[0]):
-        pixel = random_index(seed, step[0], ray, 0, images.shape[0])
+        pixel = random_index(seed, step[0], ray, Draw.PIXEL, images.shape[0])
         view = pixel // (width * height)
         within = pixel - view * (width * height)
         row = within // width
         column = within - row * width
-        y = row + spread * (random_unit(seed, step[0], ray, 9) - 0.5)
-        x = column + spread * (random_unit(seed, step[0], ray, 10) - 0.5)
+        y = row + spread * (random_unit(seed, step[0], ray, Draw.PIXEL_Y) - 0.5)
+        x = column + spread * (random_unit(seed, step[0], ray, Draw.PIXEL_X) - 0.5)
         _write_ray(poses, lenses, view, y, x, ray, origins, directions)
         for k in range(3):
             targets[ray, k] = images[pixel, k] / 255.0
@@ -141,11 +138,8 @@ def _random_rays(
 
 @primitive
 def random_rays(
-    poses: np.ndarray,
-    lenses: np.ndarray,
+    cameras: codes.CameraSet,
     images: np.ndarray,
-    width: int,
-    height: int,
     spread: float,
     seed: int,
     step: np.ndarray,
@@ -158,6 +152,7 @@ def random_rays(
     A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre. `images`
     (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1.
     """
+    poses, lenses, width, height = cameras
     _random_rays(
         poses, lenses, images, width, height, spread, seed, step, origins, directions, targets
     )

@@ -9,6 +9,7 @@ the field, or that no more than `stop` of the light gets through. The samples of
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import primitive
 
 from ._space import interval, keep_sample, place, reach, reciprocal, row, skip, spacing
@@ -60,28 +61,21 @@ def _set_out(
 
 @primitive
 def set_out(
-    origins: np.ndarray,
-    directions: np.ndarray,
-    levels: int,
-    near: float,
-    finest: float,
-    cone: float,
-    at: np.ndarray,
-    taken: np.ndarray,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
     listing: np.ndarray,
     counts: np.ndarray,
-    color: np.ndarray,
-    opacity: np.ndarray,
-    depth: np.ndarray,
+    views: codes.Views,
 ) -> None:
-    """Begin the views of all rays, `origins` and unit `directions` (R, 3).
+    """Begin the views of all R rays, whatever their `active` says.
 
-    What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
-    `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
-    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
+    Each goes on from where `march.steps.march_rays` begins without jitter; `listing` (R,) has all
+    of them, and they saw nothing: the rest of `views` and `counts` (2,) are 0.
     """
-    outputs = at, taken, listing, color, opacity, depth
-    _set_out(origins, directions, levels, near, finest, cone, 0, *outputs)
+    outputs = views.at, views.taken, listing, views.color, views.opacity, views.depth
+    m = march
+    _set_out(rays.origins, rays.directions, space.levels, m.near, m.finest, m.cone, 0, *outputs)
     _clear(counts)
 
 
@@ -160,40 +154,31 @@ def _march_on(
 
 @primitive
 def march_on(
-    origins: np.ndarray,
-    directions: np.ndarray,
-    bits: np.ndarray,
-    levels: int,
-    cells: int,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
-    unbounded: bool,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
     few: int,
     living: int,
     listing: np.ndarray,
-    at: np.ndarray,
-    taken: np.ndarray,
+    views: codes.Views,
     going: np.ndarray,
     spans: np.ndarray,
     counts: np.ndarray,
-    positions: np.ndarray,
-    distances: np.ndarray,
-    rays: np.ndarray,
+    samples: codes.Samples,
 ) -> None:
     """List the next samples, `few` at most, of each of the first `living` rays of a list.
 
-    The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
-    takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
-    of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
-    rows of each of those, and `counts` (2,), which were 0, with how many samples and rays there
-    are. The samples are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few
-    living. In which order the rays are listed is left open: nothing that they see depends on it.
+    Rays are marched as by `march.steps.march_rays`, without jitter; in all rounds together, a ray
+    takes `most` samples. Where they go on and the samples that they took are moved on. `going` (R,)
+    is filled with the rays of `listing` (R,) that have any samples, `spans` (R, 2) with the first
+    row and the number of rows of each of those, and `counts` (2,), which were 0, with how many
+    samples and rays there are. `samples` have room for few living. In which order the rays are
+    listed is left open: nothing that they see depends on it.
     """
+    s, m = space, march
     _march_on(
-        origins, directions, bits, levels, cells, far, finest, cone, most, unbounded, few, living,
-        listing, 0, at, taken, going, spans, counts, positions, distances, rays,
+        rays.origins, rays.directions, s.bits, s.levels, s.cells, m.far, m.finest, m.cone, m.most,
+        s.unbounded, few, living, listing, 0, views.at, views.taken, going, spans, counts, *samples,
     )  # fmt: skip
 
 
@@ -243,20 +228,17 @@ def composite_on(
     living: int,
     stop: float,
     counts: np.ndarray,
-    at: np.ndarray,
-    color: np.ndarray,
-    opacity: np.ndarray,
-    depth: np.ndarray,
+    views: codes.Views,
 ) -> None:
     """Composite the samples of a round behind what their rays saw.
 
     `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
-    to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
-    `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
-    nowhere: its `at` (R,) is behind everything. `counts` (2,) are 0 for the next round.
+    to what the first `living` rays of `going` (R,) saw, as `compositing.forward` does. A ray with
+    no more than `stop` of its light left goes on nowhere: it is put behind everything. `counts`
+    (2,) are 0 for the next round.
     """
     inputs = sigma, rgb, distances, going, spans, living, stop
-    _composite_on(*inputs, at, color, opacity, depth)
+    _composite_on(*inputs, views.at, views.color, views.opacity, views.depth)
     _clear(counts)
 
 

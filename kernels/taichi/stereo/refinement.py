@@ -186,23 +186,32 @@ def _fill(
 
 
 @ti.kernel
+def _find_sources(
+    # outputs
+    found: i32_1,  # which rows have a disparity; then which row each one is filled from, or -1
+):
+    for _ in range(1):  # one thread: a row needs what the one before has found
+        height = found.shape[0]
+        first = height
+        for i in range(height):
+            if found[height - 1 - i] == 1:
+                first = height - 1 - i
+        source = first if first < height else -1
+        for y in range(height):
+            if found[y] == 1:
+                source = y
+            found[y] = source
+
+
+@ti.kernel
 def _fill_empty_rows(
     found: i32_1,
     # outputs
     filled: f32_2,
 ):
-    height = filled.shape[0]
-    for y in range(height):
-        if found[y] == 0:
-            source = -1
-            for i in range(height):  # rows below, the nearest last; then rows above
-                row = y + height - 1 - i
-                if row > y and row < height:
-                    if found[row] == 1:
-                        source = row
-            for row in range(y):
-                if found[row] == 1:
-                    source = row
+    for y in range(filled.shape[0]):
+        source = found[y]
+        if source != y:
             for x in range(filled.shape[1]):
                 value = _none()
                 if source >= 0:
@@ -219,6 +228,7 @@ def fill(disparity: np.ndarray, filled: np.ndarray, valid: np.ndarray) -> None:
     """
     found = scratch((disparity.shape[0],), np.int32)
     _fill(disparity, filled, valid, found)
+    _find_sources(found)
     _fill_empty_rows(found, filled)
 
 

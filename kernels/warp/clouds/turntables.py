@@ -1,4 +1,9 @@
-"""Pictures of point clouds, in Warp: an integer minimum decides what is seen."""
+"""Pictures of point clouds, in Warp: an integer minimum decides what is seen.
+
+A point is a square in the view of a pinhole camera; each sample keeps the least of the keys that
+fall on it, the depth in the higher bits and the number of the point in the lower. One thread a
+point, then one a pixel, which averages its samples.
+"""
 
 import warp as wp
 

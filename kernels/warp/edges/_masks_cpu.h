@@ -1,11 +1,11 @@
 // needs INTERPOLATED SECTOR_ONE SECTOR_LOW SECTOR_HIGH
-// States of the pixels of row y: 0, 1 above `low`, 2 above `high`, if they are maxima by the rules
-// of _thinning_cuda.py. Three rows of what neighbours are compared by stand in `lines` from `first`
-// on, row r in line r mod 3, between margins of one. The letters are those of a compass. All
-// neighbours are read, or the choice among them would keep the loop from vector code. The arrays are
-// views of vectors that start at each float.
+// States of the pixels of row y: 0, 1 above `low`, 2 above `high`, where the pixel is a maximum; the
+// rules are also in _thinning_cuda.py. Neighbours are compared by what stands in `lines`, three rows
+// from `first` on, row r in line r mod 3, between margins of one. The letters are those of a compass.
+// All neighbours are read, or the choice among them would keep the loop from vector code. The arrays
+// are views of vectors that start at each float.
 void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int dx_row, int margin,
-              wp::array_t<Wide> lines, int first, int norm, float low, float high,
+              wp::array_t<Wide> lines, int first, int norm, float low, float high, bool framed,
               wp::array_t<wp::uint8> states) {
 #pragma clang fp contract(off)
     const int columns = states.shape[1];
@@ -19,7 +19,7 @@ void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int
     const float* below = row_of(lines, first + (y + 1) % 3) + 1;
     unsigned char* __restrict__ state = states.data + (size_t)y * columns;
     // At most what a pixel above `low` is compared by. Rounding a root keeps order, but may make
-    // two one: hence not the root of `low` itself.
+    // two numbers one: hence not the root of `low` itself.
     const float least = INTERPOLATED && norm ? 0.999f * wp::sqrt(low) : low;
     for (int begin = 0; begin < columns; begin += 64) {
         const int end = begin + 64 < columns ? begin + 64 : columns;
@@ -45,7 +45,8 @@ void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int
                 const float corner_ahead = opposite ? (downward ? sw : ne) : se;
                 const float back = (downward ? n : w) * rest + corner_back * small;
                 const float ahead = (downward ? s : e) * rest + corner_ahead * small;
-                kept = (c * large > back) & (c * large >= ahead);
+                const float top = c * large;
+                kept = ((top > back) | (framed & (top == back))) & (top >= ahead);
             } else {
                 const float steep = ay * (float)SECTOR_ONE;
                 const bool across = steep < ax * (float)SECTOR_LOW;

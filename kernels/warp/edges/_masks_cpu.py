@@ -52,6 +52,7 @@ def _thin_row(interpolated: bool) -> Any:
         norm: int,
         low: float,
         high: float,
+        framed: bool,
         states: wp.array2d[wp.uint8],
     ): ...
 
@@ -119,6 +120,17 @@ def close(line: int, columns: int, lines: wp.array2d[float]):
     lines[line, columns + 1] = 0.0
 
 
+@wp.func
+def clear_frame(y: int, states: wp.array2d[wp.uint8]):
+    """Leave no edge on the outermost rows and columns."""
+    last = states.shape[1] - 1
+    if y == 0 or y == states.shape[0] - 1:
+        for x in range(last + 1):
+            states[y, x] = wp.uint8(0)
+    states[y, 0] = wp.uint8(0)
+    states[y, last] = wp.uint8(0)
+
+
 @wp.kernel
 def thin_sobel(
     slab: int,
@@ -180,7 +192,7 @@ def thin_sobel(
             down = LINES * slab + DOWN + third
             along = LINES * slab + ALONG + third
             thin_in_sectors(
-                y - 1, wide, down, wide, along, 1, wide, measures, norm, low, high, states
+                y - 1, wide, down, wide, along, 1, wide, measures, norm, low, high, False, states
             )
 
 
@@ -193,14 +205,16 @@ def thin(
     dx: wp.array2d[f32_wide],  # (H, N - 63)
     norm: int,
     rule: int,
-    low: float,
-    high: float,
+    limits: wp.array[float],  # (2,): what a weak and a strong pixel exceed
     # scratch
     lines: wp.array2d[float],  # (MEASURE_LINES slabs, N + 2)
     wide: wp.array2d[f32_wide],  # (MEASURE_LINES slabs, N + 2 - 63): the same
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
+    low = limits[0]
+    high = limits[1]
+    framed = rule == Thinning.FRAMED
     columns = states.shape[1]
     behind = dy.shape[1] - 1
     measures = MEASURE_LINES * slab
@@ -211,18 +225,20 @@ def thin(
         else:
             for begin in range(0, behind + WIDE, WIDE):
                 x = wp.min(begin, behind)
-                root = rule == Thinning.INTERPOLATED
+                root = rule != Thinning.SECTORS
                 wide[line, x + 1] = measured(dy[y, x], dx[y, x], norm, root)
             close(line, columns, lines)
         if y > first:
             if rule == Thinning.SECTORS:
                 thin_in_sectors(
-                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, states
+                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, False, states
                 )
             else:
                 thin_between(
-                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, states
+                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, framed, states
                 )
+                if framed:
+                    clear_frame(y - 1, states)
 
 
 @wp.kernel

@@ -1,4 +1,9 @@
-"""Edges on CUDA: strips of a column in registers, components by union-find."""
+"""Edges on CUDA: a thread thins a strip of four columns; components are found by union-find.
+
+A pixel is thinned away unless it is a maximum along the gradient, and states say which of the
+thresholds it is above (Canny, "A computational approach to edge detection", TPAMI 1986). A weak
+pixel is kept if it is connected with a strong one.
+"""
 
 import warp as wp
 
@@ -90,7 +95,7 @@ def state_of(
     else:
         kept = is_maximum_between(
             dy, dx, above[k], above[k + 1], above[k + 2], here[k], here[k + 1], here[k + 2],
-            below[k], below[k + 1], below[k + 2],
+            below[k], below[k + 1], below[k + 2], rule == Thinning.FRAMED,
         )  # fmt: skip
     if not kept:
         return wp.uint32(0)
@@ -164,6 +169,12 @@ def thin_sobel(
         dx_here = dx
 
 
+@wp.func
+def on_frame(states: wp.array2d[wp.uint8], y: int, x: int) -> bool:
+    """Tell whether a pixel is one of the outermost."""
+    return y == 0 or x == 0 or y == states.shape[0] - 1 or x == states.shape[1] - 1
+
+
 @wp.kernel
 def thin(
     dy: wp.array2d[float],  # (H, W)
@@ -171,15 +182,16 @@ def thin(
     in_words: bool,
     norm: int,
     rule: int,
-    low: float,
-    high: float,
+    limits: wp.array[float],  # (2,): what a weak and a strong pixel exceed
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
-    # As thin_sobel, with given gradients.
+    # The gradients are given; else this is thin_sobel.
     strip, quad = wp.tid()
     x = quad * QUAD
     top = strip * STRIP
+    low = limits[0]
+    high = limits[1]
     height = dy.shape[0]
     width = dy.shape[1]
     above = vec6()
@@ -203,6 +215,8 @@ def thin(
                 state = state_of(
                     dy_here[k + 1], dx_here[k + 1], above, here, below, k, norm, rule, low, high
                 )
+                if rule == Thinning.FRAMED and on_frame(states, y - 1, x + k):
+                    state = wp.uint32(0)
                 word = word | (state << wp.uint32(8 * k))
             write_states(states, y - 1, x, in_words, word)
         above = here

@@ -1,4 +1,4 @@
-"""Non-maximum suppression of one pixel; _masks_cpu.py has it in C for the CPU."""
+"""Non-maximum suppression of one pixel; _masks_cpu.h has the same rules for a row."""
 
 import warp as wp
 
@@ -18,7 +18,7 @@ def measure(dy: float, dx: float, norm: int) -> float:
 @wp.func
 def compared(m: float, norm: int, rule: int) -> float:
     """Return what neighbours are compared by: to interpolate, the length, not its square."""
-    return wp.where(norm == Norm.L2 and rule == Thinning.INTERPOLATED, wp.sqrt(m), m)
+    return wp.where(norm == Norm.L2 and rule != Thinning.SECTORS, wp.sqrt(m), m)
 
 
 @wp.func
@@ -60,6 +60,7 @@ def is_maximum_between(
     sw: float,
     s: float,
     se: float,
+    framed: bool,
 ) -> bool:
     """Compare `c` with values interpolated where the gradient leaves the 3 x 3 neighbourhood.
 
@@ -75,4 +76,5 @@ def is_maximum_between(
     corner_ahead = wp.where(opposite, wp.where(down, sw, ne), se)
     back = wp.where(down, n, w) * (large - small) + corner_back * small
     ahead = wp.where(down, s, e) * (large - small) + corner_ahead * small
-    return c * large > back and c * large >= ahead
+    top = c * large
+    return (top > back or (framed and top == back)) and top >= ahead

@@ -32,20 +32,20 @@ def thin_sobel(
 
 
 def thin(
-    dy: wp.array, dx: wp.array, norm: int, rule: int, low: float, high: float, states: wp.array
+    dy: wp.array, dx: wp.array, norm: int, rule: int, limits: wp.array, states: wp.array
 ) -> None:
     """Suppression of all but maxima of a gradient, and both thresholds."""
     if dy.device.is_cuda:
         launch(
             cuda.thin,
             _strips(dy),
-            [dy, dx, _in_words(states), norm, rule, low, high],
+            [dy, dx, _in_words(states), norm, rule, limits],
             [states],
         )
         return
     wide = [vectors(padded(a, f"thin.{i}", WIDE), f32_wide) for i, a in enumerate((dy, dx))]
     count = slabs(dy.shape[0], dy.size)
-    inputs = [*wide, norm, rule, low, high, *_lines(dy, cpu.MEASURE_LINES * count)]
+    inputs = [*wide, norm, rule, limits, *_lines(dy, cpu.MEASURE_LINES * count)]
     launch_slabs(cpu.thin, dy.shape[0], count, inputs, [states])
 
 

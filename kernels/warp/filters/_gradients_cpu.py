@@ -68,8 +68,8 @@ def differentiate(
     # outputs
     dy: wp.array2d[f32_wide],  # (H, N - 63)
     dx: wp.array2d[f32_wide],
-    magnitude: wp.array2d[f32_wide],  # or None
-    orientation: wp.array2d[f32_wide],  # or None
+    magnitude: wp.array2d[f32_wide],  # None where it is not asked for
+    orientation: wp.array2d[f32_wide],
 ):
     stored = dy.shape[1] + WIDE - 1
     margin = smooth.shape[0] // 2

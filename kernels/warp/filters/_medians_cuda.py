@@ -1,4 +1,8 @@
-"""The median on CUDA, one thread an element."""
+"""The median on CUDA, one thread an element.
+
+The value of rank r is the largest v with at most r window values below v: it is found bit by bit,
+from the highest. Small windows stay in registers.
+"""
 
 from typing import Any
 

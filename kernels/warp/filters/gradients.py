@@ -1,4 +1,8 @@
-"""Gradients in Warp: over lanes on the CPU, over blocks of outputs on CUDA."""
+"""Gradients in Warp: over lanes on the CPU, over blocks of outputs on CUDA.
+
+A derivative is smoothed in one direction and differenced in the other. The length is ``sqrt(dx^2 +
+dy^2)``, and the angle that of (dx, dy).
+"""
 
 import warp as wp
 

@@ -1,9 +1,10 @@
+#include "_epipolar.h"
 #pragma once
 
 // Samples, minimal solvers and least-squares steps of robust fits, for either device. Arithmetic
 // is in the order written, with no fused multiply-add; Taichi's robust.py has the same order.
 struct Robust {
-    enum Model { SIMILARITY, AFFINE, HOMOGRAPHY };
+    enum Model { SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, PARALLAX };
 
     static unsigned mix(unsigned x) {  // kernels/warp/_random.py
         const unsigned state = x * 747796405u + 2891336453u;
@@ -98,19 +99,29 @@ struct Robust {
         return true;
     }
 
-    // The model of one hypothesis, for matches x0, y0, x1, y1 that lie `pitch` apart.
-    static bool solve(int kind, const float* matches, size_t pitch, int count, int seed,
-                      int hypothesis, double flat, double* h) {
-        int picked[4];
-        const int size = kind == SIMILARITY ? 2 : kind == AFFINE ? 3 : 4;
-        if (!sample(seed, hypothesis, count, size, picked)) return false;
-        double x[4], y[4], u[4], v[4];
+    // The models of one hypothesis, for matches x0, y0, x1, y1 that lie `pitch` apart; their
+    // number. PARALLAX takes the homography of a plane as given.
+    static int solve(int kind, const float* matches, size_t pitch, int count, int seed,
+                     int hypothesis, double flat, const double* plane, double* models) {
+        int picked[8];
+        const int sizes[5] = {2, 3, 4, 7, 2};
+        const int size = sizes[kind];
+        if (!sample(seed, hypothesis, count, size, picked)) return 0;
+        double x[8], y[8], u[8], v[8];
         for (int i = 0; i < size; ++i) {
             const float* match = matches + picked[i];
             x[i] = match[0], y[i] = match[pitch], u[i] = match[2 * pitch], v[i] = match[3 * pitch];
         }
-        if (kind == SIMILARITY) return similarity(x, y, u, v, flat, h);
-        return kind == AFFINE ? affine(x, y, u, v, flat, h) : homography(x, y, u, v, flat, h);
+        if (kind == FUNDAMENTAL) return Epipolar::seven(x, y, u, v, models);
+        if (kind == PARALLAX) return Epipolar::parallax(x, y, u, v, plane, models);
+        if (kind == SIMILARITY) return similarity(x, y, u, v, flat, models);
+        return kind == AFFINE ? affine(x, y, u, v, flat, models)
+                              : homography(x, y, u, v, flat, models);
+    }
+
+    // The squared residual of a match.
+    static float residual(int kind, const float* h, float x, float y, float u, float v) {
+        return kind < FUNDAMENTAL ? transfer(h, x, y, u, v) : Epipolar::sampson(h, x, y, u, v);
     }
 
     // The squared distance of H (x, y) from (u, v).
@@ -145,6 +156,14 @@ struct Robust {
     static bool step(int kind, const double* sums, double* h) {
         // Normal equations of all nine elements: blocks of 3 x 3 by rows of H.
         double full[90], a[90], d[9];
+        if (kind == FUNDAMENTAL) {
+            double whole;
+            if (!Epipolar::equations(sums, h, a, whole)) return false;
+            if (!eliminate(a, 9, 1e-13 * whole, d)) return false;
+            for (int i = 0; i < 9; ++i) h[i] = h[i] + d[i];
+            unit(h);
+            return true;
+        }
         const int place[9] = {0, 1, 2, 1, 3, 4, 2, 4, 5};
         for (int i = 0; i < 3; ++i) {
             for (int j = 0; j < 3; ++j) {
@@ -200,28 +219,36 @@ struct Robust {
         for (int i = 0; i < 9; ++i) h[i] = h[i] / largest;
     }
 
-    // Add what one match gives to sums that lie `pitch` apart; it counts below the limit.
-    static void add(const double* h, double x, double y, double u, double v, bool given,
-                    double limit, double* sums, int pitch) {
+    // Add what one match gives to the sums of a step; it counts below the limit.
+    static void add(int kind, const double* h, double x, double y, double u, double v, double limit,
+                    double* sums) {
+        if (kind == FUNDAMENTAL) {
+            double t[9], n, w;
+            if (!Epipolar::derive(h, x, y, u, v, limit, t, n, w)) return;
+            int k = 0;
+            for (int i = 0; i < 9; ++i) {
+                const double weighed = t[i] * w;
+                for (int j = i; j < 9; ++j, ++k) sums[k] += weighed * t[j];
+                sums[45 + i] += weighed * n;
+            }
+            return;
+        }
         const double inverse = 1.0 / ((h[6] * x + h[7] * y) + h[8]);
         const double px = ((h[0] * x + h[1] * y) + h[2]) * inverse;
         const double py = ((h[3] * x + h[4] * y) + h[5]) * inverse;
         const double rx = px - u, ry = py - v;
-        const bool counts = given && rx * rx + ry * ry < limit;
-        const double p = counts ? px : 0.0, q = counts ? py : 0.0;
-        const double ex = counts ? rx : 0.0, ey = counts ? ry : 0.0;
-        const double c = counts ? inverse : 0.0, a = x * c, b = y * c;
+        if (!(rx * rx + ry * ry < limit)) return;
+        const double c = inverse, a = x * c, b = y * c;
         const double products[6] = {a * a, a * b, a * c, b * b, b * c, c * c};
-        const double square = p * p + q * q, along = p * ex + q * ey;
+        const double square = px * px + py * py, along = px * rx + py * ry;
         for (int i = 0; i < 6; ++i) {
-            sums[i * pitch] += products[i];
-            sums[(6 + i) * pitch] += products[i] * p;
-            sums[(12 + i) * pitch] += products[i] * q;
-            sums[(18 + i) * pitch] += products[i] * square;
+            sums[i] += products[i];
+            sums[6 + i] += products[i] * px;
+            sums[12 + i] += products[i] * py;
+            sums[18 + i] += products[i] * square;
         }
-        sums[24 * pitch] += a * ex, sums[25 * pitch] += b * ex, sums[26 * pitch] += c * ex;
-        sums[27 * pitch] += a * ey, sums[28 * pitch] += b * ey, sums[29 * pitch] += c * ey;
-        sums[30 * pitch] += a * along, sums[31 * pitch] += b * along;
-        sums[32 * pitch] += c * along;
+        sums[24] += a * rx, sums[25] += b * rx, sums[26] += c * rx;
+        sums[27] += a * ry, sums[28] += b * ry, sums[29] += c * ry;
+        sums[30] += a * along, sums[31] += b * along, sums[32] += c * along;
     }
 };

@@ -6,13 +6,10 @@ What is done to the matches is C, because it becomes vector code as it stands.
 import warp as wp
 
 from cvkern.kernels.codes.geometry import (
-    COST_ONE,
     FLAT,
     GROUP,
-    LANES,
     NO_COST,
     PREVIEW,
-    SUMS,
 )
 from cvkern.kernels.warp import _native
 
@@ -21,9 +18,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 _FILE = "_robust_cpu.h"
 
 
-@_native.func_native(
-    _FILE, GROUP=GROUP, PREVIEW=PREVIEW, COST_ONE=COST_ONE, NO_COST=NO_COST, FLAT=FLAT
-)
+@_native.func_native(_FILE, GROUP=GROUP, PREVIEW=PREVIEW, NO_COST=NO_COST, FLAT=FLAT)
 def best_of_group(
     kind: int,
     seed: int,
@@ -32,13 +27,15 @@ def best_of_group(
     start: int,
     count: int,
     square: float,
+    planes: wp.array2d[wp.float64],
+    pair: int,
     at: int,
     models: wp.array3d[float],
     costs: wp.array2d[int],
 ): ...
 
 
-@_native.func_native(_FILE, LANES=LANES, SUMS=SUMS, COST_ONE=COST_ONE)
+@_native.func_native(_FILE)
 def improve(
     kind: int,
     matches: wp.array2d[float],
@@ -74,6 +71,7 @@ def propose(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
+    planes: wp.array2d[wp.float64],
     pairs: wp.array[int],
     kind: int,
     seed: int,
@@ -87,7 +85,7 @@ def propose(
         pair = pairs[i // groups]
         best_of_group(
             kind, seed, first + (i % groups) * wp.static(GROUP), matches, spans[pair, 0],
-            spans[pair, 1], squares[pair], i, models, costs,
+            spans[pair, 1], squares[pair], planes, pair, i, models, costs,
         )  # fmt: skip
 
 

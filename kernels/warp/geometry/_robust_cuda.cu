@@ -3,8 +3,8 @@
 // needs GROUP, PREVIEW, COST_ONE, NO_COST, FLAT
 // One warp a group of hypotheses: a lane solves and previews one, then all score the best.
 void propose(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float> squares,
-             wp::array_t<int> pairs, int kind, int seed, int first, wp::array_t<float> models,
-             wp::array_t<int> costs) {
+             wp::array_t<double> planes, wp::array_t<int> pairs, int kind, int seed, int first,
+             wp::array_t<float> models, wp::array_t<int> costs) {
     const int groups = costs.shape[1], lane = threadIdx.x & 31;
     const int item = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) >> 5);
     if (item >= costs.shape[0] * groups) return;  // the whole warp
@@ -17,19 +17,23 @@ void propose(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<flo
     float h[9];
     int least = NO_COST, which = 0;
     for (int n = lane; n < GROUP; n += 32) {
-        double model[9];
-        const int number = first + item % groups * GROUP + n;
-        if (!Robust::solve(kind, x, pitch, count, seed, number, FLAT, model)) continue;
-        float f[9];
-        for (int i = 0; i < 9; ++i) f[i] = (float)model[i];
-        int preview = 0;
-        for (int i = 0; i < previewed; ++i) {
-            const float r = Robust::transfer(f, x[i], y[i], u[i], v[i]);
-            preview += r < square ? (int)(r * scale + 0.5f) : COST_ONE;
-        }
-        if (preview < least) {
-            least = preview, which = n;
-            for (int i = 0; i < 9; ++i) h[i] = f[i];
+        double found[27];
+        const double* plane = planes.data + 9 * (size_t)pair;
+        const int hypothesis = first + item % groups * GROUP + n;
+        const int number =
+            Robust::solve(kind, x, pitch, count, seed, hypothesis, FLAT, plane, found);
+        for (int m = 0; m < number; ++m) {
+            float f[9];
+            for (int i = 0; i < 9; ++i) f[i] = (float)found[9 * m + i];
+            int preview = 0;
+            for (int i = 0; i < previewed; ++i) {
+                const float r = Robust::residual(kind, f, x[i], y[i], u[i], v[i]);
+                preview += r < square ? (int)(r * scale + 0.5f) : COST_ONE;
+            }
+            if (preview < least) {
+                least = preview, which = n;
+                for (int i = 0; i < 9; ++i) h[i] = f[i];
+            }
         }
     }
     if (least == NO_COST)
@@ -44,7 +48,7 @@ void propose(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<flo
     int cost = 0;
     if (any)
         for (int i = lane; i < count; i += 32) {
-            const float r = Robust::transfer(h, x[i], y[i], u[i], v[i]);
+            const float r = Robust::residual(kind, h, x[i], y[i], u[i], v[i]);
             cost += r < square ? (int)(r * scale + 0.5f) : COST_ONE;
         }
     for (int half = 16; half > 0; half /= 2) cost += __shfl_xor_sync(0xffffffffu, cost, half);
@@ -78,7 +82,7 @@ void refine(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<floa
             double sums[SUMS];
             for (int i = 0; i < SUMS; ++i) sums[i] = 0.0;
             for (int i = lane; i < count; i += 32)
-                Robust::add(h, x[i], y[i], u[i], v[i], true, limit, sums, 1);
+                Robust::add(kind, h, x[i], y[i], u[i], v[i], limit, sums);
             for (int half = 16; half > 0; half /= 2)
                 for (int i = 0; i < SUMS; ++i)
                     sums[i] = sums[i] + __shfl_xor_sync(0xffffffffu, sums[i], half);
@@ -88,7 +92,7 @@ void refine(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<floa
         for (int i = 0; i < 9; ++i) f[i] = (float)h[i];
         int cost = 0, support = 0;
         for (int i = lane; i < count; i += 32) {
-            const float r = Robust::transfer(f, x[i], y[i], u[i], v[i]);
+            const float r = Robust::residual(kind, f, x[i], y[i], u[i], v[i]);
             cost += r < square ? (int)(r * scale + 0.5f) : COST_ONE;
             support += r < square;
         }
@@ -118,5 +122,6 @@ void mark(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<float>
     float f[9];
     for (int i = 0; i < 9; ++i) f[i] = (float)models.data[9 * (size_t)pair + i];
     for (int i = threadIdx.x & 31; i < count; i += 32)
-        inliers.data[start + i] = Robust::transfer(f, x[i], y[i], u[i], v[i]) < squares.data[pair];
+        inliers.data[start + i] =
+            Robust::residual(kind, f, x[i], y[i], u[i], v[i]) < squares.data[pair];
 }

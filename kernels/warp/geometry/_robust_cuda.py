@@ -31,6 +31,7 @@ def propose(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
+    planes: wp.array2d[wp.float64],
     pairs: wp.array[int],
     kind: int,
     seed: int,
@@ -40,7 +41,7 @@ def propose(
 ): ...
 
 
-@_native.kernel(_FILE, _OPTIONS, SUMS=SUMS, COST_ONE=COST_ONE)
+@_native.kernel(_FILE, _OPTIONS, SUMS=max(SUMS), COST_ONE=COST_ONE)
 def refine(
     matches: wp.array2d[float],
     spans: wp.array2d[int],

@@ -17,6 +17,7 @@ def propose(
     matches: wp.array,
     spans: wp.array,
     squares: wp.array,
+    planes: wp.array,
     pairs: wp.array,
     kind: int,
     seed: int,
@@ -27,11 +28,12 @@ def propose(
     """Score the best hypothesis of each group on all matches of a pair.
 
     `matches` are x0, y0, x1, y1, (4, M) float32; `spans` (P, 2) first and number of those of a
-    pair, `squares` (P,) float32 of its threshold, `pairs` (A,) int32 those to work on. Hypothesis
-    `first` + 32 g is the first one of group g. `models` are (A, G, 9) float32, `costs` (A, G)
-    int32, `NO_COST` where all samples of a group are degenerate.
+    pair, `squares` (P,) float32 of its threshold, `planes` (P, 9) float64 of a homography for a
+    model that starts from one, `pairs` (A,) int32 those to work on. Hypothesis `first` + 64 g is
+    the first one of group g. `models` are (A, G, 9) float32, `costs` (A, G) int32, `NO_COST` where
+    all samples of a group are degenerate.
     """
-    inputs = [matches, spans, squares, pairs, kind, seed, first]
+    inputs = [matches, spans, squares, planes, pairs, kind, seed, first]
     count = costs.shape[0] * costs.shape[1]
     if costs.device.is_cuda:
         launch(cuda.propose, cuda.threads(count), inputs, [models, costs], cuda.BLOCK)

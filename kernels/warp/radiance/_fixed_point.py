@@ -1,34 +1,23 @@
-"""Sums of fractions as integers, which do not depend on the order of what is added."""
+"""Sums of fractions as integers, which do not depend on the order of what is added.
+
+A number v is added as the integer nearest to v / UNIT. Native code on CUDA has the same in
+_fixed_point.cu, and is given NATIVE.
+"""
 
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-# Half precision has steps of 2^-24, and ends at 65504: what it holds is not lost here, and sums
-# of 2^18 such numbers fit.
+# Half precision has steps of 2^-24 and ends at 65504: none of its digits is lost here, and a sum of
+# 2^18 such numbers fits.
 UNIT = wp.constant(2.0**-28)
-LIMIT = wp.constant(2.0**16)  # what is added is cut off here
+LIMIT = wp.constant(2.0**16)  # the largest number that is added: others are cut off
 
-# Sums stay within +- this, but for those that a NaN was added to: they are set to -2^63, from where
-# no other addends get them back.
+# Sums stay within +- this, except for those that a NaN was added to: they are set to -2^63, and no
+# other addends bring them back.
 BROKEN = wp.constant(wp.int64(2**62))
 
-# For native code on CUDA: add a float `value` at `to`.
-ADD_FIXED = f"""
-    if (value == value)
-        atomicAdd((unsigned long long*)to, (unsigned long long)__float2ll_rn(
-            fminf(fmaxf(value, -{LIMIT}f), {LIMIT}f) * {1 / UNIT}f));
-    else
-        atomicExch((unsigned long long*)to, 1ull << 63);
-"""
-
-# And a function that makes a float of a sum.
-FRACTION = f"""
-    auto fraction = [](long long sum) {{
-        const bool broken = sum >= 1ll << 62 || sum <= -(1ll << 62);
-        return broken ? __int_as_float(0x7fffffff) : __ll2float_rn(sum) * {UNIT}f;
-    }};
-"""
+NATIVE = {"UNIT": f"{UNIT!r}f", "LIMIT": f"{LIMIT!r}f"}  # constants of _fixed_point.cu
 
 
 @wp.func

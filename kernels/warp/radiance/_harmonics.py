@@ -1,4 +1,8 @@
-"""Real spherical harmonics of degree 0 to 3, orthonormal, in the order l^2 + l + m."""
+"""Real spherical harmonics of degree 0 to 3 of a unit vector, in Warp.
+
+They are orthonormal, in the order l^2 + l + m [Sloan, "Stupid spherical harmonics tricks", 2008].
+Native code has the same polynomials in _harmonics.h.
+"""
 
 import warp as wp
 
@@ -6,32 +10,25 @@ wp.set_module_options({"enable_backward": False})
 
 vec16 = wp.types.vector(16, wp.float32)
 
-# In C, of a unit vector x, y, z.
-HARMONICS = (
-    "0.28209479177387814f",
-    "-0.4886025119029199f * y",
-    "0.4886025119029199f * z",
-    "-0.4886025119029199f * x",
-    "1.0925484305920792f * x * y",
-    "-1.0925484305920792f * y * z",
-    "0.31539156525252005f * (3.0f * z * z - 1.0f)",
-    "-1.0925484305920792f * x * z",
-    "0.5462742152960396f * (x * x - y * y)",
-    "-0.5900435899266435f * y * (3.0f * x * x - y * y)",
-    "2.890611442640554f * x * y * z",
-    "-0.4570457994644658f * y * (5.0f * z * z - 1.0f)",
-    "0.3731763325901154f * z * (5.0f * z * z - 3.0f)",
-    "-0.4570457994644658f * x * (5.0f * z * z - 1.0f)",
-    "1.445305721320277f * z * (x * x - y * y)",
-    "-0.5900435899266435f * x * (x * x - 3.0f * y * y)",
-)
 
-
-@wp.func_native(
-    "wp::vec_t<16, float> h;\n"
-    + "".join(f"h[{k}] = {value};\n" for k, value in enumerate(HARMONICS))
-    + "return h;"
-)
+@wp.func
 def harmonics(x: float, y: float, z: float) -> vec16:
-    """Return all of them for a unit vector."""
-    ...
+    """Return all 16 for a unit vector."""
+    return vec16(
+        0.28209479177387814,
+        -0.4886025119029199 * y,
+        0.4886025119029199 * z,
+        -0.4886025119029199 * x,
+        1.0925484305920792 * x * y,
+        -1.0925484305920792 * y * z,
+        0.31539156525252005 * (3.0 * z * z - 1.0),
+        -1.0925484305920792 * x * z,
+        0.5462742152960396 * (x * x - y * y),
+        -0.5900435899266435 * y * (3.0 * x * x - y * y),
+        2.890611442640554 * x * y * z,
+        -0.4570457994644658 * y * (5.0 * z * z - 1.0),
+        0.3731763325901154 * z * (5.0 * z * z - 3.0),
+        -0.4570457994644658 * x * (5.0 * z * z - 1.0),
+        1.445305721320277 * z * (x * x - y * y),
+        -0.5900435899266435 * x * (x * x - 3.0 * y * y),
+    )

@@ -3,46 +3,41 @@
 import warp as wp
 
 from ._space import interval, reciprocal, row, skip, spacing
+from ._structs import March, Rays, Space, Views
 
 
 @wp.func
 def look(
-    origins: wp.array2d[float],
-    directions: wp.array2d[float],
-    bits: wp.array[wp.uint32],
-    levels: int,
-    cells: int,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
+    rays: Rays,
+    space: Space,
+    march: March,
     few: int,
     living: int,
     i: int,
     ray: int,
     # outputs
-    at: wp.array[float],
-    taken: wp.array[int],
+    views: Views,
     times: wp.array[float],
 ) -> int:
     """Find the next samples of the ray that is i-th in a list, and have it go on behind the last.
 
     Their distances go to `times`, the first ones of all rays first. Returns their number.
     """
-    origin = row(origins, ray)
-    direction = row(directions, ray)
+    origin = row(rays.origins, ray)
+    direction = row(rays.directions, ray)
     inverse = reciprocal(direction)
-    end = wp.min(far, interval(origin, inverse, float(1 << (levels - 1)))[1])
-    t = at[ray]
-    limit = wp.min(few, most - taken[ray])
+    side = float(1 << (space.levels - 1))
+    end = wp.min(march.far, interval(origin, inverse, side)[1])
+    t = views.at[ray]
+    limit = wp.min(few, march.most - views.taken[ray])
     count = int(0)
     while t < end and count < limit:
-        next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone)
+        next = skip(origin, direction, inverse, space, march, t)
         if next == t:
             times[count * living + i] = t
             count += 1
-            next = t + spacing(t, finest, cone)
+            next = t + spacing(t, march.finest, march.cone)
         t = next
-    at[ray] = t
-    taken[ray] = taken[ray] + count
+    views.at[ray] = t
+    views.taken[ray] = views.taken[ray] + count
     return count

@@ -14,7 +14,12 @@ a multiple.
 
 import warp as wp
 
+from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.warp._random import random_unit
+
+from ._structs import March, Samples, Space
+
+CELL_X, CELL_Y, CELL_Z = (wp.constant(int(d)) for d in (Draw.CELL_X, Draw.CELL_Y, Draw.CELL_Z))
 
 
 @wp.func
@@ -68,9 +73,9 @@ def random_point(cell: int, cells: int, seed: int, step: int) -> wp.vec3:
     side = float(1 << level)
     size = 2.0 * side / float(cells)
     return wp.vec3(
-        (float(i) + random_unit(seed, step, cell, 1)) * size - side,
-        (float(j) + random_unit(seed, step, cell, 2)) * size - side,
-        (float(k) + random_unit(seed, step, cell, 3)) * size - side,
+        (float(i) + random_unit(seed, step, cell, CELL_X)) * size - side,
+        (float(j) + random_unit(seed, step, cell, CELL_Y)) * size - side,
+        (float(k) + random_unit(seed, step, cell, CELL_Z)) * size - side,
     )
 
 
@@ -152,16 +157,15 @@ def reach(
     origin: wp.vec3,
     inverse: wp.vec3,
     levels: int,
-    near: float,
+    march: March,
     far: float,
-    finest: float,
-    cone: float,
     jitter: float,
 ) -> wp.vec2:
     """Distances of the first place on a ray, a share of a step behind its entry, and of its end."""
     inside = interval(origin, inverse, float(1 << (levels - 1)))
-    entry = wp.max(near, inside[0])
-    return wp.vec2(entry + jitter * spacing(entry, finest, cone), wp.min(far, inside[1]))
+    entry = wp.max(march.near, inside[0])
+    first = entry + jitter * spacing(entry, march.finest, march.cone)
+    return wp.vec2(first, wp.min(far, inside[1]))
 
 
 @wp.func
@@ -169,36 +173,33 @@ def skip(
     origin: wp.vec3,
     direction: wp.vec3,
     inverse: wp.vec3,
-    bits: wp.array[wp.uint32],
-    levels: int,
-    cells: int,
+    space: Space,
+    march: March,
     t: float,
-    finest: float,
-    cone: float,
 ) -> float:
     """Return where to look next if there is no sample at t: no sample of the ray is before.
 
     Its samples are the places t, t + spacing(t), ... that are in occupied cells; of one, return t.
     """
     point = origin + t * direction
-    level = level_of(point, levels)
-    next = t + spacing(t, finest, cone)
-    if level == levels:  # on the outermost side
+    level = level_of(point, space.levels)
+    next = t + spacing(t, march.finest, march.cone)
+    if level == space.levels:  # on the outermost side
         return next
-    cell = cell_of(point, level, cells)
-    if is_set(bits, cell):
+    cell = cell_of(point, level, space.cells)
+    if is_set(space.bits, cell):
         return t
     shift = int(0)  # binary digits of the side of what is empty, in cells
-    if cells % 16 == 0 and is_block_empty(bits, cell):
+    if space.cells % 16 == 0 and is_block_empty(space.bits, cell):
         shift = 2
-    goal = t + way_out(point, inverse, level + shift, cells)
+    goal = t + way_out(point, inverse, level + shift, space.cells)
     inside = t
     behind = next
     while behind < goal:
         inside = behind
-        behind += spacing(behind, finest, cone)
+        behind += spacing(behind, march.finest, march.cone)
     # The goal is rounded: what was passed may be left out if the last of it is inside indeed.
-    own = cell_of(origin + inside * direction, level, cells)
+    own = cell_of(origin + inside * direction, level, space.cells)
     return wp.where(own >> 3 * shift == cell >> 3 * shift, behind, next)
 
 
@@ -210,14 +211,12 @@ def keep_sample(
     t: float,
     step: float,
     unbounded: bool,
-    positions: wp.array2d[float],
-    distances: wp.array2d[float],
-    rays: wp.array[int],
+    samples: Samples,
 ):
     """Write a sample of a ray to row `at`."""
     position = in_cube(point, unbounded)
     for k in range(3):
-        positions[at, k] = position[k]
-    distances[at, 0] = t
-    distances[at, 1] = step
-    rays[at] = ray
+        samples.positions[at, k] = position[k]
+    samples.distances[at, 0] = t
+    samples.distances[at, 1] = step
+    samples.rays[at] = ray

@@ -18,10 +18,12 @@ no more than `stop` of the light is left; samples behind that have no gradient.
 
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import launch, launch_each
 
 from . import _compositing_cuda as cuda
 from ._space import row
+from ._structs import Seen, struct_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -37,10 +39,7 @@ def forward_kernel(
     spans: wp.array2d[int],  # (R, 2)
     stop: float,
     # outputs
-    color: wp.array2d[float],  # (R, 3)
-    opacity: wp.array[float],  # (R,)
-    depth: wp.array[float],  # (R,)
-    distortion: wp.array[float],  # (R,)
+    seen: Seen,
 ):
     """Walk along each ray once."""
     for ray in range(first + wp.tid(), last, stride):
@@ -62,10 +61,10 @@ def forward_kernel(
             left -= w
             i += 1
         for k in range(3):
-            color[ray, k] = c[k]
-        opacity[ray] = sum_w
-        depth[ray] = sum_wt
-        distortion[ray] = spread
+            seen.color[ray, k] = c[k]
+        seen.opacity[ray] = sum_w
+        seen.depth[ray] = sum_wt
+        seen.distortion[ray] = spread
 
 
 @wp.kernel
@@ -73,10 +72,7 @@ def backward_kernel(
     stride: int,
     first: int,
     last: int,
-    d_color: wp.array2d[float],  # (R, 3)
-    d_opacity: wp.array[float],  # (R,)
-    d_depth: wp.array[float],  # (R,)
-    d_distortion: wp.array[float],  # (R,)
+    d_seen: Seen,
     sigma: wp.array[float],  # (M,)
     rgb: wp.array2d[float],  # (M, 3)
     distances: wp.array2d[float],  # (M, 2)
@@ -90,10 +86,10 @@ def backward_kernel(
     for ray in range(first + wp.tid(), last, stride):
         begin = spans[ray, 0]
         end = begin + spans[ray, 1]
-        dc = row(d_color, ray)
-        do = d_opacity[ray]
-        dd = d_depth[ray]
-        dx = d_distortion[ray]
+        dc = row(d_seen.color, ray)
+        do = d_seen.opacity[ray]
+        dd = d_seen.depth[ray]
+        dx = d_seen.distortion[ray]
         # First walk: the sums over all samples that the second takes apart.
         left = float(1.0)
         sum_w = float(0.0)
@@ -111,11 +107,11 @@ def backward_kernel(
             left -= w
             i += 1
         rest += dx * spread
-        seen = int(i)
+        behind = int(i)  # the last sample that light gets to
         left = float(1.0)
         before_w = float(0.0)
         before_wt = float(0.0)
-        for i in range(begin, seen):
+        for i in range(begin, behind):
             t = distances[i, 0]
             d = distances[i, 1]
             w = left * (1.0 - wp.exp(-sigma[i] * d))
@@ -130,7 +126,7 @@ def backward_kernel(
             d_sigma[i] = d * (left * g - rest)
             for k in range(3):
                 d_rgb[i, k] = w * dc[k]
-        for i in range(seen, end):
+        for i in range(behind, end):
             d_sigma[i] = 0.0
             for k in range(3):
                 d_rgb[i, k] = 0.0
@@ -142,18 +138,16 @@ def forward(
     distances: wp.array,
     spans: wp.array,
     stop: float,
-    color: wp.array,
-    opacity: wp.array,
-    depth: wp.array,
-    distortion: wp.array,
+    seen: codes.Seen,
 ) -> None:
     """Composite each ray front to back.
 
     `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of its samples, the rows that `spans` (R, 2)
-    says, make `color` (R, 3), `opacity`, `depth` and `distortion` (R,).
+    says, make what R rays have `seen`.
     """
     count = spans.shape[0]
-    inputs, outputs = [sigma, rgb, distances, spans, stop], [color, opacity, depth, distortion]
+    inputs = [sigma, rgb, distances, spans, stop]
+    outputs = [struct_of(Seen, seen)]
     if spans.device.is_cuda:
         launch(cuda.forward, cuda.THREADS * count, inputs, outputs)
     else:
@@ -161,10 +155,7 @@ def forward(
 
 
 def backward(
-    d_color: wp.array,
-    d_opacity: wp.array,
-    d_depth: wp.array,
-    d_distortion: wp.array,
+    d_seen: codes.Seen,
     sigma: wp.array,
     rgb: wp.array,
     distances: wp.array,
@@ -178,8 +169,10 @@ def backward(
     Rows of no ray are not touched.
     """
     count = spans.shape[0]
-    gradients = [d_color, d_opacity, d_depth, d_distortion]
-    inputs, outputs = [*gradients, sigma, rgb, distances, spans, stop], [d_sigma, d_rgb]
+    inputs, outputs = (
+        [struct_of(Seen, d_seen), sigma, rgb, distances, spans, stop],
+        [d_sigma, d_rgb],
+    )
     if spans.device.is_cuda:
         launch(cuda.backward, cuda.THREADS * count, inputs, outputs)
     else:

@@ -10,7 +10,7 @@ from cvkern.kernels.warp._launch import launch_each
 
 from ._harmonics import harmonics
 
-OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
+OPTIONS = {"enable_backward": False}  # options of kernels that are made for a dtype
 wp.set_module_options(OPTIONS)
 
 PI = wp.constant(math.pi)

@@ -2,11 +2,18 @@
 
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._random import random_index, random_unit
 
+from ._structs import CameraSet, struct_of
+
 wp.set_module_options({"enable_backward": False})
 
+PIXEL = wp.constant(int(Draw.PIXEL))
+PIXEL_Y = wp.constant(int(Draw.PIXEL_Y))
+PIXEL_X = wp.constant(int(Draw.PIXEL_X))
 NEWTON_STEPS = wp.constant(5)
 WIDEST = wp.constant(1.0e6)  # tangent of the angle of a ray from the middle: farther is astray
 
@@ -79,43 +86,36 @@ def view_rays_kernel(
     stride: int,
     first: int,
     last: int,
-    poses: wp.array3d[float],  # (N, 3, 4)
-    lenses: wp.array2d[float],  # (N, 9): fx fy cx cy k1 k2 p1 p2 k3
+    cameras: CameraSet,
     view: int,
-    width: int,
     begin: int,
     # outputs
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
 ):
     """Write the ray through a pixel of the view."""
+    width = cameras.width
     for ray in range(first + wp.tid(), last, stride):
         pixel = begin + ray
         row = float(pixel // width)
         column = float(pixel % width)
-        write_ray(poses, lenses, view, row, column, ray, origins, directions)
+        write_ray(cameras.poses, cameras.lenses, view, row, column, ray, origins, directions)
 
 
 def view_rays(
-    poses: wp.array,
-    lenses: wp.array,
+    cameras: codes.CameraSet,
     view: int,
-    width: int,
     begin: int,
     origins: wp.array,
     directions: wp.array,
 ) -> None:
-    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on.
-
-    `poses` (N, 3, 4) are camera to world; `lenses` (N, 9) are fx, fy, cx, cy, k1, k2, p1, p2, k3
-    in OpenCV's order and meaning.
-    """
+    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on."""
     count = origins.shape[0]
     launch_each(
         view_rays_kernel,
         count,
         32 * count,
-        [poses, lenses, view, width, begin],
+        [struct_of(CameraSet, cameras), view, begin],
         [origins, directions],
     )
 
@@ -125,11 +125,8 @@ def random_rays_kernel(
     stride: int,
     first: int,
     last: int,
-    poses: wp.array3d[float],  # (N, 3, 4)
-    lenses: wp.array2d[float],  # (N, 9)
+    cameras: CameraSet,
     images: wp.array2d[wp.uint8],  # (N H W, C)
-    width: int,
-    height: int,
     spread: float,
     seed: int,
     step: wp.array[int],  # (1,)
@@ -139,15 +136,17 @@ def random_rays_kernel(
     targets: wp.array2d[float],  # (R, 4)
 ):
     """Write the ray through a random pixel."""
+    width = cameras.width
+    height = cameras.height
     for ray in range(first + wp.tid(), last, stride):
-        pixel = random_index(seed, step[0], ray, 0, images.shape[0])
+        pixel = random_index(seed, step[0], ray, PIXEL, images.shape[0])
         view = pixel // (width * height)
         within = pixel - view * (width * height)
         row = within // width
         column = within - row * width
-        y = float(row) + spread * (random_unit(seed, step[0], ray, 9) - 0.5)
-        x = float(column) + spread * (random_unit(seed, step[0], ray, 10) - 0.5)
-        write_ray(poses, lenses, view, y, x, ray, origins, directions)
+        y = float(row) + spread * (random_unit(seed, step[0], ray, PIXEL_Y) - 0.5)
+        x = float(column) + spread * (random_unit(seed, step[0], ray, PIXEL_X) - 0.5)
+        write_ray(cameras.poses, cameras.lenses, view, y, x, ray, origins, directions)
         for k in range(3):
             targets[ray, k] = float(images[pixel, k]) / 255.0
         opacity = float(1.0)
@@ -157,11 +156,8 @@ def random_rays_kernel(
 
 
 def random_rays(
-    poses: wp.array,
-    lenses: wp.array,
+    cameras: codes.CameraSet,
     images: wp.array,
-    width: int,
-    height: int,
     spread: float,
     seed: int,
     step: wp.array,
@@ -179,6 +175,6 @@ def random_rays(
         random_rays_kernel,
         count,
         64 * count,
-        [poses, lenses, images, width, height, spread, seed, step],
+        [struct_of(CameraSet, cameras), images, spread, seed, step],
         [origins, directions, targets],
     )

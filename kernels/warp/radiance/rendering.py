@@ -6,13 +6,17 @@ the field, or that no more than `stop` of the light gets through. The samples of
 `radiance_march`, however many of them a round takes.
 """
 
+from typing import Any
+
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, scratch, slabs
 
 from . import _rendering_cuda as cuda
 from ._next_samples import look
 from ._space import keep_sample, reach, reciprocal, row, spacing
+from ._structs import March, Rays, Samples, Space, Views, struct_of
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -24,62 +28,51 @@ def set_out_kernel(
     stride: int,
     first: int,
     last: int,
-    origins: wp.array2d[float],  # (R, 3)
-    directions: wp.array2d[float],  # (R, 3)
-    levels: int,
-    near: float,
-    finest: float,
-    cone: float,
+    rays: Rays,
+    space: Space,
+    march: March,
     # outputs
-    at: wp.array[float],  # (R,)
-    taken: wp.array[int],  # (R,)
     listing: wp.array[int],  # (R,)
     counts: wp.array[int],  # (2,)
-    color: wp.array2d[float],  # (R, 3)
-    opacity: wp.array[float],  # (R,)
-    depth: wp.array[float],  # (R,)
+    views: Views,
 ):
     """Put a ray where it enters the field."""
     for ray in range(first + wp.tid(), last, stride):
         if ray == 0:
             counts[0] = 0
             counts[1] = 0
-        inverse = reciprocal(row(directions, ray))
-        ends = reach(row(origins, ray), inverse, levels, near, NEVER, finest, cone, 0.5)
-        at[ray] = ends[0]
-        taken[ray] = 0
+        inverse = reciprocal(row(rays.directions, ray))
+        ends = reach(row(rays.origins, ray), inverse, space.levels, march, NEVER, 0.5)
+        views.at[ray] = ends[0]
+        views.taken[ray] = 0
         listing[ray] = ray
         for k in range(3):
-            color[ray, k] = 0.0
-        opacity[ray] = 0.0
-        depth[ray] = 0.0
+            views.color[ray, k] = 0.0
+        views.opacity[ray] = 0.0
+        views.depth[ray] = 0.0
 
 
 def set_out(
-    origins: wp.array,
-    directions: wp.array,
-    levels: int,
-    near: float,
-    finest: float,
-    cone: float,
-    at: wp.array,
-    taken: wp.array,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
     listing: wp.array,
     counts: wp.array,
-    color: wp.array,
-    opacity: wp.array,
-    depth: wp.array,
+    views: codes.Views,
 ) -> None:
-    """Begin the views of all rays, `origins` and unit `directions` (R, 3).
+    """Begin the views of all R rays, whatever their `active` says.
 
-    What each goes on from, `at` (R,) the distance and `taken` (R,) the number of its samples, is as
-    `radiance_march` begins without jitter; `listing` (R,) has all of them, and they saw nothing:
-    `color` (R, 3), `opacity`, `depth` (R,) and `counts` (2,) are 0.
+    Each goes on from where `march.steps.march_rays` begins without jitter; `listing` (R,) has all
+    of them, and they saw nothing: the rest of `views` and `counts` (2,) are 0.
     """
-    count = origins.shape[0]
-    inputs = [origins, directions, levels, near, finest, cone]
-    outputs = [at, taken, listing, counts, color, opacity, depth]
+    count = rays.origins.shape[0]
+    inputs = _march(rays, space, march)
+    outputs = [listing, counts, struct_of(Views, views)]
     launch_each(set_out_kernel, count, 32 * count, inputs, outputs)
+
+
+def _march(rays: codes.Rays, space: codes.Space, march: codes.March) -> list[Any]:
+    return [struct_of(Rays, rays), struct_of(Space, space), struct_of(March, march)]
 
 
 @wp.kernel
@@ -87,30 +80,20 @@ def look_on(
     slab: int,
     first: int,
     last: int,
-    origins: wp.array2d[float],  # (R, 3)
-    directions: wp.array2d[float],  # (R, 3)
-    bits: wp.array[wp.uint32],  # (levels cells^3 / 32,)
-    levels: int,
-    cells: int,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
+    rays: Rays,
+    space: Space,
+    march: March,
     few: int,
     living: int,
     listing: wp.array[int],  # (R,)
     # outputs
-    at: wp.array[float],  # (R,)
-    taken: wp.array[int],  # (R,)
+    views: Views,
     times: wp.array[float],  # (M,)
     numbers: wp.array[int],  # (R,): of samples, in the order of the list
 ):
     """Find the next samples of a ray, and have it go on behind the last."""
     for i in range(first, last):
-        numbers[i] = look(
-            origins, directions, bits, levels, cells, far, finest, cone, most, few, living, i,
-            listing[i], at, taken, times,
-        )  # fmt: skip
+        numbers[i] = look(rays, space, march, few, living, i, listing[i], views, times)
 
 
 @wp.kernel
@@ -144,82 +127,70 @@ def write(
     slab: int,
     first: int,
     last: int,
-    origins: wp.array2d[float],  # (R, 3)
-    directions: wp.array2d[float],  # (R, 3)
-    finest: float,
-    cone: float,
-    unbounded: bool,
+    rays: Rays,
+    space: Space,
+    march: March,
     living: int,
     listing: wp.array[int],  # (R,)
     times: wp.array[float],  # (M,)
     numbers: wp.array[int],  # (R,)
     rows: wp.array[int],  # (R,)
     # outputs
-    positions: wp.array2d[float],  # (M, 3)
-    distances: wp.array2d[float],  # (M, 2)
-    rays: wp.array[int],  # (M,)
+    samples: Samples,
 ):
     """Write the samples that were found on a ray."""
     for i in range(first, last):
         ray = listing[i]
-        origin = row(origins, ray)
-        direction = row(directions, ray)
+        origin = row(rays.origins, ray)
+        direction = row(rays.directions, ray)
         for n in range(numbers[i]):
             t = times[n * living + i]
-            step = spacing(t, finest, cone)
+            step = spacing(t, march.finest, march.cone)
             point = origin + t * direction
-            keep_sample(rows[i] + n, ray, point, t, step, unbounded, positions, distances, rays)
+            keep_sample(rows[i] + n, ray, point, t, step, space.unbounded, samples)
 
 
 def march_on(
-    origins: wp.array,
-    directions: wp.array,
-    bits: wp.array,
-    levels: int,
-    cells: int,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
-    unbounded: bool,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
     few: int,
     living: int,
     listing: wp.array,
-    at: wp.array,
-    taken: wp.array,
+    views: codes.Views,
     going: wp.array,
     spans: wp.array,
     counts: wp.array,
-    positions: wp.array,
-    distances: wp.array,
-    rays: wp.array,
+    samples: codes.Samples,
 ) -> None:
     """List the next samples, `few` at most, of each of the first `living` rays of a list.
 
-    The first arguments are those of `radiance_march.march_rays`; of all rounds together, a ray
-    takes `most` samples. `at` and `taken` (R,) are moved on. `going` (R,) is filled with the rays
-    of `listing` (R,) that have any samples, `spans` (R, 2) with the first row and the number of
-    rows of each of those, and `counts` (2,), which were 0, with how many samples and rays there
-    are. The samples are rows of `positions` (M, 3), `distances` (M, 2) and `rays` (M,), M >= few
-    living. In which order the rays are listed is left open: nothing that they see depends on it.
+    Rays are marched as by `march.steps.march_rays`, without jitter; in all rounds together, a ray
+    takes `most` samples. Where they go on and the samples that they took are moved on. `going` (R,)
+    is filled with the rays of `listing` (R,) that have any samples, `spans` (R, 2) with the first
+    row and the number of rows of each of those, and `counts` (2,), which were 0, with how many
+    samples and rays there are. `samples` have room for few living. In which order the rays are
+    listed is left open: nothing that they see depends on it.
     """
     device = counts.device
-    times = scratch("view.times", rays.shape, wp.float32, device)
-    march = [origins, directions, bits, levels, cells, far, finest, cone, most, few, living]
+    times = scratch("view.times", samples.rays.shape, wp.float32, device)
+    given, seen = _march(rays, space, march), struct_of(Views, views)
+    found = struct_of(Samples, samples)
     if device.is_cuda:
-        inputs = [*march, unbounded, listing]
-        outputs = [at, taken, times, going, spans, counts, positions, distances, rays]
+        inputs = [*given, few, living, listing]
+        outputs = [seen, times, going, spans, counts, found]
         launch(cuda.march_on, _threads(living), inputs, outputs)
         return
     numbers, rows = (
         scratch(f"view.{name}", listing.shape, wp.int32, device) for name in ("numbers", "rows")
     )
     parts = slabs(living, 256 * living)
-    launch_slabs(look_on, living, parts, [*march, listing], [at, taken, times, numbers])
+    inputs = [*given, few, living, listing]
+    launch_slabs(look_on, living, parts, inputs, [seen, times, numbers])
     launch(place, 1, [living, listing, numbers], [going, spans, rows, counts])
-    inputs = [origins, directions, finest, cone, unbounded, living, listing, times, numbers, rows]
     parts = slabs(living, 64 * living)
-    launch_slabs(write, living, parts, inputs, [positions, distances, rays])
+    inputs = [*given, living, listing, times, numbers, rows]
+    launch_slabs(write, living, parts, inputs, [found])
 
 
 @wp.kernel
@@ -236,10 +207,7 @@ def composite_kernel(
     stop: float,
     # outputs
     counts: wp.array[int],  # (2,)
-    at: wp.array[float],  # (R,)
-    color: wp.array2d[float],  # (R, 3): added to, as the others
-    opacity: wp.array[float],  # (R,)
-    depth: wp.array[float],  # (R,)
+    views: Views,  # what was seen is added to
 ):
     """Walk along the samples of a ray."""
     for i in range(first + wp.tid(), wp.min(last, living), stride):
@@ -247,9 +215,9 @@ def composite_kernel(
             counts[0] = 0
             counts[1] = 0
         ray = going[i]
-        c = row(color, ray)
-        sum_w = opacity[ray]
-        sum_wt = depth[ray]
+        c = row(views.color, ray)
+        sum_w = views.opacity[ray]
+        sum_wt = views.depth[ray]
         s = spans[i, 0]
         end = s + spans[i, 1]
         while s < end and 1.0 - sum_w > stop:
@@ -259,11 +227,11 @@ def composite_kernel(
             sum_wt += w * distances[s, 0]
             s += 1
         for k in range(3):
-            color[ray, k] = c[k]
-        opacity[ray] = sum_w
-        depth[ray] = sum_wt
+            views.color[ray, k] = c[k]
+        views.opacity[ray] = sum_w
+        views.depth[ray] = sum_wt
         if 1.0 - sum_w <= stop:
-            at[ray] = NEVER
+            views.at[ray] = NEVER
 
 
 def composite_on(
@@ -275,21 +243,19 @@ def composite_on(
     living: int,
     stop: float,
     counts: wp.array,
-    at: wp.array,
-    color: wp.array,
-    opacity: wp.array,
-    depth: wp.array,
+    views: codes.Views,
 ) -> None:
     """Composite the samples of a round behind what their rays saw.
 
     `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
-    to the `color` (R, 3), `opacity` and `depth` (R,) of the first `living` rays of `going` (R,), as
-    `radiance_composite.forward` does. A ray with no more than `stop` of its light left goes on
-    nowhere: its `at` (R,) is behind everything. `counts` (2,) are 0 for the next round.
+    to what the first `living` rays of `going` (R,) saw, as `compositing.forward` does. A ray with
+    no more than `stop` of its light left goes on nowhere: it is put behind everything. `counts`
+    (2,) are 0 for the next round.
     """
-    count = _threads(living) if at.device.is_cuda else living
+    count = _threads(living) if counts.device.is_cuda else living
     inputs = [sigma, rgb, distances, going, spans, living, stop]
-    launch_each(composite_kernel, count, 64 * living, inputs, [counts, at, color, opacity, depth])
+    outputs = [counts, struct_of(Views, views)]
+    launch_each(composite_kernel, count, 64 * living, inputs, outputs)
 
 
 @wp.kernel

@@ -239,6 +239,23 @@ def fill(
 
 
 @wp.kernel
+def find_sources(
+    # outputs
+    found: wp.array[int],  # (H,): 1 for rows with a disparity; then the row to fill from, or -1
+):
+    # One thread: a row needs what the one before has found.
+    height = found.shape[0]
+    first = int(0)
+    while first < height and found[first] == 0:
+        first += 1
+    source = wp.where(first < height, first, -1)
+    for row in range(height):
+        if found[row] != 0:
+            source = row
+        found[row] = source
+
+
+@wp.kernel
 def fill_empty_rows(
     slab: int,
     first: int,
@@ -247,20 +264,11 @@ def fill_empty_rows(
     # outputs
     filled: wp.array2d[float],  # (H, W)
 ):
-    height = filled.shape[0]
     for row in range(first, last):
-        if found[row] == 0:
-            source = row
-            while source >= 0 and found[wp.max(source, 0)] == 0:
-                source -= 1
-            if source < 0:
-                source = row
-                while source < height and found[wp.min(source, height - 1)] == 0:
-                    source += 1
+        source = found[row]
+        if source != row:
             for x in range(filled.shape[1]):
-                filled[row, x] = wp.where(
-                    source < height, filled[wp.min(source, height - 1), x], wp.nan
-                )
+                filled[row, x] = wp.where(source >= 0, filled[wp.max(source, 0), x], wp.nan)
 
 
 # The weighted median: of the values in the window, in ascending order and those of equal ones in

@@ -221,6 +221,23 @@ def fill(
 
 
 @wp.kernel
+def find_sources(
+    # outputs
+    found: wp.array[int],  # (H,): 1 for rows with a disparity; then the row to fill from, or -1
+):
+    # One thread: a row needs what the one before has found.
+    height = found.shape[0]
+    first = int(0)
+    while first < height and found[first] == 0:
+        first += 1
+    source = wp.where(first < height, first, -1)
+    for row in range(height):
+        if found[row] != 0:
+            source = row
+        found[row] = source
+
+
+@wp.kernel
 def fill_empty_rows(
     found: wp.array[int],  # (H,)
     # outputs
@@ -228,18 +245,11 @@ def fill_empty_rows(
 ):
     i = wp.tid()
     row = i // 32
-    height = filled.shape[0]
-    if found[row] == 0:
-        source = row
-        while source >= 0 and found[wp.max(source, 0)] == 0:
-            source -= 1
-        if source < 0:
-            source = row
-            while source < height and found[wp.min(source, height - 1)] == 0:
-                source += 1
+    source = found[row]
+    if source != row:
         for x in range(i % 32, filled.shape[1], 32):
             value = none()
-            if source < height:
+            if source >= 0:
                 value = filled[source, x]
             filled[row, x] = value
 

@@ -54,10 +54,12 @@ def fill(disparity: wp.array, filled: wp.array, valid: wp.array) -> None:
     found = scratch("fill.found", (height,), wp.int32, filled.device)
     if filled.device.is_cuda:
         launch(cuda.fill, 32 * height, [disparity], [filled, valid, found])
+        launch(cuda.find_sources, 1, [], [found])
         launch(cuda.fill_empty_rows, 32 * height, [found], [filled])
         return
     count = slabs(height, filled.size)
     launch_slabs(cpu.fill, height, count, [disparity], [filled, valid, found])
+    launch(cpu.find_sources, 1, [], [found])
     launch_slabs(cpu.fill_empty_rows, height, count, [found], [filled])
 
 

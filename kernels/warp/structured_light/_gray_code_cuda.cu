@@ -25,8 +25,8 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, int bits, int size, float 
         } else {
             for (int i = 0; i < QUAD; ++i) {
                 const bool inside = first + i < plane;
-                pattern.at[i] = inside ? from[i] : TYPE(0);
-                inverse.at[i] = inside ? from[plane + i] : TYPE(0);
+                pattern.at[i] = inside ? from[i] : (TYPE)0;
+                inverse.at[i] = inside ? from[plane + i] : (TYPE)0;
             }
         }
         for (int i = 0; i < QUAD; ++i) {

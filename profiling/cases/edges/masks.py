@@ -14,8 +14,8 @@ from profiling.arrays import noise, noise_uint8, photograph, photograph_uint8
 from profiling.case import Case, Peer, disagreeing, kornia_peers, skimage_peers
 
 LOW, HIGH = 100.0, 200.0  # of the integer Sobel
-SIGMA, SOFT_LOW, SOFT_HIGH = 2.0, 0.02, 0.04  # of the Gaussian derivative of an image in [0, 1]
-SOBEL_GAIN = 8  # skimage thresholds scipy.ndimage.sobel of the smoothed image
+SIGMA, SOFT_LOW, SOFT_HIGH = 2.0, 0.16, 0.32  # in Sobel's units, of an image in [0, 1]
+SOBEL_GAIN = 8  # of Sobel's kernels, against a derivative per pixel
 
 # float32 and float64 decide otherwise only where two numbers agree within 1e-6, but one decision
 # may let a whole chain of weak pixels in or out. A wrong rule moves far more pixels than this.
@@ -28,7 +28,7 @@ Pair = tuple[np.ndarray, np.ndarray]
 def _slopes(image: np.ndarray) -> Pair:
     x = image.astype(np.float64)
     smooth: Any = scipy.ndimage.gaussian_filter
-    return smooth(x, SIGMA, order=(1, 0)), smooth(x, SIGMA, order=(0, 1))
+    return tuple(SOBEL_GAIN * smooth(x, SIGMA, order=order) for order in ((1, 0), (0, 1)))
 
 
 def _thinned(dy: np.ndarray, dx: np.ndarray) -> np.ndarray:
@@ -100,7 +100,9 @@ def _as_opencv(norm: str, image: str, make: Any) -> Case:
         name=f"canny_{norm}_{image}",
         title=f"Canny as OpenCV's, {norm.upper()}, {image}, uint8",
         image=make,
-        call=lambda x: cvkern.canny(x, 0.0, LOW, HIGH, operator="sobel", norm=norm, mode="nearest"),
+        call=lambda x: cvkern.canny(
+            x, 0.0, LOW, HIGH, suppression="sectors", norm=norm, mode="nearest"
+        ),
         oracle=lambda x: importlib.import_module("cv2").Canny(x, LOW, HIGH, L2gradient=l2),
         oracle_name="cv2.Canny",
         difference=disagreeing,
@@ -119,7 +121,9 @@ def _gaussian(image: str, make: Any) -> Case:
         name=f"canny_gaussian_{image}",
         title=f"Canny, sigma 2, {image}, float32",
         image=make,
-        call=lambda x: cvkern.canny(x, SIGMA, SOFT_LOW, SOFT_HIGH),
+        call=lambda x: cvkern.canny(
+            x, SIGMA, SOFT_LOW, SOFT_HIGH, operator="gaussian", mode="reflect"
+        ),
         oracle=_canny,
         oracle_name="Canny by SciPy in float64",
         difference=disagreeing,
@@ -128,9 +132,7 @@ def _gaussian(image: str, make: Any) -> Case:
         operations_per_pixel=4 * 2 * 17 + 24,
         peers=skimage_peers(
             "feature",
-            lambda m, x: m.canny(
-                x, SIGMA, SOBEL_GAIN * SOFT_LOW, SOBEL_GAIN * SOFT_HIGH, mode="reflect"
-            ),
+            lambda m, x: m.canny(x, SIGMA, SOFT_LOW, SOFT_HIGH, mode="reflect"),
             "Sobel of the smoothed image",
         ),
     )

@@ -91,7 +91,7 @@ def _case(name: str, title: str, pairs: int, outliers: float, call: Any) -> Case
         oracle_name="the corners of the map that made the matches",
         difference=_worst,
         tolerance=LIMIT,
-        bytes_per_pixel=0,
+        bytes_per_pixel=1,
         operations_per_pixel=0,
         peers=(
             Peer("OpenCV, MAGSAC", "cv2", _peer(_magsac)),

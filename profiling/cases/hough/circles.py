@@ -16,6 +16,8 @@ from profiling.case import Case, Peer, Shape, Work, unequal
 RADII = np.arange(15, 41)
 SMALLEST, LARGEST = 15, 40  # radii of the coins, in pixels of the photograph
 ELLIPSE = (33.0, 42.0, 30.0, 14.0, 0.5)  # row, column, semi-axes, orientation
+GAUSSIAN: dict[str, Any] = {"operator": "gaussian", "mode": "reflect", "low_threshold": 25.5,
+                            "high_threshold": 51}  # fmt: skip
 NEAR = 3.5  # pixels of the photograph: how close two circles must be to be the same one
 NOWHERE = 1e9
 
@@ -23,12 +25,12 @@ Arrays = tuple[np.ndarray, ...]
 
 
 def _edges(shape: Shape, rng: np.random.Generator) -> np.ndarray:
-    return cvkern.canny(photograph_uint8(shape, rng), 1.5)
+    return cvkern.canny(photograph_uint8(shape, rng), 1.5, **GAUSSIAN)
 
 
 def _directed(shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     photo = photograph_uint8(shape, rng)
-    return cvkern.canny(photo, 1.5), cvkern.gradient(photo, sigma=1.5).orientation
+    return cvkern.canny(photo, 1.5, **GAUSSIAN), cvkern.gradient(photo, sigma=1.5).orientation
 
 
 def _votes(mask: np.ndarray) -> float:

@@ -17,7 +17,7 @@ ROTATIONS, STEP = 360, 0.05
 SCALES = np.linspace(0.8, 1.6, 17)
 TURN, SIZE = 0.7, 1.3  # of the template in the scene
 LOW, HIGH = 50, 100  # of cv2.Canny: its Sobel is eight times a derivative
-EDGES: dict[str, Any] = {"low_threshold": LOW / 8, "high_threshold": HIGH / 8}
+EDGES: dict[str, Any] = {"low_threshold": LOW, "high_threshold": HIGH}
 NOWHERE = 1e9
 WITHIN = 2.0, math.radians(2), 0.03  # pixels, radians, share: what counts as found
 
@@ -67,7 +67,7 @@ def _off(ours: Arrays, right: Arrays) -> float:
 def _votes(scene: np.ndarray, template: np.ndarray) -> float:
     """Pairs of an edge point and a boundary point whose directions agree, for every scale."""
     table = cvkern.r_table(template, **EDGES)
-    mask = cvkern.canny(scene, **EDGES)
+    mask = cvkern.canny(scene, **EDGES, operator="gaussian", mode="reflect")
     entries = min(len(table.vectors), 500)
     # Over the full turn each pair agrees once.
     return float(mask.sum()) * entries * len(SCALES)

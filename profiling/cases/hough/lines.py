@@ -22,12 +22,12 @@ Arrays = tuple[np.ndarray, ...]
 def _edges(shape: Shape, rng: np.random.Generator) -> np.ndarray:
     """Edges on all that can be one: a tenth of the pixels."""
     photo = photograph_uint8(shape, rng)
-    return cvkern.canny(photo, 0, 12, 30, operator="sobel", mode="nearest")
+    return cvkern.canny(photo, 0, 12, 30, suppression="sectors", mode="nearest")
 
 
 def _directed(shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     photo = photograph_uint8(shape, rng)
-    mask = cvkern.canny(photo, 0, 12, 30, operator="sobel", mode="nearest")
+    mask = cvkern.canny(photo, 0, 12, 30, suppression="sectors", mode="nearest")
     return mask, cvkern.gradient(photo).orientation
 
 

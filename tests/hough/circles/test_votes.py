@@ -155,7 +155,7 @@ def test_votes_within_a_tolerance(backend, tolerance):
 def test_the_gradient_makes_a_peak_stand_out(backend):
     image = reference.disc((90, 100), 40.2, 55.7, 20) + 0.2 * noise(90, 100)
     gradient = cvkern.gradient(image, sigma=1.5)
-    mask = cvkern.canny(image, 1.5, 0.04, 0.08)
+    mask = cvkern.canny(image, 1.5, 0.32, 0.64)
     plain, directed = (
         cvkern.hough_circle(mask, 20, normalize=False, **options)[0]
         for options in ({}, {"orientation": gradient.orientation, "orientation_tolerance": 0.3})

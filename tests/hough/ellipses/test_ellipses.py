@@ -104,7 +104,7 @@ def test_what_scikit_image_finds_is_found(backend):
 def test_directions_leave_the_right_votes(backend):
     one = (40.0, 60.0, 35.0, 18.0, 0.5)
     image = 100 * ellipse((80, 120), *one) + np.random.default_rng(0).normal(0, 4, (80, 120))
-    mask = cvkern.canny(image, 1.5, 3, 8)
+    mask = cvkern.canny(image, 1.5, 24, 64)
     angles = cvkern.gradient(image, sigma=1.5).orientation
     plain = cvkern.hough_ellipse(mask, 15, 2.0, 20)
     directed = cvkern.hough_ellipse(mask, 15, 2.0, 20, orientation=angles)
@@ -130,7 +130,7 @@ def test_a_line_is_no_ellipse(backend):
 @pytest.mark.parametrize("directed", [False, True])
 def test_the_kernel_sets_agree_in_every_bit(directed):
     photo = skimage.data.coffee()[::2, ::2].mean(axis=2).astype(np.float32)
-    mask = cvkern.canny(photo, 2, 12, 20)
+    mask = cvkern.canny(photo, 2, 96, 160)
     angles = cvkern.gradient(photo, sigma=2).orientation if directed else None
     answers = []
     for name in KERNEL_SETS:

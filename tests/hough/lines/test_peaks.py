@@ -132,3 +132,17 @@ def test_bins_of_peaks_in_kernel_memory(backend):
     want = reference.local_maxima(votes, 50, 2, 2, True)
     assert len(row) == want.sum()
     assert want[row, column].all()
+
+
+@pytest.mark.parametrize("limit", [2**31, 1e12, 3e38])
+def test_thresholds_beyond_int32_are_above_all_votes(backend, limit):
+    votes, theta, rho = cvkern.hough_line(drawing(1))
+    assert len(cvkern.hough_line_peaks(votes, theta, rho, threshold=limit).votes) == 0
+    below = cvkern.hough_line_peaks(votes, theta, rho, threshold=-limit)
+    assert len(below.votes) == len(cvkern.hough_line_peaks(votes, theta, rho, threshold=-1).votes)
+
+
+def test_votes_beyond_int32_are_refused():
+    votes = np.array([[2**31, 1], [1, 0]])
+    with pytest.raises(ValueError, match=r"^hspace must be votes that int32 holds, got 2147483648"):
+        cvkern.hough_line_peaks(votes, [0.0, 0.1], [0.0, 1.0])

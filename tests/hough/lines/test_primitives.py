@@ -111,5 +111,6 @@ def test_claim(kernels, number):
     after = rng.integers(-1, 30, number).astype(I32)
     given: Any = points, codes, after, lines, directions, 12.0, 2500
     got = kernels("hough.lines.segments.claim", *given, out=[((number,), I32)])
-    want = lines_reference.claim(points, codes, after, *lines, directions, 12.0, 2500)
+    cosine, sine, rho = lines
+    want = lines_reference.claim(points, codes, after, cosine, sine, rho, directions, 12.0, 2500)
     np.testing.assert_array_equal(got, want)

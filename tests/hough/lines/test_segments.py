@@ -154,7 +154,7 @@ def off(segment, side):
 @pytest.mark.parametrize("noise", [0, 6])
 def test_the_sides_of_a_polygon(backend, noise):
     picture, sides = polygon(noise)
-    segments = cvkern.detect_segments(picture, 1.5, 6, 12).astype(float)
+    segments = cvkern.detect_segments(picture, 1.5, 48, 96).astype(float)
     lengths = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1])
     assert (np.diff(lengths) <= 0).all()
     assert len(segments) == 4
@@ -172,7 +172,9 @@ def test_brightness_is_on_the_left(backend):
     """Seen with rows downwards: walking to the first side's end, the polygon is on the left."""
     picture, _ = polygon(0)
     middle = np.array([116, 170])
-    for row, column, to_row, to_column in cvkern.detect_segments(picture, 1.5, 6, 12).astype(float):
+    for row, column, to_row, to_column in cvkern.detect_segments(picture, 1.5, 48, 96).astype(
+        float
+    ):
         along = np.array([to_row - row, to_column - column])
         inward = middle - [row, column]
         # (row, column) has its axes swapped: the sign of the area is that of a turn to the left.
@@ -181,7 +183,7 @@ def test_brightness_is_on_the_left(backend):
 
 def test_the_lines_of_a_polygon(backend):
     picture, sides = polygon(4)
-    found = cvkern.detect_lines(picture, 1.5, 6, 12)
+    found = cvkern.detect_lines(picture, 1.5, 48, 96)
     assert len(found.rho) == 4
     assert (np.diff(found.votes) <= 0).all()
     for row, column, to_row, to_column in sides:
@@ -196,7 +198,7 @@ def test_long_lines_are_one_segment(backend):
     """Lines cross some hundred bins of votes; they are put together again."""
     y, x = np.mgrid[:80, :900]
     picture = np.where(y > 20 + 0.0437 * x, 180, 40).astype(np.uint8)
-    segments = cvkern.detect_segments(picture, 1.5, 5, 10)
+    segments = cvkern.detect_segments(picture, 1.5, 40, 80)
     assert len(segments) == 1
     assert abs(segments[0, 3] - segments[0, 1]) > 880
 
@@ -246,3 +248,12 @@ def _is_found(line, segments):
     ends = np.stack([((p - begin) * along).sum(axis=1) for p in (line[:2], line[2:])])
     overlap = np.minimum(ends.max(axis=0), length) - np.maximum(ends.min(axis=0), 0)
     return ((angle < 2) & (away < 2) & (overlap > 0)).any()
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.05, 1), (0.4, 8)])
+def test_a_fit_that_swings_between_two_lines_ends(backend, low, high):
+    """It leaves the points that it was made to, and takes none: the search must end."""
+    image = np.random.default_rng(77).random((9, 7)) * 255
+    votes, theta, rho = cvkern.detect_lines(image, 2.0, low, high)
+    assert len(votes) == len(theta) == len(rho)
+    assert len(cvkern.detect_segments(image, 2.0, low, high)) < 63

@@ -335,3 +335,34 @@ def test_values_are_not_checked_within_a_capture(backend):
     for options in calls:
         with pytest.raises(ValueError, match="captured functions must be kernels alone"):
             cvkern.capture(cvkern.hough_line, mask, **options)
+
+
+# --- bins of any width ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("step", [2.0**33, 2.0**34, 1e30, 3e38])
+def test_bins_far_wider_than_the_image(backend, step):
+    """All points are in the middle bin: tables in fixed point must not pass 62 bits."""
+    mask = np.ones((4, 199), bool)
+    votes, _, rho = cvkern.hough_line(mask, rho_step=step)
+    np.testing.assert_array_equal(votes, np.array([[0], [mask.sum()], [0]]) + np.zeros((1, 180)))
+    np.testing.assert_array_equal(rho, [-step, 0, step])
+    points = np.argwhere(mask)[::7] + 0.25
+    got = cvkern.hough_line(points=points, shape=mask.shape, rho_step=step).votes
+    assert got[1].min() == got.max() == len(points)
+    h = cvkern.hough_line_slope(mask, [0, 0.5], [0, step])
+    for chart in (h.votes, h.swapped):
+        np.testing.assert_array_equal(chart, [[mask.sum()] * 2, [0, 0]])
+
+
+def test_bins_that_are_too_fine_or_endless_are_refused(no_kernel_runs):
+    for step in (5e-324, 1e-300, 1e-10):
+        with pytest.raises(ValueError, match=r"^votes must have at most 536870912 elements, got "):
+            cvkern.hough_line(np.ones((4, 199)), rho_step=step)
+    with pytest.raises(ValueError, match=r"^intercepts must be two or more, evenly spaced and asc"):
+        cvkern.hough_line_slope(np.ones((4, 199)), [0], [0, np.inf])
+
+
+def test_intercepts_too_close_for_a_single_pixel():
+    with pytest.raises(ValueError, match=r"^intercepts must be at least 2\^-31 apart, got 1e-30$"):
+        cvkern.hough_line_slope(np.ones((1, 1)), [0, 0.5], [0, 1e-30])

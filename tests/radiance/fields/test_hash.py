@@ -8,7 +8,7 @@ import pytest
 import cvkern
 from cvkern._runtime import runtime
 from cvkern.radiance import cameras, march
-from cvkern.radiance.fields.field import Frame, Rays, Rendered, Seen
+from cvkern.radiance.fields.field import Frame, Rays, Seen, View
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.scenes.photographs import Bounds, Scene
 
@@ -16,7 +16,7 @@ F32, I32 = np.float32, np.int32
 SETTINGS = HashField(
     levels=8, table_bits=10, coarsest=4, finest=64, samples=8192, rays=64, cells=16
 )
-RAYS = 50  # of the room for 64
+RAYS = 50  # there is room for 64
 
 
 class Trial:
@@ -55,7 +55,7 @@ class Trial:
     def see(self):
         """Render as pictures are."""
         self.field.restore(self.start)
-        seen = Seen(*(self.keep(np.zeros(shape)) for shape in ((64, 3), 64, 64)))
+        seen = View(*(self.keep(np.zeros(shape)) for shape in ((64, 3), 64, 64)))
         self.field.see(*self.rays[:2], seen)
         return [self.rt.to_numpy(a).copy() for a in seen]
 
@@ -67,7 +67,7 @@ class Trial:
         """Return the gradients of the table and of the layers."""
         self.look()
         scale = self.field.gradient_scale
-        self.field.backward(Rendered(*(self.keep(scale * g) for g in self.gradients)))
+        self.field.backward(Seen(*(self.keep(scale * g) for g in self.gradients)))
         parameters = self.field.table, self.field.layers
         return [self.rt.to_numpy(p.gradients) / F32(scale) for p in parameters]
 

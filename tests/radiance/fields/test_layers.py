@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.special
 
+from cvkern.kernels.codes.radiance import Learnt, Rule
 from tests.radiance import reference_radiance as reference
 
 F16, F32, I32 = np.float16, np.float32, np.int32
@@ -179,7 +180,7 @@ def test_dense_forward(kernels, half, depth, columns, relu):
 def test_dense_backward_input(kernels, half, depth, columns, gated):
     rows, total, column = 150, 131, 16
     dy, w = noise(rows, columns + 32, dtype=half), noise(depth, columns, dtype=half, seed=1)
-    x = np.maximum(noise(rows, depth, dtype=half, seed=2), 0)  # as a rectifier gives it
+    x = np.maximum(noise(rows, depth, dtype=half, seed=2), 0)  # a rectifier gives this
     dx = kernels(
         "radiance.fields.perceptron.layers.backward_input",
         dy,
@@ -344,8 +345,9 @@ def schedule(kernels, step, progress=0.0, base=0.02, warmup=0, final=0.1):
 
 def learn(kernels, rate, arrays, *, factor=1.0, decay=0.0, sparse=False):
     """Take a step with gradients, means, squares, weights and their copy."""
-    given = rate, np.array([factor], F32), BETA1, BETA2, EPSILON, decay, sparse
-    return kernels("radiance.training.adam.adam", *given, out=arrays)
+    given = rate, np.array([factor], F32), Rule(BETA1, BETA2, EPSILON, decay, sparse)
+    *learnt, copy = arrays
+    return kernels("radiance.training.adam.adam", *given, out=[Learnt(*learnt), copy])
 
 
 @pytest.mark.parametrize("count", [1, 3, 4, 1002])  # by four, and what is left over
@@ -395,7 +397,7 @@ def test_learning_rate(kernels, warmup, progress, step):
     rate = schedule(kernels, step, progress, 0.02, warmup, 0.1)
     warm = min(1.0, (step + 1) / warmup) if warmup else 1.0
     want = [0.02 * warm * 0.1**progress, 1 - BETA1 ** (step + 1), 1 - BETA2 ** (step + 1)]
-    np.testing.assert_allclose(rate, want, rtol=2e-5)  # as above, of 1 - 0.99
+    np.testing.assert_allclose(rate, want, rtol=2e-5)  # the bound above, for 1 - 0.99
 
 
 @pytest.mark.parametrize("most", [1.0, 1e30])

@@ -137,7 +137,7 @@ def test_gradients_are_slopes(anywhere, name):
     trial = Trial(SHAPES[name])
     found, want = trial.backward(), slopes(name, trial.half)
     off = np.abs(found - want).max() / np.abs(want).max()
-    # As above; a rectifier that opens in one precision only is a jump of its sample's share.
+    # See above; a rectifier that opens in one precision only is a jump of its sample's share.
     assert off < (0.05 if trial.half else 1e-4)
     assert (want != 0).mean() > 0.5
 

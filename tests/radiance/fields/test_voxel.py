@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cvkern.kernels.codes.radiance import Grid, Learnt, March, Rays, Rule, Seen, Space
 from tests.radiance import reference_derived
 from tests.radiance.fields import reference_voxel as reference
 
@@ -96,7 +97,33 @@ CASES = [
 
 
 def outputs(count):
-    return [((count, 3), F32), ((count,), F32), ((count,), F32), ((count,), F32), ((count,), I32)]
+    seen = Seen(((count, 3), F32), ((count,), F32), ((count,), F32), ((count,), F32))
+    return [seen, ((count,), I32)]
+
+
+def packed(arguments):
+    """Return what the primitives take, of the reference's arguments."""
+    origins, directions, active, bits, cells, near, far, finest, cone, *others = arguments
+    unbounded, jittered, seed, step, stop, least, basis, density, color = others
+    return (
+        Rays(origins, directions, active),
+        Space(bits, 1, cells, unbounded),
+        March(near, far, finest, cone, 0, jittered, seed, step),
+        Grid(density, color, basis, least),
+        stop,
+    )
+
+
+def backward(kernels, gradients, arguments, seen, grids):
+    """Return the gradients of what was seen, by the primitive."""
+    return kernels(
+        "radiance.fields.voxel.rays.render_backward",
+        Seen(*gradients),
+        *packed(arguments),
+        Seen(*seen[:4]),
+        seen[4],
+        out=grids,
+    )
 
 
 @cache
@@ -108,7 +135,9 @@ def rendered(name):
 def test_render(kernels, name):
     arguments = case(name)
     active = int(arguments[2][0])
-    got = kernels("radiance.fields.voxel.rays.render", *arguments, out=outputs(len(arguments[0])))
+    got = kernels(
+        "radiance.fields.voxel.rays.render", *packed(arguments), out=outputs(len(arguments[0]))
+    )
     want = rendered(name)
     assert np.array_equal(got[4], want[4])
     # Distances are sums of up to 100 steps below 5: 100 * 2^-22 off, times slopes of up to 4 / cell
@@ -176,11 +205,11 @@ def differences(name):
 def test_gradients_are_central_differences(kernels, name):
     arguments, gradients, nodes, coefficients, of_density, of_color = differences(name)
     density, color = arguments[-2:]
-    seen = kernels("radiance.fields.voxel.rays.render", *arguments, out=outputs(len(arguments[0])))
-    grids = [np.zeros_like(density), np.zeros_like(color), np.zeros(density.shape, U8)]
-    d_density, d_color, touched = kernels(
-        "radiance.fields.voxel.rays.render_backward", *gradients, *arguments, *seen, out=grids
+    seen = kernels(
+        "radiance.fields.voxel.rays.render", *packed(arguments), out=outputs(len(arguments[0]))
     )
+    grids = [np.zeros_like(density), np.zeros_like(color), np.zeros(density.shape, U8)]
+    d_density, d_color, touched = backward(kernels, gradients, arguments, seen, grids)
     # What is left of the light behind an opaque sample is a difference of numbers near 1, and
     # the gradient multiplies that by the density: 9000 * 2^-24 at a step's optical depth.
     atol = 2e-3
@@ -200,11 +229,11 @@ def test_gradients_are_what_warp_derives(kernels, name):
     """At every node, not some; what is sampled where is the reference's."""
     arguments, gradients, *_ = differences(name)
     density, color = arguments[-2:]
-    seen = kernels("radiance.fields.voxel.rays.render", *arguments, out=outputs(len(arguments[0])))
-    grids = [np.zeros_like(density), np.zeros_like(color), np.zeros(density.shape, U8)]
-    d_density, d_color, _ = kernels(
-        "radiance.fields.voxel.rays.render_backward", *gradients, *arguments, *seen, out=grids
+    seen = kernels(
+        "radiance.fields.voxel.rays.render", *packed(arguments), out=outputs(len(arguments[0]))
     )
+    grids = [np.zeros_like(density), np.zeros_like(color), np.zeros(density.shape, U8)]
+    d_density, d_color, _ = backward(kernels, gradients, arguments, seen, grids)
     g = np.concatenate([gradients[0], np.stack(gradients[1:], 1)], 1)
     want_density, want_color = reference_derived.voxel_backward(g, *arguments)
     # Both are sums of up to 100 terms in float32, below 10 for densities, below 0.1 for colours:
@@ -216,21 +245,15 @@ def test_gradients_are_what_warp_derives(kernels, name):
 
 def test_gradients_are_added(kernels):
     arguments, gradients, *_ = differences("fog")
-    seen = kernels("radiance.fields.voxel.rays.render", *arguments, out=outputs(len(arguments[0])))
+    seen = kernels(
+        "radiance.fields.voxel.rays.render", *packed(arguments), out=outputs(len(arguments[0]))
+    )
     density, color = arguments[-2:]
     results = []
     for start in (0, 3):
         untouched = np.zeros(density.shape, U8)
         grids = [np.full_like(density, start), np.full_like(color, start), untouched]
-        results.append(
-            kernels(
-                "radiance.fields.voxel.rays.render_backward",
-                *gradients,
-                *arguments,
-                *seen,
-                out=grids,
-            )
-        )
+        results.append(backward(kernels, gradients, arguments, seen, grids))
     for alone, added in zip(results[0][:2], results[1][:2], strict=True):
         np.testing.assert_allclose(added, alone + 3, atol=1e-5)
 
@@ -244,11 +267,9 @@ def test_the_backward_pass_is_the_transpose_of_the_forward_pass(kernels):
     arguments = (origins, directions, np.array([200], I32), bits, 16, 0.1, 10.0, 1 / 32, 0.0, False,
                  True, 1, np.array([2], I32), 1e-4, ALL, 9, density, color)  # fmt: skip
     gradients = [rng.normal(size=s).astype(F32) for s in ((200, 3), 200, 200, 200)]
-    seen = kernels("radiance.fields.voxel.rays.render", *arguments, out=outputs(200))
+    seen = kernels("radiance.fields.voxel.rays.render", *packed(arguments), out=outputs(200))
     grids = [np.zeros_like(density), np.zeros_like(color), np.zeros(density.shape, U8)]
-    d_density, d_color, _ = kernels(
-        "radiance.fields.voxel.rays.render_backward", *gradients, *arguments, *seen, out=grids
-    )
+    d_density, d_color, _ = backward(kernels, gradients, arguments, seen, grids)
     v_density, v_color = rng.normal(size=density.shape), rng.normal(size=color.shape)
     v_color[..., 27:] = 0
     losses = []
@@ -273,7 +294,7 @@ def test_homogeneous_fog_has_the_closed_form(kernels):
     arguments = (origins, directions, np.array([1], I32), bits, 4, 0.1, 10.0, 1 / 256, 0.0, False,
                  False, 1, np.array([0], I32), 0.0, ALL, 1, density, color)  # fmt: skip
     colors, opacity, depth, distortion, samples = kernels(
-        "radiance.fields.voxel.rays.render", *arguments, out=outputs(1)
+        "radiance.fields.voxel.rays.render", *packed(arguments), out=outputs(1)
     )
     s, length = 0.7, 2.0
     through = np.exp(-s * length)
@@ -310,17 +331,16 @@ def test_adam_moves_touched_nodes(kernels):
         gradient, mean = (rng.normal(size=values.shape).astype(F32) for _ in range(2))
         return [gradient, mean, rng.random(values.shape).astype(F32), values]
 
-    before = [touched, *like(density), *like(color)]
+    before = [touched, Learnt(*like(density)), Learnt(*like(color))]
     rates = np.array([0.1, 0.9, 0.8], F32), np.array([0.02, 0.9, 0.8], F32)
     after = kernels(
         "radiance.fields.voxel.nodes.adam",
         *rates,
         np.array([0.5], F32),
-        0.9,
-        0.99,
-        1e-8,
+        Rule(0.9, 0.99, 1e-8),
         out=before,
     )
+    before = [touched, *before[1], *before[2]]
     assert not after[0].any()
     moved = touched == 1
     for k, rate in ((1, 0.1), (5, 0.02)):

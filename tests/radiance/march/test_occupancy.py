@@ -38,7 +38,7 @@ def test_random_numbers_have_the_bits_of_the_definition(kernels, seed, step):
 def test_random_numbers_are_uniform_and_independent(kernels):
     numbers, bins = 2**16, 64
     drawn = [visit(kernels, numbers, bins, seed=s, step=t)[0] for s, t in ((1, 0), (1, 1), (2, 0))]
-    pairs = [drawn[0][:-1] * bins + drawn[0][1:]]  # of one item and the next, step, seed
+    pairs = [drawn[0][:-1] * bins + drawn[0][1:]]  # pairs of one item and the next, step, seed
     pairs += [drawn[0] * bins + other for other in drawn[1:]]
     for values, size in [(d, bins) for d in drawn] + [(p, bins * bins) for p in pairs]:
         expected = len(values) / size

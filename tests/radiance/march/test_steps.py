@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch
 from tests.primitives import Primitives
 from tests.radiance import reference_radiance as reference
@@ -63,29 +64,15 @@ def march(kernels, origins, directions, occupied, space, *, near=0.05, most=10**
     active = np.array([rays if active is None else active], I32)
     return kernels(
         "radiance.march.steps.march_rays",
-        origins,
-        directions,
-        pack(occupied),
-        levels,
-        cells,
-        near,
-        far,
-        finest,
-        cone,
-        most,
-        jittered,
-        unbounded,
-        seed,
-        STEP,
+        codes.Space(pack(occupied), levels, cells, unbounded),
+        codes.March(near, far, finest, cone, most, jittered, seed, STEP),
         out=[
-            active,
+            codes.Rays(origins, directions, active),
             ((rays, 2), I32),
             ((1,), I32),
-            ((room, 3), F32),
-            ((room, 2), F32),
-            ((room,), I32),
+            codes.Samples(((room, 3), F32), ((room, 2), F32), ((room,), I32)),
         ],
-    )
+    )[2:]
 
 
 def blobs(levels, cells, share, seed=1):

@@ -146,7 +146,7 @@ def test_blender(tmp_path):
     scene = load_scene(tmp_path)
     assert_views(scene, poses, images, [19.0, 19.0, 9.5, 5.5])
     assert scene.test.tolist() == [False] * 6 + [True] * 3
-    assert (scene.bounds, scene.near, scene.far) == (((0, 0, 0), 1.5, False), 2, 6)  # as NeRF's
+    assert (scene.bounds, scene.near, scene.far) == (((0, 0, 0), 1.5, False), 2, 6)  # NeRF's
     assert scene.depths is not None
     np.testing.assert_allclose(scene.depths[6:8, 1:], 8 * (1 - 128 / 255), rtol=1e-6)
     assert np.isnan(scene.depths[6:8, 0]).all()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from cvkern.kernels.codes.radiance import Grid, March, Rays, Seen, Space
 from cvkern.radiance import fit, make_scene
 from tests.radiance import reference_radiance as reference
 from tests.radiance.fields.test_hash import Trial
@@ -102,19 +103,24 @@ def test_sums_of_a_grid_have_no_order(exact):
     density, color = grid(16, 9, 0.0)
     origins, directions = rays(200)
     bits = np.full(8**3 // 32, 2**32 - 1, U32)
-    march = (bits, 8, 0.1, 10.0, 1 / 16, 0.0, False, False, 1, np.array([2], I32), 1e-4, ALL, 9,
-             density, color)  # fmt: skip
+    march = (
+        Space(bits, 1, 8, False),
+        March(0.1, 10.0, 1 / 16, 0.0, 0, False, 1, np.array([2], I32)),
+        Grid(density, color, 9, ALL),
+        1e-4,
+    )
     gradients = [noise(*s, seed=k) for k, s in enumerate(((200, 3), (200,), (200,), (200,)))]
 
     def sums(at, dtype, gradients=gradients):
-        along = origins[at], directions[at], np.array([200], I32), *march
+        along = Rays(origins[at], directions[at], np.array([200], I32)), *march
         seen = exact("radiance.fields.voxel.rays.render", *along, out=outputs(200))
         zeros = [np.zeros(density.shape, dtype), np.zeros(color.shape, dtype)]
         return exact(
             "radiance.fields.voxel.rays.render_backward",
-            *(g[at] for g in gradients),
+            Seen(*(g[at] for g in gradients)),
             *along,
-            *seen,
+            Seen(*seen[:4]),
+            seen[4],
             out=[*zeros, np.zeros(density.shape, U8)],
         )
 

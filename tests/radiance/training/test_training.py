@@ -140,7 +140,7 @@ def test_ctrl_c_ends_the_looks_at_held_out_views(scene, tmp_path, monkeypatch):
 
     monkeypatch.setattr(trainer, "evaluate", look)
     model = fit(scene, TINY, steps=3, checkpoint=tmp_path / "m.npz")
-    assert len(looked) == 1  # of two
+    assert len(looked) == 1  # there are two
     assert model.training.marks == []
     assert same(load_model(tmp_path / "m.npz"), model)
 

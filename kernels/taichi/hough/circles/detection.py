@@ -1,4 +1,9 @@
-"""From edge points to circles in Taichi: one thread a point, or a point and a circle."""
+"""From edge points to circles in Taichi: one thread a point, or a point and a circle.
+
+Each edge point has a line: its place between the pixels, and the direction of its gradient. Lines
+vote for centres, in cells; points near a centre vote for radii; and the points near a circle give
+the sums of a least-squares fit.
+"""
 
 import numpy as np
 import taichi as ti

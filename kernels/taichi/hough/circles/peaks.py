@@ -1,4 +1,8 @@
-"""Peaks among the votes for circles, in Taichi."""
+"""Peaks among the votes for circles, in Taichi: one thread a row.
+
+A peak is above the limit of its plane, and in a window round it nothing is larger, or equal and
+before it. Each row counts its peaks, and then lists them from its place on.
+"""
 
 import numpy as np
 import taichi as ti

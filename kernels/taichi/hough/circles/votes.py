@@ -1,4 +1,8 @@
-"""Votes for circles in Taichi: each set pixel adds to what it votes for."""
+"""Votes for circles in Taichi: one thread a set pixel, which adds to what it votes for.
+
+A pixel votes for all centres from which a circle goes through it, or for those along its gradient
+(Kimme, Ballard and Sklansky, "Finding circles by an array of accumulators", CACM 1975).
+"""
 
 import numpy as np
 import taichi as ti

@@ -1,4 +1,8 @@
-"""Votes for ellipses in Taichi: one thread a pair of points."""
+"""Votes for ellipses in Taichi: one thread a pair of points.
+
+A pair is taken for the ends of a major axis, and every third point votes for a minor semi-axis (Xie
+and Ji, "A new efficient ellipse detection method", ICPR 2002).
+"""
 
 import numpy as np
 import taichi as ti

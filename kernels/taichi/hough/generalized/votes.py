@@ -1,4 +1,10 @@
-"""The generalised Hough transform in Taichi; a slice is the votes of one rotation and one scale."""
+"""The generalised Hough transform in Taichi: one thread a slice and an entry.
+
+An entry of the table is a vector v from a boundary point to the centre, and the direction of the
+gradient there. Turned by t and scaled by s, each edge point p of that direction, turned too, votes
+for the centre p + s R(t) v (Ballard, "Generalizing the Hough transform to detect arbitrary shapes",
+Pattern Recognition 13(2), 1981). A slice is the votes of one rotation and one scale.
+"""
 
 import numpy as np
 import taichi as ti

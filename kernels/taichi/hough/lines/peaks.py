@@ -1,4 +1,8 @@
-"""Maxima of an accumulator of lines, in Taichi."""
+"""Maxima of an accumulator of lines, in Taichi: one thread an element.
+
+A maximum is above a threshold, and in a window round it nothing is larger, or equal and before it.
+The window may run on past the last angle: half a turn on, rho changes its sign.
+"""
 
 import numpy as np
 import taichi as ti

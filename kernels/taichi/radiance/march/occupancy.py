@@ -7,6 +7,7 @@ mean, or above a least density, are marched through.
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._random import random_index
 from cvkern.kernels.taichi.radiance._space import in_cube, random_point
@@ -33,7 +34,7 @@ def _visit(
     for i in range(visited.shape[0]):
         cell = ti.min(begin + i, count - 1)
         if every == 0:
-            cell = random_index(seed, step[0], begin + i, 8, count)
+            cell = random_index(seed, step[0], begin + i, Draw.CELL, count)
         visited[i] = cell
         at = in_cube(random_point(cell, cells, seed, step[0]), unbounded)
         for k in ti.static(range(3)):

@@ -8,6 +8,8 @@ in occupied cells, up to so many. They are the same on every device: hence `zero
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._random import random_unit
 from cvkern.kernels.taichi.radiance._space import (
@@ -61,7 +63,7 @@ def _march(
         if limit > 0:
             jitter = 0.5
             if jittered != 0:
-                jitter = random_unit(seed, step[0], ray, 4)
+                jitter = random_unit(seed, step[0], ray, Draw.JITTER)
             origin = row(origins, ray)
             direction = row(directions, ray)
             inverse = reciprocal(direction, zero)
@@ -110,44 +112,25 @@ def _place(
 
 @primitive
 def march_rays(
-    origins: np.ndarray,
-    directions: np.ndarray,
-    bits: np.ndarray,
-    levels: int,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
-    jittered: bool,
-    unbounded: bool,
-    seed: int,
-    step: np.ndarray,
-    active: np.ndarray,
+    space: codes.Space,
+    march: codes.March,
+    rays: codes.Rays,
     spans: np.ndarray,
     total: np.ndarray,
-    positions: np.ndarray,
-    distances: np.ndarray,
-    rays: np.ndarray,
+    samples: codes.Samples,
 ) -> None:
     """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
 
-    Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
-    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `active` is lowered
-    to those that fit: who wants as many again in the next batch has to write it anew. `bits` has
-    one for each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block
-    by block.
-
-    `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
-    with their number, and that many rows of `positions` (M, 3) in the cube of the field,
-    `distances` (M, 2), the distance and the length of the step, and `rays` (M,).
+    The first `active` of R rays are marched from `near` to `far` by steps of
+    ``max(finest, cone t)``. `active` is lowered to those that fit: a caller who wants as many again
+    in the next batch has to write it anew. `spans` (R, 2) is filled with the first row and the
+    number of rows of each ray, `total` (1,) with their number, and that many rows of `samples`.
     """
-    march = (
-        origins, directions, bits, levels, cells, near, far, finest, cone, most, jittered,
-        unbounded, seed, step, active,
+    m = march
+    given = (
+        rays.origins, rays.directions, space.bits, space.levels, space.cells, m.near, m.far,
+        m.finest, m.cone, m.most, m.jittered, space.unbounded, m.seed, m.step, rays.active,
     )  # fmt: skip
-    outputs = spans, positions, distances, rays
-    _march(*march, False, 0, *outputs)
-    _place(positions.shape[0], spans, total, active)
-    _march(*march, True, 0, *outputs)
+    _march(*given, False, 0, spans, *samples)
+    _place(samples.positions.shape[0], spans, total, rays.active)
+    _march(*given, True, 0, spans, *samples)

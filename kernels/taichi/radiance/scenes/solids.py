@@ -8,6 +8,7 @@ import numpy as np
 import taichi as ti
 import taichi.math as tm
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Pattern, Shape
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi.radiance._space import row
@@ -214,10 +215,7 @@ def _trace(
 def trace(
     origins: np.ndarray,
     directions: np.ndarray,
-    kinds: np.ndarray,
-    placements: np.ndarray,
-    sizes: np.ndarray,
-    paints: np.ndarray,
+    solids: codes.Solids,
     around: np.ndarray,
     sun: np.ndarray,
     colors: np.ndarray,
@@ -225,10 +223,8 @@ def trace(
 ) -> None:
     """Find the colour, opacity and distance of what each ray hits first.
 
-    `origins` and unit `directions` are (R, 3). Of S solids, `kinds` (S, 2) has the Shape and the
-    Pattern, `placements` (S, 12) the axes, each a row, and the middle, `sizes` (S, 4) what Shape
-    says, `paints` (S, 8) two colours, gloss, and parts of the pattern per length. `around` (4,) is
-    the middle and radius of a ball with all of them in it, `sun` (3,) a unit vector. `colors`
-    (R, 4) and `depths` (R,) are filled, with 0 where nothing is hit.
+    `origins` and unit `directions` are (R, 3). `around` (4,) is the middle and radius of a ball
+    with all solids in it, `sun` (3,) a unit vector. `colors` (R, 4) and `depths` (R,) are filled,
+    with 0 where nothing is hit.
     """
-    _trace(origins, directions, kinds, placements, sizes, paints, around, sun, colors, depths)
+    _trace(origins, directions, *solids, around, sun, colors, depths)

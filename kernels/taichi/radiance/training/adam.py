@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi.radiance._fixed_point import fraction
 
@@ -46,28 +47,17 @@ def _adam(
 def adam(
     rate: np.ndarray,
     factor: np.ndarray,
-    beta1: float,
-    beta2: float,
-    epsilon: float,
-    decay: float,
-    sparse: bool,
-    gradients: np.ndarray,
-    mean: np.ndarray,
-    square: np.ndarray,
-    weights: np.ndarray,
+    rule: codes.Rule,
+    learnt: codes.Learnt,
     copy: np.ndarray,
 ) -> None:
-    """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
+    """One step of Adam for N weights, with their gradients times `factor` (1,), left at 0.
 
-    `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
-    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If
-    `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,) is filled with the
-    weights in its own precision; it may be `weights` itself. On CUDA each array begins at a
-    multiple of 16 bytes.
+    `rate` (3,) is that of :func:`learning_rate`. `copy` (N,) is filled with the weights in its own
+    precision; it may be the weights themselves. On CUDA each array begins at a multiple of 16
+    bytes.
     """
-    _adam(
-        rate, factor, beta1, beta2, epsilon, decay, sparse, gradients, mean, square, weights, copy
-    )
+    _adam(rate, factor, *rule, *learnt, copy)
 
 
 @ti.kernel

@@ -10,7 +10,8 @@ the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2) beyond. So with 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.radiance import Background
+from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.codes.radiance import Background, Draw
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._random import random_unit
 
@@ -30,7 +31,7 @@ def _background(
         color = vec3(1.0)
     elif kind == Background.RANDOM:
         for k in ti.static(range(3)):
-            color[k] = random_unit(seed, step, ray, 5 + k)
+            color[k] = random_unit(seed, step, ray, Draw.RED + k)
     elif kind == Background.LEARNT:
         color = vec3(learnt[0], learnt[1], learnt[2])
     return color
@@ -84,27 +85,21 @@ def loss(
     opacity: np.ndarray,
     targets: np.ndarray,
     active: np.ndarray,
-    kind: int,
-    learnt: np.ndarray,
-    huber: float,
-    scale: float,
-    seed: int,
-    step: np.ndarray,
+    comparison: codes.Comparison,
     errors: np.ndarray,
     d_color: np.ndarray,
     d_opacity: np.ndarray,
     d_learnt: np.ndarray,
 ) -> None:
-    """Find the squared error of each ray, and the gradients of its loss times `scale`.
+    """Find the squared error of each ray, and the gradients of its loss times a scale.
 
-    Of the first `active` (1,) rays, `color` (R, 3) and `opacity` (R,) are held against `targets`
-    (R, 4), the colour and opacity of the photographs. The loss is Huber's with k = `huber`, or
-    squared where that is 0. `kind` is a Background, `learnt` (3,) the colour of the learnt kind.
-    `errors` (R,) are means over the channels, whatever the loss, and 0 for the other rays;
-    `d_color` (R, 3), `d_opacity` (R,) and `d_learnt` (R, 3), for each ray alone, are not written
-    for those.
+    The `color` (R, 3) and `opacity` (R,) of the first `active` (1,) rays are held against `targets`
+    (R, 4), the colour and opacity of the photographs. `errors` (R,) are means over the channels,
+    whatever the loss, and 0 for the other rays; `d_color` (R, 3), `d_opacity` (R,) and `d_learnt`
+    (R, 3), for each ray alone, are not written for those.
     """
+    c = comparison
     _loss(
-        color, opacity, targets, active, kind, learnt, huber, scale, seed, step,
-        errors, d_color, d_opacity, d_learnt,
+        color, opacity, targets, active, c.kind, c.learnt, c.huber, c.scale, c.seed, c.step, errors,
+        d_color, d_opacity, d_learnt,
     )  # fmt: skip

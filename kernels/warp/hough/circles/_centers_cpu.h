@@ -21,8 +21,8 @@ void shrink(int slab, int first, int last, wp::array_t<SCALAR> src, int factor,
 }
 
 // needs LINE_ONE LINE_BITS
-// Rows of a slab are points, whose lines are walked cell by cell in fixed point, into an accumulator
-// of the slab's own. Sides are 1, along the gradient, and -1, against it.
+// Rows of a slab are points. Their lines are walked cell by cell in fixed point; each slab has an
+// accumulator of its own. Sides are 1, along the gradient, and -1, against it.
 void vote_centers(int slab, int first, int last, wp::array_t<float> lines, int low, int high,
                   float scale, int first_side, int last_side, wp::array_t<int> votes) {
 #pragma clang fp contract(off)

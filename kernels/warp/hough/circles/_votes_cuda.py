@@ -1,8 +1,8 @@
 """Votes for circles on CUDA.
 
-As in _votes_cpu.py the votes of a ring are sums of moved masks, a bit a pixel: a thread adds 32
-pixels at once, in two rows, and full adders take three bits to two. Along the gradient, where a
-point has few votes, they are added one by one.
+As on the CPU the votes of a ring are sums of moved masks, a bit a pixel: a thread adds 32 pixels at
+once, in two rows, and full adders take three bits to two. Along the gradient, where a point has few
+votes, they are added one by one, a point a thread.
 """
 
 import warp as wp

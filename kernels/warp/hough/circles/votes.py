@@ -1,4 +1,8 @@
-"""Votes for circles, in Warp."""
+"""Votes for circles, in Warp: one thread a slab of rows of the accumulator, or of its words.
+
+A pixel votes for all centres from which a circle goes through it, or for those along its gradient
+(Kimme, Ballard and Sklansky, "Finding circles by an array of accumulators", CACM 1975).
+"""
 
 import warp as wp
 

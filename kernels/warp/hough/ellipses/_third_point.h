@@ -4,7 +4,7 @@
 // from the centre, P = 2 p . e and Q = 2 p x e are 4 a times its coordinates along the axes. From
 // x^2 / a^2 + y^2 / b^2 = 1 the square of the minor semi-axis is
 //     b^2 = (4 a^2) Q^2 / (4 (4 a^2 - P) (4 a^2 + P)),
-// which is the formula of Xie and Ji without its angle. The normal there is b^2 P e + a^2 Q e', with
+// This is the formula of Xie and Ji without its angle. The normal there is b^2 P e + a^2 Q e', with
 // e' square to e. Only sums of two products are rounded twice: the same on every device.
 struct Axis {
     float ey, ex, my, mx, whole;  // the difference, the sum and the squared distance of the two

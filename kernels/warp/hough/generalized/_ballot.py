@@ -6,8 +6,9 @@ import warp as wp
 
 from cvkern.kernels.codes.hough import SCALE_ONE, TURN_ONE, TURNED_ONE, VECTOR_ONE
 
-TURNED_BITS = (TURN_ONE * VECTOR_ONE // TURNED_ONE).bit_length() - 1  # of a turned vector, too many
-SCALED_BITS = (TURNED_ONE * SCALE_ONE).bit_length() - 1  # the same of a scaled one, to whole pixels
+# Bits that a turned vector has too many, and a scaled one beyond whole pixels.
+TURNED_BITS = (TURN_ONE * VECTOR_ONE // TURNED_ONE).bit_length() - 1
+SCALED_BITS = (TURNED_ONE * SCALE_ONE).bit_length() - 1
 
 
 @wp.struct

@@ -38,8 +38,8 @@ void vote_slice(int slab, int scale, Ballot ballot, wp::array_t<int> windows,
 }
 
 // needs TILE
-// Of four cells that meet at a corner the sum, or a peak between cells would be lost; then of each
-// tile the largest, and of equal ones the first, which the lower bits of the key say.
+// Add up the four cells that meet at each corner, or a peak between cells would be lost. The key of a
+// tile is its largest sum, with the place of the first corner that has it in the lower bits.
 void find_peaks(int slab, int slice, Ballot ballot, wp::array_t<wp::uint16> cells,
                 wp::array_t<int> keys) {
     const int rows = ((ballot.height - 1) >> ballot.shift) + 1;

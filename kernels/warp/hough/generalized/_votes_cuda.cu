@@ -67,7 +67,7 @@ void search(Ballot ballot, int deep, int wide, wp::array_t<int> found) {
     const int across = (columns + TILE - 1) / TILE, below = (rows + TILE - 1) / TILE;
     const int line = lane / (TILE / 2), word = lane % (TILE / 2);
     const int place = TILE * TILE - 1 - (line * TILE + 2 * word);
-    int row = 0, column = threadIdx.x / 32;  // of tiles, in the rectangle
+    int row = 0, column = threadIdx.x / 32;  // the tile in the rectangle
     for (;; column += BLOCK / 32) {
         for (; column >= wide / TILE; column -= wide / TILE) ++row;
         const int tile_row = top / TILE + row, tile_column = left / TILE + column;

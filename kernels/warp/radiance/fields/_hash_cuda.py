@@ -11,7 +11,8 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes.radiance import HASH_PRIMES
-from cvkern.kernels.warp.radiance._fixed_point import ADD_FIXED
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp.radiance._fixed_point import NATIVE
 
 OPTIONS = {"enable_backward": False}
 
@@ -67,45 +68,6 @@ def share_of(cell: Cell, corner: int) -> float:
     return x * y * z
 
 
-_TWO = {
-    wp.float16: """
-        const unsigned int a = low, b = high;
-        const uint4 near = __ldg((const uint4*)table.data + a / 4);
-        auto pick = [&](unsigned int n) {
-            return n & 2 ? (n & 1 ? near.w : near.z) : (n & 1 ? near.y : near.x);
-        };
-        unsigned int found[2] = {pick(a), pick(b)};
-        if (a / 4 != b / 4) found[1] = __ldg((const unsigned int*)table.data + b);
-        wp::vec_t<4, float> numbers;
-        #pragma unroll
-        for (int n = 0; n < 4; ++n) {
-            wp::half number;
-            number.u = found[n / 2] >> 16 * (n % 2);
-            numbers[n] = wp::half_to_float(number);
-        }
-        return numbers;
-    """,
-    wp.float32: """
-        const unsigned int a = low, b = high;
-        const float4 near = __ldg((const float4*)table.data + a / 2);
-        const float2 here = {a & 1 ? near.z : near.x, a & 1 ? near.w : near.y};
-        float2 next = {b & 1 ? near.z : near.x, b & 1 ? near.w : near.y};
-        if (a / 2 != b / 2) next = __ldg((const float2*)table.data + b);
-        return wp::vec_t<4, float>(here.x, here.y, next.x, next.y);
-    """,
-}
-
-
-_STORE = """
-    constexpr int COUNT = sizeof(numbers) / sizeof(WORD);
-    WORD words[COUNT];
-    memcpy(words, &numbers, sizeof(numbers));
-    WORD* to = (WORD*)(features.data + (size_t)sample * features.shape[1]) + group * COUNT;
-    #pragma unroll
-    for (int i = 0; i < COUNT; ++i) to[i] = words[i];
-"""
-
-
 @cache
 def encode(scalar: Any, together: int) -> wp.Kernel:
     """Return the kernel that looks up features of a precision, of so many levels in a thread.
@@ -114,13 +76,18 @@ def encode(scalar: Any, together: int) -> wp.Kernel:
     """
     pair, row = wp.types.vector(2, scalar), wp.types.vector(2 * together, scalar)
 
-    @wp.func_native(_TWO[scalar])
-    def two(table: wp.array[pair], low: int, high: int) -> wp.vec4: ...
-
     size = 2 * together * wp.types.type_size_in_bytes(scalar)
     word = {4: "unsigned int", 8: "uint2"}.get(size, "uint4")
 
-    @wp.func_native(_STORE.replace("WORD", word))
+    @_native.func_native("_hash_cuda.cu")
+    def two_halves(table: wp.array[pair], low: int, high: int) -> wp.vec4: ...
+
+    @_native.func_native("_hash_cuda.cu")
+    def two_floats(table: wp.array[pair], low: int, high: int) -> wp.vec4: ...
+
+    two = two_halves if scalar is wp.float16 else two_floats
+
+    @_native.func_native("_hash_cuda.cu", WORD=word)
     def store(features: wp.array2d[scalar], sample: int, group: int, numbers: row): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
@@ -158,71 +125,25 @@ def encode(scalar: Any, together: int) -> wp.Kernel:
     return encode
 
 
-@wp.func_native("""
-    const long long before = __shfl_up_sync(0xffffffffu, key, 1);
-    return (threadIdx.x & 31) == 0 || key != before;
-""")
+@_native.func_native("_hash_cuda.cu")
 def begins_run(key: wp.int64) -> bool:
     """Tell whether the lane before this one has another key; for a whole warp."""
     ...
 
 
-# After n steps, a lane has the sum over itself and the 2^n - 1 lanes behind it that are of its run.
-RUN_TEXT = """
-    const int lane = threadIdx.x & 31;
-    const unsigned int behind = __ballot_sync(0xffffffffu, begins) & 0xfffffffeu << lane;
-    const int end = behind ? __ffs(behind) - 1 : 32;
-    wp::vec_t<16, float> sums = values;
-    for (int step = 1; __any_sync(0xffffffffu, lane + step < end); step *= 2)
-        #pragma unroll
-        for (int i = 0; i < 16; ++i) {
-            const float more = __shfl_down_sync(0xffffffffu, sums[i], step);
-            if (lane + step < end) sums[i] += more;
-        }
-    return sums;
-"""
-
-
-@wp.func_native(RUN_TEXT)
+@_native.func_native("_hash_cuda.cu")
 def add_up_run(begins: bool, values: vec16) -> vec16:
     """Return in the lane that begins a run the sums over its lanes; for a whole warp."""
     ...
 
 
-@wp.func_native("""
-    float* numbers = (float*)table.data;
-#if __CUDA_ARCH__ >= 900
-    if ((low ^ high) == 1) {
-        const bool turned = high < low;
-        const float a = turned ? z : x, b = turned ? w : y, c = turned ? x : z, d = turned ? y : w;
-        float* to = numbers + 2 * (size_t)(turned ? high : low);
-        asm volatile("red.global.add.v4.f32 [%0], {%1, %2, %3, %4};"
-            ::"l"(to), "f"(a), "f"(b), "f"(c), "f"(d) : "memory");
-        return;
-    }
-    float* first = numbers + 2 * (size_t)low;
-    float* second = numbers + 2 * (size_t)high;
-    asm volatile("red.global.add.v2.f32 [%0], {%1, %2};" ::"l"(first), "f"(x), "f"(y) : "memory");
-    asm volatile("red.global.add.v2.f32 [%0], {%1, %2};" ::"l"(second), "f"(z), "f"(w) : "memory");
-#else
-    atomicAdd(numbers + 2 * (size_t)low, x);
-    atomicAdd(numbers + 2 * (size_t)low + 1, y);
-    atomicAdd(numbers + 2 * (size_t)high, z);
-    atomicAdd(numbers + 2 * (size_t)high + 1, w);
-#endif
-""")
+@_native.func_native("_hash_cuda.cu")
 def add_two(table: wp.array[wp.vec2], low: int, high: int, x: float, y: float, z: float, w: float):
     """Add to two entries atomically, by as many numbers at a time as the GPU can."""
     ...
 
 
-@wp.func_native(f"""
-    auto add = [](wp::int64* to, float value) {{ {ADD_FIXED} }};
-    add(table.data + 2 * (size_t)low, x);
-    add(table.data + 2 * (size_t)low + 1, y);
-    add(table.data + 2 * (size_t)high, z);
-    add(table.data + 2 * (size_t)high + 1, w);
-""")
+@_native.func_native("_hash_fixed_cuda.cu", **NATIVE)
 def add_two_fixed(
     table: wp.array2d[wp.int64], low: int, high: int, x: float, y: float, z: float, w: float
 ):
@@ -257,7 +178,7 @@ def backward(scalar: Any, sums: Any) -> wp.Kernel:
         item = wp.tid()
         level = item // positions.shape[0]
         sample = item - level * positions.shape[0]
-        key = wp.int64(-1)  # of those that have no gradient
+        key = wp.int64(-1)  # the key of samples that have no gradient
         cell = Cell()
         values = vec16()
         if level < resolutions.shape[0] and sample < total[0]:

@@ -2,44 +2,19 @@
 
 import warp as wp
 
-from cvkern.kernels.warp.radiance._sums_cuda import SUM_OF_BLOCK
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp.radiance._sums_cuda import WARPS
 
 wp.set_module_options({"enable_backward": False})
 
-BLOCKS = 1024  # that mark, at most
+BLOCKS = 1024  # blocks that mark, at most
 
 
-@wp.func_native(f"""{SUM_OF_BLOCK}
-    const float4* four = (const float4*)density.data;
-    const int fours = density.shape[0] / 4;
-    float x = 0.0f;
-    for (int i = blockIdx.x * blockDim.x + threadIdx.x; i < fours; i += gridDim.x * blockDim.x) {{
-        const float4 v = four[i];
-        x += (v.x + v.y) + (v.z + v.w);
-    }}
-    x = sum_of_block(x);
-    if (threadIdx.x == 0) parts.data[blockIdx.x] = x;
-""")
+@_native.func_native("_occupancy_cuda.cu", WARPS=WARPS)
 def sum_cells(density: wp.array[float], parts: wp.array[float]): ...
 
 
-@wp.func_native(f"""{SUM_OF_BLOCK}
-    const float4* four = (const float4*)density.data;
-    const int fours = density.shape[0] / 4;
-    float x = 0.0f;
-    for (int i = threadIdx.x; i < parts.shape[0]; i += blockDim.x) x += parts.data[i];
-    const float bound = fminf(least, sum_of_block(x) / (float)density.shape[0]);
-    if (blockIdx.x == 0 && threadIdx.x == 0) limit.data[0] = bound;
-    const int nibble = threadIdx.x % 8;  // eight lanes make a word
-    for (int first = blockIdx.x * blockDim.x; first < fours; first += gridDim.x * blockDim.x) {{
-        const int i = first + threadIdx.x;
-        const float4 v = four[min(i, fours - 1)];
-        const unsigned low = (v.x > bound) | (v.y > bound) << 1;
-        unsigned word = (low | (v.z > bound) << 2 | (v.w > bound) << 3) << 4 * nibble;
-        for (int s = 1; s < 8; s *= 2) word |= __shfl_xor_sync(0xffffffffu, word, s);
-        if (nibble == 0 && i < fours) bits.data[i / 8] = word;
-    }}
-""")
+@_native.func_native("_occupancy_cuda.cu", WARPS=WARPS)
 def mark_cells(
     density: wp.array[float],
     parts: wp.array[float],

@@ -6,6 +6,7 @@ mean, or above a least density, are marched through.
 
 import warp as wp
 
+from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_each
 from cvkern.kernels.warp._random import random_index
 from cvkern.kernels.warp.radiance._space import in_cube, random_point
@@ -13,6 +14,8 @@ from cvkern.kernels.warp.radiance._space import in_cube, random_point
 from . import _occupancy_cuda as cuda
 
 wp.set_module_options({"enable_backward": False})
+
+CELL = wp.constant(int(Draw.CELL))
 
 
 @wp.kernel
@@ -35,7 +38,7 @@ def visit_kernel(
     for i in range(first + wp.tid(), last, stride):
         cell = wp.min(begin + i, count - 1)
         if not every:
-            cell = random_index(seed, step[0], begin + i, 8, count)
+            cell = random_index(seed, step[0], begin + i, CELL, count)
         visited[i] = cell
         at = in_cube(random_point(cell, cells, seed, step[0]), unbounded)
         for k in range(3):

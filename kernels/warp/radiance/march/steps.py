@@ -7,11 +7,14 @@ in occupied cells, up to so many. They are the same on every device: hence no fu
 
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_each
 from cvkern.kernels.warp._random import random_unit
 from cvkern.kernels.warp.radiance._space import keep_sample, reach, reciprocal, row, skip, spacing
+from cvkern.kernels.warp.radiance._structs import March, Rays, Samples, Space, struct_of
 
 from . import _steps_cuda as cuda
+from ._steps_cuda import JITTER
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -21,55 +24,39 @@ def march_kernel(
     stride: int,
     first: int,
     last: int,
-    origins: wp.array2d[float],  # (R, 3)
-    directions: wp.array2d[float],  # (R, 3)
-    bits: wp.array[wp.uint32],  # (levels cells^3 / 32,)
-    levels: int,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
-    jittered: bool,
-    unbounded: bool,
-    seed: int,
-    step: wp.array[int],  # (1,)
-    active: wp.array[int],  # (1,): rays behind so many have no samples
+    rays: Rays,  # those behind the active ones have no samples
+    space: Space,
+    march: March,
     writes: bool,
     # outputs
     spans: wp.array2d[int],  # (R, 2): counted unless `writes`
-    positions: wp.array2d[float],  # (M, 3)
-    distances: wp.array2d[float],  # (M, 2): distance, and length of the step
-    rays: wp.array[int],  # (M,)
+    samples: Samples,
 ):
     """Count the samples of each ray, or write them where `place` said."""
     for ray in range(first + wp.tid(), last, stride):
-        limit = most
+        limit = march.most
         if writes:
             limit = spans[ray, 1]
-        elif ray >= active[0]:
+        elif ray >= rays.active[0]:
             limit = 0
         count = int(0)
         if limit > 0:
             jitter = float(0.5)
-            if jittered:
-                jitter = random_unit(seed, step[0], ray, 4)
-            origin = row(origins, ray)
-            direction = row(directions, ray)
+            if march.jittered:
+                jitter = random_unit(march.seed, march.step[0], ray, JITTER)
+            origin = row(rays.origins, ray)
+            direction = row(rays.directions, ray)
             inverse = reciprocal(direction)
-            ends = reach(origin, inverse, levels, near, far, finest, cone, jitter)
+            ends = reach(origin, inverse, space.levels, march, march.far, jitter)
             t = ends[0]
             while t < ends[1] and count < limit:
-                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone)
+                next = skip(origin, direction, inverse, space, march, t)
                 if next == t:
-                    length = spacing(t, finest, cone)
+                    length = spacing(t, march.finest, march.cone)
                     if writes:
                         at = spans[ray, 0] + count
                         point = origin + t * direction
-                        keep_sample(
-                            at, ray, point, t, length, unbounded, positions, distances, rays
-                        )
+                        keep_sample(at, ray, point, t, length, space.unbounded, samples)
                     count += 1
                     next = t + length
                 t = next
@@ -102,51 +89,30 @@ def place(
 
 
 def march_rays(
-    origins: wp.array,
-    directions: wp.array,
-    bits: wp.array,
-    levels: int,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    most: int,
-    jittered: bool,
-    unbounded: bool,
-    seed: int,
-    step: wp.array,
-    active: wp.array,
+    space: codes.Space,
+    march: codes.March,
+    rays: codes.Rays,
     spans: wp.array,
     total: wp.array,
-    positions: wp.array,
-    distances: wp.array,
-    rays: wp.array,
+    samples: codes.Samples,
 ) -> None:
     """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
 
-    Of `origins` and unit `directions` (R, 3), the first `active` (1,) rays are marched from `near`
-    to `far` by steps of ``max(finest, cone t)``, at most `most` samples each. `active` is lowered
-    to those that fit: who wants as many again in the next batch has to write it anew. `bits` has
-    one for each of the cells^3 cells (a multiple of 4 a side) of each level, in their order block
-    by block.
-
-    `spans` (R, 2) is filled with the first row and the number of rows of each ray, `total` (1,)
-    with their number, and that many rows of `positions` (M, 3) in the cube of the field,
-    `distances` (M, 2), the distance and the length of the step, and `rays` (M,).
+    The first `active` of R rays are marched from `near` to `far` by steps of
+    ``max(finest, cone t)``. `active` is lowered to those that fit: a caller who wants as many again
+    in the next batch has to write it anew. `spans` (R, 2) is filled with the first row and the
+    number of rows of each ray, `total` (1,) with their number, and that many rows of `samples`.
     """
-    count = origins.shape[0]
-    inputs = [
-        origins, directions, bits, levels, cells, near, far, finest, cone, most, jittered,
-        unbounded, seed, step, active,
-    ]  # fmt: skip
-    outputs = [spans, positions, distances, rays]
+    count = rays.origins.shape[0]
+    inputs = [struct_of(Rays, rays), struct_of(Space, space), struct_of(March, march)]
+    outputs = [spans, struct_of(Samples, samples)]
+    room = samples.positions.shape[0]
     if spans.device.is_cuda:
         threads = cuda.THREADS * count
         launch(cuda.march, threads, [*inputs, False], outputs)
-        launch(cuda.place, BLOCK, [positions.shape[0]], [spans, total, active])
+        launch(cuda.place, BLOCK, [room], [spans, total, rays.active])
         launch(cuda.march, threads, [*inputs, True], outputs)
         return
     launch_each(march_kernel, count, 256 * count, [*inputs, False], outputs)
-    launch(place, 1, [positions.shape[0]], [spans, total, active])
+    launch(place, 1, [room], [spans, total, rays.active])
     launch_each(march_kernel, count, 256 * count, [*inputs, True], outputs)

@@ -6,9 +6,11 @@ sun with soft shadows, a sky, and what glossy paint mirrors of both.
 
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Pattern, Shape
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp.radiance._space import row
+from cvkern.kernels.warp.radiance._structs import Solids, struct_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -178,10 +180,7 @@ def trace_kernel(
     last: int,
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
-    kinds: wp.array2d[int],  # (S, 2): Shape, Pattern
-    placements: wp.array2d[float],  # (S, 12): the axes, each a row, and the middle
-    sizes: wp.array2d[float],  # (S, 4): see Shape
-    paints: wp.array2d[float],  # (S, 8): two colours, gloss, parts of the pattern per length
+    solids: Solids,
     around: wp.array[float],  # (4,): a ball that has all solids in it
     sun: wp.array[float],  # (3,): unit vector to it
     # outputs
@@ -204,8 +203,10 @@ def trace_kernel(
             while hit < 0 and t < end and steps < STEPS:
                 nearest = float(1.0e9)
                 which = int(0)
-                for shape in range(kinds.shape[0]):
-                    d = distance_to(kinds, placements, sizes, shape, origin + t * view)
+                for shape in range(solids.kinds.shape[0]):
+                    d = distance_to(
+                        solids.kinds, solids.placements, solids.sizes, shape, origin + t * view
+                    )
                     if d < nearest:
                         nearest = d
                         which = shape
@@ -218,8 +219,9 @@ def trace_kernel(
         if hit >= 0:
             point = origin + t * view
             color = shaded(
-                kinds, placements, sizes, paints, wp.vec3(sun[0], sun[1], sun[2]), hit, point, view
-            )
+                solids.kinds, solids.placements, solids.sizes, solids.paints,
+                wp.vec3(sun[0], sun[1], sun[2]), hit, point, view,
+            )  # fmt: skip
         for k in range(3):
             colors[ray, k] = color[k]
         colors[ray, 3] = wp.where(hit >= 0, 1.0, 0.0)
@@ -229,10 +231,7 @@ def trace_kernel(
 def trace(
     origins: wp.array,
     directions: wp.array,
-    kinds: wp.array,
-    placements: wp.array,
-    sizes: wp.array,
-    paints: wp.array,
+    solids: codes.Solids,
     around: wp.array,
     sun: wp.array,
     colors: wp.array,
@@ -240,17 +239,15 @@ def trace(
 ) -> None:
     """Find the colour, opacity and distance of what each ray hits first.
 
-    `origins` and unit `directions` are (R, 3). Of S solids, `kinds` (S, 2) has the Shape and the
-    Pattern, `placements` (S, 12) the axes, each a row, and the middle, `sizes` (S, 4) what Shape
-    says, `paints` (S, 8) two colours, gloss, and parts of the pattern per length. `around` (4,) is
-    the middle and radius of a ball with all of them in it, `sun` (3,) a unit vector. `colors`
-    (R, 4) and `depths` (R,) are filled, with 0 where nothing is hit.
+    `origins` and unit `directions` are (R, 3). `around` (4,) is the middle and radius of a ball
+    with all solids in it, `sun` (3,) a unit vector. `colors` (R, 4) and `depths` (R,) are filled,
+    with 0 where nothing is hit.
     """
     count = origins.shape[0]
     launch_each(
         trace_kernel,
         count,
         4096 * count,
-        [origins, directions, kinds, placements, sizes, paints, around, sun],
+        [origins, directions, struct_of(Solids, solids), around, sun],
         [colors, depths],
     )

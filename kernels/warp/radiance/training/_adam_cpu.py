@@ -1,47 +1,26 @@
-"""Adam and gradient clipping on the CPU: one thread a slab."""
+"""Adam and gradient clipping on the CPU: a thread takes a slab of the numbers.
+
+adam.py has the equations. The native loops run over vectors.
+"""
 
 import warp as wp
 
+from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance._fixed_point import fraction
 
-from ._adam_step import STEP_ON_CPU
+from ._structs import Learnt, Rule
 
 wp.set_module_options({"enable_backward": False})
 
 
-@wp.func_native(f"""
-    #pragma clang fp contract(fast)
-    {STEP_ON_CPU}
-    float *gs = gradients.data, *ms = mean.data, *vs = square.data, *ws = weights.data;
-    float* again = copy.data;
-    #pragma clang loop vectorize(assume_safety)
-    for (int i = first; i < last; ++i) {{
-        const float slope = gs[i] * factor, m0 = ms[i], v0 = vs[i], w0 = ws[i];
-        float m1 = m0, v1 = v0, w1 = w0;
-        step(slope + decay * w0, m1, v1, w1, learning);
-        const bool moves = !sparse || slope != 0.0f;
-        gs[i] = 0.0f;
-        ms[i] = moves ? m1 : m0;
-        vs[i] = moves ? v1 : v0;
-        ws[i] = moves ? w1 : w0;
-        again[i] = moves ? w1 : w0;
-    }}
-""")
+@_native.func_native("_adam_cpu.h")
 def move(
     first: int,
     last: int,
-    learning: float,
-    mend: float,
-    factor: float,
-    beta1: float,
-    beta2: float,
-    epsilon: float,
-    decay: float,
-    sparse: bool,
-    gradients: wp.array[float],
-    mean: wp.array[float],
-    square: wp.array[float],
-    weights: wp.array[float],
+    rate: wp.array[float],
+    factor: wp.array[float],
+    rule: Rule,
+    learnt: Learnt,
     copy: wp.array[float],
 ): ...
 
@@ -53,22 +32,12 @@ def adam(
     last: int,
     rate: wp.array[float],  # (3,): of learning, and what the two means have to be divided by
     factor: wp.array[float],  # (1,): of the gradients
-    beta1: float,
-    beta2: float,
-    epsilon: float,
-    decay: float,
-    sparse: bool,
+    rule: Rule,
     # outputs
-    gradients: wp.array[float],  # (N,): set to 0
-    mean: wp.array[float],  # (N,)
-    square: wp.array[float],  # (N,)
-    weights: wp.array[float],  # (N,)
+    learnt: Learnt,  # the gradients are set to 0
     copy: wp.array[float],  # (N,): the weights again
 ):
-    move(
-        first, last, rate[0] / rate[1], 1.0 / rate[2], factor[0], beta1, beta2, epsilon, decay,
-        sparse, gradients, mean, square, weights, copy,
-    )  # fmt: skip
+    move(first, last, rate, factor, rule, learnt, copy)
 
 
 @wp.kernel
@@ -85,23 +54,7 @@ def collect(
         sums[i] = wp.int64(0)
 
 
-@wp.func_native("""
-    const long long count = gradients.shape[0], all = parts.shape[0];
-    for (int part = first; part < last; ++part) {
-        const long long begin = count * part / all, end = count * (part + 1) / all;
-        float lanes[16] = {};
-        long long i = begin;
-        for (; i + 16 <= end; i += 16) {
-            const float* g = gradients.data + i;
-            #pragma clang loop vectorize(assume_safety)
-            for (int lane = 0; lane < 16; ++lane) lanes[lane] += g[lane] * g[lane];
-        }
-        float sum = 0.0f;
-        for (; i < end; ++i) sum += gradients.data[i] * gradients.data[i];
-        for (int lane = 0; lane < 16; ++lane) sum += lanes[lane];
-        parts.data[part] += sum;
-    }
-""")
+@_native.func_native("_norm_cpu.h")
 def add_parts(first: int, last: int, gradients: wp.array[float], parts: wp.array[float]): ...
 
 

@@ -2,10 +2,13 @@
 
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
+from cvkern.kernels.warp.radiance._structs import struct_of
 
 from . import _adam_cpu as cpu
 from . import _adam_cuda as cuda
+from ._structs import Learnt, Rule
 
 wp.set_module_options({"enable_backward": False})
 
@@ -43,29 +46,20 @@ def advance_kernel(
 def adam(
     rate: wp.array,
     factor: wp.array,
-    beta1: float,
-    beta2: float,
-    epsilon: float,
-    decay: float,
-    sparse: bool,
-    gradients: wp.array,
-    mean: wp.array,
-    square: wp.array,
-    weights: wp.array,
+    rule: codes.Rule,
+    learnt: codes.Learnt,
     copy: wp.array,
 ) -> None:
-    """One step of Adam for N weights, with `gradients` (N,) times `factor` (1,), left at 0.
+    """One step of Adam for N weights, with their gradients times `factor` (1,), left at 0.
 
-    `mean` and `square` (N,) are those of gradients and of their squares, `rate` (3,) is that of
-    :func:`learning_rate`, `decay` the share of each weight that is added to its gradient. If
-    `sparse`, weights of gradient 0 and their means stay as they are. `copy` (N,) is filled with the
-    weights in its own precision; it may be `weights` itself. On CUDA each array begins at a
-    multiple of 16 bytes.
+    `rate` (3,) is that of :func:`learning_rate`. `copy` (N,) is filled with the weights in its own
+    precision; it may be the weights themselves. On CUDA each array begins at a multiple of 16
+    bytes.
     """
-    count = weights.shape[0]
-    inputs = [rate, factor, beta1, beta2, epsilon, decay, sparse]
-    outputs = [gradients, mean, square, weights, copy]
-    if weights.device.is_cuda:
+    count = copy.shape[0]
+    inputs = [rate, factor, struct_of(Rule, rule)]
+    outputs = [struct_of(Learnt, learnt), copy]
+    if copy.device.is_cuda:
         launch(cuda.adam(copy.dtype), cuda.threads(count), inputs, outputs)
     else:
         launch_slabs(cpu.adam, count, slabs(count, 4 * count), inputs, outputs)
@@ -120,8 +114,7 @@ def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
 
     `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
     """
-    cuda = parts.device.is_cuda
-    kernel, threads = (cuda.clip, BLOCK) if cuda else (cpu.clip, 1)
+    kernel, threads = (cuda.clip, BLOCK) if parts.device.is_cuda else (cpu.clip, 1)
     launch(kernel, threads, [scale, most], [parts, factor])
 
 

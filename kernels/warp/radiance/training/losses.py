@@ -9,26 +9,33 @@ the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2) beyond. So with 
 
 import warp as wp
 
-from cvkern.kernels.codes.radiance import Background
+from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.codes.radiance import Background, Draw
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._random import random_unit
+from cvkern.kernels.warp.radiance._structs import Comparison, struct_of
 
 wp.set_module_options({"enable_backward": False})
 
+RED, GREEN, BLUE = (wp.constant(int(d)) for d in (Draw.RED, Draw.GREEN, Draw.BLUE))
+
 
 @wp.func
-def background_of(kind: int, learnt: wp.array[float], seed: int, step: int, ray: int) -> wp.vec3:
+def background_of(comparison: Comparison, ray: int) -> wp.vec3:
     """Return the colour behind a ray."""
+    kind = comparison.kind
+    seed = comparison.seed
+    step = comparison.step[0]
     if kind == Background.WHITE:
         return wp.vec3(1.0, 1.0, 1.0)
     if kind == Background.RANDOM:
         return wp.vec3(
-            random_unit(seed, step, ray, 5),
-            random_unit(seed, step, ray, 6),
-            random_unit(seed, step, ray, 7),
+            random_unit(seed, step, ray, RED),
+            random_unit(seed, step, ray, GREEN),
+            random_unit(seed, step, ray, BLUE),
         )
     if kind == Background.LEARNT:
-        return wp.vec3(learnt[0], learnt[1], learnt[2])
+        return wp.vec3(comparison.learnt[0], comparison.learnt[1], comparison.learnt[2])
     return wp.vec3(0.0, 0.0, 0.0)
 
 
@@ -41,12 +48,7 @@ def loss_kernel(
     opacity: wp.array[float],  # (R,)
     targets: wp.array2d[float],  # (R, 4)
     active: wp.array[int],  # (1,)
-    kind: int,
-    learnt: wp.array[float],  # (3,)
-    huber: float,
-    scale: float,
-    seed: int,
-    step: wp.array[int],  # (1,)
+    comparison: Comparison,
     # outputs
     errors: wp.array[float],  # (R,): mean squared error of each ray
     d_color: wp.array2d[float],  # (R, 3)
@@ -56,7 +58,7 @@ def loss_kernel(
     """Compare a ray with what was seen."""
     for ray in range(first + wp.tid(), last, stride):
         if ray < active[0]:
-            behind = background_of(kind, learnt, seed, step[0], ray)
+            behind = background_of(comparison, ray)
             through = 1.0 - opacity[ray]
             seen = targets[ray, 3]
             error = float(0.0)
@@ -66,9 +68,10 @@ def loss_kernel(
                 e = found - (seen * targets[ray, k] + (1.0 - seen) * behind[k])
                 error += e * e / 3.0
                 d = 2.0 * e
-                if huber > 0.0:
+                if comparison.huber > 0.0:
+                    huber = comparison.huber
                     d = wp.where(wp.abs(e) > huber, wp.sign(e) * huber, e)  # a NaN stays
-                d *= scale / 3.0
+                d *= comparison.scale / 3.0
                 d_color[ray, k] = d
                 d_through += d * behind[k]
                 d_learnt[ray, k] = d * (seen - opacity[ray])
@@ -83,31 +86,19 @@ def loss(
     opacity: wp.array,
     targets: wp.array,
     active: wp.array,
-    kind: int,
-    learnt: wp.array,
-    huber: float,
-    scale: float,
-    seed: int,
-    step: wp.array,
+    comparison: codes.Comparison,
     errors: wp.array,
     d_color: wp.array,
     d_opacity: wp.array,
     d_learnt: wp.array,
 ) -> None:
-    """Find the squared error of each ray, and the gradients of its loss times `scale`.
+    """Find the squared error of each ray, and the gradients of its loss times a scale.
 
-    Of the first `active` (1,) rays, `color` (R, 3) and `opacity` (R,) are held against `targets`
-    (R, 4), the colour and opacity of the photographs. The loss is Huber's with k = `huber`, or
-    squared where that is 0. `kind` is a Background, `learnt` (3,) the colour of the learnt kind.
-    `errors` (R,) are means over the channels, whatever the loss, and 0 for the other rays;
-    `d_color` (R, 3), `d_opacity` (R,) and `d_learnt` (R, 3), for each ray alone, are not written
-    for those.
+    The `color` (R, 3) and `opacity` (R,) of the first `active` (1,) rays are held against `targets`
+    (R, 4), the colour and opacity of the photographs. `errors` (R,) are means over the channels,
+    whatever the loss, and 0 for the other rays; `d_color` (R, 3), `d_opacity` (R,) and `d_learnt`
+    (R, 3), for each ray alone, are not written for those.
     """
     count = opacity.shape[0]
-    launch_each(
-        loss_kernel,
-        count,
-        64 * count,
-        [color, opacity, targets, active, kind, learnt, huber, scale, seed, step],
-        [errors, d_color, d_opacity, d_learnt],
-    )
+    inputs = [color, opacity, targets, active, struct_of(Comparison, comparison)]
+    launch_each(loss_kernel, count, 64 * count, inputs, [errors, d_color, d_opacity, d_learnt])

@@ -10,7 +10,7 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 vec16 = ti.types.vector(16, ti.f32)
 
-PARTS = 64  # of the samples, that threads of a GPU add up on their own
+PARTS = 64  # parts of the samples; a GPU's threads add up one each
 
 
 @ti.kernel

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY
+from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY, Draw
 from cvkern.kernels.taichi._random import random_unit
 from cvkern.kernels.taichi.radiance._fixed_point import add
 from cvkern.kernels.taichi.radiance._harmonics import harmonics
@@ -94,11 +94,11 @@ def march(
             if not unbounded:
                 inside = interval(o, inverse, 1.0, ZERO)
                 t, last = ti.max(near, inside[0]), ti.min(far, inside[1])
-            jitter = random_unit(seed, step[0], ray, 4) if jittered else 0.5
+            jitter = random_unit(seed, step[0], ray, Draw.JITTER) if jittered else 0.5
             t += jitter * ti.max(finest, cone * t)
             left, sum_w, sum_wt, spread, found = 1.0, 0.0, 0.0, 0.0, 0
             seen = vec3(0.0)
-            # Of the backward pass: the gradients, and sum w_j G_j of the samples ahead.
+            # The backward pass has the gradients, and sum w_j G_j of the samples ahead.
             dc, do, dd, dx, rest = vec3(0.0), 0.0, 0.0, 0.0, 0.0
             if ti.static(backward):
                 dc = row(d_colors, ray)

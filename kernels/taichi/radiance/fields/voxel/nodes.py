@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi.radiance.training._adam_step import adam_step
 
@@ -147,28 +148,20 @@ def adam(
     rate_density: np.ndarray,
     rate_color: np.ndarray,
     factor: np.ndarray,
-    beta1: float,
-    beta2: float,
-    epsilon: float,
+    rule: codes.Rule,
     touched: np.ndarray,
-    d_density: np.ndarray,
-    density_mean: np.ndarray,
-    density_square: np.ndarray,
-    density: np.ndarray,
-    d_color: np.ndarray,
-    color_mean: np.ndarray,
-    color_square: np.ndarray,
-    color: np.ndarray,
+    density: codes.Learnt,
+    color: codes.Learnt,
 ) -> None:
     """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
 
     Before, these are multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those of
-    `radiance_adam.learning_rate` for the same step. What is of density, and `touched`, is
-    (N, N, N), what is of colour (N, N, N, C).
+    `training.adam.learning_rate` for the same step. `touched` and the arrays of `density` are
+    (N, N, N), those of `color` (N, N, N, C). The rule's decay is 0, and it is not sparse.
     """
     _adam(
-        rate_density, rate_color, factor, beta1, beta2, epsilon, touched, d_density, density_mean,
-        density_square, density, d_color, color_mean, color_square, color,
+        rate_density, rate_color, factor, rule.beta1, rule.beta2, rule.epsilon, touched, *density,
+        *color,
     )  # fmt: skip
 
 

@@ -15,87 +15,48 @@ The backward pass walks again. What it needs of the samples behind i is what the
 returned, less what has been passed: sum_j w_j G_j is linear in that.
 """
 
+from typing import Any
+
 import numpy as np
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import on_cpu, primitive, scratch
 
-from ._march import march
+from ._march import march as march_all
 
 
 @primitive
 def render(
-    origins: np.ndarray,
-    directions: np.ndarray,
-    active: np.ndarray,
-    bits: np.ndarray,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    jittered: bool,
-    seed: int,
-    step: np.ndarray,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
+    grid: codes.Grid,
     stop: float,
-    least: float,
-    basis: int,
-    density: np.ndarray,
-    color: np.ndarray,
-    colors: np.ndarray,
-    opacity: np.ndarray,
-    depth: np.ndarray,
-    distortion: np.ndarray,
+    seen: codes.Seen,
     samples: np.ndarray,
 ) -> None:
-    """Make out what the first `active` (1,) rays see, and how many samples had any density.
+    """Make out what rays see, and how many samples had any density.
 
-    `origins` and unit `directions` (R, 3), `near` to `jittered`, `seed` and `step` (1,) are as in
-    `radiance_march.march_rays`, but `cone` is 0 unless `unbounded`; `bits` has one level of
-    cells^3, each a power of 2 of the grid's cells along a side. A ray ends where no more than
-    `stop` of the light is left. `density` (N + 1, N + 1, N + 1) has raw densities, `color`
-    (N + 1, N + 1, N + 1, C), of C = 16 or 32, the `basis` (1, 4 or 9) coefficients of each channel
-    in turn. `colors` (R, 3), `opacity`, `depth` and `distortion` (R,) are filled as by
-    `radiance_composite.forward`, and `samples` (R,) with the numbers of samples, 0 for the other
-    rays.
+    The first `active` of them are marched through `space` as by `march.steps.march_rays`, but there
+    is one level of cells, each a power of 2 of the grid's cells along a side, and `cone` is 0
+    unless `unbounded`. A ray ends where no more than `stop` of the light is left. `seen`, of R
+    rays, is filled as by `compositing.forward`, and `samples` (R,) with the numbers of samples, 0
+    for the other rays.
     """
-    rendered = colors, opacity, depth, distortion
     # The gradients are not looked at.
-    march(
-        False, False, False, *rendered, origins, directions, active, bits, cells, near, far, finest,
-        cone, unbounded, jittered, seed, step, stop, least, basis, density, color, *rendered,
-        samples, density, color, scratch((1, 1, 1), np.uint8),
-    )  # fmt: skip
+    nothing = grid.density, grid.color, scratch((1, 1, 1), np.uint8)
+    _launch(False, False, seen, (rays, space, march, grid, stop), seen, samples, nothing)
 
 
 @primitive
 def render_backward(
-    d_colors: np.ndarray,
-    d_opacity: np.ndarray,
-    d_depth: np.ndarray,
-    d_distortion: np.ndarray,
-    origins: np.ndarray,
-    directions: np.ndarray,
-    active: np.ndarray,
-    bits: np.ndarray,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    jittered: bool,
-    seed: int,
-    step: np.ndarray,
+    d_seen: codes.Seen,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
+    grid: codes.Grid,
     stop: float,
-    least: float,
-    basis: int,
-    density: np.ndarray,
-    color: np.ndarray,
-    colors: np.ndarray,
-    opacity: np.ndarray,
-    depth: np.ndarray,
-    distortion: np.ndarray,
+    seen: codes.Seen,
     samples: np.ndarray,
     d_density: np.ndarray,
     d_color: np.ndarray,
@@ -103,15 +64,24 @@ def render_backward(
 ) -> None:
     """Add the gradients of the grid, and mark its nodes that have any.
 
-    `d_colors` (R, 3), `d_opacity`, `d_depth` and `d_distortion` (R,) are those of what
-    :func:`render` made of the same rays, `colors` to `samples`. `d_density` and `d_color` have the
-    shapes of the grid, as has `touched` (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On
-    CUDA `d_density` and `d_color` may be int64, of fixed-point numbers: their sums are the same in
-    any order. On the CPU one thread does all rays in turn: the sums do not change from run to run.
+    `d_seen` are those of what :func:`render` made of the same rays, `seen` and `samples`.
+    `d_density` and `d_color` have the shapes of the grid, as has `touched`
+    (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On CUDA `d_density` and `d_color` may be
+    int64, of fixed-point numbers: their sums are the same in any order. On the CPU one
+    thread does all rays in turn: the sums do not change from run to run.
     """
-    march(
-        True, on_cpu(), d_color.dtype == np.int64, d_colors, d_opacity, d_depth, d_distortion,
-        origins, directions, active, bits, cells, near, far, finest, cone, unbounded, jittered,
-        seed, step, stop, least, basis, density, color, colors, opacity, depth, distortion, samples,
-        d_density, d_color, touched,
+    outputs = d_density, d_color, touched
+    _launch(True, on_cpu(), d_seen, (rays, space, march, grid, stop), seen, samples, outputs)
+
+
+def _launch(
+    backward: bool, serial: bool, d_seen: Any, given: tuple, seen: Any, samples: Any, outputs: Any
+) -> None:
+    """Launch the kernel, whose arguments are single numbers and arrays."""
+    rays, space, march, grid, stop = given
+    exact = outputs[1].dtype == np.int64
+    march_all(
+        backward, serial, exact, *d_seen, *rays, space.bits, space.cells, march.near, march.far,
+        march.finest, march.cone, space.unbounded, march.jittered, march.seed, march.step, stop,
+        grid.least, grid.basis, grid.density, grid.color, *seen, samples, *outputs,
     )  # fmt: skip

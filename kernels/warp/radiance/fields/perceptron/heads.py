@@ -12,7 +12,7 @@ import warp as wp
 from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY, MOST_LOG_DENSITY_GRADIENT
 from cvkern.kernels.warp._launch import launch_each
 
-OPTIONS = {"enable_backward": False}  # of kernels that are made for a dtype
+OPTIONS = {"enable_backward": False}  # options of kernels that are made for a dtype
 
 
 @cache

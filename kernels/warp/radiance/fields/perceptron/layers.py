@@ -7,6 +7,7 @@ from cvkern.kernels.warp.radiance import _sums_cuda as parts_cuda
 
 from . import _layers_cpu as cpu
 from . import _layers_cuda as cuda
+from ._product import product_of
 
 _BLOCKS = 132 * 2  # two for each multiprocessor of the largest GPUs: one waits, the other works
 
@@ -70,13 +71,14 @@ def _product(
 ) -> None:
     """``dst = src w`` or ``src w^T``, from and to a column on, 0 where `gates` is if `gated`."""
     depth, columns = w.shape[::-1] if transposed else w.shape
+    product = product_of(columns, column_in, column_out, relu, gated)
     if dst.device.is_cuda:
         tile = cuda.tile(columns)
         count = max(1, _BLOCKS // (columns // tile)) * (columns // tile)
         launch(
             cuda.product(depth, tile, transposed),
             count * BLOCK,
-            [src, w, gates, total, columns, column_in, column_out, relu, gated],
+            [src, w, gates, total, product],
             [dst],
         )
         return
@@ -87,6 +89,6 @@ def _product(
         cpu.product,
         src.shape[0],
         slabs(src.shape[0], src.shape[0] * columns * 8),
-        [src, weights, gates, total, depth, columns, column_in, column_out, relu, gated],
+        [src, weights, gates, total, product],
         [dst],
     )

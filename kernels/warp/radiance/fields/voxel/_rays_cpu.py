@@ -1,7 +1,8 @@
 """Rays through a grid of density and colour on the CPU: one thread a slab of rays.
 
-What is done with a ray is C (`wp.func_native`), in _walk_cpu.py; rays.py says
-what is computed.
+rays.py says what is computed. A ray is walked 16 samples at a time: where they are, then their
+densities, then, for those that are seen, the rows of colour coefficients round them, which are
+vectors.
 """
 
 from functools import cache
@@ -9,10 +10,17 @@ from typing import NamedTuple
 
 import warp as wp
 
-from ._march import March, jitter_of
-from ._walk_cpu import BACKWARD, FORWARD, SCATTER, WALK, text
+from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp.radiance._structs import NATIVE, Grid, March, Rays, Seen, Space
+
+from ._march import jitter_of
 
 wp.set_module_options({"enable_backward": False})
+
+# Numbers kept of a sample between the two halves of the backward pass: its cell, its place in it
+# (3), and the gradients by its raw density and by the channels' sums of harmonics (3).
+RECORD = 8
 
 
 class Kernels(NamedTuple):
@@ -26,42 +34,38 @@ class Kernels(NamedTuple):
 @cache
 def kernels(width: int) -> Kernels:
     """Return the kernels for rows of `width` colour coefficients."""
+    walk = {"WIDTH": width, "MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f", **NATIVE}
 
-    @wp.func_native(text(WALK, width, FORWARD))
+    @_native.func_native("_rays_cpu.h", **walk)
     def walk_forward(
         ray: int,
         jitter: float,
-        origins: wp.array2d[float],
-        directions: wp.array2d[float],
+        rays: Rays,
+        space: Space,
         march: March,
-        colors: wp.array2d[float],
-        opacity: wp.array[float],
-        depth: wp.array[float],
-        distortion: wp.array[float],
+        grid: Grid,
+        stop: float,
+        seen: Seen,
         samples: wp.array[int],
     ): ...
 
-    @wp.func_native(text(WALK, width, BACKWARD))
+    @_native.func_native("_rays_cpu.h", RECORD=RECORD, **walk)
     def walk_backward(
         ray: int,
         jitter: float,
-        d_colors: wp.array2d[float],
-        d_opacity: wp.array[float],
-        d_depth: wp.array[float],
-        d_distortion: wp.array[float],
-        origins: wp.array2d[float],
-        directions: wp.array2d[float],
+        d_seen: Seen,
+        rays: Rays,
+        space: Space,
         march: March,
-        colors: wp.array2d[float],
-        opacity: wp.array[float],
-        depth: wp.array[float],
-        distortion: wp.array[float],
+        grid: Grid,
+        stop: float,
+        seen: Seen,
         begin: int,
         room: int,
         records: wp.array2d[float],
     ): ...
 
-    @wp.func_native(text(SCATTER, width, {}))
+    @_native.func_native("_scatter_cpu.h", WIDTH=width, RECORD=RECORD)
     def scatter_ray(
         ray: int,
         owner: int,
@@ -81,23 +85,19 @@ def kernels(width: int) -> Kernels:
         slab: int,
         first: int,
         last: int,
-        origins: wp.array2d[float],  # (R, 3)
-        directions: wp.array2d[float],  # (R, 3)
-        active: wp.array[int],  # (1,)
+        rays: Rays,
+        space: Space,
         march: March,
+        grid: Grid,
+        stop: float,
         # outputs
-        colors: wp.array2d[float],  # (R, 3)
-        opacity: wp.array[float],  # (R,)
-        depth: wp.array[float],  # (R,)
-        distortion: wp.array[float],  # (R,)
+        seen: Seen,
         samples: wp.array[int],  # (R,)
     ):
         for ray in range(first, last):
-            if ray < active[0]:
-                walk_forward(
-                    ray, jitter_of(march, ray), origins, directions, march, colors, opacity, depth,
-                    distortion, samples,
-                )  # fmt: skip
+            if ray < rays.active[0]:
+                jitter = jitter_of(march, ray)
+                walk_forward(ray, jitter, rays, space, march, grid, stop, seen, samples)
             else:
                 samples[ray] = 0
 
@@ -106,17 +106,13 @@ def kernels(width: int) -> Kernels:
         slab: int,
         first: int,
         last: int,
-        d_colors: wp.array2d[float],  # (R, 3)
-        d_opacity: wp.array[float],  # (R,)
-        d_depth: wp.array[float],  # (R,)
-        d_distortion: wp.array[float],  # (R,)
-        origins: wp.array2d[float],  # (R, 3)
-        directions: wp.array2d[float],  # (R, 3)
+        d_seen: Seen,
+        rays: Rays,
+        space: Space,
         march: March,
-        colors: wp.array2d[float],  # (R, 3)
-        opacity: wp.array[float],  # (R,)
-        depth: wp.array[float],  # (R,)
-        distortion: wp.array[float],  # (R,)
+        grid: Grid,
+        stop: float,
+        seen: Seen,
         ends: wp.array[wp.int64],  # (R,): of the records of each ray
         # outputs
         records: wp.array2d[float],  # (M, 8)
@@ -127,10 +123,10 @@ def kernels(width: int) -> Kernels:
                 begin = int(ends[ray - 1])
             room = int(ends[ray]) - begin
             if room > 0:
+                jitter = jitter_of(march, ray)
                 walk_backward(
-                    ray, jitter_of(march, ray), d_colors, d_opacity, d_depth, d_distortion, origins,
-                    directions, march, colors, opacity, depth, distortion, begin, room, records,
-                )  # fmt: skip
+                    ray, jitter, d_seen, rays, space, march, grid, stop, seen, begin, room, records
+                )
 
     @wp.kernel
     def scatter(

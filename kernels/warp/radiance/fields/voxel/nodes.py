@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import (
     launch,
     launch_each,
@@ -9,6 +10,8 @@ from cvkern.kernels.warp._launch import (
     slabs,
     view,
 )
+from cvkern.kernels.warp.radiance._structs import struct_of
+from cvkern.kernels.warp.radiance.training._structs import Learnt, Rule
 
 from . import _nodes_cpu as planes
 from . import _nodes_cuda as nodes
@@ -131,36 +134,25 @@ def adam(
     rate_density: wp.array,
     rate_color: wp.array,
     factor: wp.array,
-    beta1: float,
-    beta2: float,
-    epsilon: float,
+    rule: codes.Rule,
     touched: wp.array,
-    d_density: wp.array,
-    density_mean: wp.array,
-    density_square: wp.array,
-    density: wp.array,
-    d_color: wp.array,
-    color_mean: wp.array,
-    color_square: wp.array,
-    color: wp.array,
+    density: codes.Learnt,
+    color: codes.Learnt,
 ) -> None:
     """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
 
     Before, these are multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those of
-    `radiance_adam.learning_rate` for the same step. What is of density, and `touched`, is
-    (N, N, N), what is of colour (N, N, N, C).
+    `training.adam.learning_rate` for the same step. `touched` and the arrays of `density` are
+    (N, N, N), those of `color` (N, N, N, C). The rule's decay is 0, and it is not sparse.
     """
-    side, width = density.shape[0], color.shape[3]
-    inputs = [rate_density, rate_color, factor, beta1, beta2, epsilon]
-    outputs = [
-        touched, d_density, density_mean, density_square, density, d_color, color_mean,
-        color_square, color,
-    ]  # fmt: skip
-    if density.device.is_cuda:
-        count = nodes.threads(density.size)
-        launch(nodes.adam, count, [*inputs, width], [_flat(a) for a in outputs], nodes.BLOCK)
+    side, width = touched.shape[0], color.weights.shape[3]
+    rates = [rate_density, rate_color, factor, struct_of(Rule, rule)]
+    outputs = [_flat(touched), *(struct_of(Learnt, map(_flat, a)) for a in (density, color))]
+    if touched.device.is_cuda:
+        count = nodes.threads(touched.size)
+        launch(nodes.adam, count, [*rates, width], outputs, nodes.BLOCK)
     else:
-        launch_slabs(planes.kernels(width).adam, side, _planes(side), inputs, outputs)
+        launch_slabs(planes.kernels(width).adam, side, _planes(side), [*rates, side], outputs)
 
 
 def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:

@@ -17,104 +17,64 @@ rays and notes what each sample has to add, and then each thread adds to nodes o
 order of the rays.
 """
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
+from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import (
     cpu_threads,
     launch,
     launch_slabs,
     scratch,
 )
+from cvkern.kernels.warp.radiance._structs import Grid, March, Rays, Seen, Space, struct_of
 
 from . import _rays_cpu as cpu
 from . import _rays_cuda as cuda
-from ._march import march_of
-from ._walk_cpu import RECORD
+from ._rays_cpu import RECORD
 
 wp.set_module_options({"enable_backward": False})
 
-RAYS = 64  # of a slab on the CPU: as they differ in length, there are many slabs
+RAYS = 64  # rays of a slab on the CPU: they differ in length, so there are many slabs
 SAMPLES = 4096  # what is kept of samples has room for a multiple of so many
 
 
 def render(
-    origins: wp.array,
-    directions: wp.array,
-    active: wp.array,
-    bits: wp.array,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    jittered: bool,
-    seed: int,
-    step: wp.array,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
+    grid: codes.Grid,
     stop: float,
-    least: float,
-    basis: int,
-    density: wp.array,
-    color: wp.array,
-    colors: wp.array,
-    opacity: wp.array,
-    depth: wp.array,
-    distortion: wp.array,
+    seen: codes.Seen,
     samples: wp.array,
 ) -> None:
-    """Make out what the first `active` (1,) rays see, and how many samples had any density.
+    """Make out what rays see, and how many samples had any density.
 
-    `origins` and unit `directions` (R, 3), `near` to `jittered`, `seed` and `step` (1,) are as in
-    `radiance_march.march_rays`, but `cone` is 0 unless `unbounded`; `bits` has one level of
-    cells^3, each a power of 2 of the grid's cells along a side. A ray ends where no more than
-    `stop` of the light is left. `density` (N + 1, N + 1, N + 1) has raw densities, `color`
-    (N + 1, N + 1, N + 1, C), of C = 16 or 32, the `basis` (1, 4 or 9) coefficients of each channel
-    in turn. `colors` (R, 3), `opacity`, `depth` and `distortion` (R,) are filled as by
-    `radiance_composite.forward`, and `samples` (R,) with the numbers of samples, 0 for the other
-    rays.
+    The first `active` of them are marched through `space` as by `march.steps.march_rays`, but there
+    is one level of cells, each a power of 2 of the grid's cells along a side, and `cone` is 0
+    unless `unbounded`. A ray ends where no more than `stop` of the light is left. `seen`, of R
+    rays, is filled as by `compositing.forward`, and `samples` (R,) with the numbers of samples, 0
+    for the other rays.
     """
-    count = origins.shape[0]
-    march = march_of(
-        bits, cells, near, far, finest, cone, unbounded, jittered, seed, step, stop, least, basis,
-        density, color,
-    )  # fmt: skip
-    inputs = [origins, directions, active, march]
-    outputs = [colors, opacity, depth, distortion, samples]
-    if density.device.is_cuda:
+    count = rays.origins.shape[0]
+    inputs, outputs = _given(rays, space, march, grid, stop), [struct_of(Seen, seen), samples]
+    if grid.density.device.is_cuda:
         launch(cuda.render, cuda.THREADS * count, inputs, outputs, cuda.BLOCK)
     else:
-        kernel = cpu.kernels(color.shape[3]).render
+        kernel = cpu.kernels(grid.color.shape[3]).render
         launch_slabs(kernel, count, -(-count // RAYS), inputs, outputs)
 
 
 def render_backward(
-    d_colors: wp.array,
-    d_opacity: wp.array,
-    d_depth: wp.array,
-    d_distortion: wp.array,
-    origins: wp.array,
-    directions: wp.array,
-    active: wp.array,
-    bits: wp.array,
-    cells: int,
-    near: float,
-    far: float,
-    finest: float,
-    cone: float,
-    unbounded: bool,
-    jittered: bool,
-    seed: int,
-    step: wp.array,
+    d_seen: codes.Seen,
+    rays: codes.Rays,
+    space: codes.Space,
+    march: codes.March,
+    grid: codes.Grid,
     stop: float,
-    least: float,
-    basis: int,
-    density: wp.array,
-    color: wp.array,
-    colors: wp.array,
-    opacity: wp.array,
-    depth: wp.array,
-    distortion: wp.array,
+    seen: codes.Seen,
     samples: wp.array,
     d_density: wp.array,
     d_color: wp.array,
@@ -122,33 +82,34 @@ def render_backward(
 ) -> None:
     """Add the gradients of the grid, and mark its nodes that have any.
 
-    `d_colors` (R, 3), `d_opacity`, `d_depth` and `d_distortion` (R,) are those of what
-    :func:`render` made of the same rays, `colors` to `samples`. `d_density` and `d_color` have the
-    shapes of the grid, as has `touched` (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On
-    CUDA `d_density` and `d_color` may be int64, of fixed-point numbers: their sums are the same in
-    any order.
+    `d_seen` are those of what :func:`render` made of the same rays, `seen` and `samples`.
+    `d_density` and `d_color` have the shapes of the grid, as has `touched`
+    (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On CUDA `d_density` and `d_color` may be
+    int64, of fixed-point numbers: their sums are the same in any order.
     """
-    count = origins.shape[0]
-    march = march_of(
-        bits, cells, near, far, finest, cone, unbounded, jittered, seed, step, stop, least, basis,
-        density, color,
-    )  # fmt: skip
-    gradients = [d_colors, d_opacity, d_depth, d_distortion]
-    rendered = [colors, opacity, depth, distortion]
-    outputs = [d_density, d_color, touched]
-    if density.device.is_cuda:
-        inputs = [*gradients, origins, directions, active, march, *rendered, samples]
+    count = rays.origins.shape[0]
+    given = [*_given(rays, space, march, grid, stop), struct_of(Seen, seen)]
+    inputs, outputs = [struct_of(Seen, d_seen), *given], [d_density, d_color, touched]
+    if d_density.device.is_cuda:
         kernel = cuda.render_backward(d_color.dtype)
-        launch(kernel, cuda.THREADS * count, inputs, outputs, cuda.BLOCK)
+        launch(kernel, cuda.THREADS * count, [*inputs, samples], outputs, cuda.BLOCK)
         return
-    kernels = cpu.kernels(color.shape[3])
+    kernels = cpu.kernels(grid.color.shape[3])
     # Kernels of the CPU are done when their launch is: the host can read what they wrote.
-    ends = scratch("voxel.ends", (count,), wp.int64, density.device)
+    ends = scratch("voxel.ends", (count,), wp.int64, d_density.device)
     np.cumsum(samples.numpy(), out=ends.numpy())
     room = -(-max(1, int(ends.numpy()[-1])) // SAMPLES) * SAMPLES
-    records = scratch("voxel.records", (room, RECORD), wp.float32, density.device)
-    inputs = [*gradients, origins, directions, march, *rendered, ends]
-    launch_slabs(kernels.trace, count, -(-count // RAYS), inputs, [records])
+    records = scratch("voxel.records", (room, RECORD), wp.float32, d_density.device)
+    launch_slabs(kernels.trace, count, -(-count // RAYS), [*inputs, ends], [records])
     owners = 2 if cpu_threads() <= 2 else 4
-    inputs = [owners, directions, basis, ends, records]
+    inputs = [owners, rays.directions, grid.basis, ends, records]
     launch_slabs(kernels.scatter, owners, owners, inputs, outputs)
+
+
+def _given(
+    rays: codes.Rays, space: codes.Space, march: codes.March, grid: codes.Grid, stop: float
+) -> list[Any]:
+    return [
+        struct_of(Rays, rays), struct_of(Space, space), struct_of(March, march),
+        struct_of(Grid, grid), stop,
+    ]  # fmt: skip

@@ -1,0 +1,154 @@
+"""Derivatives that edges are found by, in the units of Sobel's kernels.
+
+Pixels that are masked, or beyond a constant border, do not darken what is beside them: what is
+smoothed is divided by what the same smoothing makes of a picture of ones (as scikit-image does).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._runtime import Runtime
+from cvkern.filters.gradients import DIFFERENCE, SMOOTH, differentiate
+from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
+from cvkern.kernels.codes.filters import Border
+
+OPERATORS = ("sobel", "scharr", "gaussian")
+SOBEL_GAIN = 8.0  # of the integer kernel, against a derivative per pixel
+_SCHARR_GAIN = 4.0  # against Sobel's
+
+
+class Surroundings(NamedTuple):
+    """What lies outside the image, and which of its pixels are none."""
+
+    border: Border
+    cval: float
+    mask: Any = None
+    """Array of the image's shape, 0 where a pixel does not count."""
+
+    @property
+    def partial(self) -> bool:
+        """Whether a window may have pixels that do not count."""
+        return self.mask is not None or self.border == Border.CONSTANT
+
+
+def find_slopes(
+    rt: Runtime,
+    image: Any,
+    sigma: float,
+    operator: str,
+    around: Surroundings,
+    bare: bool,
+    dy: Any,
+    dx: Any,
+) -> None:
+    """Fill the kernel arrays dy and dx; `bare` goes beyond a border as it says, as OpenCV does."""
+    check_radius(4 * sigma)
+    if operator != "gaussian":
+        gain = _SCHARR_GAIN if operator == "scharr" else 1.0
+        smooth = _scaled(SMOOTH[operator].tobytes(), 1 / gain)
+        src = _blurred(rt, image, sigma, around, bare)
+        last = (around.border, around.cval) if bare else (Border.REFLECT, 0.0)
+        differentiate(rt, src, smooth, DIFFERENCE, *last, dy, dx)
+        return
+    if sigma <= NO_SIGMA:
+        raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
+    taps = gaussian_taps(sigma)
+    slope = _scaled(gaussian_taps(sigma, 1).tobytes(), SOBEL_GAIN)
+    if bare or not around.partial:
+        differentiate(rt, rt.adopt(image), taps, slope, around.border, around.cval, dy, dx)
+        return
+    shape = tuple(image.shape)
+    covered, weight = _covered(rt, image, around)
+    smooth, share = (rt.scratch(f"slopes.{name}", shape) for name in ("smooth", "share"))
+    share_dy, share_dx = (rt.scratch(f"slopes.{name}", shape) for name in ("share_dy", "share_dx"))
+    cval = around.cval / full_range(library(image).dtype(image))
+    for src, beyond, blurred, down, along in (
+        (covered, around.cval, smooth, dy, dx),
+        (weight, cval, share, share_dy, share_dx),
+    ):
+        _smooth(rt, src, taps, around.border, beyond, blurred)
+        differentiate(rt, src, taps, slope, around.border, beyond, down, along)
+    rt.edges.slopes.recover_slopes(smooth, share, share_dy, share_dx, _least(image), dy, dx)
+
+
+def full_range(dtype: np.dtype) -> float:
+    """Return the largest value of an integer dtype, and 1 for any other."""
+    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+
+
+def _blurred(rt: Runtime, image: Any, sigma: float, around: Surroundings, bare: bool) -> Any:
+    """Return the smoothed image as a kernel array."""
+    shape = tuple(image.shape)
+    if around.mask is not None:
+        src, weight = _covered(rt, image, around)
+    else:
+        src, weight = rt.adopt(image), None
+    if sigma <= NO_SIGMA:
+        return src
+    taps = gaussian_taps(sigma)
+    blurred = rt.scratch("slopes.smooth", shape)
+    _smooth(rt, src, taps, around.border, around.cval, blurred)
+    if bare or not around.partial:
+        return blurred
+    cval = around.cval / full_range(library(image).dtype(image))
+    if weight is not None:
+        share = rt.scratch("slopes.share", shape)
+        _smooth(rt, weight, taps, around.border, cval, share)
+        rt.edges.slopes.recover(share, _least(image), blurred)
+        return blurred
+    rows, columns = _seen(shape[0], sigma, cval), _seen(shape[1], sigma, 0.0)
+    reach = min(len(taps) // 2, max(shape))
+    rt.edges.slopes.recover_frame(rt.constant(rows), rt.constant(columns), cval, reach, blurred)
+    return blurred
+
+
+def _smooth(rt: Runtime, src: Any, taps: np.ndarray, border: Border, cval: float, dst: Any) -> None:
+    planes = (1, *src.shape)
+    weights = rt.constant(taps)
+    rt.filters.linear.correlate_separable(
+        src.reshape(planes), weights, weights, 1, border, cval, dst.reshape(planes)
+    )
+
+
+def _covered(rt: Runtime, image: Any, around: Surroundings) -> tuple[Any, Any]:
+    """Return the image with 0 where it is masked, and 1 where it is not."""
+    shape = tuple(image.shape)
+    mask = rt.constant(_ones(shape)) if around.mask is None else rt.adopt(around.mask, bool)
+    covered, weight = (rt.scratch(f"slopes.{name}", shape) for name in ("covered", "weight"))
+    rt.edges.slopes.cover(rt.adopt(image), mask, covered, weight)
+    return covered, weight
+
+
+@lru_cache(maxsize=4)
+def _ones(shape: tuple[int, int]) -> np.ndarray:
+    return np.ones(shape, bool)
+
+
+def _least(image: Any) -> float:
+    """Return what scikit-image adds to weights: the step behind 1, of the dtype it works in."""
+    dtype = library(image).dtype(image)
+    return float(np.finfo(dtype if dtype in (np.float32, np.float64) else np.float64).eps)
+
+
+@lru_cache(maxsize=64)
+def _seen(side: int, sigma: float, cval: float) -> np.ndarray:
+    """Return what smoothing along one axis makes of ones, with `cval` outside; exactly 1 inside."""
+    taps = gaussian_taps(sigma).astype(np.float64)
+    reach = len(taps) // 2
+    total = np.concatenate(([0.0], np.cumsum(taps)))
+    at = np.arange(side)
+    begin = np.clip(reach - at, 0, len(taps))
+    end = np.clip(reach - at + side, 0, len(taps))
+    share = np.where((begin == 0) & (end == len(taps)), 1.0, total[end] - total[begin])
+    return frozen_taps(share + cval * (1 - share))
+
+
+@lru_cache(maxsize=64)
+def _scaled(taps: bytes, gain: float) -> np.ndarray:
+    """Return float32 taps times a power of two, which changes no digit."""
+    return frozen_taps(np.frombuffer(taps, np.float32) * np.float32(gain))

@@ -1,0 +1,60 @@
+"""Batches of pairs as callers give them, and the options of robust fits: their checks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._runtime import Runtime, runtime
+from cvkern.geometry._points import check_pairs, on_host
+from cvkern.geometry.robust import Batch, RobustFits, Search
+from cvkern.kernels.codes.geometry import MAX_MATCHES
+
+
+class Batched(NamedTuple):
+    """The points of several pairs on the host, and how to give results back."""
+
+    rt: Runtime
+    points: list[tuple[np.ndarray, np.ndarray]]
+    """(row, column), float64."""
+    offsets: np.ndarray
+
+    def fits(
+        self, batch: Batch, matrices: np.ndarray, marks: np.ndarray, costs: np.ndarray
+    ) -> RobustFits:
+        """Give marks (M,) back in the caller's order and library."""
+        kept = batch.places >= 0
+        inliers = np.zeros(len(kept), bool)
+        inliers[kept] = marks[batch.places[kept]] != 0
+        # Matches that are not finite are outliers as well.
+        ignored = np.diff(np.concatenate(([0], np.cumsum(~kept)))[self.offsets])
+        return RobustFits(matrices, self.rt.give(inliers), self.offsets, costs + ignored)
+
+
+def check_batch(pairs: Sequence[tuple[Any, Any]]) -> Batched:
+    """Return the points of a batch, each pair as many in the one image as in the other."""
+    checked = [check_pairs(a, b) for a, b in pairs]
+    if not checked:
+        raise ValueError("pairs must not be empty, got none")
+    for a, _ in checked:
+        if len(a) > MAX_MATCHES:
+            raise ValueError(f"points0 must be at most {MAX_MATCHES}, got {len(a)}")
+    offsets = np.cumsum([0] + [len(a) for a, _ in checked], dtype=np.int64)
+    rt = runtime(*(points for pair in checked for points in pair))
+    return Batched(rt, [(on_host(rt, a), on_host(rt, b)) for a, b in checked], offsets)
+
+
+def search_options(threshold: Any, confidence: Any, max_trials: Any, seed: Any) -> Search:
+    threshold = check_positive(threshold, "threshold")
+    confidence = check_number(confidence, "confidence", low=0)
+    if not 0 < confidence < 1:
+        raise ValueError(f"confidence must be in (0, 1), got {confidence:g}")
+    return Search(
+        threshold,
+        confidence,
+        check_integer(max_trials, "max_trials", 1, 2**30),
+        check_integer(seed, "seed", 0, 2**31 - 1),
+    )

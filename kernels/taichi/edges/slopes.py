@@ -1,0 +1,127 @@
+"""Smoothing that sees nothing of masked pixels, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._rounding import product, quotient
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+
+
+@ti.kernel
+def _cover(
+    image: f32_2,
+    mask: u8_2,
+    # outputs
+    covered: f32_2,
+    weight: f32_2,
+):
+    for y, x in image:
+        covered[y, x] = image[y, x] if mask[y, x] != 0 else 0.0
+        weight[y, x] = 1.0 if mask[y, x] != 0 else 0.0
+
+
+@primitive
+def cover(image: np.ndarray, mask: np.ndarray, covered: np.ndarray, weight: np.ndarray) -> None:
+    """Set masked pixels to 0, and write 1 where there is a pixel and 0 where none; by pixels."""
+    _cover(image, mask, covered, weight)
+
+
+@ti.kernel
+def _recover(
+    weight: f32_2,
+    least: ti.f32,
+    zero: ti.i32,
+    # outputs
+    image: f32_2,
+):
+    for y, x in image:
+        image[y, x] = quotient(image[y, x], weight[y, x] + least, zero)
+
+
+@primitive
+def recover(weight: np.ndarray, least: float, image: np.ndarray) -> None:
+    """Divide smoothed pixels by the smoothed weight; one thread per pixel."""
+    _recover(weight, least, 0, image)
+
+
+@ti.kernel
+def _recover_frame(
+    rows: f32_1,
+    columns: f32_1,
+    cval: ti.f32,
+    zero: ti.i32,
+    # outputs
+    image: f32_2,
+):
+    for y, x in image:
+        if rows[y] != 1.0 or columns[x] != 1.0:
+            beyond = product(cval, 1.0 - columns[x], zero)
+            share = product(rows[y], columns[x], zero) + beyond
+            image[y, x] = quotient(image[y, x], share, zero)
+
+
+@primitive
+def recover_frame(
+    rows: np.ndarray, columns: np.ndarray, cval: float, reach: int, image: np.ndarray
+) -> None:
+    """Divide what is near the frame by its weight; one thread per pixel, so `reach` is not used."""
+    _recover_frame(rows, columns, cval, 0, image)
+
+
+@ti.kernel
+def _recover_slopes(
+    smooth: f32_2,
+    weight: f32_2,
+    weight_dy: f32_2,
+    weight_dx: f32_2,
+    least: ti.f32,
+    zero: ti.i32,
+    # outputs
+    dy: f32_2,
+    dx: f32_2,
+):
+    for y, x in dy:
+        share = weight[y, x] + least
+        level = quotient(smooth[y, x], share, zero)
+        dy[y, x] = quotient(dy[y, x] - product(level, weight_dy[y, x], zero), share, zero)
+        dx[y, x] = quotient(dx[y, x] - product(level, weight_dx[y, x], zero), share, zero)
+
+
+@primitive
+def recover_slopes(
+    smooth: np.ndarray,
+    weight: np.ndarray,
+    weight_dy: np.ndarray,
+    weight_dx: np.ndarray,
+    least: float,
+    dy: np.ndarray,
+    dx: np.ndarray,
+) -> None:
+    """Differentiate a quotient, (s / w)' = (s' - s / w w') / w; one thread per pixel."""
+    _recover_slopes(smooth, weight, weight_dy, weight_dx, least, 0, dy, dx)
+
+
+@ti.kernel
+def _confine(
+    mask: u8_2,
+    # outputs
+    states: u8_2,
+):
+    for y, x in states:
+        whole = 0 < y < states.shape[0] - 1 and 0 < x < states.shape[1] - 1
+        if whole:
+            for below, beside in ti.static(ti.ndrange((-1, 2), (-1, 2))):
+                if mask[y + below, x + beside] == 0:
+                    whole = False
+        if not whole:
+            states[y, x] = ti.cast(0, ti.u8)
+
+
+@primitive
+def confine(mask: np.ndarray, states: np.ndarray) -> None:
+    """Leave no edge where a pixel or one of its eight neighbours is masked; by pixels."""
+    _confine(mask, states)

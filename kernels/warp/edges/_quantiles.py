@@ -1,0 +1,161 @@
+"""Order statistics of gradient lengths: the bits of a float32 >= 0 are in the order of its value.
+
+All is counted in integers, so the answer is exact, and the same on every device.
+"""
+
+import warp as wp
+
+from cvkern.kernels.codes.edges import Norm
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.func
+def bits_of(dy: float, dx: float, norm: int) -> int:
+    """Return the bits of what thresholds are compared with; NaN counts as 0."""
+    m = wp.where(norm == Norm.L1, wp.abs(dx) + wp.abs(dy), dx * dx + dy * dy)
+    return wp.where(m > 0.0, wp.cast(m, wp.int32), 0)
+
+
+@wp.kernel
+def begin(
+    ranks: wp.array[int],  # (2,)
+    # outputs
+    found: wp.array2d[int],  # (2, 2): the digits found so far, and the rank among those that match
+):
+    i = wp.tid()
+    found[i, 0] = 0
+    found[i, 1] = ranks[i]
+
+
+@wp.kernel
+def clear(
+    # outputs
+    counts: wp.array3d[int],  # (1, 2, BINS)
+    most: wp.array[int],  # (1,)
+):
+    i = wp.tid()
+    counts[0, 0, i] = 0
+    counts[0, 1, i] = 0
+    most[0] = 0
+
+
+@wp.kernel
+def count_pixels(
+    dy: wp.array2d[float],  # (H, W)
+    dx: wp.array2d[float],  # (H, W)
+    norm: int,
+    level: int,
+    shift: int,
+    width: int,
+    found: wp.array2d[int],  # (2, 2)
+    # outputs
+    counts: wp.array3d[int],  # (1, 2, BINS)
+    most: wp.array[int],  # (1,)
+):
+    y, x = wp.tid()
+    bits = bits_of(dy[y, x], dx[y, x], norm)
+    digit = (bits >> shift) & ((1 << width) - 1)
+    above = bits >> (shift + width)
+    if level == 0:
+        wp.atomic_add(counts, 0, 0, digit, 1)
+    else:
+        for i in range(2):
+            if above == found[i, 0]:
+                wp.atomic_add(counts, 0, i, digit, 1)
+    if bits > most[0]:
+        wp.atomic_max(most, 0, bits)
+
+
+@wp.kernel
+def count_rows(
+    slab: int,
+    first: int,
+    last: int,
+    dy: wp.array2d[float],  # (H, W)
+    dx: wp.array2d[float],  # (H, W)
+    norm: int,
+    level: int,
+    shift: int,
+    width: int,
+    found: wp.array2d[int],  # (2, 2)
+    # outputs
+    counts: wp.array3d[int],  # (slabs, 2, BINS)
+    most: wp.array[int],  # (slabs,)
+):
+    for k in range(counts.shape[2]):
+        counts[slab, 0, k] = 0
+        counts[slab, 1, k] = 0
+    mask = (1 << width) - 1
+    one = found[0, 0]
+    two = found[1, 0]
+    largest = int(0)
+    for y in range(first, last):
+        for x in range(dy.shape[1]):
+            bits = bits_of(dy[y, x], dx[y, x], norm)
+            largest = wp.max(largest, bits)
+            digit = (bits >> shift) & mask
+            if level == 0:
+                counts[slab, 0, digit] = counts[slab, 0, digit] + 1
+            else:
+                above = bits >> (shift + width)
+                if above == one:
+                    counts[slab, 0, digit] = counts[slab, 0, digit] + 1
+                if above == two:
+                    counts[slab, 1, digit] = counts[slab, 1, digit] + 1
+    most[slab] = largest
+
+
+@wp.kernel
+def choose(
+    counts: wp.array3d[int],  # (slabs, 2, BINS)
+    slabs: int,
+    level: int,
+    width: int,
+    # outputs
+    found: wp.array2d[int],  # (2, 2)
+):
+    # Both thresholds share the counts of the first digit.
+    i = wp.tid()
+    row = wp.where(level == 0, 0, i)
+    rank = found[i, 1]
+    below = int(0)
+    digit = int(0)
+    passed = int(0)
+    for k in range(1 << width):
+        here = int(0)
+        for slab in range(slabs):
+            here += counts[slab, row, k]
+        if below + here <= rank:
+            digit = k + 1
+            passed = below + here
+        below += here
+    found[i, 0] = (found[i, 0] << width) | digit
+    found[i, 1] = rank - passed
+
+
+@wp.kernel
+def finish(
+    found: wp.array2d[int],  # (2, 2)
+    most: wp.array[int],  # (slabs,)
+    slabs: int,
+    norm: int,
+    strict: bool,
+    share: float,
+    # outputs
+    limits: wp.array[float],  # (2,)
+):
+    # A pixel exceeds the limit; where it may equal it, the limit is the float before.
+    i = wp.tid()
+    bits = found[i, 0]
+    if not strict:
+        bits = wp.max(bits - 1, 0)
+    largest = int(0)
+    for slab in range(slabs):
+        largest = wp.max(largest, most[slab])
+    least = float(0.0)
+    if share > 0.0:  # else infinity would become NaN
+        least = wp.cast(largest, wp.float32) * share
+        if norm == Norm.L2:
+            least = least * share
+    limits[i] = wp.max(wp.cast(bits, wp.float32), least)

@@ -1,0 +1,141 @@
+"""What masks do to smoothing and edges, a pixel at a time."""
+
+import warp as wp
+
+# Without fused multiply-add a gradient has the same bits on every device.
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.kernel
+def cover(
+    stride: int,
+    first: int,
+    last: int,
+    image: wp.array2d[float],  # (H, W)
+    mask: wp.array2d[wp.uint8],  # (H, W)
+    # outputs
+    covered: wp.array2d[float],  # (H, W)
+    weight: wp.array2d[float],  # (H, W)
+):
+    width = image.shape[1]
+    for i in range(first + wp.tid(), last, stride):
+        y = i // width
+        x = i - y * width
+        value = float(0.0)
+        share = float(0.0)
+        if mask[y, x] != wp.uint8(0):
+            value = image[y, x]
+            share = 1.0
+        covered[y, x] = value
+        weight[y, x] = share
+
+
+@wp.kernel
+def recover(
+    stride: int,
+    first: int,
+    last: int,
+    weight: wp.array2d[float],  # (H, W)
+    least: float,
+    # outputs
+    image: wp.array2d[float],  # (H, W)
+):
+    width = image.shape[1]
+    for i in range(first + wp.tid(), last, stride):
+        y = i // width
+        x = i - y * width
+        image[y, x] = image[y, x] / (weight[y, x] + least)
+
+
+@wp.func
+def recovered(value: float, row: float, column: float, cval: float) -> float:
+    """Divide by the weight of a pixel: rows are smoothed first, then what lies beyond a column."""
+    return value / (row * column + cval * (1.0 - column))
+
+
+@wp.kernel
+def recover_frame(
+    rows: wp.array[float],  # (H,)
+    columns: wp.array[float],  # (W,)
+    cval: float,
+    # outputs
+    image: wp.array2d[float],  # (H, W)
+):
+    y, x = wp.tid()
+    if rows[y] != 1.0 or columns[x] != 1.0:
+        image[y, x] = recovered(image[y, x], rows[y], columns[x], cval)
+
+
+@wp.kernel
+def recover_frame_rows(
+    stride: int,
+    first: int,
+    last: int,
+    rows: wp.array[float],  # (H,)
+    columns: wp.array[float],  # (W,)
+    cval: float,
+    reach: int,
+    # outputs
+    image: wp.array2d[float],  # (H, W)
+):
+    width = image.shape[1]
+    for y in range(first + wp.tid(), last, stride):
+        row = rows[y]
+        left = width
+        right = width
+        if row == 1.0 and 2 * reach < width:
+            left = reach
+            right = width - reach
+        for x in range(left):
+            image[y, x] = recovered(image[y, x], row, columns[x], cval)
+        for x in range(right, width):
+            image[y, x] = recovered(image[y, x], row, columns[x], cval)
+
+
+@wp.kernel
+def recover_slopes(
+    stride: int,
+    first: int,
+    last: int,
+    smooth: wp.array2d[float],  # (H, W)
+    weight: wp.array2d[float],  # (H, W)
+    weight_dy: wp.array2d[float],  # (H, W)
+    weight_dx: wp.array2d[float],  # (H, W)
+    least: float,
+    # outputs
+    dy: wp.array2d[float],  # (H, W)
+    dx: wp.array2d[float],  # (H, W)
+):
+    # (s / w)' = (s' - s / w w') / w
+    width = dy.shape[1]
+    for i in range(first + wp.tid(), last, stride):
+        y = i // width
+        x = i - y * width
+        share = weight[y, x] + least
+        level = smooth[y, x] / share
+        dy[y, x] = (dy[y, x] - level * weight_dy[y, x]) / share
+        dx[y, x] = (dx[y, x] - level * weight_dx[y, x]) / share
+
+
+@wp.kernel
+def confine(
+    stride: int,
+    first: int,
+    last: int,
+    mask: wp.array2d[wp.uint8],  # (H, W)
+    # outputs
+    states: wp.array2d[wp.uint8],  # (H, W)
+):
+    height = states.shape[0]
+    width = states.shape[1]
+    for i in range(first + wp.tid(), last, stride):
+        y = i // width
+        x = i - y * width
+        whole = y > 0 and x > 0 and y < height - 1 and x < width - 1
+        if whole:
+            for below in range(-1, 2):
+                for beside in range(-1, 2):
+                    if mask[y + below, x + beside] == wp.uint8(0):
+                        whole = False
+        if not whole:
+            states[y, x] = wp.uint8(0)

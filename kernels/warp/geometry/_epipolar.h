@@ -1,0 +1,223 @@
+#pragma once
+
+// Fundamental matrices for either device; Taichi's _epipolar.py has the same order of arithmetic.
+struct Epipolar {
+    // Null vectors of r equations in nine unknowns, by Gauss-Jordan elimination with the largest
+    // pivot, of equals the first by row and column; false below a least pivot.
+    static bool null_space(double* m, int r, double* vectors) {
+        int name[9];
+        for (int j = 0; j < 9; ++j) name[j] = j;
+        for (int k = 0; k < r; ++k) {
+            double most = 0.0;
+            int row = k, column = k;
+            for (int i = k; i < r; ++i)
+                for (int j = k; j < 9; ++j)
+                    if (wp::abs(m[9 * i + j]) > most)
+                        most = wp::abs(m[9 * i + j]), row = i, column = j;
+            if (!(most > 1e-9)) return false;
+            for (int j = 0; j < 9; ++j) {
+                const double other = m[9 * k + j];
+                m[9 * k + j] = m[9 * row + j], m[9 * row + j] = other;
+            }
+            for (int i = 0; i < r; ++i) {
+                const double other = m[9 * i + k];
+                m[9 * i + k] = m[9 * i + column], m[9 * i + column] = other;
+            }
+            const int other = name[k];
+            name[k] = name[column], name[column] = other;
+            for (int i = 0; i < r; ++i) {
+                if (i == k) continue;
+                const double factor = m[9 * i + k] / m[9 * k + k];
+                for (int j = k + 1; j < 9; ++j) m[9 * i + j] = m[9 * i + j] - factor * m[9 * k + j];
+            }
+        }
+        for (int n = r; n < 9; ++n) {
+            double* vector = vectors + 9 * (n - r);
+            for (int j = r; j < 9; ++j) vector[name[j]] = j == n ? 1.0 : 0.0;
+            for (int i = 0; i < r; ++i) vector[name[i]] = -m[9 * i + n] / m[9 * i + i];
+        }
+        return true;
+    }
+
+    static void cofactors(const double* f, double* c) {
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) {
+                const int a = (i + 1) % 3, b = (i + 2) % 3, p = (j + 1) % 3, q = (j + 2) % 3;
+                c[3 * i + j] = f[3 * a + p] * f[3 * b + q] - f[3 * a + q] * f[3 * b + p];
+            }
+    }
+
+    // Scale a polynomial to a largest coefficient of 1; return its degree, or -1.
+    static int scale(double* p, int degree) {
+        double most = 0.0;
+        for (int k = 0; k <= degree; ++k) most = wp::abs(p[k]) > most ? wp::abs(p[k]) : most;
+        if (!(most > 1e-300)) return -1;
+        for (int k = 0; k <= degree; ++k) p[k] = p[k] / most;
+        while (degree > 0 && wp::abs(p[degree]) < 1e-12) --degree;
+        return degree;
+    }
+
+    // How often the signs of Sturm's chain change at t.
+    static int changes(const double* chain, const int* degrees, int length, double t) {
+        int count = 0, last = 0;
+        for (int i = 0; i < length; ++i) {
+            const double* p = chain + 12 * i;
+            double value = p[degrees[i]];
+            for (int k = degrees[i] - 1; k >= 0; --k) value = value * t + p[k];
+            const int sign = value > 0.0 ? 1 : value < 0.0 ? -1 : 0;
+            if (sign != 0) {
+                if (last != 0 && sign != last) ++count;
+                last = sign;
+            }
+        }
+        return count;
+    }
+
+    // Real roots in (-1, 1], by 48 bisections each; p has up to 12 coefficients, lowest first.
+    static int roots(const double* p, int degree, double* found) {
+        double chain[144];
+        int degrees[12];
+        for (int k = 0; k <= degree; ++k) chain[k] = p[k];
+        degrees[0] = scale(chain, degree);
+        if (degrees[0] < 1) return 0;
+        for (int k = 0; k < degrees[0]; ++k) chain[12 + k] = (double)(k + 1) * chain[k + 1];
+        degrees[1] = scale(chain + 12, degrees[0] - 1);
+        int length = 2;
+        while (degrees[length - 1] > 0) {
+            const double *above = chain + 12 * (length - 2), *by = chain + 12 * (length - 1);
+            double* rest = chain + 12 * length;
+            const int from = degrees[length - 2], to = degrees[length - 1];
+            for (int k = 0; k <= from; ++k) rest[k] = above[k];
+            for (int d = from; d >= to; --d) {
+                const double factor = rest[d] / by[to];
+                for (int k = 0; k <= to; ++k) rest[d - to + k] = rest[d - to + k] - factor * by[k];
+            }
+            for (int k = 0; k < to; ++k) rest[k] = -rest[k];
+            degrees[length] = scale(rest, to - 1);
+            if (degrees[length] < 0) break;
+            ++length;
+        }
+        const int before = changes(chain, degrees, length, -1.0);
+        const int count = before - changes(chain, degrees, length, 1.0);
+        for (int n = 0; n < count; ++n) {
+            double low = -1.0, high = 1.0;
+            for (int step = 0; step < 48; ++step) {
+                const double middle = (low + high) * 0.5;
+                if (before - changes(chain, degrees, length, middle) > n)
+                    high = middle;
+                else
+                    low = middle;
+            }
+            found[n] = (low + high) * 0.5;
+        }
+        return count > 0 ? count : 0;
+    }
+
+    // Matrices of seven matches, at most three: det(A + t B) = 0, or det(t A + B) = 0.
+    static int seven(const double* x, const double* y, const double* u, const double* v,
+                     double* models) {
+        double m[63], null[18], c[9], p[4], found[4];
+        for (int i = 0; i < 7; ++i) {
+            const double row[9] = {u[i] * x[i], u[i] * y[i], u[i], v[i] * x[i], v[i] * y[i],
+                                   v[i],        x[i],        y[i], 1.0};
+            for (int j = 0; j < 9; ++j) m[9 * i + j] = row[j];
+        }
+        if (!null_space(m, 7, null)) return 0;
+        double *a = null, *b = null + 9;
+        cofactors(a, c);
+        p[0] = 0.0, p[1] = 0.0, p[2] = 0.0, p[3] = 0.0;
+        for (int k = 0; k < 3; ++k) p[0] = p[0] + a[k] * c[k];
+        for (int k = 0; k < 9; ++k) p[1] = p[1] + b[k] * c[k];
+        cofactors(b, c);
+        for (int k = 0; k < 3; ++k) p[3] = p[3] + b[k] * c[k];
+        for (int k = 0; k < 9; ++k) p[2] = p[2] + a[k] * c[k];
+        int count = 0;
+        for (int side = 0; side < 2; ++side) {
+            const double q[4] = {p[3], p[2], p[1], p[0]};
+            const int number = roots(side ? q : p, 3, found);
+            for (int n = 0; n < number && count < 3; ++n, ++count)
+                for (int k = 0; k < 9; ++k)
+                    models[9 * count + k] = side ? found[n] * a[k] + b[k] : a[k] + found[n] * b[k];
+        }
+        return count;
+    }
+
+    // The matrix of a plane's homography and two matches off the plane: lines from where the
+    // plane would be to where the points are meet in the epipole e; F = [e] H.
+    static int parallax(const double* x, const double* y, const double* u, const double* v,
+                        const double* h, double* models) {
+        double line[6], e[3];
+        for (int i = 0; i < 2; ++i) {
+            double q[3];
+            for (int k = 0; k < 3; ++k)
+                q[k] = (h[3 * k] * x[i] + h[3 * k + 1] * y[i]) + h[3 * k + 2];
+            line[3 * i] = v[i] * q[2] - q[1];
+            line[3 * i + 1] = q[0] - u[i] * q[2];
+            line[3 * i + 2] = u[i] * q[1] - v[i] * q[0];
+        }
+        double most = 0.0;
+        for (int k = 0; k < 3; ++k) {
+            const int p = (k + 1) % 3, q = (k + 2) % 3;
+            e[k] = line[p] * line[3 + q] - line[q] * line[3 + p];
+            most = wp::abs(e[k]) > most ? wp::abs(e[k]) : most;
+        }
+        if (!(most > 1e-12)) return 0;
+        for (int k = 0; k < 3; ++k) e[k] = e[k] / most;
+        for (int j = 0; j < 3; ++j) {
+            models[j] = e[1] * h[6 + j] - e[2] * h[3 + j];
+            models[3 + j] = e[2] * h[j] - e[0] * h[6 + j];
+            models[6 + j] = e[0] * h[3 + j] - e[1] * h[j];
+        }
+        return 1;
+    }
+
+    // The square of Sampson's distance.
+    static float sampson(const float* h, float x, float y, float u, float v) {
+        const float a = (h[0] * x + h[1] * y) + h[2], b = (h[3] * x + h[4] * y) + h[5];
+        const float c = (h[6] * x + h[7] * y) + h[8];
+        const float d = (h[0] * u + h[3] * v) + h[6], e = (h[1] * u + h[4] * v) + h[7];
+        const float n = (a * u + b * v) + c;
+        return n * n / ((a * a + b * b) + (d * d + e * e));
+    }
+
+    // What one match gives: the derivatives t of its equation, to be weighed by the square w, and
+    // its value n; false where it is beyond the limit.
+    static bool derive(const double* h, double x, double y, double u, double v, double limit,
+                       double* t, double& n, double& w) {
+        const double a = (h[0] * x + h[1] * y) + h[2], b = (h[3] * x + h[4] * y) + h[5];
+        const double c = (h[6] * x + h[7] * y) + h[8];
+        const double d = (h[0] * u + h[3] * v) + h[6], e = (h[1] * u + h[4] * v) + h[7];
+        n = (a * u + b * v) + c;
+        w = 1.0 / ((a * a + b * b) + (d * d + e * e));
+        const bool counts = n * n * w < limit;
+        const double s = n * w, p = u - s * a, q = v - s * b, f = s * d, g = s * e;
+        t[0] = p * x - f * u, t[1] = p * y - g * u, t[2] = p;
+        t[3] = q * x - f * v, t[4] = q * y - g * v, t[5] = q;
+        t[6] = x - f, t[7] = y - g, t[8] = 1.0;
+        return counts;
+    }
+
+    // Normal equations of a step, rows of 10 numbers, from the sums of products t t and t n: the
+    // step is square to F, whose scale is free, and leads to a determinant of 0.
+    static bool equations(const double* sums, const double* h, double* a, double& trace) {
+        int k = 0;
+        for (int i = 0; i < 9; ++i) {
+            for (int j = i; j < 9; ++j, ++k) a[10 * i + j] = a[10 * j + i] = sums[k];
+            a[10 * i + 9] = -sums[45 + i];
+        }
+        trace = 0.0;
+        for (int i = 0; i < 9; ++i) trace = trace + a[11 * i];
+        double c[9], determinant = 0.0, square = 0.0;
+        cofactors(h, c);
+        for (int i = 0; i < 3; ++i) determinant = determinant + h[i] * c[i];
+        for (int i = 0; i < 9; ++i) square = square + c[i] * c[i];
+        if (!(square > 1e-30)) return false;
+        const double weight = 1e6 * trace / square;
+        for (int i = 0; i < 9; ++i) {
+            for (int j = 0; j < 9; ++j)
+                a[10 * i + j] = (a[10 * i + j] + trace * h[i] * h[j]) + weight * c[i] * c[j];
+            a[10 * i + 9] = a[10 * i + 9] - weight * determinant * c[i];
+        }
+        return true;
+    }
+};

@@ -1,0 +1,123 @@
+#include "_robust.h"
+#pragma once
+
+// Matches in vectors: what Robust does to one of them, a step at a time for all lanes.
+struct Lanes {
+    enum { COUNT = 32, SUMS = 54, ONE = 4096 };
+
+    // The cost of a model over matches in fixed point, and the number of its inliers.
+    static int cost(int kind, const float* f, const float* x, size_t pitch, int count, float square,
+                    int& support) {
+        const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
+        const float scale = ONE / square;
+        float h[9];
+        for (int i = 0; i < 9; ++i) h[i] = f[i];
+        int cost = 0, inside = 0;
+        if (kind < Robust::FUNDAMENTAL) {
+#pragma clang loop vectorize(assume_safety)
+            for (int i = 0; i < count; ++i) {
+                const float r = Robust::transfer(h, x[i], y[i], u[i], v[i]);
+                cost += r < square ? (int)(r * scale + 0.5f) : ONE;
+                inside += r < square;
+            }
+        } else {
+#pragma clang loop vectorize(assume_safety)
+            for (int i = 0; i < count; ++i) {
+                const float r = Epipolar::sampson(h, x[i], y[i], u[i], v[i]);
+                cost += r < square ? (int)(r * scale + 0.5f) : ONE;
+                inside += r < square;
+            }
+        }
+        support = inside;
+        return cost;
+    }
+
+    // Add `COUNT` matches, those below `left` that are within the limit, to the sums of the lanes.
+    static void add(const double* h, const float* x, size_t pitch, int left, double limit,
+                    double* sums) {
+        const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
+        double a[COUNT], b[COUNT], c[COUNT], p[COUNT], q[COUNT], ex[COUNT], ey[COUNT];
+        double square[COUNT], along[COUNT], product[COUNT];
+#pragma clang loop vectorize(assume_safety)
+        for (int l = 0; l < COUNT; ++l) {
+            const double inverse = 1.0 / ((h[6] * x[l] + h[7] * y[l]) + h[8]);
+            const double px = ((h[0] * x[l] + h[1] * y[l]) + h[2]) * inverse;
+            const double py = ((h[3] * x[l] + h[4] * y[l]) + h[5]) * inverse;
+            const double rx = px - u[l], ry = py - v[l];
+            const bool counts = (l < left) & (rx * rx + ry * ry < limit);
+            p[l] = counts ? px : 0.0, q[l] = counts ? py : 0.0;
+            ex[l] = counts ? rx : 0.0, ey[l] = counts ? ry : 0.0;
+            c[l] = counts ? inverse : 0.0;
+        }
+        for (int l = 0; l < COUNT; ++l) {
+            a[l] = x[l] * c[l], b[l] = y[l] * c[l];
+            square[l] = p[l] * p[l] + q[l] * q[l], along[l] = p[l] * ex[l] + q[l] * ey[l];
+        }
+        const double *first[6] = {a, a, a, b, b, c}, *second[6] = {a, b, c, b, c, c};
+        for (int k = 0; k < 6; ++k) {
+            double* sum = sums + k * COUNT;
+            for (int l = 0; l < COUNT; ++l) product[l] = first[k][l] * second[k][l];
+            for (int l = 0; l < COUNT; ++l) {
+                sum[l] += product[l];
+                sum[l + 6 * COUNT] += product[l] * p[l];
+                sum[l + 12 * COUNT] += product[l] * q[l];
+                sum[l + 18 * COUNT] += product[l] * square[l];
+            }
+        }
+        const double *one[3] = {a, b, c}, *other[3] = {ex, ey, along};
+        for (int k = 0; k < 9; ++k) {
+            double* sum = sums + (24 + k) * COUNT;
+            for (int l = 0; l < COUNT; ++l) sum[l] += one[k % 3][l] * other[k / 3][l];
+        }
+    }
+
+    // The same for matches of an epipolar geometry.
+    static void add_epipolar(const double* h, const float* x, size_t pitch, int left, double limit,
+                             double* sums) {
+        const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
+        double t[9][COUNT], value[COUNT], weight[COUNT], weighed[COUNT];
+#pragma clang loop vectorize(assume_safety)
+        for (int l = 0; l < COUNT; ++l) {
+            double one[9], n, w;
+            const bool near = Epipolar::derive(h, x[l], y[l], u[l], v[l], limit, one, n, w);
+            const bool counts = (l < left) & near;
+            value[l] = counts ? n : 0.0, weight[l] = counts ? w : 0.0;
+            t[0][l] = counts ? one[0] : 0.0, t[1][l] = counts ? one[1] : 0.0;
+            t[2][l] = counts ? one[2] : 0.0, t[3][l] = counts ? one[3] : 0.0;
+            t[4][l] = counts ? one[4] : 0.0, t[5][l] = counts ? one[5] : 0.0;
+            t[6][l] = counts ? one[6] : 0.0, t[7][l] = counts ? one[7] : 0.0;
+            t[8][l] = counts ? one[8] : 0.0;
+        }
+        double* sum = sums;
+        for (int i = 0; i < 9; ++i) {
+            for (int l = 0; l < COUNT; ++l) weighed[l] = t[i][l] * weight[l];
+            for (int j = i; j < 9; ++j, sum += COUNT)
+                for (int l = 0; l < COUNT; ++l) sum[l] += weighed[l] * t[j][l];
+            double* right = sums + (45 + i) * COUNT;
+            for (int l = 0; l < COUNT; ++l) right[l] += weighed[l] * value[l];
+        }
+    }
+
+    // Steps of least squares from a model, each over the matches below a limit of its own.
+    static void improve(int kind, const float* x, size_t pitch, int count, float square,
+                        const float* schedule, int steps, double* h) {
+        const int number = kind == Robust::FUNDAMENTAL ? 54 : 33;
+        for (int s = 0; s < steps; ++s) {
+            const double limit = (double)square * (double)schedule[s];
+            double sums[SUMS * COUNT], total[SUMS];
+            for (int i = 0; i < number * COUNT; ++i) sums[i] = 0.0;
+            for (int base = 0; base < count; base += COUNT) {
+                if (kind == Robust::FUNDAMENTAL)
+                    add_epipolar(h, x + base, pitch, count - base, limit, sums);
+                else
+                    add(h, x + base, pitch, count - base, limit, sums);
+            }
+            for (int half = COUNT / 2; half > 0; half /= 2)
+                for (int i = 0; i < number; ++i)
+                    for (int l = 0; l < half; ++l)
+                        sums[i * COUNT + l] += sums[i * COUNT + l + half];
+            for (int i = 0; i < number; ++i) total[i] = sums[i * COUNT];
+            if (!Robust::step(kind, total, h)) return;
+        }
+    }
+};

@@ -1,0 +1,125 @@
+"""What travels together through kernels, as Warp structures.
+
+Each has the fields of the tuple of the same name in kernels/codes/radiance.py, in the same order.
+"""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.struct
+class Rays:
+    """A batch of rays."""
+
+    origins: wp.array2d[float]  # (R, 3)
+    directions: wp.array2d[float]  # (R, 3)
+    active: wp.array[int]  # (1,)
+
+
+@wp.struct
+class Seen:
+    """What rays see before any background, or gradients of it."""
+
+    color: wp.array2d[float]  # (R, 3)
+    opacity: wp.array[float]  # (R,)
+    depth: wp.array[float]  # (R,)
+    distortion: wp.array[float]  # (R,)
+
+
+@wp.struct
+class Space:
+    """Which cells of space are looked at."""
+
+    bits: wp.array[wp.uint32]  # (levels cells^3 / 32,)
+    levels: int
+    cells: int
+    unbounded: bool
+
+
+@wp.struct
+class March:
+    """Where on its way through space a ray has samples."""
+
+    near: float
+    far: float
+    finest: float
+    cone: float
+    most: int
+    jittered: bool
+    seed: int
+    step: wp.array[int]  # (1,)
+
+
+@wp.struct
+class Grid:
+    """A grid of density and colour."""
+
+    density: wp.array3d[float]  # (N + 1, N + 1, N + 1)
+    color: wp.array4d[float]  # (N + 1, N + 1, N + 1, C)
+    basis: int
+    least: float
+
+
+@wp.struct
+class Samples:
+    """Samples of rays."""
+
+    positions: wp.array2d[float]  # (M, 3)
+    distances: wp.array2d[float]  # (M, 2): distance, and length of the step
+    rays: wp.array[int]  # (M,)
+
+
+@wp.struct
+class Views:
+    """Rays of a view on their way."""
+
+    at: wp.array[float]  # (R,)
+    taken: wp.array[int]  # (R,)
+    color: wp.array2d[float]  # (R, 3)
+    opacity: wp.array[float]  # (R,)
+    depth: wp.array[float]  # (R,)
+
+
+@wp.struct
+class CameraSet:
+    """Cameras of one size."""
+
+    poses: wp.array3d[float]  # (N, 3, 4)
+    lenses: wp.array2d[float]  # (N, 9): fx fy cx cy k1 k2 p1 p2 k3
+    width: int
+    height: int
+
+
+@wp.struct
+class Solids:
+    """Solids of a synthetic scene."""
+
+    kinds: wp.array2d[int]  # (S, 2): Shape, Pattern
+    placements: wp.array2d[float]  # (S, 12): the axes, each a row, and the middle
+    sizes: wp.array2d[float]  # (S, 4): see Shape
+    paints: wp.array2d[float]  # (S, 8): two colours, gloss, parts of the pattern per length
+
+
+@wp.struct
+class Comparison:
+    """How colours are held against photographs."""
+
+    kind: int
+    learnt: wp.array[float]  # (3,)
+    huber: float
+    scale: float
+    seed: int
+    step: wp.array[int]  # (1,)
+
+
+def struct_of(kind: Any, values: Any) -> Any:
+    """Return a structure of these values, in the order of its fields."""
+    made = kind()
+    for name, value in zip(kind.vars, values, strict=True):
+        setattr(made, name, value)
+    return made
+
+
+# What native code calls those that its own structures have members of.
+NATIVE = {kind.__name__: kind.native_name for kind in (Rays, Space, March, Grid)}

@@ -1,0 +1,105 @@
+"""Fundamental matrices between matches with outliers: a batch of pairs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import cvkern
+from profiling.case import TOY, Case, Peer, Shape, Work
+
+CAMERA = np.array([[800.0, 0, 500], [0, 800, 375], [0, 0, 1]])
+WIDTH, HEIGHT = 1000, 750
+PAIRS, OUTLIERS = 20, 0.5
+THRESHOLD, NOISE = 1.0, 0.3  # pixels
+LIMIT = 1.0  # pixels: the largest median distance from epipolar lines, of all pairs
+
+Arrays = tuple[np.ndarray, ...]
+
+
+def _project(points: np.ndarray) -> np.ndarray:
+    q = points @ CAMERA.T
+    return q[..., :2] / q[..., 2:]
+
+
+def _inputs(shape: Shape, rng: np.random.Generator) -> Arrays:
+    """Points (P, N, 2) of both images as (row, column), and 50 exact pairs to judge by."""
+    count, matches = (3, 200) if shape == TOY else (PAIRS, 1000)
+    exact = 50
+    depths = rng.uniform(3, 6, (count, matches + exact, 1))
+    sides = rng.uniform((-0.6, -0.45), (0.6, 0.45), (count, matches + exact, 2))
+    points = np.concatenate((sides * depths, depths), -1)
+    turn = np.zeros((count, 3, 3))
+    turn[:, (2, 0, 1), (1, 2, 0)] = rng.uniform(-0.05, 0.05, (count, 3))
+    turn -= turn.swapaxes(1, 2)
+    rotation = np.linalg.solve(np.eye(3) - turn, np.eye(3) + turn)  # Cayley's formula
+    shift = rng.uniform((-0.6, -0.3, -0.3), (0.6, 0.3, 0.3), (count, 3))
+    a = _project(points)
+    b = _project(points @ rotation.swapaxes(1, 2) + shift[:, None])
+    judged = np.concatenate((a, b), -1)[:, matches:]
+    a, b = (p[:, :matches] + rng.normal(0, NOISE, (count, matches, 2)) for p in (a, b))
+    wild = np.argsort(rng.random((count, matches)), 1) < round(OUTLIERS * matches)
+    b[wild] = rng.uniform(0, (WIDTH, HEIGHT), (int(wild.sum()), 2))
+    return np.ascontiguousarray(a[..., ::-1]), np.ascontiguousarray(b[..., ::-1]), judged
+
+
+def _distances(matrices: Any, judged: np.ndarray) -> Arrays:
+    """Median distances of exact points of the second image from their lines, (P,)."""
+    found = []
+    for f, points in zip(matrices, judged, strict=True):
+        lines = np.c_[points[:, :2], np.ones(len(points))] @ np.asarray(f).T
+        gaps = (np.c_[points[:, 2:], np.ones(len(points))] * lines).sum(axis=1)
+        found.append(np.median(np.abs(gaps) / np.hypot(lines[:, 0], lines[:, 1])))
+    return (np.array(found),)
+
+
+def _batch(a: Any, b: Any, judged: Any) -> Arrays:
+    fits = cvkern.find_fundamentals(list(zip(a, b, strict=True)), THRESHOLD)
+    return _distances(fits.matrices, judged)
+
+
+def _peer(find: Any) -> Any:
+    def call(module: Any, a: np.ndarray, b: np.ndarray, judged: np.ndarray) -> Arrays:
+        x, y = (np.ascontiguousarray(p[..., ::-1]) for p in (a, b))
+        return _distances([find(module, p, q) for p, q in zip(x, y, strict=True)], judged)
+
+    return call
+
+
+def _magsac(cv2: Any, a: np.ndarray, b: np.ndarray) -> Any:
+    return cv2.findFundamentalMat(a, b, cv2.USAC_MAGSAC, THRESHOLD, 0.999, 10000)[0]
+
+
+def _poselib(poselib: Any, a: np.ndarray, b: np.ndarray) -> Any:
+    return poselib.estimate_fundamental(a, b, {"max_epipolar_error": THRESHOLD})[0]
+
+
+def _degensac(pydegensac: Any, a: np.ndarray, b: np.ndarray) -> Any:
+    return pydegensac.findFundamentalMatrix(a, b, THRESHOLD)[0]
+
+
+CASES = (
+    Case(
+        name="fundamentals_50",
+        title="20 fundamental matrices, 1000 matches, 50 % outliers",
+        image=_inputs,
+        call=_batch,
+        oracle=lambda a, b, judged: (np.zeros(len(a)),),
+        oracle_name="exact points of the scenes",
+        difference=lambda ours, right: float(np.abs(ours[0] - right[0]).max()),
+        tolerance=LIMIT,
+        bytes_per_pixel=1,
+        operations_per_pixel=0,
+        peers=(
+            Peer("OpenCV, MAGSAC", "cv2", _peer(_magsac)),
+            Peer("PoseLib", "poselib", _peer(_poselib)),
+            Peer("pydegensac", "pydegensac", _peer(_degensac)),
+        ),
+        captures=False,
+        work=Work("pairs", lambda a, b, judged: float(len(a))),
+        sizes=("VGA",),  # points know no size
+        most_inputs=2,
+        margin=0,
+    ),
+)

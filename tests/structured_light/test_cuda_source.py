@@ -1,0 +1,28 @@
+"""The CUDA kernels of structured light compile, though they are made when they are first used."""
+
+from pathlib import Path
+
+import pytest
+import warp as wp
+
+import cvkern.kernels.warp as kernels
+from cvkern.kernels.warp.structured_light import gray_code, laser, phase
+
+
+def made(scalar):
+    """Yield the kernels for frames of one dtype."""
+    yield gray_code._decode_cuda(scalar)
+    yield gray_code._accept_cuda(scalar)
+    yield gray_code._spreads(scalar)
+    yield phase._decode_cuda(scalar)
+    lines = laser._kernels(scalar)
+    yield from (lines.find, lines.peaks, lines.centroids, lines.ridges)
+
+
+@pytest.mark.parametrize("scalar", [wp.uint8, wp.uint16, wp.float32])
+def test_compiles_for_hopper(scalar, tmp_path):
+    kernels.start("cpu", None)
+    for n, kernel in enumerate(made(scalar)):
+        folder = tmp_path / f"{n}"
+        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
+        assert "fma.rn.f32" not in Path(ptx).read_text(), kernel.key
