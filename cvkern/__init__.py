@@ -9,17 +9,23 @@ if _TYPE_CHECKING:
     from cvkern._capture import capture  # noqa: F401
     from cvkern._runtime import devices, release_memory, use  # noqa: F401
     from cvkern.edges import *
+    from cvkern.features import *
     from cvkern.filters import *
     from cvkern.geometry import *
     from cvkern.hough import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
+    from cvkern.transform import *
 
 # Every public name, by the module that has it. Modules are imported when a name is first used.
 _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("devices", "release_memory", "use"),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
+    "features": (
+        "Features", "corner_harris", "corner_peaks", "corner_shi_tomasi", "corner_subpix",
+        "match_descriptors", "match_images", "orb", "sift",
+    ),
     "filters": (
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
         "sobel",
@@ -48,6 +54,10 @@ _NAMES = {
     "structured_light": (
         "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
         "detect_laser_lines", "gray_code_patterns", "phase_shift_patterns", "unwrap_phase",
+    ),
+    "transform": (
+        "RemapGradient", "pyramid_gaussian", "pyramid_laplacian", "rectify_plane", "remap",
+        "remap_backward", "resize", "rotate", "warp_perspective",
     ),
 }  # fmt: skip
 # Modules whose names are used through them: cvkern.images.read_image.

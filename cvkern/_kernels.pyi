@@ -8,6 +8,14 @@ class Folder:
         from cvkern.kernels.warp.edges import quantiles as quantiles
         from cvkern.kernels.warp.edges import slopes as slopes
         from cvkern.kernels.warp.edges import subpixel as subpixel
+    class features:
+        from cvkern.kernels.warp.features import binary as binary
+        from cvkern.kernels.warp.features import corners as corners
+        from cvkern.kernels.warp.features import matching as matching
+        class keypoints:
+            from cvkern.kernels.warp.features.keypoints import descriptors as descriptors
+            from cvkern.kernels.warp.features.keypoints import extrema as extrema
+            from cvkern.kernels.warp.features.keypoints import refinement as refinement
     class filters:
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
@@ -72,3 +80,8 @@ class Folder:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
         from cvkern.kernels.warp.structured_light import laser as laser
         from cvkern.kernels.warp.structured_light import phase as phase
+    class transform:
+        from cvkern.kernels.warp.transform import projective as projective
+        from cvkern.kernels.warp.transform import pyramids as pyramids
+        from cvkern.kernels.warp.transform import resampling as resampling
+        from cvkern.kernels.warp.transform import sampling as sampling

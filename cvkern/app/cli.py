@@ -17,6 +17,7 @@ from cvkern.app.commands.circles import circles
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
 from cvkern.app.commands.lines import lines
+from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
 from cvkern.app.commands.stereo import stereo
 
@@ -72,6 +73,7 @@ app.command()(edges)
 app.command()(lines)
 app.command()(circles)
 app.command()(find)
+app.command()(match)
 app.command()(stereo)
 app.add_typer(nerf, name="nerf")
 

@@ -20,7 +20,7 @@ import numpy as np
 import cvkern
 from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
-from cvkern.app.tour import circles, edges, lines, page, radiance, shapes, stereo
+from cvkern.app.tour import circles, edges, features, lines, page, radiance, shapes, stereo
 from cvkern.app.tour.clock import Clock
 from cvkern.app.tour.page import Chapter, Figure
 
@@ -31,8 +31,8 @@ SHARP = 1.3  # a file without loss may be this many times as large, and is taken
 FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
-    edges.chapter, lines.chapter, circles.chapter, shapes.chapter, stereo.chapter,
-    radiance.chapter,
+    edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
+    stereo.chapter, radiance.chapter,
 )  # fmt: skip
 
 

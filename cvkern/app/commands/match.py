@@ -1,0 +1,91 @@
+"""``cvkern match``."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import cvkern
+from cvkern.app.commands import Backend, Device, as_gray, write_csv
+
+COLUMNS = ("row", "column", "to_row", "to_column")
+COLOR = (255, 98, 41)
+MOST_DRAWN = 200
+
+
+def match(
+    one: Annotated[Path, typer.Argument(metavar="A", help="Image to read.")],
+    other: Annotated[Path, typer.Argument(metavar="B", help="Image to match it with.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    method: Annotated[str, typer.Option(help="sift, or orb.")] = "sift",
+    max_keypoints: Annotated[int, typer.Option(help="Points of each image.", min=1)] = 2000,
+    max_ratio: Annotated[
+        float, typer.Option(help="Nearest distance against the second nearest; 1 keeps all.")
+    ] = 0.8,
+    spread: Annotated[bool, typer.Option("--spread", help="Spread the points evenly.")] = False,
+    to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
+    to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Match the keypoints of two photographs, and draw the matches between them.
+
+    A match is a row and column of A, and the row and column of the same point in B. The picture
+    has both photographs side by side, and lines between at most 200 matches, spread over all.
+    """
+    from cvkern._files import replacing, write_text
+    from cvkern.images.files import read_image, write_image
+
+    names = [file.resolve() for file in (one, other, output, to_csv, to_json) if file]
+    if len(set(names[2:])) < len(names[2:]) or set(names[2:]) & set(names[:2]):
+        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    if method not in ("sift", "orb"):
+        raise ValueError(f"method must be one of ('sift', 'orb'), got {method!r}")
+    images = [read_image(file) for file in (one, other)]
+    find = getattr(cvkern, method)
+    metric = "euclidean" if method == "sift" else "hamming"
+    with cvkern.use(backend=backend, device=device):
+        found = [
+            find(as_gray(i), max_keypoints, spread=spread, data_range=white_of(i)) for i in images
+        ]
+        matches = cvkern.match_descriptors(
+            found[0].descriptors, found[1].descriptors, max_ratio, metric=metric
+        )
+    table = np.hstack([f.points[matches[:, i]] for i, f in enumerate(found)])
+    with contextlib.ExitStack() as files:  # an error in one leaves none
+        if to_csv:
+            write_csv(files.enter_context(replacing(to_csv)), ",".join(COLUMNS), table)
+        if to_json:
+            rows = [dict(zip(COLUMNS, row, strict=True)) for row in table.tolist()]
+            beside = files.enter_context(replacing(to_json))
+            write_text(beside, json.dumps(rows, indent=1) + "\n")
+        write_image(output, side_by_side(images, table))
+    typer.echo(f"{output}: {len(table)} matches of {len(found[0].points)} and "
+               f"{len(found[1].points)} points")  # fmt: skip
+
+
+def white_of(image: np.ndarray) -> float:
+    """Return what white is in an image of a file."""
+    return float(np.iinfo(image.dtype).max) if image.dtype.kind in "iu" else 1.0
+
+
+def side_by_side(images: list[np.ndarray], table: np.ndarray) -> np.ndarray:
+    """Draw two images in one, and lines between some of their matches."""
+    from cvkern.images.drawing import draw_lines
+
+    parts = []
+    for image in images:
+        part = image[..., :3] if image.ndim == 3 else np.repeat(image[..., None], 3, axis=2)
+        part = part.astype(np.float64) * (255 / white_of(image))
+        parts.append(part.clip(0, 255).round().astype(np.uint8))
+    height, left = max(len(p) for p in parts), parts[0].shape[1]
+    canvas = np.zeros((height, left + parts[1].shape[1], 3), np.uint8)
+    canvas[: len(parts[0]), :left] = parts[0]
+    canvas[: len(parts[1]), left:] = parts[1]
+    drawn = table[:: max(1, -(-len(table) // MOST_DRAWN))] + np.array([0, 0, 0, left])
+    return draw_lines(canvas, drawn, color=COLOR, width=1.0)

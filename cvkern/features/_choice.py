@@ -1,0 +1,35 @@
+"""Which points are kept: the best by (response, position), also spread over the image."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def best(
+    responses: np.ndarray,
+    points: np.ndarray,
+    shape: tuple[int, int],
+    count: int | None,
+    spread: bool,
+) -> np.ndarray:
+    """Return the indices, ascending, of the `count` best of points that are in a stated order.
+
+    Of equal responses the first wins. Spread means: the image is cut into about `count` / 4
+    squares, and the best of every square come first, then their second best, and so on.
+    """
+    if count is None or count >= len(responses):
+        return np.arange(len(responses))
+    order = np.argsort(-responses, kind="stable")
+    if spread and count:
+        side = max(1.0, np.sqrt(4.0 * shape[0] * shape[1] / count))
+        across = int(shape[1] / side) + 1
+        row, column = (points[order] / side).astype(np.int64).T
+        square = row * across + column
+        by_square = np.argsort(square, kind="stable")
+        ordered = square[by_square]
+        begins = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
+        lengths = np.diff(np.r_[begins, len(ordered)])
+        rank = np.empty(len(order), np.int64)
+        rank[by_square] = np.arange(len(order)) - np.repeat(begins, lengths)
+        order = order[np.argsort(rank, kind="stable")]
+    return np.sort(order[:count])

@@ -1,0 +1,252 @@
+"""Oriented FAST corners with binary descriptors: ORB."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_image, check_integer, check_number
+from cvkern._runtime import Runtime, runtime
+from cvkern.features._choice import best
+from cvkern.features._elementary import cos_sin
+from cvkern.features.keypoints import Features, as_host, prepared, white_of
+from cvkern.filters.linear import gaussian_taps
+from cvkern.kernels.codes.features import DISC, PAIRS, TURNS, WORD
+from cvkern.kernels.codes.filters import Border
+from cvkern.transform.resampling import resample
+
+EDGE = 19  # pixels at the border without points: the disc, and 7 x 7 pixels with their neighbours
+SMOOTHING = 2.0  # sigma before pixels are compared
+SPREAD = 31 / 5  # sigma of the pattern [Calonder 2010]
+SEED = 2463534242
+
+
+def orb(
+    image: Any,
+    max_keypoints: int | None = 500,
+    *,
+    mask: Any = None,
+    spread: bool = False,
+    upright: bool = False,
+    levels: int = 8,
+    downscale: float = 1.2,
+    fast_threshold: float = 0.08,
+    data_range: float | None = None,
+) -> Features:
+    """Find corners of several scales and describe them by bits, in the manner of ORB.
+
+    Parameters
+    ----------
+    image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
+        Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+    max_keypoints : int, optional
+        Keep so many, shared out among the levels by their areas; 500 by default. None: all.
+    mask : array of shape (H, W), optional
+        Points whose nearest pixel is 0 here are left out before the best are chosen.
+    spread : bool, default False
+        Spread the points of a level over it, by first taking the best of every square of a grid.
+    upright : bool, default False
+        Leave orientations at 0, for cameras that are not turned.
+    levels : int, default 8
+        Sizes of the image in which corners are looked for.
+    downscale : float, default 1.2
+        How much smaller each size is than the one before; above 1, at most 4.
+    fast_threshold : float, default 0.08
+        How much brighter, or darker, 9 neighbours of the 16 pixels of a circle must be than its
+        middle, in parts of `data_range`.
+    data_range : float, optional
+        What white is; for integers the largest number of the dtype by default, else 1.
+
+    Returns
+    -------
+    points : array of shape (N, 2), float32
+        Rows and columns, in the order of (level, row, column).
+    scales : array of shape (N,), float32
+        Pixels of `image` per pixel of the level.
+    orientations : array of shape (N,), float32
+        Radians, from the columns' direction towards the rows': that of the disc's centroid.
+    responses : array of shape (N,), float32
+        Harris' measure, in parts of its largest possible value.
+    descriptors : array of shape (N, 32), uint8
+        256 bits, for ``match_descriptors(..., metric="hamming")``.
+
+    Raises
+    ------
+    TypeError
+        If `image` or `mask` does not hold real numbers.
+    ValueError
+        If `image` is empty or has another shape, `mask` is not of its shape, or an option is out
+        of its range.
+
+    Notes
+    -----
+    Grey values are rounded to 8 bits, and from there on all is decided in integers or in stated
+    orders of float32 operations: results have the same bits on every device. The pairs that the
+    bits compare are not ORB's learnt ones but drawn from a Gaussian, as BRIEF's, by a fixed
+    generator (xorshift, seed 2463534242); descriptors of other libraries cannot be matched with
+    these.
+
+    References
+    ----------
+    .. [1] E. Rublee and others, "ORB: an efficient alternative to SIFT or SURF", ICCV 2011.
+    .. [2] M. Calonder and others, "BRIEF: binary robust independent elementary features",
+       ECCV 2010.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> square = np.zeros((80, 90))
+    >>> square[30:50, 35:60] = 1
+    >>> found = cvkern.orb(square, 4, levels=1)
+    >>> found.points.shape, found.descriptors.shape
+    ((4, 2), (4, 32))
+    """
+    image = check_image(image, ndim=(2, 3))
+    shape = tuple(image.shape)
+    if len(shape) == 3 and shape[2] not in (3, 4):
+        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
+    if mask is not None:
+        mask = check_image(mask, name="mask")
+        if tuple(mask.shape) != shape[:2]:
+            raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
+    if max_keypoints is not None:
+        max_keypoints = check_integer(max_keypoints, "max_keypoints", 0, 2**26)
+    levels = check_integer(levels, "levels", 1, 32)
+    downscale = check_number(downscale, "downscale")
+    if not 1 < downscale <= 4:
+        raise ValueError(f"downscale must be above 1 and at most 4, got {downscale:g}")
+    threshold = check_number(fast_threshold, "fast_threshold", low=0)
+    white = white_of(image, data_range)
+    rt = runtime(image)
+    host = None if mask is None else as_host(rt, mask) != 0
+    sides = [
+        (round(shape[0] / downscale**n), round(shape[1] / downscale**n)) for n in range(levels)
+    ]
+    sides = [s for s in sides if min(s) > 2 * EDGE] or sides[:1]
+    areas = np.array([a * b for a, b in sides], np.float64)
+    quotas: list[int | None] = [None] * len(sides)
+    if max_keypoints is not None:
+        ends = np.floor(np.cumsum(areas) / areas.sum() * max_keypoints + 0.5).astype(int)
+        quotas = np.diff(np.r_[0, ends]).tolist()
+    before = rt.scratch("orb.level0", shape[:2], np.uint8)
+    rt.features.binary.round_values(prepared(rt, image, white / 255.0), before)
+    found = []
+    for n, (side, quota) in enumerate(zip(sides, quotas, strict=True)):
+        level = before
+        if n:
+            level = rt.scratch(f"orb.level{n}", side, np.uint8)
+            old, new = (1, *sides[n - 1], 1), (1, *side, 1)
+            resample(rt, before.reshape(old), old, "antialiased", level.reshape(new), new)
+        limit = min(int(threshold * 255), 255)
+        scale = (shape[0] / side[0], shape[1] / side[1])
+        found.append(_level(rt, level, side, scale, limit, quota, spread, upright, host))
+        before = level
+    parts = [np.concatenate(p) for p in zip(*found, strict=True)]
+    return Features(*(rt.give(np.ascontiguousarray(p)) for p in parts))
+
+
+def _level(
+    rt: Runtime,
+    level: Any,
+    side: tuple[int, int],
+    scale: tuple[float, float],
+    threshold: int,
+    quota: int | None,
+    spread: bool,
+    upright: bool,
+    mask: np.ndarray | None,
+) -> tuple[np.ndarray, ...]:
+    """Return points, scales, orientations, responses and descriptors of one size of the image."""
+    kernels, listing = rt.features.binary, rt.features.keypoints.extrema
+    none = (np.empty((0, 2), np.float32), *(np.empty(0, np.float32) for _ in range(3)),
+            np.empty((0, PAIRS // 8), np.uint8))  # fmt: skip
+    height, width = side
+    if min(side) <= 2 * EDGE:
+        return none
+    scores = rt.scratch("orb.scores", side, np.uint8)
+    kernels.score_corners(level, threshold, EDGE, scores)
+    words = rt.scratch("orb.words", (1, height, -(-width // WORD)), np.int32)
+    kernels.mark_corners(scores, words)
+    counts = rt.scratch("orb.counts", (height,), np.int32)
+    listing.count_marks(words, counts)
+    ends = np.cumsum(rt.to_numpy(counts), dtype=np.int64)
+    total = int(ends[-1])
+    if not total:
+        return none
+    starts = rt.send("orb.starts", np.r_[0, ends[:-1]].astype(np.int32))
+    places = rt.scratch("orb.places", (total,), np.int32)
+    listing.list_marks(words, starts, width, places)
+    cells = np.stack(np.divmod(rt.to_numpy(places), width), axis=1)
+    points = ((cells + 0.5) * scale - 0.5).astype(np.float32)
+    kept = np.arange(total)
+    if mask is not None:
+        near = np.floor(points.astype(np.float64) + 0.5).astype(np.int64)
+        row, column = (near[:, i].clip(0, mask.shape[i] - 1) for i in (0, 1))
+        kept = np.flatnonzero(mask[row, column])
+        if not len(kept):
+            return none
+    measures = rt.scratch("orb.measures", (len(kept),), np.int64)
+    chosen = np.ascontiguousarray(cells[kept], np.int32)
+    kernels.weigh_corners(level, rt.send("orb.cells", chosen), measures)
+    measures = np.array(rt.to_numpy(measures))
+    strongest = best(measures, chosen, side, quota, spread)
+    if not len(strongest):
+        return none
+    kept, chosen, measures = kept[strongest], chosen[strongest], measures[strongest]
+    planes = (1, height, width)
+    smooth = rt.scratch("orb.smooth", planes)
+    real = rt.scratch("orb.real", planes)
+    kernels.widen_values(level, real.reshape(side))
+    taps = rt.constant(gaussian_taps(SMOOTHING, 0, 1.5))
+    rt.filters.linear.correlate_separable(real, taps, taps, 1, Border.MIRROR, 0.0, smooth)
+    angles = rt.scratch("orb.angles", (len(kept),))
+    descriptors = rt.scratch("orb.descriptors", (len(kept), PAIRS // 8), np.uint8)
+    kernels.describe_corners(
+        level, smooth.reshape(side), rt.send("orb.cells", chosen), rt.constant(pattern()),
+        int(upright), angles, descriptors,
+    )  # fmt: skip
+    size = np.float32(math.sqrt(scale[0] * scale[1]))
+    # Sums of 49 products of Sobel derivatives of bytes, of at most 1020 each.
+    full = 25.0 * (49 * 1020.0**2) ** 2
+    return (
+        points[kept],
+        np.full(len(kept), size),
+        np.array(rt.to_numpy(angles)),
+        (measures / full).astype(np.float32),
+        np.array(rt.to_numpy(descriptors)),
+    )
+
+
+@lru_cache(maxsize=1)
+def pattern() -> np.ndarray:
+    """Return the pairs of pixels of each turn: (TURNS, PAIRS, 4), int32, rows and columns.
+
+    Coordinates are sums of 12 uniform numbers, nearly normal ones, by Marsaglia's xorshift; pairs
+    that reach out of the disc or are closer than 2 pixels are drawn again.
+    """
+    state, pairs = SEED, []
+    while len(pairs) < PAIRS:
+        numbers = []
+        for _ in range(4):
+            total = 0
+            for _ in range(12):
+                state ^= state << 13 & 0xFFFFFFFF
+                state ^= state >> 17
+                state ^= state << 5 & 0xFFFFFFFF
+                total += state
+            numbers.append(SPREAD * (total / 2**32 - 6.0))
+        y, x, v, u = numbers
+        inside = max(math.hypot(y, x), math.hypot(v, u)) <= DISC - 1
+        if inside and math.hypot(y - v, x - u) >= 2:
+            pairs.append(numbers)
+    places = np.array(pairs).reshape(PAIRS, 2, 2)
+    angles = np.arange(TURNS) * (2 * math.pi / TURNS)
+    cos, sin = cos_sin(np.where(angles > math.pi, angles - 2 * math.pi, angles))
+    turns = np.array([[cos, sin], [-sin, cos]]).transpose(2, 0, 1)  # they turn (row, column)
+    turned = np.einsum("tij,pqj->tpqi", turns, places)
+    rounded = np.floor(turned + 0.5).astype(np.int32).reshape(TURNS, PAIRS, 4)
+    return np.ascontiguousarray(rounded)

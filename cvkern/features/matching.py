@@ -1,0 +1,224 @@
+"""Matching of descriptors: of two images, or of all pairs of a heap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_choice, check_integer, check_number
+from cvkern._runtime import Runtime, runtime
+from cvkern.kernels.codes.features import BLOCK_ROWS, MOST_BYTES
+
+METRICS = ("euclidean", "hamming")
+MAX_ROWS = 2**24
+PART = 8  # descriptors are padded with zeros to a multiple of so many bytes
+
+
+def match_descriptors(
+    a: Any,
+    b: Any,
+    max_ratio: float = 1.0,
+    cross_check: bool = True,
+    *,
+    metric: str = "euclidean",
+) -> Any:
+    """Match the descriptors of two images.
+
+    Parameters
+    ----------
+    a : array of shape (N, D), uint8
+        Descriptors, of at most 4096 bytes each.
+    b : array of shape (M, D), uint8
+        Those of the other image.
+    max_ratio : float, default 1.0
+        Keep a match only if its distance is less than this times that of the second nearest, of
+        any place. At 1 all are kept, ties too.
+    cross_check : bool, default True
+        Keep a match only if each is the nearest of the other.
+    metric : {'euclidean', 'hamming'}, default 'euclidean'
+        'hamming': the number of bits that differ, for binary descriptors.
+
+    Returns
+    -------
+    array of shape (K, 2), int32
+        Indices into `a` and `b`, ascending in `a`. Of equally near ones the smallest index wins.
+
+    Raises
+    ------
+    TypeError
+        If the descriptors are not uint8.
+    ValueError
+        If the shapes do not agree, `max_ratio` is not in (0, 1], or `metric` is unknown.
+
+    Notes
+    -----
+    Distances are exact integers, so that every device finds the same matches. The ratio is one of
+    distances, not of their squares, and so is that of :func:`skimage.feature.match_descriptors`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> a = np.array([[0, 0], [9, 9], [50, 0]], np.uint8)
+    >>> b = np.array([[10, 9], [1, 0]], np.uint8)
+    >>> cvkern.match_descriptors(a, b)
+    array([[0, 1],
+           [1, 0]], dtype=int32)
+    """
+    rt, arrays = _check([a, b], max_ratio, metric, ("a", "b"))
+    pairs = np.array([[0, 1]])
+    (found,) = _matches(rt, arrays, pairs, max_ratio, cross_check, metric)
+    return rt.give(found)
+
+
+def match_images(
+    features: Sequence[Any],
+    pairs: Any = None,
+    *,
+    max_ratio: float = 1.0,
+    cross_check: bool = True,
+    metric: str = "euclidean",
+) -> list[Any]:
+    """Match the descriptors of every pair of images of a heap, in one launch.
+
+    Parameters
+    ----------
+    features : sequence of Features, or of arrays of shape (N, D), uint8
+        One of each image; N may differ and be 0.
+    pairs : array of shape (P, 2), optional
+        Indices of the images to match; by default all pairs i < j, in the order (0, 1), (0, 2),
+        ..., (1, 2), ...
+    max_ratio, cross_check, metric
+        As in :func:`match_descriptors`.
+
+    Returns
+    -------
+    list of arrays of shape (K, 2), int32
+        The matches of each pair, as :func:`match_descriptors` returns them.
+
+    Raises
+    ------
+    TypeError
+        If the descriptors are not uint8.
+    ValueError
+        If the shapes do not agree, `pairs` are not indices of two different images, `max_ratio`
+        is not in (0, 1], or `metric` is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> heap = [np.array(d, np.uint8) for d in ([[0, 0]], [[1, 0], [9, 9]], [[9, 8]])]
+    >>> [found.tolist() for found in cvkern.match_images(heap)]
+    [[[0, 0]], [[0, 0]], [[1, 0]]]
+    """
+    descriptors = [getattr(f, "descriptors", f) for f in features]
+    names = tuple(f"features[{i}]" for i in range(len(descriptors)))
+    rt, arrays = _check(descriptors, max_ratio, metric, names)
+    count = len(arrays)
+    if pairs is None:
+        table = np.stack(np.triu_indices(count, 1), axis=1)
+    else:
+        table = np.asarray(pairs).reshape(-1, 2)
+        if table.size and table.dtype.kind not in "iu":
+            raise TypeError(f"pairs must be integers, got {table.dtype}")
+        if table.size and (
+            table.min() < 0 or table.max() >= count or (table[:, 0] == table[:, 1]).any()
+        ):
+            raise ValueError(f"pairs must be two different images of {count}, got others")
+        table = table.astype(np.int64)
+    found = _matches(rt, arrays, table, max_ratio, cross_check, metric)
+    return [rt.give(matches) for matches in found]
+
+
+def _check(
+    descriptors: Sequence[Any], max_ratio: float, metric: str, names: Sequence[str]
+) -> tuple[Runtime, list[Any]]:
+    check_choice(metric, METRICS, "metric")
+    ratio = check_number(max_ratio, "max_ratio")
+    if not 0 < ratio <= 1:
+        raise ValueError(f"max_ratio must be in (0, 1], got {ratio:g}")
+    arrays = [d if hasattr(d, "shape") else np.asarray(d) for d in descriptors]
+    for array, name in zip(arrays, names, strict=True):
+        if len(array.shape) != 2:
+            raise ValueError(f"{name} must be 2-D, got shape {tuple(array.shape)}")
+        dtype = library(array).dtype(array)
+        if dtype != np.uint8:
+            raise TypeError(f"{name} must be uint8, got {dtype}")
+        if array.shape[1] != arrays[0].shape[1]:
+            raise ValueError(
+                f"{name} must have {arrays[0].shape[1]} bytes a row, got {array.shape[1]}"
+            )
+        check_integer(array.shape[1], "the bytes of a descriptor", 1, MOST_BYTES)
+    check_integer(sum(a.shape[0] for a in arrays), "the number of descriptors", 0, MAX_ROWS)
+    return runtime(*arrays), arrays
+
+
+def _matches(
+    rt: Runtime,
+    arrays: Sequence[Any],
+    pairs: np.ndarray,
+    max_ratio: float,
+    cross_check: bool,
+    metric: str,
+) -> list[np.ndarray]:
+    """Return the matches of each pair as host arrays."""
+    sizes = np.array([a.shape[0] for a in arrays], np.int64)
+    starts = np.r_[0, np.cumsum(sizes)]
+    jobs = np.r_[pairs, pairs[:, ::-1]] if cross_check else pairs
+    if len(jobs):
+        jobs = jobs[(sizes[jobs] > 0).all(axis=1)]
+    places: dict[tuple[int, int], int] = {}
+    blocks, total = [], 0
+    for i, j in jobs.tolist():
+        if (i, j) in places:
+            continue
+        places[i, j] = total
+        for row in range(0, int(sizes[i]), BLOCK_ROWS):
+            last = min(row + BLOCK_ROWS, int(sizes[i]))
+            first = int(starts[i]) + row
+            blocks.append((first, int(starts[i]) + last, starts[j], starts[j + 1], total + row))
+        total += int(sizes[i])
+    if not blocks:
+        return [np.empty((0, 2), np.int32) for _ in pairs]
+    best, second, index = (
+        rt.scratch(f"matching.{name}", (total,), np.int32) for name in ("best", "second", "index")
+    )
+    rt.features.matching.find_nearest(
+        _together(rt, arrays), rt.send("matching.blocks", np.array(blocks, np.int32)),
+        int(metric == "hamming"), best, second, index,
+    )  # fmt: skip
+    best, second, index = (rt.to_numpy(a) for a in (best, second, index))
+    # d1 < r d2 for distances is d1^2 < r^2 d2^2; Hamming's are not squared.
+    factor = max_ratio if metric == "hamming" else max_ratio * max_ratio
+    found = []
+    for i, j in pairs.tolist():
+        if (i, j) not in places:
+            found.append(np.empty((0, 2), np.int32))
+            continue
+        here = slice(places[i, j], places[i, j] + int(sizes[i]))
+        own, other = np.arange(int(sizes[i])), index[here]
+        kept = np.ones(len(own), bool)
+        if max_ratio < 1:
+            kept &= best[here] < factor * second[here].astype(np.float64)
+        if cross_check:
+            back = index[places[j, i] : places[j, i] + int(sizes[j])]
+            kept &= back[other] == own
+        found.append(np.stack((own[kept], other[kept]), axis=1).astype(np.int32))
+    return found
+
+
+def _together(rt: Runtime, arrays: Sequence[Any]) -> Any:
+    """Return all descriptors in one kernel array, padded to whole words."""
+    size = arrays[0].shape[1]
+    wide = -(-size // PART) * PART
+    hosts = [
+        np.asarray(a) if isinstance(a, np.ndarray) else rt.to_numpy(rt.adopt(a, np.uint8))
+        for a in arrays
+    ]
+    whole = np.zeros((sum(len(h) for h in hosts), wide), np.uint8)
+    np.concatenate(hosts, out=whole[:, :size])
+    return rt.send("matching.descriptors", whole)

@@ -1,0 +1,251 @@
+"""Images seen through a homography."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_integer, check_number
+from cvkern._runtime import runtime
+from cvkern.transform.sampling import check_sampled, layout, result_dtype, sampled, shaped
+
+MAX_SIDE = 2**16
+SINGULAR = 1e-12  # least determinant of a matrix whose columns have 1 as their largest element
+
+
+def warp_perspective(
+    image: Any,
+    matrix: Any,
+    shape: Sequence[int] | None = None,
+    *,
+    order: int = 1,
+    mode: str = "constant",
+    cval: float = 0.0,
+    channel_axis: int | None = None,
+    dtype: Any = None,
+) -> Any:
+    """Show an image through a homography.
+
+    Parameters
+    ----------
+    image : array of shape (H, W), (H, W, C) or (C, H, W)
+        Any real dtype.
+    matrix : array of shape (3, 3)
+        Takes a pixel (x, y, 1) of `image`, x = column and y = row, to one of the result, up to a
+        factor: the matrix of ``cv2.warpPerspective``.
+    shape : (int, int), optional
+        Height and width of the result; those of `image` by default.
+    order, mode, cval, channel_axis, dtype
+        As in :func:`remap`.
+
+    Returns
+    -------
+    array of shape (H', W'), (H', W', C) or (C, H', W'), float32 or uint8
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+    ValueError
+        If `image` is empty or of another rank, `matrix` is not (3, 3), finite and invertible,
+        `shape` is not of two sides of at most 65536, or an option is unknown.
+
+    Notes
+    -----
+    ``cv2.warpPerspective`` of OpenCV 4 rounds coordinates to 1/32 pixel; this does not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> right_by_one = [[1, 0, 1], [0, 1, 0], [0, 0, 1]]
+    >>> cvkern.warp_perspective([[1, 2, 3]], right_by_one)
+    array([[0., 1., 2.]], dtype=float32)
+    """
+    inverse = _inverse(matrix)
+    image, axis, border, cval = check_sampled(image, order, mode, cval, channel_axis)
+    old = tuple(image.shape)
+    sides = layout(old, axis)[1:3] if shape is None else check_shape(shape)
+    rt = runtime(image)
+    made = result_dtype(image, order, dtype)
+    result = rt.empty(shaped(old, sides, axis), made)
+    src, margin = sampled(rt, image, axis, order, border)
+    dst = rt.adopt(result, made, shape=layout(tuple(result.shape), axis))
+    numbers = rt.constant(inverse.reshape(9))
+    rt.transform.projective.warp_perspective(src, numbers, order, border, cval, margin, dst)
+    return rt.release(result)
+
+
+def rotate(
+    image: Any,
+    angle: float,
+    *,
+    resize: bool = False,
+    center: Sequence[float] | None = None,
+    order: int = 1,
+    mode: str = "constant",
+    cval: float = 0.0,
+    channel_axis: int | None = None,
+    dtype: Any = None,
+) -> Any:
+    """Turn an image about a point.
+
+    Parameters
+    ----------
+    image : array of shape (H, W), (H, W, C) or (C, H, W)
+        Any real dtype.
+    angle : float
+        Degrees, counter-clockwise on the screen.
+    resize : bool, default False
+        Make the result so large that it holds the whole image; else it has its size.
+    center : (float, float), optional
+        Row and column of the point that stays; the middle of the image by default. It has no
+        meaning with `resize`.
+    order, mode, cval, channel_axis, dtype
+        As in :func:`remap`.
+
+    Returns
+    -------
+    array of shape (H', W'), (H', W', C) or (C, H', W'), float32 or uint8
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+    ValueError
+        If `image` is empty or of another rank, `angle` or `center` is not finite, or an option
+        is unknown.
+
+    Notes
+    -----
+    As :func:`skimage.transform.rotate`.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.rotate([[1, 2], [3, 4]], 90).round(3)
+    array([[2., 4.],
+           [1., 3.]], dtype=float32)
+    """
+    image, axis, _, _ = check_sampled(image, order, mode, cval, channel_axis)
+    height, width = layout(tuple(image.shape), axis)[1:3]
+    turn = math.radians(check_number(angle, "angle"))
+    middle = np.array([(width - 1) / 2, (height - 1) / 2])
+    if center is not None:
+        if len(center) != 2:
+            raise ValueError(f"center must be a row and a column, got {len(center)} numbers")
+        middle = np.array([check_number(c, "center") for c in reversed(center)])
+    # Right angles have no rounding, which would push pixels over the border.
+    cos, sin = round(math.cos(turn), 15), round(math.sin(turn), 15)
+    about = np.array([[cos, sin], [-sin, cos]])  # y points down
+    sides, target = (height, width), middle
+    if resize:
+        span = np.abs(about) @ np.array([width - 1, height - 1])
+        sides = (int(np.around(span[1] + 1)), int(np.around(span[0] + 1)))
+        middle = np.array([(width - 1) / 2, (height - 1) / 2])
+        target = span / 2
+    matrix = np.eye(3)
+    matrix[:2, :2] = about
+    matrix[:2, 2] = target - about @ middle
+    return warp_perspective(
+        image, matrix, sides, order=order, mode=mode, cval=cval, channel_axis=channel_axis,
+        dtype=dtype,
+    )  # fmt: skip
+
+
+def rectify_plane(
+    image: Any,
+    corners: Any,
+    size: Sequence[int],
+    *,
+    order: int = 1,
+    mode: str = "constant",
+    cval: float = 0.0,
+    channel_axis: int | None = None,
+    dtype: Any = None,
+) -> Any:
+    """Show a quadrilateral of an image, a sheet or a front, as the rectangle that it is.
+
+    Parameters
+    ----------
+    image : array of shape (H, W), (H, W, C) or (C, H, W)
+        Any real dtype.
+    corners : array of shape (4, 2)
+        Rows and columns of the corners, in the order top left, top right, bottom right, bottom
+        left of the result.
+    size : (int, int)
+        Height and width of the result. Its corner pixels have their centres on the corners.
+    order, mode, cval, channel_axis, dtype
+        As in :func:`remap`.
+
+    Returns
+    -------
+    array of shape (H', W'), (H', W', C) or (C, H', W'), float32 or uint8
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+    ValueError
+        If `image` is empty or of another rank, `corners` are not four points of which no three
+        lie on a line, `size` is not of two sides from 2 to 65536, or an option is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> picture = np.arange(16).reshape(4, 4)
+    >>> cvkern.rectify_plane(picture, [(0, 1), (0, 3), (2, 3), (2, 1)], (3, 3))
+    array([[ 1.,  2.,  3.],
+           [ 5.,  6.,  7.],
+           [ 9., 10., 11.]], dtype=float32)
+    """
+    points = np.asarray(corners, np.float64)
+    if points.shape != (4, 2) or not np.isfinite(points).all():
+        raise ValueError(f"corners must be (4, 2) finite numbers, got shape {points.shape}")
+    sides = check_shape(size, "size", 2)
+    y, x = sides[0] - 1.0, sides[1] - 1.0
+    matrix = _four_points(points, np.array([[0, 0], [0, x], [y, x], [y, 0]]))
+    return warp_perspective(
+        image, matrix, sides, order=order, mode=mode, cval=cval, channel_axis=channel_axis,
+        dtype=dtype,
+    )  # fmt: skip
+
+
+def check_shape(shape: Any, name: str = "shape", least: int = 1) -> tuple[int, int]:
+    """Return a height and a width."""
+    sides = tuple(check_integer(n, name, least, MAX_SIDE) for n in shape)
+    if len(sides) != 2:
+        raise ValueError(f"{name} must be a height and a width, got {len(sides)} numbers")
+    return sides
+
+
+def _inverse(matrix: Any) -> np.ndarray:
+    numbers = np.asarray(matrix, np.float64)
+    if numbers.shape != (3, 3) or not np.isfinite(numbers).all():
+        raise ValueError(f"matrix must be (3, 3) finite numbers, got shape {numbers.shape}")
+    largest = np.abs(numbers).max()
+    # Columns are brought to one size first: translations are large numbers of pixels.
+    scale = np.abs(numbers).max(axis=0)
+    if largest == 0 or not scale.all() or abs(np.linalg.det(numbers / scale)) < SINGULAR:
+        raise ValueError("matrix must be invertible, got one that is not")
+    return np.linalg.inv(numbers)
+
+
+def _four_points(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Return the homography that takes four points (row, column) to four others."""
+    rows = []
+    for (y, x), (v, u) in zip(points, targets, strict=True):
+        rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y])
+        rows.append([0, 0, 0, x, y, 1, -v * x, -v * y])
+    for i in range(4):  # no three on a line
+        a, b, c = (points[j] for j in range(4) if j != i)
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        reach = max(1.0, np.ptp(points, axis=0).max())
+        if abs(area) < 1e-9 * reach * reach:
+            raise ValueError("corners must be four points, no three on a line, got others")
+    found = np.linalg.solve(np.array(rows), targets[:, ::-1].ravel())
+    return np.append(found, 1.0).reshape(3, 3)

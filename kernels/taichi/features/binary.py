@@ -1,0 +1,212 @@
+"""FAST corners and binary descriptors in Taichi: all decisions in integers, but for one angle."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.features import CIRCLE, DISC, PAIRS, TURNS, TURNS_PER_RADIAN, WORD
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._polar import gradient_angle
+from cvkern.kernels.taichi._rounding import product
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
+
+
+@primitive
+def round_values(src: np.ndarray, dst: np.ndarray) -> None:
+    """Bytes of values: rounded and cut off; one thread a pixel."""
+    _round(src, dst)
+
+
+@ti.kernel
+def _round(
+    src: f32_2,
+    # outputs
+    dst: u8_2,
+):
+    for y, x in dst:
+        dst[y, x] = ti.cast(ti.floor(ti.max(ti.min(src[y, x], 255.0), 0.0) + 0.5), ti.u8)
+
+
+@primitive
+def widen_values(src: np.ndarray, dst: np.ndarray) -> None:
+    """Values of bytes; one thread a pixel."""
+    _widen(src, dst)
+
+
+@ti.kernel
+def _widen(
+    src: u8_2,
+    # outputs
+    dst: f32_2,
+):
+    for y, x in dst:
+        dst[y, x] = ti.cast(src[y, x], ti.f32)
+
+
+@primitive
+def score_corners(src: np.ndarray, threshold: int, margin: int, scores: np.ndarray) -> None:
+    """Score FAST corners of 9 pixels of 16; one thread a pixel."""
+    _score(src, threshold, margin, scores)
+
+
+@ti.kernel
+def _score(
+    src: u8_2,
+    threshold: ti.i32,
+    margin: ti.i32,
+    # outputs
+    scores: u8_2,
+):
+    for y, x in src:
+        best = 0
+        if y >= margin and y < src.shape[0] - margin and x >= margin and x < src.shape[1] - margin:
+            d = ti.Vector([0 for _ in range(16)])
+            v = ti.cast(src[y, x], ti.i32)
+            for k in ti.static(range(16)):
+                d[k] = ti.cast(src[y + CIRCLE[k][0], x + CIRCLE[k][1]], ti.i32) - v
+            for k in ti.static(range(16)):
+                bright = d[k]
+                dark = -d[k]
+                for n in ti.static(range(1, 9)):
+                    bright = ti.min(bright, d[(k + n) % 16])
+                    dark = ti.min(dark, -d[(k + n) % 16])
+                best = ti.max(best, bright, dark)
+        if best <= threshold:
+            best = 0
+        scores[y, x] = ti.cast(best, ti.u8)
+
+
+@primitive
+def mark_corners(scores: np.ndarray, words: np.ndarray) -> None:
+    """Mark scores that are the largest of 3 x 3, of equal ones the first; one bit a pixel."""
+    _mark(scores, words)
+
+
+@ti.func
+def _is_largest(scores: ti.template(), y: ti.i32, x: ti.i32) -> ti.i32:
+    """Compare a score with the eight around it."""
+    v = ti.cast(scores[y, x], ti.i32)
+    found = 1 if v > 0 else 0
+    for i, j in ti.static(ti.ndrange((-1, 2), (-1, 2))):
+        near = ti.cast(scores[y + i, x + j], ti.i32)
+        if ti.static(i < 0 or (i == 0 and j < 0)):
+            if near >= v:
+                found = 0
+        elif near > v:
+            found = 0
+    return found
+
+
+@ti.kernel
+def _mark(
+    scores: u8_2,
+    # outputs
+    words: i32_3,  # (1, H, K)
+):
+    for s, y, k in words:
+        word = 0
+        if y > 0 and y < scores.shape[0] - 1:
+            for bit in range(WORD):
+                x = k * WORD + bit
+                if x > 0 and x < scores.shape[1] - 1:
+                    word = word | (_is_largest(scores, y, x) << bit)
+        words[s, y, k] = word
+
+
+@primitive
+def weigh_corners(src: np.ndarray, points: np.ndarray, responses: np.ndarray) -> None:
+    """Harris' measure over 7 x 7 pixels, times 25, as an integer; one thread a point."""
+    _weigh(src, points, responses)
+
+
+@ti.func
+def _at(src: ti.template(), y: ti.i32, x: ti.i32) -> ti.i32:
+    """Return a pixel."""
+    return ti.cast(src[y, x], ti.i32)
+
+
+@ti.kernel
+def _weigh(
+    src: u8_2,
+    points: i32_2,
+    # outputs
+    responses: i64_1,
+):
+    for n in responses:
+        yy = 0
+        xx = 0
+        xy = 0
+        for y in range(points[n, 0] - 3, points[n, 0] + 4):
+            for x in range(points[n, 1] - 3, points[n, 1] + 4):
+                nw = _at(src, y - 1, x - 1)
+                ne = _at(src, y - 1, x + 1)
+                sw = _at(src, y + 1, x - 1)
+                se = _at(src, y + 1, x + 1)
+                gy = sw - nw + se - ne + 2 * (_at(src, y + 1, x) - _at(src, y - 1, x))
+                gx = ne - nw + se - sw + 2 * (_at(src, y, x + 1) - _at(src, y, x - 1))
+                yy += gy * gy
+                xx += gx * gx
+                xy += gx * gy
+        wide = ti.cast(yy, ti.i64) + xx
+        det = ti.cast(yy, ti.i64) * xx - ti.cast(xy, ti.i64) * xy
+        responses[n] = 25 * det - wide * wide
+
+
+@primitive
+def describe_corners(
+    src: np.ndarray,
+    smooth: np.ndarray,
+    points: np.ndarray,
+    pattern: np.ndarray,
+    upright: int,
+    angles: np.ndarray,
+    descriptors: np.ndarray,
+) -> None:
+    """Direction by the moments of a disc, bits by comparing pairs of pixels; a thread a point."""
+    _describe(src, smooth, points, pattern, upright, 0, angles, descriptors)
+
+
+@ti.kernel
+def _describe(
+    src: u8_2,
+    smooth: f32_2,
+    points: i32_2,
+    pattern: i32_3,  # (TURNS, PAIRS, 4): row, column, row, column
+    upright: ti.i32,
+    zero: ti.i32,
+    # outputs
+    angles: f32_1,
+    descriptors: u8_2,
+):
+    for n in angles:
+        cy = points[n, 0]
+        cx = points[n, 1]
+        angle = 0.0
+        turn = 0
+        if upright == 0:
+            down = 0
+            along = 0
+            for i in range(-DISC, DISC + 1):
+                for j in range(-DISC, DISC + 1):
+                    if i * i + j * j <= DISC * (DISC + 1):
+                        v = ti.cast(src[cy + i, cx + j], ti.i32)
+                        down += i * v
+                        along += j * v
+            angle = gradient_angle(ti.cast(down, ti.f32), ti.cast(along, ti.f32), zero)
+            steps = ti.floor(product(angle, TURNS_PER_RADIAN, zero) + 0.5)
+            turn = ti.cast(steps, ti.i32) & (TURNS - 1)
+        angles[n] = angle
+        for b in range(PAIRS // 8):
+            bits = 0
+            for k in range(8):
+                p = 8 * b + k
+                one = smooth[cy + pattern[turn, p, 0], cx + pattern[turn, p, 1]]
+                other = smooth[cy + pattern[turn, p, 2], cx + pattern[turn, p, 3]]
+                if one < other:
+                    bits = bits | (1 << k)
+            descriptors[n, b] = ti.cast(bits, ti.u8)

@@ -1,0 +1,168 @@
+"""Extrema of a scale space in Taichi: marked as bits, then listed in the order of their places."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._rounding import product
+
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
+
+
+@primitive
+def prepare(src: np.ndarray, scale: float, dst: np.ndarray) -> None:
+    """Grey values times `scale`; one thread a pixel."""
+    _prepare(src, scale, 0, dst)
+
+
+@ti.kernel
+def _prepare(
+    src: f32_3,  # (H, W, C)
+    scale: ti.f32,
+    zero: ti.i32,
+    # outputs
+    dst: f32_2,
+):
+    for y, x in dst:
+        v = src[y, x, 0]
+        if src.shape[2] > 1:
+            v = product(GRAY[0], v, zero) + product(GRAY[1], src[y, x, 1], zero)
+            v = v + product(GRAY[2], src[y, x, 2], zero)
+        dst[y, x] = v * scale
+
+
+@primitive
+def double(src: np.ndarray, dst: np.ndarray) -> None:
+    """Twice the size, by means between the pixels; one thread a pixel."""
+    _double(src, dst)
+
+
+@ti.kernel
+def _double(
+    src: f32_2,  # (H, W)
+    # outputs
+    dst: f32_2,  # (2 H, 2 W)
+):
+    for v, u in dst:
+        y = v // 2
+        x = u // 2
+        below = y
+        right = x
+        if v % 2 == 1:
+            below = ti.min(y + 1, src.shape[0] - 1)
+        if u % 2 == 1:
+            right = ti.min(x + 1, src.shape[1] - 1)
+        left = 0.5 * (src[y, x] + src[below, x])
+        dst[v, u] = 0.5 * (left + 0.5 * (src[y, right] + src[below, right]))
+
+
+@primitive
+def halve(src: np.ndarray, dst: np.ndarray) -> None:
+    """Every second pixel of every second row; one thread a pixel."""
+    _halve(src, dst)
+
+
+@ti.kernel
+def _halve(
+    src: f32_2,
+    # outputs
+    dst: f32_2,
+):
+    for y, x in dst:
+        dst[y, x] = src[2 * y, 2 * x]
+
+
+@primitive
+def mark_extrema(levels: np.ndarray, threshold: float, margin: int, words: np.ndarray) -> None:
+    """Mark pixels whose difference of levels is extreme among 26 neighbours; one bit a pixel."""
+    _mark(levels, threshold, margin, words)
+
+
+@ti.func
+def _is_extreme(levels: ti.template(), s: ti.i32, y: ti.i32, x: ti.i32, least: ti.f32) -> ti.i32:
+    """Compare difference `s` + 1 at a pixel with the 26 around it."""
+    v = levels[s + 2, y, x] - levels[s + 1, y, x]
+    found = 1 if ti.abs(v) > least else 0
+    if found == 1:
+        for n in range(27):
+            l = s + n // 9
+            i = y + n // 3 % 3 - 1
+            j = x + n % 3 - 1
+            near = levels[l + 1, i, j] - levels[l, i, j]
+            if (v > 0.0 and near > v) or (v < 0.0 and near < v):
+                found = 0
+                break
+    return found
+
+
+@ti.kernel
+def _mark(
+    levels: f32_3,  # (L, H, W)
+    threshold: ti.f32,
+    margin: ti.i32,
+    # outputs
+    words: i32_3,  # (L - 3, H, ceil(W / 32))
+):
+    for s, y, k in words:
+        word = 0
+        if y >= margin and y < levels.shape[1] - margin:
+            for bit in range(WORD):
+                x = k * WORD + bit
+                if x >= margin and x < levels.shape[2] - margin:
+                    word = word | (_is_extreme(levels, s, y, x, threshold) << bit)
+        words[s, y, k] = word
+
+
+@primitive
+def count_marks(words: np.ndarray, counts: np.ndarray) -> None:
+    """Count the bits of each row; one thread a row."""
+    _count(words, counts)
+
+
+@ti.kernel
+def _count(
+    words: i32_3,
+    # outputs
+    counts: i32_1,
+):
+    for row in counts:
+        s = row // words.shape[1]
+        y = row - s * words.shape[1]
+        total = 0
+        for k in range(words.shape[2]):
+            word = words[s, y, k]
+            if word != 0:
+                for bit in range(WORD):
+                    total += (word >> bit) & 1
+        counts[row] = total
+
+
+@primitive
+def list_marks(words: np.ndarray, starts: np.ndarray, width: int, places: np.ndarray) -> None:
+    """List the places (row times `width` plus column) of the bits; one thread a row."""
+    _list(words, starts, width, places)
+
+
+@ti.kernel
+def _list(
+    words: i32_3,
+    starts: i32_1,
+    width: ti.i32,
+    # outputs
+    places: i32_1,
+):
+    for row in starts:
+        s = row // words.shape[1]
+        y = row - s * words.shape[1]
+        at = starts[row]
+        for k in range(words.shape[2]):
+            word = words[s, y, k]
+            if word != 0:
+                for bit in range(WORD):
+                    if (word >> bit) & 1 == 1:
+                        places[at] = row * width + k * WORD + bit
+                        at += 1

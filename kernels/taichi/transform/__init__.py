@@ -1,0 +1,1 @@
+"""Geometric transforms in Taichi."""

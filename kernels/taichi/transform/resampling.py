@@ -1,0 +1,41 @@
+"""Resizing along one axis at a time, in Taichi."""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._rounding import product
+
+from ._taps import stored
+
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+any_3 = ti.types.ndarray(ndim=3)  # u8 or f32
+
+
+@primitive
+def resample(src: np.ndarray, starts: np.ndarray, weights: np.ndarray, dst: np.ndarray) -> None:
+    """Weigh the pixels of each line from its start on, for each pixel; one thread an element."""
+    _resample(src, starts, weights, dst.dtype == np.uint8, 0, dst)
+
+
+@ti.kernel
+def _resample(
+    src: any_3,  # (outer, n, inner)
+    starts: i32_1,  # (m,)
+    weights: f32_2,  # (m, T)
+    rounded: ti.template(),
+    zero: ti.i32,
+    # outputs
+    dst: any_3,  # (outer, m, inner)
+):
+    for o, k, i in ti.ndrange(dst.shape[0], dst.shape[1], dst.shape[2]):
+        total = 0.0
+        for t in range(weights.shape[1]):
+            if weights[k, t] != 0.0:
+                v = ti.cast(src[o, starts[k] + t, i], ti.f32)
+                total = total + product(weights[k, t], v, zero)
+        if ti.static(rounded):
+            dst[o, k, i] = ti.cast(stored(total), ti.u8)
+        else:
+            dst[o, k, i] = total

@@ -1,0 +1,75 @@
+"""Matching on the CPU: lanes of 16 descriptors, dot products of bytes."""
+
+import warp as wp
+
+from cvkern.kernels.codes.features import FARTHEST
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+FILE = "_matching_cpu.h"
+LANES = 16
+
+
+@_native.func_native(FILE, LANES=LANES, LARGEST=FARTHEST)
+def pack_group(
+    group: int,
+    descriptors: wp.array2d[wp.uint8],
+    groups: wp.array2d[int],
+    binary: int,
+    packed: wp.array2d[wp.uint8],
+    norms: wp.array2d[int],
+): ...
+
+
+@_native.func_native(FILE, LANES=LANES, LARGEST=FARTHEST)
+def match_block(
+    block: int,
+    descriptors: wp.array2d[wp.uint8],
+    blocks: wp.array2d[int],
+    group_of: wp.array[int],
+    binary: int,
+    packed: wp.array2d[wp.uint8],
+    norms: wp.array2d[int],
+    best: wp.array[int],
+    second: wp.array[int],
+    index: wp.array[int],
+): ...
+
+
+@wp.kernel
+def pack(
+    slab: int,
+    first: int,
+    last: int,
+    descriptors: wp.array2d[wp.uint8],  # (T, K)
+    groups: wp.array2d[int],  # (G, 2): first row, count
+    binary: int,
+    # outputs
+    packed: wp.array2d[wp.uint8],  # (G, 16 K)
+    norms: wp.array2d[int],  # (G, 16)
+):
+    for group in range(first, last):
+        pack_group(group, descriptors, groups, binary, packed, norms)
+
+
+@wp.kernel
+def match(
+    slab: int,
+    first: int,
+    last: int,
+    descriptors: wp.array2d[wp.uint8],  # (T, K)
+    blocks: wp.array2d[int],  # (B, 5)
+    group_of: wp.array[int],  # (B,): the first group of its image
+    binary: int,
+    packed: wp.array2d[wp.uint8],
+    norms: wp.array2d[int],
+    # outputs
+    best: wp.array[int],
+    second: wp.array[int],
+    index: wp.array[int],
+):
+    for block in range(first, last):
+        match_block(
+            block, descriptors, blocks, group_of, binary, packed, norms, best, second, index
+        )

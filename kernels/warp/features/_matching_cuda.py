@@ -1,0 +1,76 @@
+"""Matching on CUDA: a thread a descriptor, the others in shared memory by way of the cache."""
+
+import warp as wp
+
+from cvkern.kernels.codes.features import FARTHEST
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+LARGEST = wp.constant(FARTHEST)
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __popc(word);
+#else
+    return __builtin_popcount(word);
+#endif
+""")
+def ones_of(word: wp.uint32) -> int: ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __dp4a(a, b, sum);
+#else
+    for (int i = 0; i < 32; i += 8) sum += (a >> i & 255) * (b >> i & 255);
+    return sum;
+#endif
+""")
+def dot4(a: wp.uint32, b: wp.uint32, sum: wp.uint32) -> wp.uint32: ...
+
+
+@wp.kernel
+def match(
+    words: wp.array2d[wp.uint32],  # (T, K / 4)
+    blocks: wp.array2d[int],  # (B, 5)
+    rows: int,
+    binary: int,
+    # outputs
+    best: wp.array[int],
+    second: wp.array[int],
+    index: wp.array[int],
+):
+    item = wp.tid()
+    block = item // rows
+    row = blocks[block, 0] + item - block * rows
+    if row >= blocks[block, 1]:
+        return
+    own = wp.uint32(0)
+    for k in range(words.shape[1]):
+        own = dot4(words[row, k], words[row, k], own)
+    top = int(LARGEST)
+    other = int(LARGEST)
+    where = int(0)
+    for j in range(blocks[block, 2], blocks[block, 3]):
+        d = int(0)
+        if binary == 1:
+            for k in range(words.shape[1]):
+                d += ones_of(words[row, k] ^ words[j, k])
+        else:
+            dot = wp.uint32(0)
+            norm = wp.uint32(0)
+            for k in range(words.shape[1]):
+                dot = dot4(words[row, k], words[j, k], dot)
+                norm = dot4(words[j, k], words[j, k], norm)
+            d = int(own) + int(norm) - 2 * int(dot)
+        if d < top:
+            other = top
+            top = d
+            where = j - blocks[block, 2]
+        elif d < other:
+            other = d
+    out = blocks[block, 4] + row - blocks[block, 0]
+    best[out] = top
+    second[out] = other
+    index[out] = where

@@ -1,0 +1,168 @@
+#include "_angles_cpu.h"
+
+// needs BINS, PEAKS, LONGEST, BINS_PER_RADIAN, REACH
+// Directions of the gradient round point `k`: the peaks of their histogram.
+void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
+                wp::array_t<float> spreads, float one, wp::array_t<float> angles,
+                wp::array_t<int> counts) {
+    const int height = levels.shape[1], width = levels.shape[2];
+    const int* cell = cells.data + 4 * (size_t)k;
+    const int cy = cell[1], cx = cell[2], radius = cell[3];
+    const float* image = levels.data + (size_t)cell[0] * height * width;
+    const float spread = spreads.data[k];
+    float gain[2 * REACH + 1], lengths[2 * REACH + 1], bins[2 * REACH + 1];
+    for (int i = 0; i <= radius; ++i) {
+        gain[radius + i] = Alike::decay((float)(i * i) * spread);
+        gain[radius - i] = gain[radius + i];
+    }
+    int sums[BINS] = {0};
+    const int left = cx - radius < 1 ? 1 : cx - radius;
+    const int right = cx + radius > width - 2 ? width - 2 : cx + radius;
+    for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
+        const float* p = image + (size_t)y * width;
+        const float down = gain[y - cy + radius];
+        const float* along = gain + radius - cx;
+#pragma clang loop vectorize(assume_safety)
+        for (int x = left; x <= right; ++x) {
+            const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
+            float length = __builtin_sqrtf(dx * dx + dy * dy);
+            length = length < LONGEST ? length : LONGEST;
+            float bin = Alike::angle(dy, dx) * BINS_PER_RADIAN + 0.5f;
+            bin = bin < 0.0f ? bin + (float)BINS : bin;
+            lengths[x - left] = length * (down * along[x]) * one + 0.5f;
+            bins[x - left] = bin;
+        }
+        for (int x = 0; x <= right - left; ++x) {
+            const int bin = (int)bins[x];
+            sums[bin >= BINS ? bin - BINS : bin] += (int)lengths[x];
+        }
+    }
+    long long smooth[BINS], most = 0;
+    for (int b = 0; b < BINS; ++b) {
+        const long long near = (long long)sums[(b + 1) % BINS] + sums[(b + BINS - 1) % BINS];
+        const long long far = (long long)sums[(b + 2) % BINS] + sums[(b + BINS - 2) % BINS];
+        smooth[b] = far + 4 * near + 6 * (long long)sums[b];
+        most = smooth[b] > most ? smooth[b] : most;
+    }
+    int count = 0;
+    unsigned long long taken = 0;
+    while (count < PEAKS) {
+        int best = -1;
+        for (int b = 0; b < BINS; ++b) {
+            const long long l = smooth[(b + BINS - 1) % BINS], r = smooth[(b + 1) % BINS];
+            if (smooth[b] > l && smooth[b] > r && 5 * smooth[b] >= 4 * most && !(taken >> b & 1) &&
+                (best < 0 || smooth[b] > smooth[best]))
+                best = b;
+        }
+        if (best < 0) break;
+        taken |= 1ull << best;
+        const long long l = smooth[(best + BINS - 1) % BINS], r = smooth[(best + 1) % BINS];
+        const double off = (double)(l - r) / (double)(l - 2 * smooth[best] + r);
+        angles.data[(size_t)k * PEAKS + count++] = (float)((double)best + 0.5 * off);
+    }
+    counts.data[k] = count;
+}
+
+// needs CELLS, DIRECTIONS, LONGEST, DIRECTIONS_PER_RADIAN, REACH, LARGEST_SHARE, DESCRIPTOR_ONE
+// Histograms of directions in the 4 x 4 cells round point `k`, as bytes.
+void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
+                  wp::array_t<float> turns, float one, int root,
+                  wp::array_t<wp::uint8> descriptors) {
+    const int height = levels.shape[1], width = levels.shape[2];
+    const int* cell = cells.data + 4 * (size_t)k;
+    const int cy = cell[1], cx = cell[2], radius = cell[3];
+    const float* image = levels.data + (size_t)cell[0] * height * width;
+    const float* turn = turns.data + 4 * (size_t)k;
+    const float cosine = turn[0], sine = turn[1], angle = turn[2], spread = turn[3];
+    float gain[2 * REACH + 1];
+    for (int i = 0; i <= radius; ++i) {
+        gain[radius + i] = Alike::decay((float)(i * i) * spread);
+        gain[radius - i] = gain[radius + i];
+    }
+    // Both directions that share a contribution in one sum: the next one's in the upper half. No
+    // lower half overflows, as all are positive.
+    typedef unsigned long long both;
+    both sums[(CELLS + 2) * (CELLS + 2) * DIRECTIONS] = {0};
+    both parts[4][2 * REACH + 1];
+    int places[2 * REACH + 1];
+    for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
+        const float i = (float)(y - cy), down = gain[y - cy + radius];
+        const float row0 = i * cosine, column0 = i * sine;
+        // Columns that can lie in the cells: |row0 - j sine| < 2.5 and |column0 + j cosine| < 2.5.
+        float first = (float)-radius, last = (float)radius;
+        if (__builtin_fabsf(sine) > 1e-4f) {
+            const float a = (row0 - 2.5f) / sine, b = (row0 + 2.5f) / sine;
+            first = __builtin_fmaxf(first, __builtin_fminf(a, b) - 1.0f);
+            last = __builtin_fminf(last, __builtin_fmaxf(a, b) + 1.0f);
+        }
+        if (__builtin_fabsf(cosine) > 1e-4f) {
+            const float a = (-2.5f - column0) / cosine, b = (2.5f - column0) / cosine;
+            first = __builtin_fmaxf(first, __builtin_fminf(a, b) - 1.0f);
+            last = __builtin_fminf(last, __builtin_fmaxf(a, b) + 1.0f);
+        }
+        if (first > last) continue;
+        int left = cx + (int)first, right = cx + (int)last;
+        left = left < 1 ? 1 : left;
+        right = right > width - 2 ? width - 2 : right;
+        const float* p = image + (size_t)y * width;
+        const float* along = gain + radius - cx;
+#pragma clang loop vectorize(assume_safety)
+        for (int x = left; x <= right; ++x) {
+            const float j = (float)(x - cx);
+            const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
+            float length = __builtin_sqrtf(dx * dx + dy * dy);
+            length = length < LONGEST ? length : LONGEST;
+            float bin = (Alike::angle(dy, dx) - angle) * DIRECTIONS_PER_RADIAN;
+            bin = bin < 0.0f ? bin + (float)DIRECTIONS : bin;
+            bin = bin >= (float)DIRECTIONS ? bin - (float)DIRECTIONS : bin;
+            const float v = length * (down * along[x]) * one;
+            const float r = (row0 - j * sine) + 1.5f, c = (column0 + j * cosine) + 1.5f;
+            const bool inside = r > -1.0f && r < (float)CELLS && c > -1.0f && c < (float)CELLS;
+            const int r0 = inside ? (int)(r + 1.0f) : 0, c0 = inside ? (int)(c + 1.0f) : 0;
+            const int o0 = (int)bin;
+            const float fr = (r + 1.0f) - (float)r0, fc = (c + 1.0f) - (float)c0;
+            const float fd = bin - (float)o0;
+            const float v1 = v * fr, v0 = v - v1, v11 = v1 * fc, v01 = v0 * fc;
+            const float v10 = v1 - v11, v00 = v0 - v01;
+            const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
+            places[x - left] = inside ? (r0 * (CELLS + 2) + c0) * DIRECTIONS + o0 : -1;
+            parts[0][x - left] =
+                (both)(int)(w00 + 0.5f) << 32 | (unsigned)(int)((v00 - w00) + 0.5f);
+            parts[1][x - left] =
+                (both)(int)(w01 + 0.5f) << 32 | (unsigned)(int)((v01 - w01) + 0.5f);
+            parts[2][x - left] =
+                (both)(int)(w10 + 0.5f) << 32 | (unsigned)(int)((v10 - w10) + 0.5f);
+            parts[3][x - left] =
+                (both)(int)(w11 + 0.5f) << 32 | (unsigned)(int)((v11 - w11) + 0.5f);
+        }
+        for (int x = 0; x <= right - left; ++x) {
+            if (places[x] < 0) continue;
+            both* at = sums + places[x];
+            at[0] += parts[0][x];
+            at[DIRECTIONS] += parts[1][x];
+            at[(CELLS + 2) * DIRECTIONS] += parts[2][x];
+            at[(CELLS + 3) * DIRECTIONS] += parts[3][x];
+        }
+    }
+    double found[CELLS * CELLS * DIRECTIONS], squares = 0.0;
+    for (int n = 0; n < CELLS * CELLS * DIRECTIONS; ++n) {
+        const int o = n % DIRECTIONS, c = n / DIRECTIONS % CELLS, r = n / DIRECTIONS / CELLS;
+        const both* bin = sums + ((r + 1) * (CELLS + 2) + c + 1) * DIRECTIONS;
+        const int shared = (int)(bin[(o + DIRECTIONS - 1) % DIRECTIONS] >> 32);
+        found[n] = (double)((int)(unsigned)bin[o] + shared);
+        squares += found[n] * found[n];
+    }
+    const double most = LARGEST_SHARE * __builtin_sqrt(squares);
+    double total = 0.0;
+    for (int n = 0; n < CELLS * CELLS * DIRECTIONS; ++n) {
+        found[n] = found[n] < most ? found[n] : most;
+        total += root ? found[n] : found[n] * found[n];
+    }
+    const double size = root ? total : __builtin_sqrt(total);
+    for (int n = 0; n < CELLS * CELLS * DIRECTIONS; ++n) {
+        double share = size > 0.0 ? found[n] / size : 0.0;
+        share = DESCRIPTOR_ONE * (root ? __builtin_sqrt(share) : share) + 0.5;
+        descriptors.data[(size_t)k * CELLS * CELLS * DIRECTIONS + n] =
+            (wp::uint8)(share < 255.0 ? share : 255.0);
+    }
+}

@@ -1,0 +1,84 @@
+"""Orientations and descriptors on the CPU, a point at a time."""
+
+import warp as wp
+
+from cvkern.kernels.codes import features as codes
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+FILE = "_descriptors_cpu.h"
+
+
+@_native.func_native(
+    FILE,
+    BINS=codes.BINS,
+    PEAKS=codes.PEAKS,
+    LONGEST=f"{codes.LONGEST}f",
+    BINS_PER_RADIAN=f"{codes.BINS_PER_RADIAN!r}f",
+    REACH=codes.REACH,
+)
+def orient_one(
+    k: int,
+    levels: wp.array3d[float],
+    cells: wp.array2d[int],
+    spreads: wp.array[float],
+    one: float,
+    angles: wp.array2d[float],
+    counts: wp.array[int],
+): ...
+
+
+@_native.func_native(
+    FILE,
+    CELLS=codes.CELLS,
+    DIRECTIONS=codes.DIRECTIONS,
+    LONGEST=f"{codes.LONGEST}f",
+    DIRECTIONS_PER_RADIAN=f"{codes.DIRECTIONS_PER_RADIAN!r}f",
+    REACH=codes.REACH,
+    LARGEST_SHARE=codes.LARGEST_SHARE,
+    DESCRIPTOR_ONE=codes.DESCRIPTOR_ONE,
+)
+def describe_one(
+    k: int,
+    levels: wp.array3d[float],
+    cells: wp.array2d[int],
+    turns: wp.array2d[float],
+    one: float,
+    root: int,
+    descriptors: wp.array2d[wp.uint8],
+): ...
+
+
+@wp.kernel
+def orient(
+    slab: int,
+    first: int,
+    last: int,
+    levels: wp.array3d[float],
+    cells: wp.array2d[int],
+    spreads: wp.array[float],
+    one: float,
+    # outputs
+    angles: wp.array2d[float],
+    counts: wp.array[int],
+):
+    for k in range(first, last):
+        orient_one(k, levels, cells, spreads, one, angles, counts)
+
+
+@wp.kernel
+def describe(
+    slab: int,
+    first: int,
+    last: int,
+    levels: wp.array3d[float],
+    cells: wp.array2d[int],
+    turns: wp.array2d[float],
+    one: float,
+    root: int,
+    # outputs
+    descriptors: wp.array2d[wp.uint8],
+):
+    for k in range(first, last):
+        describe_one(k, levels, cells, turns, one, root, descriptors)

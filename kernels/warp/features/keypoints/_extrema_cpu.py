@@ -1,0 +1,137 @@
+"""Extrema of a scale space on the CPU, row by row."""
+
+import warp as wp
+
+from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+FILE = "_extrema_cpu.h"
+BITS = wp.constant(WORD)
+
+
+@_native.func_native(FILE)
+def double_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
+
+
+@_native.func_native(FILE)
+def mark_row(
+    row: int,
+    slab: int,
+    levels: wp.array3d[float],
+    threshold: float,
+    margin: int,
+    lines: wp.array2d[float],
+    words: wp.array3d[int],
+): ...
+
+
+@_native.func_native(FILE)
+def ones_of_row(row: int, words: wp.array2d[int]) -> int: ...
+
+
+@_native.func_native(FILE)
+def halve_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
+
+
+@_native.func_native(
+    FILE, **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)}
+)
+def gray_row(row: int, src: wp.array3d[float], scale: float, dst: wp.array2d[float]): ...
+
+
+@_native.func_native(FILE)
+def first_one(word: int) -> int: ...
+
+
+@wp.kernel
+def gray(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array3d[float],  # (H, W, C)
+    scale: float,
+    # outputs
+    dst: wp.array2d[float],  # (H, W)
+):
+    for row in range(first, last):
+        gray_row(row, src, scale, dst)
+
+
+@wp.kernel
+def halve(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array2d[float],
+    # outputs
+    dst: wp.array2d[float],
+):
+    for row in range(first, last):
+        halve_row(row, src, dst)
+
+
+@wp.kernel
+def double(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array2d[float],  # (H, W)
+    # outputs
+    dst: wp.array2d[float],  # (2 H, 2 W)
+):
+    for row in range(first, last):
+        double_row(row, src, dst)
+
+
+@wp.kernel
+def mark(
+    slab: int,
+    first: int,
+    last: int,
+    levels: wp.array3d[float],  # (L, H, W)
+    threshold: float,
+    margin: int,
+    # scratch
+    lines: wp.array2d[float],  # (slabs, 2 L W)
+    # outputs
+    words: wp.array3d[int],  # (L - 3, H, ceil(W / 32))
+):
+    for row in range(first, last):
+        mark_row(row, slab, levels, threshold, margin, lines, words)
+
+
+@wp.kernel
+def count(
+    slab: int,
+    first: int,
+    last: int,
+    words: wp.array2d[int],  # (rows, K)
+    # outputs
+    counts: wp.array[int],
+):
+    for row in range(first, last):
+        counts[row] = ones_of_row(row, words)
+
+
+@wp.kernel
+def gather(
+    slab: int,
+    first: int,
+    last: int,
+    words: wp.array2d[int],  # (rows, K)
+    starts: wp.array[int],  # (rows,)
+    width: int,
+    # outputs
+    places: wp.array[int],
+):
+    for row in range(first, last):
+        at = starts[row]
+        for k in range(words.shape[1]):
+            word = words[row, k]
+            while word != 0:
+                bit = first_one(word)
+                places[at] = row * width + k * BITS + bit
+                at += 1
+                word = word ^ (1 << bit)

@@ -1,0 +1,120 @@
+"""Extrema of a scale space on CUDA, a thread a pixel."""
+
+import warp as wp
+
+from cvkern.kernels.codes.features import GRAY, WORD
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+BITS = wp.constant(WORD)
+RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
+
+
+@wp.kernel
+def gray(
+    src: wp.array3d[float],  # (H, W, C)
+    scale: float,
+    # outputs
+    dst: wp.array2d[float],  # (H, W)
+):
+    y, x = wp.tid()
+    v = src[y, x, 0]
+    if src.shape[2] > 1:
+        v = RED * v + GREEN * src[y, x, 1] + BLUE * src[y, x, 2]
+    dst[y, x] = v * scale
+
+
+@wp.kernel
+def halve(
+    src: wp.array2d[float],
+    # outputs
+    dst: wp.array2d[float],
+):
+    y, x = wp.tid()
+    dst[y, x] = src[2 * y, 2 * x]
+
+
+@wp.kernel
+def double(
+    src: wp.array2d[float],  # (H, W)
+    # outputs
+    dst: wp.array2d[float],  # (2 H, 2 W)
+):
+    v, u = wp.tid()
+    y = v // 2
+    x = u // 2
+    below = wp.where(v % 2 == 1, wp.min(y + 1, src.shape[0] - 1), y)
+    right = wp.where(u % 2 == 1, wp.min(x + 1, src.shape[1] - 1), x)
+    left = 0.5 * (src[y, x] + src[below, x])
+    dst[v, u] = 0.5 * (left + 0.5 * (src[y, right] + src[below, right]))
+
+
+@wp.kernel
+def mark(
+    levels: wp.array3d[float],  # (L, H, W)
+    threshold: float,
+    margin: int,
+    # outputs
+    words: wp.array3d[int],  # (L - 3, H, ceil(W / 32)), cleared
+):
+    s, y, x = wp.tid()
+    height = levels.shape[1]
+    width = levels.shape[2]
+    if y < margin or y >= height - margin or x < margin or x >= width - margin:
+        return
+    v = levels[s + 2, y, x] - levels[s + 1, y, x]
+    if wp.abs(v) <= threshold:
+        return
+    for l in range(s, s + 3):
+        for i in range(y - 1, y + 2):
+            for j in range(x - 1, x + 2):
+                near = levels[l + 1, i, j] - levels[l, i, j]
+                if v > 0.0 and near > v:
+                    return
+                if v < 0.0 and near < v:
+                    return
+    # Sets a bit that no other thread sets: the order cannot show.
+    wp.atomic_or(words, s, y, x // BITS, 1 << (x % BITS))
+
+
+@wp.func
+def ones_of(word: int) -> int:
+    """Count the bits that are set."""
+    left = wp.uint32(word)
+    total = int(0)
+    while left != wp.uint32(0):
+        left = left & (left - wp.uint32(1))
+        total += 1
+    return total
+
+
+@wp.kernel
+def count(
+    words: wp.array2d[int],  # (rows, K)
+    # outputs
+    counts: wp.array[int],
+):
+    row = wp.tid()
+    total = int(0)
+    for k in range(words.shape[1]):
+        total += ones_of(words[row, k])
+    counts[row] = total
+
+
+@wp.kernel
+def gather(
+    words: wp.array2d[int],  # (rows, K)
+    starts: wp.array[int],  # (rows,)
+    width: int,
+    # outputs
+    places: wp.array[int],
+):
+    row = wp.tid()
+    at = starts[row]
+    for k in range(words.shape[1]):
+        word = words[row, k]
+        if word != 0:
+            for bit in range(BITS):
+                if ((word >> bit) & 1) == 1:
+                    places[at] = row * width + k * BITS + bit
+                    at += 1

@@ -1,0 +1,68 @@
+"""Extrema of a scale space in Warp: marked as bits, then listed in the order of their places."""
+
+import warp as wp
+
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._zeros import clear
+
+from . import _extrema_cpu as cpu
+from . import _extrema_cuda as cuda
+
+
+def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
+    """Grey values times `scale`; one thread a pixel."""
+    if dst.device.is_cuda:
+        launch(cuda.gray, dst.shape, [src, scale], [dst])
+        return
+    launch_slabs(cpu.gray, dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst])
+
+
+def double(src: wp.array, dst: wp.array) -> None:
+    """Twice the size, by means between the pixels; one thread a pixel."""
+    if dst.device.is_cuda:
+        launch(cuda.double, dst.shape, [src], [dst])
+        return
+    launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+
+
+def halve(src: wp.array, dst: wp.array) -> None:
+    """Every second pixel of every second row; one thread a pixel."""
+    if dst.device.is_cuda:
+        launch(cuda.halve, dst.shape, [src], [dst])
+        return
+    launch_slabs(cpu.halve, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+
+
+def mark_extrema(levels: wp.array, threshold: float, margin: int, words: wp.array) -> None:
+    """Mark pixels whose difference of levels is extreme among 26 neighbours; one bit a pixel."""
+    count, height, width = levels.shape
+    if levels.device.is_cuda:
+        clear(words)
+        launch(cuda.mark, (count - 3, height, width), [levels, threshold, margin], [words])
+        return
+    parts = slabs(height, levels.size)
+    lines = scratch("keypoints.lines", (parts, 2 * count * width), wp.float32, levels.device)
+    launch_slabs(cpu.mark, height, parts, [levels, threshold, margin, lines], [words])
+
+
+def count_marks(words: wp.array, counts: wp.array) -> None:
+    """Count the bits of each row; one thread a row."""
+    rows = _rows(words)
+    if words.device.is_cuda:
+        launch(cuda.count, rows.shape[0], [rows], [counts])
+        return
+    launch_slabs(cpu.count, rows.shape[0], slabs(rows.shape[0], 32 * rows.size), [rows], [counts])
+
+
+def list_marks(words: wp.array, starts: wp.array, width: int, places: wp.array) -> None:
+    """List the places (row times `width` plus column) of the bits; one thread a row."""
+    rows = _rows(words)
+    if words.device.is_cuda:
+        launch(cuda.gather, rows.shape[0], [rows, starts, width], [places])
+        return
+    parts = slabs(rows.shape[0], 32 * rows.size)
+    launch_slabs(cpu.gather, rows.shape[0], parts, [rows, starts, width], [places])
+
+
+def _rows(words: wp.array) -> wp.array:
+    return view(words, wp.int32, (words.shape[0] * words.shape[1], words.shape[2]))

@@ -1,0 +1,112 @@
+"""ORB against a NumPy statement of its steps, and against OpenCV's FAST."""
+
+import cv2
+import numpy as np
+import pytest
+import scipy.ndimage as ndi
+import skimage.data
+
+import cvkern
+from cvkern._runtime import KERNEL_SETS
+from cvkern.features.binary import EDGE, pattern
+
+CAMERA = skimage.data.camera()[100:260, 150:350]
+
+
+def strongest(image, points):
+    """State Harris' measure over 7 x 7 pixels, times 25, in integers."""
+    wide = image.astype(np.int64)
+    dy, dx = (ndi.sobel(wide, axis=a) for a in (0, 1))
+    yy, xx, xy = (
+        np.array([p[y - 3 : y + 4, x - 3 : x + 4].sum() for y, x in points])
+        for p in (dy * dy, dx * dx, dy * dx)
+    )
+    return 25 * (yy * xx - xy * xy) - (yy + xx) ** 2
+
+
+def test_points_are_opencvs_corners(backend):
+    """All of a level without a budget: FAST of 9 of 16 pixels, maxima of 3 x 3."""
+    found = cvkern.orb(CAMERA, None, levels=1, fast_threshold=20 / 255)
+    detector = cv2.FastFeatureDetector_create(20, True)
+    want = np.array([p.pt[::-1] for p in detector.detect(CAMERA)])
+    inner = (want >= EDGE).all(axis=1) & (want < np.array(CAMERA.shape) - EDGE).all(axis=1)
+    ours = {tuple(p) for p in found.points.astype(int).tolist()}
+    theirs = {tuple(p) for p in want[inner].astype(int).tolist()}
+    assert len(theirs) > 50
+    # Equal neighbours: OpenCV keeps none of them, we the first.
+    assert theirs <= ours
+    assert len(ours) < 1.1 * len(theirs)
+
+
+def test_measure_direction_and_bits(backend):
+    found = cvkern.orb(CAMERA, 80, levels=1)
+    points = found.points.astype(int)
+    full = 25 * (49 * 1020.0**2) ** 2
+    want = strongest(CAMERA, points) / full
+    np.testing.assert_allclose(found.responses, want, rtol=1e-6)
+    i, j = np.mgrid[-15:16, -15:16]
+    disc = i * i + j * j <= 15 * 16
+    smooth = ndi.gaussian_filter(CAMERA.astype(float), 2, mode="mirror", truncate=1.5)
+    pairs, wrong = pattern(), 0
+    for n, (y, x) in enumerate(points):
+        window = CAMERA[y - 15 : y + 16, x - 15 : x + 16] * disc
+        angle = np.arctan2((i * window).sum(), (j * window).sum())
+        assert abs(found.orientations[n] - angle) < 1e-6
+        turn = int(np.floor(angle * 64 / (2 * np.pi) + 0.5)) % 64
+        p = pairs[turn]
+        bits = smooth[y + p[:, 0], x + p[:, 1]] < smooth[y + p[:, 2], x + p[:, 3]]
+        wrong += (np.packbits(bits, bitorder="little") != found.descriptors[n]).sum()
+    assert wrong <= 2  # pairs of equal values, which float64 takes for unequal
+
+
+def test_a_budget_keeps_the_strongest(backend):
+    every = cvkern.orb(CAMERA, None, levels=1)
+    some = cvkern.orb(CAMERA, 40, levels=1)
+    kept = np.sort(np.argsort(-strongest(CAMERA, every.points.astype(int)), kind="stable")[:40])
+    for a, b in zip(some, every, strict=True):
+        np.testing.assert_array_equal(a, b[kept])
+    assert len(cvkern.orb(CAMERA, 0).points) == 0
+
+
+def test_sets_and_runs_give_the_same_bits():
+    for options in ({}, {"spread": True, "max_keypoints": 60, "upright": True},
+                    {"mask": CAMERA > 60, "levels": 3}):  # fmt: skip
+        found = []
+        for name in (*KERNEL_SETS, KERNEL_SETS[0]):
+            with cvkern.use(backend=name):
+                found.append(cvkern.orb(CAMERA, **options))
+        for a, b, c in zip(*found, strict=True):
+            np.testing.assert_array_equal(a, b)
+            np.testing.assert_array_equal(a, c)
+
+
+def test_a_turned_photograph_is_found_again(backend):
+    turned = np.ascontiguousarray(np.rot90(CAMERA))
+    one, other = (cvkern.orb(i, 150) for i in (CAMERA, turned))
+    matches = cvkern.match_descriptors(one.descriptors, other.descriptors, metric="hamming")
+    row, column = one.points[matches[:, 0]].T
+    where = np.stack((CAMERA.shape[1] - 1 - column, row), axis=1)
+    right = np.abs(where - other.points[matches[:, 1]]).max(axis=1) < 3
+    assert right.sum() > 75
+
+
+def test_small_and_empty_images(backend):
+    for shape in ((1, 1), (38, 100), (50, 60)):
+        found = cvkern.orb(np.zeros(shape))
+        assert [len(f) for f in found] == [0] * 5
+        assert found.descriptors.shape == (0, 32)
+
+
+def test_the_pattern_stays():
+    """What was described once can be matched later: the first pairs, and a sum over all."""
+    pairs = pattern()
+    assert pairs.shape == (64, 256, 4)
+    assert np.abs(pairs).max() <= 15
+    quarter = np.stack((pairs[0][:, 1], -pairs[0][:, 0]), axis=1)  # (row, column) by 90 degrees
+    np.testing.assert_allclose(pairs[16][:, :2], quarter, atol=1)
+
+
+@pytest.mark.parametrize("downscale", [1.0, 4.5])
+def test_refusals(no_kernel_runs, downscale):
+    with pytest.raises(ValueError, match="downscale must be above 1 and at most 4, got"):
+        cvkern.orb(CAMERA, downscale=downscale)

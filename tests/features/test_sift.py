@@ -1,0 +1,174 @@
+"""SIFT against a NumPy statement, against OpenCV on photographs, and against itself."""
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import scipy.ndimage as ndi
+import skimage.data
+from scipy.spatial import cKDTree
+
+import cvkern
+from cvkern._runtime import KERNEL_SETS
+from tests.features import reference_sift as reference
+
+CAMERA = skimage.data.camera()[140:270, 180:330]
+
+
+def same(a, b):
+    for x, y in zip(a, b, strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+@pytest.fixture(scope="module")
+def wanted():
+    return reference.keypoints(CAMERA / 255)
+
+
+def test_points_are_those_of_the_statement(backend, wanted):
+    found = cvkern.sift(CAMERA, upright=True)
+    ours = np.column_stack((found.points, found.scales, found.responses))
+    assert len(wanted) > 100
+    # Rounding to float32 decides only where a point is at a threshold: at most one of a hundred.
+    for a, b in ((ours, wanted), (wanted, ours)):
+        near = [np.abs(a - row).max(axis=1).min() < 2e-3 for row in b]
+        assert np.mean(near) >= 0.99
+
+
+def test_order_is_by_octave_level_row_and_column(backend, wanted):
+    found = cvkern.sift(CAMERA, upright=True)
+    if len(wanted) == len(found.points):
+        np.testing.assert_allclose(found.points, wanted[:, :2], rtol=0, atol=2e-3)
+
+
+@pytest.mark.parametrize("root", [True, False])
+def test_descriptors_are_those_of_the_statement(backend, root):
+    found = cvkern.sift(CAMERA, root=root)
+    for n in range(0, len(found.points), len(found.points) // 12):
+        want = reference.descriptor(
+            CAMERA / 255, found.points[n], found.scales[n], found.orientations[n], root
+        )
+        gap = np.abs(found.descriptors[n].astype(int) - want)
+        assert gap.max() <= 2  # a direction near a bin's edge, cut-offs of 2^-23
+        assert gap.mean() < 0.2
+
+
+def test_orientations_follow_the_image(backend):
+    """Turned by 90 degrees (counter-clockwise), points and directions turn as well."""
+    options = {"double": False, "contrast_threshold": 0.02}
+    image = CAMERA[:129, :149]  # odd sides: every second pixel is the same from both ends
+    plain, turned = cvkern.sift(image, **options), cvkern.sift(np.rot90(image), **options)
+    row, column = turned.points.T
+    back = np.stack((column, image.shape[1] - 1 - row), axis=1)
+    distance, index = cKDTree(plain.points).query(back)
+    close = distance < 0.05
+    assert close.mean() > 0.8
+    angle = (turned.orientations + np.pi / 2 - plain.orientations[index])[close]
+    off = np.abs((angle + np.pi) % (2 * np.pi) - np.pi)
+    assert np.mean(off < 0.02) > 0.6  # a point with several directions may meet another of them
+
+
+@pytest.mark.parametrize("sigma", [3.0, 5.0, 9.0])
+def test_a_blob(backend, sigma):
+    y, x = np.mgrid[:120, :140]
+    image = np.exp(-((y - 57.25) ** 2 + (x - 71.5) ** 2) / (2 * sigma**2))
+    found = cvkern.sift(image, 1)
+    np.testing.assert_allclose(found.points[0], (57.25, 71.5), atol=0.05)
+    assert abs(found.scales[0] / sigma - 1) < 0.12  # the ratio of two levels shifts it
+
+
+def test_sets_and_runs_give_the_same_bits():
+    color = skimage.data.astronaut()[:150, 100:280]
+    for image, options in (
+        (CAMERA, {}),
+        (color, {"root": False, "max_keypoints": 40}),
+        (CAMERA.astype(np.float32) / 255, {"double": False, "levels": 2, "spread": True}),
+        (CAMERA, {"max_keypoints": 60, "spread": True, "mask": CAMERA > 40}),
+    ):
+        found = []
+        for name in (*KERNEL_SETS, KERNEL_SETS[0]):
+            with cvkern.use(backend=name):
+                found.append(cvkern.sift(image, **options))
+        same(found[0], found[1])
+        same(found[0], found[2])
+
+
+def test_a_budget_keeps_the_best(backend):
+    every, some = cvkern.sift(CAMERA), cvkern.sift(CAMERA, 50)
+    assert len(some.points) == 50
+    order = np.argsort(-every.responses, kind="stable")[:50]
+    same(some, [field[np.sort(order)] for field in every])
+    assert len(cvkern.sift(CAMERA, 0).points) == 0
+    assert cvkern.sift(CAMERA, 0).descriptors.shape == (0, 128)
+
+
+def test_spread_reaches_more_squares(backend):
+    plain, spread = (cvkern.sift(CAMERA, 40, spread=s).points // 26 for s in (False, True))
+    assert len(np.unique(spread, axis=0)) > len(np.unique(plain, axis=0))
+
+
+def test_mask(backend):
+    mask = np.zeros(CAMERA.shape, bool)
+    mask[:, :70] = True
+    every, left = cvkern.sift(CAMERA), cvkern.sift(CAMERA, mask=mask)
+    kept = np.floor(every.points[:, 1] + 0.5) < 70
+    same(left, [field[kept] for field in every])
+
+
+def test_values(backend):
+    """Bytes, parts of one, 16 bits, and the grey of a colour photograph."""
+    want = cvkern.sift(CAMERA)
+    wide = cvkern.sift(CAMERA.astype(np.uint16) * 257)
+    assert len(wide.points) == pytest.approx(len(want.points), abs=2)
+    same(want, cvkern.sift(CAMERA.astype(np.float32), data_range=255))
+    color = np.repeat(CAMERA[..., None], 3, axis=2)
+    assert len(cvkern.sift(color).points) == pytest.approx(len(want.points), abs=3)
+
+
+def test_nothing_is_found_in_nothing(backend):
+    for shape in ((1, 1), (5, 40), (64, 64)):
+        found = cvkern.sift(np.zeros(shape))
+        assert [len(f) for f in found] == [0] * 5
+
+
+def correct(found0, found1, matrix):
+    """Count mutual matches that lie within 3 pixels of where a homography has them."""
+    matches = cvkern.match_descriptors(found0[1], found1[1])
+    x = np.c_[found0[0][matches[:, 0], ::-1], np.ones(len(matches))] @ matrix.T
+    return int((np.hypot(*(x[:, :2] / x[:, 2:] - found1[0][matches[:, 1], ::-1]).T) < 3).sum())
+
+
+def rootsift(image):
+    points, values = cv2.SIFT_create(nfeatures=1000).detectAndCompute(image, None)
+    values = np.sqrt(values / values.sum(axis=1, keepdims=True))
+    where = np.array([p.pt[::-1] for p in points])
+    return where, np.minimum(512 * values + 0.5, 255).astype(np.uint8)
+
+
+PAIRS = [("graffiti/graf1.png", "graffiti/graf3.png", "graffiti/H_1_3.txt")] + [
+    ("v_dogman/1.png", f"v_dogman/{n}.png", f"v_dogman/H_1_{n}.txt") for n in (2, 3, 4)
+]
+
+
+@pytest.mark.parametrize(("one", "other", "truth"), PAIRS)
+def test_quality(one, other, truth):
+    """At least as many correct matches of 1000 points as OpenCV's, RootSIFT too."""
+    folder = Path(os.environ.get("CVKERN_DATA", "")) / "homography"
+    if not (folder / truth).is_file():
+        pytest.skip("needs CVKERN_DATA")
+    images = [cv2.imread(str(folder / name), 0) for name in (one, other)]
+    matrix = np.loadtxt(folder / truth)
+    ours = [(f.points, f.descriptors) for f in (cvkern.sift(image, 1000) for image in images)]
+    theirs = [rootsift(image) for image in images]
+    assert correct(*ours, matrix) >= correct(*theirs, matrix)
+
+
+def test_a_photograph_seen_through_a_homography(backend):
+    photo = skimage.data.camera()[::2, ::2]
+    matrix = np.array([[0.9, 0.25, 10], [-0.2, 0.95, 40], [2e-4, 1e-4, 1]])
+    smooth = ndi.gaussian_filter(photo, 0.5)
+    seen = cvkern.warp_perspective(smooth, matrix, dtype=np.uint8)
+    pair = [(f.points, f.descriptors) for f in (cvkern.sift(i, 300) for i in (smooth, seen))]
+    assert correct(*pair, matrix) > 90

@@ -1,0 +1,70 @@
+"""Transforms on CUDA: the kernels that are made on use compile, and give the CPU's bits."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+
+import cvkern
+from cvkern._runtime import KERNEL_SETS
+from tests.calls import blobs, noise
+from tests.on_cuda import assert_equal_bits, on_gpu, reference
+
+MATRIX = np.array([[0.9, 0.2, 3.0], [-0.1, 1.1, -2.0], [1e-3, -2e-3, 1.0]])
+
+
+def kernels():
+    from cvkern.kernels.warp.transform import projective, resampling, sampling
+
+    for scalar in (wp.uint8, wp.float32):
+        for result in (wp.uint8, wp.float32):
+            yield resampling.resample_kernel(scalar, result)
+            for order in (0, 1, 3):
+                yield sampling.remap_kernel(scalar, result, order)
+                yield projective.warp_kernel(scalar, result, order)
+    for order in (0, 1, 3):
+        yield sampling.backward_kernel(order)
+
+
+def test_compiles_without_fused_products(tmp_path):
+    import cvkern.kernels.warp as kernel_set
+
+    kernel_set.start("cpu", None)
+    for n, kernel in enumerate(kernels()):
+        (ptx,) = wp.compile_aot_module(
+            kernel.module, arch=90, module_dir=tmp_path / f"{n}", use_ptx=True
+        )
+        code = Path(ptx).read_text()
+        assert ".target sm_90" in code
+        assert "fma.rn.f" not in code or "backward" in kernel.key
+
+
+CALLS = {
+    "remap": lambda x: cvkern.remap(x, np.mgrid[:30, :40] * np.float32(1.37), 3, mode="reflect"),
+    "warp_perspective": lambda x: cvkern.warp_perspective(x, MATRIX),
+    "bytes": lambda x: cvkern.warp_perspective(x, MATRIX, dtype=np.uint8),
+    "nearest": lambda x: cvkern.warp_perspective(x, MATRIX, order=0),
+    "resize": lambda x: cvkern.resize(x, (23, 31)),
+    "area": lambda x: cvkern.resize(x, (23, 31), method="area", dtype=np.uint8),
+    "rotate": lambda x: cvkern.rotate(x, 33, resize=True),
+    "pyramid": lambda x: tuple(cvkern.pyramid_laplacian(x, 2)),
+}
+
+
+@pytest.mark.parametrize("backend", KERNEL_SETS)
+@pytest.mark.parametrize("name", CALLS)
+def test_bits_are_those_of_the_cpu(gpu, name, backend):
+    for image in (blobs(61, 70), noise(61, 70)):
+        assert_equal_bits(on_gpu(CALLS[name], image, backend), reference(CALLS[name], image))
+
+
+@pytest.mark.parametrize("backend", KERNEL_SETS)
+def test_gradients_are_those_of_the_cpu(gpu, backend):
+    def call(image):
+        where = np.mgrid[:30, :40] * np.float32(1.37)
+        return cvkern.remap_backward(noise(30, 40), image, where, 3, mode="mirror")
+
+    image = noise(41, 50)
+    for a, b in zip(on_gpu(call, image, backend), reference(call, image), strict=True):
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-5)  # sums of float64 in another order
