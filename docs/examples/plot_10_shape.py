@@ -18,8 +18,7 @@ table = cvkern.r_table(255 * horse)
 scene = np.full((400, 600), 235.0) + np.random.default_rng(1).normal(0, 6, (400, 600))
 for degrees, top, left in ((20, 20, 30), (-40, 170, 250), (160, 10, 380)):
     turned = transform.rotate(horse, degrees, resize=True, cval=1, order=3)
-    height, width = turned.shape
-    scene[top : top + height, left : left + width] *= turned.clip(0.1, 1)
+    scene[top : top + len(turned), left : left + len(turned[0])] *= turned.clip(0.1, 1)
 scene[120:150] = 90
 
 found = cvkern.generalized_hough(scene, table, rotations=360, num_peaks=3)

@@ -34,7 +34,7 @@ def scale_space(image, levels=3, sigma=1.6):
             stack.append(blurred(stack[-1], np.sqrt(one**2 - other**2)))
         yield np.stack(stack), step
         base, step = (
-            stack[levels][: base.shape[0] // 2 * 2 : 2, : base.shape[1] // 2 * 2 : 2],
+            stack[levels][: len(base) // 2 * 2 : 2, : len(base[0]) // 2 * 2 : 2],
             2 * step,
         )
 
@@ -82,8 +82,8 @@ def keypoints(image, levels=3, sigma=1.6, contrast=0.04, edge=10.0):
 
 def descriptor(image, point, scale, angle, root):
     """Describe one point: 16 cells of 8 directions, weighed and shared linearly."""
-    for octave in scale_space(image):
-        stack, step = octave
+    stack, step, s = np.zeros(0), 0.0, 0
+    for stack, step in scale_space(image):  # noqa: B007  (the octave of the break is looked at)
         s = round(3 * np.log2(scale / step / 1.6))
         if 1 <= s <= 3:
             break

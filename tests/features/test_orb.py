@@ -27,7 +27,7 @@ def strongest(image, points):
 def test_points_are_opencvs_corners(backend):
     """All of a level without a budget: FAST of 9 of 16 pixels, maxima of 3 x 3."""
     found = cvkern.orb(CAMERA, None, levels=1, fast_threshold=20 / 255)
-    detector = cv2.FastFeatureDetector_create(20, True)
+    detector = cv2.FastFeatureDetector.create(20, True)
     want = np.array([p.pt[::-1] for p in detector.detect(CAMERA)])
     inner = (want >= EDGE).all(axis=1) & (want < np.array(CAMERA.shape) - EDGE).all(axis=1)
     ours = {tuple(p) for p in found.points.astype(int).tolist()}

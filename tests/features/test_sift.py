@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.ndimage as ndi
 import skimage.data
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
@@ -62,7 +62,7 @@ def test_orientations_follow_the_image(backend):
     plain, turned = cvkern.sift(image, **options), cvkern.sift(np.rot90(image), **options)
     row, column = turned.points.T
     back = np.stack((column, image.shape[1] - 1 - row), axis=1)
-    distance, index = cKDTree(plain.points).query(back)
+    distance, index = KDTree(plain.points).query(back)
     close = distance < 0.05
     assert close.mean() > 0.8
     angle = (turned.orientations + np.pi / 2 - plain.orientations[index])[close]
@@ -141,7 +141,7 @@ def correct(found0, found1, matrix):
 
 
 def rootsift(image):
-    points, values = cv2.SIFT_create(nfeatures=1000).detectAndCompute(image, None)
+    points, values = cv2.SIFT.create(nfeatures=1000).detectAndCompute(image, None)  # pyright: ignore
     values = np.sqrt(values / values.sum(axis=1, keepdims=True))
     where = np.array([p.pt[::-1] for p in points])
     return where, np.minimum(512 * values + 0.5, 255).astype(np.uint8)
@@ -162,7 +162,7 @@ def test_quality(one, other, truth):
     matrix = np.loadtxt(folder / truth)
     ours = [(f.points, f.descriptors) for f in (cvkern.sift(image, 1000) for image in images)]
     theirs = [rootsift(image) for image in images]
-    assert correct(*ours, matrix) >= correct(*theirs, matrix)
+    assert correct(ours[0], ours[1], matrix) >= correct(theirs[0], theirs[1], matrix)
 
 
 def test_a_photograph_seen_through_a_homography(backend):
@@ -171,4 +171,4 @@ def test_a_photograph_seen_through_a_homography(backend):
     smooth = ndi.gaussian_filter(photo, 0.5)
     seen = cvkern.warp_perspective(smooth, matrix, dtype=np.uint8)
     pair = [(f.points, f.descriptors) for f in (cvkern.sift(i, 300) for i in (smooth, seen))]
-    assert correct(*pair, matrix) > 90
+    assert correct(pair[0], pair[1], matrix) > 90

@@ -195,7 +195,7 @@ def test_equal_bits(all_kernels, kind):
 def assert_as_equal_as_can_be(ones, others, *, on_gpu):
     """Compare in every bit, but for float64 on CUDA, where Taichi fuses products with sums.
 
-    There the solution of 9 equations differs by a multiple of 2^-53 that grows with their condition.
+    There the solution of 9 equations differs by 2^-53 times a number that their condition sets.
     """
     for one, other in zip(ones, others, strict=True):
         if on_gpu and one.dtype == F64:

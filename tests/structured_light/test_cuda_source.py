@@ -1,6 +1,8 @@
 """The CUDA kernels of structured light compile, though they are made when they are first used."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import warp as wp
@@ -9,7 +11,7 @@ import cvkern.kernels.warp as kernels
 from cvkern.kernels.warp.structured_light import gray_code, laser, phase
 
 
-def made(scalar):
+def made(scalar) -> Iterator[Any]:
     """Yield the kernels for frames of one dtype."""
     yield gray_code._decode_cuda(scalar)
     yield gray_code._accept_cuda(scalar)

@@ -54,7 +54,7 @@ def test_small_images(backend, shape, order, mode):
 def test_a_spline_goes_through_the_pixels(backend, shape, mode):
     """In mode 'reflect' SciPy's does so only from about ten pixels a side on."""
     image = noise(*shape)
-    grid = np.stack(np.mgrid[: shape[0], : shape[1]]).astype(np.float32)
+    grid = np.indices(shape).astype(np.float32)
     got = cvkern.remap(image, grid, 3, mode=mode)
     if mode == "wrap":  # the last pixel is the first one
         got, image = got[:-1, :-1], image[:-1, :-1]

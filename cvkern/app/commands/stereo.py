@@ -16,7 +16,9 @@ from cvkern.app.commands import Backend, Device, as_gray
 if TYPE_CHECKING:
     from cvkern.stereo.matching import StereoResult
 
-Writers = dict[str, tuple[Callable[[Path], None], str]]  # writers by the name of the file, with what is in it
+Writers = dict[
+    str, tuple[Callable[[Path], None], str]
+]  # writers by the name of the file, with what is in it
 
 LARGEST = 256  # disparity that 16 bits of 1/256 pixel do not hold
 CENTRE = "the middle of the image"

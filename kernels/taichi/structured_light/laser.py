@@ -10,7 +10,7 @@ first derivative along n vanishes. In the column itself that is at ``p + t``, ``
 / n_p) / e``. A Gaussian line bends less away from its ridge, by 1 - t^2 / s^2 where s^2 is the
 variance of the smoothed profile; so t is made shorter by that. A place is kept where it lies in the
 pixel whose derivatives tell it, or at most a quarter of a pixel beside it, so that noise cannot
-send the search to and fro.
+keep the search between two pixels.
 
 With ``axis`` 0 places are rows, one a column; with 1 columns, one a row. Frames are (N, H, W).
 """

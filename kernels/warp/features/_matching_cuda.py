@@ -3,30 +3,18 @@
 import warp as wp
 
 from cvkern.kernels.codes.features import FARTHEST
+from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LARGEST = wp.constant(FARTHEST)
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return __popc(word);
-#else
-    return __builtin_popcount(word);
-#endif
-""")
+@_native.func_native("_matching_cuda.cu")
 def ones_of(word: wp.uint32) -> int: ...
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-    return __dp4a(a, b, sum);
-#else
-    for (int i = 0; i < 32; i += 8) sum += (a >> i & 255) * (b >> i & 255);
-    return sum;
-#endif
-""")
+@_native.func_native("_matching_cuda.cu")
 def dot4(a: wp.uint32, b: wp.uint32, sum: wp.uint32) -> wp.uint32: ...
 
 
