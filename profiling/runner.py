@@ -74,7 +74,7 @@ class Bench:
         """Check and time one case; raise CheckFailedError on a wrong answer."""
         moved = case.bytes_per_pixel * math.prod(shape)
         # As many inputs as overflow the caches: over one input, repeated calls measure the cache.
-        sets = 1 if self.toy else min(case.most_inputs, math.ceil(CACHE_BYTES / moved))
+        sets = 1 if self.toy else min(case.most_inputs, math.ceil(CACHE_BYTES / max(moved, 1)))
         images = [case.inputs(shape, self.rng) for _ in range(sets)]
         right = fields(case.oracle(*images[0]))
         # Of the first: the others are of the same kind, and do as much to a percent.

@@ -36,5 +36,7 @@ def test_chapter(quick):
 def test_the_page_has_the_film(quick, tmp_path):
     assert radiance.chapter in CHAPTERS
     tour(tmp_path, chapters=(radiance.chapter,))
-    assert (tmp_path / "radiance-orbit.gif").read_bytes()[:4] == b"GIF8"
-    assert read_image(tmp_path / "radiance-render.png").shape == (300, 300, 3)
+    (film,) = tmp_path.rglob("radiance-orbit.*")
+    assert film.stat().st_size > 0
+    (picture,) = tmp_path.rglob("radiance-render.*")
+    assert read_image(picture).shape == (300, 300, 3)

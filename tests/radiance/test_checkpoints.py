@@ -220,7 +220,7 @@ def test_files_of_other_kinds(tmp_path):
     with pytest.raises(FileNotFoundError, match="path must be a file that exists"):
         load_model(file)
     np.savez(file, a=np.zeros(3))
-    with pytest.raises(ValueError, match="path must be a whole model"):
+    with pytest.raises(ValueError, match="path must be a model of cvkern"):
         load_model(file)
     file.write_text("words")
     with pytest.raises(ValueError, match="path must be a whole model"):
@@ -229,12 +229,6 @@ def test_files_of_other_kinds(tmp_path):
         archive.writestr("header.npy", "not an array")
     with pytest.raises(ValueError, match="path must be a whole model"):
         load_model(file)
-
-
-def test_a_device_that_is_not_there_is_no_fault_of_the_file(model, tmp_path):
-    model.save(tmp_path / "model.npz")
-    with cvkern.use(device="cuda:99"), pytest.raises(ValueError, match=r"^device must be one that"):
-        load_model(tmp_path / "model.npz")
 
 
 def test_a_full_disk(model, scene, tmp_path, monkeypatch):

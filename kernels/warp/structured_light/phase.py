@@ -13,7 +13,7 @@ import warp as wp
 from cvkern.kernels.codes.filters import ATAN
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._angles import atan2
-from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -52,20 +52,24 @@ def decode(
 
 
 def accept(columns: wp.array, rows: wp.array, threshold: float, valid: wp.array) -> None:
-    """Mark the pixels whose modulation of both axes is above the threshold; one thread a row."""
-    launch(_accept, valid.shape[0], [columns, rows, threshold], [valid])
+    """Mark the pixels whose modulation of both axes is above the threshold."""
+    launch_each(_accept, valid.size, valid.size, [columns, rows, threshold], [valid])
 
 
 @wp.kernel
 def _accept(
+    stride: int,
+    first: int,
+    last: int,
     columns: wp.array2d[float],  # modulations
     rows: wp.array2d[float],
     threshold: float,
     # outputs
     valid: wp.array2d[wp.uint8],
 ):
-    y = wp.tid()
-    for x in range(valid.shape[1]):
+    for i in range(first + wp.tid(), last, stride):
+        y = i // valid.shape[1]
+        x = i % valid.shape[1]
         seen = columns[y, x] > threshold and rows[y, x] > threshold
         valid[y, x] = wp.where(seen, wp.uint8(1), wp.uint8(0))
 
