@@ -220,10 +220,10 @@ def test_files_of_other_kinds(tmp_path):
     with pytest.raises(FileNotFoundError, match="path must be a file that exists"):
         load_model(file)
     np.savez(file, a=np.zeros(3))
-    with pytest.raises(ValueError, match="path must be a model of cvkern"):
+    with pytest.raises(ValueError, match="path must be a whole model"):
         load_model(file)
     file.write_text("words")
-    with pytest.raises(ValueError, match="path must be a whole model"):
+    with pytest.raises(ValueError, match="path must be a model of cvkern"):
         load_model(file)
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("header.npy", "not an array")
