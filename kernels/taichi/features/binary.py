@@ -65,17 +65,16 @@ def _score(
     for y, x in src:
         best = 0
         if y >= margin and y < src.shape[0] - margin and x >= margin and x < src.shape[1] - margin:
-            d = ti.Vector([0 for _ in range(16)])
             v = ti.cast(src[y, x], ti.i32)
             for k in ti.static(range(16)):
-                d[k] = ti.cast(src[y + CIRCLE[k][0], x + CIRCLE[k][1]], ti.i32) - v
-            for k in ti.static(range(16)):
-                bright = d[k]
-                dark = -d[k]
-                for n in ti.static(range(1, 9)):
-                    bright = ti.min(bright, d[(k + n) % 16])
-                    dark = ti.min(dark, -d[(k + n) % 16])
-                best = ti.max(best, bright, dark)
+                bright = 255
+                dark = 255
+                for n in ti.static(range(9)):
+                    i, j = ti.static(CIRCLE[(k + n) % 16])
+                    d = ti.cast(src[y + i, x + j], ti.i32) - v
+                    bright = ti.min(bright, d)
+                    dark = ti.min(dark, -d)
+                best = ti.max(best, ti.max(bright, dark))
         if best <= threshold:
             best = 0
         scores[y, x] = ti.cast(best, ti.u8)
