@@ -237,9 +237,7 @@ def test_out_of_torch(backend):
     np.testing.assert_array_equal(out.numpy(), CALLS["gaussian"](image.numpy()))
 
 
-@pytest.mark.filterwarnings(
-    "ignore:no edge was found"
-)  # pictures of 0 and 1, whose edges are below 100
+@pytest.mark.filterwarnings("ignore:no edge was found")
 @pytest.mark.parametrize("name", CALLS)
 def test_inputs_are_never_written(backend, name, tmp_path):
     for dtype in ("uint8", "float32", "float64", "bool"):
