@@ -15,7 +15,7 @@ Shape = tuple[int, int]
 Inputs = tuple[Any, ...]  # one image, a pair, ...
 SIZES: dict[str, Shape] = {
     "VGA": (480, 640),
-    "1024x440": (440, 1024),  # of a stereo camera: what semi-global matchers are compared on
+    "1024x440": (440, 1024),  # a stereo camera's: what semi-global matchers are compared on
     "1080p": (1080, 1920),
     "4K": (2160, 3840),
     "8192": (8192, 8192),

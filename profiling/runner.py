@@ -73,11 +73,11 @@ class Bench:
     def run(self, case: Case, shape: Shape) -> dict[str, Any]:
         """Check and time one case; raise CheckFailedError on a wrong answer."""
         moved = case.bytes_per_pixel * math.prod(shape)
-        # As many inputs as overflow the caches: over one input, repeated calls measure the cache.
+        # Enough inputs to overflow the caches: over one, repeated calls measure the cache.
         sets = 1 if self.toy else min(case.most_inputs, math.ceil(CACHE_BYTES / max(moved, 1)))
         images = [case.inputs(shape, self.rng) for _ in range(sets)]
         right = fields(case.oracle(*images[0]))
-        # Of the first: the others are of the same kind, and do as much to a percent.
+        # The work of the first: the others are of the same kind, and do as much to a percent.
         count = None if case.work is None else float(case.work.count(*images[0]))
 
         array_type = carrier() if self.device == "cuda" else "numpy"

@@ -169,7 +169,7 @@ def fit_similarity(points0: Any, points1: Any, weights: Any = None) -> np.ndarra
     a, b, w = finite_pairs(points0, points1, weights)
     _check_count(len(a), 2, "a similarity")
     share = w / w.sum()
-    # As complex numbers z1 = m z0 + t, whose least squares are those of a line.
+    # In complex numbers z1 = m z0 + t, whose least squares are those of a line.
     z0, z1 = (p[:, 0] + 1j * p[:, 1] for p in (a, b))
     mean0, mean1 = share @ z0, share @ z1
     spread = share @ np.abs(z0 - mean0) ** 2

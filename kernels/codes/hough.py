@@ -22,7 +22,7 @@ LINE_ONE = 1 << 15
 NORMAL_ONE = 1 << 14
 FINE_ONE = 1 << 10
 ARCS = 64  # parts of a circle that are counted apart: of each octant eight, by the slope
-MAX_BINS = 8192  # of the minor axis of an ellipse, in the shared memory of a block
+MAX_BINS = 8192  # for the minor axis of an ellipse, in the shared memory of a block
 
 
 class LineTables(NamedTuple):

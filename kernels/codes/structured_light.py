@@ -1,6 +1,6 @@
 """Constants of structured light."""
 
-MOST_BITS = 16  # of the Gray code of one axis: a projector has at most 2^16 rows or columns
+MOST_BITS = 16  # in the Gray code of one axis: a projector has at most 2^16 rows or columns
 NONE = -1  # the code of a pixel that saw no pattern
 MOST_MOVES = 6  # pixels that the search for a ridge moves on from the brightest place
-MOST_OFFSET = 0.75  # of a ridge from the middle of the pixel that tells it
+MOST_OFFSET = 0.75  # pixels from a ridge to the middle of the pixel that tells it

@@ -27,7 +27,7 @@ from .window_size import Pair, pairs
 Matcher = Callable[[np.ndarray, np.ndarray, int], np.ndarray]
 
 NOISE = 6.0  # standard deviation, of 255
-CONTRAST, GAMMA = 0.93, 1.15  # of the darker image
+CONTRAST, GAMMA = 0.93, 1.15  # what makes the darker image
 
 
 def ours(**options: object) -> Matcher:

@@ -101,7 +101,7 @@ def train(
             resume=resume,
         )
     done = model.training
-    said = f"{output}: 1 step"  # which is not on the clock
+    said = f"{output}: 1 step"  # its time is not on the clock
     if done.step > 1:
         rate = done.total_rays / done.seconds
         said = f"{output}: {done.step} steps in {done.seconds:.1f} s, {rate:,.0f} rays/s"

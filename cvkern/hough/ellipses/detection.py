@@ -16,7 +16,7 @@ from cvkern.kernels.codes.hough import MAX_BINS
 FINEST = 20  # pixels: a photograph is reduced until its smallest axis is less than twice this
 TOLERANCE = 0.2  # radians: how far a gradient may be off, in the votes and in the fit
 FINE = 2.0  # pixels: the width of the bins of the minor axis
-CANDIDATES = 64  # that are fitted
+CANDIDATES = 64  # ellipses that are fitted
 FIRST_BAND, LAST_BAND = 4.0, 1.5  # pixels: how far from the ellipse the points of a fit may be
 FITS = 5
 ARCS = 72  # parts of a perimeter that are seen or not

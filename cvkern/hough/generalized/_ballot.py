@@ -27,7 +27,7 @@ from cvkern.kernels.codes.hough import (
 CELLS = (1, 2, 4, 8, 16)
 LEAST_TOLERANCE, MOST_TOLERANCE = math.radians(0.5), math.radians(3)
 SPARE = 16  # points that a kernel may read beyond the last
-MAX_VOTES = 2**16 - 1  # that a cell of an accumulator holds
+MAX_VOTES = 2**16 - 1  # the most that a cell of an accumulator holds
 LEAST_SCALE, MOST_SCALE = 1 / 16, 16.0
 MANY = 2048  # tiles that are looked at,
 WEAKER = 4  # and no weaker than the best one by more than this factor

@@ -16,7 +16,7 @@ REACH = 1  # pixel: how far from its place an edge supports an entry of the tabl
 SEARCH = 6  # the same before a pose is fitted, when it is known to a cell and a bin
 BEND = math.radians(7)  # how far the gradient may be off the direction that the table has
 SAMPLE = 128  # entries that a pose is first judged by
-ROUNDS = 4  # of the fit to all of them
+ROUNDS = 4  # times that a pose is fitted to all its points
 SAME = 2.0, math.radians(2), 1.03  # pixels, radians, ratio: less apart, poses are one
 
 

@@ -26,19 +26,19 @@ _AIM_OF_VOTES = math.radians(3)  # the same while voting, where breadth costs ti
 _LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photographs
 _LENGTH = 320  # pixels: lines so long fall into one bin; longer ones into several
 _APART = 3  # bins of rho and theta between the peaks of one round
-FITS = 2  # of a line to the points on it, which are then found anew
-_CHANGES = 2  # of a point from one line to the next
+FITS = 2  # times that a line is fitted to the points on it, which are then found anew
+_CHANGES = 2  # times that a point may change from one line to the next
 DENSITY = 0.6  # points for each pixel of a segment: a thin edge has 0.7 to 1
 
 
 class Runs(NamedTuple):
     """Points in the order of their lines and of their places along them, cut at the gaps."""
 
-    order: np.ndarray  # of the points
+    order: np.ndarray  # the points, line by line
     along: np.ndarray  # where the ordered points stand along their lines
-    begin: np.ndarray  # of each run, in that order
+    begin: np.ndarray  # where each run begins in that order
     end: np.ndarray  # behind each run
-    line: np.ndarray  # of each run
+    line: np.ndarray  # the line that each run is on
 
 
 def vote(

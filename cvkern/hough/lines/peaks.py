@@ -11,7 +11,7 @@ from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_flag, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 
-_DISTANCE, _ANGLE = 9, 10  # of peaks from each other, as scikit-image has it
+_DISTANCE, _ANGLE = 9, 10  # least bins between peaks, as in scikit-image
 
 
 class HoughLinePeaks(NamedTuple):

@@ -13,9 +13,9 @@ import cvkern
 from profiling.arrays import noise, noise_uint8, photograph, photograph_uint8
 from profiling.case import Case, Peer, disagreeing, kornia_peers, skimage_peers
 
-LOW, HIGH = 100.0, 200.0  # of the integer Sobel
+LOW, HIGH = 100.0, 200.0  # thresholds of the integer Sobel
 SIGMA, SOFT_LOW, SOFT_HIGH = 2.0, 0.16, 0.32  # in Sobel's units, of an image in [0, 1]
-SOBEL_GAIN = 8  # of Sobel's kernels, against a derivative per pixel
+SOBEL_GAIN = 8  # Sobel's kernels against a derivative per pixel
 
 # float32 and float64 decide otherwise only where two numbers agree within 1e-6, but one decision
 # may let a whole chain of weak pixels in or out. A wrong rule moves far more pixels than this.

@@ -15,8 +15,8 @@ from profiling.case import Case, Peer, Shape, Work
 
 ROTATIONS, STEP = 360, 0.05
 SCALES = np.linspace(0.8, 1.6, 17)
-TURN, SIZE = 0.7, 1.3  # of the template in the scene
-LOW, HIGH = 50, 100  # of cv2.Canny: its Sobel is eight times a derivative
+TURN, SIZE = 0.7, 1.3  # the template's, in the scene
+LOW, HIGH = 50, 100  # thresholds of cv2.Canny: its Sobel is eight times a derivative
 EDGES: dict[str, Any] = {"low_threshold": LOW, "high_threshold": HIGH}
 NOWHERE = 1e9
 WITHIN = 2.0, math.radians(2), 0.03  # pixels, radians, share: what counts as found

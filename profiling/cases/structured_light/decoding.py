@@ -11,7 +11,7 @@ import cvkern
 from profiling.case import Case, Shape, Work, relative, unequal
 
 FREQUENCIES, STEPS = (1, 8, 64), 4
-NOISE = 2.0  # of a photograph, in its values
+NOISE = 2.0  # standard deviation of a photograph's, in its values
 # A phase is off by 2e-7 in the arc tangent and some roundings of 2^-24; of 64 fringes it is a share
 # of the whole axis.
 PLACE = 1e-6

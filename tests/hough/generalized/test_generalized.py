@@ -16,7 +16,7 @@ from tests.calls import blobs
 from tests.hough.generalized import reference_generalized as reference
 from tests.truth import truth
 
-SIDE = 60  # of templates
+SIDE = 60  # pixels along a side of a template
 
 
 def photograph(name="camera"):
