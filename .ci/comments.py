@@ -1,7 +1,4 @@
-"""Name the comments that begin with a word that begins no sentence; ``--all`` spares no file.
-
-Files of `comments_left.txt` are spared until somebody mends them: the list only gets shorter.
-"""
+"""Name the comments that begin with a word that begins no sentence."""
 
 import re
 import sys
@@ -10,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-LEFT = ROOT / ".ci" / "comments_left.txt"
 FOLDERS = ("cvkern", "kernels", "tests", "profiling", "docs", ".ci")
 BEGINS = re.compile(r"(of|that|which|for what|as|than|whose)\b", re.IGNORECASE)
 
@@ -44,7 +40,6 @@ def offenders() -> dict[str, list[str]]:
 
 
 if __name__ == "__main__":
-    left = [] if "--all" in sys.argv else LEFT.read_text(encoding="utf-8").split()
-    lines = [line for name, bad in sorted(offenders().items()) if name not in left for line in bad]
+    lines = [line for _, bad in sorted(offenders().items()) for line in bad]
     print("\n".join(lines), end="\n" if lines else "")
     sys.exit(bool(lines))

@@ -103,6 +103,7 @@ def test_the_pattern_stays():
     assert pairs.shape == (64, 256, 4)
     assert np.abs(pairs).max() <= 15
     quarter = np.stack((pairs[0][:, 1], -pairs[0][:, 0]), axis=1)  # (row, column) by 90 degrees
+    # The places of either turn are rounded: half a pixel each.
     np.testing.assert_allclose(pairs[16][:, :2], quarter, atol=1)
 
 
