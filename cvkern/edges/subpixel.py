@@ -67,7 +67,8 @@ def subpixel_edges(
     -----
     Exact for a straight step under Gaussian blur, whatever its angle. The edge of a disc of
     radius r comes out about ``sigma^2 / (2 r)`` too far inside, as for every method that looks
-    for the steepest slope of a blurred image.
+    for the steepest slope of a blurred image. A gradient longer than 1.8e19, the square of which
+    float32 does not hold, is no edge.
 
     References
     ----------

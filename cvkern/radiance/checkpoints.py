@@ -7,12 +7,11 @@ import math
 import os
 import zipfile
 import zlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cvkern._files import check_target, replacing
+from cvkern._files import as_path, check_target, replacing
 
 FORMAT, VERSION = "cvkern radiance field", 3
 HEADER = "header"
@@ -52,8 +51,9 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
     ValueError
         If it is no model, was cut short or damaged, or is of another version.
     """
-    name = os.fspath(path)
-    if not Path(path).is_file():
+    file = as_path(path)
+    name = os.fspath(file)
+    if not file.is_file():
         raise FileNotFoundError(f"path must be a file that exists, got {name!r}")
     try:
         with open(path, "rb") as stream:
@@ -113,6 +113,6 @@ def _survey(stream: Any) -> None:
 
 def check_path(path: str | os.PathLike[str]) -> None:
     """Refuse a file that a model cannot be written to, before there is one that would be lost."""
-    if Path(path).suffix.lower() != ".npz":
+    if as_path(path).suffix.lower() != ".npz":
         raise ValueError(f"path must end in .npz, got {os.fspath(path)!r}")
     check_target(path)

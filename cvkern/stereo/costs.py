@@ -96,7 +96,8 @@ def stereo_cost(
     Notes
     -----
     The time does not grow with the area of the window: sums run down and along, for float32 they
-    are made down and along. Every bit is the same on every device and kernel set.
+    are made down and along. Every bit is the same on every device and kernel set, except for ZNCC
+    and the measure of Birchfield and Tomasi near values that are not finite.
 
     References
     ----------

@@ -36,7 +36,7 @@ def winner_take_all(
     ----------
     costs : array of shape (H, W, D)
         Of any real dtype. uint8 and uint16 are compared as they are, others as float32, where an
-        infinite cost is allowed and NaN never wins.
+        infinite cost is allowed and NaN counts as one.
     first : int, default 0
         The disparity of ``costs[..., 0]``.
     subpixel : bool or {'parabola', 'equiangular'}, default True
