@@ -176,13 +176,14 @@ def _matches(
     if not count:
         return [rt.release(rt.empty((0, 2), np.int32)) for _ in pairs]
 
-    nearest = [
+    best, second, index = (
         rt.scratch(f"matching.{name}", (int(rows.sum()),), np.int32)
         for name in ("best", "second", "index")
-    ]
+    )
     blocks = rt.send("matching.blocks", _blocks(jobs, rows, places, sizes))
     kernels = rt.features.matching
-    kernels.find_nearest(_together(rt, arrays), blocks, int(metric == "hamming"), *nearest)
+    binary = int(metric == "hamming")
+    kernels.find_nearest(_together(rt, arrays), blocks, binary, best, second, index)
 
     # d1 < r d2 for distances is d1^2 < r^2 d2^2; Hamming's are not squared.
     factor = max_ratio if metric == "hamming" else max_ratio * max_ratio
@@ -192,11 +193,11 @@ def _matches(
     sent = rt.send("matching.pairs", table)
     counts = rt.scratch("matching.counts", (count,), np.int32)
     ends = rt.scratch("matching.ends", (len(pairs),), np.int32)
-    kernels.keep_matches(sent, most, factor, *nearest, counts, ends)
+    kernels.keep_matches(sent, most, factor, best, second, index, counts, ends)
     last = rt.to_numpy(ends).tolist()
     found = rt.empty((last[-1], 2), np.int32)
     if last[-1]:
-        kernels.write_matches(sent, most, nearest[2], counts, rt.adopt(found, np.int32))
+        kernels.write_matches(sent, most, index, counts, rt.adopt(found, np.int32))
     found = rt.release(found)
     return [found[begin:end] for begin, end in zip([0, *last], last, strict=False)]
 
