@@ -17,7 +17,8 @@ if _TYPE_CHECKING:
     from cvkern.structured_light import *
     from cvkern.transform import *
 
-# Every public name, by the module that has it. Modules are imported when a name is first used.
+# Every public name, by the module that defines it. A module is imported when one of its names is
+# first used.
 _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("devices", "release_memory", "use"),
@@ -60,7 +61,7 @@ _NAMES = {
         "remap_backward", "resize", "rotate", "warp_perspective",
     ),
 }  # fmt: skip
-# Modules whose names are used through them: cvkern.images.read_image.
+# Namespaces: their names are not re-exported, as in cvkern.images.read_image.
 _NAMESPACES = ("clouds", "images", "radiance")
 
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
