@@ -1,5 +1,6 @@
 """Geometry of one and two views: maps between images, robust fits to matches with outliers."""
 
+from cvkern.geometry.camera import Camera, project_points, undistort_points
 from cvkern.geometry.epipolar import (
     epipolar_lines,
     epipoles,
@@ -24,6 +25,7 @@ from cvkern.geometry.views import (
 )
 
 __all__ = [
+    "Camera",
     "RecoveredPose",
     "RobustFit",
     "RobustFits",
@@ -40,7 +42,9 @@ __all__ = [
     "fit_fundamental",
     "fit_homography",
     "fit_similarity",
+    "project_points",
     "recover_pose",
     "sampson_distance",
     "triangulate",
+    "undistort_points",
 ]
