@@ -1,6 +1,7 @@
 """Geometry of one and two views: maps between images, robust fits to matches with outliers."""
 
 from cvkern.geometry.camera import Camera, project_points, undistort_points
+from cvkern.geometry.chessboards import detect_chessboard
 from cvkern.geometry.epipolar import (
     epipolar_lines,
     epipoles,
@@ -29,6 +30,7 @@ __all__ = [
     "RecoveredPose",
     "RobustFit",
     "RobustFits",
+    "detect_chessboard",
     "epipolar_lines",
     "epipoles",
     "essential_from_fundamental",
