@@ -221,9 +221,9 @@ def undistort_points(points: Any, camera: Camera, matrix: Any = None, rotation: 
     --------
     >>> import cvkern
     >>> camera = cvkern.Camera([[100, 0, 50], [0, 100, 40], [0, 0, 1]], [-0.1], (80, 100))
-    >>> cvkern.undistort_points([[40, 50], [70, 10]], camera).round(3)
-    array([[40.   , 50.   ],
-           [70.812,  8.918]])
+    >>> cvkern.undistort_points([[40, 50], [70, 10]], camera).round(2)
+    array([[40.  , 50.  ],
+           [70.81,  8.92]])
     """
     camera = check_lens(camera)
     points = check_points(points, "points")

@@ -81,7 +81,7 @@ def detect_chessboard(image: Any, shape: tuple[int, int]) -> Any:
     >>> import cvkern
     >>> board = np.kron(np.indices((4, 5)).sum(axis=0) % 2, np.ones((20, 20))) * 255
     >>> corners = cvkern.detect_chessboard(np.pad(board, 20, constant_values=255), (3, 4))
-    >>> corners[:2].round(2)
+    >>> corners[:2].round(1)
     array([[39.5, 39.5],
            [39.5, 59.5]])
     """

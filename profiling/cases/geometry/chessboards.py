@@ -55,13 +55,6 @@ def _sectors(cv2: Any, image: np.ndarray) -> np.ndarray:
     return found.reshape(-1, 2)[:, ::-1]
 
 
-def _windows(cv2: Any, image: np.ndarray) -> np.ndarray:
-    gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    found = cv2.findChessboardCorners(gray, BOARD[::-1])[1]
-    criteria = cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.001
-    return cv2.cornerSubPix(gray, found, (5, 5), (-1, -1), criteria).reshape(-1, 2)[:, ::-1]
-
-
 CASES = (
     Case(
         name="detect_chessboard",
@@ -74,10 +67,7 @@ CASES = (
         tolerance=LIMIT,
         bytes_per_pixel=3,
         operations_per_pixel=0,
-        peers=(
-            Peer("OpenCV, SB", "cv2", _sectors),
-            Peer("OpenCV, cornerSubPix", "cv2", _windows),
-        ),
+        peers=(Peer("OpenCV, SB", "cv2", _sectors),),
         captures=False,
         work=Work("pixels", lambda image: image.shape[0] * image.shape[1]),
         sizes=("VGA", "1080p", "4K"),
