@@ -32,11 +32,13 @@ _NAMES = {
         "sobel",
     ),
     "geometry": (
-        "RecoveredPose", "RobustFit", "RobustFits", "epipolar_lines", "epipoles",
-        "essential_from_fundamental", "find_affine", "find_fundamental", "find_fundamentals",
-        "find_homographies", "find_homography", "find_similarity", "fit_affine",
-        "fit_fundamental", "fit_homography", "fit_similarity", "recover_pose",
-        "sampson_distance", "triangulate",
+        "Calibration", "Camera", "RecoveredPose", "RobustFit", "RobustFits", "StereoCalibration",
+        "calibrate_camera", "calibrate_stereo", "chessboard_points", "detect_chessboard",
+        "epipolar_lines", "epipoles", "essential_from_fundamental", "find_affine",
+        "find_fundamental", "find_fundamentals", "find_homographies", "find_homography",
+        "find_similarity", "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
+        "project_points", "read_calibration", "recover_pose", "sampson_distance", "triangulate",
+        "undistort_points", "write_calibration",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",

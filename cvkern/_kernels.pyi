@@ -21,6 +21,7 @@ class Folder:
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
     class geometry:
+        from cvkern.kernels.warp.geometry import chessboards as chessboards
         from cvkern.kernels.warp.geometry import robust as robust
     class hough:
         from cvkern.kernels.warp.hough import points as points
