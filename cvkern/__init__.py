@@ -13,6 +13,7 @@ if _TYPE_CHECKING:
     from cvkern.filters import *
     from cvkern.geometry import *
     from cvkern.hough import *
+    from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
     from cvkern.transform import *
@@ -47,6 +48,10 @@ _NAMES = {
         "generalized_hough", "generalized_hough_votes", "hough_circle", "hough_circle_peaks",
         "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
         "hough_line_slope", "r_table", "suggest_line_bins",
+    ),
+    "shading": (
+        "LambertianGradient", "Mesh", "lambertian", "lambertian_backward", "mesh_from_depth",
+        "normals_from_depth",
     ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",

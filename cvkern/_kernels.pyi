@@ -60,6 +60,9 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
+    class shading:
+        from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import rendering as rendering
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows
