@@ -1,8 +1,8 @@
 """Joint least squares of all images of a panorama: bundle adjustment, by normal equations.
 
 An image has a matrix P that takes directions, or points of a plane, to its pixels. Matches of the
-images i and j say ``x_j = P_j P_i^-1 x_i`` up to scale. A small change of P_j to ``(1 + D) P_j`` moves
-``X = P_j P_i^-1 x_i`` by ``D X``, and one of P_i by ``-P_j P_i^-1 D x_i``; the derivatives of all
+images i and j say ``x_j = P_j P_i^-1 x_i`` up to scale. A small change of P_j to ``(1 + D) P_j``
+moves ``X = P_j P_i^-1 x_i`` by ``D X``, and one of P_i by ``-P_j P_i^-1 D x_i``; the derivatives of all
 models are those two, with the matrices D that the model allows (its generators).
 
 Pixels are counted from the middle of an image in units of the heap's longest side.
@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.linalg
 
 from cvkern.panorama.registration import Link
 
@@ -26,8 +25,6 @@ NEAREST = 1e-4  # least depth of a point in front of a camera
 BEHIND = 1e3  # pixels: the residual of a point behind a camera
 FOCAL_SPREAD = 0.1  # standard deviation of the logarithms of focal lengths about their mean
 WEAK = 1e-9  # weight of what keeps the equations solvable
-
-SIMILARITY = ((0, 2), (1, 2))
 
 
 class Observations(NamedTuple):
@@ -43,19 +40,6 @@ class Observations(NamedTuple):
     """(M, 2): x, y in the second image."""
     scales: np.ndarray
     """(M,): pixels of the small second image in a unit."""
-
-
-class Fitted(NamedTuple):
-    """Images of one panorama, adjusted."""
-
-    matrices: np.ndarray
-    """(N, 3, 3): from directions, or points of a plane, to pixels from the middle, in units."""
-    focals: np.ndarray | None
-    """(N,) in units; None where there are no rotations."""
-    rotations: np.ndarray | None
-    """(N, 3, 3): from the panorama's axes to the camera's."""
-    residual: float
-    """The root of the mean square of the residuals, cut at HUBER, pixels of the small images."""
 
 
 def observe(links: Sequence[Link], middles: np.ndarray, unit: float, factors: np.ndarray) -> Any:
@@ -106,6 +90,7 @@ class Rotations:
         self.estimates, self.spread = estimates, spread
 
     def matrices(self) -> np.ndarray:
+        """Return K R, (N, 3, 3)."""
         scale = np.ones((len(self.focals), 3))
         scale[:, :2] = self.focals[:, None]
         return scale[:, :, None] * self.rotations
@@ -130,6 +115,7 @@ class Rotations:
         return float(off @ off) / 2, gradient, curvature
 
     def moved(self, steps: np.ndarray) -> Rotations:
+        """Return the cameras after small changes, (N, 4)."""
         turned = turn(steps[:, :3]) @ self.rotations
         focals = self.focals * np.exp(np.clip(steps[:, 3], -0.5, 0.5))
         return Rotations(turned, focals, self.estimates, self.spread)
@@ -143,16 +129,20 @@ class Planes:
         self._basis = plane_generators(size)
 
     def matrices(self) -> np.ndarray:
+        """Return those of the images, (N, 3, 3)."""
         return self.given
 
     def generators(self) -> np.ndarray:
+        """Return (N, size, 3, 3)."""
         return np.broadcast_to(self._basis, (len(self.given), *self._basis.shape))
 
     def prior(self) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return nothing: all maps are alike likely."""
         nothing = np.zeros((len(self.given), self.size))
         return 0.0, nothing, nothing
 
     def moved(self, steps: np.ndarray) -> Planes:
+        """Return the images after small changes, (N, size)."""
         change = np.eye(3) + np.einsum("np,pij->nij", steps, self._basis)
         return Planes(with_unit_determinant(change @ self.given), self.size)
 
@@ -206,17 +196,17 @@ def _seen_at(seen: Observations, matrices: np.ndarray) -> tuple[np.ndarray, ...]
 def cost_of(off: np.ndarray, huber: float) -> float:
     """Return Huber's cost of residuals."""
     length = np.hypot(*off.T)
-    return float(
-        np.where(length < huber, length**2 / 2, huber * (length - huber / 2)).sum()
-    )
+    return float(np.where(length < huber, length**2 / 2, huber * (length - huber / 2)).sum())
 
 
-def adjust(seen: Observations, model: Any, fixed: np.ndarray, huber: float, steps: int = STEPS) -> Any:
-    """Return the model of least cost near the one given; parameters where `fixed` is do not move."""
+def adjust(
+    seen: Observations, model: Any, fixed: np.ndarray, huber: float, steps: int = STEPS
+) -> Any:
+    """Return the model of least cost near the one given; parameters that are `fixed` stay."""
     shape = fixed.shape
     free = np.flatnonzero(~fixed.ravel())
     cost = cost_of(residuals(seen, model.matrices()), huber) + model.prior()[0]
-    damping = 1e-3
+    damping, now = 1e-3, cost
     for _ in range(steps):
         normal, gradient = _normal(seen, model, huber)
         normal, gradient = normal[np.ix_(free, free)], gradient[free]
@@ -226,7 +216,7 @@ def adjust(seen: Observations, model: Any, fixed: np.ndarray, huber: float, step
             damped = normal + np.diag(damping * size + WEAK * (1 + size.max()))
             change = np.zeros(fixed.size)
             try:
-                change[free] = -scipy.linalg.solve(damped, gradient, assume_a="pos")
+                change[free] = -np.linalg.solve(damped, gradient)
             except np.linalg.LinAlgError:
                 damping *= 10
                 continue

@@ -12,7 +12,7 @@ from cvkern.panorama.seams import Seams, draw
 from cvkern.panorama.surfaces import Canvas
 
 TILES = {"cpu": 1536, "cuda": 4096}  # pixels of a side, without what surrounds a tile
-SURROUND = 4  # times the pixel of the coarsest band, round a tile
+SURROUND = 3  # times the pixel of the coarsest band, round a tile
 REACH = 2  # the same, round the part of an image that is shown
 NOWHERE = (2**30, 2**30, -1, -1)
 
@@ -79,7 +79,7 @@ class _Tile:
         self.labels = rt.scratch("panorama.tile", (height, width), np.int32)
         self.parts = self._claimed()
 
-    def _claimed(self) -> list[tuple[int, tuple[int, int, int, int]]]:
+    def _claimed(self) -> list[tuple[int, tuple[int, ...]]]:
         """Label the pixels; return each image that is shown, and where."""
         rt, canvas, coarse = self.rt, self.canvas, self.seams.coarse
         factor = coarse.step / canvas.step
@@ -134,9 +134,7 @@ class _Tile:
             kernels.collapse(sums[level], coarser, int(level == bands), totals[level])
         return totals[0]
 
-    def _add(
-        self, name: int, bounds: tuple[int, ...], totals: list[Any], sums: list[Any]
-    ) -> None:
+    def _add(self, name: int, bounds: tuple[int, ...], totals: list[Any], sums: list[Any]) -> None:
         """Add the bands of one image."""
         rt, bands, channels = self.rt, self.given.bands, self.given.channels
         unit = 2**bands

@@ -18,7 +18,7 @@ def largest_rectangle(mask: np.ndarray) -> tuple[int, int, int, int]:
     size = max(1, math.ceil(math.sqrt(mask.size / EXACT_PIXELS)))
     height, width = (n // size for n in mask.shape)
     blocks = mask[: height * size, : width * size].reshape(height, size, width, size)
-    whole = blocks.all(axis=(1, 3))
+    whole = np.asarray(blocks.all(axis=(1, 3)))
     best, found = 0, (0, 0, mask.shape[0], mask.shape[1])
     heights = np.zeros(width + 1, np.int64)
     for row in range(height):

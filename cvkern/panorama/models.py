@@ -101,10 +101,9 @@ def _fitted(
         return "rotation", turning, parents, left
     if full_left <= WORST:
         return "homography", full, parents, full_left
-    for size, name in ((8, "homography tree"), (4, "similarity tree")):
-        plane = Planes(_chained(maps, parents, order, size), 8)
-        if size == 4 or np.isfinite(_left(seen, plane)):
-            break
+    plane, name = Planes(_chained(maps, parents, order, 8), 8), "homography tree"
+    if not np.isfinite(_left(seen, plane)):
+        plane, name = Planes(_chained(maps, parents, order, 4), 8), "similarity tree"
     return name, plane, parents, _left(seen, plane)
 
 
@@ -126,7 +125,9 @@ def _without_wrong(
     """Leave out pairs that contradict all others, if what remains is connected."""
     seen = observe(links, middles, unit, factors)
     off = np.hypot(*residuals(seen, found[1].matrices()).T)
-    medians = np.array([np.median(off[a:b]) for a, b in zip(seen.bounds[:-1:2], seen.bounds[1::2])])
+    # Of each link the direction from its first image.
+    ends = zip(seen.bounds[:-1:2], seen.bounds[1::2], strict=True)
+    medians = np.array([np.median(off[a:b]) for a, b in ends])
     limit = max(WORST, WRONG * float(np.median(medians)))
     kept = [link for link, median in zip(links, medians, strict=True) if median <= limit]
     joined = connected(len(middles), [(link.first, link.second) for link in kept])
@@ -209,7 +210,9 @@ def _turned(
         start = float(np.median(given[known]))
     focals = np.full(count, start) if given is None else np.where(known, given, start)
     spread = GIVEN_SPREAD if known.any() else adjustment.FOCAL_SPREAD
-    model = Rotations(np.stack([np.eye(3)] * count), focals, focals if known.any() else None, spread)
+    model = Rotations(
+        np.stack([np.eye(3)] * count), focals, focals if known.any() else None, spread
+    )
     there = np.zeros(count, bool)
     there[order[0]] = True
     fixed = np.ones((count, 4), bool)

@@ -127,7 +127,8 @@ def link_images(heap: Heap, say: Progress) -> list[Link]:
     links = []
     for n, k in enumerate(kept):
         inliers = np.asarray(fits.inliers[fits.offsets[n] : fits.offsets[n + 1]])
-        link = _accepted(heap, *map(int, pairs[k]), fits.matrices[n], given[n], inliers)
+        i, j = pairs[k].tolist()
+        link = _accepted(heap, i, j, fits.matrices[n], given[n], inliers)
         links += [link] if link else []
     return links
 
@@ -199,4 +200,3 @@ def connected(count: int, links: Sequence[tuple[int, int]]) -> list[list[int]]:
     for i in range(count):
         groups.setdefault(root(i), []).append(i)
     return sorted(groups.values(), key=lambda group: (-len(group), group[0]))
-

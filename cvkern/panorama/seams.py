@@ -63,9 +63,7 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     rects = rt.send("panorama.rects", coarse.rects.astype(np.int32))
     gains = np.ones((count, channels), np.float32)
     if compensate and count > 1:
-        gains = find_gains(
-            rt.to_numpy(values), rt.to_numpy(weights), coarse, sources.white
-        )
+        gains = find_gains(rt.to_numpy(values), rt.to_numpy(weights), coarse, sources.white)
     shape = coarse.height, coarse.width
     costs = rt.scratch("panorama.costs", shape, np.int32)
     most, second = (rt.scratch(f"panorama.{name}", shape) for name in ("most", "second"))
@@ -108,9 +106,7 @@ def draw(
     )  # fmt: skip
 
 
-def _shrunk(
-    sources: Sources, n: int, coarse: Canvas, canvas: Canvas
-) -> tuple[Any, np.ndarray]:
+def _shrunk(sources: Sources, n: int, coarse: Canvas, canvas: Canvas) -> tuple[Any, np.ndarray]:
     """Return an image about as fine as the coarse canvas, and its matrix there."""
     image, factors = sources.images[n], sources.factors[n]
     finer = factors.mean() * _enlargement(canvas, n) * coarse.step / canvas.step
@@ -138,9 +134,7 @@ def _enlargement(canvas: Canvas, n: int) -> float:
     return float(np.sqrt(area)) if np.isfinite(area) and area > 0 else 1.0
 
 
-def find_gains(
-    values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float
-) -> np.ndarray:
+def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float) -> np.ndarray:
     """Return the gains (N, C) that make overlaps alike [Brown and Lowe, section 6].
 
     The least sum over the overlaps, each as heavy as it is large, of the squared difference of
@@ -199,5 +193,3 @@ def _overlap(
         return None
     number = int(there.sum()) * step * step
     return a[:, fair].mean(axis=1), b[:, fair].mean(axis=1), number
-
-

@@ -16,7 +16,6 @@ from cvkern._checks import (
     check_choice,
     check_flag,
     check_integer,
-    check_number,
     check_positive,
 )
 from cvkern._runtime import Runtime, runtime
@@ -39,7 +38,7 @@ from cvkern.panorama.surfaces import SURFACES, Canvas, lay_out
 
 MAX_PIXELS = 100_000_000
 MOST_BANDS = 8
-LEAST_BAND = 8  # pixels of the shorter side that the coarsest band has at least
+LEAST_BAND = 12  # pixels of the shorter side of an image in its coarsest band, unless told
 
 
 class Panorama(NamedTuple):
@@ -84,7 +83,7 @@ class Options(NamedTuple):
     scale: float
     crop: bool
     compensate: bool
-    bands: int
+    bands: int | None
     max_pixels: int
 
 
@@ -104,7 +103,7 @@ def stitch(
     scale: float = 1.0,
     crop: bool = False,
     compensate: bool = True,
-    bands: int = 5,
+    bands: int | None = None,
     focal_lengths: Any = None,
     max_pixels: int = MAX_PIXELS,
     data_range: float | None = None,
@@ -132,8 +131,9 @@ def stitch(
         Cut the panorama to the largest rectangle without gaps.
     compensate : bool, default True
         Multiply each colour of each image by a gain, so that overlaps are alike.
-    bands : int, default 5
-        How often images are halved in blending, at most 8; 0: hard seams.
+    bands : int, optional
+        How often images are halved in blending, at most 8; 0: hard seams. By default so often that
+        the smallest is about 12 pixels wide.
     focal_lengths : array of shape (N,), optional
         Of the images, in their pixels, if they are known to about 5 percent; NaN for those that
         are not. They are refined.
@@ -189,7 +189,7 @@ def stitch(
         check_positive(scale, "scale"),
         check_flag(crop, "crop"),
         check_flag(compensate, "compensate"),
-        check_integer(bands, "bands", 0, MOST_BANDS),
+        bands if bands is None else check_integer(bands, "bands", 0, MOST_BANDS),
         check_integer(max_pixels, "max_pixels", 1, MAX_ELEMENTS),
     )
     focals = _check_focals(focal_lengths, len(checked))
@@ -220,9 +220,7 @@ def _check_focals(focal_lengths: Any, count: int) -> np.ndarray | None:
     return values
 
 
-def _planned(
-    heap: Heap, focals: np.ndarray | None, options: Options, say: Progress
-) -> list[Plan]:
+def _planned(heap: Heap, focals: np.ndarray | None, options: Options, say: Progress) -> list[Plan]:
     """Align every panorama of the heap, and refuse those that are too large."""
     links = link_images(heap, say)
     pairs = [(link.first, link.second) for link in links]
@@ -273,13 +271,15 @@ def _drawn(rt: Runtime, heap: Heap, plan: Plan, options: Options, say: Any) -> P
     small = Sources([heap.small[i] for i in members], heap.factors[members], white, channels)
     seams = find_seams(rt, canvas, small, options.compensate)
     sides = np.array([image.shape[:2] for image in images], np.int32)
-    bands = min(options.bands, int(math.log2(max(1, sides.min() * options.scale / LEAST_BAND))))
+    smallest = max(1.0, float(sides.min()) * options.scale)
+    wanted = round(math.log2(smallest / LEAST_BAND)) if options.bands is None else options.bands
+    bands = max(0, min(wanted, int(math.log2(smallest)), MOST_BANDS))
     high = float(np.iinfo(dtype).max) if dtype in (np.uint8, np.uint16) else 0.0
     made = np.uint8 if dtype == np.uint8 else np.float32
     shape = canvas.height, canvas.width
     image, mask = rt.empty((*shape, channels) if colour else shape, made), rt.empty(shape, bool)
     blend(
-        rt, canvas, seams, Blend(images, sides, max(bands, 0), high, channels),
+        rt, canvas, seams, Blend(images, sides, bands, high, channels),
         rt.adopt(image, made, shape=(*shape, channels)), rt.adopt(mask, bool),
         lambda done: say(0.2 + 0.8 * done),
     )  # fmt: skip

@@ -19,6 +19,7 @@ PLANE_SPAN = math.radians(80)  # widest view that is drawn on a plane unasked
 PLANE_MOST = math.radians(150)  # widest that a plane can hold
 CYLINDER_RISE = math.radians(50)  # highest view that is drawn on a cylinder unasked
 CYLINDER_MOST = math.radians(75)
+RIM = 0.25  # pixels beyond the middles of the outermost pixels that belong to the canvas
 ALONG = 33  # points along each side of an image that say where it lies
 FEW_SPREAD = 0.004  # mean square of sines below which directions do not tell a plane
 CLEARLY = 9.0  # ratio of squares that tells a plane of directions
@@ -62,7 +63,9 @@ class Canvas(NamedTuple):
 
     def coarser(self, factor: float) -> Canvas:
         """Return the same surface with pixels about `factor` times as large."""
-        width = max(1, round(self.width / factor) if self.closed else math.ceil(self.width / factor))
+        width = max(
+            1, round(self.width / factor) if self.closed else math.ceil(self.width / factor)
+        )
         factor = self.width / width if self.closed else factor
         height = max(1, math.ceil(self.height / factor))
         shift = (factor - 1) / 2 * self.step
@@ -79,7 +82,7 @@ class Canvas(NamedTuple):
         )  # fmt: skip
 
 
-def straighten(alignment: Alignment) -> np.ndarray:
+def straighten(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """Return rotations (N, 3, 3) from level axes: x along the horizon, y down, z to the middle.
 
     Cameras are held so that their sides are level: the vertical is the direction with the least sum
@@ -87,40 +90,41 @@ def straighten(alignment: Alignment) -> np.ndarray:
     or that lie above each other, do not tell it; there it is their mean vertical. A camera that is
     turned by about a right angle counts as one that is not.
     """
-    rotations = alignment.rotations
-    quarters = _quarter_turns(alignment)
+    quarters = _quarter_turns(rotations, parents)
     most = np.bincount(quarters, minlength=4).argmax()
     angle = (quarters - most) * (math.pi / 2)
     right = np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
     down = np.stack((-np.sin(angle), np.cos(angle), np.zeros_like(angle)), axis=1)
     right, down = (np.einsum("nij,ni->nj", rotations, v.round()) for v in (right, down))
     values, vectors = np.linalg.eigh(right.T @ right / len(right))
-    mean = down.sum(axis=0)
-    across = vectors[:, 2] if np.linalg.norm(right.sum(axis=0)) < 1e-6 else right.sum(axis=0)
-    vertical = mean - across * (mean @ across) / (across @ across)
-    vertical = vertical / np.linalg.norm(vertical) if np.linalg.norm(vertical) > 1e-6 else down[0]
-    told = vectors[:, 0] * (1 if vectors[:, 0] @ mean >= 0 else -1)
+    vertical = vectors[:, 0] if vectors[:, 0] @ down.sum(axis=0) >= 0 else -vectors[:, 0]
     clear = values[1] > max(FEW_SPREAD, CLEARLY * values[0])
-    if clear and told @ vertical > NEAR_UP:
-        vertical = told
+    if not clear or (down @ vertical).mean() < NEAR_UP:
+        across = _unit(right.mean(axis=0), right[0])
+        mean = down.mean(axis=0)
+        vertical = _unit(mean - across * (mean @ across), np.cross(rotations[0, 2], across))
     ahead = rotations[:, 2].sum(axis=0)
-    ahead = ahead - vertical * (ahead @ vertical)
-    if np.linalg.norm(ahead) < 1e-3 * len(rotations):  # they look all round
-        ahead = np.cross(right[0], vertical)
-    ahead /= np.linalg.norm(ahead)
+    # Cameras that look all round have no middle.
+    ahead = _unit(ahead - vertical * (ahead @ vertical), np.cross(right[0], vertical))
     axes = np.stack((np.cross(vertical, ahead), vertical, ahead))  # from the world to level axes
     return rotations @ axes.T
 
 
-def _quarter_turns(alignment: Alignment) -> np.ndarray:
+def _unit(vector: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return a vector at length 1, or the other if it is too short to tell a direction."""
+    length = np.linalg.norm(vector)
+    return vector / length if length > 1e-3 else other / np.linalg.norm(other)
+
+
+def _quarter_turns(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """Return by how many right angles each camera is turned against the central one."""
-    quarters = np.zeros(len(alignment.rotations), int)
-    done = alignment.parents < 0
+    quarters = np.zeros(len(rotations), int)
+    done = parents < 0
     while not done.all():
-        for i in np.flatnonzero(~done & done[alignment.parents]):
-            across = alignment.rotations[i] @ alignment.rotations[alignment.parents[i]].T
+        for i in np.flatnonzero(~done & done[parents]):
+            across = rotations[i] @ rotations[parents[i]].T
             roll = math.atan2(across[1, 0] - across[0, 1], across[0, 0] + across[1, 1])
-            quarters[i] = (quarters[alignment.parents[i]] + round(roll / (math.pi / 2))) % 4
+            quarters[i] = (quarters[parents[i]] + round(roll / (math.pi / 2))) % 4
             done[i] = True
     return quarters
 
@@ -128,11 +132,11 @@ def _quarter_turns(alignment: Alignment) -> np.ndarray:
 def lay_out(alignment: Alignment, sides: np.ndarray, surface: str, scale: float) -> Canvas:
     """Choose the surface and its size; `sides` (N, 2) are widths and heights."""
     middles = np.stack([np.array([[1, 0, x], [0, 1, y], [0, 0, 1]]) for x, y in (sides - 1) / 2])
-    if alignment.rotations is None:
-        return _plane(middles @ alignment.matrices, None, sides, 1.0 / scale)
     focals = alignment.focals
+    if alignment.rotations is None or focals is None:
+        return _plane(middles @ alignment.matrices, None, sides, 1.0 / scale)
     step = 1.0 / (float(np.median(focals)) * scale)
-    turned = straighten(alignment)
+    turned = straighten(alignment.rotations, alignment.parents)
     k = np.stack([np.diag([f, f, 1.0]) for f in focals])
     views = [Outline(middles[i] @ k[i], turned[i], sides[i]) for i in range(len(focals))]
     if surface in ("auto", "plane"):
@@ -197,8 +201,8 @@ def _plane(
         places = q[:, :2] / q[:, 2:] / step
         boxes.append(np.concatenate((places.min(axis=0), places.max(axis=0))))
     boxes = np.array(boxes)
-    left, top = np.ceil(boxes[:, :2].min(axis=0) - 1e-6)
-    width, height = np.floor(boxes[:, 2:].max(axis=0) + 1e-6) - (left, top) + 1
+    left, top = np.ceil(boxes[:, :2].min(axis=0) - RIM)
+    width, height = np.floor(boxes[:, 2:].max(axis=0) + RIM) - (left, top) + 1
     rects = _rects(boxes - (left, top, left, top), height)
     rects[:, 0] = rects[:, 0].clip(0, None)
     rects[:, 2] = rects[:, 2].clip(None, int(width))
@@ -228,10 +232,9 @@ def _round(views: list[Outline], surface: str, step: float) -> Canvas:
         covered = max(covered, ends[i])
     widest, gap_from, gap_to = max(gaps)
     closed = widest <= 2 * step
-    middle = (gap_from + gap_to) / 2 + math.pi  # opposite to the gap
+    middle = views[0].centre if closed else (gap_from + gap_to) / 2 + math.pi
+    width = round(turn / step)
     if closed:
-        middle = views[0].centre
-        width = round(turn / step)
         step = turn / width
     level = np.array([[math.cos(middle), 0, math.sin(middle)], [0, 1, 0],
                       [-math.sin(middle), 0, math.cos(middle)]])  # fmt: skip
@@ -242,14 +245,16 @@ def _round(views: list[Outline], surface: str, step: float) -> Canvas:
     if surface == "cylinder":
         rises = np.tan(rises.clip(-CYLINDER_MOST, CYLINDER_MOST))
     rises = rises / step
-    top = math.ceil(rises[:, 0].min() - 1e-6)
-    height = math.floor(rises[:, 1].max() + 1e-6) - top + 1
+    top = math.ceil(rises[:, 0].min() - RIM)
+    height = math.floor(rises[:, 1].max() + RIM) - top + 1
     if closed:
         left = -(width // 2)
     else:
-        left = math.ceil(spans[:, 0].min() - 1e-6)
-        width = math.floor(spans[:, 1].max() + 1e-6) - left + 1
-    boxes = np.stack((spans[:, 0] - left, rises[:, 0] - top, spans[:, 1] - left, rises[:, 1] - top), 1)
+        left = math.ceil(spans[:, 0].min() - RIM)
+        width = math.floor(spans[:, 1].max() + RIM) - left + 1
+    boxes = np.stack(
+        (spans[:, 0] - left, rises[:, 0] - top, spans[:, 1] - left, rises[:, 1] - top), 1
+    )
     rects = _rects(boxes, height)
     if closed:
         rects[:, 2] = np.minimum(rects[:, 2], rects[:, 0] + width)

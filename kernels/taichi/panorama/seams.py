@@ -65,9 +65,7 @@ def seed(
 
 
 @primitive
-def grow(
-    costs: np.ndarray, rects: np.ndarray, distances: np.ndarray, changed: np.ndarray
-) -> None:
+def grow(costs: np.ndarray, rects: np.ndarray, distances: np.ndarray, changed: np.ndarray) -> None:
     """Shorten distances by those of the eight neighbours and the cost of a step.
 
     Set `changed` to 1 if any is shorter now: whoever calls goes on until none is. A thread takes a
@@ -228,9 +226,7 @@ def _choose(
             if at[0] >= 0:
                 distance = distances[n, at[0], at[1]]
                 weight = weights[n, at[0], at[1]]
-                if distance >= 0 and (
-                    distance < least or (least == FAR and weight > heaviest)
-                ):
+                if distance >= 0 and (distance < least or (least == FAR and weight > heaviest)):
                     found = n
                     least = distance
                     heaviest = weight

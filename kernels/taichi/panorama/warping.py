@@ -49,13 +49,11 @@ def claim(
     coarse_rows: np.ndarray,
     labels: np.ndarray,
 ) -> None:
-    """Give each pixel the image of the coarse labels if that covers it, else the one of most weight.
+    """Give each pixel the image of the coarse labels if that covers it, else that of most weight.
 
     Only the images `names` are asked; of equal weights the first of them wins. One thread a pixel.
     """
-    _claim(
-        matrices, sides, names, columns, rows, coarse, coarse_columns, coarse_rows, 0, labels
-    )
+    _claim(matrices, sides, names, columns, rows, coarse, coarse_columns, coarse_rows, 0, labels)
 
 
 @primitive
@@ -102,14 +100,11 @@ def _place(
 def _weight(at: ti.template(), height: ti.i32, width: ti.i32, zero: ti.i32) -> ti.f32:
     """Return the weight of an image at a place: 0 outside."""
     weight = 0.0
-    if (
-        at[2] > ti.cast(NEAR, ti.f64)
-        and 0.0 <= at[0] <= width - 1
-        and 0.0 <= at[1] <= height - 1
-    ):
-        half = ti.cast(0.5, ti.f64)
-        across = 1.0 - ti.abs(wide_product(ti.cast(2.0, ti.f64), at[0] + half, zero) / width - 1.0)
-        down = 1.0 - ti.abs(wide_product(ti.cast(2.0, ti.f64), at[1] + half, zero) / height - 1.0)
+    half = ti.cast(0.5, ti.f64)
+    two = ti.cast(2.0, ti.f64)
+    across = 1.0 - ti.abs(wide_product(two, at[0] + half, zero) / width - 1.0)
+    down = 1.0 - ti.abs(wide_product(two, at[1] + half, zero) / height - 1.0)
+    if at[2] > ti.cast(NEAR, ti.f64) and across > 0.0 and down > 0.0:
         weight = ti.cast(across * down, ti.f32)
     return weight
 
@@ -145,9 +140,7 @@ def _project(
             lower = product(1.0 - fx, ti.cast(src[y1, x0, k], ti.f32), zero) + product(
                 fx, ti.cast(src[y1, x1, k], ti.f32), zero
             )
-            values[c, i, j] = gains[c] * (
-                product(1.0 - fy, upper, zero) + product(fy, lower, zero)
-            )
+            values[c, i, j] = gains[c] * (product(1.0 - fy, upper, zero) + product(fy, lower, zero))
 
 
 @ti.kernel

@@ -47,7 +47,7 @@ def claim(
     coarse_rows: wp.array,
     labels: wp.array,
 ) -> None:
-    """Give each pixel the image of the coarse labels if that covers it, else the one of most weight.
+    """Give each pixel the image of the coarse labels if that covers it, else that of most weight.
 
     Only the images `names` are asked; of equal weights the first of them wins. One thread a pixel.
     """
@@ -69,9 +69,7 @@ def bound(labels: wp.array, bounds: wp.array) -> None:
 
 
 @wp.func
-def place(
-    m: wp.array2d[wp.float64], n: int, ab: wp.vec2d, pq: wp.vec2d
-) -> wp.vec3d:
+def place(m: wp.array2d[wp.float64], n: int, ab: wp.vec2d, pq: wp.vec2d) -> wp.vec3d:
     """Return x and y in image n, and the depth."""
     dx = ab[0] * pq[0]
     dy = pq[1]
@@ -87,15 +85,13 @@ def place(
 def weight_of(at: wp.vec3d, height: int, width: int) -> float:
     """Return the weight of an image at a place: 0 outside."""
     one = wp.float64(1.0)
-    zero = wp.float64(0.0)
-    h = wp.float64(height)
-    w = wp.float64(width)
-    if at[2] <= NEAR or not (at[0] >= zero and at[0] <= w - one and at[1] >= zero and at[1] <= h - one):
-        return 0.0
     half = wp.float64(0.5)
     two = wp.float64(2.0)
-    across = one - wp.abs(two * (at[0] + half) / w - one)
-    down = one - wp.abs(two * (at[1] + half) / h - one)
+    across = one - wp.abs(two * (at[0] + half) / wp.float64(width) - one)
+    down = one - wp.abs(two * (at[1] + half) / wp.float64(height) - one)
+    zero = wp.float64(0.0)
+    if at[2] <= NEAR or across <= zero or down <= zero:
+        return 0.0
     return wp.float32(across * down)
 
 
