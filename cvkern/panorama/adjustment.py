@@ -2,8 +2,9 @@
 
 An image has a matrix P that takes directions, or points of a plane, to its pixels. Matches of the
 images i and j say ``x_j = P_j P_i^-1 x_i`` up to scale. A small change of P_j to ``(1 + D) P_j``
-moves ``X = P_j P_i^-1 x_i`` by ``D X``, and one of P_i by ``-P_j P_i^-1 D x_i``; the derivatives of all
-models are those two, with the matrices D that the model allows (its generators).
+moves ``X = P_j P_i^-1 x_i`` by ``D X``, and one of P_i by ``-P_j P_i^-1 D x_i``;
+the derivatives of all models are those two, with the matrices D that the model allows (its
+generators).
 
 Pixels are counted from the middle of an image in units of the heap's longest side.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -22,7 +23,9 @@ from cvkern.panorama.registration import Link, connected
 
 FOCALS = np.geomspace(0.3, 30.0, 60)  # first estimates that are tried, in longest sides
 FARTHEST_FOCAL = 12.0  # longest sides; a camera with more sees no perspective
-CUT = 10.0  # pixels of the small images at which residuals are cut when models are compared
+MOST = 0.85  # share of the matches by which models are compared: the rest may be of wrong pairs
+HORIZON = 0.1  # least depth of a corner of an image of a plane, in that of the middle
+WIDE = math.cos(math.radians(35))  # cameras that turn by more are not taken for sheets
 GIVEN_SPREAD = 0.05  # standard deviation of the logarithms of focal lengths that are given
 # A panorama is flat where affine maps explain it nearly as well as rotations do. Measured: 0.95 to
 # 1.02 for scanned sheets, 1.9 and more for cameras that turn.
@@ -50,7 +53,7 @@ class Alignment(NamedTuple):
     parents: np.ndarray
     """(N,): the image that each hangs on in the spanning tree, -1 for the central one."""
     residual: float
-    """Root of the mean square, pixels of the images as compared."""
+    """Root of the mean square of most distances, pixels of the images as compared."""
 
 
 def align(
@@ -88,13 +91,16 @@ def _fitted(
     turning = _turned(seen, maps, parents, order, count, given)
     plausible = turning.focals.max() <= FARTHEST_FOCAL
     left = _left(seen, turning)
+    ahead = turning.rotations[:, 2]
+    if plausible and left <= SMALL and (ahead @ ahead.T).min() < WIDE:
+        return "rotation", turning, parents, left
     affine = _flat(seen, maps, parents, order, 6)
     affine_left = _left(seen, affine)
     is_flat = affine_left <= WORST and (affine_left <= FLAT * left or not plausible)
     if plausible and left <= SMALL and not is_flat:
         return "rotation", turning, parents, left
     full = _flat(seen, maps, parents, order, 8)
-    full_left = _left(seen, full)
+    full_left = _left(seen, full) if _in_front(full, middles / unit) else np.inf
     if is_flat and full_left >= MUCH_BETTER * affine_left:
         return "affine", affine, parents, affine_left
     if plausible and left <= min(WORST, FAR_WORSE * full_left) and not is_flat:
@@ -102,17 +108,26 @@ def _fitted(
     if full_left <= WORST:
         return "homography", full, parents, full_left
     plane, name = Planes(_chained(maps, parents, order, 8), 8), "homography tree"
-    if not np.isfinite(_left(seen, plane)):
+    if not _in_front(plane, middles / unit):
         plane, name = Planes(_chained(maps, parents, order, 4), 8), "similarity tree"
     return name, plane, parents, _left(seen, plane)
 
 
 def _left(seen: Observations, model: Any) -> float:
-    """Return what a model leaves: infinity where points come to lie behind an image."""
-    off = np.hypot(*residuals(seen, model.matrices()).T)
-    if not np.isfinite(off).all() or (off >= adjustment.BEHIND).any():
-        return np.inf
-    return float(np.sqrt(np.mean(np.minimum(off, CUT) ** 2)))
+    """Return the root of the mean square of what a model leaves of most matches."""
+    off = np.sort(np.hypot(*residuals(seen, model.matrices()).T))
+    most = off[: max(1, int(MOST * len(off)))]
+    return float(np.sqrt(np.mean(most**2)))
+
+
+def _in_front(model: Planes, reach: np.ndarray) -> bool:
+    """Tell whether every image lies on its plane, far from the horizon; `reach` (N, 2) in units."""
+    for matrix, (x, y) in zip(np.linalg.inv(model.matrices()), reach, strict=True):
+        corners = np.array([[0, 0, 1], [-x, -y, 1], [x, -y, 1], [x, y, 1], [-x, y, 1]])
+        depth = corners @ matrix[2]
+        if not np.isfinite(depth).all() or depth.min() <= HORIZON * abs(depth[0]):
+            return False
+    return True
 
 
 def _without_wrong(

@@ -11,7 +11,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_image
 from cvkern._runtime import runtime
-from cvkern.features.keypoints import as_host, sift
+from cvkern.features.keypoints import Features, as_host, sift
 from cvkern.features.matching import match_images
 from cvkern.geometry.maps import find_homographies
 from cvkern.transform.resampling import resize
@@ -135,7 +135,8 @@ def link_images(heap: Heap, say: Progress) -> list[Link]:
 
 def _keypoints(image: Any, white: float) -> Any:
     if min(image.shape[:2]) < LEAST_SIDE:
-        return np.zeros((0, 128), np.uint8)
+        none = np.zeros(0, np.float32)
+        return Features(none.reshape(0, 2), none, none, none, np.zeros((0, 128), np.uint8))
     if len(image.shape) == 3 and image.shape[2] == 1:
         image = image.reshape(image.shape[:2])
     return sift(image, KEYPOINTS, spread=True, data_range=white)

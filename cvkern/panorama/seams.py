@@ -15,7 +15,7 @@ from cvkern.transform.resampling import resize
 SEAM_PIXELS = 250_000  # size of the canvas on which seams are looked for
 SHARPNESS = 20.0  # images that differ by 1/20 of white make a step half as costly
 MARGIN = 0.5  # of the weight: an image is its own surely where it exceeds the others so much
-GAIN_SPREAD = 0.3  # standard deviation of gains
+GAIN_SPREAD = 3.0  # standard deviation of the logarithms of gains
 NOISE = 0.04  # standard deviation of the mean colours of an overlap, in parts of white
 DARK, BRIGHT = 0.02, 0.98  # in parts of white: what is beyond says little of the exposure
 GAIN_SAMPLES = 4000  # pixels of an overlap that are compared
@@ -135,18 +135,15 @@ def _enlargement(canvas: Canvas, n: int) -> float:
 
 
 def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float) -> np.ndarray:
-    """Return the gains (N, C) that make overlaps alike [Brown and Lowe, section 6].
+    """Return the gains (N, C) that make overlaps alike, after Brown and Lowe, section 6.
 
-    The least sum over the overlaps, each as heavy as it is large, of the squared difference of
-    the mean colours, in `NOISE`, and of the squared difference of the gains from 1, in
-    `GAIN_SPREAD`.
+    Their logarithms have the least sum of squared differences of the logarithms of the mean
+    colours, each as heavy as the overlap is large and bright, and a little of their own squares:
+    their mean is 0.
     """
     count, channels = values.shape[:2]
-    normal = np.zeros((channels, count, count))
+    normal = np.tile(np.eye(count) / GAIN_SPREAD**2, (channels, 1, 1))
     right = np.zeros((channels, count))
-    diagonal = np.arange(count)
-    normal[:, diagonal, diagonal] = 1e-3 / GAIN_SPREAD**2
-    right[:] = 1e-3 / GAIN_SPREAD**2
     for i in range(count):
         for j in range(i + 1, count):
             for shift in (-1, 0, 1) if coarse.closed else (0,):
@@ -154,16 +151,15 @@ def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: f
                 if found is None:
                     continue
                 a, b, number = found
-                share = number / GAIN_SAMPLES
-                for c in range(channels):
-                    normal[c, i, i] += share * (a[c] ** 2 / NOISE**2 + 1 / GAIN_SPREAD**2)
-                    normal[c, j, j] += share * (b[c] ** 2 / NOISE**2 + 1 / GAIN_SPREAD**2)
-                    normal[c, i, j] -= share * a[c] * b[c] / NOISE**2
-                    normal[c, j, i] = normal[c, i, j]
-                    right[c, [i, j]] += share / GAIN_SPREAD**2
-    return np.stack([np.linalg.solve(n, r) for n, r in zip(normal, right, strict=True)], 1).astype(
-        np.float32
-    )
+                weight = number / GAIN_SAMPLES * (np.sqrt(a * b) / NOISE) ** 2
+                wanted = weight * np.log(b / a)
+                normal[:, i, i] += weight
+                normal[:, j, j] += weight
+                normal[:, i, j] -= weight
+                normal[:, j, i] -= weight
+                right[:, i] += wanted
+                right[:, j] -= wanted
+    return np.exp(np.linalg.solve(normal, right[..., None])[..., 0].T).astype(np.float32)
 
 
 def _overlap(

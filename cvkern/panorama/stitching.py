@@ -70,8 +70,8 @@ class Panorama(NamedTuple):
     gains: np.ndarray
     """(K, C) float32: factors of the colours of each image."""
     residual: float
-    """Root of the mean square of the distances of matches, each at most 10, in pixels of the
-    images as they were compared: of at most 0.6 megapixels."""
+    """Root of the mean square of the distances of the best 85 percent of the matches, in pixels of
+    the images as they were compared: of at most 0.6 megapixels."""
     pairs: list[tuple[int, int]]
     """The pairs of members that show the same."""
 
@@ -122,9 +122,10 @@ def stitch(
     images : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4)
         Of one real dtype and of various sizes. A fourth channel is left out.
     surface : {'auto', 'plane', 'cylinder', 'sphere'}, default 'auto'
-        What cameras that turn are drawn on: by itself a plane up to 80 degrees, a cylinder up to
-        50 degrees above and below the horizon, else a sphere. More than 150 degrees, which no plane
-        holds, are drawn as by 'auto'. Images of a plane are drawn on a plane.
+        What cameras that turn are drawn on: by itself a plane up to 90 degrees, corner to corner,
+        a cylinder up to 50 degrees above and below the horizon, else a sphere. More than 150
+        degrees, which no plane holds, are drawn as by 'auto'. Images of a plane are drawn on a
+        plane.
     scale : float, default 1.0
         Pixels of the panorama in one of the images.
     crop : bool, default False

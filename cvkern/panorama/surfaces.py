@@ -15,11 +15,11 @@ import numpy as np
 from cvkern.panorama.models import Alignment
 
 SURFACES = ("auto", "plane", "cylinder", "sphere")
-PLANE_SPAN = math.radians(80)  # widest view that is drawn on a plane unasked
+PLANE_SPAN = math.radians(90)  # widest view, across its corners, that is drawn on a plane unasked
 PLANE_MOST = math.radians(150)  # widest that a plane can hold
 CYLINDER_RISE = math.radians(50)  # highest view that is drawn on a cylinder unasked
 CYLINDER_MOST = math.radians(75)
-RIM = 0.25  # pixels beyond the middles of the outermost pixels that belong to the canvas
+RIM = 0.25  # pixels that the last column may lie beyond the middles of all others
 ALONG = 33  # points along each side of an image that say where it lies
 FEW_SPREAD = 0.004  # mean square of sines below which directions do not tell a plane
 CLEARLY = 9.0  # ratio of squares that tells a plane of directions
@@ -201,8 +201,8 @@ def _plane(
         places = q[:, :2] / q[:, 2:] / step
         boxes.append(np.concatenate((places.min(axis=0), places.max(axis=0))))
     boxes = np.array(boxes)
-    left, top = np.ceil(boxes[:, :2].min(axis=0) - RIM)
-    width, height = np.floor(boxes[:, 2:].max(axis=0) + RIM) - (left, top) + 1
+    left, top = boxes[:, :2].min(axis=0)
+    width, height = np.floor(boxes[:, 2:].max(axis=0) - (left, top) + RIM) + 1
     rects = _rects(boxes - (left, top, left, top), height)
     rects[:, 0] = rects[:, 0].clip(0, None)
     rects[:, 2] = rects[:, 2].clip(None, int(width))
@@ -245,13 +245,13 @@ def _round(views: list[Outline], surface: str, step: float) -> Canvas:
     if surface == "cylinder":
         rises = np.tan(rises.clip(-CYLINDER_MOST, CYLINDER_MOST))
     rises = rises / step
-    top = math.ceil(rises[:, 0].min() - RIM)
-    height = math.floor(rises[:, 1].max() + RIM) - top + 1
+    top = float(rises[:, 0].min())
+    height = math.floor(rises[:, 1].max() - top + RIM) + 1
     if closed:
         left = -(width // 2)
     else:
-        left = math.ceil(spans[:, 0].min() - RIM)
-        width = math.floor(spans[:, 1].max() + RIM) - left + 1
+        left = float(spans[:, 0].min())
+        width = math.floor(spans[:, 1].max() - left + RIM) + 1
     boxes = np.stack(
         (spans[:, 0] - left, rises[:, 0] - top, spans[:, 1] - left, rises[:, 1] - top), 1
     )
@@ -259,6 +259,6 @@ def _round(views: list[Outline], surface: str, step: float) -> Canvas:
     if closed:
         rects[:, 2] = np.minimum(rects[:, 2], rects[:, 0] + width)
     else:
-        rects[:, 2] = rects[:, 2].clip(None, width)
+        rects[:, (0, 2)] = rects[:, (0, 2)].clip(0, width)
     return Canvas(surface, height, width, step, left * step, top * step, closed, matrices,
                   np.stack([view.rotation @ level for view in views]), rects)  # fmt: skip

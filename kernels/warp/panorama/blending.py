@@ -65,7 +65,7 @@ def finish(
     """
     inputs = [values, labels, top, left, high, row, column, columns]
     count = rows * columns
-    launch_each(_finish(image.dtype), count, count * 4, inputs, [image, mask])
+    launch_each(finish_kernel(image.dtype), count, count * 4, inputs, [image, mask])
 
 
 @wp.func
@@ -186,7 +186,9 @@ def _collapse(
 
 
 @lru_cache
-def _finish(scalar: Any) -> wp.Kernel:
+def finish_kernel(scalar: Any) -> wp.Kernel:
+    """Make the kernel that writes arrays of `scalar`."""
+
     @wp.kernel(module="unique", module_options=OPTIONS)
     def finish_pixels(
         stride: int,

@@ -33,7 +33,9 @@ def project(
     The weight is 1 in the middle of the image, falls to its sides, and is 0 outside.
     """
     inputs = [src, matrix, columns, rows, gains]
-    launch_each(_project(src.dtype), weights.size, weights.size * 16, inputs, [values, weights])
+    launch_each(
+        project_kernel(src.dtype), weights.size, weights.size * 16, inputs, [values, weights]
+    )
 
 
 def claim(
@@ -96,7 +98,9 @@ def weight_of(at: wp.vec3d, height: int, width: int) -> float:
 
 
 @lru_cache
-def _project(scalar: Any) -> wp.Kernel:
+def project_kernel(scalar: Any) -> wp.Kernel:
+    """Make the kernel that samples arrays of `scalar`."""
+
     @wp.kernel(module="unique", module_options=OPTIONS)
     def project_pixels(
         stride: int,
