@@ -13,6 +13,7 @@ if _TYPE_CHECKING:
     from cvkern.filters import *
     from cvkern.geometry import *
     from cvkern.hough import *
+    from cvkern.panorama import *
     from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
@@ -49,6 +50,7 @@ _NAMES = {
         "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
         "hough_line_slope", "r_table", "suggest_line_bins",
     ),
+    "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
     "shading": (
         "LambertianGradient", "Mesh", "lambertian", "lambertian_backward", "mesh_from_depth",
         "normals_from_depth",

@@ -37,6 +37,10 @@ class Folder:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
+    class panorama:
+        from cvkern.kernels.warp.panorama import blending as blending
+        from cvkern.kernels.warp.panorama import seams as seams
+        from cvkern.kernels.warp.panorama import warping as warping
     class radiance:
         from cvkern.kernels.warp.radiance import compositing as compositing
         from cvkern.kernels.warp.radiance import encodings as encodings
