@@ -13,14 +13,14 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_positive
 
-# Newton's method doubles the right digits with each step; lenses need three or four steps.
+# Each step of Newton's method doubles the number of correct digits; lenses need 3 or 4 steps.
 _NEWTON_STEPS = 10
-_WIDEST = 1e6  # tangent of the angle of a ray from the middle: farther is astray
+_WIDEST = 1e6  # largest tangent of a ray's angle to the axis; beyond it, the method has diverged
 
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """N views of one image size: where each stands, and how it maps directions to pixels."""
+    """N views of one image size: their poses, and their mapping of directions to pixels."""
 
     poses: np.ndarray
     """Camera to world, (N, 3, 4) float64: a rotation, and the centre of the camera."""
@@ -64,7 +64,7 @@ class Cameras:
         Raises
         ------
         TypeError
-            If `factor` is no number.
+            If `factor` is not a number.
         ValueError
             If it is not > 0 and finite.
         """
@@ -83,7 +83,7 @@ def cameras(
     *,
     distortion: Any = 0.0,
 ) -> Cameras:
-    """Check and collect the cameras of some views.
+    """Check the parameters of some views, and collect them as cameras.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def cameras(
     ------
     ValueError
         If there is no view, a shape does not fit, a number is not finite, a focal length is not
-        positive, or a pose does not have a rotation in it.
+        positive, or a pose contains no rotation.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def cameras(
     if off.max() > 1e-3:
         worst = int(off.argmax())
         raise ValueError(f"poses must have rotations, got in view {worst}: {turns[worst].tolist()}")
-    u, _, v = np.linalg.svd(turns)  # files round their numbers: the nearest rotation
+    u, _, v = np.linalg.svd(turns)  # find the nearest rotation, because files round their numbers
     poses = np.concatenate((u @ v, poses[:, :, 3:]), axis=2)
     return Cameras(poses, lens, bent, width, height)
 
@@ -166,7 +166,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
     Raises
     ------
     ValueError
-        If an eye is at its target, or looks along `up`, or the shapes do not go together.
+        If an eye is at its target, or looks along `up`, or the shapes do not match.
     """
     eyes, targets = np.broadcast_arrays(np.atleast_2d(eyes), np.atleast_2d(targets))
     forward = np.asarray(targets - eyes, np.float64)
@@ -180,7 +180,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
 
 
 def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return where rays through `pixels` of a view start, and their unit directions.
+    """Return the origins and unit directions of the rays through `pixels` of a view.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
 
 
 def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
-    """Return the row and column at which a view sees world points; NaN for those behind it.
+    """Return row and column of world points in a view; NaN for points behind the camera.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def _rows(values: Any, size: int, name: str) -> np.ndarray:
 
 
 def distort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
-    """Bend normalised image points (N, 2), x and y, as a lens does [OpenCV, calib3d]."""
+    """Distort normalised image points (N, 2), x and y, by a lens [OpenCV, calib3d]."""
     k1, k2, p1, p2, k3 = distortion
     x, y = points[:, 0], points[:, 1]
     r2 = x * x + y * y
@@ -263,12 +263,12 @@ def distort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     )
 
 
-@np.errstate(all="ignore")  # what comes of a slope of 0 is looked at in the end
+@np.errstate(all="ignore")  # results of a division by 0 are replaced at the end
 def undistort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     """Undo :func:`distort` by Newton's method.
 
-    Where a lens shows no point at that place, it is any; not one so far away that a ray would have
-    no direction.
+    If the lens maps no point to this position, the result is arbitrary, but bounded, so that a ray
+    through it has a direction.
     """
     if not np.any(distortion):
         return points
