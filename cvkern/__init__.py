@@ -13,6 +13,8 @@ if _TYPE_CHECKING:
     from cvkern.filters import *
     from cvkern.geometry import *
     from cvkern.hough import *
+    from cvkern.panorama import *
+    from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
     from cvkern.transform import *
@@ -32,11 +34,13 @@ _NAMES = {
         "sobel",
     ),
     "geometry": (
-        "RecoveredPose", "RobustFit", "RobustFits", "epipolar_lines", "epipoles",
-        "essential_from_fundamental", "find_affine", "find_fundamental", "find_fundamentals",
-        "find_homographies", "find_homography", "find_similarity", "fit_affine",
-        "fit_fundamental", "fit_homography", "fit_similarity", "recover_pose",
-        "sampson_distance", "triangulate",
+        "Calibration", "Camera", "RecoveredPose", "RobustFit", "RobustFits", "StereoCalibration",
+        "calibrate_camera", "calibrate_stereo", "chessboard_points", "detect_chessboard",
+        "epipolar_lines", "epipoles", "essential_from_fundamental", "find_affine",
+        "find_fundamental", "find_fundamentals", "find_homographies", "find_homography",
+        "find_similarity", "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
+        "project_points", "read_calibration", "recover_pose", "sampson_distance", "triangulate",
+        "undistort_points", "write_calibration",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
@@ -45,6 +49,11 @@ _NAMES = {
         "generalized_hough", "generalized_hough_votes", "hough_circle", "hough_circle_peaks",
         "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
         "hough_line_slope", "r_table", "suggest_line_bins",
+    ),
+    "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
+    "shading": (
+        "LambertianGradient", "Mesh", "lambertian", "lambertian_backward", "mesh_from_depth",
+        "normals_from_depth",
     ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
