@@ -31,10 +31,11 @@ _NAMES = {
         "sobel",
     ),
     "geometry": (
-        "RecoveredPose", "RobustFit", "RobustFits", "epipolar_lines", "epipoles",
-        "essential_from_fundamental", "find_affine", "find_fundamental", "find_fundamentals",
-        "find_homographies", "find_homography", "find_similarity", "fit_affine",
-        "fit_fundamental", "fit_homography", "fit_similarity", "recover_pose",
+        "FoundPose", "PlanePose", "RecoveredPose", "RobustFit", "RobustFits", "epipolar_lines",
+        "epipoles", "essential_from_fundamental", "find_affine", "find_essential",
+        "find_essentials", "find_fundamental", "find_fundamentals", "find_homographies",
+        "find_homography", "find_pose", "find_similarity", "fit_affine", "fit_fundamental",
+        "fit_homography", "fit_similarity", "pose_from_homography", "recover_pose",
         "sampson_distance", "triangulate",
     ),
     "hough": (

@@ -78,9 +78,7 @@ def test_folders_are_small():
 
 COMMANDS = "cvkern/app/commands/"  # the options of a command are its parameters
 LEFT_SIGNATURES = {
-    "kernels/warp/geometry/_robust_cpu.py",
     "kernels/warp/edges/_masks_cpu.py",
-    "kernels/taichi/geometry/robust.py",
     "kernels/taichi/radiance/fields/voxel/_march.py",
     "kernels/taichi/radiance/fields/voxel/nodes.py",
     "kernels/taichi/radiance/march/steps.py",

@@ -8,6 +8,7 @@ from cvkern.geometry.epipolar import (
     fit_fundamental,
     sampson_distance,
 )
+from cvkern.geometry.essential import find_essential, find_essentials
 from cvkern.geometry.fitting import fit_affine, fit_homography, fit_similarity
 from cvkern.geometry.maps import (
     find_affine,
@@ -15,6 +16,7 @@ from cvkern.geometry.maps import (
     find_homography,
     find_similarity,
 )
+from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_homography
 from cvkern.geometry.robust import RobustFit, RobustFits
 from cvkern.geometry.views import (
     RecoveredPose,
@@ -24,6 +26,8 @@ from cvkern.geometry.views import (
 )
 
 __all__ = [
+    "FoundPose",
+    "PlanePose",
     "RecoveredPose",
     "RobustFit",
     "RobustFits",
@@ -31,15 +35,19 @@ __all__ = [
     "epipoles",
     "essential_from_fundamental",
     "find_affine",
+    "find_essential",
+    "find_essentials",
     "find_fundamental",
     "find_fundamentals",
     "find_homographies",
     "find_homography",
+    "find_pose",
     "find_similarity",
     "fit_affine",
     "fit_fundamental",
     "fit_homography",
     "fit_similarity",
+    "pose_from_homography",
     "recover_pose",
     "sampson_distance",
     "triangulate",
