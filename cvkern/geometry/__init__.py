@@ -16,6 +16,7 @@ from cvkern.geometry.maps import (
     find_homography,
     find_similarity,
 )
+from cvkern.geometry.planes import Planes, find_planes
 from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_homography
 from cvkern.geometry.robust import RobustFit, RobustFits
 from cvkern.geometry.views import (
@@ -28,6 +29,7 @@ from cvkern.geometry.views import (
 __all__ = [
     "FoundPose",
     "PlanePose",
+    "Planes",
     "RecoveredPose",
     "RobustFit",
     "RobustFits",
@@ -41,6 +43,7 @@ __all__ = [
     "find_fundamentals",
     "find_homographies",
     "find_homography",
+    "find_planes",
     "find_pose",
     "find_similarity",
     "fit_affine",
