@@ -41,6 +41,12 @@ _NAMES = {
         "find_similarity", "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
         "project_points", "read_calibration", "recover_pose", "sampson_distance", "triangulate",
         "undistort_points", "write_calibration",
+        "FoundPose", "PlanePose", "Planes", "RecoveredPose", "RobustFit", "RobustFits",
+        "epipolar_lines", "epipoles", "essential_from_fundamental", "find_affine", "find_essential",
+        "find_essentials", "find_fundamental", "find_fundamentals", "find_homographies",
+        "find_homography", "find_planes", "find_pose", "find_similarity", "fit_affine",
+        "fit_fundamental", "fit_homography", "fit_similarity", "pose_from_homography",
+        "recover_pose", "sampson_distance", "triangulate",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
