@@ -19,8 +19,10 @@ from cvkern.geometry.maps import (
     find_homography,
     find_similarity,
 )
+from cvkern.geometry.rectification import Rectification, RectifiedPair, rectify_stereo
 from cvkern.geometry.robust import RobustFit, RobustFits
 from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.views import (
     RecoveredPose,
     essential_from_fundamental,
@@ -32,6 +34,8 @@ __all__ = [
     "Calibration",
     "Camera",
     "RecoveredPose",
+    "Rectification",
+    "RectifiedPair",
     "RobustFit",
     "RobustFits",
     "StereoCalibration",
@@ -55,8 +59,10 @@ __all__ = [
     "project_points",
     "read_calibration",
     "recover_pose",
+    "rectify_stereo",
     "sampson_distance",
     "triangulate",
+    "undistort",
     "undistort_points",
     "write_calibration",
 ]
