@@ -17,7 +17,8 @@ TURN = np.array([0.02, -0.03, 0.01])
 @lru_cache
 def _camera(shape: Shape) -> cvkern.Camera:
     height, width = shape
-    matrix = [[0.8 * width, 0, 0.49 * width], [0, 0.8 * width, 0.51 * height], [0, 0, 1]]
+    matrix = np.diag([0.8 * width, 0.8 * width, 1])
+    matrix[:2, 2] = 0.49 * width, 0.51 * height
     return cvkern.Camera(matrix, LENS, shape)
 
 
