@@ -13,11 +13,14 @@ if _TYPE_CHECKING:
     from cvkern.filters import *
     from cvkern.geometry import *
     from cvkern.hough import *
+    from cvkern.panorama import *
+    from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
     from cvkern.transform import *
 
-# Every public name, by the module that has it. Modules are imported when a name is first used.
+# Every public name, by the module that defines it. A module is imported when one of its names is
+# first used.
 _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("devices", "release_memory", "use"),
@@ -48,6 +51,11 @@ _NAMES = {
         "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
         "hough_line_slope", "r_table", "suggest_line_bins",
     ),
+    "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
+    "shading": (
+        "LambertianGradient", "Mesh", "lambertian", "lambertian_backward", "mesh_from_depth",
+        "normals_from_depth",
+    ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
         "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
@@ -63,7 +71,7 @@ _NAMES = {
         "remap_backward", "resize", "rotate", "warp_perspective",
     ),
 }  # fmt: skip
-# Modules whose names are used through them: cvkern.images.read_image.
+# Namespaces: their names are not re-exported, as in cvkern.images.read_image.
 _NAMESPACES = ("clouds", "images", "radiance")
 
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}

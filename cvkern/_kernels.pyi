@@ -38,6 +38,10 @@ class Folder:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
+    class panorama:
+        from cvkern.kernels.warp.panorama import blending as blending
+        from cvkern.kernels.warp.panorama import seams as seams
+        from cvkern.kernels.warp.panorama import warping as warping
     class radiance:
         from cvkern.kernels.warp.radiance import compositing as compositing
         from cvkern.kernels.warp.radiance import encodings as encodings
@@ -61,6 +65,9 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
+    class shading:
+        from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import rendering as rendering
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows
