@@ -23,6 +23,7 @@ class Folder:
     class geometry:
         from cvkern.kernels.warp.geometry import chessboards as chessboards
         from cvkern.kernels.warp.geometry import robust as robust
+        from cvkern.kernels.warp.geometry import undistortion as undistortion
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:

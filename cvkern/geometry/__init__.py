@@ -22,8 +22,10 @@ from cvkern.geometry.maps import (
 )
 from cvkern.geometry.planes import Planes, find_planes
 from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_homography
+from cvkern.geometry.rectification import Rectification, RectifiedPair, rectify_stereo
 from cvkern.geometry.robust import RobustFit, RobustFits
 from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.views import (
     RecoveredPose,
     essential_from_fundamental,
@@ -38,6 +40,8 @@ __all__ = [
     "PlanePose",
     "Planes",
     "RecoveredPose",
+    "Rectification",
+    "RectifiedPair",
     "RobustFit",
     "RobustFits",
     "StereoCalibration",
@@ -66,8 +70,10 @@ __all__ = [
     "project_points",
     "read_calibration",
     "recover_pose",
+    "rectify_stereo",
     "sampson_distance",
     "triangulate",
+    "undistort",
     "undistort_points",
     "write_calibration",
 ]
