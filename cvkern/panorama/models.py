@@ -146,7 +146,7 @@ def _without_wrong(
     """Leave out pairs that contradict all others, if what remains is connected."""
     seen = observe(links, middles, unit, factors)
     off = np.hypot(*residuals(seen, found[1].matrices()).T)
-    # Of each link the direction from its first image.
+    # Each link has two directions; the one from its first image counts.
     ends = zip(seen.bounds[:-1:2], seen.bounds[1::2], strict=True)
     medians = np.array([np.median(off[a:b]) for a, b in ends])
     limit = max(WORST, WRONG * float(np.median(medians)))
