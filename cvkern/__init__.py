@@ -14,11 +14,13 @@ if _TYPE_CHECKING:
     from cvkern.geometry import *
     from cvkern.hough import *
     from cvkern.panorama import *
+    from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
     from cvkern.transform import *
 
-# Every public name, by the module that has it. Modules are imported when a name is first used.
+# Every public name, by the module that defines it. A module is imported when one of its names is
+# first used.
 _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("devices", "release_memory", "use"),
@@ -32,11 +34,13 @@ _NAMES = {
         "sobel",
     ),
     "geometry": (
-        "RecoveredPose", "RobustFit", "RobustFits", "epipolar_lines", "epipoles",
-        "essential_from_fundamental", "find_affine", "find_fundamental", "find_fundamentals",
-        "find_homographies", "find_homography", "find_similarity", "fit_affine",
-        "fit_fundamental", "fit_homography", "fit_similarity", "recover_pose",
-        "sampson_distance", "triangulate",
+        "Calibration", "Camera", "RecoveredPose", "RobustFit", "RobustFits", "StereoCalibration",
+        "calibrate_camera", "calibrate_stereo", "chessboard_points", "detect_chessboard",
+        "epipolar_lines", "epipoles", "essential_from_fundamental", "find_affine",
+        "find_fundamental", "find_fundamentals", "find_homographies", "find_homography",
+        "find_similarity", "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
+        "project_points", "read_calibration", "recover_pose", "sampson_distance", "triangulate",
+        "undistort_points", "write_calibration",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
@@ -47,6 +51,10 @@ _NAMES = {
         "hough_line_slope", "r_table", "suggest_line_bins",
     ),
     "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
+    "shading": (
+        "LambertianGradient", "Mesh", "lambertian", "lambertian_backward", "mesh_from_depth",
+        "normals_from_depth",
+    ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
         "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
@@ -62,7 +70,7 @@ _NAMES = {
         "remap_backward", "resize", "rotate", "warp_perspective",
     ),
 }  # fmt: skip
-# Modules whose names are used through them: cvkern.images.read_image.
+# Namespaces: their names are not re-exported, as in cvkern.images.read_image.
 _NAMESPACES = ("clouds", "images", "radiance")
 
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}

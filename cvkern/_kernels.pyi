@@ -21,6 +21,7 @@ class Folder:
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
     class geometry:
+        from cvkern.kernels.warp.geometry import chessboards as chessboards
         from cvkern.kernels.warp.geometry import robust as robust
     class hough:
         from cvkern.kernels.warp.hough import points as points
@@ -63,6 +64,9 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
+    class shading:
+        from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import rendering as rendering
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows

@@ -1,5 +1,9 @@
 """Geometry of one and two views: maps between images, robust fits to matches with outliers."""
 
+from cvkern.geometry.calibration import Calibration, calibrate_camera, chessboard_points
+from cvkern.geometry.calibration_files import read_calibration, write_calibration
+from cvkern.geometry.camera import Camera, project_points, undistort_points
+from cvkern.geometry.chessboards import detect_chessboard
 from cvkern.geometry.epipolar import (
     epipolar_lines,
     epipoles,
@@ -16,6 +20,7 @@ from cvkern.geometry.maps import (
     find_similarity,
 )
 from cvkern.geometry.robust import RobustFit, RobustFits
+from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
 from cvkern.geometry.views import (
     RecoveredPose,
     essential_from_fundamental,
@@ -24,9 +29,16 @@ from cvkern.geometry.views import (
 )
 
 __all__ = [
+    "Calibration",
+    "Camera",
     "RecoveredPose",
     "RobustFit",
     "RobustFits",
+    "StereoCalibration",
+    "calibrate_camera",
+    "calibrate_stereo",
+    "chessboard_points",
+    "detect_chessboard",
     "epipolar_lines",
     "epipoles",
     "essential_from_fundamental",
@@ -40,7 +52,11 @@ __all__ = [
     "fit_fundamental",
     "fit_homography",
     "fit_similarity",
+    "project_points",
+    "read_calibration",
     "recover_pose",
     "sampson_distance",
     "triangulate",
+    "undistort_points",
+    "write_calibration",
 ]

@@ -18,3 +18,6 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield name, partial(getattr(geometry, name), *pair)
     yield "find_homographies", partial(geometry.find_homographies, [pair, pair])
     yield "find_fundamentals", partial(geometry.find_fundamentals, [pair, pair])
+    for dtype in (np.uint8, np.float32):
+        board = 255 * (np.indices((60, 80)) // 20).sum(axis=0).astype(dtype) % 2
+        yield "detect_chessboard", partial(geometry.detect_chessboard, board, (2, 3))

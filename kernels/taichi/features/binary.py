@@ -67,14 +67,20 @@ def _score(
         if y >= margin and y < src.shape[0] - margin and x >= margin and x < src.shape[1] - margin:
             v = ti.cast(src[y, x], ti.i32)
             for k in ti.static(range(16)):
-                bright = 255
-                dark = 255
+                # On CUDA, Taichi 1.7 compiles such chains of ti.min and ti.max wrongly.
+                lowest = 255
+                highest = -255
                 for n in ti.static(range(9)):
                     i, j = ti.static(CIRCLE[(k + n) % 16])
                     d = ti.cast(src[y + i, x + j], ti.i32) - v
-                    bright = ti.min(bright, d)
-                    dark = ti.min(dark, -d)
-                best = ti.max(best, ti.max(bright, dark))
+                    if d < lowest:
+                        lowest = d
+                    if d > highest:
+                        highest = d
+                if lowest > best:
+                    best = lowest
+                if -highest > best:
+                    best = -highest
         if best <= threshold:
             best = 0
         scores[y, x] = ti.cast(best, ti.u8)
