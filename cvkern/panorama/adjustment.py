@@ -251,7 +251,7 @@ def _normal(seen: Observations, model: Any, huber: float) -> tuple[np.ndarray, n
         normal[k, range(size), k, range(size)] += curvature[k]
     for n, (i, j) in enumerate(seen.pairs):
         here = slice(seen.bounds[n], seen.bounds[n + 1])
-        moves = np.concatenate(  # of X by the parameters of either image, (2 p, m, 3)
+        moves = np.concatenate(  # Derivatives of X by the parameters of either image, (2 p, m, 3).
             (
                 -seen.points[here] @ (across[n] @ made[i]).swapaxes(1, 2),
                 there[here] @ made[j].swapaxes(1, 2),

@@ -24,6 +24,7 @@ from cvkern.panorama.registration import Link, connected
 FOCALS = np.geomspace(0.3, 30.0, 60)  # first estimates that are tried, in longest sides
 FARTHEST_FOCAL = 12.0  # longest sides; a camera with more sees no perspective
 MOST = 0.85  # share of the matches by which models are compared: the rest may be of wrong pairs
+CONTRADICTED = 1.25  # times the residual that given focal lengths may leave
 HORIZON = 0.1  # least depth of a corner of an image of a plane, in that of the middle
 WIDE = math.cos(math.radians(35))  # cameras that turn by more are not taken for sheets
 GIVEN_SPREAD = 0.05  # standard deviation of the logarithms of focal lengths that are given
@@ -88,9 +89,14 @@ def _fitted(
     maps = _unit_maps(links, middles, unit)
     parents, order = spanning_tree(count, links)
     seen = observe(links, middles, unit, factors)
-    turning = _turned(seen, maps, parents, order, count, given)
-    plausible = turning.focals.max() <= FARTHEST_FOCAL
+    turning = _turned(seen, maps, parents, order, count, None)
     left = _left(seen, turning)
+    if given is not None:
+        told = _turned(seen, maps, parents, order, count, given)
+        # Estimates that the matches contradict are of cropped pictures, or of other cameras.
+        if _left(seen, told) <= CONTRADICTED * left:
+            turning, left = told, _left(seen, told)
+    plausible = turning.focals.max() <= FARTHEST_FOCAL
     ahead = turning.rotations[:, 2]
     if plausible and left <= SMALL and (ahead @ ahead.T).min() < WIDE:
         return "rotation", turning, parents, left
@@ -140,7 +146,7 @@ def _without_wrong(
     """Leave out pairs that contradict all others, if what remains is connected."""
     seen = observe(links, middles, unit, factors)
     off = np.hypot(*residuals(seen, found[1].matrices()).T)
-    # Of each link the direction from its first image.
+    # Each link has two directions; the one from its first image counts.
     ends = zip(seen.bounds[:-1:2], seen.bounds[1::2], strict=True)
     medians = np.array([np.median(off[a:b]) for a, b in ends])
     limit = max(WORST, WRONG * float(np.median(medians)))

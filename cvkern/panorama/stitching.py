@@ -137,8 +137,8 @@ def stitch(
         the smallest is about 12 pixels wide.
     focal_lengths : array of shape (N,), optional
         Of the images, in their pixels, if they are known to about 5 percent; NaN for those that
-        are not. They are refined.
-    max_pixels : int, default 100,000,000
+        are not. They are refined, and not used where the matches contradict them.
+    max_pixels : int, default 100000000
         A larger panorama is refused before anything is drawn.
     data_range : float, optional
         What white is; for integers the largest number of the dtype by default, else 1.
