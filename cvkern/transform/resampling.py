@@ -93,11 +93,11 @@ def resample(
     new: tuple[int, int, int, int],
 ) -> None:
     """Resize a kernel array (P, H, W, C), down the rows first, then along the columns."""
-    down, along = (
+    (tops, down), (starts, along) = (
         tuple(rt.constant(a) for a in weights_along(n, m, rule))
         for n, m in zip(old[1:3], new[1:3], strict=True)
     )
-    rt.transform.resampling.resample(src.reshape(old), *down, *along, dst.reshape(new))
+    rt.transform.resampling.resample(src.reshape(old), tops, down, starts, along, dst.reshape(new))
 
 
 @lru_cache(maxsize=64)
