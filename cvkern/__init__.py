@@ -13,6 +13,7 @@ if _TYPE_CHECKING:
     from cvkern.filters import *
     from cvkern.geometry import *
     from cvkern.hough import *
+    from cvkern.raw import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
     from cvkern.transform import *
@@ -45,6 +46,7 @@ _NAMES = {
         "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
         "hough_line_slope", "r_table", "suggest_line_bins",
     ),
+    "raw": ("demosaic", "mosaic"),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
         "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
