@@ -14,6 +14,7 @@ if _TYPE_CHECKING:
     from cvkern.geometry import *
     from cvkern.hough import *
     from cvkern.panorama import *
+    from cvkern.raw import *
     from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
@@ -54,6 +55,7 @@ _NAMES = {
         "hough_line_segments", "hough_line_slope", "r_table", "suggest_line_bins",
     ),
     "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
+    "raw": ("demosaic", "mosaic"),
     "shading": (
         "LambertianGradient", "Mesh", "lambertian", "lambertian_backward",
         "mesh_from_depth", "normals_from_depth",

@@ -65,15 +65,15 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
-    class shading:
-        from cvkern.kernels.warp.shading import meshes as meshes
-        from cvkern.kernels.warp.shading import rendering as rendering
     class raw:
         class demosaicing:
             from cvkern.kernels.warp.raw.demosaicing import linear as linear
             from cvkern.kernels.warp.raw.demosaicing import menon as menon
             from cvkern.kernels.warp.raw.demosaicing import planes as planes
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
+    class shading:
+        from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import rendering as rendering
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows
