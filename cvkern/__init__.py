@@ -31,12 +31,12 @@ _NAMES = {
         "sobel",
     ),
     "geometry": (
-        "FoundPose", "PlanePose", "Planes", "RecoveredPose", "RobustFit", "RobustFits",
-        "epipolar_lines", "epipoles", "essential_from_fundamental", "find_affine", "find_essential",
-        "find_essentials", "find_fundamental", "find_fundamentals", "find_homographies",
-        "find_homography", "find_planes", "find_pose", "find_similarity", "fit_affine",
-        "fit_fundamental", "fit_homography", "fit_similarity", "pose_from_homography",
-        "recover_pose", "sampson_distance", "triangulate",
+        "FoundPose", "PlanePose", "Planes", "RecoveredPose", "RectifyingMaps", "RobustFit",
+        "RobustFits", "epipolar_lines", "epipoles", "essential_from_fundamental", "find_affine",
+        "find_essential", "find_essentials", "find_fundamental", "find_fundamentals",
+        "find_homographies", "find_homography", "find_planes", "find_pose", "find_similarity",
+        "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity", "pose_from_homography",
+        "recover_pose", "rectify_uncalibrated", "sampson_distance", "triangulate",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",

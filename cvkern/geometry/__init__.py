@@ -19,6 +19,7 @@ from cvkern.geometry.maps import (
 from cvkern.geometry.planes import Planes, find_planes
 from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_homography
 from cvkern.geometry.robust import RobustFit, RobustFits
+from cvkern.geometry.uncalibrated import RectifyingMaps, rectify_uncalibrated
 from cvkern.geometry.views import (
     RecoveredPose,
     essential_from_fundamental,
@@ -31,6 +32,7 @@ __all__ = [
     "PlanePose",
     "Planes",
     "RecoveredPose",
+    "RectifyingMaps",
     "RobustFit",
     "RobustFits",
     "epipolar_lines",
@@ -52,6 +54,7 @@ __all__ = [
     "fit_similarity",
     "pose_from_homography",
     "recover_pose",
+    "rectify_uncalibrated",
     "sampson_distance",
     "triangulate",
 ]
