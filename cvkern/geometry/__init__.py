@@ -1,5 +1,9 @@
 """Geometry of one and two views: maps between images, robust fits to matches with outliers."""
 
+from cvkern.geometry.calibration import Calibration, calibrate_camera, chessboard_points
+from cvkern.geometry.calibration_files import read_calibration, write_calibration
+from cvkern.geometry.camera import Camera, project_points, undistort_points
+from cvkern.geometry.chessboards import detect_chessboard
 from cvkern.geometry.epipolar import (
     epipolar_lines,
     epipoles,
@@ -18,7 +22,10 @@ from cvkern.geometry.maps import (
 )
 from cvkern.geometry.planes import Planes, find_planes
 from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_homography
+from cvkern.geometry.rectification import Rectification, RectifiedPair, rectify_stereo
 from cvkern.geometry.robust import RobustFit, RobustFits
+from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.uncalibrated import RectifyingMaps, rectify_uncalibrated
 from cvkern.geometry.views import (
     RecoveredPose,
@@ -28,13 +35,22 @@ from cvkern.geometry.views import (
 )
 
 __all__ = [
+    "Calibration",
+    "Camera",
     "FoundPose",
     "PlanePose",
     "Planes",
     "RecoveredPose",
+    "Rectification",
+    "RectifiedPair",
     "RectifyingMaps",
     "RobustFit",
     "RobustFits",
+    "StereoCalibration",
+    "calibrate_camera",
+    "calibrate_stereo",
+    "chessboard_points",
+    "detect_chessboard",
     "epipolar_lines",
     "epipoles",
     "essential_from_fundamental",
@@ -53,8 +69,14 @@ __all__ = [
     "fit_homography",
     "fit_similarity",
     "pose_from_homography",
+    "project_points",
+    "read_calibration",
     "recover_pose",
+    "rectify_stereo",
     "rectify_uncalibrated",
     "sampson_distance",
     "triangulate",
+    "undistort",
+    "undistort_points",
+    "write_calibration",
 ]

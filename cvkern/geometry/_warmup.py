@@ -22,3 +22,10 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "find_pose", partial(geometry.find_pose, scene, points, camera)
     yield "find_homographies", partial(geometry.find_homographies, [pair, pair])
     yield "find_fundamentals", partial(geometry.find_fundamentals, [pair, pair])
+    camera = geometry.Camera(np.eye(3), (), (4, 5))
+    for dtype in (np.uint8, np.float32):
+        for channels in ((), (3,)):
+            image = np.zeros((4, 5, *channels), dtype)
+            yield "undistort", partial(geometry.undistort, image, camera)
+        board = 255 * (np.indices((60, 80)) // 20).sum(axis=0).astype(dtype) % 2
+        yield "detect_chessboard", partial(geometry.detect_chessboard, board, (2, 3))

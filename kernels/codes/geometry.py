@@ -1,4 +1,4 @@
-"""Constants of robust fits, which decide their bits: samples, previews, costs in fixed point."""
+"""Constants that decide bits: of robust fits, and of the corners of chessboards."""
 
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -55,3 +55,11 @@ FLAT = 1e-4
 # Sums of a least-squares step: of maps 6 products of (x, y, 1) / w by 4 factors and 9 residuals,
 # of epipolar geometries 45 products of derivatives and 9 residuals, of poses 21 and 6.
 SUMS = (33, 33, 33, 54, 54, 54, 27)
+
+# Chessboards.
+LUMA = (0.2125, 0.7154, 0.0721)  # weights of red, green, blue in a grey picture
+EDGE_REACH, EDGE_ENTRIES = 5.0, 1281  # standard deviations that the table of an edge covers
+CORNER_STEPS = 10  # Gauss-Newton steps of a corner's place at most
+CORNER_STILL = 2e-3  # pixels along a side: a step that is smaller is the last
+# Window of a corner: so much of the way to its neighbours, and pixels along an edge at most.
+CORNER_SHARE, CORNER_FARTHEST = 0.7, 20.0
