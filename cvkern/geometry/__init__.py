@@ -25,8 +25,8 @@ from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_hom
 from cvkern.geometry.rectification import Rectification, RectifiedPair, rectify_stereo
 from cvkern.geometry.robust import RobustFit, RobustFits
 from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
-from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.uncalibrated import RectifyingMaps, rectify_uncalibrated
+from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.views import (
     RecoveredPose,
     essential_from_fundamental,
