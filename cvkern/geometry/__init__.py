@@ -25,6 +25,7 @@ from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_hom
 from cvkern.geometry.rectification import Rectification, RectifiedPair, rectify_stereo
 from cvkern.geometry.robust import RobustFit, RobustFits
 from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.geometry.uncalibrated import RectifyingMaps, rectify_uncalibrated
 from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.views import (
     RecoveredPose,
@@ -42,6 +43,7 @@ __all__ = [
     "RecoveredPose",
     "Rectification",
     "RectifiedPair",
+    "RectifyingMaps",
     "RobustFit",
     "RobustFits",
     "StereoCalibration",
@@ -71,6 +73,7 @@ __all__ = [
     "read_calibration",
     "recover_pose",
     "rectify_stereo",
+    "rectify_uncalibrated",
     "sampson_distance",
     "triangulate",
     "undistort",
