@@ -8,6 +8,7 @@ if _TYPE_CHECKING:
     from cvkern import clouds, images, radiance  # noqa: F401
     from cvkern._capture import capture  # noqa: F401
     from cvkern._runtime import devices, release_memory, use  # noqa: F401
+    from cvkern.color import *
     from cvkern.edges import *
     from cvkern.features import *
     from cvkern.filters import *
@@ -22,6 +23,11 @@ if _TYPE_CHECKING:
 _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("devices", "release_memory", "use"),
+    "color": (
+        "Spectrum", "adapt_colors", "adaptation_matrix", "color_chart", "convert_color",
+        "deltaE_ciede2000", "metamer", "metameric_difference", "spectrum_to_xyz", "standard_light",
+        "standard_observer",
+    ),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
     "features": (
         "Features", "corner_harris", "corner_peaks", "corner_shi_tomasi", "corner_subpix",
