@@ -47,8 +47,9 @@ _NAMES = {
         "hough_line_slope", "r_table", "suggest_line_bins",
     ),
     "shading": (
-        "LambertianGradient", "Mesh", "lambertian", "lambertian_backward", "mesh_from_depth",
-        "normals_from_depth",
+        "LambertianGradient", "Mesh", "PhotometricStereo", "estimate_lights",
+        "integrate_normals", "lambertian", "lambertian_backward", "lights_from_sphere",
+        "mesh_from_depth", "normals_from_depth", "photometric_stereo",
     ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
