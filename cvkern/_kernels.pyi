@@ -77,7 +77,11 @@ class Folder:
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import photometry as photometry
         from cvkern.kernels.warp.shading import rendering as rendering
+        class integration:
+            from cvkern.kernels.warp.shading.integration import equations as equations
+            from cvkern.kernels.warp.shading.integration import multigrid as multigrid
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows
