@@ -63,8 +63,9 @@ _NAMES = {
     "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
     "raw": ("demosaic", "mosaic"),
     "shading": (
-        "LambertianGradient", "Mesh", "lambertian", "lambertian_backward",
-        "mesh_from_depth", "normals_from_depth",
+        "LambertianGradient", "Mesh", "PhotometricStereo", "estimate_lights",
+        "integrate_normals", "lambertian", "lambertian_backward", "lights_from_sphere",
+        "mesh_from_depth", "normals_from_depth", "photometric_stereo",
     ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
