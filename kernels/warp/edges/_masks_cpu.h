@@ -1,13 +1,14 @@
 // needs INTERPOLATED SECTOR_ONE SECTOR_LOW SECTOR_HIGH
-// States of the pixels of row y: 0, 1 above `low`, 2 above `high`, where the pixel is a maximum; the
+// States of the pixels of row y: 0, 1 above the first limit, 2 above the second, where the pixel is a maximum; the
 // rules are also in _thinning_cuda.py. Neighbours are compared by what stands in `lines`, three rows
 // from `first` on, row r in line r mod 3, between margins of one. The letters are those of a compass.
 // All neighbours are read, or the choice among them would keep the loop from vector code. The arrays
 // are views of vectors that start at each float.
 void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int dx_row, int margin,
-              wp::array_t<Wide> lines, int first, int norm, float low, float high, bool framed,
+              wp::array_t<Wide> lines, int first, int norm, wp::vec2f limits, bool framed,
               wp::array_t<wp::uint8> states) {
 #pragma clang fp contract(off)
+    const float low = limits[0], high = limits[1];
     const int columns = states.shape[1];
     const auto row_of = [](const auto& wide, int row) {
         return (const float*)((const char*)wide.data + (size_t)row * wide.strides[0]);

@@ -50,8 +50,7 @@ def _thin_row(interpolated: bool) -> Any:
         lines: wp.array2d[f32_wide],
         first: int,
         norm: int,
-        low: float,
-        high: float,
+        limits: wp.vec2,
         framed: bool,
         states: wp.array2d[wp.uint8],
     ): ...
@@ -150,6 +149,7 @@ def thin_sobel(
 ):
     height = states.shape[0]
     columns = states.shape[1]
+    both = wp.vec2(low, high)
     behind = src.shape[1] - 1  # where the last vector of a row begins
     sums = LINES * slab + SUMS
     differences = LINES * slab + DIFFERENCES
@@ -192,7 +192,7 @@ def thin_sobel(
             down = LINES * slab + DOWN + third
             along = LINES * slab + ALONG + third
             thin_in_sectors(
-                y - 1, wide, down, wide, along, 1, wide, measures, norm, low, high, False, states
+                y - 1, wide, down, wide, along, 1, wide, measures, norm, both, False, states
             )
 
 
@@ -212,8 +212,7 @@ def thin(
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
-    low = limits[0]
-    high = limits[1]
+    both = wp.vec2(limits[0], limits[1])
     framed = rule == Thinning.FRAMED
     columns = states.shape[1]
     behind = dy.shape[1] - 1
@@ -231,11 +230,11 @@ def thin(
         if y > first:
             if rule == Thinning.SECTORS:
                 thin_in_sectors(
-                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, False, states
+                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, both, False, states
                 )
             else:
                 thin_between(
-                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, low, high, framed, states
+                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, both, framed, states
                 )
                 if framed:
                     clear_frame(y - 1, states)

@@ -92,6 +92,15 @@ CALLS: dict[str, Call] = {
         {"image": colour, "circles": rows(3)},
         {"width": WIDTH, "color": COLOR},
     ),
+    "images.draw_epipolar_lines": Call(
+        cvkern.images.draw_epipolar_lines,
+        {
+            "image": colour,
+            "F": one(np.array([[0, 0, 0], [0, 0, -1], [0, 1, 0.5]])),
+            "points": rows(2),
+        },
+        {"width": WIDTH, "side": one(0, 1, 2)},
+    ),
     "images.overlay_mask": Call(
         cvkern.images.overlay_mask,
         {"image": colour, "mask": mask},

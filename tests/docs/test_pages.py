@@ -10,7 +10,7 @@ import pytest
 
 import cvkern
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 FAMILIES = sorted(name for name in cvkern._NAMES if name[0] != "_") + list(cvkern._NAMESPACES)
 PAGES = sorted(DOCS.glob("*.md")) + sorted(DOCS.glob("*/[a-z]*.md"))

@@ -12,7 +12,7 @@ import pytest
 import cvkern
 from cvkern.app import cli
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 DOCUMENTS = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -27,7 +27,8 @@ def command(*arguments):
 
 
 @pytest.mark.parametrize(
-    ("name", "extra", "end"), [("tour", "demo", "cvkern tour"), ("tests", "test", "-m pytest")]
+    ("name", "extra", "end"),
+    [("tour", "demo", "cvkern tour"), ("tests", "test", "-m pytest -n 2 --dist loadfile")],
 )
 def test_commands(name, extra, end):
     said = command(name)

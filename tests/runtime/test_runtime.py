@@ -16,7 +16,7 @@ import cvkern
 from cvkern._runtime import KERNEL_SETS, PACKAGES, runtime
 from tests.calls import CALLS, blobs, fields, layouts, noise
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def chosen():

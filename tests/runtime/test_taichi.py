@@ -15,7 +15,7 @@ from cvkern.kernels.taichi.filters import linear
 from tests.filters import reference_linear as reference
 
 F32 = np.float32
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(autouse=True)

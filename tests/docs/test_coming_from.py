@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.test_docs import rows
+from tests.docs.test_pages import rows
 
-FOLDER = Path(__file__).parents[1] / "docs" / "coming_from"
+FOLDER = Path(__file__).parents[2] / "docs" / "coming_from"
 NEEDS = {"skimage": "skimage", "opencv": "cv2", "pytorch": "torch"}
 TEXTS = {name: (FOLDER / f"{name}.md").read_text(encoding="utf-8") for name in NEEDS}
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
