@@ -102,18 +102,17 @@ def stereo_kernels():
         yield match.winners(line, count, *match.tile(depth))
 
 
-@pytest.mark.parametrize("arch", [75, 90])
-def test_stereo_compiles(arch, tmp_path):
-    """To machine code: there are registers and shared memory enough, before and since Hopper."""
+def test_stereo_compiles(tmp_path):
+    """To machine code of the GPU with the least shared memory: there is enough, and registers."""
     kernels.start("cpu", None)
     for n, kernel in enumerate(stereo_kernels()):
         (cubin,) = wp.compile_aot_module(
-            kernel.module, arch=arch, module_dir=tmp_path / f"{n}", use_ptx=False
+            kernel.module, arch=75, module_dir=tmp_path / f"{n}", use_ptx=False
         )
         assert Path(cubin).stat().st_size > 0
 
 
-def test_stereo_fuses_no_product_with_a_sum(tmp_path):
+def test_stereo_compiles_for_hopper_and_fuses_no_product_with_a_sum(tmp_path):
     kernels.start("cpu", None)
     for n, kernel in enumerate(stereo_kernels()):
         folder = tmp_path / f"{n}"

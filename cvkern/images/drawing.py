@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._checks import check_integer, check_number
+from cvkern._checks import as_array, check_integer, check_number
 from cvkern.images import _overlay
 from cvkern.images._overlay import check_color
 
@@ -209,7 +209,7 @@ def overlay_mask(
     ValueError
         If an argument is out of the ranges above, or the shapes differ.
     """
-    canvas, on = _overlay.canvas(image), np.asarray(mask)
+    canvas, on = _overlay.canvas(image), np.asarray(as_array(mask, "mask"))
     if on.shape != canvas.shape[:2]:
         raise ValueError(f"mask must have shape {canvas.shape[:2]}, got {on.shape}")
     if not 0.0 <= check_number(opacity, "opacity", finite=False) <= 1.0:

@@ -57,7 +57,7 @@ def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.v
 @wp.func
 def _is_peak(m: wp.vec3) -> bool:
     """Tell whether a parabola through the logarithms of `m` has its top at the middle."""
-    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0
+    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0 and m[1] < wp.inf
 
 
 @wp.kernel
