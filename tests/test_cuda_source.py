@@ -121,6 +121,16 @@ def test_stereo_fuses_no_product_with_a_sum(tmp_path):
         assert "fma.rn.f" not in Path(ptx).read_text()
 
 
+def test_robust_fits_fuse_no_product_with_a_sum(tmp_path):
+    from cvkern.kernels.warp.geometry import _robust_cuda as robust
+
+    kernels.start("cpu", None)
+    for kernel in (robust.propose, robust.refine, robust.mark):
+        folder = tmp_path / kernel.key
+        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
+        assert "fma.rn.f" not in Path(ptx).read_text()
+
+
 def test_matching_compiles_since_ampere(tmp_path):
     from cvkern.kernels.warp.features import _matching_cuda as matching
 

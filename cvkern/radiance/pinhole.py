@@ -19,7 +19,7 @@ from cvkern.geometry.camera import bent, straightened
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """N views of one image size: where each stands, and how it maps directions to pixels."""
+    """N views of one image size: their poses, and their mapping of directions to pixels."""
 
     poses: np.ndarray
     """Camera to world, (N, 3, 4) float64: a rotation, and the centre of the camera.
@@ -66,7 +66,7 @@ class Cameras:
         Raises
         ------
         TypeError
-            If `factor` is no number.
+            If `factor` is not a number.
         ValueError
             If it is not > 0 and finite.
         """
@@ -85,7 +85,7 @@ def cameras(
     *,
     distortion: Any = 0.0,
 ) -> Cameras:
-    """Check and collect the cameras of some views.
+    """Check the parameters of some views, and collect them as cameras.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def cameras(
     ------
     ValueError
         If there is no view, a shape does not fit, a number is not finite, a focal length is not
-        positive, or a pose does not have a rotation in it.
+        positive, or a pose contains no rotation.
 
     Examples
     --------
@@ -134,7 +134,7 @@ def cameras(
     if off.max() > 1e-3:
         worst = int(off.argmax())
         raise ValueError(f"poses must have rotations, got in view {worst}: {turns[worst].tolist()}")
-    u, _, v = np.linalg.svd(turns)  # files round their numbers: the nearest rotation
+    u, _, v = np.linalg.svd(turns)  # find the nearest rotation, because files round their numbers
     poses = np.concatenate((u @ v, poses[:, :, 3:]), axis=2)
     return Cameras(poses, lens, bent, width, height)
 
@@ -168,7 +168,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
     Raises
     ------
     ValueError
-        If an eye is at its target, or looks along `up`, or the shapes do not go together.
+        If an eye is at its target, or looks along `up`, or the shapes do not match.
     """
     eyes, targets = np.broadcast_arrays(np.atleast_2d(eyes), np.atleast_2d(targets))
     forward = np.asarray(targets - eyes, np.float64)
@@ -182,7 +182,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
 
 
 def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return where rays through `pixels` of a view start, and their unit directions.
+    """Return the origins and unit directions of the rays through `pixels` of a view.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
 
 
 def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
-    """Return the row and column at which a view sees world points; NaN for those behind it.
+    """Return row and column of world points in a view; NaN for points behind the camera.
 
     Parameters
     ----------

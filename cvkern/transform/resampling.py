@@ -93,18 +93,11 @@ def resample(
     new: tuple[int, int, int, int],
 ) -> None:
     """Resize a kernel array (P, H, W, C), down the rows first, then along the columns."""
-    planes, height, width, channels = old
-    down, along = (
+    (tops, down), (starts, along) = (
         tuple(rt.constant(a) for a in weights_along(n, m, rule))
         for n, m in zip(old[1:3], new[1:3], strict=True)
     )
-    middle = rt.scratch("resize.middle", (planes, new[1], width * channels))
-    kernels = rt.transform.resampling
-    lines = src.reshape((planes, height, width * channels))
-    kernels.resample(lines, down[0], down[1], middle)
-    rows = planes * new[1]
-    lines, result = middle.reshape((rows, width, channels)), dst.reshape((rows, new[2], channels))
-    kernels.resample(lines, along[0], along[1], result)
+    rt.transform.resampling.resample(src.reshape(old), tops, down, starts, along, dst.reshape(new))
 
 
 @lru_cache(maxsize=64)

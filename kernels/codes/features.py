@@ -53,6 +53,7 @@ MOST_BYTES = 4096  # largest size of a descriptor: squared distances stay below 
 CIRCLE = ((-3, 0), (-3, 1), (-2, 2), (-1, 3), (0, 3), (1, 3), (2, 2), (3, 1),
           (3, 0), (3, -1), (2, -2), (1, -3), (0, -3), (-1, -3), (-2, -2), (-3, -1))  # fmt: skip
 DISC = 15  # radius, pixels
+BLUR = 3  # radius of the Gaussian before pixels are compared
 TURNS = 64
 PAIRS = 256
 TURNS_PER_RADIAN = TURNS / (2 * math.pi)
