@@ -61,10 +61,10 @@ _NAMES = {
         "mesh_from_depth", "normals_from_depth",
     ),
     "stereo": (
-        "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
-        "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
-        "point_cloud", "points_from_disparity", "remove_speckles", "reprojection_matrix",
-        "stereo_cost", "stereo_match", "winner_take_all",
+        "PairReconstruction", "PointCloud", "StereoMatcher", "StereoResult", "Winner",
+        "aggregate_semi_global", "disparity_to_depth", "fill_disparity", "guided_median",
+        "left_right_check", "point_cloud", "points_from_disparity", "reconstruct_pair",
+        "remove_speckles", "reprojection_matrix", "stereo_cost", "stereo_match", "winner_take_all",
     ),
     "structured_light": (
         "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
