@@ -21,7 +21,7 @@ from cvkern.panorama.registration import Link
 MOST_POINTS = 200  # matches of a pair that are adjusted
 HUBER = 2.0  # pixels of the small images from which on a residual counts linearly
 STEPS = 40
-ENOUGH = 1e-7  # relative decrease of the cost that ends the steps
+ENOUGH = 1e-6  # relative decrease of the cost that ends the steps
 NEAREST = 1e-4  # least depth of a point in front of a camera
 BEHIND = 1e3  # pixels: the residual of a point behind a camera
 FOCAL_SPREAD = 0.1  # standard deviation of the logarithms of focal lengths about their mean

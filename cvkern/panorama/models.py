@@ -37,7 +37,7 @@ FAR_WORSE = 3.0  # rotations that leave so many times the residual of homographi
 WORST = 5.0  # pixels of the small images: what leaves more is not adjusted
 WRONG = 4.0  # a pair with so many times the median residual of all is wrong, and above WORST
 EARLY = 20.0  # Huber's threshold while images are added
-AT_ONCE = 1.3  # factor by which the set grows between adjustments
+AT_ONCE = 1.6  # factor by which the set grows between adjustments
 
 
 class Alignment(NamedTuple):
@@ -249,7 +249,7 @@ def _turned(
         if number >= max(grown * AT_ONCE, grown + 1) or number == count:
             grown = number
             fixed[there], fixed[order[0], :3] = False, True
-            model = adjust(part(seen, there), model, fixed, EARLY, steps=10)
+            model = adjust(part(seen, there), model, fixed, EARLY, steps=6)
     return adjust(seen, model, fixed, adjustment.HUBER)
 
 

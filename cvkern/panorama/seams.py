@@ -19,6 +19,9 @@ NOISE = 0.04  # standard deviation of the mean colours of an overlap, in parts o
 DARK, BRIGHT = 0.02, 0.98  # in parts of white: what is beyond says little of the exposure
 GAIN_SAMPLES = 4000  # pixels of an overlap that are compared
 LEAST_SAMPLES = 20
+DENSITY = 2  # step between the rows and columns that tell what becomes too bright
+WHITEST = 0.98  # share of the pixels, of those not white before, that gains must not make white
+DIMMEST = 0.6  # least factor of all gains
 ENDS = 4096  # rounds of growth, which need about one for every 16 pixels of a side
 
 
@@ -89,7 +92,7 @@ def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: f
 
     Their logarithms have the least sum of squared differences of the logarithms of the mean
     colours, each as heavy as the overlap is large and bright, and a little of their own squares:
-    their mean is 0.
+    their mean is 0. All are lowered alike if they would make white what was not.
     """
     count, channels = values.shape[:2]
     normal = np.tile(np.eye(count) / GAIN_SPREAD**2, (channels, 1, 1))
@@ -109,7 +112,19 @@ def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: f
                 normal[:, j, i] -= weight
                 right[:, i] += wanted
                 right[:, j] -= wanted
-    return np.exp(np.linalg.solve(normal, right[..., None])[..., 0].T).astype(np.float32)
+    gains = np.exp(np.linalg.solve(normal, right[..., None])[..., 0].T)
+    return (gains * _dimming(values[..., ::DENSITY, ::DENSITY], weights, gains, white)).astype(
+        np.float32
+    )
+
+
+def _dimming(values: np.ndarray, weights: np.ndarray, gains: np.ndarray, white: float) -> float:
+    """Return a factor, at most 1, by which what is not white in the images stays so."""
+    there = (weights[..., ::DENSITY, ::DENSITY] > 0) & (values.max(axis=1) < BRIGHT * white)
+    lit = (values * gains[..., None, None]).max(axis=1)[there] / white
+    if not lit.size:
+        return 1.0
+    return float(np.clip(1 / max(np.quantile(lit, WHITEST), 1e-6), DIMMEST, 1.0))
 
 
 def _overlap(

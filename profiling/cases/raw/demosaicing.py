@@ -12,9 +12,9 @@ from profiling.case import Case, Peer, Shape, Work, relative
 from tests.raw import reference_demosaicing as reference
 
 INNER = np.s_[36:-36, 36:-36]  # borders are mirrored otherwise by each
-# Rounding to integers, as a share of the largest value, at least 150. Weights of lines in float32
+# Rounding to integers, as a share of the largest value, at least 100. Weights of lines in float32
 # make as much again.
-ROUNDED = 0.51 / 150
+ROUNDED = 0.51 / 100
 
 
 def _raw(shape: Shape, rng: np.random.Generator) -> np.ndarray:
