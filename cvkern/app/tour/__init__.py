@@ -26,6 +26,7 @@ from cvkern.app.tour import (
     features,
     lines,
     page,
+    pair,
     panorama,
     radiance,
     shapes,
@@ -42,7 +43,7 @@ FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
-    panorama.chapter, stereo.chapter, radiance.chapter,
+    panorama.chapter, stereo.chapter, pair.chapter, radiance.chapter,
 )  # fmt: skip
 
 
