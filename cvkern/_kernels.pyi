@@ -3,6 +3,10 @@ class Folder:
     def __init__(self, package: str) -> None: ...
     class clouds:
         from cvkern.kernels.warp.clouds import turntables as turntables
+    class color:
+        from cvkern.kernels.warp.color import differences as differences
+        from cvkern.kernels.warp.color import spaces as spaces
+        from cvkern.kernels.warp.color import spectra as spectra
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import quantiles as quantiles
