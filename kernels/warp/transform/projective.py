@@ -74,10 +74,7 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
     """
     pixel = warp_pixel(scalar, result, 1)
 
-    two = "unsigned short" if scalar is wp.uint8 else "unsigned long long"
-    rounded = int(result is wp.uint8)
-
-    @_native.func_native("_projective_cpu.h", ROUNDED=rounded, CHANNELS=channels, TWO=two)
+    @_native.func_native("_projective_cpu.h", ROUNDED=int(result is wp.uint8), CHANNELS=channels)
     def warp_row(
         row: int,
         slab: int,
