@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:
-    """Return the file that `path` leads to if one can be written there: ask before long work.
+    """Return the file that `path` leads to if it can be written; call this before long work.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside `path`, and move what was written there over `path`.
 
     The temporary name keeps the suffix of `path`, because writers read the format from it. When
-    the block raises, the temporary file goes and `path` stays what it was.
+    the block raises, the temporary file is deleted and `path` keeps its contents.
 
     Parameters
     ----------

@@ -119,3 +119,25 @@ def test_stereo_fuses_no_product_with_a_sum(tmp_path):
         folder = tmp_path / f"{n}"
         (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
         assert "fma.rn.f" not in Path(ptx).read_text()
+
+
+def test_robust_fits_fuse_no_product_with_a_sum(tmp_path):
+    from cvkern.kernels.warp.geometry import _robust_cuda as robust
+
+    kernels.start("cpu", None)
+    for kernel in (robust.propose, robust.refine, robust.mark):
+        folder = tmp_path / kernel.key
+        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
+        assert "fma.rn.f" not in Path(ptx).read_text()
+
+
+def test_matching_compiles_since_ampere(tmp_path):
+    from cvkern.kernels.warp.features import _matching_cuda as matching
+
+    kernels.start("cpu", None)
+    for n, kernel in enumerate(matching.matches.values()):
+        folder = tmp_path / f"{n}"
+        (cubin,) = wp.compile_aot_module(
+            kernel.module, arch=matching.OLDEST, module_dir=folder, use_ptx=False
+        )
+        assert Path(cubin).stat().st_size > 0

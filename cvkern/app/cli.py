@@ -19,6 +19,7 @@ from cvkern.app.commands.find import find
 from cvkern.app.commands.lines import lines
 from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
+from cvkern.app.commands.panorama import panorama
 from cvkern.app.commands.stereo import stereo
 
 app = typer.Typer(
@@ -74,6 +75,7 @@ app.command()(lines)
 app.command()(circles)
 app.command()(find)
 app.command()(match)
+app.command()(panorama)
 app.command()(stereo)
 app.add_typer(nerf, name="nerf")
 

@@ -39,9 +39,14 @@ def check_batch(pairs: Sequence[tuple[Any, Any]]) -> Batched:
     checked = [check_pairs(a, b) for a, b in pairs]
     if not checked:
         raise ValueError("pairs must not be empty, got none")
+    return batch_of(checked, "points0")
+
+
+def batch_of(checked: list[tuple[Any, Any]], name: str) -> Batched:
+    """Take points that are as many in the one list as in the other to the host."""
     for a, _ in checked:
         if len(a) > MAX_MATCHES:
-            raise ValueError(f"points0 must be at most {MAX_MATCHES}, got {len(a)}")
+            raise ValueError(f"{name} must be at most {MAX_MATCHES}, got {len(a)}")
     offsets = np.cumsum([0] + [len(a) for a, _ in checked], dtype=np.int64)
     rt = runtime(*(points for pair in checked for points in pair))
     return Batched(rt, [(on_host(rt, a), on_host(rt, b)) for a, b in checked], offsets)

@@ -26,12 +26,19 @@ def check_points(points: Any, name: str, columns: int = 2) -> Any:
     return check_image(points, name=name) if shape[0] else points
 
 
-def check_pairs(points0: Any, points1: Any, columns: int = 2) -> tuple[Any, Any]:
+def check_pairs(
+    points0: Any,
+    points1: Any,
+    columns: int = 2,
+    names: tuple[str, str] = ("points0", "points1"),
+) -> tuple[Any, Any]:
     """Return matched points of two images (or of a scene and an image), as many of the one."""
-    points0 = check_points(points0, "points0", columns)
-    points1 = check_points(points1, "points1")
+    points0 = check_points(points0, names[0], columns)
+    points1 = check_points(points1, names[1])
     if len(points0) != len(points1):
-        raise ValueError(f"points1 must be as many as points0, {len(points0)}, got {len(points1)}")
+        raise ValueError(
+            f"{names[1]} must be as many as {names[0]}, {len(points0)}, got {len(points1)}"
+        )
     return points0, points1
 
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from cvkern._checks import check_image
 from cvkern._runtime import runtime
-from cvkern.geometry._matrices import check_matrix
+from cvkern.geometry._matrices import check_camera, check_matrix
 from cvkern.geometry._points import check_pairs, on_host, xy
+from cvkern.geometry.essential import equalised
 
 STEPS = 10  # Gauss-Newton steps: noise of some pixels needs four
 
@@ -56,8 +57,7 @@ def essential_from_fundamental(matrix: Any, K0: Any, K1: Any) -> np.ndarray:
     [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     """
     f = check_matrix(matrix, (3, 3), "matrix")
-    u, _, vt = np.linalg.svd(check_camera(K1, "K1").T @ f @ check_camera(K0, "K0"))
-    return u[:, :2] @ vt[:2]
+    return equalised(check_camera(K1, "K1").T @ f @ check_camera(K0, "K0"))
 
 
 def recover_pose(E: Any, points0: Any, points1: Any, K0: Any, K1: Any) -> RecoveredPose:
@@ -232,11 +232,3 @@ def _refined(p: np.ndarray, seen: np.ndarray, known: np.ndarray, x: np.ndarray) 
             q = np.where(better[None, :, None], q2, q)
             gap = np.where(better[None, :, None], gap2, gap)
     return x
-
-
-def check_camera(K: Any, name: str) -> np.ndarray:
-    """Return a camera matrix that has an inverse."""
-    camera = check_matrix(K, (3, 3), name)
-    if np.linalg.matrix_rank(camera) < 3:
-        raise ValueError(f"{name} must have an inverse, got a matrix of rank below 3")
-    return camera

@@ -1,4 +1,4 @@
-"""Models as files: one ``.npz`` of plain arrays, with a line of JSON that says what they are."""
+"""Models as files: one ``.npz`` of plain arrays, with a JSON header that describes them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from cvkern._files import check_target, replacing
 
 FORMAT, VERSION = "cvkern radiance field", 3
 HEADER = "header"
-ARCHIVE = b"PK\x03\x04"  # how every model begins
-NAMES, GROUPS = (HEADER, "behind", "marks"), ("cameras", "state", "extra")  # what models have
+ARCHIVE = b"PK\x03\x04"  # first bytes of every model
+NAMES, GROUPS = (HEADER, "behind", "marks"), ("cameras", "state", "extra")  # entries of a model
 MOST_HEADER, MOST_BYTES = 2**20, 2**36
 
-# What reading raises where bytes are missing, or are not what we write: a RuntimeError where they
-# say that an array is encrypted, or packed in a way that zipfile does not know.
+# Exceptions of reading if bytes are missing or wrong. It is a RuntimeError if the bytes say that an
+# array is encrypted, or packed by a method that zipfile does not know.
 DAMAGED = (
     AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, ValueError,
     zipfile.BadZipFile, zlib.error,
@@ -31,12 +31,12 @@ DAMAGED = (
 def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, Any]) -> None:
     """Write a model, whole or not at all."""
     header = {"format": FORMAT, "version": VERSION, **header}
-    text = json.dumps(header, allow_nan=False, default=np.generic.item)  # settings may be NumPy's
+    text = json.dumps(header, allow_nan=False, default=np.generic.item)  # NumPy scalars in settings
     arrays = {HEADER: np.frombuffer(text.encode(), np.uint8), **arrays}
     with replacing(path) as beside, zipfile.ZipFile(beside, "w") as archive:
         for name, array in arrays.items():
             entry = zipfile.ZipInfo(f"{name}.npy")
-            if not array.any():  # anything else hardly gets smaller
+            if not array.any():  # other arrays hardly get smaller
                 entry.compress_type = zipfile.ZIP_DEFLATED
             with archive.open(entry, "w", force_zip64=True) as file:
                 np.lib.format.write_array(file, array, allow_pickle=False)
@@ -50,7 +50,7 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no model, was cut short or damaged, or is of another version.
+        If it is not a model, is incomplete or damaged, or has another version.
     """
     name = os.fspath(path)
     if not Path(path).is_file():
@@ -81,9 +81,9 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
 
 
 def _survey(stream: Any) -> None:
-    """Refuse entries that no model has, or whose sizes are not what they say, before any is read.
+    """Refuse unknown entries, and entries of a wrong size, before any is read.
 
-    An entry that is packed may claim far more than the file holds.
+    A packed entry may claim far more bytes than the file holds.
     """
     total = 0
     with zipfile.ZipFile(stream) as archive:
@@ -112,7 +112,7 @@ def _survey(stream: Any) -> None:
 
 
 def check_path(path: str | os.PathLike[str]) -> None:
-    """Refuse a file that a model cannot be written to, before there is one that would be lost."""
+    """Refuse a path that a model cannot be written to, before there is a model to lose."""
     if Path(path).suffix.lower() != ".npz":
         raise ValueError(f"path must end in .npz, got {os.fspath(path)!r}")
     check_target(path)

@@ -1,4 +1,4 @@
-"""How like two pictures are."""
+"""Measures of the similarity of two pictures."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from cvkern._checks import check_image, check_positive
 
 __all__ = ["psnr", "ssim"]
 
-WINDOW, SIGMA = 11, 1.5  # the Gaussian that [1] weighs pixels by
-C1, C2 = 0.01**2, 0.03**2  # shares of the squared range: they keep quotients of flat parts finite
+WINDOW, SIGMA = 11, 1.5  # pixels: side and standard deviation of the Gaussian weights of [1]
+C1, C2 = 0.01**2, 0.03**2  # shares of the squared range; they keep quotients of flat parts finite
 
 
 def psnr(image: Any, truth: Any, *, data_range: float = 1.0) -> float:

@@ -1,4 +1,4 @@
-"""Trained radiance fields, with everything that it takes to render and to save them."""
+"""Trained radiance fields, with everything needed to render and save them."""
 
 from __future__ import annotations
 
@@ -26,64 +26,64 @@ FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField)}
 
 
 class Mark(NamedTuple):
-    """How far a training was at one moment."""
+    """The state of a training at one moment."""
 
     step: int
     """Steps done."""
     seconds: float
-    """Time spent in them, but for the first one of a run."""
+    """Time spent in these steps, except the first step of each run."""
     psnr: float
-    """Of the rays of a batch at most 16 steps before, decibels; NaN if there is none."""
+    """Signal-to-noise ratio of a batch at most 16 steps before, decibels; NaN if there is none."""
     test_psnr: float
-    """Mean over views that were kept back, decibels; NaN where there are none."""
+    """Mean signal-to-noise ratio of held-out views, decibels; NaN if there are none."""
     test_ssim: float
-    """Mean structural similarity of the same views; NaN if they are too small for it."""
+    """Mean structural similarity of the same views; NaN if they are too small."""
 
 
 @dataclass
 class Training:
-    """Where a training stands, beside the field itself."""
+    """The progress of a training, apart from the field itself."""
 
     step: int = 0
     seconds: float = 0.0
     rays: int = 0
-    """How many are in a batch now."""
+    """Number of rays in a batch now."""
     total_rays: int = 0
-    """How many have been cast in all steps."""
+    """Number of rays of all steps."""
     total_samples: int = 0
-    """How many samples these took, by one step in 16."""
+    """Number of samples of these rays, estimated from one step in 16."""
     progress: float = 0.0
-    """Share that was done when the host last looked."""
+    """Share of the training that was done when the host last checked."""
     marks: list[Mark] = field(default_factory=list)
     stopped: bool = False
-    """Whether an interrupt ended it before its time."""
+    """Whether an interrupt ended it early."""
     resumable: bool = True
-    """Whether it can go on."""
+    """Whether it can be resumed."""
 
 
 @dataclass(eq=False)
 class Model:
     """A radiance field made from the photographs of a scene.
 
-    :func:`fit` makes one, :func:`load_model` reads one from a file, and :func:`render` and its like
-    make pictures of it. Only one thread at a time may use it.
+    :func:`fit` trains a model, :func:`load_model` reads one from a file, and :func:`render` and
+    similar functions make pictures of it. Only one thread at a time may use a model.
     """
 
     field: Field
     """The field, on the device that it was made on."""
     settings: Any
-    """What it was made with: a `HashField`, say."""
+    """The settings of the field, a `HashField`, for example."""
     background: str
-    """What it was trained before: white, black, random or learnt."""
+    """The background used in training: white, black, random or learnt."""
     behind: np.ndarray
-    """The colour behind everything that pictures have, (3,) float32; white for random."""
+    """The background colour of pictures, (3,) float32; white for random."""
     cameras: Cameras
-    """Those of the photographs: where to look from."""
+    """The cameras of the photographs."""
     seed: int
     training: Training
-    """How it came about; ``training.marks`` is the curve of its quality."""
+    """The progress of the training; ``training.marks`` is the curve of its quality."""
     extra: dict[str, np.ndarray]
-    """What a training that goes on needs beside the state of the field."""
+    """The arrays that a resumed training needs in addition to the state of the field."""
 
     @property
     def frame(self) -> Frame:
@@ -105,8 +105,8 @@ class Model:
         path : path
             Ends in ``.npz``; an existing file is replaced once the new one is complete.
         resumable : bool, default True
-            Keep what training needs to go on, two thirds of the file or more. Without it pictures
-            are the same.
+            Keep the arrays that a resumed training needs, two thirds of the file or more. Pictures
+            do not need them.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class Model:
         ValueError
             If `path` has another ending, or is a folder.
         OSError
-            If the disk is full, say; the old file stays.
+            If writing fails, on a full disk, for example; the old file stays.
         """
         checkpoints.check_path(path)
         frame, views, training = self.frame, self.cameras, self.training
@@ -157,18 +157,18 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        Ready to render; :func:`fit` goes on with the training of the file where it is told to.
+        The model, ready to render. To resume its training, give the file to :func:`fit`.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no model, was cut short or damaged, is of another version, its arrays do not have
-        the shapes that its settings ask for, or the device is not there.
+        If it is not a model, is incomplete or damaged, or has another version; if the shapes of its
+        arrays do not match its settings; or if the device does not exist here.
     """
     header, arrays = checkpoints.read(path)
-    runtime()  # a device that is not there is no fault of the file
+    runtime()  # report a missing device first, because it is not a fault of the file
     try:
         return _from(header, arrays)
     except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
@@ -179,7 +179,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
 
 
 def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings as they were: JSON makes lists of tuples."""
+    """Restore tuples in settings, which JSON turned into lists."""
     return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
 
 
@@ -201,7 +201,7 @@ def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
     behind = taken(arrays, "behind", (3,))
     made = settings.build(runtime(), frame, int(header["seed"]))
     check_integer(training.step, "step", 0, 2**31 - 1)
-    check_integer(training.rays, "rays", 0, made.rays)  # or kernels would leave their arrays
+    check_integer(training.rays, "rays", 0, made.rays)  # more would exceed the kernels' arrays
     made.restore(_part(arrays, "state."))
     extra = _part(arrays, "extra.")
     return Model(made, settings, header["background"], behind.astype(np.float32), views,

@@ -1,7 +1,9 @@
 """Pinhole cameras with lens distortion, in the conventions of OpenCV.
 
 Camera axes are x right, y down, z forward. The centre of the pixel in row i and column j has the
-image coordinates (x, y) = (j, i), here and in every kernel.
+image coordinates (x, y) = (j, i), here and in every kernel. The lens is that of
+`cvkern.geometry.camera`. Poses are camera-to-world; the (rotation, translation) of geometry is the
+inverse.
 """
 
 from __future__ import annotations
@@ -12,18 +14,18 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import check_integer, check_positive
-
-# Newton's method doubles the right digits with each step; lenses need three or four steps.
-_NEWTON_STEPS = 10
-_WIDEST = 1e6  # tangent of the angle of a ray from the middle: farther is astray
+from cvkern.geometry.camera import bent, straightened
 
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """N views of one image size: where each stands, and how it maps directions to pixels."""
+    """N views of one image size: their poses, and their mapping of directions to pixels."""
 
     poses: np.ndarray
-    """Camera to world, (N, 3, 4) float64: a rotation, and the centre of the camera."""
+    """Camera to world, (N, 3, 4) float64: a rotation, and the centre of the camera.
+
+    The (rotation, translation) of geometry, x = R w + t, is the inverse.
+    """
     intrinsics: np.ndarray
     """fx, fy, cx, cy in pixels, (N, 4) float64."""
     distortion: np.ndarray
@@ -64,7 +66,7 @@ class Cameras:
         Raises
         ------
         TypeError
-            If `factor` is no number.
+            If `factor` is not a number.
         ValueError
             If it is not > 0 and finite.
         """
@@ -83,7 +85,7 @@ def cameras(
     *,
     distortion: Any = 0.0,
 ) -> Cameras:
-    """Check and collect the cameras of some views.
+    """Check the parameters of some views, and collect them as cameras.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ def cameras(
     ------
     ValueError
         If there is no view, a shape does not fit, a number is not finite, a focal length is not
-        positive, or a pose does not have a rotation in it.
+        positive, or a pose contains no rotation.
 
     Examples
     --------
@@ -132,7 +134,7 @@ def cameras(
     if off.max() > 1e-3:
         worst = int(off.argmax())
         raise ValueError(f"poses must have rotations, got in view {worst}: {turns[worst].tolist()}")
-    u, _, v = np.linalg.svd(turns)  # files round their numbers: the nearest rotation
+    u, _, v = np.linalg.svd(turns)  # find the nearest rotation, because files round their numbers
     poses = np.concatenate((u @ v, poses[:, :, 3:]), axis=2)
     return Cameras(poses, lens, bent, width, height)
 
@@ -166,7 +168,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
     Raises
     ------
     ValueError
-        If an eye is at its target, or looks along `up`, or the shapes do not go together.
+        If an eye is at its target, or looks along `up`, or the shapes do not match.
     """
     eyes, targets = np.broadcast_arrays(np.atleast_2d(eyes), np.atleast_2d(targets))
     forward = np.asarray(targets - eyes, np.float64)
@@ -180,7 +182,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
 
 
 def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return where rays through `pixels` of a view start, and their unit directions.
+    """Return the origins and unit directions of the rays through `pixels` of a view.
 
     Parameters
     ----------
@@ -203,8 +205,8 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
     view = check_integer(view, "view", 0, len(cameras) - 1)
     pixels = _rows(pixels, 2, "pixels")
     fx, fy, cx, cy = cameras.intrinsics[view]
-    bent = np.stack(((pixels[:, 1] - cx) / fx, (pixels[:, 0] - cy) / fy), axis=1)
-    straight = undistort(bent, cameras.distortion[view])
+    shown = np.stack(((pixels[:, 1] - cx) / fx, (pixels[:, 0] - cy) / fy), axis=1)
+    straight = straightened(shown, cameras.distortion[view])
     ahead = np.concatenate((straight, np.ones((len(straight), 1))), axis=1)
     pose = cameras.poses[view]
     directions = ahead @ pose[:, :3].T
@@ -213,7 +215,7 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
 
 
 def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
-    """Return the row and column at which a view sees world points; NaN for those behind it.
+    """Return row and column of world points in a view; NaN for points behind the camera.
 
     Parameters
     ----------
@@ -235,9 +237,9 @@ def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
     pose = cameras.poses[check_integer(view, "view", 0, len(cameras) - 1)]
     seen = (_rows(points, 3, "points") - pose[:, 3]) @ pose[:, :3]
     depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
-    bent = distort(seen[:, :2] / depth, cameras.distortion[view])
+    shown = bent(seen[:, :2] / depth, cameras.distortion[view])
     fx, fy, cx, cy = cameras.intrinsics[view]
-    return np.stack((fy * bent[:, 1] + cy, fx * bent[:, 0] + cx), axis=1)
+    return np.stack((fy * shown[:, 1] + cy, fx * shown[:, 0] + cx), axis=1)
 
 
 def _rows(values: Any, size: int, name: str) -> np.ndarray:
@@ -245,47 +247,4 @@ def _rows(values: Any, size: int, name: str) -> np.ndarray:
     found = np.asarray(values, np.float64)
     if found.ndim != 2 or found.shape[1] != size:
         raise ValueError(f"{name} must have shape (N, {size}), got {found.shape}")
-    return found
-
-
-def distort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
-    """Bend normalised image points (N, 2), x and y, as a lens does [OpenCV, calib3d]."""
-    k1, k2, p1, p2, k3 = distortion
-    x, y = points[:, 0], points[:, 1]
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
-        (
-            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-        ),
-        axis=1,
-    )
-
-
-@np.errstate(all="ignore")  # what comes of a slope of 0 is looked at in the end
-def undistort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
-    """Undo :func:`distort` by Newton's method.
-
-    Where a lens shows no point at that place, it is any; not one so far away that a ray would have
-    no direction.
-    """
-    if not np.any(distortion):
-        return points
-    k1, k2, p1, p2, k3 = distortion
-    found = points.copy()
-    for _ in range(_NEWTON_STEPS):
-        x, y = found[:, 0], found[:, 1]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d x = slope x
-        off = distort(found, distortion) - points
-        xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-        yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-        xy = slope * x * y + 2 * p1 * x + 2 * p2 * y  # the Jacobian is symmetric
-        det = xx * yy - xy * xy
-        step = np.stack((yy * off[:, 0] - xy * off[:, 1], xx * off[:, 1] - xy * off[:, 0]), axis=1)
-        found -= step / det[:, None]
-    astray = ~(np.abs(found) < _WIDEST).all(axis=1)
-    found[astray] = points[astray]
     return found

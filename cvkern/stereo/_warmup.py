@@ -12,7 +12,7 @@ from cvkern.app.warmup import pictures
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Yield a name and a call for every function and every dtype that has own kernels."""
+    """Yield a name and a call for every function, and for every dtype with its own kernels."""
     byte, real, color = pictures()
     q = np.eye(4)
     yield "disparity_to_depth", partial(stereo.disparity_to_depth, real, 1.0, 1.0)

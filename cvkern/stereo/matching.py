@@ -15,15 +15,15 @@ from cvkern.stereo._plan import plan_of, white
 
 
 class StereoResult(NamedTuple):
-    """What is known of each pixel of the left image."""
+    """The result of matching, for each pixel of the left image."""
 
     disparity: Any
     """Pixels, (H, W) float32; filled where it is not valid."""
     valid: Any
-    """Whether the disparity was found, and not filled; (H, W) bool."""
+    """Whether the disparity was found by matching, not filled in; (H, W) bool."""
     confidence: Any
-    """By how much the winner's cost is below that of its best rival, of 1, whether it is valid or
-    not; (H, W) float32."""
+    """1 minus the winner's cost over the cost of its best rival, for valid and other pixels;
+    (H, W) float32."""
 
 
 def stereo_match(
@@ -49,77 +49,80 @@ def stereo_match(
 ) -> StereoResult:
     """Find the disparity of each pixel of a rectified pair.
 
-    The pixel (y, x) of the left image is matched with (y, x - d) of the right one: by the cost of
-    every disparity d, the winner among them, a check from the right image's side, removal of
+    The pixel (y, x) of the left image is matched with (y, x - d) of the right one. The steps are:
+    costs of all disparities d, choice of the winner, a check from the right image, removal of
     speckles, filling from the background, and a median guided by the image.
 
     Parameters
     ----------
     left, right : array of shape (H, W), or with 3 or 4 channels
-        A rectified pair. Matching is of grey values in 8 bits: of colours
-        ``(77 R + 150 G + 29 B + 128) >> 8``; a fourth channel is ignored.
+        A rectified pair. Matching uses 8-bit grey values; those of a colour image are
+        ``(77 R + 150 G + 29 B + 128) >> 8``. A fourth channel is ignored.
     disparities : (int, int), default (0, 64)
-        The first disparity d, and the one behind the last, as in :class:`range`; both may be
+        The first disparity d, and the one after the last, as in :class:`range`; both may be
         negative.
     method : {'semi-global', 'window'}, default 'semi-global'
-        'semi-global': see Notes. 'window': the census of windows; faster, coarser.
+        'semi-global' is described in the Notes; 'window' compares the census in windows, which is
+        faster and coarser.
     paths : {4, 8, 16}, default 8
         Directions of semi-global paths.
     window : int, default 11
-        Odd side of the windows of the method 'window', 1 to 51: a small one keeps detail and
-        noise, a large one smooths and makes edges fat.
+        Odd side of the windows of the method 'window', 1 to 51. A small window keeps detail and
+        noise; a large one smooths and makes near objects wider.
     channel_axis : int, optional
         Axis of the colours; needed for 3-D images.
     data_range : float, optional
-        The value of white, for all but uint8: by default the largest of an integer dtype, and 1
-        for floating-point images. Values below 0 and above white are taken for black and white.
+        The value of white, for dtypes other than uint8. By default the largest value of an integer
+        dtype, and 1 for floating-point images. Values below 0 count as black, values above white
+        as white.
     p1 : int, default 20
         Penalty of a path for a change of disparity by one; costs are 0 to 54.
     p2 : int, default 80
-        Penalty for a change by more.
+        Penalty for a larger change.
     contrast : float, default 20.0
         Difference of neighbours in the left image that halves `p2`.
     subpixel : bool or {'parabola', 'equiangular'}, default 'equiangular'
-        As in :func:`winner_take_all`. Hamming distances grow like absolute differences: two lines
-        fit them better than a parabola does.
+        As in :func:`winner_take_all`. Hamming distances grow linearly, like absolute differences,
+        so two lines fit them better than a parabola.
     uniqueness : int, default 0
         As in :func:`winner_take_all`, in per cent.
     left_right : float or None, default 1.0
-        The tolerance of :func:`left_right_check`, in pixels. None does without the check.
+        The tolerance of :func:`left_right_check`, in pixels. None omits the check.
     speckle_size : int, default 100
         Regions of fewer pixels are not valid, as in :func:`remove_speckles`; at most 1 keeps all.
     speckle_difference : float, default 2.0
-        By how much neighbours in a region may differ.
+        Largest difference of neighbours in a region, in pixels.
     smoothing : int, default 6
-        Radius of :func:`guided_median`, 0 to 15; 0 does without.
+        Radius of :func:`guided_median`, 0 to 15; 0 omits it.
     max_bytes : int, optional
-        Bound on the memory of semi-global matching, none by default: with fewer bytes than its
-        volumes take, it goes in strips of rows, as :func:`aggregate_semi_global` does.
+        Bound on the memory of semi-global matching; none by default. If its volumes take more
+        bytes, the work is done in strips of rows, as in :func:`aggregate_semi_global`.
 
     Returns
     -------
     StereoResult
         Named tuple of `disparity` (H, W) float32, `valid` (H, W) bool and `confidence` (H, W)
-        float32. No disparity is NaN, but if none is valid in the whole image.
+        float32. Disparities are NaN only if no pixel of the image is valid.
 
     Raises
     ------
     TypeError
         If an image does not hold real numbers, or an option is not of its type.
     ValueError
-        If the images are empty, of another rank or channels or of different shapes; `disparities`
-        are empty, not within the image's width either way or too many to count (the message
-        states the bytes they would take); a penalty is negative, `p1` above `p2` or the penalties
-        so large that sums of 16 bits overflow; or another option is out of its range.
+        If the images are empty, have another rank or number of channels, or different shapes; if
+        `disparities` are empty, as large as the image's width on either side, or too many (the
+        message states the bytes they would take); if a penalty is negative, `p1` above `p2`, or
+        the penalties so large that 16-bit sums overflow; or if another option is out of its range.
 
     Notes
     -----
-    The cost of the method 'semi-global' is twice the Hamming distance of two census transforms of
-    5 x 5 pixels, and half the difference of the grey values but at most 6. Its sums over the
-    paths [1]_ are those of :func:`aggregate_semi_global` with the left image as guide.
+    The cost of the method 'semi-global' has two terms: twice the Hamming distance of two census
+    transforms of 5 x 5 pixels, plus half the difference of the grey values, but at most 6. Its
+    sums over the paths [1]_ are those of :func:`aggregate_semi_global` with the left image as
+    guide.
 
-    Everything is in integers up to the sub-pixel fit, whose bits are the same everywhere as well:
-    the result is the same on every device and kernel set.
+    All arithmetic up to the sub-pixel fit is in integers, and the fit has the same bits everywhere.
+    So the result is the same on every device and kernel set.
 
     References
     ----------
@@ -155,14 +158,14 @@ def stereo_match(
 
 
 class StereoMatcher:
-    """Matches the frames of a video: :func:`stereo_match` with all memory allocated once.
+    """Match the frames of a video: :func:`stereo_match` with all memory allocated once.
 
-    On CUDA with Warp a frame is one launch of a CUDA graph.
+    With Warp on CUDA, a frame takes one launch of a CUDA graph.
 
     Parameters
     ----------
     shape : tuple of int
-        Of each image: (H, W), or with channels.
+        Shape of each image: (H, W), or with channels.
     disparities : (int, int), default (0, 64)
         As in :func:`stereo_match`.
     **options
@@ -175,8 +178,8 @@ class StereoMatcher:
 
     Notes
     -----
-    The first frame tells the library, device and dtype of all that follow. A matcher is for one
-    thread at a time.
+    The first frame sets the library, device and dtype of all frames. Only one thread at a time may
+    use a matcher.
 
     Examples
     --------
@@ -210,20 +213,20 @@ class StereoMatcher:
         Parameters
         ----------
         left, right : array
-            Of the matcher's shape; of the library, device and dtype of the first pair.
+            Images of the matcher's shape, with the library, device and dtype of the first pair.
 
         Returns
         -------
         StereoResult
-            On the CPU, and on a GPU where the library's arrays can be written to, the same arrays
-            each time: copy what is to be kept.
+            On the CPU, and on a GPU if the library's arrays can be written to, these are the same
+            arrays for every pair: copy them to keep a result.
 
         Raises
         ------
         TypeError
-            If an image is of another dtype or library than those of the first pair.
+            If an image has another dtype or library than the first pair.
         ValueError
-            If an image has another shape or device, or the matcher has been closed.
+            If an image has another shape or device, or the matcher is closed.
         """
         if not self._open:
             raise ValueError("matcher must be open, got one that has been closed")
@@ -237,7 +240,7 @@ class StereoMatcher:
         return self._frames.match(left, right)
 
     def close(self) -> None:
-        """Release the memory; the matcher matches no more."""
+        """Release the memory; the matcher cannot be used afterwards."""
         self._frames, self._open = None, False
 
     def __enter__(self) -> StereoMatcher:
@@ -248,7 +251,7 @@ class StereoMatcher:
 
 
 class _Frames:
-    """Two images in memory that stays, and the captured call that matches what they hold."""
+    """Two images in persistent memory, and the captured call that matches them."""
 
     def __init__(self, left: Any, right: Any, options: dict[str, Any]):
         self._choice = pinned()
@@ -256,7 +259,7 @@ class _Frames:
         self._library, self._place = library(left), device(left)
         self._dtype = dtype = self._library.dtype(left)
         on_cpu = rt.device == "cpu"
-        # Where kernels cannot write to the caller's arrays, those of NumPy or Warp stand in.
+        # If kernels cannot write to the caller's arrays, use NumPy's or Warp's instead.
         self._own = self._library.writable and (on_cpu or self._library is not _NUMPY)
         self._kept = rt.result_library()
         self._carried = dtype if on_cpu or dtype == np.uint8 else np.dtype(np.float32)
@@ -290,7 +293,7 @@ class _Frames:
                 self._kept.fill(kept, image if there else rt.adopt(image, self._carried))
 
     def _copied(self, array: Any) -> Any:
-        """Return a copy in the caller's library of a result in memory that stays."""
+        """Return a copy of a persistent result, in the caller's library."""
         if self._library is _NUMPY:
             return self._rt.to_numpy(array).copy()
         copy = array.copy() if isinstance(array, np.ndarray) else self._kept.module.clone(array)

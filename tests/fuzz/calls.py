@@ -367,6 +367,15 @@ CALLS: dict[str, Call] = {
         {"image": colour, "circles": rows(3)},
         {"width": one(0.5, 2.0, 30.0, 1e6, 1e300)},
     ),
+    "images.draw_epipolar_lines": Call(
+        cvkern.images.draw_epipolar_lines,
+        {
+            "image": colour,
+            "F": one(np.array([[0, 0, 0], [0, 0, -1], [0, 1, 0.5]])),
+            "points": rows(2),
+        },
+        {"width": one(0.5, 2.0, 30.0, 1e6, 1e300), "side": one(0, 1, 2)},
+    ),
     "images.overlay_mask": Call(
         cvkern.images.overlay_mask, {"image": colour, "mask": mask}, {"opacity": number(0, 1)}
     ),

@@ -109,7 +109,7 @@ def test_models_for_rendering_alone(scene, tmp_path, field):
         np.testing.assert_array_equal(a, b)
     read.save(tmp_path / "again.npz")
     for name in ("small.npz", "again.npz"):
-        with pytest.raises(ValueError, match="checkpoint must be saved to go on with, got"):
+        with pytest.raises(ValueError, match="checkpoint must be resumable, got"):
             fit(scene, field, steps=30, checkpoint=tmp_path / name, resume=True)
 
 
