@@ -40,6 +40,11 @@ void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
             if (none || left >= right) continue;
             // What is read beyond the row lies in the next one, which there is.
             const float* const a = line + k * N;
+            // What the row after the next one reads: of the first level all, later what is new.
+            for (long l = s == 1 ? -1 : 2; l <= 2; ++l) {
+                __builtin_prefetch(a + l * (long)plane + 2 * width);
+                __builtin_prefetch(a + l * (long)plane + 2 * width + 16);
+            }
             const auto difference = [&](long at) {
                 lanes low, high;
                 __builtin_memcpy(&low, a + at, sizeof low);
