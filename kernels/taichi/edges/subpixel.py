@@ -1,8 +1,8 @@
-"""Sub-pixel edge points, in Taichi: one thread a row.
+"""Sub-pixel edge points, in Taichi: one thread per row.
 
-Across a blurred straight step the gradient is a Gaussian, along either axis. Its logarithm is a
-parabola, and the edge is where that has its top: with a, b and c the logarithms before, at and
-behind a pixel, ``(a - c) / (2 (a - 2 b + c))`` from it.
+Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
+parabola, and the edge is at the maximum of this parabola. With a, b and c the logarithms before, at
+and after a pixel, the maximum is at the offset ``(a - c) / (2 (a - 2 b + c))``.
 """
 
 import numpy as np
@@ -23,9 +23,9 @@ u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
 @ti.func
 def _peak(dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, zero: ti.i32) -> ti.math.vec3:
-    """Squared magnitudes before, at and after a pixel along its larger derivative.
+    """Return squared magnitudes before, at and after a pixel, along its larger derivative.
 
-    Three zeros when the pixel is not a peak with both neighbours.
+    Return three zeros if the pixel is not a maximum with two neighbours.
     """
     sy = 0
     sx = 1
@@ -82,7 +82,7 @@ def _gather_edges(
             if mask[y, x] != 0:
                 peak = _peak(dy, dx, y, x, zero)
                 if peak[1] > 0.0:
-                    # The top of the Gaussian through the three: a parabola in their logarithms.
+                    # The maximum of the Gaussian through the three: a parabola in logarithms.
                     a = ti.log(peak[0])
                     b = ti.log(peak[1])
                     c = ti.log(peak[2])
