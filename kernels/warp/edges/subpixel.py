@@ -1,9 +1,9 @@
-"""Sub-pixel edge points, in Warp: one thread a row.
+"""Sub-pixel edge points, in Warp: one thread per row.
 
-Across a blurred straight step the gradient is a Gaussian, along either axis. Its logarithm is a
-parabola, and the edge is where that has its top: with a, b and c the logarithms before, at and
-behind a pixel, ``(a - c) / (2 (a - 2 b + c))`` from it. Two passes: the points of each row are
-counted, and then listed from the row's place on.
+Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
+parabola, and the edge is at the maximum of this parabola. With a, b and c the logarithms before, at
+and after a pixel, the maximum is at the offset ``(a - c) / (2 (a - 2 b + c))``. There are two
+passes: the points of each row are counted, and then listed at the row's place.
 """
 
 import warp as wp
@@ -16,7 +16,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
-    """Squared gradient length at (y, x), 0 outside the image."""
+    """Return the squared gradient length at (y, x), 0 outside the image."""
     if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
         return 0.0
     return dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]
@@ -24,7 +24,7 @@ def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> fl
 
 @wp.func
 def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.vec3:
-    """Squared lengths before, at and behind (y, x) along the axis of the larger derivative."""
+    """Return squared lengths before, at and after (y, x), along the larger derivative."""
     down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1, 0)
     across = 1 - down
     return wp.vec3(
@@ -36,7 +36,7 @@ def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.v
 
 @wp.func
 def _is_peak(m: wp.vec3) -> bool:
-    """Tell whether a parabola through the logarithms of `m` has its top at the middle."""
+    """Tell whether a parabola through the logarithms of `m` has its maximum near the middle."""
     return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0
 
 
@@ -100,7 +100,7 @@ def gather_edges(
     orientation: wp.array,
     strength: wp.array,
 ) -> None:
-    """Locate the edge points of each row, from its place in `starts` on."""
+    """Locate the edge points of each row, and list them at its place in `starts`."""
     launch(
         _gather_edges,
         mask.shape[0],
