@@ -1,8 +1,8 @@
-"""Sub-pixel edge points, in Taichi: one thread a row.
+"""Sub-pixel edge points, in Taichi: one thread per row.
 
-Across a blurred straight step the gradient is a Gaussian, along either axis. Its logarithm is a
-parabola, and the edge is where that has its top: with p and q the logarithms before and behind a
-pixel less the one at it, ``(p - q) / (2 (p + q))`` from it.
+Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
+parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
+after a pixel less the one at it, the maximum is at the offset ``(p - q) / (2 (p + q))``.
 """
 
 import numpy as np
@@ -39,9 +39,9 @@ def _log_of_ratio(a: ti.f32, b: ti.f32, zero: ti.i32) -> ti.f32:
 
 @ti.func
 def _peak(dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, zero: ti.i32) -> ti.math.vec3:
-    """Squared magnitudes before, at and after a pixel along its larger derivative.
+    """Return squared magnitudes before, at and after a pixel, along its larger derivative.
 
-    Three zeros when the pixel is not a peak with both neighbours.
+    Return three zeros if the pixel is not a maximum with two neighbours.
     """
     sy = 0
     sx = 1

@@ -1,9 +1,9 @@
-"""Sub-pixel edge points, in Warp: one thread a row.
+"""Sub-pixel edge points, in Warp: one thread per row.
 
-Across a blurred straight step the gradient is a Gaussian, along either axis. Its logarithm is a
-parabola, and the edge is where that has its top: with p and q the logarithms before and behind a
-pixel less the one at it, ``(p - q) / (2 (p + q))`` from it. Two passes: the points of each row are
-counted, and then listed from the row's place on.
+Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
+parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
+after a pixel less the one at it, the maximum is at the offset ``(p - q) / (2 (p + q))``. There are two
+passes: the points of each row are counted, and then listed at the row's place.
 """
 
 import warp as wp
@@ -36,7 +36,7 @@ def _log_of_ratio(a: float, b: float) -> float:
 
 @wp.func
 def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
-    """Squared gradient length at (y, x), 0 outside the image."""
+    """Return the squared gradient length at (y, x), 0 outside the image."""
     if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
         return 0.0
     return dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]
@@ -44,7 +44,7 @@ def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> fl
 
 @wp.func
 def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.vec3:
-    """Squared lengths before, at and behind (y, x) along the axis of the larger derivative."""
+    """Return squared lengths before, at and after (y, x), along the larger derivative."""
     down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1, 0)
     across = 1 - down
     return wp.vec3(
@@ -56,7 +56,7 @@ def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.v
 
 @wp.func
 def _is_peak(m: wp.vec3) -> bool:
-    """Tell whether a parabola through the logarithms of `m` has its top at the middle."""
+    """Tell whether a parabola through the logarithms of `m` has its maximum near the middle."""
     return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0 and m[1] < wp.inf
 
 
@@ -119,7 +119,7 @@ def gather_edges(
     orientation: wp.array,
     strength: wp.array,
 ) -> None:
-    """Locate the edge points of each row, from its place in `starts` on."""
+    """Locate the edge points of each row, and list them at its place in `starts`."""
     launch(
         _gather_edges,
         mask.shape[0],
