@@ -57,10 +57,10 @@ _NAMES = {
         "normals_from_depth",
     ),
     "stereo": (
-        "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
-        "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
-        "point_cloud", "points_from_disparity", "remove_speckles", "reprojection_matrix",
-        "stereo_cost", "stereo_match", "winner_take_all",
+        "DepthFrame", "PointCloud", "StereoMatcher", "StereoResult", "Winner",
+        "aggregate_semi_global", "disparity_to_depth", "fill_disparity", "guided_median",
+        "left_right_check", "point_cloud", "points_from_disparity", "remove_speckles",
+        "reprojection_matrix", "stereo_cost", "stereo_match", "winner_take_all",
     ),
     "structured_light": (
         "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
