@@ -63,8 +63,10 @@ _NAMES = {
         "reprojection_matrix", "stereo_cost", "stereo_match", "winner_take_all",
     ),
     "structured_light": (
-        "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
-        "detect_laser_lines", "gray_code_patterns", "phase_shift_patterns", "unwrap_phase",
+        "GrayCode", "LaserLines", "PhaseShift", "Scan", "calibrate_projector", "decode_gray_code",
+        "decode_phase_shift", "detect_laser_lines", "fit_laser_plane", "gray_code_patterns",
+        "make_scan", "phase_shift_patterns", "triangulate_columns", "triangulate_lines",
+        "unwrap_phase",
     ),
     "transform": (
         "RemapGradient", "pyramid_gaussian", "pyramid_laplacian", "rectify_plane", "remap",

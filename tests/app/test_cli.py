@@ -238,11 +238,12 @@ def test_tour(command, tmp_path, monkeypatch):
 
 def test_warmup_calls_everything():
     alone = {
-        "calibrate_camera", "calibrate_stereo", "capture", "chessboard_points", "devices",
-        "epipolar_lines", "epipoles", "essential_from_fundamental", "fit_affine", "fit_fundamental",
-        "fit_homography", "fit_similarity", "project_points", "read_calibration", "recover_pose",
-        "rectify_stereo", "release_memory", "reprojection_matrix", "sampson_distance",
-        "triangulate", "undistort_points", "write_calibration",
+        "calibrate_camera", "calibrate_projector", "calibrate_stereo", "capture",
+        "chessboard_points", "devices", "epipolar_lines", "epipoles", "essential_from_fundamental",
+        "fit_affine", "fit_fundamental", "fit_homography", "fit_laser_plane", "fit_similarity",
+        "project_points", "read_calibration", "recover_pose", "rectify_stereo", "release_memory",
+        "reprojection_matrix", "sampson_distance", "triangulate", "triangulate_lines",
+        "undistort_points", "write_calibration",
     }  # fmt: skip
     functions = {n for n in cvkern.__all__ if inspect.isfunction(getattr(cvkern, n))} - alone
     called = {name for name, _ in warmup.calls()}
