@@ -13,6 +13,7 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.app.commands.calibrate import calibrate
 from cvkern.app.commands.circles import circles
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
@@ -78,6 +79,7 @@ app.command()(find)
 app.command()(match)
 app.command()(pair)
 app.command()(panorama)
+app.command()(calibrate)
 app.command()(stereo)
 app.add_typer(nerf, name="nerf")
 
