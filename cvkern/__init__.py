@@ -28,8 +28,8 @@ _NAMES = {
     "_runtime": ("devices", "release_memory", "use"),
     "color": (
         "Spectrum", "adapt_colors", "adaptation_matrix", "color_chart", "convert_color",
-        "deltaE_ciede2000", "metamer", "metameric_difference", "spectrum_to_xyz",
-        "standard_light", "standard_observer",
+        "deltaE_ciede2000", "estimate_illuminant", "metamer", "metameric_difference",
+        "spectrum_to_xyz", "standard_light", "standard_observer", "white_balance",
     ),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
     "features": (
@@ -68,14 +68,17 @@ _NAMES = {
         "mesh_from_depth", "normals_from_depth", "photometric_stereo",
     ),
     "stereo": (
-        "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
-        "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
-        "point_cloud", "points_from_disparity", "remove_speckles", "reprojection_matrix",
-        "stereo_cost", "stereo_match", "winner_take_all",
+        "DepthFrame", "PairReconstruction", "PointCloud", "StereoMatcher", "StereoResult",
+        "Winner", "aggregate_semi_global", "disparity_to_depth", "fill_disparity",
+        "guided_median", "left_right_check", "point_cloud", "points_from_disparity",
+        "reconstruct_pair", "remove_speckles", "reprojection_matrix", "stereo_cost",
+        "stereo_match", "winner_take_all",
     ),
     "structured_light": (
-        "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
-        "detect_laser_lines", "gray_code_patterns", "phase_shift_patterns", "unwrap_phase",
+        "GrayCode", "LaserLines", "PhaseShift", "Scan", "calibrate_projector",
+        "decode_gray_code", "decode_phase_shift", "detect_laser_lines", "fit_laser_plane",
+        "gray_code_patterns", "make_scan", "phase_shift_patterns", "triangulate_columns",
+        "triangulate_lines", "unwrap_phase",
     ),
     "transform": (
         "RemapGradient", "pyramid_gaussian", "pyramid_laplacian", "rectify_plane", "remap",

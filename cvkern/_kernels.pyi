@@ -103,6 +103,7 @@ class Folder:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
         from cvkern.kernels.warp.structured_light import laser as laser
         from cvkern.kernels.warp.structured_light import phase as phase
+        from cvkern.kernels.warp.structured_light import triangulation as triangulation
     class transform:
         from cvkern.kernels.warp.transform import projective as projective
         from cvkern.kernels.warp.transform import pyramids as pyramids

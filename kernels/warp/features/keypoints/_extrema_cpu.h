@@ -40,6 +40,11 @@ void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
             if (none || left >= right) continue;
             // What is read beyond the row lies in the next one, which there is.
             const float* const a = line + k * N;
+            // What the row after the next one reads: of the first level all, later what is new.
+            for (long l = s == 1 ? -1 : 2; l <= 2; ++l) {
+                __builtin_prefetch(a + l * (long)plane + 2 * width);
+                __builtin_prefetch(a + l * (long)plane + 2 * width + 16);
+            }
             const auto difference = [&](long at) {
                 lanes low, high;
                 __builtin_memcpy(&low, a + at, sizeof low);
@@ -96,7 +101,7 @@ void halve_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     for (int x = 0; x < dst.shape[1]; ++x) to[x] = from[2 * x];
 }
 
-// needs RED, GREEN, BLUE
+// needs RED, GREEN, BLUE, MOST_GRAY
 // Grey values of a row, times `scale`.
 void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
@@ -108,6 +113,8 @@ void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> d
     else
         for (int x = 0; x < width; ++x, from += channels)
             to[x] = (RED * from[0] + GREEN * from[1] + BLUE * from[2]) * scale;
+    // NaN as well.
+    for (int x = 0; x < width; ++x) to[x] = __builtin_fabsf(to[x]) <= MOST_GRAY ? to[x] : 0.0f;
 }
 
 int first_one(int word) { return __builtin_ctz((unsigned)word); }
