@@ -20,6 +20,7 @@ from cvkern.app.commands.find import find
 from cvkern.app.commands.lines import lines
 from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
+from cvkern.app.commands.scan import scan
 from cvkern.app.commands.stereo import stereo
 
 app = typer.Typer(
@@ -77,6 +78,7 @@ app.command()(find)
 app.command()(match)
 app.command()(calibrate)
 app.command()(stereo)
+app.command()(scan)
 app.add_typer(nerf, name="nerf")
 
 
