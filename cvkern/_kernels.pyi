@@ -3,6 +3,10 @@ class Folder:
     def __init__(self, package: str) -> None: ...
     class clouds:
         from cvkern.kernels.warp.clouds import turntables as turntables
+    class color:
+        from cvkern.kernels.warp.color import differences as differences
+        from cvkern.kernels.warp.color import spaces as spaces
+        from cvkern.kernels.warp.color import spectra as spectra
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import quantiles as quantiles
@@ -65,9 +69,19 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
+    class raw:
+        class demosaicing:
+            from cvkern.kernels.warp.raw.demosaicing import linear as linear
+            from cvkern.kernels.warp.raw.demosaicing import menon as menon
+            from cvkern.kernels.warp.raw.demosaicing import planes as planes
+            from cvkern.kernels.warp.raw.demosaicing import residual as residual
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import photometry as photometry
         from cvkern.kernels.warp.shading import rendering as rendering
+        class integration:
+            from cvkern.kernels.warp.shading.integration import equations as equations
+            from cvkern.kernels.warp.shading.integration import multigrid as multigrid
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows

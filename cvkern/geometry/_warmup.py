@@ -16,6 +16,10 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     pair = points, points + 5.0
     for name in ("find_similarity", "find_affine", "find_homography", "find_fundamental"):
         yield name, partial(getattr(geometry, name), *pair)
+    camera = np.array([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]])
+    scene = np.c_[points / 50 - 1, np.full(40, 4.0)]
+    yield "find_essential", partial(geometry.find_essential, *pair, camera, camera)
+    yield "find_pose", partial(geometry.find_pose, scene, points, camera)
     yield "find_homographies", partial(geometry.find_homographies, [pair, pair])
     yield "find_fundamentals", partial(geometry.find_fundamentals, [pair, pair])
     camera = geometry.Camera(np.eye(3), (), (4, 5))

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.panorama.seams import Seams, draw
+from cvkern.kernels.codes.panorama import Part
+from cvkern.panorama.seams import Seams
 from cvkern.panorama.surfaces import Canvas
+from cvkern.panorama.warping import draw
 
 TILES = {"cpu": 1536, "cuda": 4096}  # pixels of a side, without what surrounds a tile
 SURROUND = 3  # times the pixel of the coarsest band, round a tile
@@ -55,9 +57,8 @@ def blend(
         height, width = (-(-n // unit) * unit + 2 * halo for n in (rows, columns))
         tile = _Tile(rt, canvas, seams, given, row - halo, column - halo, height, width)
         totals = tile.filled()
-        rt.panorama.blending.finish(
-            totals, tile.labels, halo, halo, given.high, row, column, rows, columns, image, mask
-        )
+        part = Part(halo, halo, row, column, rows, columns)
+        rt.panorama.blending.finish(totals, tile.labels, given.high, part, image, mask)
 
 
 class _Tile:

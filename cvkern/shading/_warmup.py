@@ -8,10 +8,12 @@ from functools import partial
 import numpy as np
 
 from cvkern.shading import (
+    integrate_normals,
     lambertian,
     lambertian_backward,
     mesh_from_depth,
     normals_from_depth,
+    photometric_stereo,
 )
 
 
@@ -23,3 +25,9 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "lambertian", partial(lambertian, mesh, light, shape=(6, 9))
     yield "lambertian_backward", partial(lambertian_backward, np.zeros((1, 6, 9)), depth, light)
     yield "normals_from_depth", partial(normals_from_depth, depth)
+    images, lights = np.ones((3, 6, 9)), np.eye(3)
+    for method in ("least_squares", "consensus"):
+        stereo = partial(photometric_stereo, images, lights, method=method)
+        yield "photometric_stereo", stereo
+    normals = np.full((6, 9, 3), [0.1, 0, 1])
+    yield "integrate_normals", partial(integrate_normals, normals, method="bilateral")

@@ -72,7 +72,8 @@ def decode_phase_shift(
     -------
     PhaseShift
         Named tuple of `columns` and `rows` (H, W) float32, `valid` (H, W) bool, `phase` and
-        `modulation` (axes, H, W) float32. Equal in every bit on all devices.
+        `modulation` (axes, H, W) float32. Equal in every bit on all devices. A pixel one of whose
+        values is not finite is NaN, and not valid.
 
     Raises
     ------

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 Writers = dict[
     str, tuple[Callable[[Path], None], str]
-]  # writers by the name of the file, with what is in it
+]  # writers by the name of the file, each with a description of the contents
 
-LARGEST = 256  # disparity that 16 bits of 1/256 pixel do not hold
+LARGEST = 256  # smallest disparity that 16 bits in units of 1/256 pixel cannot hold
 CENTRE = "the middle of the image"
 RESULTS = ("disparity.png", "disparity-x256.png", "disparity.tif", "depth.tif", "cloud.ply",
            "turntable.gif", "turntable.mp4")  # fmt: skip
@@ -32,14 +32,14 @@ def stereo(
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
     method: Annotated[str, typer.Option(help="semi-global or window.")] = "semi-global",
     min_disparity: Annotated[int, typer.Option(help="Smallest disparity, pixels.")] = 0,
-    max_disparity: Annotated[int, typer.Option(help="Where the disparities end, pixels.")] = 64,
+    max_disparity: Annotated[int, typer.Option(help="End of the disparities, pixels.")] = 64,
     paths: Annotated[int, typer.Option(help="Paths of semi-global: 4, 8 or 16.")] = 8,
     focal: Annotated[float | None, typer.Option(help="Focal length, pixels.")] = None,
     baseline: Annotated[
-        float | None, typer.Option(help="Distance of the cameras; gives the depth its unit.")
+        float | None, typer.Option(help="Distance between the cameras; depth has its unit.")
     ] = None,
     doffs: Annotated[
-        float, typer.Option(help="Right principal point less the left one, pixels.")
+        float, typer.Option(help="Right principal point minus the left one, pixels.")
     ] = 0.0,
     cx: Annotated[
         float | None, typer.Option(help="Column of the principal point.", show_default=CENTRE)
@@ -52,21 +52,22 @@ def stereo(
         typer.Option(metavar="FILE", help="Calibration of both cameras, for raw images."),
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
+        bool, typer.Option("--overwrite", help="Replace existing results in DIR.")
     ] = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Match a pair, and write disparity, depth, point cloud and a turn-table.
 
-    DIR is made if missing. disparity.png shows every pixel in colour, bright where near;
-    disparity-x256.png holds 256 times the disparity in 16 bits, 0 where there is none (where that
-    does not fit: disparity.tif, 32-bit floats). Given a focal length and a baseline, there are
-    depth.tif (32-bit floats), cloud.ply and turntable.gif as well (and turntable.mp4 where
-    imageio-ffmpeg is installed). Only disparity.png shows pixels that were filled in.
+    DIR is created if missing. disparity.png shows every pixel in colour; bright means near.
+    disparity-x256.png holds 256 times the disparity in 16 bits, and 0 where there is none; if 16
+    bits are not enough, disparity.tif holds 32-bit floats instead. With a focal length and a
+    baseline, the command also writes depth.tif (32-bit floats), cloud.ply and turntable.gif (and
+    turntable.mp4 if imageio-ffmpeg is installed). Only disparity.png shows pixels that were filled
+    in.
 
-    The images are a rectified pair; with --calibration, a file of cvkern calibrate or of OpenCV,
-    they are as the cameras took them, and the depth comes with it.
+    The images are a rectified pair. With --calibration, a file of cvkern calibrate or of OpenCV,
+    they are as the cameras took them, and depth is written as well.
     """
     from cvkern.images.files import read_image
 
@@ -133,7 +134,7 @@ def _rectification(file: Path) -> cvkern.Rectification:
 
 
 def _disparity(found: StereoResult, fits: bool) -> Writers:
-    """Return what to write of the disparities; `fits` says whether 16 bits hold them."""
+    """Return the writers of the disparities; `fits` says whether 16 bits hold them."""
     from cvkern.images.colors import apply_colormap
     from cvkern.images.files import write_image
 
@@ -142,7 +143,7 @@ def _disparity(found: StereoResult, fits: bool) -> Writers:
     share = f"{valid.mean():.1%} of {shape} pixels matched, the others filled in"
     files: Writers = {"disparity.png": (lambda path: write_image(path, shown), share)}
     if fits:
-        # A match at 0 is told from none by the smallest step there is.
+        # A match at disparity 0 is stored as 1, because 0 means that there is none.
         steps = np.where(valid, np.maximum(np.round(256 * found.disparity), 1), 0)
         name, values, said = (
             "disparity-x256.png",
@@ -157,7 +158,7 @@ def _disparity(found: StereoResult, fits: bool) -> Writers:
 
 
 def _space(found: StereoResult, left: np.ndarray, depth: np.ndarray, q: np.ndarray) -> Writers:
-    """Return what to write of the depths; they are in front of the camera, or not at all."""
+    """Return the writers of depth and points; refuse a result without points before the camera."""
     from cvkern.clouds import turntable, write_animation, write_ply
     from cvkern.images._overlay import canvas
     from cvkern.images.files import write_image

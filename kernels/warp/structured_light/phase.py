@@ -154,6 +154,7 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
         t = float(0.0)
         angle = float(0.0)
         least = float(wp.inf)
+        seen = int(1)
         f = float(1.0)
         for j in range(frequencies.shape[0]):
             s = float(0.0)
@@ -163,7 +164,12 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
                 s += value * waves[n, 0]
                 c += value * waves[n, 1]
             angle = atan2(s, c)
-            least = wp.min(least, 2.0 * wp.sqrt(c * c + s * s) / float(steps))
+            length = wp.sqrt(c * c + s * s)
+            if not (length < wp.inf):  # NaN as well
+                seen = int(0)
+            modulation = 2.0 * length / float(steps)
+            if modulation < least:
+                least = modulation
             p = angle * TURN
             f = frequencies[j]
             k = wp.floor(f * t - p + 0.5)
@@ -174,8 +180,9 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
         f = frequencies[0]
         u = f * t
         t = (u - wp.floor(u)) / f
-        places[y, x] = t * float(size) - 0.5
-        phases[y, x] = angle
-        modulations[y, x] = least
+        nowhere = wp.float32(wp.nan)
+        places[y, x] = wp.where(seen == 1, t * float(size) - 0.5, nowhere)
+        phases[y, x] = wp.where(seen == 1, angle, nowhere)
+        modulations[y, x] = wp.where(seen == 1, least, nowhere)
 
     return decode_pixel
