@@ -52,7 +52,10 @@ _NAMES = {
         "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
         "hough_line_slope", "r_table", "suggest_line_bins",
     ),
-    "raw": ("demosaic", "mosaic"),
+    "raw": (
+        "Alignment", "align_exposures", "demosaic", "develop", "estimate_response",
+        "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
+    ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
         "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",

@@ -14,8 +14,10 @@ import typer
 import cvkern
 from cvkern.app.commands import Backend, Device, progress_bar
 from cvkern.app.commands.circles import circles
+from cvkern.app.commands.develop import develop
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
+from cvkern.app.commands.hdr import hdr
 from cvkern.app.commands.lines import lines
 from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
@@ -75,6 +77,8 @@ app.command()(circles)
 app.command()(find)
 app.command()(match)
 app.command()(stereo)
+app.command()(develop)
+app.command()(hdr)
 app.add_typer(nerf, name="nerf")
 
 
