@@ -25,7 +25,9 @@ class Folder:
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
     class geometry:
+        from cvkern.kernels.warp.geometry import chessboards as chessboards
         from cvkern.kernels.warp.geometry import robust as robust
+        from cvkern.kernels.warp.geometry import undistortion as undistortion
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:
@@ -40,6 +42,10 @@ class Folder:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
+    class panorama:
+        from cvkern.kernels.warp.panorama import blending as blending
+        from cvkern.kernels.warp.panorama import seams as seams
+        from cvkern.kernels.warp.panorama import warping as warping
     class radiance:
         from cvkern.kernels.warp.radiance import compositing as compositing
         from cvkern.kernels.warp.radiance import encodings as encodings
@@ -70,6 +76,13 @@ class Folder:
             from cvkern.kernels.warp.raw.demosaicing import menon as menon
             from cvkern.kernels.warp.raw.demosaicing import planes as planes
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
+    class shading:
+        from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import photometry as photometry
+        from cvkern.kernels.warp.shading import rendering as rendering
+        class integration:
+            from cvkern.kernels.warp.shading.integration import equations as equations
+            from cvkern.kernels.warp.shading.integration import multigrid as multigrid
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows
@@ -91,6 +104,7 @@ class Folder:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
         from cvkern.kernels.warp.structured_light import laser as laser
         from cvkern.kernels.warp.structured_light import phase as phase
+        from cvkern.kernels.warp.structured_light import triangulation as triangulation
     class transform:
         from cvkern.kernels.warp.transform import projective as projective
         from cvkern.kernels.warp.transform import pyramids as pyramids
