@@ -70,6 +70,7 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
     class raw:
+        from cvkern.kernels.warp.raw import exposures as exposures
         class demosaicing:
             from cvkern.kernels.warp.raw.demosaicing import linear as linear
             from cvkern.kernels.warp.raw.demosaicing import menon as menon
