@@ -47,9 +47,11 @@ _NAMES = {
         "hough_line_slope", "r_table", "suggest_line_bins",
     ),
     "shading": (
-        "LambertianGradient", "Mesh", "PhotometricStereo", "estimate_lights",
+        "LambertianGradient", "Mesh", "PhotometricStereo",
+        "ShapeFromShading", "estimate_lights",
         "integrate_normals", "lambertian", "lambertian_backward", "lights_from_sphere",
         "mesh_from_depth", "normals_from_depth", "photometric_stereo",
+        "shape_from_shading",
     ),
     "stereo": (
         "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
