@@ -13,16 +13,16 @@ from cvkern._files import as_path, check_target, replacing
 
 
 def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 20.0) -> None:
-    """Write frames as a GIF that repeats for ever, or as an MP4; whole or not at all.
+    """Write frames as a GIF that repeats forever, or as an MP4, whole or not at all.
 
     Parameters
     ----------
     path : path
-        Ends in ``.gif``, or in ``.mp4`` where imageio-ffmpeg is installed.
+        Ends in ``.gif``, or in ``.mp4`` if imageio-ffmpeg is installed.
     frames : array of shape (F, H, W, 3), uint8
         A GIF has 256 colours in each frame; an MP4 needs an even height and width.
     fps : float, default 20.0
-        Frames a second, > 0; a GIF counts in hundredths of a second, and has at most 50.
+        Frames per second, > 0. A GIF counts in hundredths of a second, and has at most 50.
 
     Raises
     ------
@@ -59,14 +59,14 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     with replacing(path) as beside:
         if as_path(path).suffix.lower() == ".gif":
             options = {"plugin": "pillow", "duration": round(1e3 / fps), "loop": 0}
-            # Encode in memory: after an error imageio would try to write the file once more.
+            # Encode in memory, because imageio would write the file again after an error.
             beside.write_bytes(iio.imwrite("<bytes>", movie, extension=".gif", **options))
         else:
             iio.imwrite(beside, movie, plugin="FFMPEG", fps=fps, macro_block_size=2, quality=8)
 
 
 def check_animation(path: str | os.PathLike[str], shape: tuple[int, ...], fps: Any) -> float:
-    """Return `fps` if frames of a shape (F, H, W, 3) can be written to `path`: ask before the work.
+    """Return `fps` if frames (F, H, W, 3) can be written to `path`; call this before long work.
 
     The errors are those of :func:`write_animation`.
     """

@@ -24,7 +24,7 @@ def draw_points(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         uint8, uint16, bool, or floats in [0, 1]. Alpha is ignored.
     points : array of shape (N, 2)
-        Centres, (row, column), pixels. What lies outside the image is cut off.
+        Centres, (row, column), pixels. Parts outside the image are cut off.
     color : array of shape (3,) or (N, 3)
         Red, green, blue in [0, 255], for all or for each.
     radius : float
@@ -61,7 +61,7 @@ def draw_lines(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         The image, as for `draw_points`.
     segments : array of shape (N, 4)
-        End points: row, column, row, column, pixels. What lies outside the image is cut off.
+        End points: row, column, row, column, pixels. Parts outside the image are cut off.
     color : array of shape (3,) or (N, 3)
         Red, green, blue in [0, 255], for all or for each.
     width : float
@@ -155,7 +155,7 @@ def draw_circles(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         The image, as for `draw_points`.
     circles : array of shape (N, 3)
-        Row and column of the centre, and radius >= 0, pixels. What lies outside is cut off.
+        Row and column of the centre, and radius >= 0, pixels. Parts outside are cut off.
     color : array of shape (3,) or (N, 3)
         Red, green, blue in [0, 255], for all or for each.
     width : float
@@ -193,7 +193,7 @@ def overlay_mask(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         The image, as for `draw_points`.
     mask : array of shape (H, W)
-        Bool, or numbers: not zero is on.
+        Bool, or numbers; set where it is not zero.
     color : (red, green, blue)
         In [0, 255].
     opacity : float

@@ -14,20 +14,20 @@ from cvkern.images._overlay import check_numbers
 
 
 def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarray:
-    """Read an image file, with the values that it holds.
+    """Read an image file without rescaling its values.
 
     Parameters
     ----------
     path : path
         A file that Pillow or tifffile reads: PNG, TIFF, JPEG, WebP, BMP, GIF and others, of at most
-        2^29 pixels. Where it holds several images, the first is read.
+        2^29 pixels. If it holds several images, the first is read.
     orient : bool
-        Turn and mirror the image as its EXIF orientation asks for.
+        Rotate and mirror the image as its EXIF orientation says.
 
     Returns
     -------
     array of shape (H, W) or (H, W, C) with C in 3, 4; uint8, uint16 or float32
-        Palettes are expanded, bits become 0 and 255, CMYK becomes RGB, a transparent colour
+        Palettes are expanded, 1-bit images become 0 and 255, CMYK becomes RGB, a transparent colour
         becomes an alpha channel, and grey with alpha becomes RGB with alpha (grey three times).
 
     Raises
@@ -35,7 +35,7 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
     FileNotFoundError
         If there is no file `path`.
     ValueError
-        If `path` is no image, is damaged, or holds a kind of pixel that is not supported.
+        If `path` is not an image, is damaged, or holds an unsupported kind of pixel.
     """
     orient = check_flag(orient, "orient")
     file = as_path(path)
@@ -45,14 +45,14 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
         raise ValueError(f"path must be a file, got {str(file)!r}")
     try:
         image, orientation = _formats.decode(file)
-    except Exception as error:  # readers raise dozens of types, SyntaxError among them
+    except Exception as error:  # readers raise many types, even SyntaxError
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"path must be a readable image, got {str(file)!r}: {reason}") from error
     return np.ascontiguousarray(_formats.turn(image, orientation) if orient else image)
 
 
 def write_image(path: str | os.PathLike[str], image: ArrayLike) -> None:
-    """Write an image file, whole or not at all, and without loss except as JPEG.
+    """Write an image file, whole or not at all; every format but JPEG is lossless.
 
     Parameters
     ----------

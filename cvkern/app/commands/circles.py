@@ -25,25 +25,25 @@ def circles(
         typer.Option(metavar="LOW HIGH", help="Smallest and largest radius, pixels."),
     ],
     sigma: Annotated[
-        float, typer.Option(help="Standard deviation of the Gaussian, pixels once reduced.")
+        float, typer.Option(help="Standard deviation of the Gaussian, reduced image's pixels.")
     ] = 2.0,
     low_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge goes on.", show_default="from the image"),
+        typer.Option(help="Gradient above which an edge continues.", show_default="from the image"),
     ] = None,
     high_threshold: Annotated[
         float | None,
         typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
     ] = None,
     polarity: Annotated[
-        str, typer.Option(help="Brighter than around, or not: any, bright or dark.")
+        str, typer.Option(help="Bright discs, dark discs, or any: any, bright or dark.")
     ] = "any",
     min_support: Annotated[
-        float, typer.Option(help="Share of the circle that must be seen, in (0, 1].")
+        float, typer.Option(help="Share of the circle that must be visible, in (0, 1].")
     ] = 0.5,
     min_distance: Annotated[
         float | None,
-        typer.Option(help="Least distance of centres, pixels.", show_default="LOW"),
+        typer.Option(help="Smallest distance between centres, pixels.", show_default="LOW"),
     ] = None,
     to_csv: Annotated[
         Path | None, typer.Option("--csv", help="CSV to write the circles to.")
@@ -57,7 +57,7 @@ def circles(
 ) -> None:
     """Find the circles in a photograph, and draw them over it.
 
-    A circle is the row and column of its centre, its radius, and the share of it that was seen.
+    A circle is given by the row and column of its centre, its radius, and its visible share.
     """
     from cvkern._files import replacing, write_text
     from cvkern.images.drawing import draw_circles
@@ -81,7 +81,7 @@ def circles(
             min_distance=min_distance,
         )
     table = np.column_stack(found)
-    with contextlib.ExitStack() as files:  # an error in one leaves none
+    with contextlib.ExitStack() as files:  # an error in one file removes all
         if to_csv:
             write_csv(files.enter_context(replacing(to_csv)), ",".join(NAMES), table)
         if to_json:

@@ -22,7 +22,7 @@ def edges(
     ] = SIGMA,
     low_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge goes on.", show_default=LOW),
+        typer.Option(help="Gradient above which an edge continues.", show_default=LOW),
     ] = None,
     high_threshold: Annotated[
         float | None,
@@ -35,13 +35,13 @@ def edges(
         str, typer.Option(help="Derivative: gaussian, sobel or scharr.")
     ] = "gaussian",
     suppression: Annotated[
-        str, typer.Option(help="Of all but maxima: interpolated, or by sectors as OpenCV's.")
+        str, typer.Option(help="How maxima are found: interpolated, or sectors as in OpenCV.")
     ] = "interpolated",
     norm: Annotated[str, typer.Option(help="Length of the gradient: l1 or l2.")] = "l2",
     mode: Annotated[
         str, typer.Option(help="Border: reflect, constant, nearest, mirror or wrap.")
     ] = "reflect",
-    cval: Annotated[float, typer.Option(help="Value beyond a constant border.")] = 0.0,
+    cval: Annotated[float, typer.Option(help="Value outside a constant border.")] = 0.0,
     overlay: Annotated[
         bool, typer.Option("--overlay", help="Draw the edges over the photograph.")
     ] = False,
@@ -55,8 +55,8 @@ def edges(
 ) -> None:
     """Find the edges of a photograph (Canny).
 
-    Thresholds are on Sobel's gradient, in the units of the file, and by default taken from the
-    image. Colour becomes grey, rounded to the dtype of the file.
+    Thresholds apply to Sobel's gradient, in the units of the file. By default they are taken from
+    the image. Colour is converted to grey, rounded to the dtype of the file.
     """
     from cvkern.edges.quantiles import from_data
     from cvkern.images.drawing import overlay_mask
@@ -94,7 +94,7 @@ def edges(
     if subpixel and points:
         from cvkern._files import replacing
 
-        # The image is written inside, so that an error in either leaves neither.
+        # Write the image inside, so that an error in one file leaves neither.
         with replacing(subpixel) as beside:
             table = (points.points, points.orientation, points.strength)
             write_csv(beside, "row,column,orientation,strength", *table)

@@ -1,10 +1,10 @@
 """The winner among the costs of a pixel, in Taichi.
 
-Let c be the least cost, at place k, and r the least cost more than one place away. The winner is
-unique unless r (100 - uniqueness) < 100 c, and its confidence is 1 - c / r. With a and b, the costs
-beside it less c, the disparity is first + k + (a - b) / (2 (a + b)) by a parabola, and first + k +
-(a - b) / (2 max(a, b)) by two lines of opposite slope (D. Scharstein and R. Szeliski, IJCV 47,
-2002).
+Let c be the smallest cost, at index k, and r the smallest cost more than one index away. The winner
+is unique unless r (100 - uniqueness) < 100 c, and its confidence is 1 - c / r. Let a and b be the
+two neighbouring costs minus c. A parabola gives the disparity first + k + (a - b) / (2 (a + b)),
+and two lines of opposite slope give first + k + (a - b) / (2 max(a, b)) (D. Scharstein and R.
+Szeliski, IJCV 47, 2002). One thread per pixel.
 """
 
 import numpy as np
@@ -101,7 +101,7 @@ def _pick(
 
 @primitive
 def pick(costs: np.ndarray, rule: Rule, winners: Winners) -> None:
-    """Take the smallest cost of each pixel; one thread per pixel."""
+    """Find the winner of each pixel; one thread per pixel."""
     _pick(costs, *rule, 0, *winners)
 
 
@@ -127,5 +127,5 @@ def _pick_right(
 
 @primitive
 def pick_right(costs: np.ndarray, first: int, index: np.ndarray) -> None:
-    """Take the smallest cost of each pixel of the right image; one thread per pixel."""
+    """Find the index of the smallest cost of each right pixel; one thread per pixel."""
     _pick_right(costs, first, index)

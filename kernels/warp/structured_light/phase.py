@@ -56,6 +56,27 @@ def accept(columns: wp.array, rows: wp.array, threshold: float, valid: wp.array)
     launch_each(_accept, valid.size, valid.size, [columns, rows, threshold], [valid])
 
 
+def pick(src: wp.array, step: int, dst: wp.array) -> None:
+    """Take every `step`-th pixel along both sides; one thread a pixel of the result."""
+    launch_each(_pick, dst.size, dst.size, [src, step], [dst])
+
+
+@wp.kernel
+def _pick(
+    stride: int,
+    first: int,
+    last: int,
+    src: wp.array2d[float],
+    step: int,
+    # outputs
+    dst: wp.array2d[float],
+):
+    for item in range(first + wp.tid(), last, stride):
+        i = item // dst.shape[1]
+        j = item - i * dst.shape[1]
+        dst[i, j] = src[step * i, step * j]
+
+
 @wp.kernel
 def _accept(
     stride: int,

@@ -1,8 +1,9 @@
 """The weighted median of disparities, guided by an image, in Taichi.
 
-Along the rows, and then of that down the columns. A pixel of the window weighs max(1, contrast -
-g), where g is the difference of the guide's values there and in the middle; the smallest value is
-taken that, with all smaller and equal ones, has at least half of the weight. One thread a pixel.
+The median runs along the rows, and then down the columns of the result. A pixel of the window has
+the weight max(1, contrast - g), where g is the difference of the guide's values there and in the
+middle. The median is the smallest value that, with all smaller and equal values, has at least half
+of the weight. One thread per pixel.
 """
 
 import numpy as np
@@ -66,10 +67,10 @@ def _median(
 def guided_median(
     disparity: np.ndarray, guide: np.ndarray, radius: int, contrast: int, smooth: np.ndarray
 ) -> None:
-    """Weighted median along the rows, then of that down the columns; one thread per pixel.
+    """Apply the weighted median along the rows, then down the columns; one thread per pixel.
 
-    A pixel that differs by g from the middle one in the guide weighs ``max(1, contrast - g)``. The
-    image is continued by its nearest pixel.
+    A pixel that differs by g from the middle one in the guide has the weight
+    ``max(1, contrast - g)``. Outside the image, the nearest pixel is repeated.
     """
     across = scratch(smooth.shape, np.float32)
     _median(disparity, guide, radius, contrast, 0, 1, across)
@@ -77,5 +78,5 @@ def guided_median(
 
 
 def max_radius() -> int:
-    """Return the largest radius that there is room for."""
+    """Return the largest radius that the kernels support."""
     return 15

@@ -44,6 +44,11 @@ void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::arra
                     }
                 }
                 p += width;
+                // The rows that the next pair reads first.
+                __builtin_prefetch(p + width);
+                __builtin_prefetch(p + 2 * width);
+                __builtin_prefetch(p + width + 16);
+                __builtin_prefetch(p + 2 * width + 16);
 #pragma unroll
                 for (int b = 0; b < TALL; ++b) {
                     __builtin_memcpy(&v, p + N * b, sizeof v);
