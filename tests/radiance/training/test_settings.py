@@ -41,12 +41,18 @@ def given(monkeypatch):
     ):  # fmt: skip
         module = importlib.import_module(f"cvkern.kernels.warp.radiance.{place}")
 
-        def noted(*arguments, call=getattr(module, name), calls=seen.setdefault(name, [])):
-            calls.append(arguments)
-            call(*arguments)
-
-        monkeypatch.setattr(module, name, noted)
+        monkeypatch.setattr(module, name, _noting(getattr(module, name), seen, name))
     return seen
+
+
+def _noting(call, seen, name):
+    seen[name] = []
+
+    def noted(*arguments):
+        seen[name].append(arguments)
+        call(*arguments)
+
+    return noted
 
 
 FIELD = replace(
