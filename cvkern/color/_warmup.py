@@ -17,6 +17,11 @@ from cvkern.color import (
     white_balance,
 )
 
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = (
+    "adaptation_matrix", "color_chart", "metamer", "standard_light", "standard_observer",
+)  # fmt: skip
+
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function that has own kernels."""

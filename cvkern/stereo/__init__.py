@@ -8,7 +8,7 @@ from cvkern.stereo.depth import (
     points_from_disparity,
     reprojection_matrix,
 )
-from cvkern.stereo.matching import StereoMatcher, StereoResult, stereo_match
+from cvkern.stereo.matching import DepthFrame, StereoMatcher, StereoResult, stereo_match
 from cvkern.stereo.paths import aggregate_semi_global
 from cvkern.stereo.reconstruction import PairReconstruction, reconstruct_pair
 from cvkern.stereo.refinement import (
@@ -20,6 +20,7 @@ from cvkern.stereo.refinement import (
 from cvkern.stereo.winners import Winner, winner_take_all
 
 __all__ = [
+    "DepthFrame",
     "PairReconstruction",
     "PointCloud",
     "StereoMatcher",

@@ -17,6 +17,9 @@ from cvkern.structured_light import (
     unwrap_phase,
 )
 
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = ("calibrate_projector", "fit_laser_plane", "triangulate_lines")
+
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function and every dtype that has own kernels."""

@@ -2,8 +2,8 @@
 
 Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
 parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
-after a pixel less the one at it, the maximum is at the offset ``(p - q) / (2 (p + q))``. There are two
-passes: the points of each row are counted, and then listed at the row's place.
+after a pixel less the one at it, the maximum is at the offset ``(p - q) / (2 (p + q))``. There are
+two passes: the points of each row are counted, and then listed at the row's place.
 """
 
 import warp as wp
