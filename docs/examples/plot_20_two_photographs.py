@@ -2,9 +2,10 @@
 Depth from two photographs
 ==========================
 
-`reconstruct_pair` takes two photographs of a scene from different places. It matches keypoints, finds
-how the camera moved, turns both pictures so that their rows meet, and matches every pixel. Here the
-second camera is turned as well. A keypoint gives one exact point; all pixels give a surface.
+`reconstruct_pair` takes two photographs of a scene from different places. It matches keypoints,
+finds how the camera moved, turns both pictures so that their rows meet, and matches every pixel.
+Here the second camera is turned as well. A keypoint gives one exact point; all pixels give a
+surface.
 """
 
 import matplotlib.pyplot as plt
