@@ -10,7 +10,7 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, progress_bar
-from cvkern.geometry.calibration import PARAMETERS
+from cvkern.geometry.cameras.calibration import PARAMETERS
 
 
 def calibrate(
