@@ -61,11 +61,15 @@ _NAMES = {
         "hough_line_segments", "hough_line_slope", "r_table", "suggest_line_bins",
     ),
     "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
-    "raw": ("demosaic", "mosaic"),
+    "raw": (
+        "Alignment", "align_exposures", "demosaic", "develop", "estimate_response",
+        "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
+    ),
     "shading": (
-        "LambertianGradient", "Mesh", "PhotometricStereo", "estimate_lights",
-        "integrate_normals", "lambertian", "lambertian_backward", "lights_from_sphere",
-        "mesh_from_depth", "normals_from_depth", "photometric_stereo",
+        "LambertianGradient", "Mesh", "PhotometricStereo", "ShapeFromShading",
+        "estimate_lights", "integrate_normals", "lambertian", "lambertian_backward",
+        "lights_from_sphere", "mesh_from_depth", "normals_from_depth", "photometric_stereo",
+        "shape_from_shading",
     ),
     "stereo": (
         "DepthFrame", "PairReconstruction", "PointCloud", "StereoMatcher", "StereoResult",

@@ -71,6 +71,7 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
     class raw:
+        from cvkern.kernels.warp.raw import exposures as exposures
         class demosaicing:
             from cvkern.kernels.warp.raw.demosaicing import linear as linear
             from cvkern.kernels.warp.raw.demosaicing import menon as menon
@@ -79,6 +80,7 @@ class Folder:
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry
+        from cvkern.kernels.warp.shading import recovery as recovery
         from cvkern.kernels.warp.shading import rendering as rendering
         class integration:
             from cvkern.kernels.warp.shading.integration import equations as equations

@@ -15,8 +15,10 @@ import cvkern
 from cvkern.app.commands import Backend, Device, progress_bar
 from cvkern.app.commands.calibrate import calibrate
 from cvkern.app.commands.circles import circles
+from cvkern.app.commands.develop import develop
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
+from cvkern.app.commands.hdr import hdr
 from cvkern.app.commands.lines import lines
 from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
@@ -83,6 +85,8 @@ app.command()(panorama)
 app.command()(calibrate)
 app.command()(stereo)
 app.command()(scan)
+app.command()(develop)
+app.command()(hdr)
 app.add_typer(nerf, name="nerf")
 
 

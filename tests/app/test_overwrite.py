@@ -7,7 +7,7 @@ COMMANDS = {
     "edges": ["edges", "photo.png", "-o", "out.png", "--subpixel", "kept.csv",
               "--operator", "gaussian"],
     "lines": ["lines", "photo.png", "-o", "out.png", "--csv", "kept.csv"],
-    "circles": ["circles", "photo.png", "-o", "out.png", "--json", "kept.csv"],
+    "circles": ["circles", "photo.png", "-o", "out.png", "--radius", "9", "20", "--json", "kept.csv"],
     "find": ["find", "photo.png", "photo2.png", "-o", "out.png", "--csv", "kept.csv"],
     "match": ["match", "photo.png", "photo2.png", "-o", "out.png", "--csv", "kept.csv"],
     "nerf train": ["nerf", "train", "shapes", "-o", "kept.npz"],
