@@ -60,11 +60,11 @@ _NAMES = {
         "hough_circle_peaks", "hough_ellipse", "hough_line", "hough_line_peaks",
         "hough_line_segments", "hough_line_slope", "r_table", "suggest_line_bins",
     ),
+    "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
     "raw": (
         "Alignment", "align_exposures", "demosaic", "develop", "estimate_response",
         "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
-    "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
-    "raw": ("demosaic", "mosaic"),
+    ),
     "shading": (
         "LambertianGradient", "Mesh", "PhotometricStereo", "estimate_lights",
         "integrate_normals", "lambertian", "lambertian_backward", "lights_from_sphere",
