@@ -79,6 +79,7 @@ class Folder:
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry
+        from cvkern.kernels.warp.shading import recovery as recovery
         from cvkern.kernels.warp.shading import rendering as rendering
         class integration:
             from cvkern.kernels.warp.shading.integration import equations as equations

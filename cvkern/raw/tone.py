@@ -11,8 +11,7 @@ from cvkern._runtime import runtime
 
 METHODS = ("reinhard", "reinhard_local", "bilateral")
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # weights of linear sRGB
-# Reinhard's numbers: how far scales may differ, phi, and how many scales there are.
-EDGE, SHARPNESS, SCALES = 0.05, 8.0, 8
+EDGE, SHARPNESS, SCALES = 0.05, 8.0, 8  # Reinhard's: difference of scales, phi, and their number
 RANGE = 0.4  # standard deviation in log10 of the bilateral filter
 
 

@@ -29,6 +29,7 @@ from cvkern.app.tour import (
     pair,
     panorama,
     radiance,
+    scanning,
     shapes,
     stereo,
 )
@@ -43,7 +44,7 @@ FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
-    panorama.chapter, stereo.chapter, pair.chapter, radiance.chapter,
+    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, radiance.chapter,
 )  # fmt: skip
 
 

@@ -1,10 +1,10 @@
 // needs INTERPOLATED SECTOR_ONE SECTOR_LOW SECTOR_HIGH
 // Write the states of the pixels of row y. A maximum along the gradient has state 1 above the first
 // limit and 2 above the second; all other pixels have 0. _thinning_cuda.py has the same rules for
-// one pixel. `lines` holds the values that neighbours are compared by: three rows, beginning at line
-// `first`, row r in line r mod 3, between margins of one. The letters are compass directions. All
-// neighbours are read, because a choice before reading would prevent vector code. The arrays are
-// views of vectors that start at each float.
+// one pixel. `lines` holds the values that neighbours are compared by: three rows, beginning at
+// line `first`, row r in line r mod 3, between margins of one. The letters are compass directions.
+// All neighbours are read, because a choice before reading would prevent vector code. The arrays
+// are views of vectors that start at each float.
 void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int dx_row, int margin,
               wp::array_t<Wide> lines, int first, int norm, wp::vec2f limits, bool framed,
               wp::array_t<wp::uint8> states) {

@@ -100,7 +100,7 @@ def both_down(
     first_line: int,
     at: int,
 ):
-    """Weigh the rows round row `y` by two kernels of one length: each row is read once for both."""
+    """Sum the rows around row `y` by two kernels of equal length; each row is read only once."""
     n = smooth.shape[0]
     first = y - n // 2
     a = f32_lanes(0.0)

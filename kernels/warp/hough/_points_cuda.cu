@@ -15,7 +15,8 @@ void count(wp::array_t<wp::uint8> mask, bool words, wp::array_t<int> starts) {
 
 // needs BLOCK
 // One block computes the prefix sum. Each thread adds its share of the rows; the sums of the shares
-// are added in doubling steps; then each thread knows the sum before its share, and writes its rows.
+// are added in doubling steps; then each thread knows the sum before its share, and writes its
+// rows.
 void add_up(wp::array_t<int> starts) {
     __shared__ int sums[BLOCK];
     const int t = threadIdx.x, length = starts.shape[0] - 1;

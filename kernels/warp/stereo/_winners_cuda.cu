@@ -1,7 +1,7 @@
 #include "_winner.h"
 
 // needs TYPE, MOST, LANES, VECTOR, BLOCK
-// LANES threads take a pixel, VECTOR costs at a time.
+// LANES threads take one pixel, VECTOR costs at a time.
 void pick(wp::array_t<TYPE> costs, WinnerRule rule, WinnerArrays winners) {
     const unsigned ALL = 0xffffffffu;
     const WIDE most = MOST;
@@ -38,7 +38,7 @@ void pick(wp::array_t<TYPE> costs, WinnerRule rule, WinnerArrays winners) {
             k = other_k;
         }
     }
-    if (k == depth) k = 0;  // all are infinite
+    if (k == depth) k = 0;  // all costs are infinite
     for (int d = lane * VECTOR; d < depth; d += LANES * VECTOR) {
         __align__(16) TYPE c[VECTOR];
         load(d, c);
@@ -62,8 +62,8 @@ void pick(wp::array_t<TYPE> costs, WinnerRule rule, WinnerArrays winners) {
 }
 
 // needs TYPE, MOST, BLOCK
-// A block takes a tile of BLOCK right pixels, in steps of 32 disparities: what a step needs lies in
-// as many more columns of the left image, and is loaded by rows into shared memory.
+// A block takes a tile of BLOCK right pixels, in steps of 32 disparities. A step needs the costs of
+// BLOCK + 32 columns of the left image, which are loaded row by row into shared memory.
 void pick_right(wp::array_t<TYPE> costs, int first, wp::array_t<int> index) {
     const int width = costs.shape[1], depth = costs.shape[2];
     const int tiles = (width + BLOCK - 1) / BLOCK;

@@ -36,8 +36,9 @@ void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::a
                 continue;
             }
             for (int side = 0; side < 2; ++side) {
-                // The offsets are sorted by direction. Those within the tolerance begin at the first
-                // offset that is not below `least`, and may continue past the end at the beginning.
+                // The offsets are sorted by direction. Those within the tolerance begin at the
+                // first offset that is not below `least`, and may continue past the end at the
+                // beginning.
                 const int least = (code + side * (DIRECTIONS / 2) - tolerance) & (DIRECTIONS - 1);
                 int low = begin, high = end;
                 while (low < high) {

@@ -1,5 +1,6 @@
 // The peaks of one row of votes, from left to right. A peak is above the limit. Within `down` rows
-// and `along` columns of its plane, it is at least every vote, and above every vote that precedes it.
+// and `along` columns of its plane, it is at least every vote, and above every vote that precedes
+// it.
 struct Peaks {
     const float* votes;  // the first vote of the row
     int y, height, width, down, along;

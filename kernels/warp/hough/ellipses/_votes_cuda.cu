@@ -33,8 +33,8 @@ void vote_pairs(int first, wp::array_t<float> points, Bounds bounds, int bins,
             atomicAdd(histogram + (int)(wp::sqrt(square) * bounds.per_bin + 0.5f), 1);
     }
     __syncthreads();
-    // Find the bin with most votes, the smallest of equal ones: the largest key of votes in the high
-    // bits, and the bin counted from the end in the low bits.
+    // Find the bin with most votes, the smallest of equal ones: the largest key of votes in the
+    // high bits, and the bin counted from the end in the low bits.
     long long best = 0;
     for (int b = threadIdx.x; b < bins; b += BLOCK) {
         const long long here = (long long)histogram[b] << 32 | (MAX_BINS - b);

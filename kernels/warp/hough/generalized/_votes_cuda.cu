@@ -1,9 +1,9 @@
 // needs BLOCK WORDS DIRECTIONS TURNED_BITS SCALED_BITS TILE PEAKS
-// A block has a slice, or a rectangle of it, of `deep` by `wide` cells, which are multiples of TILE.
-// A word of shared memory holds two cells. One more row and column are counted, because the sums of
-// the last cells need them; another column makes each row begin with a word. A warp takes 32
-// entries, one per lane, and finds their windows. It goes through the windows one by one, one lane
-// per point. Then it takes tiles, one lane per word of two cells, or writes all votes.
+// A block has a slice, or a rectangle of it, of `deep` by `wide` cells, which are multiples of
+// TILE. A word of shared memory holds two cells. One more row and column are counted, because the
+// sums of the last cells need them; another column makes each row begin with a word. A warp takes
+// 32 entries, one per lane, and finds their windows. It goes through the windows one by one, one
+// lane per point. Then it takes tiles, one lane per word of two cells, or writes all votes.
 void search(Ballot ballot, int deep, int wide, wp::array_t<int> found) {
     __shared__ unsigned int cell[WORDS];
     const int height = ballot.height, width = ballot.width, shift = ballot.shift;

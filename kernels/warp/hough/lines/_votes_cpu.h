@@ -1,7 +1,8 @@
 // needs ANGLES GROUP POINTS WEIGHTED
-// The rows of a slab are groups of ANGLES angles. Vector code computes the bins of POINTS points for
-// ANGLES angles at a time, because successive votes of one angle often fall into the same bin and
-// would wait for each other. Histograms of GROUP angles are written together, one cache line per bin.
+// The rows of a slab are groups of ANGLES angles. Vector code computes the bins of POINTS points
+// for ANGLES angles at a time, because successive votes of one angle often fall into the same bin
+// and would wait for each other. Histograms of GROUP angles are written together, one cache line
+// per bin.
 void vote(int slab, int first, int last, wp::array_t<int> points, wp::array_t<int> starts,
           wp::array_t<int> cosine, wp::array_t<int> sine, wp::array_t<wp::int64> offset, int shift,
           wp::array_t<int> weights, wp::array_t<int> lines, wp::array_t<int> votes) {

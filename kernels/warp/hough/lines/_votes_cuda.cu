@@ -1,6 +1,6 @@
 // needs SIZE WEIGHTED
-// A block has one angle, a share of the points, and SIZE bins, beginning at `low`, in shared memory.
-// A thread takes four points at a time; a load of 16 bytes brings two of them.
+// A block has one angle, a share of the points, and SIZE bins, beginning at `low`, in shared
+// memory. A thread takes four points at a time; a load of 16 bytes brings two of them.
 void vote(wp::array_t<int> points, wp::array_t<int> starts, wp::array_t<int> cosine,
           wp::array_t<int> sine, wp::array_t<wp::int64> offset, int shift, int parts,
           wp::array_t<int> weights, wp::array_t<int> shares) {
