@@ -19,6 +19,7 @@ from cvkern.app.commands.find import find
 from cvkern.app.commands.lines import lines
 from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
+from cvkern.app.commands.relief import relief
 from cvkern.app.commands.stereo import stereo
 
 app = typer.Typer(
@@ -75,6 +76,7 @@ app.command()(circles)
 app.command()(find)
 app.command()(match)
 app.command()(stereo)
+app.command()(relief)
 app.add_typer(nerf, name="nerf")
 
 
