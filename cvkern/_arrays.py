@@ -1,6 +1,7 @@
-"""What cvkern asks of the array libraries of its callers, one class each.
+"""The array libraries of callers, one class each.
 
-A library is known by the module of its arrays' type, and imported only when such an array comes.
+A library is recognised by the module of an array's type, and imported only when cvkern gets such an
+array.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ CUDA, CUDA_MANAGED = 2, 13  # device types of DLPack
 
 
 class Order(Enum):
-    """How kernels on a GPU come after the work that fills an array of a library."""
+    """How kernels on a GPU wait for the work that fills an array of a library."""
 
     STREAM = "kernels are launched on the library's current stream"
     DLPACK = "the array is handed over by DLPack, which makes the kernels' stream wait"
 
 
 class Library(ABC):
-    """An array library: where its arrays lie, and the few things that are done with them.
+    """An array library: the place of its arrays, and the few operations that cvkern needs.
 
-    The methods with a body are written for libraries with NumPy's names in `module`.
+    The methods with a body suit libraries whose `module` has NumPy's names.
     """
 
     writable = True  # whether kernels may fill its arrays
@@ -42,11 +43,11 @@ class Library(ABC):
 
     @abstractmethod
     def memory(self, array: Any, device: str) -> tuple[int, Any]:
-        """Return the address of a contiguous array on `device`, and what keeps that valid."""
+        """Return the address of a contiguous array on `device`, and the object that owns it."""
 
     @abstractmethod
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
-        """Return `array` in C order, native byte order and `dtype`: itself, if it is so already."""
+        """Return `array` in C order, native byte order and `dtype`, without a copy if it can."""
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate an uninitialised array on `device`; on the host if it is not `writable`."""
@@ -61,7 +62,7 @@ class Library(ABC):
         return array
 
     def finish(self, array: Any) -> Any:
-        """Make the library's own array of one that a kernel set filled."""
+        """Convert an array that a kernel set filled into the library's own."""
         return array
 
     def fill(self, out: Any, values: Any) -> None:
@@ -77,11 +78,11 @@ class Library(ABC):
         return array.swapaxes(1, 2)
 
     def last(self, array: Any, axis: int) -> Any:
-        """Move an axis behind the others."""
+        """Move an axis to the end."""
         return self.module.moveaxis(array, axis, -1)
 
     def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
-        """Return the sorted distinct values of `array` and `extra`, and where each stands."""
+        """Return the sorted distinct values of `array` and `extra`, and the index of each."""
         flat = array.reshape(-1)
         last = self.module.full_like(flat[:1], extra)
         values, ranks = self.module.unique(
@@ -91,7 +92,7 @@ class Library(ABC):
 
 
 class NumPy(Library):
-    """NumPy, and whatever NumPy can read: lists, pictures, CPU arrays of unknown libraries."""
+    """NumPy, and everything NumPy can read: lists, pictures, CPU arrays of unknown libraries."""
 
     module = np
 
@@ -100,7 +101,7 @@ class NumPy(Library):
         return "cpu"
 
     def memory(self, array: Any, device: str) -> tuple[int, Any]:
-        """Read the address off NumPy's interface."""
+        """Read the address from NumPy's interface."""
         return array.__array_interface__["data"][0], array
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
@@ -135,7 +136,7 @@ class Torch(Library):
         return str(array.device)
 
     def memory(self, array: Any, device: str) -> tuple[int, Any]:
-        """Ask the tensor, which is faster than its interface."""
+        """Ask the tensor for its pointer, which is faster than its interface."""
         if array.is_cuda == (device == "cpu"):
             _refuse_places(device, str(array.device))
         return array.data_ptr(), array
@@ -206,7 +207,7 @@ class Warp(Library):
         self.module = importlib.import_module("warp")
 
     def dtype(self, array: Any) -> np.dtype:
-        """Return the dtype of scalar arrays; vectors and matrices are no images."""
+        """Return the dtype of an array of scalars; refuse vectors and matrices."""
         if self.module.types.type_is_vector(array.dtype) or self.module.types.type_is_matrix(
             array.dtype
         ):
@@ -253,7 +254,7 @@ class Warp(Library):
         return array.transpose((0, 2, 1))
 
     def last(self, array: Any, axis: int) -> Any:
-        """Move an axis behind the others."""
+        """Move an axis to the end."""
         return array.transpose((*(i for i in range(array.ndim) if i != axis), axis))
 
     def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
@@ -265,7 +266,7 @@ class Warp(Library):
 
 
 class Jax(Library):
-    """JAX arrays: immutable, so that results are made elsewhere and handed over by DLPack."""
+    """JAX arrays. They are immutable, so results are allocated elsewhere and passed by DLPack."""
 
     writable = False
     order = Order.DLPACK
@@ -278,7 +279,7 @@ class Jax(Library):
         return _dlpack_device(array)
 
     def memory(self, array: Any, device: str) -> tuple[int, Any]:
-        """View an array of the host as NumPy's; DLPack brings those of a GPU."""
+        """View an array of the host with NumPy, and an array of a GPU through DLPack."""
         if self.device(array) != "cpu":
             _refuse_places(device, self.device(array))
         host = np.asarray(array)
@@ -289,34 +290,34 @@ class Jax(Library):
         return array.astype(dtype)
 
     def finish(self, array: Any) -> Any:
-        """Hand the memory over, without a copy where JAX takes it."""
+        """Pass the memory to JAX, without a copy where JAX accepts it."""
         return self.module.from_dlpack(array)
 
 
 class Other(Library):
     """CUDA arrays of any other library that has ``__cuda_array_interface__``.
 
-    Their results are Warp arrays, which speak that and DLPack.
+    Their results are Warp arrays, which support this interface and DLPack.
     """
 
     writable = False
 
     def dtype(self, array: Any) -> np.dtype:
-        """Read the dtype off the interface."""
+        """Read the dtype from the interface."""
         return np.dtype(array.__cuda_array_interface__["typestr"])
 
     def device(self, array: Any) -> str:
-        """Return ``"cuda:N"``; the interface alone does not say which GPU, so the first."""
+        """Return ``"cuda:N"``, or the first GPU if the interface does not name one."""
         return _dlpack_device(array) if hasattr(array, "__dlpack_device__") else "cuda:0"
 
     def memory(self, array: Any, device: str) -> tuple[int, Any]:
-        """Read the address off the interface."""
+        """Read the address from the interface."""
         if device == "cpu":
             _refuse_places(device, self.device(array))
         return int(array.__cuda_array_interface__["data"][0] or 0), array
 
     def contiguous(self, array: Any, dtype: np.dtype) -> Any:
-        """Refuse what only the library itself could convert."""
+        """Refuse an array that only its own library could convert."""
         interface = array.__cuda_array_interface__
         if np.dtype(interface["typestr"]) != dtype or interface.get("strides") is not None:
             raise TypeError(
@@ -326,7 +327,7 @@ class Other(Library):
         return array
 
     def last(self, array: Any, axis: int) -> Any:
-        """Refuse what only the library itself could do."""
+        """Refuse to move an axis, which only the array's own library could do."""
         raise TypeError(f"channel_axis must be the last one for {type(array).__module__} arrays")
 
 
@@ -342,7 +343,7 @@ def library(array: Any, name: str = "arrays") -> Library:
     Raises
     ------
     TypeError
-        If it is a masked array, or stands for values that are not there yet.
+        If it is a masked array, or a placeholder without values (as inside ``jax.jit``).
     """
     kind = type(array)
     if kind is np.ndarray:
@@ -353,7 +354,7 @@ def library(array: Any, name: str = "arrays") -> Library:
 def _find(array: Any, kind: type, name: str) -> Library:
     if isinstance(array, np.ma.MaskedArray):
         raise TypeError(f"{name} must not be masked, got {kind.__name__}: pass array.filled(value)")
-    for base in kind.__mro__:  # a subclass may be of any module
+    for base in kind.__mro__:  # a subclass may come from any module
         module = base.__module__.partition(".")[0]
         if module not in _CLASSES:
             continue

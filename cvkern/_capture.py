@@ -1,4 +1,4 @@
-"""Repeated calls on the same arrays, with the work of Python done once."""
+"""Repeated calls on the same arrays, without repeating the work in Python."""
 
 from __future__ import annotations
 
@@ -10,33 +10,34 @@ from cvkern._tape import taped
 
 
 def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callable[[], Any]:
-    """Record a call, to repeat it on whatever its arrays hold by then.
+    """Record a call, and repeat it later on the new contents of its arrays.
 
-    The call is made once. What comes back repeats it: on CUDA with Warp as one graph launch, else
-    as the same kernels again, into the same memory.
+    The call is made once. The function that is returned repeats it: with Warp on CUDA by one graph
+    launch, otherwise by the same kernels again. Results go into the same memory.
 
     Parameters
     ----------
     function : callable
-        A function of cvkern, or one that calls several. It must be kernels alone: not
-        :func:`subpixel_edges` or :func:`median`, which look at values or convert dtypes outside
-        of kernels.
+        A function of cvkern, or one that calls several of them. All of its work must be done by
+        kernels. This excludes :func:`subpixel_edges` and :func:`median`, which read values or
+        convert dtypes outside of kernels.
     *args, **options
-        Its arguments. Arrays are read again at each repetition, where they are: fill them in
-        place. On a GPU they must be contiguous, of the dtype that `function` computes in, and of
-        a library that can write to its arrays (so not JAX, nor NumPy sent there by :class:`use`).
+        Its arguments. Each repetition reads the same arrays again, so fill them in place. On a GPU
+        they must be contiguous, of the dtype that `function` computes in, and of a library whose
+        arrays can be written to. This excludes JAX, and NumPy arrays that :class:`use` sends to a
+        GPU.
 
     Returns
     -------
     callable
-        Takes no arguments and returns what `function` returned: the same arrays each time, newly
-        filled; on a GPU they are filled on the caller's current stream. Not for two threads at
-        once.
+        Takes no arguments and returns the results of `function`: the same arrays each time, newly
+        filled. On a GPU they are filled on the caller's current stream. Two threads must not call
+        it at once.
 
     Raises
     ------
     ValueError
-        If the function or its arrays are none of those above.
+        If the function or its arrays are not as described above.
 
     Examples
     --------
@@ -66,7 +67,7 @@ def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callabl
 
     def replay() -> Any:
         with choice():
-            runtime(*arrays)  # the caller's stream, as it is now
+            runtime(*arrays)  # select the caller's current stream
         repeat()
         return result
 

@@ -1,4 +1,4 @@
-"""Argument checks shared by every public function: one rule, one sentence, one place."""
+"""Argument checks for all public functions: each rule and its message stand here once."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from cvkern import _arrays
 
 E = TypeVar("E", bound=IntEnum)
 
-# Kernels index bytes with 32 bits: 2^29 elements of four bytes.
+# Kernels index bytes with 32 bits, so an array has at most 2^29 elements of four bytes.
 MAX_ELEMENTS = 2**29
-MAX_SIDE = 2**16  # pixels along one side of what votes
+MAX_SIDE = 2**16  # pixels along one side of an image whose points vote
 MAX_DISPARITIES = 2**15
-_FLOAT32_MAX = float(np.finfo(np.float32).max)
+FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def check_image(
     image: Any, *, ndim: tuple[int, ...] = (2,), name: str = "image", most: int = MAX_ELEMENTS
 ) -> Any:
-    """Return `image` as an array of real values with one of the ranks, and no empty axis."""
+    """Return `image` as an array of real values; check its rank, and that no axis is empty."""
     library = _arrays.library(image, name)
-    image = _as_array(image, library, name)
+    image = as_array(image, name)
     dtype = library.dtype(image)
     if dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {dtype}")
@@ -44,50 +44,55 @@ def check_image(
     return image
 
 
-def _as_array(values: Any, library: _arrays.Library, name: str) -> Any:
-    """Return what NumPy makes of lists, buffers and data frames, and arrays as they are."""
-    if library is not _arrays.NUMPY or type(values) is np.ndarray:
+def as_array(values: Any, name: str) -> Any:
+    """Convert lists, buffers and data frames by NumPy; return arrays unchanged."""
+    if _arrays.library(values, name) is not _arrays.NUMPY or type(values) is np.ndarray:
         return values
     try:
         return np.asarray(values)
     except ValueError as error:
         raise ValueError(f"{name} must be rectangular, got rows that differ: {error}") from None
-    except Exception as error:  # whatever another library says of being asked for its values
+    except Exception as error:  # another library may raise anything when asked for its values
         got = f"{type(values).__name__}: {error}"
         raise TypeError(f"{name} must be an array that NumPy can read, got {got}") from None
 
 
 def as_numbers(values: Any, name: str, dtype: Any = np.float64) -> np.ndarray:
-    """Return a host array of `dtype` of what can be that."""
+    """Convert `values` to a host array of `dtype`, or refuse them."""
     try:
         if np.isrealobj(values := np.asarray(values)):
             with np.errstate(over="ignore"):
                 return values.astype(dtype)
-    except Exception:  # whatever another library says of being asked for its values
+    except Exception:  # another library may raise anything when asked for its values
         pass
     raise TypeError(f"{name} must be real numbers, got {_brief(values)}")
 
 
 def _brief(value: Any) -> str:
-    """Return at most a line of what was given."""
+    """Return a value as text of at most 80 characters, for a message."""
     said = " ".join(repr(value).split())
     return said if len(said) <= 80 else f"{said[:77]}..."
 
 
-def check_sides(shape: Any, name: str) -> tuple[int, int]:
-    """Return height and width, each at most what voting kernels count with."""
+def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
+    """Return the items of a sequence; `rule` says what they should be."""
     try:
-        given = tuple(shape)
-    except TypeError:
-        raise TypeError(f"{name} must be a height and a width, got {shape!r}") from None
-    sides = tuple(check_integer(n, name, 1, MAX_SIDE) for n in given)
+        return tuple(values)
+    except Exception:  # whatever another library says of being asked for its values
+        raise TypeError(f"{name} must be {rule}, got {_brief(values)}") from None
+
+
+def check_sides(shape: Any, name: str, least: int = 1) -> tuple[int, int]:
+    """Return height and width, each small enough for the voting kernels."""
+    given = as_items(shape, name, "a height and a width")
+    sides = tuple(check_integer(n, name, least, MAX_SIDE) for n in given)
     if len(sides) != 2:
         raise ValueError(f"{name} must be a height and a width, got {len(sides)} numbers")
     return sides
 
 
 def check_accumulator(shape: tuple[int, ...], name: str) -> None:
-    """Refuse an accumulator of int32 votes with more elements than kernels index."""
+    """Refuse an accumulator of int32 votes with more elements than kernels can index."""
     size = math.prod(shape)
     if size > MAX_ELEMENTS:
         raise ValueError(
@@ -104,10 +109,10 @@ def check_dtype(array: Any, dtype: Any, name: str) -> None:
 
 
 def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
-    """Return `values` as an array of `shape`, of the mask or of the points, or None as it is."""
+    """Return `values` as an array of `shape`, that of the mask or the points; None stays None."""
     if values is None:
         return None
-    values = _as_array(values, _arrays.library(values, name), name)
+    values = as_array(values, name)
     if tuple(values.shape) != tuple(shape):
         raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
     return check_image(values, ndim=(1, 2), name=name) if len(values) else values
@@ -147,9 +152,9 @@ def check_choice(value: str, choices: Sequence[str], name: str) -> str:
 
 
 def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
-    """Return `value` as a float of at least `low`, finite in float32 unless told otherwise."""
+    """Return `value` as a float of at least `low`, by default finite in float32."""
     number = value if type(value) is float else _as_float(value, name)
-    if math.isnan(number) or number < low or (finite and abs(number) > _FLOAT32_MAX):
+    if math.isnan(number) or number < low or (finite and abs(number) > FLOAT32_MAX):
         rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
         raise ValueError(f"{name} must be {rule}, got {_shown(value)}")
     return number
@@ -167,7 +172,7 @@ def _as_float(value: Any, name: str) -> float:
     try:
         if not isinstance(value, (str, bytes)) and np.ndim(value) == 0 and np.isrealobj(value):
             return float(value)
-    except OverflowError:  # an integer of Python
+    except OverflowError:  # a Python integer too large for a float
         return math.inf if value > 0 else -math.inf  # pyright: ignore[reportOperatorIssue]
     except (TypeError, ValueError):
         pass
@@ -175,7 +180,7 @@ def _as_float(value: Any, name: str) -> float:
 
 
 def _shown(value: Any) -> str:
-    """Return a number for a message; an integer of Python may have thousands of digits."""
+    """Return a number as text for a message; a Python integer may have thousands of digits."""
     if isinstance(value, int) and abs(value) >= 10**40:
         return f"an integer of {value.bit_length()} bits"
     return str(value)
@@ -184,7 +189,7 @@ def _shown(value: Any) -> str:
 def check_integer(value: Any, name: str, low: int, high: int) -> int:
     """Return `value` as an int in [low, high]."""
     try:
-        number = operator.index(value)
+        number = int(operator.index(value))  # True is 1
     except TypeError:
         raise TypeError(f"{name} must be an integer, got {value!r}") from None
     if not low <= number <= high:
@@ -192,35 +197,41 @@ def check_integer(value: Any, name: str, low: int, high: int) -> int:
     return number
 
 
+def check_instance(value: Any, kind: type, name: str) -> None:
+    """Refuse what is no instance of a class."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
+
+
 def check_flag(value: Any, name: str) -> bool:
-    """Return `value` as a bool, if it is True or False, as Python or NumPy have them."""
+    """Return `value` as a bool if it is True or False of Python or NumPy; refuse others."""
     if isinstance(value, (bool, np.bool_)) or (isinstance(value, int) and value in (0, 1)):
         return bool(value)
     raise TypeError(f"{name} must be True or False, got {value!r}")
 
 
 def check_pair(value: Any, name: str) -> tuple[Any, Any]:
-    """Return `value` twice, or the two values that it is: down the rows, along the columns."""
+    """Return a pair, for the rows and the columns: one value twice, or the two values given."""
     if isinstance(value, (int, float)):
         return value, value
     try:
         if np.ndim(value) == 0:
             return value, value
-    except ValueError:  # two that differ in shape
+    except ValueError:  # two arrays of different shapes
         pass
-    values = tuple(value)
+    values = as_items(value, name, "one number or two")
     if len(values) != 2:
         raise ValueError(f"{name} must be one number or two, got {len(values)}")
     return values[0], values[1]
 
 
 def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
-    """Return the first disparity and the one behind the last, for images of `width` columns."""
+    """Return the first disparity and the one after the last, for images of `width` columns."""
     try:
         first, stop = (operator.index(d) for d in disparities)
     except (TypeError, ValueError):
         raise TypeError(
-            f"disparities must be two integers, the first and the one behind the last, "
+            f"disparities must be two integers, the first and the one after the last, "
             f"got {disparities!r}"
         ) from None
     if first >= stop:
@@ -237,11 +248,11 @@ def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
 
 
 def check_out(out: Any, image: Any, dtype: Any) -> None:
-    """Refuse an `out` that is not an array like `image`, of `dtype`, and apart from it."""
+    """Refuse `out` unless it is an array like `image`, of `dtype`, in other memory."""
     if out is None:
         return
     library = _arrays.library(out)
-    if library is not _arrays.library(image) or isinstance(out, (list, tuple)):
+    if library is not _arrays.library(image) or not hasattr(out, "shape"):
         raise TypeError(f"out must be an array like the image, got {type(out).__name__}")
     if not library.writable:
         raise TypeError(f"out must be an array that can be written to, got {type(out).__name__}")
@@ -262,7 +273,7 @@ def check_out(out: Any, image: Any, dtype: Any) -> None:
 def _share_memory(out: Any, image: Any, device: str) -> bool:
     if device == "cpu":
         return np.may_share_memory(np.asarray(out), np.asarray(image))
-    # On a GPU: one begins within the other. An image that is not contiguous is copied first.
+    # On a GPU, test whether one begins within the other. A strided image is copied first.
     begins = [_arrays.library(a).memory(a, device)[0] for a in (out, image)]
     sizes = [math.prod(a.shape) * _arrays.library(a).dtype(a).itemsize for a in (out, image)]
     return begins[0] < begins[1] + sizes[1] and begins[1] < begins[0] + sizes[0]

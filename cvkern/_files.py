@@ -7,10 +7,11 @@ import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:
-    """Return the file that `path` leads to if one can be written there: ask before long work.
+    """Return the file that `path` leads to if it can be written; call this before long work.
 
     Raises
     ------
@@ -21,7 +22,7 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     ValueError
         If `path` exists and is not a regular file.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(as_path(path)))
     if not target.parent.is_dir():
         raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
     if target.exists() and not target.is_file():
@@ -31,12 +32,21 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     return target
 
 
+def as_path(path: Any, name: str = "path") -> Path:
+    """Return `path` as one."""
+    try:
+        return Path(path)
+    except TypeError:
+        got = type(path).__name__
+        raise TypeError(f"{name} must be a string or a path, got {got}") from None
+
+
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside `path`, and move what was written there over `path`.
 
     The temporary name keeps the suffix of `path`, because writers read the format from it. When
-    the block raises, the temporary file goes and `path` stays what it was.
+    the block raises, the temporary file is deleted and `path` keeps its contents.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""The kernels of a set, found by their place: ``kernels.stereo.winners.pick``.
+"""Access to the kernels of a set by folder and file name: ``kernels.stereo.winners.pick``.
 
-`_kernels.pyi` shows type checkers the same tree.
+`_kernels.pyi` describes the same tree for type checkers.
 """
 
 from __future__ import annotations

@@ -3,6 +3,10 @@ class Folder:
     def __init__(self, package: str) -> None: ...
     class clouds:
         from cvkern.kernels.warp.clouds import turntables as turntables
+    class color:
+        from cvkern.kernels.warp.color import differences as differences
+        from cvkern.kernels.warp.color import spaces as spaces
+        from cvkern.kernels.warp.color import spectra as spectra
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import quantiles as quantiles
@@ -21,7 +25,9 @@ class Folder:
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
     class geometry:
+        from cvkern.kernels.warp.geometry import chessboards as chessboards
         from cvkern.kernels.warp.geometry import robust as robust
+        from cvkern.kernels.warp.geometry import undistortion as undistortion
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:
@@ -36,6 +42,10 @@ class Folder:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
+    class panorama:
+        from cvkern.kernels.warp.panorama import blending as blending
+        from cvkern.kernels.warp.panorama import seams as seams
+        from cvkern.kernels.warp.panorama import warping as warping
     class radiance:
         from cvkern.kernels.warp.radiance import compositing as compositing
         from cvkern.kernels.warp.radiance import encodings as encodings
@@ -59,6 +69,13 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
+    class raw:
+        from cvkern.kernels.warp.raw import exposures as exposures
+        class demosaicing:
+            from cvkern.kernels.warp.raw.demosaicing import linear as linear
+            from cvkern.kernels.warp.raw.demosaicing import menon as menon
+            from cvkern.kernels.warp.raw.demosaicing import planes as planes
+            from cvkern.kernels.warp.raw.demosaicing import residual as residual
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry
@@ -88,6 +105,7 @@ class Folder:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
         from cvkern.kernels.warp.structured_light import laser as laser
         from cvkern.kernels.warp.structured_light import phase as phase
+        from cvkern.kernels.warp.structured_light import triangulation as triangulation
     class transform:
         from cvkern.kernels.warp.transform import projective as projective
         from cvkern.kernels.warp.transform import pyramids as pyramids

@@ -1,4 +1,4 @@
-"""Which kernel set runs a call, on which device, and how arrays cross into it and back.
+"""The choice of kernel set and device for a call, and the way of arrays to kernels and back.
 
 This is the only module that knows there is more than one kernel framework.
 """
@@ -24,7 +24,7 @@ from cvkern._kernels import Folder
 from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
 KERNEL_SETS = ("warp", "taichi")
-# The module that each set is written in, and the package that brings it.
+# The framework that each set is written in, and the package that installs it.
 PACKAGES = {"warp": ("warp", "warp-lang"), "taichi": ("taichi", "taichi")}
 _MAX_CONSTANTS = 256
 
@@ -32,24 +32,24 @@ _chosen: ContextVar[tuple[str, str] | None] = ContextVar("cvkern", default=None)
 
 
 class use:
-    """Choose the kernel set, and the device of NumPy work, for the calls that follow.
+    """Choose the kernel set, and the device for NumPy arrays, for the calls that follow.
 
-    A statement holds until the next one in this thread (or asyncio task), ``with`` for its block.
-    The environment variables ``CVKERN_BACKEND`` and ``CVKERN_DEVICE``, as they are at the first
-    call, set the defaults.
+    As a statement it holds until the next one in this thread (or asyncio task); in a ``with``
+    statement it holds for the block. The environment variables ``CVKERN_BACKEND`` and
+    ``CVKERN_DEVICE`` set the defaults; they are read at the first call.
 
     Parameters
     ----------
     backend : {'warp', 'taichi'}, optional
         The kernel set; unchanged when omitted.
     device : str, optional
-        ``"cpu"``, ``"cuda"`` or ``"cuda:N"``: where NumPy arrays are computed. Arrays that live
-        on a GPU are computed there in any case. Unchanged when omitted.
+        ``"cpu"``, ``"cuda"`` or ``"cuda:N"``: the device that computes calls on NumPy arrays.
+        Calls on arrays of a GPU always run on that GPU. Unchanged when omitted.
 
     Raises
     ------
     ValueError
-        If either is unknown, or the device is not there (see :func:`devices`).
+        If either is unknown, or the device does not exist here (see :func:`devices`).
     ImportError
         If the kernel set is not installed.
 
@@ -131,7 +131,7 @@ def _kernel_set(backend: str) -> Any:
 
 
 def devices(backend: str | None = None) -> tuple[str, ...]:
-    """Return the devices that a kernel set can compute on here.
+    """Return the devices of this machine that a kernel set can use.
 
     Parameters
     ----------
@@ -141,8 +141,8 @@ def devices(backend: str | None = None) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        ``"cpu"``, then ``"cuda:N"`` for each GPU: what :class:`use` takes. Taichi drives the
-        first GPU alone.
+        ``"cpu"``, then ``"cuda:N"`` for each GPU, as :class:`use` takes them. Taichi drives only
+        the first GPU.
 
     Raises
     ------
@@ -162,18 +162,19 @@ def devices(backend: str | None = None) -> tuple[str, ...]:
 
 
 def release_memory() -> None:
-    """Give back the memory that cvkern keeps for later calls.
+    """Free the memory that cvkern keeps for later calls.
 
-    Each thread keeps the scratch memory of its calls, so that the next one need not get it anew:
+    Each thread keeps the scratch memory of its calls, so that the next call need not allocate it:
     on the host at most ``CVKERN_SCRATCH_MB`` mebibytes in all threads together, by default 1024.
-    This gives back all of it on the host, what this thread has on GPUs, and the locked pages that
-    results came in. Other threads give theirs on GPUs back with the next call that needs it.
-    Calls that are at work elsewhere are not disturbed; what :func:`capture` holds stays.
+    This function frees all scratch memory on the host, the scratch memory of this thread on GPUs,
+    and the pinned host memory for results. Other threads free theirs on GPUs at their next call
+    that uses scratch memory. Running calls of other threads are not disturbed. The memory of a
+    captured call (:func:`capture`) stays.
 
     Raises
     ------
     ValueError
-        Within a call that :func:`capture` records.
+        If called while :func:`capture` records.
 
     Examples
     --------
@@ -204,14 +205,14 @@ class Runtime(Folder):
         self._own_results = device != "cpu" and self._allocates is NUMPY
 
     def start(self) -> None:
-        """Ready the kernel set for this thread, on the caller's stream."""
+        """Prepare the kernel set for this thread, on the caller's stream."""
         device = self.device
         self._set.start(device, None if device == "cpu" else self.library.stream(device))
 
     def adopt(self, array: Any, dtype: Any = np.float32, shape: Any = None) -> Any:
-        """View `array` for kernels, contiguous, of `dtype` and `shape`; a copy only where it must.
+        """View `array` for kernels: contiguous, of `dtype` and `shape`, copied only if necessary.
 
-        The view of an input is for reading only: it may be the caller's own memory.
+        Kernels must only read the view of an input: it may be the caller's own memory.
         """
         dtype, library, device = np.dtype(dtype), _arrays.library(array), self.device
         ready = library.contiguous(array, dtype)
@@ -228,7 +229,7 @@ class Runtime(Folder):
         return self._set.view(*library.memory(ready, device), dtype, shape, device)
 
     def constant(self, array: np.ndarray) -> Any:
-        """View a small host array that never changes, moved to the device once."""
+        """View a small host array that never changes; it is copied to the device once."""
         key = (array.dtype.char, array.shape, array.tobytes())
         if key not in self._constants:
             if len(self._constants) >= _MAX_CONSTANTS:
@@ -237,9 +238,9 @@ class Runtime(Folder):
         return keep_constant(self._constants[key])
 
     def empty(self, shape: tuple[int, ...], dtype: Any = np.float32, out: Any = None) -> Any:
-        """Allocate a result, in the caller's library where that can be written to.
+        """Allocate a result, in the caller's library if kernels can write to its arrays.
 
-        It is `out` itself where kernels reach that: not NumPy's memory from a GPU.
+        The result is `out` itself if kernels can reach it; a GPU cannot reach NumPy's memory.
         """
         if out is not None and (self.library is not NUMPY or self.device == "cpu"):
             return out
@@ -264,9 +265,9 @@ class Runtime(Folder):
         return self._set.scratch(name, shape, np.dtype(dtype), self.device)
 
     def send(self, name: str, values: np.ndarray) -> Any:
-        """Bring a host array to kernels; it stays valid until this thread asks for `name` again.
+        """Copy a host array to kernels; it stays valid until this thread asks for `name` again.
 
-        Unlike that of :meth:`adopt`, its memory on a GPU outlives the call that launches kernels.
+        On a GPU, its memory stays valid after the call returns, unlike that of :meth:`adopt`.
         """
         if self.device == "cpu":
             return self.adopt(values, values.dtype)
@@ -275,7 +276,7 @@ class Runtime(Folder):
         return array
 
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
-        """Allocate kernel memory of one's own, filled with 0."""
+        """Allocate kernel memory that is not shared as scratch is, filled with 0."""
         return self._set.zeros(shape, np.dtype(dtype), self.device)
 
     def clear(self, array: Any) -> None:
@@ -287,13 +288,13 @@ class Runtime(Folder):
         self._set.write(array, np.ascontiguousarray(values))
 
     def free_memory(self) -> int:
-        """Return how many bytes a GPU has left."""
+        """Return the number of free bytes on a GPU."""
         return self._set.free_memory(self.device)
 
     def host_view(self, array: Any) -> np.ndarray:
-        """See a kernel array of the CPU as NumPy's.
+        """View a kernel array of the CPU as a NumPy array.
 
-        A captured call may do so, other than by :meth:`to_numpy`: on the CPU its replay reads anew.
+        Captured calls may use this but not :meth:`to_numpy`, because a replay reads the view again.
         """
         return self._set.to_numpy(array)
 
@@ -302,19 +303,19 @@ class Runtime(Folder):
         return self._set.own_scratch(scratch)
 
     def record(self, call: Callable[[], None]) -> Callable[[], None]:
-        """Return what repeats the launches of `call`, as one where the kernel set can do that.
+        """Return a function that repeats the launches of `call`, if possible by one launch.
 
-        This thread has done `call` before: its launches use the scratch memory that they used then.
+        This thread must have run `call` before: the launches use the same scratch memory again.
         """
         return self._set.record(call, self.device)
 
     @property
     def matrix_dtype(self) -> np.dtype:
-        """The precision of matrix products: half where there are tensor cores for it."""
+        """The precision of matrix products: half on devices with tensor cores."""
         return np.dtype(self._set.MATRIX_DTYPES[self.device.partition(":")[0]])
 
     def release(self, result: Any, out: Any = None) -> Any:
-        """Return what :meth:`empty` gave, once kernels have filled it, as the caller's array."""
+        """Return a filled result of :meth:`empty` as the caller's array."""
         if out is not None:
             if result is not out:
                 self.library.fill(out, self.release(result))
@@ -324,7 +325,7 @@ class Runtime(Folder):
         return self.library.finish(result)
 
     def give(self, values: np.ndarray) -> Any:
-        """Return a host array as the caller's: of the same library, on the same device."""
+        """Convert a host array to the caller's library, on the caller's device."""
         refuse_capture("a result found on the host")
         if self.library is NUMPY:
             return values
@@ -336,13 +337,13 @@ class Runtime(Folder):
         return self.release(result)
 
     def to_numpy(self, array: Any) -> np.ndarray:
-        """Wait for a kernel array and bring it to the host."""
+        """Wait for a kernel array and copy it to the host."""
         refuse_capture("a value needed on the host")
         return self._set.to_numpy(array)
 
 
 def pinned() -> Callable[[], use]:
-    """Return a function whose context restores the kernel set and device chosen now."""
+    """Return a function that makes a context with the current kernel set and device."""
     backend, device = _choice()
     return lambda: use(backend, device)
 

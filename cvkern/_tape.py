@@ -1,4 +1,4 @@
-"""The results of a captured call: kept by its rehearsal, filled again by its replays."""
+"""The results of a captured call: kept by the recording, filled again by each replay."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 class _Tape(threading.local):
-    """What the capture that this thread is in has recorded; nothing outside of a capture."""
+    """The recording of this thread's current capture; empty outside of a capture."""
 
     results: list[Any] | None = None
     constants: list[Any] | None = None
@@ -21,9 +21,9 @@ _tape = _Tape()
 
 @contextlib.contextmanager
 def taped(results: list[Any], constants: list[Any], *, replay: bool = False) -> Iterator[None]:
-    """Keep the results that the block allocates in `results`, or hand those out again.
+    """Keep the results that the block allocates in `results`, or return those again in a replay.
 
-    The constants that it uses are kept as well: a CUDA graph has their addresses.
+    The constants that it uses are kept as well, because a CUDA graph holds their addresses.
     """
     before = _tape.results, _tape.constants, _tape.replayed
     _tape.results, _tape.constants = results, constants
@@ -40,7 +40,7 @@ def capturing() -> bool:
 
 
 def keep_result(allocate: Callable[..., Any], *args: Any) -> Any:
-    """Return what ``allocate(*args)`` makes; in a replay what it made in the rehearsal."""
+    """Return ``allocate(*args)``; in a replay, return the array of the recording instead."""
     if _tape.results is None:
         return allocate(*args)
     if _tape.replayed is not None:
@@ -58,6 +58,6 @@ def keep_constant(constant: Any) -> Any:
 
 
 def refuse_capture(name: str) -> None:
-    """Raise inside :func:`capture` for what is not all done by kernels."""
+    """Raise inside :func:`capture`, for work that is not done by kernels alone."""
     if capturing():
         raise ValueError(f"captured functions must be kernels alone, got {name}")

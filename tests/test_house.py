@@ -47,12 +47,11 @@ def hold(found, left, law):
 
 
 LEFT_LONG_FILES = {
-    "tests/app/test_cli.py",
     "tests/radiance/fields/test_layers.py",
     "tests/radiance/test_rendering.py",
 }
 
-LEFT_FULL_FOLDERS = {"tests"}
+LEFT_FULL_FOLDERS: set[str] = set()
 
 
 def long_files():
@@ -77,16 +76,10 @@ def test_folders_are_small():
 # --- signatures ----------------------------------------------------------------------------------
 
 COMMANDS = "cvkern/app/commands/"  # the options of a command are its parameters
-LEFT_SIGNATURES = {
-    "kernels/warp/geometry/_robust_cpu.py",
-    "kernels/warp/edges/_masks_cpu.py",
-    "kernels/taichi/geometry/robust.py",
-    "kernels/taichi/radiance/fields/voxel/_march.py",
-    "kernels/taichi/radiance/fields/voxel/nodes.py",
-    "kernels/taichi/radiance/march/steps.py",
-    "kernels/taichi/radiance/rendering.py",
-    "kernels/taichi/radiance/training/losses.py",
-}
+# Taichi's kernels cannot take structures of arrays but by packs that cost 0.7 ms a launch on CUDA
+# (measured on an H200, Taichi 1.7). This one, of both passes, has 20 arrays.
+TAICHI_ARRAYS = {"kernels/taichi/radiance/fields/voxel/_march.py"}
+LEFT_SIGNATURES = TAICHI_ARRAYS
 
 
 def parameters(path, function):

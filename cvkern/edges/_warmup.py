@@ -10,7 +10,7 @@ from cvkern.edges import canny, subpixel_edges
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Yield a name and a call for every function and every dtype that has own kernels."""
+    """Yield a name and a call for every function, and for every dtype with its own kernels."""
     byte, real, _ = pictures()
     for norm in ("l1", "l2"):
         yield "canny", partial(canny, byte, 0, 5, 10, suppression="sectors", norm=norm)

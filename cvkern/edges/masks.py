@@ -22,7 +22,7 @@ SUPPRESSIONS = ("interpolated", "sectors")
 
 
 class EdgeOptions(NamedTuple):
-    """How edges are found, once it is checked."""
+    """The checked options of edge detection."""
 
     sigma: float
     thresholds: Thresholds
@@ -48,37 +48,37 @@ def canny(
 ) -> Any:
     """Find edges by the Canny algorithm.
 
-    A pixel is an edge where the gradient is a maximum along its own direction and at least as long
-    as `low_threshold`, and where such pixels connect it (by sides or corners) with one at least as
-    long as `high_threshold`.
+    A pixel is an edge candidate if its gradient is a maximum along its own direction and at least
+    as long as `low_threshold`. A candidate is an edge if candidates connect it (by sides or
+    corners) with one whose gradient is at least as long as `high_threshold`.
 
     Parameters
     ----------
     image : array of shape (H, W)
-        Any real dtype; colour is for :func:`cvkern.images.luma` to take out first.
+        Any real dtype. Convert colour images with :func:`cvkern.images.luma` first.
     sigma : float, default 1.0
-        Standard deviation of the Gaussian, in pixels; 0 not with the operator 'gaussian'.
+        Standard deviation of the Gaussian, in pixels. The operator 'gaussian' does not allow 0.
     low_threshold, high_threshold : float, optional
-        On the length of the gradient, in the units of Sobel's kernels applied to `image`: 8 times
-        a slope per pixel. By default 10 % and 20 % of the dtype's range (1 for floating-point
-        images).
+        Thresholds on the length of the gradient, in the units of Sobel's kernels applied to
+        `image`: 8 times a slope per pixel. By default 10 % and 20 % of the dtype's range, which
+        is 1 for floating-point images.
     mask : array of shape (H, W), optional
-        Pixels where it is 0 do not count: edges are looked for only where it is nonzero at a pixel
-        and all its neighbours.
+        Pixels where it is 0 are ignored: a pixel can be an edge only if the mask is nonzero there
+        and at all neighbours.
     use_quantiles : bool, default False
         Take the thresholds as quantiles, in [0, 1], of the gradient lengths of this image.
     operator : {'sobel', 'scharr', 'gaussian'}, default 'sobel'
-        'sobel' and 'scharr' apply their kernels after the Gaussian; 'gaussian' takes derivatives of
-        the Gaussian, which favour no direction. All are in the units of Sobel's kernels.
+        'sobel' and 'scharr' apply their kernels after the Gaussian; 'gaussian' applies derivatives
+        of the Gaussian, which favour no direction. All use the units of Sobel's kernels.
     suppression : {'interpolated', 'sectors'}, default 'interpolated'
-        What a pixel must not be shorter than: values interpolated along its gradient between its
-        neighbours, or the neighbours in the nearest of four directions, as OpenCV does it; see
-        the notes.
+        The gradient lengths that a maximum is compared with: 'interpolated' interpolates between
+        the neighbours along the gradient; 'sectors' takes the neighbours in the nearest of four
+        directions, as OpenCV does. See the notes.
     norm : {'l1', 'l2'}, default 'l2'
         Length of the gradient: ``|dx| + |dy|`` or ``sqrt(dx^2 + dy^2)``.
     mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'constant'
-        What the Gaussian sees outside the image. With 'constant', as with `mask`, the smoothed
-        image is divided by the smoothed image of ones, so that no edge runs along the border.
+        How the Gaussian continues the image outside. With 'constant', as with `mask`, the smoothed
+        image is divided by a smoothed image of ones, so that no edge appears along the border.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant', in the units of `image`.
 
@@ -91,10 +91,10 @@ def canny(
     TypeError
         If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or not 2-D, `mask` is of another shape, `sigma` is negative or not
-        finite (or 0 with 'gaussian'), a threshold is negative, above 1 where it is a quantile, or
-        `low_threshold` is above `high_threshold` or alone at a `sigma` above 16, or an option is
-        unknown.
+        If `image` is empty or not 2-D, `mask` has another shape, `sigma` is negative or not
+        finite (or 0 with 'gaussian'), a threshold is negative (or above 1 as a quantile),
+        `low_threshold` is above `high_threshold`, only `low_threshold` is given with a `sigma`
+        above 16, or an option is unknown.
 
     Warns
     -----
@@ -104,16 +104,17 @@ def canny(
     Notes
     -----
     By default the edges are those of :func:`skimage.feature.canny`, for images of unsigned integers
-    and floating-point numbers (where float32 rounds two lengths to one, or parts them, a pixel may
-    differ; scikit-image counts `cval` in units of the dtype's range). As there, of two pixels with
-    equal gradients both are edges, and none is on the outermost rows and columns.
+    and floating-point numbers. A pixel may differ if the rounding of float32 makes or breaks a tie
+    of two lengths. scikit-image counts `cval` in units of the dtype's range. As in scikit-image,
+    two adjacent pixels with equal gradients are both edges, and the outermost rows and columns
+    have no edges.
 
     ``canny(x, 0, low, high, suppression="sectors", norm=norm, mode="nearest")`` of a uint8 image
-    equals ``cv2.Canny(x, low, high, L2gradient=norm == "l2")`` in every pixel. Then lengths must
-    exceed the thresholds, and 3 x 3 kernels continue beyond the border as `mode` says.
+    equals ``cv2.Canny(x, low, high, L2gradient=norm == "l2")`` in every pixel. With 'sectors',
+    lengths must exceed the thresholds, and the 3 x 3 kernels continue the image as `mode` says.
 
-    With the operator 'gaussian' lengths must exceed the thresholds as well, of two equal pixels the
-    first is the edge, and the outermost pixels may be edges.
+    With the operator 'gaussian', too, lengths must exceed the thresholds; the first of two equal
+    pixels is the edge; the outermost pixels may be edges.
 
     Edges of integer images are the same on every device and kernel set.
 
@@ -168,8 +169,8 @@ def photograph_options(
 ) -> EdgeOptions:
     """Check the options of functions that start from a photograph's edges.
 
-    They take derivatives of the Gaussian, and where no threshold is given the `automatic` quantiles
-    of the image itself, if there are such.
+    These functions use derivatives of the Gaussian. Without thresholds, they use the `automatic`
+    quantiles of the image, if there are any.
     """
     sigma = check_number(sigma, "sigma", low=0)
     dtype = library(image).dtype(image)
@@ -179,7 +180,7 @@ def photograph_options(
 
 
 def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tuple[Any, Any]:
-    """Fill the kernel array `mask`; return dy and dx, which a uint8 image under Sobel has not."""
+    """Fill the kernel array `mask`; return dy and dx, or None twice if they were not stored."""
     sigma, thresholds, operator, norm, rule, around = options
     shape = tuple(image.shape)
     states = rt.scratch("canny.states", shape, np.uint8)
@@ -204,7 +205,7 @@ def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tupl
 
 
 def _is_exact(image: Any, options: EdgeOptions) -> bool:
-    """Tell whether Sobel's sums of an image are exact in any order."""
+    """Tell whether Sobel's sums of this image are exact, whatever their order."""
     border, cval, mask = options.around
     integral = border != Border.CONSTANT or cval in range(256)
     plain = options.operator == "sobel" and mask is None and not options.thresholds.quantiles
@@ -212,16 +213,16 @@ def _is_exact(image: Any, options: EdgeOptions) -> bool:
 
 
 def _integral(limits: np.ndarray) -> list[float]:
-    """Return limits that an integer exceeds exactly when it exceeds the given ones.
+    """Return limits in float32 that give integers the same result as the given limits.
 
-    It exceeds a limit exactly when it exceeds its floor, which float32 holds exactly up to 2^24;
-    no Sobel measure of a uint8 image is larger.
+    An integer exceeds a limit exactly when it exceeds the limit's floor. Float32 holds floors
+    exactly up to 2^24, and no Sobel measure of a uint8 image is larger.
     """
     return [float(min(math.floor(t) if math.isfinite(t) else 2**24, 2**24)) for t in limits]
 
 
 def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> None:
-    """Say that thresholds lie above all gradients, where asking for that costs no waiting."""
+    """Warn if the thresholds lie above all gradients; only where the check need not wait."""
     thresholds = options.thresholds
     if rt.device != "cpu" or not isinstance(image, np.ndarray) or capturing():
         return
@@ -231,7 +232,7 @@ def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> N
     slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
     bare = options.rule == Thinning.SECTORS and options.around.mask is None
     find_slopes(rt, image, options.sigma, options.operator, options.around, bare, *slopes)
-    y, x = (np.nan_to_num(rt.to_numpy(a).astype(np.float64)) for a in slopes)
+    y, x = (np.nan_to_num(rt.to_numpy(a), posinf=0, neginf=0).astype(np.float64) for a in slopes)
     most = float((np.hypot(y, x) if options.norm == Norm.L2 else np.abs(y) + np.abs(x)).max())
     if 0 < most < thresholds.high:
         warnings.warn(
@@ -243,7 +244,7 @@ def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> N
 
 
 def _depth() -> int:
-    """Return how many frames up the caller of cvkern is, for a warning to name its line."""
+    """Return the number of frames up to the caller of cvkern, so that a warning names its line."""
     import sys
 
     depth, frame = 1, sys._getframe(1)

@@ -1,4 +1,4 @@
-"""Thresholds of edges: given, or taken from the image."""
+"""Thresholds of edges, given or computed from the image."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from cvkern._runtime import Runtime
 from cvkern.edges.slopes import full_range
 from cvkern.kernels.codes.edges import Norm
 
-# Chosen on 12 photographs with boundaries drawn by people, and on the same ones at half size, with
-# noise, darker, and as 12 bits in 16: F within 3 pixels 0.55, against 0.48 (0 for the last) of 10 %
-# and 20 % of the dtype's range.
+# Quantiles chosen on 12 photographs with boundaries drawn by people, and on the same photographs at
+# half size, with noise, darker, and as 12 bits in 16. The F-measure within 3 pixels is 0.55; with
+# 10 % and 20 % of the dtype's range it is 0.48 (0 for 12 bits in 16).
 SHARES = 0.7, 0.9
-FAINT_SHARES = 0.5, 0.7  # where clutter hardly disturbs: votes for long lines
-FAINTEST = 0.02  # share of the largest gradient: below are roundings, where an image is mostly flat
+FAINT_SHARES = 0.5, 0.7  # quantiles for votes for long lines, which tolerate clutter
+FAINTEST = 0.02  # share of the largest gradient; smaller ones are rounding errors of flat images
 LARGE_SIGMA = 16.0
 
 
@@ -28,7 +28,7 @@ class Thresholds(NamedTuple):
     high: float
     quantiles: bool = False
     faintest: float = 0.0
-    """The least threshold, over the largest gradient of the image."""
+    """The smallest allowed threshold, as a share of the largest gradient of the image."""
 
 
 def check_thresholds(
@@ -40,10 +40,10 @@ def check_thresholds(
     *,
     automatic: tuple[float, float] | None = None,
 ) -> Thresholds:
-    """Return the thresholds, checked, with their defaults filled in.
+    """Check the thresholds and fill in their defaults.
 
-    With `automatic` shares they are these quantiles where neither is given; where one is, the lower
-    is half of the higher.
+    With `automatic` shares, these quantiles are the default if neither threshold is given. If one
+    is given, the lower is half of the higher.
     """
     use_quantiles = check_flag(use_quantiles, "use_quantiles")
     if low is not None:
@@ -76,7 +76,7 @@ def check_thresholds(
 def from_data(
     low: float | None, high: float | None, use_quantiles: bool
 ) -> tuple[float | None, float | None, bool]:
-    """Fill in the thresholds of a command: quantiles if none is given, else half or double."""
+    """Fill in a command's thresholds: quantiles if none is given, else half or double of one."""
     if low is None and high is None:
         return *SHARES, True
     if not use_quantiles:
@@ -88,11 +88,11 @@ def from_data(
 def find_limits(
     rt: Runtime, dy: Any, dx: Any, norm: Norm, thresholds: Thresholds, strict: bool
 ) -> Any:
-    """Return the kernel array of what is compared with limits: a length, or its square.
+    """Return a kernel array of limits on the length of the gradient, or on its square.
 
-    A pixel must exceed a limit; where it may equal a threshold (not `strict`), the limit is the
-    float below. A quantile between two order statistics parts pixels as either of them does, so
-    that no interpolation is needed.
+    A pixel must exceed a limit. If it may equal the threshold (not `strict`), the limit is the next
+    smaller float. A quantile between two order statistics separates pixels as either of them does,
+    so no interpolation is needed.
     """
     if not thresholds.quantiles:
         values = measures(thresholds, norm)
@@ -101,7 +101,7 @@ def find_limits(
         return rt.constant(values)
     last = math.prod(dy.shape) - 1
     nearest = math.floor if strict else math.ceil
-    # Quantiles in hundredths meet order statistics exactly, as they do in scikit-image.
+    # Round, so that quantiles in hundredths hit order statistics exactly, as in scikit-image.
     ranks = [nearest(round(q * last, 9)) for q in (thresholds.low, thresholds.high)]
     limits = rt.scratch("edges.limits", (2,))
     chosen = rt.constant(np.array(ranks, np.int32))
@@ -110,7 +110,7 @@ def find_limits(
 
 
 def measures(thresholds: Thresholds, norm: Norm) -> np.ndarray:
-    """Return thresholds on a length as those on what kernels compare, float32."""
+    """Convert thresholds on a length to thresholds on the value that kernels compare, float32."""
     power = 1 if norm == Norm.L1 else 2
     with np.errstate(over="ignore"):
         return (np.array([thresholds.low, thresholds.high], np.float64) ** power).astype(np.float32)

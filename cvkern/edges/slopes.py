@@ -1,7 +1,7 @@
-"""Derivatives that edges are found by, in the units of Sobel's kernels.
+"""The derivatives for edge detection, in the units of Sobel's kernels.
 
-Pixels that are masked, or beyond a constant border, do not darken what is beside them: what is
-smoothed is divided by what the same smoothing makes of a picture of ones (as scikit-image does).
+Masked pixels, and those outside a constant border, do not darken their neighbours: the smoothed
+image is divided by an image of ones that was smoothed in the same way, as in scikit-image.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_
 from cvkern.kernels.codes.filters import Border
 
 OPERATORS = ("sobel", "scharr", "gaussian")
-SOBEL_GAIN = 8.0  # the integer kernel against a derivative per pixel
-_SCHARR_GAIN = 4.0  # against Sobel's
+SOBEL_GAIN = 8.0  # Sobel's integer kernel over the derivative per pixel
+_SCHARR_GAIN = 4.0  # Scharr's integer kernel over Sobel's
 
 
 class Surroundings(NamedTuple):
-    """What lies outside the image, and which of its pixels are none."""
+    """The values outside the image, and the pixels to ignore."""
 
     border: Border
     cval: float
     mask: Any = None
-    """Array of the image's shape, 0 where a pixel does not count."""
+    """Array of the image's shape, 0 where a pixel is ignored."""
 
     @property
     def partial(self) -> bool:
-        """Whether a window may have pixels that do not count."""
+        """Whether a window may contain ignored pixels."""
         return self.mask is not None or self.border == Border.CONSTANT
 
 
@@ -46,7 +46,7 @@ def find_slopes(
     dy: Any,
     dx: Any,
 ) -> None:
-    """Fill the kernel arrays dy and dx; `bare` goes beyond a border as it says, as OpenCV does."""
+    """Fill the kernel arrays dy and dx; `bare` uses the border values plainly, as OpenCV does."""
     check_radius(4 * sigma)
     if operator != "gaussian":
         gain = _SCHARR_GAIN if operator == "scharr" else 1.0
@@ -116,7 +116,7 @@ def _smooth(rt: Runtime, src: Any, taps: np.ndarray, border: Border, cval: float
 
 
 def _covered(rt: Runtime, image: Any, around: Surroundings) -> tuple[Any, Any]:
-    """Return the image with 0 where it is masked, and 1 where it is not."""
+    """Return two arrays: the image with 0 where it is masked, and 1 where it is not masked."""
     shape = tuple(image.shape)
     mask = rt.constant(_ones(shape)) if around.mask is None else rt.adopt(around.mask, bool)
     covered, weight = (rt.scratch(f"slopes.{name}", shape) for name in ("covered", "weight"))
@@ -130,14 +130,14 @@ def _ones(shape: tuple[int, int]) -> np.ndarray:
 
 
 def _least(image: Any) -> float:
-    """Return what scikit-image adds to weights: the step behind 1, of the dtype it works in."""
+    """Return the epsilon that scikit-image adds to weights, of the dtype it works in."""
     dtype = library(image).dtype(image)
     return float(np.finfo(dtype if dtype in (np.float32, np.float64) else np.float64).eps)
 
 
 @lru_cache(maxsize=64)
 def _seen(side: int, sigma: float, cval: float) -> np.ndarray:
-    """Return what smoothing along one axis makes of ones, with `cval` outside; exactly 1 inside."""
+    """Return ones smoothed along one axis, with `cval` outside; exactly 1 away from the ends."""
     taps = gaussian_taps(sigma).astype(np.float64)
     reach = len(taps) // 2
     total = np.concatenate(([0.0], np.cumsum(taps)))
@@ -150,5 +150,5 @@ def _seen(side: int, sigma: float, cval: float) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def _scaled(taps: bytes, gain: float) -> np.ndarray:
-    """Return float32 taps times a power of two, which changes no digit."""
+    """Return float32 taps times a power of two, which is exact."""
     return frozen_taps(np.frombuffer(taps, np.float32) * np.float32(gain))

@@ -1,4 +1,4 @@
-"""Edge points between the pixels."""
+"""Edge points with sub-pixel positions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cvkern.kernels.codes.filters import Border
 
 
 class SubpixelEdges(NamedTuple):
-    """Points on the edges of an image, in raster order of the pixels they were found in."""
+    """Points on the edges of an image, in raster order of their pixels."""
 
     points: Any
     """Row and column, in pixels with integer centres, (N, 2) float32."""
@@ -34,11 +34,11 @@ def subpixel_edges(
     mode: str = "reflect",
     cval: float = 0.0,
 ) -> SubpixelEdges:
-    """Locate edges between the pixels.
+    """Locate edges with sub-pixel accuracy.
 
-    The pixels are those of :func:`canny` with the operator 'gaussian'. Where one is a maximum
-    along the axis its gradient is nearest to, the point is moved along that axis to the top of
-    the Gaussian through the gradient's length at the pixel and its two neighbours.
+    The pixels are those of :func:`canny` with the operator 'gaussian'. If the gradient's length at
+    a pixel is a maximum along the axis nearest to the gradient, the point moves along that axis.
+    It moves to the maximum of the Gaussian through the lengths at the pixel and its two neighbours.
 
     Parameters
     ----------
@@ -65,14 +65,15 @@ def subpixel_edges(
 
     Notes
     -----
-    Exact for a straight step under Gaussian blur, whatever its angle. The edge of a disc of
-    radius r comes out about ``sigma^2 / (2 r)`` too far inside, as for every method that looks
-    for the steepest slope of a blurred image.
+    The position is exact for a straight step under Gaussian blur, at every angle. The edge of a
+    disc of radius r is found about ``sigma^2 / (2 r)`` too far inside, as with every method that
+    looks for the steepest slope of a blurred image. A gradient longer than 1.8e19, whose square
+    float32 cannot hold, is not an edge.
 
     References
     ----------
     .. [1] F. Devernay, "A non-maxima suppression method for edge detection with sub-pixel
-       accuracy", INRIA RR-2724, 1995 (there with a parabola through the lengths).
+       accuracy", INRIA RR-2724, 1995 (which fits a parabola to the lengths).
 
     Examples
     --------
@@ -95,7 +96,7 @@ def subpixel_edges(
 
 
 def locate_edges(rt: Runtime, image: Any, options: EdgeOptions) -> SubpixelEdges:
-    """Return the edges between the pixels, not yet released to the caller."""
+    """Return the sub-pixel edges as kernel arrays, not yet released to the caller."""
     shape = tuple(image.shape)
     mask = rt.scratch("subpixel.mask", shape, bool)
     dy, dx = find_edges(rt, image, options, mask)

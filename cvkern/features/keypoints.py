@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number, check_positive
+from cvkern._checks import check_flag, check_image, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin, exp2
@@ -22,7 +22,6 @@ from cvkern.kernels.codes.features import (
     REACH,
     WORD,
 )
-from cvkern.kernels.codes.filters import Border
 
 # Sigma that a photograph is taken to have, in pixels. Lowe has 0.5; with less, more points of sharp
 # photographs are found again (measured on graffiti and dogman: 430 against 370 of 1000).
@@ -79,6 +78,7 @@ def sift(
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
         Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
         Keep so many: those of the greatest response, of equal ones the first.
     mask : array of shape (H, W), optional
@@ -150,6 +150,10 @@ def sift(
     >>> found.points.round(1)[0], found.descriptors.shape[1]
     (array([30., 22.], dtype=float32), 128)
     """
+    spread = check_flag(spread, "spread")
+    root = check_flag(root, "root")
+    upright = check_flag(upright, "upright")
+    double = check_flag(double, "double")
     image = check_image(image, ndim=(2, 3))
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):
@@ -171,9 +175,7 @@ def sift(
     rt = runtime(image)
     octaves = _scale_space(rt, image, white, double, levels, sigma)
     limit = contrast / levels, (ratio + 1) ** 2 / ratio
-    found = [_extrema(rt, octave.levels, *limit) for octave in octaves]
-    owner = np.repeat(np.arange(len(octaves)), [len(f[0]) for f in found])
-    offsets, cells = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    owner, offsets, cells = _extrema(rt, octaves, *limit)
     steps = np.array([o.step for o in octaves])[owner]
     points = (cells[:, 1:3] + offsets[:, :2].astype(np.float64)) * steps[:, None]
     points = points.astype(np.float32)
@@ -247,15 +249,18 @@ def _scale_space(
     before = CAMERA_BLUR / step
     octaves: list[_Octave] = []
     sigmas = sigma * 2.0 ** (np.arange(levels + 3) / levels)
+    steps = [math.sqrt(sigmas[i + 1] ** 2 - sigmas[i] ** 2) for i in range(levels + 2)]
     while not octaves or min(height, width) >= SMALLEST:
         stack = rt.scratch(f"sift.octave{len(octaves)}", (levels + 3, height, width))
+        level = stack[0]
         if octaves:
-            kernels.halve(octaves[-1].levels[levels], stack[0])
+            kernels.halve(octaves[-1].levels[levels], level)
         else:
-            _smooth(rt, first, math.sqrt(sigma**2 - before**2), stack[0])
-        for i in range(1, levels + 3):
-            extra = math.sqrt(sigmas[i] ** 2 - sigmas[i - 1] ** 2)
-            _smooth(rt, stack[i - 1], extra, stack[i])
+            _smooth(rt, first, math.sqrt(sigma**2 - before**2), level)
+        for i, extra in enumerate(steps):
+            smoother = stack[i + 1]
+            _smooth(rt, level, extra, smoother)
+            level = smoother
         octaves.append(_Octave(stack, step))
         height, width, step = height // 2, width // 2, 2 * step
     return octaves
@@ -263,37 +268,60 @@ def _scale_space(
 
 def _smooth(rt: Runtime, src: Any, sigma: float, dst: Any) -> None:
     taps = rt.constant(gaussian_taps(sigma, 0, TRUNCATE))
-    one, other = (a.reshape((1, *a.shape)) for a in (src, dst))
-    rt.filters.linear.correlate_separable(one, taps, taps, 1, Border.MIRROR, 0.0, other)
+    rt.features.keypoints.extrema.smooth(src, taps, dst)
 
 
 def _extrema(
-    rt: Runtime, levels: Any, contrast: float, edge: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return offsets (N, 4) and cells (N, 3) of the extrema of an octave, in the cells' order."""
+    rt: Runtime, octaves: list[_Octave], contrast: float, edge: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return octave (N,), offsets (N, 4) and cells (N, 3) of the extrema, in the cells' order."""
     kernels = rt.features.keypoints
-    count, height, width = levels.shape
-    words = rt.scratch("sift.words", (count - 3, height, -(-width // WORD)), np.int32)
-    kernels.extrema.mark_extrema(levels, float(np.float32(0.5 * contrast)), MARGIN, words)
-    counts = rt.scratch("sift.counts", ((count - 3) * height,), np.int32)
-    kernels.extrema.count_marks(words, counts)
+    shapes = np.array([octave.levels.shape for octave in octaves], np.int64)
+    rows = (shapes[:, 0] - 3) * shapes[:, 1]
+    first_row = np.r_[0, np.cumsum(rows)].tolist()
+    counts = rt.scratch("sift.counts", (first_row[-1],), np.int32)
+    threshold = float(np.float32(0.5 * contrast))
+    marks = []
+    for o, octave in enumerate(octaves):
+        count, height, width = octave.levels.shape
+        words = rt.scratch(f"sift.words{o}", (count - 3, height, -(-width // WORD)), np.int32)
+        mine = counts[first_row[o] : first_row[o + 1]]
+        kernels.extrema.mark_extrema(octave.levels, threshold, MARGIN, words, mine)
+        marks.append(words)
     ends = np.cumsum(rt.to_numpy(counts), dtype=np.int64)
-    total = int(ends[-1])
-    if not total:
-        return np.empty((0, 4), np.float32), np.empty((0, 3), np.int32)
-    starts = rt.send("sift.starts", np.r_[0, ends[:-1]].astype(np.int32))
-    places = rt.scratch("sift.places", (total,), np.int32)
-    kernels.extrema.list_marks(words, starts, width, places)
-    offsets = rt.scratch("sift.offsets", (total, 4))
-    cells = rt.scratch("sift.cells", (total, 4), np.int32)
-    kernels.refinement.refine(levels, places, contrast, edge, MARGIN, offsets, cells)
+    bounds = np.r_[0, ends[np.array(first_row[1:]) - 1]].tolist()
+    if not bounds[-1]:
+        return np.empty(0, np.int64), np.empty((0, 4), np.float32), np.empty((0, 3), np.int32)
+    before = np.r_[0, ends[:-1]] - np.repeat(bounds[:-1], rows)
+    starts = rt.send("sift.starts", before.astype(np.int32))
+    places = rt.scratch("sift.places", (bounds[-1],), np.int32)
+    offsets = rt.scratch("sift.offsets", (bounds[-1], 4))
+    cells = rt.scratch("sift.cells", (bounds[-1], 4), np.int32)
+    for o, octave in enumerate(octaves):
+        mine, width = slice(*bounds[o : o + 2]), octave.levels.shape[2]
+        if bounds[o] < bounds[o + 1]:
+            begin = starts[first_row[o] : first_row[o + 1]]
+            kernels.extrema.list_marks(marks[o], begin, width, places[mine])
+            kernels.refinement.refine(
+                octave.levels, places[mine], contrast, edge, MARGIN, offsets[mine], cells[mine]
+            )
     offsets, cells = rt.to_numpy(offsets), rt.to_numpy(cells)
+    owner = np.repeat(np.arange(len(octaves)), np.diff(bounds))
     kept = cells[:, 3] == 1
-    offsets, cells = offsets[kept], cells[kept, :3]
+    owner, offsets, cells = owner[kept], offsets[kept], cells[kept, :3]
     # Extrema that moved to one pixel are one; the order is that of the pixels.
-    key = (cells[:, 0].astype(np.int64) * height + cells[:, 1]) * width + cells[:, 2]
+    pixels = np.cumsum(shapes.prod(axis=1)) - shapes.prod(axis=1)
+    _, height, width = shapes[owner].T
+    key = pixels[owner] + (cells[:, 0] * height + cells[:, 1]) * width + cells[:, 2]
     _, one_each = np.unique(key, return_index=True)
-    return offsets[one_each], cells[one_each]
+    return owner[one_each], offsets[one_each], cells[one_each]
+
+
+def _parts(owner: np.ndarray) -> list[tuple[int, slice]]:
+    """Return each octave that has points, in whose order they are, and where these are."""
+    octaves, firsts = np.unique(owner, return_index=True)
+    bounds = [*firsts.tolist(), len(owner)]
+    return [(int(o), slice(*bounds[i : i + 2])) for i, o in enumerate(octaves)]
 
 
 def _orientations(
@@ -307,31 +335,24 @@ def _orientations(
     levels: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the point and the direction, in bins, of each orientation of each point."""
-    if upright:
+    if upright or not len(cells):
         return np.arange(len(cells)), np.zeros(len(cells))
     size = ORIENTATION_SIGMA * scales.astype(np.float64)
     radius = np.minimum(np.floor(3 * size + 0.5), REACH).astype(np.int32)
-    spreads = (1 / (2 * size * size)).astype(np.float32)
-    windows = np.column_stack((cells, radius)).astype(np.int32)
+    windows = rt.send("sift.windows", np.column_stack((cells, radius)).astype(np.int32))
+    spreads = rt.send("sift.spreads", (1 / (2 * size * size)).astype(np.float32))
     widest = ORIENTATION_SIGMA * sigma * 2 ** ((levels + 1) / levels)
     one = _one(2 * math.pi * widest**2)
-    source, bins = [], []
-    for o, octave in enumerate(octaves):
-        mine = np.flatnonzero(owner == o)
-        if not len(mine):
-            continue
-        angles = rt.scratch("sift.angles", (len(mine), PEAKS))
-        counts = rt.scratch("sift.peaks", (len(mine),), np.int32)
+    angles = rt.scratch("sift.angles", (len(cells), PEAKS))
+    counts = rt.scratch("sift.peaks", (len(cells),), np.int32)
+    for o, mine in _parts(owner):
         rt.features.keypoints.descriptors.orient(
-            octave.levels, rt.send("sift.windows", windows[mine]),
-            rt.send("sift.spreads", spreads[mine]), int(radius[mine].max()), one, angles, counts,
+            octaves[o].levels, windows[mine], spreads[mine], int(radius[mine].max()), one,
+            angles[mine], counts[mine],
         )  # fmt: skip
-        there = np.arange(PEAKS) < rt.to_numpy(counts)[:, None]
-        source.append(np.repeat(mine, there.sum(axis=1)))
-        bins.append(rt.to_numpy(angles)[there])
-    if not source:
-        return np.empty(0, np.int64), np.empty(0)
-    return np.concatenate(source), np.concatenate(bins).astype(np.float64)
+    there = np.arange(PEAKS) < rt.to_numpy(counts)[:, None]
+    source = np.repeat(np.arange(len(cells)), there.sum(axis=1))
+    return source, rt.to_numpy(angles)[there].astype(np.float64)
 
 
 def _descriptors(
@@ -352,22 +373,19 @@ def _descriptors(
     cosine, sine = cos_sin(angles.astype(np.float64))
     # The Gaussian of the window has half the width of the cells.
     spread = 1 / (2 * (CELLS / 2 * side) ** 2)
-    turns = np.column_stack((cosine / side, sine / side, angles, spread)).astype(np.float32)
-    windows = np.column_stack((cells, radius)).astype(np.int32)
     one = _one((CELL_SIDE * sigma * 2 ** ((levels + 1) / levels)) ** 2)
     numbers = CELLS * CELLS * 8
     result = rt.empty((len(cells), numbers), np.uint8)
     if not len(cells):
         return rt.release(result)
     whole = rt.adopt(result, np.uint8)
-    for o, octave in enumerate(octaves):
-        mine = np.flatnonzero(owner == o)
-        if not len(mine):
-            continue
+    windows = rt.send("sift.windows", np.column_stack((cells, radius)).astype(np.int32))
+    turns = np.column_stack((cosine / side, sine / side, angles, spread))
+    turns = rt.send("sift.turns", turns.astype(np.float32))
+    for o, mine in _parts(owner):
         rt.features.keypoints.descriptors.describe(
-            octave.levels, rt.send("sift.windows", windows[mine]),
-            rt.send("sift.turns", turns[mine]), int(radius[mine].max()), one, int(root),
-            whole[int(mine[0]) : int(mine[-1]) + 1],
+            octaves[o].levels, windows[mine], turns[mine], int(radius[mine].max()), one, int(root),
+            whole[mine],
         )  # fmt: skip
     return rt.release(result)
 

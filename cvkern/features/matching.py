@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_integer, check_number
+from cvkern._checks import as_array, as_items, check_choice, check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.features import BLOCK_ROWS, MOST_BYTES
 
@@ -68,10 +68,10 @@ def match_descriptors(
     array([[0, 1],
            [1, 0]], dtype=int32)
     """
+    cross_check = check_flag(cross_check, "cross_check")
     rt, arrays = _check([a, b], max_ratio, metric, ("a", "b"))
     pairs = np.array([[0, 1]])
-    (found,) = _matches(rt, arrays, pairs, max_ratio, cross_check, metric)
-    return rt.give(found)
+    return _matches(rt, arrays, pairs, max_ratio, cross_check, metric)[0]
 
 
 def match_images(
@@ -115,6 +115,8 @@ def match_images(
     >>> [found.tolist() for found in cvkern.match_images(heap)]
     [[[0, 0]], [[0, 0]], [[1, 0]]]
     """
+    cross_check = check_flag(cross_check, "cross_check")
+    features = as_items(features, "features", "a sequence of features or descriptors")
     descriptors = [getattr(f, "descriptors", f) for f in features]
     names = tuple(f"features[{i}]" for i in range(len(descriptors)))
     rt, arrays = _check(descriptors, max_ratio, metric, names)
@@ -122,16 +124,18 @@ def match_images(
     if pairs is None:
         table = np.stack(np.triu_indices(count, 1), axis=1)
     else:
-        table = np.asarray(pairs).reshape(-1, 2)
+        table = np.asarray(as_array(pairs, "pairs"))
         if table.size and table.dtype.kind not in "iu":
             raise TypeError(f"pairs must be integers, got {table.dtype}")
+        if table.size and (table.ndim != 2 or table.shape[1] != 2):
+            raise ValueError(f"pairs must have shape (N, 2), got {table.shape}")
+        table = table.reshape(-1, 2)
         if table.size and (
             table.min() < 0 or table.max() >= count or (table[:, 0] == table[:, 1]).any()
         ):
             raise ValueError(f"pairs must be two different images of {count}, got others")
         table = table.astype(np.int64)
-    found = _matches(rt, arrays, table, max_ratio, cross_check, metric)
-    return [rt.give(matches) for matches in found]
+    return _matches(rt, arrays, table, max_ratio, cross_check, metric)
 
 
 def _check(
@@ -141,7 +145,7 @@ def _check(
     ratio = check_number(max_ratio, "max_ratio")
     if not 0 < ratio <= 1:
         raise ValueError(f"max_ratio must be in (0, 1], got {ratio:g}")
-    arrays = [d if hasattr(d, "shape") else np.asarray(d) for d in descriptors]
+    arrays = [as_array(d, name) for d, name in zip(descriptors, names, strict=True)]
     for array, name in zip(arrays, names, strict=True):
         if len(array.shape) != 2:
             raise ValueError(f"{name} must be 2-D, got shape {tuple(array.shape)}")
@@ -152,7 +156,7 @@ def _check(
             raise ValueError(
                 f"{name} must have {arrays[0].shape[1]} bytes a row, got {array.shape[1]}"
             )
-        check_integer(array.shape[1], "the bytes of a descriptor", 1, MOST_BYTES)
+        check_integer(array.shape[1], f"the bytes of {name}", 1, MOST_BYTES)
     check_integer(sum(a.shape[0] for a in arrays), "the number of descriptors", 0, MAX_ROWS)
     return runtime(*arrays), arrays
 
@@ -164,61 +168,74 @@ def _matches(
     max_ratio: float,
     cross_check: bool,
     metric: str,
-) -> list[np.ndarray]:
-    """Return the matches of each pair as host arrays."""
+) -> list[Any]:
+    """Return the matches of each pair."""
     sizes = np.array([a.shape[0] for a in arrays], np.int64)
-    starts = np.r_[0, np.cumsum(sizes)]
-    jobs = np.r_[pairs, pairs[:, ::-1]] if cross_check else pairs
-    if len(jobs):
-        jobs = jobs[(sizes[jobs] > 0).all(axis=1)]
-    places: dict[tuple[int, int], int] = {}
-    blocks, total = [], 0
-    for i, j in jobs.tolist():
-        if (i, j) in places:
-            continue
-        places[i, j] = total
-        for row in range(0, int(sizes[i]), BLOCK_ROWS):
-            last = min(row + BLOCK_ROWS, int(sizes[i]))
-            first = int(starts[i]) + row
-            blocks.append((first, int(starts[i]) + last, starts[j], starts[j + 1], total + row))
-        total += int(sizes[i])
-    if not blocks:
-        return [np.empty((0, 2), np.int32) for _ in pairs]
-    best, second, index = (
-        rt.scratch(f"matching.{name}", (total,), np.int32) for name in ("best", "second", "index")
+    jobs, job_of = np.unique(
+        np.r_[pairs, pairs[:, ::-1]] if cross_check else pairs, axis=0, return_inverse=True
     )
-    rt.features.matching.find_nearest(
-        _together(rt, arrays), rt.send("matching.blocks", np.array(blocks, np.int32)),
-        int(metric == "hamming"), best, second, index,
-    )  # fmt: skip
-    best, second, index = (rt.to_numpy(a) for a in (best, second, index))
+    rows = np.where(sizes[jobs[:, 1]] > 0, sizes[jobs[:, 0]], 0)
+    places = _before(rows)
+    forward = job_of.reshape(-1)[: len(pairs)]
+    backward = places[job_of.reshape(-1)[len(pairs) :]] if cross_check else -1
+    count, most = int(rows[forward].sum()), int(rows.max(initial=0))
+    if not count:
+        return [rt.release(rt.empty((0, 2), np.int32)) for _ in pairs]
+
+    best, second, index = (
+        rt.scratch(f"matching.{name}", (int(rows.sum()),), np.int32)
+        for name in ("best", "second", "index")
+    )
+    blocks = rt.send("matching.blocks", _blocks(jobs, rows, places, sizes))
+    kernels = rt.features.matching
+    binary = int(metric == "hamming")
+    kernels.find_nearest(_together(rt, arrays), blocks, binary, best, second, index)
+
     # d1 < r d2 for distances is d1^2 < r^2 d2^2; Hamming's are not squared.
     factor = max_ratio if metric == "hamming" else max_ratio * max_ratio
-    found = []
-    for i, j in pairs.tolist():
-        if (i, j) not in places:
-            found.append(np.empty((0, 2), np.int32))
-            continue
-        here = slice(places[i, j], places[i, j] + int(sizes[i]))
-        own, other = np.arange(int(sizes[i])), index[here]
-        kept = np.ones(len(own), bool)
-        if max_ratio < 1:
-            kept &= best[here] < factor * second[here].astype(np.float64)
-        if cross_check:
-            back = index[places[j, i] : places[j, i] + int(sizes[j])]
-            kept &= back[other] == own
-        found.append(np.stack((own[kept], other[kept]), axis=1).astype(np.int32))
-    return found
+    table = np.empty((len(pairs), 4), np.int32)
+    table[:, 0], table[:, 1] = rows[forward], places[forward]
+    table[:, 2], table[:, 3] = backward, _before(rows[forward])
+    sent = rt.send("matching.pairs", table)
+    counts = rt.scratch("matching.counts", (count,), np.int32)
+    ends = rt.scratch("matching.ends", (len(pairs),), np.int32)
+    kernels.keep_matches(sent, most, factor, best, second, index, counts, ends)
+    last = rt.to_numpy(ends).tolist()
+    found = rt.empty((last[-1], 2), np.int32)
+    if last[-1]:
+        kernels.write_matches(sent, most, index, counts, rt.adopt(found, np.int32))
+    found = rt.release(found)
+    return [found[begin:end] for begin, end in zip([0, *last], last, strict=False)]
+
+
+def _before(sizes: np.ndarray) -> np.ndarray:
+    """Return the sum of the sizes before each."""
+    return np.cumsum(sizes) - sizes
+
+
+def _blocks(
+    jobs: np.ndarray, rows: np.ndarray, places: np.ndarray, sizes: np.ndarray
+) -> np.ndarray:
+    """Cut the rows of each job, an image against another, into blocks: see `find_nearest`."""
+    counts = -(-rows // BLOCK_ROWS)
+    job = np.repeat(np.arange(len(jobs)), counts)
+    row = BLOCK_ROWS * (np.arange(len(job)) - np.repeat(_before(counts), counts))
+    (own, other), starts = jobs[job].T, _before(sizes)
+    end = np.minimum(row + BLOCK_ROWS, rows[job])
+    columns = (
+        starts[own] + row, starts[own] + end, starts[other], starts[other] + sizes[other],
+        places[job] + row,
+    )  # fmt: skip
+    return np.stack(columns, axis=1).astype(np.int32)
 
 
 def _together(rt: Runtime, arrays: Sequence[Any]) -> Any:
     """Return all descriptors in one kernel array, padded to whole words."""
-    size = arrays[0].shape[1]
-    wide = -(-size // PART) * PART
-    hosts = [
-        np.asarray(a) if isinstance(a, np.ndarray) else rt.to_numpy(rt.adopt(a, np.uint8))
-        for a in arrays
-    ]
-    whole = np.zeros((sum(len(h) for h in hosts), wide), np.uint8)
-    np.concatenate(hosts, out=whole[:, :size])
-    return rt.send("matching.descriptors", whole)
+    wide = -(-arrays[0].shape[1] // PART) * PART
+    whole = rt.scratch("matching.rows", (sum(a.shape[0] for a in arrays), wide), np.uint8)
+    first = 0
+    for array in arrays:
+        if array.shape[0]:
+            rt.features.matching.pack_descriptors(rt.adopt(array, np.uint8), first, whole)
+        first += array.shape[0]
+    return whole

@@ -12,7 +12,7 @@ from cvkern.filters import box, correlate_separable, gaussian, gradient, median,
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Yield a name and a call for every function and every dtype that has own kernels."""
+    """Yield a name and a call for every function, and for every dtype with its own kernels."""
     byte, real, color = pictures()
     taps = (0.25, 0.5, 0.25)
     for image, axis in ((real, None), (byte, None), (color, -1)):

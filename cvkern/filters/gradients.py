@@ -1,7 +1,7 @@
 """First derivatives of images.
 
-Derivatives are float32 sums in one order of operations, so that they, and what is made of them,
-have the same bits on every device.
+Derivatives are float32 sums in a fixed order of operations, so they have the same bits on every
+device, and so have all results computed from them.
 """
 
 from __future__ import annotations
@@ -122,10 +122,10 @@ def gradient(
     image : array of shape (H, W)
         Any real dtype.
     sigma : float, default 1.0
-        Standard deviation of the Gaussian, in pixels. 0 smooths nothing, and is not possible with
-        the operator 'gaussian'.
+        Standard deviation of the Gaussian, in pixels. 0 does not smooth; the operator 'gaussian'
+        does not allow it.
     operator : {'gaussian', 'sobel', 'scharr'}, default 'gaussian'
-        'gaussian' convolves with the derivatives of the Gaussian: in units of `image` per pixel.
+        'gaussian' convolves with the derivatives of the Gaussian, in units of `image` per pixel.
         'sobel' and 'scharr' smooth with the Gaussian, then apply the integer 3 x 3 kernels of
         :func:`cv2.Sobel` and :func:`cv2.Scharr`, with their gains of 8 and 32.
     mode, cval
@@ -168,7 +168,7 @@ def derivatives(
     cval: float,
     *outputs: Any,
 ) -> None:
-    """Fill kernel arrays as :func:`gradient` says: dy and dx, or all four."""
+    """Fill kernel arrays with the results of :func:`gradient`: dy and dx, or all four."""
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
     sigma = check_number(sigma, "sigma", low=0)
@@ -201,7 +201,7 @@ def differentiate(
     cval: float,
     *outputs: Any,
 ) -> None:
-    """Differentiate as if the image went on as `border` says, with `cval` in every direction."""
+    """Differentiate, with the image continued as `border` says; `cval` is outside on every side."""
     beside = [_weighted(cval, taps) if cval else 0.0 for taps in (smooth, slope)]
     family = rt.filters.gradients
     primitive: Any = family.differentiate if len(outputs) == 2 else family.differentiate_polar
@@ -210,7 +210,7 @@ def differentiate(
 
 
 def _weighted(value: float, taps: np.ndarray) -> float:
-    """Return what the taps make of a constant, in the arithmetic of the kernels."""
+    """Return the response of the taps to a constant, in the arithmetic of the kernels."""
     total = np.float32(0)
     for tap in taps:
         total += tap * np.float32(value)
@@ -218,7 +218,7 @@ def _weighted(value: float, taps: np.ndarray) -> float:
 
 
 def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
-    if axis not in (None, 0, 1):
+    if axis is not None and (not isinstance(axis, (int, np.integer)) or axis not in (0, 1)):
         raise ValueError(f"axis must be 0, 1 or None, got {axis!r}")
     image = check_image(image)
     border = check_code(mode, Border, "mode")

@@ -1,7 +1,7 @@
 """Linear filters.
 
-An image is (H, W), or (H, W, C) with `channel_axis`. Values are never rescaled by dtype; sums are
-float32, in one order of operations, so that a result has the same bits on every device.
+An image is (H, W), or (H, W, C) with `channel_axis`. Values are never rescaled by dtype. Sums are
+float32 in a fixed order of operations, so a result has the same bits on every device.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from cvkern._runtime import runtime
 from cvkern.kernels.codes.filters import Border
 
 MAX_RADIUS = 2**20
-NO_SIGMA = 1e-15  # up to here there is nothing to smooth, as scipy.ndimage has it
+NO_SIGMA = 1e-15  # largest sigma that does not smooth, as in scipy.ndimage
 
 
 def gaussian(
@@ -46,12 +46,13 @@ def gaussian(
     image : array of shape (H, W) or (H, W, C)
         Any real dtype.
     sigma : float or (float, float), default 1.0
-        Standard deviation down the rows and along the columns, in pixels. 0 leaves an axis alone.
+        Standard deviation down the rows and along the columns, in pixels. 0 does not filter an
+        axis.
     order : int or (int, int), default 0
-        Derivative of the Gaussian to convolve with, along each axis. An axis with `sigma` 0 is
-        left alone whatever its order, as in :func:`scipy.ndimage.gaussian_filter`.
+        Order of the Gaussian's derivative along each axis. An axis with `sigma` 0 is not filtered,
+        whatever its order, as in :func:`scipy.ndimage.gaussian_filter`.
     mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'reflect'
-        What lies outside the image, named as in :mod:`scipy.ndimage`.
+        How the image continues outside, named as in :mod:`scipy.ndimage`.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant'.
     truncate : float, default 4.0
@@ -103,6 +104,7 @@ def gaussian_taps(sigma: float, order: int = 0, truncate: float = 4.0) -> np.nda
     """
     if sigma <= NO_SIGMA:
         return frozen_taps([1.0])
+    check_radius(truncate * sigma)
     radius = int(truncate * sigma + 0.5)
     x = np.arange(-radius, radius + 1, dtype=np.float64)
     density = np.exp(-0.5 * (x / sigma) ** 2)
@@ -110,7 +112,7 @@ def gaussian_taps(sigma: float, order: int = 0, truncate: float = 4.0) -> np.nda
     polynomial = np.polynomial.Polynomial([1.0])
     for _ in range(order):
         polynomial = polynomial.deriv() - polynomial * np.polynomial.Polynomial([0, sigma**-2])
-    # Correlation runs the other way round than the convolution: x becomes -x.
+    # A correlation is a convolution with the kernel reversed: x becomes -x.
     return frozen_taps(polynomial(-x) * density)
 
 
@@ -155,7 +157,8 @@ def correlate_separable(
 
     Notes
     -----
-    As :func:`scipy.ndimage.correlate1d` along axis 0, then along axis 1.
+    Equal to :func:`scipy.ndimage.correlate1d` along axis 0, then along axis 1, up to float32
+    rounding.
 
     Examples
     --------
@@ -226,7 +229,7 @@ def separable(
     channel_axis: int | None = None,
     out: Any = None,
 ) -> Any:
-    """Check what :func:`correlate_separable` and its special cases share, and run them."""
+    """Check and run :func:`correlate_separable` or one of its special cases."""
     image = check_image(image, ndim=(2, 3))
     axis = check_channel_axis(image.shape, channel_axis)
     border = check_code(mode, Border, "mode")
@@ -237,7 +240,7 @@ def separable(
     result = rt.empty(shape, out=out)
     down, along = (rt.constant(t) for t in taps)
     if axis == 1:
-        # A step between columns would not stay in its row: each axis by itself.
+        # A step between columns would leave its row, so filter each axis separately.
         height, channels, width = shape
         middle = rt.scratch("separable.middle", (1, height, channels * width))
         alone = rt.constant(_ALONE)
@@ -278,7 +281,7 @@ def _check_taps(taps: Any) -> np.ndarray:
 
 
 def frozen_taps(values: Any) -> np.ndarray:
-    """Return `values` as float32 that nobody can change."""
+    """Return `values` as a read-only float32 array."""
     taps = np.array(values, np.float32)
     taps.flags.writeable = False
     return taps

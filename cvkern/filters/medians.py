@@ -1,4 +1,4 @@
-"""Rank filters: results are values that stand in the image, so every dtype is kept."""
+"""Rank filters. Their results are values of the image, so the dtype is kept."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def median(
     check_out(out, image, dtype)
     cval = _value(check_number(cval, "cval"), dtype)
     refuse_capture("median")
-    if axis == 1:  # rare: the channels behind the columns, and back
+    if axis == 1:  # rare: move the channels to the last axis, and back
         swapped = median(lib.swap(image), radius, mode=mode, cval=cval, channel_axis=2)
         result = lib.contiguous(lib.swap(swapped), dtype)
     elif dtype == np.uint8:
@@ -88,14 +88,14 @@ def median(
         keys = _median_of_keys(image, radius, axis, low, bits, border, int(cval))
         result = lib.contiguous(keys, dtype)
     elif dtype in (np.float16, np.float32):
-        # The bits of a float, ordered as integers once those of negative ones are turned round.
+        # Bits of a float, as integers; kernels reverse the order of the negative ones.
         floats = lib.view(lib.contiguous(image, np.dtype(np.float32)), np.dtype(np.int32))
         bits = int(np.float32(cval).view(np.int32))
         outside = bits ^ 0x7FFFFFFF if bits < 0 else bits
         keys = _median_of_keys(floats, radius, axis, -(2**31), 32, border, outside, floats=True)
         result = lib.contiguous(lib.view(keys, np.dtype(np.float32)), dtype)
     else:
-        # Wider dtypes by the rank of each value among all that stand in the image.
+        # Replace values of wider dtypes by their rank among all values of the image.
         values, ranks, outside = lib.ranks(image, cval)
         bits = max(1, (len(values) - 1).bit_length())
         result = values[_median_of_keys(ranks, radius, axis, 0, bits, border, outside)]
@@ -105,7 +105,7 @@ def median(
     return out
 
 
-# The least value of a dtype, and the bits that its values differ in.
+# The smallest value of a dtype, and the number of bits in which its values differ.
 _INTEGERS = {  # carried as int32
     np.dtype(name): (low, bits)
     for name, low, bits in (
@@ -142,7 +142,7 @@ def _median_of_keys(
     carrier: Any = np.int32,
     floats: bool = False,
 ) -> Any:
-    """Return the median of integers, or of floats by their bits, in the dtype of `carrier`."""
+    """Return the median of integers, or of floats as integer bits, in the dtype of `carrier`."""
     rt = runtime(keys)
     shape = tuple(keys.shape)
     planes, step = image_layout(shape, axis)

@@ -1,4 +1,4 @@
-"""Hough transforms: lines, segments, circles, ellipses and shapes of any form."""
+"""Hough transforms: lines, segments, circles, ellipses and arbitrary shapes."""
 
 from cvkern.hough.circles import (
     CirclePeaks,

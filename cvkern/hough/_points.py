@@ -1,4 +1,4 @@
-"""The set pixels of a mask as a list of kernels' own, from which the Hough transforms vote."""
+"""The set pixels of a mask as a list in kernel memory, from which the Hough transforms vote."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from cvkern._runtime import Runtime, refuse_capture
 
 
 class Points(NamedTuple):
-    """Kernel arrays. The number of the points is `starts[height]`; the host need not know it."""
+    """Kernel arrays. The number of points is `starts[height]`; the host need not know it."""
 
     points: Any
     """Row and column of the set pixels in raster order, (at least `capacity`, 2) int32."""
     starts: Any
-    """The number of set pixels above each row, then of all, (height + 1,) int32."""
+    """The number of set pixels above each row, then of all rows, (height + 1,) int32."""
     capacity: int
-    """The number of points on the CPU; on CUDA that of the pixels, lest the host must wait."""
+    """The number of points on the CPU; on CUDA the number of pixels, so the host need not wait."""
     height: int
 
 
@@ -40,9 +40,9 @@ def mask_points(rt: Runtime, mask: Any, name: str) -> Points:
 def check_at_points(
     rt: Runtime, found: Points, values: Any, name: str, low: float, high: float = math.inf
 ) -> None:
-    """Refuse float32 kernel `values` (H, W) that are not in [low, high], or NaN, at a point.
+    """Refuse float32 kernel `values` (H, W) that are NaN or outside [low, high] at a point.
 
-    The host waits for the answer, so not within :func:`cvkern.capture`.
+    The host waits for the result, so :func:`cvkern.capture` cannot record this.
     """
     refuse_capture(f"{name}, whose values are checked")
     if not found.capacity:

@@ -13,7 +13,7 @@ from cvkern.filters import gradient
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Yield a name and a call for every function and every dtype that has own kernels."""
+    """Yield a name and a call for every function, and for every dtype with its own kernels."""
     byte, real, _ = pictures()
     mask, angles = real > 200, gradient(real).orientation
     h = hough.hough_line(mask)

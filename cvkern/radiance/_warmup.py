@@ -37,7 +37,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     for field in (
         VoxelField(resolutions=(16, 32), shares=(0.3,), rays=64),
         HashField(table_bits=10, samples=2**12, rays=64, cells=32),
-        # Kernels are made for widths, which are the default's.
+        # Kernels are compiled for each width, so keep the default widths.
         MLPField(samples=2**8, rays=16, cells=8, steps=16),
     ):
         yield "fit", partial(_train, field)
@@ -48,5 +48,5 @@ def _scene() -> Scene:
 
 
 def _train(field: Any) -> None:
-    """Train for as long as a grid takes to be made finer."""
+    """Train until a grid has been refined."""
     fit(_scene(), field, steps=18, background="learnt", progress=False)

@@ -1,4 +1,4 @@
-"""Compositing of samples along rays, for fields of one's own: forward, and its gradients."""
+"""Compositing of samples along rays, for your own field, and its gradients."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import device, library
-from cvkern._checks import check_beside, check_number
+from cvkern._checks import as_array, check_beside, check_flag, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.radiance import Seen
 
 __all__ = ["Composite", "CompositeGradient", "composite_rays", "composite_rays_backward"]
 
 STOP = 1e-4
-MOST_RAYS = 2**26 - 1  # each has 32 threads on a GPU, whose numbers have 31 bits
+MOST_RAYS = 2**26 - 1  # on a GPU, a ray has 32 threads, and thread numbers have 31 bits
 
 
 class Composite(NamedTuple):
-    """What rays see before any background, or gradients of a loss by that."""
+    """The results of compositing rays, without a background; or gradients of a loss by them."""
 
     color: Any
-    """Sum of the samples' colours, each by its weight, (R, 3) float32."""
+    """Weighted sum of the samples' colours, (R, 3) float32."""
     opacity: Any
     """Sum of the weights, from 0 to 1, (R,) float32."""
     depth: Any
-    """Sum of the samples' distances, each by its weight, (R,) float32."""
+    """Weighted sum of the samples' distances, (R,) float32."""
     distortion: Any
-    """How far the weights are spread along the ray, (R,) float32: :func:`composite_rays` has it."""
+    """Spread of the weights along the ray, (R,) float32; see :func:`composite_rays`."""
 
 
 class CompositeGradient(NamedTuple):
-    """Gradients of a loss by the samples, 0 for those that no ray looks at."""
+    """Gradients of a loss by the samples, 0 for samples of no ray."""
 
     density: Any
     """(M,) float32."""
@@ -44,26 +44,26 @@ def composite_rays(
 ) -> Composite:
     """Composite the samples of each ray, front to back.
 
-    A ray's samples i of density s_i, colour c_i, distance t_i and length d_i have the weights
-    ``w_i = T_i (1 - exp(-s_i d_i))``, where ``T_i = exp(-sum_{j < i} s_j d_j)`` is the light that
-    gets there.
+    Sample i of a ray, with density s_i, colour c_i, distance t_i and length d_i, has the weight
+    ``w_i = T_i (1 - exp(-s_i d_i))``. Here ``T_i = exp(-sum_{j < i} s_j d_j)`` is the share of
+    light that reaches the sample.
 
     Parameters
     ----------
     density : array of shape (M,)
-        Of the samples of all rays, >= 0, per unit of length.
+        Density of the samples of all rays, >= 0, per unit of length.
     color : array of shape (M, 3)
-        Of the samples, in any linear unit.
+        Colour of the samples, in any linear unit.
     distances : array of shape (M, 2)
-        Of each sample from the camera, which must not get less along a ray, and the length >= 0 of
-        the ray that it stands for.
+        Distance of each sample from the camera, which must not decrease along a ray, and the
+        length >= 0 of the part of the ray that the sample stands for.
     spans : array of shape (R, 2), integers
-        First sample of each ray, and how many it has from there on; there may be none.
+        Index of the first sample of each ray, and the number of its samples, which may be 0.
     stop : float, default 0.0001
-        A ray ends where no more than this share of the light is left; 0 takes all samples.
+        A ray ends where at most this share of the light is left; 0 uses all samples.
     check : bool, default True
-        Look whether `spans` are rows of the samples. On a GPU that waits for them; what is
-        recorded there by :func:`cvkern.capture` needs False, and spans that are right.
+        Check that `spans` are within the samples. On a GPU the host waits for this. A call that
+        :func:`cvkern.capture` records on a GPU needs False, and correct spans.
 
     Returns
     -------
@@ -76,16 +76,16 @@ def composite_rays(
         If an array does not hold real numbers, or `spans` not integers.
     ValueError
         If an array has another shape, arrays are on several devices, `stop` is negative or not
-        finite, or `spans` has 2^26 rows or more, or some that are none of the samples'.
+        finite, or `spans` has 2^26 rows or more, or rows outside the samples.
 
     Notes
     -----
-    Arrays of float32 (spans: int32) that are contiguous are read where they are. Samples of no ray
-    are not looked at; a NaN makes NaN of its ray alone. With a background b, the colour is
+    Contiguous float32 arrays (spans: int32) are read without a copy. Samples of no ray are not
+    read; a NaN affects only its own ray. With a background b, the colour is
     ``color + (1 - opacity)[:, None] * b``; the mean distance is ``depth / opacity``.
 
-    The distortion is ``sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 d_i / 3``, which for samples in the
-    middle of their lengths is that of [2]_, equation 15.
+    The distortion is ``sum_ij w_i w_j |t_i - t_j| + sum_i w_i^2 d_i / 3``. For samples in the
+    middle of their lengths, this is equation 15 of [2]_.
 
     References
     ----------
@@ -97,7 +97,7 @@ def composite_rays(
 
     Examples
     --------
-    One ray through two samples, and one that has none:
+    One ray with two samples, and one without samples:
 
     >>> import numpy as np
     >>> from cvkern.radiance import composite_rays
@@ -109,6 +109,7 @@ def composite_rays(
     >>> seen.opacity
     array([0.75, 0.  ], dtype=float32)
     """
+    check = check_flag(check, "check")
     samples = _samples(density, color, distances, spans)
     stop = check_number(stop, "stop", low=0)
     rt = runtime(*samples)
@@ -137,21 +138,21 @@ def composite_rays_backward(
     stop: float = STOP,
     check: bool = True,
 ) -> CompositeGradient:
-    """Take gradients of a loss by what rays see to the samples they see it of.
+    """Compute gradients of a loss by the samples from its gradients by the composited rays.
 
     Parameters
     ----------
     gradients : Composite
-        Gradients by what :func:`composite_rays` returned for the arguments that follow, of the
-        shapes of its fields; None where a field has no part in the loss.
+        Gradients by the results of :func:`composite_rays` for the following arguments, with the
+        shapes of its fields; None for a field that has no part in the loss.
     density, color, distances, spans, stop, check
-        As given to :func:`composite_rays`. No sample may be of two rays.
+        As given to :func:`composite_rays`. No sample may belong to two rays.
 
     Returns
     -------
     CompositeGradient
         Named tuple of `density` (M,) and `color` (M, 3), float32; 0 for samples of no ray, and for
-        those behind the end of a ray.
+        samples behind the end of a ray.
 
     Raises
     ------
@@ -162,12 +163,12 @@ def composite_rays_backward(
 
     Notes
     -----
-    The weights are made again along each ray instead of kept. Distances have no gradients. That
-    `stop` ends a ray is taken for given: what a sample decides about it has no slope.
+    The weights are computed again along each ray instead of stored. Distances have no gradients.
+    The end of a ray by `stop` is treated as constant: it has no derivative by the samples.
 
     Examples
     --------
-    How the opacity, 1 - exp(-s_1 d_1 - s_2 d_2), grows with either density:
+    The derivatives of the opacity, 1 - exp(-s_1 d_1 - s_2 d_2), by both densities:
 
     >>> import numpy as np
     >>> from cvkern.radiance import Composite, composite_rays_backward
@@ -176,6 +177,7 @@ def composite_rays_backward(
     >>> composite_rays_backward(opaque, *samples).density
     array([0.25, 0.25], dtype=float32)
     """
+    check = check_flag(check, "check")
     samples = _samples(density, color, distances, spans)
     stop = check_number(stop, "stop", low=0)
     incoming = _incoming(gradients, len(samples.spans))
@@ -208,14 +210,14 @@ class _Samples(NamedTuple):
 
 
 def _samples(density: Any, color: Any, distances: Any, spans: Any) -> _Samples:
-    """Return what the functions take, each an array of the shape that it must have."""
-    density, spans = (a if hasattr(a, "shape") else np.asarray(a) for a in (density, spans))
+    """Return the arguments as arrays, with their shapes checked."""
+    density, spans = as_array(density, "density"), as_array(spans, "spans")
     if len(density.shape) != 1:
         raise ValueError(f"density must be 1-D, got shape {tuple(density.shape)}")
     count = len(density)
     density = check_beside(density, (count,), "density")
-    color = check_beside(color, (count, 3), "color")
-    distances = check_beside(distances, (count, 2), "distances")
+    color = check_beside(as_array(color, "color"), (count, 3), "color")
+    distances = check_beside(as_array(distances, "distances"), (count, 2), "distances")
     if len(spans.shape) != 2 or spans.shape[1] != 2:
         raise ValueError(f"spans must have shape (R, 2), got {tuple(spans.shape)}")
     dtype = library(spans).dtype(spans)
@@ -241,7 +243,7 @@ def _incoming(gradients: Any, rays: int) -> list[Any]:
 
 
 def _check_spans(rt: Runtime, spans: Any, count: int, *, apart: bool) -> None:
-    """Refuse spans with rows that are none of `count` samples', or are in two of them."""
+    """Refuse spans outside the `count` samples and, if they must be apart, overlapping spans."""
     on_host = device(spans) == "cpu"
     rows = np.asarray(spans) if on_host else rt.to_numpy(rt.adopt(spans, np.int32))
     first, number = rows.astype(np.int64).T

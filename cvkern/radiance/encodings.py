@@ -1,4 +1,4 @@
-"""What perceptrons are given in place of coordinates: sines and cosines, spherical harmonics."""
+"""Encodings of coordinates for perceptrons: sines and cosines, and spherical harmonics."""
 
 from __future__ import annotations
 
@@ -7,37 +7,37 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_accumulator, check_image, check_integer
+from cvkern._checks import check_accumulator, check_flag, check_image, check_integer
 from cvkern._runtime import runtime
 
 __all__ = ["positional_encoding", "spherical_harmonics"]
 
 RANKS = (1, 2, 3, 4)
-MOST_FREQUENCIES = 32  # 2^24 cycles a unit are already all that float32 tells apart
+MOST_FREQUENCIES = 32  # float32 resolves about 2^24 cycles per unit
 MOST_DEGREE = 3
 
 
 def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bool = True) -> Any:
-    """Write each coordinate as sines and cosines of growing frequency.
+    """Encode each coordinate as sines and cosines of increasing frequency.
 
     Parameters
     ----------
     points : array of shape (..., D)
-        Any real dtype, up to four axes; float32 is what counts. Coordinates that differ by 2 have
+        Any real dtype, converted to float32; up to four axes. Coordinates that differ by 2 have
         the same sines and cosines, so the scene should lie within [-1, 1].
     frequencies : int, default 10
-        Sines and cosines of each coordinate, from 1 to 32.
+        Number of sines, and of cosines, of each coordinate, from 1 to 32.
     include_input : bool, default True
         Put the coordinates themselves first.
 
     Returns
     -------
     array of shape (..., C), float32
-        Of the same library and on the same device as `points`; C is ``2 * D * frequencies``, and
-        D more with the input. First come the D coordinates, where they are included. Then, for one
-        coordinate x after the other, sin(pi x), cos(pi x), sin(2 pi x), cos(2 pi x), and so on up
-        to 2^(frequencies - 1) pi x: equation 4 of [1]_. Within 1e-6 of the exact values for these
-        float32 coordinates, at every frequency; NaN where a coordinate is not finite.
+        Of the same library and on the same device as `points`. C is ``2 * D * frequencies``, plus
+        D with the input. The D coordinates come first, if they are included. Then follow, for each
+        coordinate x, sin(pi x), cos(pi x), sin(2 pi x), cos(2 pi x), and so on up to
+        2^(frequencies - 1) pi x: equation 4 of [1]_. The error is below 1e-6 at every frequency,
+        for the float32 coordinates. A coordinate that is not finite gives NaN.
 
     Raises
     ------
@@ -49,8 +49,8 @@ def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bo
 
     Notes
     -----
-    2^k x is brought into [-1, 1] by whole turns before it is multiplied by pi. Both are exact, so
-    high frequencies are as accurate as low ones.
+    2^k x is reduced to [-1, 1] by full turns before it is multiplied by pi. The doubling and the
+    reduction are exact, so high frequencies are as accurate as low ones.
 
     References
     ----------
@@ -66,6 +66,7 @@ def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bo
     >>> float(x), float(sine), abs(float(cosine)) < 1e-6
     (0.5, 1.0, True)
     """
+    include_input = check_flag(include_input, "include_input")
     points = check_image(points, ndim=RANKS, name="points")
     frequencies = check_integer(frequencies, "frequencies", 1, MOST_FREQUENCIES)
     *head, size = points.shape
@@ -75,7 +76,7 @@ def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bo
     result = rt.empty((*head, width))
     rt.radiance.encodings.positional(
         rt.adopt(points, np.float32, (count, size)),
-        rt.constant(np.array([2**31 - 1], np.int32)),  # all
+        rt.constant(np.array([2**31 - 1], np.int32)),  # encode all points
         frequencies,
         bool(include_input),
         False,
@@ -94,14 +95,14 @@ def spherical_harmonics(directions: Any, degree: int = 3) -> Any:
     directions : array of shape (..., 3)
         Unit vectors (x, y, z) of any real dtype, up to four axes; they are not normalised here.
     degree : int, default 3
-        The highest one, from 0 to 3.
+        The highest degree, from 0 to 3.
 
     Returns
     -------
     array of shape (..., (degree + 1)^2), float32
-        Of the same library and on the same device as `directions`. Degree l and order m, from -l
-        to l, are in column ``l * (l + 1) + m``: the imaginary part of the complex harmonic of order
-        ``|m|`` times the root of 2 for negative orders, the real part times that for positive
+        Of the same library and on the same device as `directions`. Column ``l * (l + 1) + m`` has
+        degree l and order m, from -l to l: the square root of 2 times the imaginary part of the
+        complex harmonic of order ``|m|`` for negative orders, times the real part for positive
         ones, with the Condon-Shortley phase. They are orthonormal over the sphere.
 
     Raises

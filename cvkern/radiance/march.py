@@ -1,9 +1,10 @@
-"""Fields that are looked at in batches of samples: marched, evaluated, composited."""
+"""Fields that are evaluated in batches of samples: march rays, evaluate samples, composite."""
 
 from __future__ import annotations
 
 import abc
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,44 +13,45 @@ from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import March, Rays, Seen, Space, Views
+from cvkern.radiance.checkpoints import shape_of
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 
 CELLS = 128  # cells of the occupancy grid along a side, in each level
 LEVELS = 5  # levels in unbounded space: the outermost cube is 16 times as large
-STEPS = 1024  # along the diagonal of the innermost cube, at most; also the most on any ray
-CONE = 1 / 256  # samples of unbounded space are this share of their distance apart
-STOP = 1e-4  # share of the light: nothing is looked at where less is left
-FILL = 0.92  # share of the room for samples that a batch should take
-EVERY = 16  # steps between looks at where space is empty
-SETTLED = 256  # steps after which no longer all of it is looked at
+STEPS = 1024  # most samples along the diagonal of the innermost cube, and on any ray
+CONE = 1 / 256  # distance between samples of unbounded space, as a share of their distance
+STOP = 1e-4  # share of the light at which a ray ends
+FILL = 0.92  # share of the room for samples that a batch should fill
+EVERY = 16  # steps between updates of the occupancy grid
+SETTLED = 256  # steps after which only a part of the grid is updated each time
 FADE = 0.95
-OPTICAL_THICKNESS = 0.01  # thickness of a step from which on a cell is always looked at
-VIEW_ROOM = 2**22  # samples of a round of rendering, at most, on a GPU
-VIEW_EACH = 16  # samples for each ray of a view, where that is less
-VIEW_FEW = 64  # samples of a ray, at most: it may be opaque behind the first
-PARTS = 16  # parts of this room: small rounds use, and cost, less
+OPTICAL_THICKNESS = 0.01  # optical thickness of a step above which a cell is always occupied
+VIEW_ROOM = 2**22  # most samples of a round of rendering on a GPU
+VIEW_EACH = 16  # samples per ray of a view in a round, if this gives fewer
+VIEW_FEW = 64  # most samples of a ray in a round, because it may soon be opaque
+PARTS = 16  # sizes that the room can be cut to, because small rounds cost less
 
 
 class Samples(NamedTuple):
     """Samples along rays, as kernel arrays with room for M."""
 
     total: Any
-    """Their number, (1,) int32."""
+    """Number of the samples, (1,) int32."""
     positions: Any
-    """In the cube from 0 to 1, (M, 3) float32."""
+    """Positions in the cube from 0 to 1, (M, 3) float32."""
     distances: Any
     """Distance from the camera, and length of the step, (M, 2) float32."""
     rays: Any
-    """(M,) int32."""
+    """Ray of each sample, (M,) int32."""
     sigma: Any
     """Density, (M,) float32."""
     rgb: Any
     """Colour, (M, 3) float32."""
     inner: dict[str, Any]
-    """What the field makes on the way to these, M rows each."""
+    """Intermediate results of the field, M rows each."""
 
     def first(self, rows: int) -> Samples:
-        """Return the room of the first rows."""
+        """Return the first rows of all arrays."""
         arrays = {name: getattr(self, name)[:rows] for name in self._fields[1:-1]}
         inner = {name: a[:rows] for name, a in self.inner.items()}
         return self._replace(**arrays, inner=inner)
@@ -64,7 +66,7 @@ class Viewing:
         self._parts: dict[int, Samples] = {}
 
     def first(self, count: int) -> Samples:
-        """Return room for so many samples and a few more, of one of a few sizes."""
+        """Return room for at least `count` samples, in one of a few sizes."""
         part = -(-self.room // PARTS)
         rows = min(-(-count // part) * part, self.room)
         if rows not in self._parts:
@@ -73,10 +75,10 @@ class Viewing:
 
 
 class SampledField(Field):
-    """A field that gives density and colour for a batch of samples; this class does the rest."""
+    """A field that computes density and colour of a batch of samples; this class does the rest."""
 
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: Any):
-        """Take room for a batch of the `settings`, which :func:`check_batch` has looked at."""
+        """Allocate a batch of the `settings`, which :func:`check_batch` has checked."""
         self.rt, self.frame, self.seed, self.settings = rt, frame, seed, settings
         room, rays, cells = settings.samples, settings.rays, settings.cells
         self.room, self.rays, self.cells = room, rays, cells
@@ -105,11 +107,11 @@ class SampledField(Field):
 
     @abc.abstractmethod
     def inner(self, room: int) -> dict[str, Any]:
-        """Allocate what :meth:`evaluate` makes on the way, for so many samples."""
+        """Allocate the intermediate results of :meth:`evaluate` for `room` samples."""
 
     @abc.abstractmethod
     def evaluate(self, directions: Any, samples: Samples) -> None:
-        """Fill `sigma` and `rgb` of samples of rays with these directions, (R, 3)."""
+        """Fill `sigma` and `rgb` of samples; `directions` (R, 3) are those of the rays."""
 
     @abc.abstractmethod
     def evaluate_density(self, total: Any) -> None:
@@ -117,10 +119,10 @@ class SampledField(Field):
 
     @abc.abstractmethod
     def evaluate_backward(self) -> None:
-        """Add the gradients of the parameters, from `d_sigma` and `d_rgb` of its own samples."""
+        """Add to the parameters' gradients, from `d_sigma` and `d_rgb` of the field's samples."""
 
     def _room_for(self, room: int, total: Any) -> Samples:
-        """Allocate samples, of which there are `total` (1,)."""
+        """Allocate `room` samples; `total` (1,) is the number in use."""
         rt = self.rt
         return Samples(
             total, rt.zeros((room, 3)), rt.zeros((room, 2)), rt.zeros((room,), np.int32),
@@ -133,7 +135,7 @@ class SampledField(Field):
         room = self.view_room(count)
         if self._viewing is None or self._viewing.room < room:
             self._viewing = self._room_to_view(room)
-        most = self._viewing.room  # a sample of each at least
+        most = self._viewing.room  # rays at a time: each needs room for one sample
         for begin in range(0, count, most):
             part = slice(begin, min(begin + most, count))
             self._see(
@@ -141,20 +143,20 @@ class SampledField(Field):
             )
 
     def view_room(self, rays: int) -> int:
-        """For how many samples a round of rendering has room: on a GPU many, as rounds cost."""
+        """Return samples per round: many on a GPU, where each round has a fixed cost."""
         if self.rt.device == "cpu":
             return self.room
         return min(max(VIEW_EACH * rays, self.room), VIEW_ROOM)
 
     def _room_to_view(self, room: int) -> Viewing:
-        """Take that room: of what training has as far as there is enough, else of its own."""
+        """Use the room of training for rendering if it is large enough; else allocate more."""
         counts = self.rt.zeros((2,), np.int32)
         if room <= self.room:
             return Viewing(self.samples.first(room), counts)
         return Viewing(self._room_for(room, counts[:1]), counts)
 
     def _see(self, viewing: Viewing, origins: Any, directions: Any, seen: View) -> None:
-        """Take the next samples of all rays, until each is opaque or has left the field."""
+        """Composite the next samples of all rays, until each is opaque or has left the field."""
         rt, view, living = self.rt, self.rt.radiance.rendering, origins.shape[0]
         at = rt.scratch("view.at", (living,))
         taken, listing, going = (
@@ -162,7 +164,7 @@ class SampledField(Field):
         )
         spans = rt.scratch("view.spans", (living, 2), np.int32)
         counts = viewing.counts
-        # Where rays are jittered and which of them are active does not matter: all are seen.
+        # All rays are active and none is jittered, so the counts passed here are not read.
         rays, march = Rays(origins, directions, counts), self._march(False, counts)
         views = Views(at, taken, *seen)
         view.set_out(rays, self.space, march, listing, counts, views)
@@ -235,7 +237,7 @@ class SampledField(Field):
         return max(1, min(self.rays, int(rays * FILL * self.room / max(samples, 1))))
 
     def tend(self, step: int, learning: Learning) -> None:
-        """Look where space is empty, every now and then."""
+        """Update the occupancy grid periodically."""
         if step % EVERY == 0:
             everywhere = step < SETTLED
             if everywhere not in self._looks:
@@ -251,7 +253,7 @@ class SampledField(Field):
         self._looks.clear()
 
     def _look(self, everywhere: bool, step: Any) -> None:
-        """Raise each cell to the density at a random point of it: all cells, or a random part."""
+        """Raise cells to the density at a random point in them: all cells, or a random part."""
         occupancy, count = self.rt.radiance.march.occupancy, self.levels * self.cells**3
         occupancy.fade(FADE, self.density)
         for begin in range(0, count if everywhere else -(-count // 4), self.room):
@@ -269,16 +271,16 @@ class SampledField(Field):
         return {"occupancy.density": self.rt.to_numpy(self.density).copy(),
                 "occupancy.bits": self.rt.to_numpy(self.bits).copy()}  # fmt: skip
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         self.rt.write(self.density, taken(state, "occupancy.density", self.density.shape))
         self.rt.write(self.bits, taken(state, "occupancy.bits", self.bits.shape, np.uint32))
 
 
 def check_batch(settings: Any) -> None:
-    """Look at what the settings of all such fields have."""
+    """Check the settings that all such fields have."""
     check_integer(settings.steps, "steps", 1, STEPS)
-    check_integer(settings.samples, "samples", settings.steps, 2**24)  # a ray at least
+    check_integer(settings.samples, "samples", settings.steps, 2**24)  # room for a ray
     check_integer(settings.rays, "rays", 1, 2**24)
     if check_integer(settings.cells, "cells", 8, 512) % 8:
         raise ValueError(f"cells must be a multiple of 8, got {settings.cells}")
@@ -290,14 +292,14 @@ def check_batch(settings: Any) -> None:
 
 
 def taken(
-    state: dict[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
+    state: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
 ) -> np.ndarray:
-    """Return an array of a state, if it is there and as it should be."""
+    """Return an array of a state; check its name, shape and dtype before it is read."""
     if name not in state:
         raise ValueError(f"state must have {name!r}, got {tuple(state)}")
+    if shape_of(state, name) != tuple(shape):
+        raise ValueError(f"{name} must have shape {tuple(shape)}, got {shape_of(state, name)}")
     found = state[name]
-    if found.shape != tuple(shape):
-        raise ValueError(f"{name} must have shape {tuple(shape)}, got {found.shape}")
     if found.dtype != dtype:
         raise ValueError(f"{name} must be {np.dtype(dtype)}, got {found.dtype}")
     return found

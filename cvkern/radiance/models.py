@@ -1,4 +1,4 @@
-"""Trained radiance fields, with everything that it takes to render and to save them."""
+"""Trained radiance fields, with everything needed to render and save them."""
 
 from __future__ import annotations
 
@@ -22,68 +22,69 @@ from cvkern.radiance.scenes.photographs import Bounds
 
 __all__ = ["Mark", "Model", "load_model"]
 
+MOST_VIEWS, MOST_MARKS = 2**20, 2**24  # rows that a file may have
 FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField)}
 
 
 class Mark(NamedTuple):
-    """How far a training was at one moment."""
+    """The state of a training at one moment."""
 
     step: int
     """Steps done."""
     seconds: float
-    """Time spent in them, but for the first one of a run."""
+    """Time spent in these steps, except the first step of each run."""
     psnr: float
-    """Of the rays of a batch at most 16 steps before, decibels; NaN if there is none."""
+    """Signal-to-noise ratio of a batch at most 16 steps before, decibels; NaN if there is none."""
     test_psnr: float
-    """Mean over views that were kept back, decibels; NaN where there are none."""
+    """Mean signal-to-noise ratio of held-out views, decibels; NaN if there are none."""
     test_ssim: float
-    """Mean structural similarity of the same views; NaN if they are too small for it."""
+    """Mean structural similarity of the same views; NaN if they are too small."""
 
 
 @dataclass
 class Training:
-    """Where a training stands, beside the field itself."""
+    """The progress of a training, apart from the field itself."""
 
     step: int = 0
     seconds: float = 0.0
     rays: int = 0
-    """How many are in a batch now."""
+    """Number of rays in a batch now."""
     total_rays: int = 0
-    """How many have been cast in all steps."""
+    """Number of rays of all steps."""
     total_samples: int = 0
-    """How many samples these took, by one step in 16."""
+    """Number of samples of these rays, estimated from one step in 16."""
     progress: float = 0.0
-    """Share that was done when the host last looked."""
+    """Share of the training that was done when the host last checked."""
     marks: list[Mark] = field(default_factory=list)
     stopped: bool = False
-    """Whether an interrupt ended it before its time."""
+    """Whether an interrupt ended it early."""
     resumable: bool = True
-    """Whether it can go on."""
+    """Whether it can be resumed."""
 
 
 @dataclass(eq=False)
 class Model:
     """A radiance field made from the photographs of a scene.
 
-    :func:`fit` makes one, :func:`load_model` reads one from a file, and :func:`render` and its like
-    make pictures of it. Only one thread at a time may use it.
+    :func:`fit` trains a model, :func:`load_model` reads one from a file, and :func:`render` and
+    similar functions make pictures of it. Only one thread at a time may use a model.
     """
 
     field: Field
     """The field, on the device that it was made on."""
     settings: Any
-    """What it was made with: a `HashField`, say."""
+    """The settings of the field, a `HashField`, for example."""
     background: str
-    """What it was trained before: white, black, random or learnt."""
+    """The background used in training: white, black, random or learnt."""
     behind: np.ndarray
-    """The colour behind everything that pictures have, (3,) float32; white for random."""
+    """The background colour of pictures, (3,) float32; white for random."""
     cameras: Cameras
-    """Those of the photographs: where to look from."""
+    """The cameras of the photographs."""
     seed: int
     training: Training
-    """How it came about; ``training.marks`` is the curve of its quality."""
+    """The progress of the training; ``training.marks`` is the curve of its quality."""
     extra: dict[str, np.ndarray]
-    """What a training that goes on needs beside the state of the field."""
+    """The arrays that a resumed training needs in addition to the state of the field."""
 
     @property
     def frame(self) -> Frame:
@@ -105,8 +106,8 @@ class Model:
         path : path
             Ends in ``.npz``; an existing file is replaced once the new one is complete.
         resumable : bool, default True
-            Keep what training needs to go on, two thirds of the file or more. Without it pictures
-            are the same.
+            Keep the arrays that a resumed training needs, two thirds of the file or more. Pictures
+            do not need them.
 
         Raises
         ------
@@ -115,7 +116,7 @@ class Model:
         ValueError
             If `path` has another ending, or is a folder.
         OSError
-            If the disk is full, say; the old file stays.
+            If writing fails, on a full disk, for example; the old file stays.
         """
         checkpoints.check_path(path)
         frame, views, training = self.frame, self.cameras, self.training
@@ -157,56 +158,58 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     Returns
     -------
     Model
-        Ready to render; :func:`fit` goes on with the training of the file where it is told to.
+        The model, ready to render. To resume its training, give the file to :func:`fit`.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no model, was cut short or damaged, is of another version, its arrays do not have
-        the shapes that its settings ask for, or the device is not there.
+        If it is not a model, is incomplete or damaged, or has another version; if the shapes of its
+        arrays do not match its settings; or if the device does not exist here. Shapes are checked
+        before an array is read, so a file takes no more memory than its settings ask for, and
+        2^20 views and 2^24 marks.
     """
-    header, arrays = checkpoints.read(path)
-    runtime()  # a device that is not there is no fault of the file
-    try:
+    runtime()  # report a missing device first, because it is not a fault of the file
+    with checkpoints.opened(path) as (header, arrays):
         return _from(header, arrays)
-    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
-        reason = f"no {error}" if isinstance(error, KeyError) else str(error)
-        raise ValueError(
-            f"path must be a whole model, got {os.fspath(path)!r}: {reason}"
-        ) from error
 
 
 def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
-    """Return settings as they were: JSON makes lists of tuples."""
+    """Restore tuples in settings, which JSON turned into lists."""
     return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
 
 
-def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
+def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
+    """Make a model; each array is read once its shape is known to be what the settings imply."""
     check_choice(header["field"], tuple(FIELDS), "field")
     settings = FIELDS[header["field"]](**_tuples(header["settings"]))
     b = header["bounds"]
     x, y, z = map(float, b["center"])
     bounds = Bounds((x, y, z), float(b["half"]), bool(b["unbounded"]))
     frame = Frame(bounds, *(float(header[name]) for name in ("near", "far", "pixel")))
-    lenses = (arrays[f"cameras.{part}"] for part in ("poses", "intrinsics", "distortion"))
-    poses, intrinsics, distortion = lenses
+    count = arrays.shape("cameras.poses")[0]
+    if count > MOST_VIEWS:
+        raise ValueError(f"cameras.poses must be at most {MOST_VIEWS}, got {count}")
+    poses, intrinsics, distortion = (
+        taken(arrays, f"cameras.{part}", (count, *shape), np.float64)
+        for part, shape in (("poses", (3, 4)), ("intrinsics", (4,)), ("distortion", (5,)))
+    )
     views = cameras(poses, intrinsics, *header["size"], distortion=distortion)
     check_positive(bounds.half, "half")
     check_code(header["background"], Background, "background")
     training = Training(**header["training"])
-    marks = taken(arrays, "marks", (len(arrays["marks"]), len(Mark._fields)), np.float64)
+    count = arrays.shape("marks")[0]
+    if count > MOST_MARKS:
+        raise ValueError(f"marks must be at most {MOST_MARKS}, got {count}")
+    marks = taken(arrays, "marks", (count, len(Mark._fields)), np.float64)
     training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in marks]
     behind = taken(arrays, "behind", (3,))
     made = settings.build(runtime(), frame, int(header["seed"]))
     check_integer(training.step, "step", 0, 2**31 - 1)
-    check_integer(training.rays, "rays", 0, made.rays)  # or kernels would leave their arrays
-    made.restore(_part(arrays, "state."))
-    extra = _part(arrays, "extra.")
+    check_integer(training.rays, "rays", 0, made.rays)  # more would exceed the kernels' arrays
+    made.restore(arrays.part("state"))
+    given = arrays.part("extra")
+    extra = {name: taken(given, name, (3,)) for name in given}  # a colour, and its optimizer's
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
                  int(header["seed"]), training, extra)  # fmt: skip
-
-
-def _part(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
-    return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}

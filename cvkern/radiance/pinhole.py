@@ -1,7 +1,9 @@
 """Pinhole cameras with lens distortion, in the conventions of OpenCV.
 
 Camera axes are x right, y down, z forward. The centre of the pixel in row i and column j has the
-image coordinates (x, y) = (j, i), here and in every kernel.
+image coordinates (x, y) = (j, i), here and in every kernel. The lens is that of
+`cvkern.geometry.camera`. Poses are camera-to-world; the (rotation, translation) of geometry is the
+inverse.
 """
 
 from __future__ import annotations
@@ -11,19 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_positive
+from cvkern._checks import FLOAT32_MAX, as_numbers, check_instance, check_integer, check_positive
+from cvkern.geometry.camera import bent, straightened
 
-# Newton's method doubles the right digits with each step; lenses need three or four steps.
-_NEWTON_STEPS = 10
-_WIDEST = 1e6  # tangent of the angle of a ray from the middle: farther is astray
+MOST_SIDE = 2**15  # pixels
 
 
 @dataclass(frozen=True, eq=False)
 class Cameras:
-    """N views of one image size: where each stands, and how it maps directions to pixels."""
+    """N views of one image size: their poses, and their mapping of directions to pixels."""
 
     poses: np.ndarray
-    """Camera to world, (N, 3, 4) float64: a rotation, and the centre of the camera."""
+    """Camera to world, (N, 3, 4) float64: a rotation, and the centre of the camera.
+
+    The (rotation, translation) of geometry, x = R w + t, is the inverse.
+    """
     intrinsics: np.ndarray
     """fx, fy, cx, cy in pixels, (N, 4) float64."""
     distortion: np.ndarray
@@ -64,7 +68,7 @@ class Cameras:
         Raises
         ------
         TypeError
-            If `factor` is no number.
+            If `factor` is not a number.
         ValueError
             If it is not > 0 and finite.
         """
@@ -83,7 +87,7 @@ def cameras(
     *,
     distortion: Any = 0.0,
 ) -> Cameras:
-    """Check and collect the cameras of some views.
+    """Check the parameters of some views, and collect them as cameras.
 
     Parameters
     ----------
@@ -104,7 +108,7 @@ def cameras(
     ------
     ValueError
         If there is no view, a shape does not fit, a number is not finite, a focal length is not
-        positive, or a pose does not have a rotation in it.
+        positive, or a pose contains no rotation.
 
     Examples
     --------
@@ -113,13 +117,13 @@ def cameras(
     >>> len(cameras(np.eye(4)[None], [50, 50, 31.5, 23.5], 64, 48))
     1
     """
-    poses = np.asarray(poses, np.float64)
+    poses = as_numbers(poses, "poses")
     if poses.ndim != 3 or poses.shape[1:] not in ((3, 4), (4, 4)) or not len(poses):
         raise ValueError(f"poses must have shape (N, 3, 4) with N >= 1, got {poses.shape}")
     poses = poses[:, :3]
     count = len(poses)
-    width = check_integer(width, "width", 1, 2**15)
-    height = check_integer(height, "height", 1, 2**15)
+    width = check_integer(width, "width", 1, MOST_SIDE)
+    height = check_integer(height, "height", 1, MOST_SIDE)
     lens = _one_each(intrinsics, count, 4, "intrinsics")
     bent = _one_each(distortion, count, 5, "distortion")
     if not (lens[:, :2] > 0).all():
@@ -132,14 +136,14 @@ def cameras(
     if off.max() > 1e-3:
         worst = int(off.argmax())
         raise ValueError(f"poses must have rotations, got in view {worst}: {turns[worst].tolist()}")
-    u, _, v = np.linalg.svd(turns)  # files round their numbers: the nearest rotation
+    u, _, v = np.linalg.svd(turns)  # find the nearest rotation, because files round their numbers
     poses = np.concatenate((u @ v, poses[:, :, 3:]), axis=2)
     return Cameras(poses, lens, bent, width, height)
 
 
 def _one_each(values: Any, count: int, size: int, name: str) -> np.ndarray:
     """Return `values`, one row for each of `count` views."""
-    values = np.asarray(values, np.float64)
+    values = as_numbers(values, name)
     if values.ndim > 2 or (values.ndim and values.shape[-1] != size):
         raise ValueError(f"{name} must have shape ({size},) or (N, {size}), got {values.shape}")
     if values.ndim == 2 and len(values) != count:
@@ -166,11 +170,21 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
     Raises
     ------
     ValueError
-        If an eye is at its target, or looks along `up`, or the shapes do not go together.
+        If an eye is at its target, or looks along `up`, or the shapes do not match.
     """
-    eyes, targets = np.broadcast_arrays(np.atleast_2d(eyes), np.atleast_2d(targets))
-    forward = np.asarray(targets - eyes, np.float64)
-    right = np.cross(forward, np.asarray(up, np.float64))
+    up = as_numbers(up, "up")
+    places = [np.atleast_2d(as_numbers(a, n)) for a, n in ((eyes, "eyes"), (targets, "targets"))]
+    shapes = [place.shape for place in places]
+    if up.shape != (3,) or any(len(s) != 2 or s[1] != 3 or not s[0] for s in shapes):
+        got = f"{shapes[0]}, {shapes[1]} and {up.shape}"
+        raise ValueError(f"eyes and targets must have shape (N, 3), and up (3,), got {got}")
+    if shapes[0][0] != shapes[1][0] and 1 not in (shapes[0][0], shapes[1][0]):
+        raise ValueError(f"targets must be as many as eyes, {shapes[0][0]}, got {shapes[1][0]}")
+    if not all((np.abs(place) <= FLOAT32_MAX).all() for place in (*places, up)):
+        raise ValueError("eyes, targets and up must be finite in float32, got others")
+    eyes, targets = np.broadcast_arrays(*places)
+    forward = targets - eyes
+    right = np.cross(forward, up)
     length = np.linalg.norm(right, axis=1, keepdims=True)
     if not (length > 1e-9 * np.linalg.norm(forward, axis=1, keepdims=True)).all():
         raise ValueError("eyes must be apart from their targets, and not look along up")
@@ -180,7 +194,7 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
 
 
 def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return where rays through `pixels` of a view start, and their unit directions.
+    """Return the origins and unit directions of the rays through `pixels` of a view.
 
     Parameters
     ----------
@@ -200,20 +214,22 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
     ValueError
         If there is no such view, or `pixels` have another shape.
     """
+    check_instance(cameras, Cameras, "cameras")
     view = check_integer(view, "view", 0, len(cameras) - 1)
     pixels = _rows(pixels, 2, "pixels")
     fx, fy, cx, cy = cameras.intrinsics[view]
-    bent = np.stack(((pixels[:, 1] - cx) / fx, (pixels[:, 0] - cy) / fy), axis=1)
-    straight = undistort(bent, cameras.distortion[view])
-    ahead = np.concatenate((straight, np.ones((len(straight), 1))), axis=1)
+    shown = np.stack(((pixels[:, 1] - cx) / fx, (pixels[:, 0] - cy) / fy), axis=1)
     pose = cameras.poses[view]
-    directions = ahead @ pose[:, :3].T
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    with np.errstate(all="ignore"):  # pixels may be anywhere
+        straight = straightened(shown, cameras.distortion[view])
+        ahead = np.concatenate((straight, np.ones((len(straight), 1))), axis=1)
+        directions = ahead @ pose[:, :3].T
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return np.broadcast_to(pose[:, 3], directions.shape), directions
 
 
 def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
-    """Return the row and column at which a view sees world points; NaN for those behind it.
+    """Return row and column of world points in a view; NaN for points behind the camera.
 
     Parameters
     ----------
@@ -232,60 +248,21 @@ def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
     ValueError
         If there is no such view, or `points` have another shape.
     """
-    pose = cameras.poses[check_integer(view, "view", 0, len(cameras) - 1)]
-    seen = (_rows(points, 3, "points") - pose[:, 3]) @ pose[:, :3]
-    depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
-    bent = distort(seen[:, :2] / depth, cameras.distortion[view])
+    check_instance(cameras, Cameras, "cameras")
+    view = check_integer(view, "view", 0, len(cameras) - 1)
+    pose = cameras.poses[view]
+    points = _rows(points, 3, "points")
     fx, fy, cx, cy = cameras.intrinsics[view]
-    return np.stack((fy * bent[:, 1] + cy, fx * bent[:, 0] + cx), axis=1)
+    with np.errstate(all="ignore"):  # points may be anywhere, and nowhere
+        seen = (points - pose[:, 3]) @ pose[:, :3]
+        depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
+        shown = bent(seen[:, :2] / depth, cameras.distortion[view])
+    return np.stack((fy * shown[:, 1] + cy, fx * shown[:, 0] + cx), axis=1)
 
 
 def _rows(values: Any, size: int, name: str) -> np.ndarray:
     """Return `values` as (N, size) float64."""
-    found = np.asarray(values, np.float64)
+    found = as_numbers(values, name)
     if found.ndim != 2 or found.shape[1] != size:
         raise ValueError(f"{name} must have shape (N, {size}), got {found.shape}")
-    return found
-
-
-def distort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
-    """Bend normalised image points (N, 2), x and y, as a lens does [OpenCV, calib3d]."""
-    k1, k2, p1, p2, k3 = distortion
-    x, y = points[:, 0], points[:, 1]
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    return np.stack(
-        (
-            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
-            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
-        ),
-        axis=1,
-    )
-
-
-@np.errstate(all="ignore")  # what comes of a slope of 0 is looked at in the end
-def undistort(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
-    """Undo :func:`distort` by Newton's method.
-
-    Where a lens shows no point at that place, it is any; not one so far away that a ray would have
-    no direction.
-    """
-    if not np.any(distortion):
-        return points
-    k1, k2, p1, p2, k3 = distortion
-    found = points.copy()
-    for _ in range(_NEWTON_STEPS):
-        x, y = found[:, 0], found[:, 1]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d x = slope x
-        off = distort(found, distortion) - points
-        xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-        yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-        xy = slope * x * y + 2 * p1 * x + 2 * p2 * y  # the Jacobian is symmetric
-        det = xx * yy - xy * xy
-        step = np.stack((yy * off[:, 0] - xy * off[:, 1], xx * off[:, 1] - xy * off[:, 0]), axis=1)
-        found -= step / det[:, None]
-    astray = ~(np.abs(found) < _WIDEST).all(axis=1)
-    found[astray] = points[astray]
     return found

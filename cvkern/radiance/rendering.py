@@ -1,4 +1,4 @@
-"""Pictures of radiance fields: single ones, paths, and how near they come to photographs."""
+"""Pictures of radiance fields: single views, films, and comparison with photographs."""
 
 from __future__ import annotations
 
@@ -9,40 +9,40 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_positive
+from cvkern._checks import check_flag, check_instance, check_integer, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import CameraSet
 from cvkern.radiance.fields.field import Field, Frame, View
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
-from cvkern.radiance.pinhole import Cameras, cameras, look_at
+from cvkern.radiance.pinhole import MOST_SIDE, Cameras, cameras, look_at
 from cvkern.radiance.scenes.photographs import Scene, focus_of
 
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
 
-SOLID = 0.5  # opacity from which on a ray has a depth
-RAYS = 2**20  # rays that a field looks along at once: this bounds the memory
+SOLID = 0.5  # smallest opacity of a ray that has a depth
+RAYS = 2**20  # most rays rendered at a time, which bounds the memory
 
 
 class Picture(NamedTuple):
-    """What a camera sees of a field."""
+    """A view of a field."""
 
     color: np.ndarray
-    """Composited over the background, in [0, 1], (H, W, 3) float32."""
+    """Colour over the background, in [0, 1], (H, W, 3) float32."""
     opacity: np.ndarray
     """Share of the light that the field stops, (H, W) float32."""
     depth: np.ndarray
-    """Mean distance along the ray of what stops it, units of the world, (H, W) float32; NaN where
-    the opacity is below one half."""
+    """Mean distance along the ray, weighted by the light stopped there, in units of the world,
+    (H, W) float32; NaN where the opacity is below one half."""
 
 
 class Scores(NamedTuple):
-    """How near pictures come to photographs."""
+    """Measures of how close renderings are to photographs."""
 
     psnr: np.ndarray
-    """Decibels of each view, (V,) float64."""
+    """Peak signal-to-noise ratio of each view in decibels, (V,) float64."""
     ssim: np.ndarray
-    """Structural similarity of each view, (V,) float64; NaN for images too small for it."""
+    """Structural similarity of each view, (V,) float64; NaN for images that are too small."""
 
 
 def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = None) -> Picture:
@@ -52,9 +52,9 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
     ----------
     model : Model
     cameras : Cameras
-        In the world of the model's photographs; ``model.cameras`` took those.
+        Cameras in the world of the photographs; those of the photographs are ``model.cameras``.
     view : int, default 0
-        Which of the cameras.
+        Index of the camera.
     background : (red, green, blue), optional
         In [0, 1]; by default ``model.behind``.
 
@@ -65,7 +65,7 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
     Raises
     ------
     TypeError
-        If `view` is not an integer, or the background holds no numbers.
+        If `view` is not an integer, or the background does not hold numbers.
     ValueError
         If there is no such view, the background is not three numbers in [0, 1], or the camera is
         more than 32768 half-sides of the scene's cube from its middle.
@@ -79,13 +79,15 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
     >>> render(model, scene.cameras, view=3).color.shape
     (16, 16, 3)
     """
+    check_instance(model, Model, "model")
+    check_instance(cameras, Cameras, "cameras")
     view = check_integer(view, "view", 0, len(cameras) - 1)
     behind = model.behind if background is None else check_behind(background)
     return Renderer(model.field, model.rt)(cameras, view, behind)
 
 
 class Renderer:
-    """What renders views of a field."""
+    """A renderer of the views of a field."""
 
     def __init__(self, field: Field, rt: Runtime):
         self.field, self.rt = field, rt
@@ -118,22 +120,21 @@ def render_path(
     background: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Render views one after the other as a film.
+    """Render views in sequence as a film.
 
     Parameters
     ----------
     model : Model
     cameras : Cameras
-        One view for each frame: those of :func:`orbit_cameras`, say.
+        One view for each frame, for example those of :func:`orbit_cameras`.
     path : path
-        Ends in ``.gif``, or, for an even height and width, in ``.mp4`` where imageio-ffmpeg is
-        installed.
+        Ends in ``.gif``, or in ``.mp4``, which needs an even height and width and imageio-ffmpeg.
     fps : float, default 20.0
-        Frames a second, > 0; for ``.gif`` at most 50.
+        Frames per second, > 0; for ``.gif`` at most 50.
     background : (red, green, blue), optional
         In [0, 1]; by default ``model.behind``.
     progress : function, optional
-        Called with the number of frames done and of all.
+        Called with the number of frames done and the number of all frames.
 
     Raises
     ------
@@ -142,11 +143,13 @@ def render_path(
     ModuleNotFoundError
         If `path` ends in ``.mp4`` and imageio-ffmpeg is not installed.
     TypeError
-        If `fps` is no number, or the background holds none.
+        If `fps` is not a number, or the background does not hold numbers.
     ValueError
         If `path` ends otherwise, height and width do not suit it, `fps` or the background is out of
         its range, or a camera is more than 32768 half-sides of the scene's cube from its middle.
     """
+    check_instance(model, Model, "model")
+    check_instance(cameras, Cameras, "cameras")
     from cvkern.clouds.films import check_animation, write_animation
 
     check_animation(path, (len(cameras), cameras.height, cameras.width, 3), fps)
@@ -163,7 +166,7 @@ def film(
 ) -> np.ndarray:
     """Return the views of `cameras`, (F, H, W, 3) uint8; see :func:`render_path`."""
     behind = model.behind if background is None else check_behind(background)
-    model.frame.inside(cameras.poses)  # refuses distant ones before the work
+    model.frame.inside(cameras.poses)  # refuses distant cameras before the work
     draw = Renderer(model.field, model.rt)
     frames = np.empty((len(cameras), cameras.height, cameras.width, 3), np.uint8)
     for i in range(len(cameras)):
@@ -174,33 +177,37 @@ def film(
 
 
 def orbit_cameras(views: Cameras, frames: int = 60, *, factor: float = 1.0) -> Cameras:
-    """Return cameras on a round trip about what given cameras look at.
+    """Return cameras on a closed path around the point that the given cameras look at.
 
     Parameters
     ----------
     views : Cameras
-        Those of the photographs, as in ``scene.cameras`` or ``model.cameras``.
+        The cameras of the photographs, as in ``scene.cameras`` or ``model.cameras``.
     frames : int, default 60
-        How many; they make a loop.
+        Number of cameras; they make a loop.
     factor : float, default 1.0
-        Size of the images over that of the photographs, > 0.
+        Size of the images divided by the size of the photographs, > 0.
 
     Returns
     -------
     Cameras
-        At the mean height and distance of the given ones, upright as they are on average, with
-        the lens of the first one but without its distortion. Where those stand on less than half
-        of a circle, the trip swings forth and back within it.
+        Cameras at the mean height and distance of the given ones, with their mean upward direction,
+        and with the lens of the first one without its distortion. If the given cameras cover less
+        than half a circle, the path swings back and forth within their range.
 
     Raises
     ------
     TypeError
-        If `frames` is not an integer, or `factor` no number.
+        If `frames` is not an integer, or `factor` is not a number.
     ValueError
         If either is out of its range.
     """
+    check_instance(views, Cameras, "views")
     count = check_integer(frames, "frames", 1, 2**12)
     sized = views.scaled(check_positive(factor, "factor"))
+    if max(sized.width, sized.height) > MOST_SIDE:
+        sides = f"{sized.height} x {sized.width}"
+        raise ValueError(f"factor must give at most {MOST_SIDE} pixels a side, got {sides}")
     poses = views.poses
     middle = focus_of(poses)
     up = -poses[:, :, 1].mean(axis=0)
@@ -209,7 +216,7 @@ def orbit_cameras(views: Cameras, frames: int = 60, *, factor: float = 1.0) -> C
     height = arms @ up
     flat = arms - height[:, None] * up
     reach = np.linalg.norm(flat, axis=1)
-    # Angles about `up`, from the first of two axes across it.
+    # Angles around `up`, measured from the first of two axes normal to it.
     east = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     east /= np.linalg.norm(east)
     north = np.cross(up, east)
@@ -245,16 +252,17 @@ def evaluate(
     model : Model
     scene : Scene
     test : bool, default True
-        Compare with the views that are kept back, else with the others.
+        Compare with the held-out views if True, else with the others.
     views : sequence of int, optional
         Compare with these views instead.
     progress : function, optional
-        Called with the number of views done and of all.
+        Called with the number of views done and the number of all views.
 
     Returns
     -------
     Scores
-        Photographs with opacity stand before ``model.behind``, as the pictures do.
+        One value per view. Photographs with opacity are composited over ``model.behind``, as the
+        renderings are.
 
     Raises
     ------
@@ -264,13 +272,16 @@ def evaluate(
         If there is no such view, or its camera is more than 32768 half-sides of the scene's cube
         from its middle.
     """
+    test = check_flag(test, "test")
+    check_instance(model, Model, "model")
+    check_instance(scene, Scene, "scene")
     if views is None:
         views = np.flatnonzero(scene.test == test)
     chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]
     if not chosen:
         kind = "kept back" if test else "to train from"
         raise ValueError(f"scene must have views {kind}, got {len(scene)} others")
-    model.frame.inside(scene.cameras.poses[chosen])  # refuses distant ones before the work
+    model.frame.inside(scene.cameras.poses[chosen])  # refuses distant cameras before the work
     draw = Renderer(model.field, model.rt)
     scores = np.full((2, len(chosen)), np.nan)
     for i, view in enumerate(chosen):
@@ -285,7 +296,7 @@ def evaluate(
 
 
 def photograph(scene: Scene, view: int, behind: np.ndarray) -> np.ndarray:
-    """Return a photograph before a background, (H, W, 3) float32 in [0, 1]."""
+    """Return a photograph over a background, (H, W, 3) float32 in [0, 1]."""
     image = scene.images[view].astype(np.float32) / 255
     if image.shape[2] == 3:
         return image
@@ -294,21 +305,21 @@ def photograph(scene: Scene, view: int, behind: np.ndarray) -> np.ndarray:
 
 
 def on_device(rt: Runtime, frame: Frame, views: Cameras) -> CameraSet:
-    """Return cameras in the frame, as kernels take them."""
+    """Return cameras in the coordinates of the frame, as kernels take them."""
     lenses = np.hstack((views.intrinsics, views.distortion)).astype(np.float32)
     poses = owned(rt, frame.inside(views.poses))
     return CameraSet(poses, owned(rt, lenses), views.width, views.height)
 
 
 def owned(rt: Runtime, values: np.ndarray) -> Any:
-    """Return a kernel array of one's own with these values."""
+    """Return a new kernel array with these values."""
     array = rt.zeros(values.shape, values.dtype)
     rt.write(array, np.ascontiguousarray(values))
     return array
 
 
 def check_behind(background: Any) -> np.ndarray:
-    """Return a colour, (3,) float32."""
+    """Return a checked colour, (3,) float32."""
     try:
         color = np.asarray(background, np.float32)
     except (TypeError, ValueError):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_positive
-from cvkern._files import replacing
+from cvkern._checks import check_instance, check_integer, check_positive
+from cvkern._files import as_path, replacing
 from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays
@@ -18,8 +17,8 @@ from cvkern.radiance.rendering import RAYS, Renderer
 
 __all__ = ["Cloud", "Mesh", "mesh", "point_cloud", "write_mesh"]
 
-BEFORE = 2.0  # cells before a surface, from where its colour is looked at
-SMOOTH, MOST = 2.0, 4.0  # cells, and times the density at the surface
+BEFORE = 2.0  # cells: distance from a surface at which its colour is viewed
+SMOOTH, MOST = 2.0, 4.0  # sigma in cells, and bound as a multiple of the density at the surface
 
 
 class Cloud(NamedTuple):
@@ -45,7 +44,7 @@ class Mesh(NamedTuple):
 def point_cloud(
     model: Model, cameras: Cameras | None = None, *, views: Sequence[int] | np.ndarray | None = None
 ) -> Cloud:
-    """Return the points that the pixels of some views show.
+    """Return the surface points that the pixels of some views show.
 
     Parameters
     ----------
@@ -58,22 +57,25 @@ def point_cloud(
     Returns
     -------
     Cloud
-        A point for each pixel through which the field stops half of the light; may be empty.
-        ``cvkern.clouds.write_ply(path, *cloud)`` writes it.
+        A point for each pixel whose ray is stopped by the field, with an opacity of at least one
+        half; may be empty. ``cvkern.clouds.write_ply(path, *cloud)`` writes it.
 
     Raises
     ------
     TypeError
-        If a number of a view is not an integer.
+        If the index of a view is not an integer.
     ValueError
         If there is no such view, or its camera is more than 32768 half-sides of the scene's cube
         from its middle.
     """
+    check_instance(model, Model, "model")
+    if cameras is not None:
+        check_instance(cameras, Cameras, "cameras")
     cameras = model.cameras if cameras is None else cameras
     if views is None:
         views = range(0, len(cameras), max(1, len(cameras) // 12))
     chosen = [check_integer(v, "views", 0, len(cameras) - 1) for v in views]
-    model.frame.inside(cameras.poses[chosen])  # refuses distant ones before the work
+    model.frame.inside(cameras.poses[chosen])  # refuses distant cameras before the work
     draw = Renderer(model.field, model.rt)
     points, colors = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.uint8)]
     for view in chosen:
@@ -89,36 +91,37 @@ def point_cloud(
 def mesh(
     model: Model, *, resolution: int = 128, density: float = 25.0, pieces: int | None = 1
 ) -> Mesh:
-    """Return the surface on which the density of a model has one value, by marching cubes.
+    """Return the surface on which a model's density has a given value, by marching cubes.
 
     Parameters
     ----------
     model : Model
     resolution : int, default 128
-        Cells along a side of the scene's cube, from 8 to 1024; what lies outside of it is left
-        out.
+        Cells along a side of the scene's cube, from 8 to 1024. The part of the scene outside the
+        cube is left out.
     density : float, default 25.0
-        The value, per half of the cube's side, > 0: light that goes so far through it is left
-        with ``exp(-density)`` of itself.
+        The value, per half of the cube's side, > 0. Over that length, the share ``exp(-density)``
+        of the light gets through.
     pieces : int, optional
-        How many of the surface's connected pieces to keep, the largest first by area; by default
-        one, as noise in space that no photograph shows makes thousands of small ones. None for all.
+        Number of connected pieces to keep, those with the largest area; None for all. The default
+        is one, because noise in space that no photograph shows makes thousands of small pieces.
 
     Returns
     -------
     Mesh
-        Colours are those seen across the surface, after that was smoothed. It has surfaces inside
-        solids, too, where no photograph says what the density is.
+        Each corner has the colour seen along the normal of the smoothed surface. There are surfaces
+        inside solids, too, because no photograph determines the density there.
 
     Raises
     ------
     ModuleNotFoundError
         If scikit-image is not installed.
     TypeError
-        If a parameter is no number.
+        If a parameter is not a number.
     ValueError
-        If a parameter is out of its range, or the density is nowhere on both sides of the value.
+        If a parameter is out of its range, or the density nowhere crosses the value.
     """
+    check_instance(model, Model, "model")
     cells = check_integer(resolution, "resolution", 8, 1024)
     density = check_positive(density, "density")
     if pieces is not None:
@@ -134,20 +137,21 @@ def mesh(
     rt, bounds = model.rt, model.frame.bounds
     axis = np.linspace(-1, 1, cells + 1, dtype=np.float32)
     grid = np.empty((cells + 3,) * 3, np.float32)
-    grid[...] = 0  # nothing outside: the surface is closed
+    grid[...] = 0  # the density is 0 outside, so the surface is closed
     plane = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=2).reshape(-1, 2)
-    for i, x in enumerate(axis):  # a plane at a time: all points at once would fill the memory
+    for i, x in enumerate(axis):  # one plane at a time, because all points would fill the memory
         points = np.column_stack((np.full(len(plane), x), plane))
         grid[i + 1, 1:-1, 1:-1] = model.field.densities(points).reshape(cells + 1, cells + 1)
     if not grid.max() > density:
         raise ValueError(
-            f"density must be below the model's greatest, {grid.max():g}, got {density:g}"
+            f"density must be below the model's largest, {grid.max():g}, got {density:g}"
         )
     at, faces, _, _ = marching_cubes(grid, density, gradient_direction="ascent")
     if pieces is not None:
         at, faces = _largest(at, faces, pieces)
-    # The density is rough, and what is seen on a way that no photograph has can be any colour: the
-    # way to look is across a smoother surface. Within solids the density has no bound.
+    # Colours are reliable only along directions that photographs have. The density is rough, so
+    # view along the normals of a smoothed density, bounded because it grows without limit in
+    # solids.
     smooth = gaussian_filter(np.minimum(grid, MOST * density), SMOOTH)
     slopes = [
         map_coordinates(smooth, (at + step).T, order=1)
@@ -159,7 +163,7 @@ def mesh(
     side = 2 / cells
     corners = (side * (at - 1) - 1).astype(np.float32)
     faces = np.ascontiguousarray(faces, np.int32)
-    # Rays see nothing before `near`: they start that much farther away.
+    # Rays begin at the distance `near`, so their origins are that much farther away.
     away = model.frame.near + BEFORE * side
     colors = _looked_at(model, rt, corners + np.float32(away) * normals, -normals)
     points = bounds.half * corners + np.array(bounds.center, np.float32)
@@ -185,7 +189,7 @@ def _largest(points: np.ndarray, faces: np.ndarray, pieces: int) -> tuple[np.nda
 
 
 def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return the colours that rays of the frame see close by, (N, 3) uint8."""
+    """Return the colours that rays of the frame see at a short distance, (N, 3) uint8."""
     colors = np.empty((len(origins), 3), np.uint8)
     for begin in range(0, len(origins), RAYS):
         part = slice(begin, begin + RAYS)
@@ -227,7 +231,8 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
     ...     Path(folder, "one.ply").stat().st_size
     287
     """
-    if Path(path).suffix.lower() != ".ply":
+    check_instance(surface, Mesh, "surface")
+    if as_path(path).suffix.lower() != ".ply":
         raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")
     place = [(name, "<f4") for name in ("x", "y", "z")]
     tint = [(name, "u1") for name in ("red", "green", "blue")]

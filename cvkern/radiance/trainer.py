@@ -20,21 +20,21 @@ from cvkern.radiance.models import Mark, Model
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
 
-LOOK = 16  # steps between looks of the host at the device
-CLOCK = 0.005  # share of the time that passes before the device is told
-# Gradients are of the sum of the losses of a batch's rays times this, not of their mean: a ray
-# counts as much in a batch of many as in one of few.
+LOOK = 16  # steps between checks of the device by the host
+CLOCK = 0.005  # change of the progress (a share of the time) after which the device gets an update
+# The loss of a batch is the sum over its rays times this, not their mean, so that a ray has the
+# same weight in a large batch as in a small one.
 SHARE = 1 / 4096
-HUBER = 0.1  # error of a channel from which Huber's loss grows linearly
+HUBER = 0.1  # error of a channel above which Huber's loss grows linearly
 BACKGROUND_RATE = 1e-2  # learning rate of a learnt background
-PARTS = 256  # parts of the sum that is the background's gradient
-FEW = 4  # held-out views of a look during training
+PARTS = 256  # partial sums of the background's gradient
+FEW = 4  # held-out views of an evaluation during training
 
 Say = Callable[[float, str], None]  # the share that is done, and what it does
 
 
 class Trainer:
-    """What takes the steps of a training; see :func:`cvkern.radiance.fit` for the parameters."""
+    """The steps of a training; see :func:`cvkern.radiance.fit` for the parameters."""
 
     def __init__(self, model: Model, scene: Scene, loss: str, spread: float):
         self.model, self.scene, self.field = model, scene, model.field
@@ -95,7 +95,7 @@ class Trainer:
         rt.radiance.training.adam.advance(at)
 
     def repeat(self) -> None:
-        """Take a step: the first one with the field's arrays as it is, the others as recorded."""
+        """Take a step, and record it if the field's arrays are new; later ones are replayed."""
         if self._edition != self.field.edition:
             self._edition = self.field.edition
             self.step()
@@ -134,10 +134,10 @@ class Trainer:
             state.total_rays += state.rays
             if state.step == first + 1:
                 self.rt.to_numpy(at)
-                begin = time.perf_counter()  # the first step compiles kernels: it is free
+                begin = time.perf_counter()  # the first step compiles kernels, so do not count it
                 say(state.progress, "Training")
             looks = state.step % LOOK == 0
-            # On slow machines LOOK steps are much of the time. To write waits for a GPU.
+            # On slow machines LOOK steps take much of the time. Writing waits for a GPU.
             if seconds and spent() / seconds - state.progress > CLOCK:
                 look_at_clock(state.step)
             evaluates = evaluate_every is not None and state.step % evaluate_every == 0
@@ -154,7 +154,7 @@ class Trainer:
                 say(state.progress, f"{quality:.1f} dB  {rate / 1e3:,.0f} k rays/s")
             file = checkpoint if looks and spent() - saved >= save_every else None
             if evaluates or file is not None:
-                self.rt.to_numpy(at)  # what was launched is done, and paid for
+                self.rt.to_numpy(at)  # wait, so that the time of all launched steps is counted
                 state.seconds, paused = spent(), time.perf_counter()
                 if evaluates:
                     self.mark(quality, stop, say, FEW)
@@ -172,22 +172,22 @@ class Trainer:
         try:
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))
-        finally:  # an interrupt of the looks at held-out views must not cost the training
+        finally:  # an interrupt while held-out views are rendered must not lose the training
             self.keep()
             if checkpoint is not None:
                 self.model.save(checkpoint)
 
     def quality(self) -> float:
-        """Return the signal-to-noise ratio of the last batch, decibels; NaN without any rays."""
+        """Return the signal-to-noise ratio of the last batch, decibels; NaN without rays."""
         errors = self.rt.to_numpy(self.errors)[: self.kept()]
         return -10 * math.log10(max(float(errors.mean()), 1e-12)) if errors.size else math.nan
 
     def kept(self) -> int:
-        """Return how many rays a batch has by now: the field lowers it, the next look sets it."""
+        """Return the number of rays of a batch: the field may lower it until the next check."""
         return int(self.rt.to_numpy(self.active)[0])
 
     def mark(self, quality: float, stop: threading.Event, say: Say, most: int) -> None:
-        """Note how good the model is by now, by at most so many held-out views; or be stopped."""
+        """Record the quality on at most `most` held-out views, unless stopped."""
         self.keep()
         state, views = self.model.training, np.flatnonzero(self.scene.test)
         views = views[:: max(1, -(-len(views) // most))]
@@ -199,11 +199,11 @@ class Trainer:
                 return
         found = np.mean(scores, axis=(0, 2)).tolist() if scores else [math.nan, math.nan]
         if state.marks and state.marks[-1].step == state.step:
-            state.marks.pop()  # fewer views, or the end of a budget that is spent again
+            state.marks.pop()  # replace a mark of fewer views, or of an earlier end of the budget
         state.marks.append(Mark(state.step, state.seconds, quality, *found))
 
     def keep(self) -> None:
-        """Take from the device what the model has beside the field."""
+        """Copy the model's data other than the field from the device."""
         self.model.training.rays = self.kept()
         if self.background == Background.LEARNT:
             self.model.extra = self.behind.state("behind.", self.rt)

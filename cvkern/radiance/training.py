@@ -16,7 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_choice, check_code, check_integer, check_number, check_positive
+from cvkern._checks import (
+    check_choice,
+    check_code,
+    check_flag,
+    check_instance,
+    check_integer,
+    check_number,
+    check_positive,
+)
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints
@@ -32,10 +40,10 @@ __all__ = ["fit"]
 
 Settings = VoxelField | HashField | MLPField
 KINDS: dict[str, type[Settings]] = {"voxel": VoxelField, "hash": HashField, "mlp": MLPField}
-# With these a step of 'hash' or 'mlp' takes about 30 ms on two cores; batches of the defaults are
-# 16 and 4 times as large, and the perceptron of MLPField() some 20 times.
+# With these settings, a step of 'hash' or 'mlp' takes about 30 ms on two cores. The default batches
+# are 16 and 4 times as large, and the default perceptron of MLPField() about 20 times.
 LINE = 10.0  # seconds between lines of progress in a log
-ALIKE, UNIFORM = 6, 0.95  # grey levels off, and share of borders, of a background of one colour
+ALIKE, UNIFORM = 6, 0.95  # grey levels, and share of the borders, for a background of one colour
 ON_CPU: dict[str, dict[str, Any]] = {
     "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
     "mlp": {
@@ -43,14 +51,14 @@ ON_CPU: dict[str, dict[str, Any]] = {
         "steps": 128, "learning_rate": 5e-3,
     },
 }  # fmt: skip
-# The defaults of a grid are for the CPU. A GPU has the time for a finer one, if not the memory.
+# The defaults of a grid are for the CPU. A GPU is fast enough for a finer one if the memory allows.
 ON_GPU: dict[str, dict[str, Any]] = {
     "voxel": {
         "resolutions": (32, 64, 128, 256), "shares": (0.05, 0.15, 0.4), "rays": 2**13,
         "smooth_color": 1e-10, "final_rate": 0.01,
     },
 }  # fmt: skip
-LAST_GRID = 11 * 10**9  # bytes, with the one before: a GPU with less is spared the last one
+LAST_GRID = 11 * 10**9  # bytes of the last two grids; a GPU with less omits the last one
 
 
 def fit(
@@ -75,46 +83,47 @@ def fit(
     Parameters
     ----------
     scene : Scene
-        Its views that are not kept back for testing are trained from.
+        The scene; its views that are not held out for testing are used for training.
     field : {'voxel', 'hash', 'mlp'}, or VoxelField, HashField or MLPField, optional
-        What to train. A name is that of a field with settings that suit the device. On a GPU they
-        are its defaults, but that 'voxel' goes on to a grid of 256 cells where 11 GB are free; on
-        the CPU, where 'hash' and 'mlp' would take minutes to show anything, smaller ones. By
-        default 'voxel' on the CPU, which mostly learns faster there, and 'hash' on a GPU.
+        The field to train. A name means a field with settings that suit the device. On a GPU these
+        are the field's defaults, except that 'voxel' continues to a grid of 256 cells if 11 GB are
+        free. On the CPU they are smaller, because 'hash' and 'mlp' would otherwise take minutes to
+        show anything. By default 'voxel' on the CPU, where it mostly learns faster, and 'hash' on
+        a GPU.
     seconds : float, optional
-        Time to train for, > 0, without the first step, which may have to compile kernels, looks
-        at held-out views, and saving; 60 by default.
+        Training time, > 0; 60 by default. The first step, which may compile kernels, evaluation of
+        held-out views, and saving are not counted.
     steps : int, optional
-        Batches to train on, instead of `seconds`. On the CPU the same steps give the same model,
-        bit for bit, with the same number of threads.
+        Number of batches, instead of `seconds`. On the CPU the same steps give the same model, bit
+        for bit, with the same number of threads.
     background : {'random', 'white', 'black', 'learnt'}, optional
-        What is behind everything. Random colours keep the field from painting a background of its
-        own: photographs with opacity come out with theirs, and others are filled to the last
-        pixel. Where these show things before one colour, that colour or 'learnt' is much better. By
-        default 'random', unless the photographs have no opacity and one colour all along their
-        borders: then 'white', 'black' or 'learnt', as fits, which a warning says.
+        Background of the scene. Random colours prevent the field from modelling a background:
+        photographs with opacity are learnt with their opacity, and others as opaque in every pixel.
+        For photographs without opacity that show objects in front of one colour, that colour or
+        'learnt' is much better. By default 'random', unless the photographs have no opacity and one
+        colour along all borders: then 'white', 'black' or 'learnt', and a warning names the choice.
     loss : {'squared', 'huber'}, default 'squared'
-        What is made small; Huber's is linear from errors of 0.1 on.
+        The loss to minimise; Huber's is linear for errors above 0.1.
     spread : float, default 0.0
         A ray goes through a random point of its pixel, within a square of this side, from 0 (its
-        centre) to 1 (all of it).
+        centre) to 1 (the whole pixel).
     seed : int, default 0
-        Of all random numbers.
+        Seed of all random numbers.
     deterministic : bool, default False
-        On a GPU too, give the same model for the same `steps`, bit for bit, as long as the kind of
-        GPU and the versions of its software stay the same. Steps take longer, and gradients twice
-        the memory again: they are added up as integers, which have the same sum in any order.
+        Give the same model for the same `steps`, bit for bit, on a GPU too, as long as the kind of
+        GPU and the versions of its software stay the same. Steps take longer, and gradients take
+        three times the memory: they are added as integers, whose sum does not depend on the order.
     checkpoint : path, optional
-        File, ``.npz``, that the model is saved to every now and then and at the end; each time
-        whole or not at all. A run killed while it saves leaves a hidden ``.part.npz`` beside it.
+        File, ``.npz``, to which the model is saved periodically and at the end, each time whole or
+        not at all. A run that is killed while it saves leaves a hidden ``.part.npz`` beside it.
     resume : bool, default False
-        Go on from `checkpoint` if that is there, with the settings that it has: `field` must be
-        equal to them, their kind, or None, and the `background`, the `seed` and the scene's bounds
+        Continue from `checkpoint` if it exists, with its settings: `field` must be equal to them,
+        name their kind, or be None, and the `background`, the `seed` and the scene's bounds must be
         the same. Other options may change. `seconds` or `steps` count from the beginning.
     save_every : float, default 60.0
         Seconds between saves, > 0.
     evaluate_every : int, optional
-        Steps between looks at a few held-out views, for ``model.training.marks``.
+        Steps between evaluations of a few held-out views, for ``model.training.marks``.
     progress : bool, default True
         Show a progress bar if the standard error is a terminal, and otherwise print a line every 10
         seconds.
@@ -122,8 +131,8 @@ def fit(
     Returns
     -------
     Model
-        On Ctrl-C, what there is by then (saved, if there is a `checkpoint`), with
-        ``model.training.stopped`` set; a second Ctrl-C interrupts at once.
+        The trained model. After Ctrl-C, it is the model so far (saved, if there is a `checkpoint`),
+        with ``model.training.stopped`` set. A second Ctrl-C interrupts at once.
 
     Raises
     ------
@@ -132,21 +141,21 @@ def fit(
     OSError
         If `checkpoint` cannot be written.
     TypeError
-        If an argument is of another kind.
+        If an argument has the wrong type.
     ValueError
-        If an option is unknown or out of its range, both `seconds` and `steps` are given, the
-        scene has no views to train from, images of 2 GiB or more in all or a camera more than 32768
-        half-sides of its cube from the middle of that, or `checkpoint` has another ending or
-        is a folder, or, to go on from, is not a whole model of the same settings.
+        If an option is unknown or out of its range; if both `seconds` and `steps` are given; if the
+        scene has no training views, images of 2 GiB or more together, or a camera more than 32768
+        half-sides of its cube from the cube's middle; if `checkpoint` has another ending or is a
+        folder; or if, to resume, it is not a whole model with the same settings.
 
     Notes
     -----
     Each step draws rays through random pixels of all views, as many as fill the field's room for
     samples. The launches of a step are recorded once, on CUDA as a graph.
 
-    What is deterministic on a GPU counts gradients in units of 2^-28, after the loss has been
-    multiplied by 128 (of a voxel field, by 4096). What is added at a time is cut off beyond 2^16,
-    where half precision ends as well; with that, sums of 2^18 samples cannot overflow.
+    Deterministic training on a GPU adds gradients in units of 2^-28, after the loss has been
+    multiplied by 128 (4096 for a voxel field). Each summand is clipped to 2^16, the limit of half
+    precision, so that sums of 2^18 samples cannot overflow.
 
     Examples
     --------
@@ -156,13 +165,15 @@ def fit(
     >>> fit(scene, small, steps=2).training.step
     2
     """
+    deterministic = check_flag(deterministic, "deterministic")
+    resume = check_flag(resume, "resume")
+    progress = check_flag(progress, "progress")
     refuse_capture("fit")
     if isinstance(field, str):
         check_choice(field, tuple(KINDS), "field")
     elif field is not None and not isinstance(field, tuple(KINDS.values())):
         raise TypeError(f"field must be settings such as HashField(), or a name, got {field!r}")
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene must be a Scene, got {type(scene).__name__}")
+    check_instance(scene, Scene, "scene")
     if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
         raise ValueError(
             f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "
@@ -200,7 +211,7 @@ def fit(
 
 
 def suited(field: str | None = None) -> Settings:
-    """Return settings that suit the chosen device, of the kind of field called so or of any."""
+    """Return settings that suit the chosen device, for the named kind of field or the default."""
     rt = runtime()
     on_cpu = rt.device == "cpu"
     name = field or ("voxel" if on_cpu else "hash")
@@ -215,13 +226,13 @@ def _begin(
 ) -> Model:
     """Return a new model, or the one to go on with."""
     frame = Frame.of(scene)
-    frame.inside(scene.cameras.poses)  # refuses distant ones before the work
+    frame.inside(scene.cameras.poses)  # refuses distant cameras before the work
     if checkpoint is not None and Path(checkpoint).exists():
         model = load_model(checkpoint)
         if not model.training.resumable:
             raise ValueError(
-                f"checkpoint must be saved to go on with, got {os.fspath(checkpoint)!r}, which is "
-                "for rendering alone"
+                f"checkpoint must be resumable, got {os.fspath(checkpoint)!r}, which is for "
+                "rendering only"
             )
         settings = model.settings
         if isinstance(field, str) and isinstance(settings, KINDS[field]):
@@ -249,7 +260,7 @@ def _begin(
 
 
 def _seen_behind(scene: Scene) -> str:
-    """Return the background that suits the photographs, and say so if it is not 'random'."""
+    """Return the background that suits the photographs, and warn if it is not 'random'."""
     if scene.images.shape[3] == 4:
         return "random"
     views = scene.images[~scene.test]
@@ -262,15 +273,15 @@ def _seen_behind(scene: Scene) -> str:
     white, black = (color >= 255 - ALIKE).all(), (color <= ALIKE).all()
     chosen = "white" if white else "black" if black else "learnt"
     warnings.warn(
-        f"background is {chosen!r}, as {same:.0%} of the photographs' borders have one colour, "
-        f"{tuple(color.astype(int).tolist())}: choose another by background=",
+        f"background is {chosen!r}, because {same:.0%} of the photographs' borders have one "
+        f"colour, {tuple(color.astype(int).tolist())}: choose another by background=",
         stacklevel=4,
     )
     return chosen
 
 
 def _apart(one: Any, other: Any) -> str:
-    """Say what `one` is, where `other` is something else."""
+    """Return the values of `one` that differ from those of `other`, as text."""
     if not is_dataclass(one):
         return str(one)
     if type(one) is not type(other):
@@ -281,7 +292,7 @@ def _apart(one: Any, other: Any) -> str:
 
 @contextlib.contextmanager
 def _stoppable() -> Iterator[threading.Event]:
-    """Turn the first Ctrl-C into an event, in the main thread; the second is as ever."""
+    """Turn the first Ctrl-C into an event, in the main thread; the second interrupts as usual."""
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield event
@@ -314,7 +325,7 @@ def _lines() -> Say:
 
 @contextlib.contextmanager
 def _shown(wanted: bool) -> Iterator[Say]:
-    """Yield a function that shows how far the training is, if a terminal is there to show it."""
+    """Yield a function that shows the progress on a terminal, or prints lines without one."""
     if not wanted:
         yield lambda share, text: None
         return

@@ -17,6 +17,9 @@ from cvkern.shading import (
     shape_from_shading,
 )
 
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = ("estimate_lights", "lights_from_sphere", "mesh_from_depth")
+
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function that has own kernels."""

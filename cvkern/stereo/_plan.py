@@ -1,4 +1,4 @@
-"""How a pair is matched: the options of :func:`cvkern.stereo_match`, checked, and the steps."""
+"""The matching of a pair: the checked options of :func:`cvkern.stereo_match`, and its steps."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from cvkern.stereo.winners import check_subpixel
 
 METHODS = ("semi-global", "window")
 CENSUS = (2, 2)  # radii of the census of semi-global matching
-GUIDE_CONTRAST = 40  # contrast of the median
+GUIDE_CONTRAST = 40  # contrast of the guided median
 
 
 class Images(NamedTuple):
-    """What the images of a pair are."""
+    """Shape, channels and range of the images of a pair."""
 
     shape: tuple[int, int]
     axis: int | None
@@ -47,7 +47,7 @@ class Images(NamedTuple):
     data_range: float | None
 
     def gray(self, rt: Runtime, name: str, image: Any) -> Any:
-        """Return the grey values of an image in 8 bits."""
+        """Return the grey values of an image as 8-bit integers."""
         lib = library(image)
         range_ = white(self.data_range, lib.dtype(image))
         dtype = np.dtype(np.uint8 if lib.dtype(image) == np.uint8 and range_ == 255 else np.float32)
@@ -61,7 +61,7 @@ class Images(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """How semi-global paths go."""
+    """The options of semi-global paths."""
 
     directions: int
     p1: int
@@ -70,7 +70,7 @@ class Paths(NamedTuple):
 
 
 class Refinement(NamedTuple):
-    """What is done to the winners."""
+    """The options of the steps after matching."""
 
     left_right: float | None
     speckle_size: int
@@ -94,7 +94,7 @@ class Plan(NamedTuple):
     def match(
         self, rt: Runtime, left: Any, right: Any, disparity: Any, valid: Any, confidence: Any
     ) -> None:
-        """Fill the kernel arrays of a result."""
+        """Match a pair, and fill the kernel arrays of the result."""
         strips = self.strips(rt)  # raises before any kernel runs
         shape = self.images.shape
         gray = self.images.gray(rt, "left", left)
@@ -144,7 +144,7 @@ class Plan(NamedTuple):
     def _refine(
         self, rt: Runtime, found: Any, right_index: Any, gray: Any, disparity: Any, valid: Any
     ) -> None:
-        """Check the disparities that were found, and fill and smooth them."""
+        """Check, fill and smooth the disparities that were found."""
         steps = rt.stereo.refinement
         left_right, size, difference, smoothing = self.refinement
         checked = rt.scratch("stereo.checked", self.images.shape)
@@ -161,7 +161,7 @@ class Plan(NamedTuple):
         steps.medians.guided_median(checked, gray, smoothing, GUIDE_CONTRAST, disparity)
 
     def strips(self, rt: Runtime) -> list[Strip]:
-        """Return the strips of rows that semi-global paths are walked in."""
+        """Return the strips of rows in which semi-global paths are computed."""
         height, width = self.images.shape
 
         def work(rows: int) -> int:
@@ -181,7 +181,7 @@ def plan_of(rt: Runtime, shape: tuple[int, ...], given: Mapping[str, Any]) -> Pl
     height, width = (n for i, n in enumerate(shape) if i != axis)
     channels = 1 if axis is None else shape[axis]
     if channels not in ((1,) if axis is None else (3, 4)):
-        raise ValueError(f"channel_axis must be of 3 or 4 channels, got {channels}")
+        raise ValueError(f"channel_axis must have 3 or 4 channels, got {channels}")
     first, stop = check_disparities(given["disparities"], width)
     method = check_choice(given["method"], METHODS, "method")
     if given["paths"] not in PATHS:
@@ -225,7 +225,7 @@ def plan_of(rt: Runtime, shape: tuple[int, ...], given: Mapping[str, Any]) -> Pl
         refinement,
         given["max_bytes"],
     )
-    plan.strips(rt)  # raises where max_bytes are too few
+    plan.strips(rt)  # raises if max_bytes is too small
     return plan
 
 

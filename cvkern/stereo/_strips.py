@@ -1,4 +1,4 @@
-"""Strips of rows: how work on a large volume stays within a number of bytes."""
+"""Strips of rows, which keep the work on a large volume within a number of bytes."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 from cvkern._checks import check_integer
 
-OVERLAP = 64  # rows that a strip sees of each neighbour
-_FEWEST = 64  # rows of a strip: fewer would mostly see overlap
+OVERLAP = 64  # rows of each neighbouring strip that a strip also reads
+_FEWEST = 64  # smallest number of rows of a strip; with fewer, most of its work would be overlap
 
 
 class Strip(NamedTuple):
-    """Some rows of an image, and what is seen above and below them."""
+    """Rows of an image that are filled, and the rows that are read for them."""
 
     top: int
     bottom: int
@@ -22,15 +22,15 @@ class Strip(NamedTuple):
 
     @property
     def margin(self) -> int:
-        """Rows that are seen above."""
+        """Number of rows that are read above the filled ones."""
         return self.top - self.first
 
     def seen_of(self, array: Any) -> Any:
-        """Return the rows of `array` that are seen; itself, if these are all."""
+        """Return the rows of `array` that are read; `array` itself if these are all."""
         return array if self.last - self.first == self.height else array[self.first : self.last]
 
     def kept_of(self, array: Any) -> Any:
-        """Return the rows of `array` that are filled; itself, if these are all."""
+        """Return the rows of `array` that are filled; `array` itself if these are all."""
         return array if self.bottom - self.top == self.height else array[self.top : self.bottom]
 
 
@@ -41,14 +41,14 @@ def cut_strips(
     max_bytes: int | None,
     subject: str,
 ) -> list[Strip]:
-    """Cut `height` rows so that `fixed` bytes and ``work(rows seen)`` are at most `max_bytes`.
+    """Cut `height` rows so that `fixed` plus ``work(rows read)`` is at most `max_bytes`.
 
     Raises
     ------
     TypeError
         If `max_bytes` is neither None nor an integer.
     ValueError
-        If it is below what the smallest strips need.
+        If `max_bytes` is too small for the smallest strips.
     """
     rows = height
     if max_bytes is not None:

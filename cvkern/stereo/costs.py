@@ -36,39 +36,40 @@ def stereo_cost(
     spacing: int = 1,
     channel_axis: int | None = None,
 ) -> Any:
-    """Compute how unlike each pixel is to each pixel it may match in the other image.
+    """Compute the cost of matching each pixel with each candidate pixel of the other image.
 
-    The pixel (y, x) of the left image is compared with (y, x - d) of the right one. Outside,
-    images are continued by their nearest pixel.
+    The pixel (y, x) of the left image is compared with (y, x - d) of the right one. Outside the
+    image, the nearest pixel is repeated.
 
     Parameters
     ----------
     left, right : array of shape (H, W) or (H, W, C)
         A rectified pair. uint8 is compared in integers, any other real dtype in float32.
     disparities : (int, int)
-        The first disparity d, and the one behind the last, as in :class:`range`; both may be
+        The first disparity d, and the one after the last, as in :class:`range`; both may be
         negative.
     cost : str, default 'census'
-        What is summed over the window and over the channels:
+        The measure that is summed over the window and over the channels:
 
         - 'sad': absolute differences.
         - 'ssd': squared differences.
-        - 'birchfield_tomasi': the least absolute difference between one pixel and the other image
-          half way to the neighbours of the other, or the other way round [1]_. Values half way
-          between those of uint8 are rounded down.
-        - 'census': the number of neighbours that are darker than the pixel in one image and not
-          so in the other [2]_.
-        - 'census_symmetric': the same of pixels and their mirror images in the neighbourhood, for
-          its first half in raster order [3]_.
+        - 'birchfield_tomasi': the smallest absolute difference between the pixel of one image and
+          the values of the other image within half a pixel of its match, for either image [1]_.
+          For uint8, interpolated values are rounded down.
+        - 'census': the number of neighbours that are darker than the pixel in one image but not
+          in the other [2]_.
+        - 'census_symmetric': the same, but each neighbour in the first half of the neighbourhood,
+          in raster order, is compared with its mirror image about the pixel [3]_.
 
-        And 'zncc', which is 1 less the zero-mean normalised cross-correlation of the windows, each
-        channel with a mean of its own: 0 for equal windows, 2 for opposite ones, and 1 where one of
-        the two is constant.
+        The measure 'zncc' is 1 minus the zero-mean normalised cross-correlation of the windows,
+        where each channel has its own mean: 0 for equal windows, 2 for opposite ones, and 1 if one
+        of the two is constant.
     window : int or (int, int), optional
-        Odd sides of the window, in pixels, down and along; 1 to 1023. By default 1 for a census
-        and 9 for the others.
+        Odd height and width of the window, in pixels; 1 to 1023. By default 1 for a census and 9
+        for the others.
     neighborhood : int or (int, int), default (7, 9)
-        Odd sides of the neighbourhood of a census, 1 to 65, with at most 64 comparisons.
+        Odd height and width of the neighbourhood of a census, 1 to 65, with at most 64
+        comparisons.
     spacing : int, default 1
         Distance of the neighbours of a census, in pixels; 1 to 16.
     channel_axis : int, optional
@@ -77,9 +78,9 @@ def stereo_cost(
     Returns
     -------
     array of shape (H, W, D)
-        ``costs[y, x, k]`` is that of the disparity ``disparities[0] + k``. uint8 or uint16 if
-        these hold every cost there can be, for images of uint8 and for a census of any; otherwise
-        float32. 'zncc' is float32.
+        ``costs[y, x, k]`` is the cost of the disparity ``disparities[0] + k``. For uint8 images,
+        and for a census of any images, the dtype is uint8 or uint16 if it holds every possible
+        cost; otherwise float32. 'zncc' is float32.
 
     Raises
     ------
@@ -87,16 +88,18 @@ def stereo_cost(
         If an image does not hold real numbers, or `disparities` are not two integers, or a side
         or `spacing` is no integer.
     ValueError
-        If the images are empty, of another rank or of different shapes, `disparities` are empty,
-        not within the image's width either way, more than 32768, or make more than 2^31 - 1 costs
-        (the message says how many bytes these would take); if a side is even or out of range, the
-        neighbourhood has no comparison or more than 64, `cost` is unknown, or the sums of integers
-        could reach 2^31.
+        If the images are empty, of another rank or of different shapes; if `disparities` are
+        empty, as large as the image's width on either side, more than 32768, or make more than
+        2^31 - 1 costs (the message says how many bytes these would take); if a side is even or out
+        of range, the neighbourhood has no comparison or more than 64, `cost` is unknown, or the
+        integer sums could reach 2^31.
 
     Notes
     -----
-    The time does not grow with the area of the window: sums run down and along, for float32 they
-    are made down and along. Every bit is the same on every device and kernel set.
+    The time does not grow with the area of the window. Integer costs have running sums, down the
+    columns and along the rows; float32 costs are summed down and along separately. Every bit is
+    the same on every device and kernel set, except for ZNCC and the measure of Birchfield and
+    Tomasi near values that are not finite.
 
     References
     ----------
@@ -185,7 +188,7 @@ def census_words(
 
 
 def check_sides(value: Any, name: str, most: int) -> tuple[int, int]:
-    """Return half the sides, rounded down, of what has odd ones."""
+    """Check that sides are odd; return half of each, rounded down."""
     sides = [check_integer(side, name, 1, most) for side in check_pair(value, name)]
     for side in sides:
         if side % 2 == 0:
@@ -203,5 +206,5 @@ def _census_bits(radii: tuple[int, int], code: Cost) -> int:
 
 
 def _result_dtype(most: int) -> np.dtype:
-    """Return the dtype of costs up to `most`."""
+    """Return the smallest dtype that holds costs up to `most`."""
     return np.dtype(np.uint8 if most < 2**8 else np.uint16 if most < 2**16 else np.float32)

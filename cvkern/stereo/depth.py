@@ -1,4 +1,4 @@
-"""From disparities to metric depth, points and coloured clouds."""
+"""Metric depth, points and coloured clouds from disparities."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import MAX_ELEMENTS, check_dtype, check_image, check_number, check_positive
+from cvkern._checks import (
+    MAX_ELEMENTS,
+    as_array,
+    check_dtype,
+    check_image,
+    check_number,
+    check_positive,
+)
 from cvkern._runtime import runtime
 
 PART = 64  # pixels of a row whose points one thread collects
@@ -23,26 +30,26 @@ class PointCloud(NamedTuple):
 
 
 def disparity_to_depth(disparity: Any, focal: float, baseline: float, doffs: float = 0.0) -> Any:
-    """Turn disparities into depth: ``focal * baseline / (disparity + doffs)``.
+    """Compute depth from disparities: ``focal * baseline / (disparity + doffs)``.
 
     Parameters
     ----------
     disparity : array of shape (H, W)
-        Pixels; any real dtype. Not finite where there is none.
+        Pixels; any real dtype. Not finite where the disparity is unknown.
     focal : float
         Focal length of the rectified cameras, pixels, > 0.
     baseline : float
-        Distance of the two cameras, > 0; the depth has its units.
+        Distance between the two cameras, > 0; the depth has its units.
     doffs : float, default 0.0
-        Column of the right camera's principal point less that of the left one's, pixels (as in
+        Column of the right camera's principal point minus that of the left camera's, pixels (as in
         Middlebury's ``calib.txt``).
 
     Returns
     -------
     array of shape (H, W), float32
-        Distance along the optical axis. Infinite where ``disparity + doffs`` is 0; NaN where it is
-        negative, which no point in front of the cameras has, and where the disparity is not
-        finite.
+        Distance along the optical axis. It is infinite where ``disparity + doffs`` is 0. It is NaN
+        where this sum is negative, because no point in front of the cameras has such a disparity,
+        and where the disparity is not finite.
 
     Raises
     ------
@@ -73,7 +80,7 @@ def disparity_to_depth(disparity: Any, focal: float, baseline: float, doffs: flo
 def reprojection_matrix(
     focal: float, baseline: float, cx: float, cy: float, doffs: float = 0.0
 ) -> np.ndarray:
-    """Return the matrix Q that takes (x, y, disparity, 1) to a point, as OpenCV has it.
+    """Return OpenCV's matrix Q, which maps (x, y, disparity, 1) to a point.
 
     Parameters
     ----------
@@ -111,21 +118,22 @@ def reprojection_matrix(
 
 
 def points_from_disparity(disparity: Any, q: Any) -> Any:
-    """Turn each pixel and its disparity into a point in space.
+    """Compute the point in space of each pixel and its disparity.
 
     Parameters
     ----------
     disparity : array of shape (H, W)
-        Pixels; any real dtype. Not finite where there is none.
+        Pixels; any real dtype. Not finite where the disparity is unknown.
     q : array-like of shape (4, 4)
-        Takes (x, y, disparity, 1) to a point in homogeneous coordinates: that of
-        :func:`reprojection_matrix`, or of ``cv2.stereoRectify``. On the host.
+        Matrix that maps (x, y, disparity, 1) to a point in homogeneous coordinates, from
+        :func:`reprojection_matrix` or ``cv2.stereoRectify``. It must be on the host.
 
     Returns
     -------
     array of shape (H, W, 3), float32
         (x, y, z): right, down and forward from the left camera, in the units of the baseline.
-        NaN where the disparity is not finite, or the point is not (its fourth coordinate is 0).
+        NaN where the disparity is not finite, or the point is not (its homogeneous coordinate is
+        0).
 
     Raises
     ------
@@ -137,7 +145,7 @@ def points_from_disparity(disparity: Any, q: Any) -> Any:
 
     Notes
     -----
-    As ``cv2.reprojectImageTo3D``, in float32.
+    The result is that of ``cv2.reprojectImageTo3D``, computed in float32.
 
     Examples
     --------
@@ -166,7 +174,7 @@ def point_cloud(disparity: Any, q: Any, image: Any, valid: Any = None) -> PointC
     image : array of shape (H, W) or (H, W, 3), uint8
         The left image: grey, or red, green, blue.
     valid : array of shape (H, W), bool, optional
-        Pixels to take. Those without a finite point are left out in any case.
+        Pixels to use. Pixels without a finite point are always left out.
 
     Returns
     -------
@@ -225,7 +233,7 @@ def point_cloud(disparity: Any, q: Any, image: Any, valid: Any = None) -> PointC
 
 
 def _check_disparity(disparity: Any) -> Any:
-    """Return a disparity map whose points kernels can index: three numbers each."""
+    """Return a disparity map small enough for kernels to index three numbers per pixel."""
     disparity = check_image(disparity, name="disparity")
     if 3 * math.prod(disparity.shape) > MAX_ELEMENTS:
         raise ValueError(
@@ -236,7 +244,7 @@ def _check_disparity(disparity: Any) -> Any:
 
 
 def _matrix(q: Any) -> np.ndarray:
-    matrix = np.asarray(q)
+    matrix = np.asarray(as_array(q, "q"))
     if matrix.shape != (4, 4) or matrix.dtype.kind not in "iuf":
         raise ValueError(
             f"q must be a 4 x 4 matrix of numbers, got {matrix.dtype} of shape {matrix.shape}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,19 +12,38 @@ from cvkern._arrays import device, library
 from cvkern._capture import capture
 from cvkern._checks import check_image
 from cvkern._runtime import pinned, runtime
+from cvkern.geometry.rectification import Rectification, rectify_stereo
+from cvkern.geometry.stereo_calibration import StereoCalibration
 from cvkern.stereo._plan import plan_of, white
+from cvkern.stereo.depth import disparity_to_depth
 
 
 class StereoResult(NamedTuple):
-    """What is known of each pixel of the left image."""
+    """The result of matching, for each pixel of the left image."""
+
+    disparity: Any
+    """Pixels, (H, W) float32; filled where it is not valid."""
+    valid: Any
+    """Whether the disparity was found by matching, not filled in; (H, W) bool."""
+    confidence: Any
+    """1 minus the winner's cost over the cost of its best rival, for valid and other pixels;
+    (H, W) float32."""
+
+
+class DepthFrame(NamedTuple):
+    """What is known of each pixel of the rectified left image."""
 
     disparity: Any
     """Pixels, (H, W) float32; filled where it is not valid."""
     valid: Any
     """Whether the disparity was found, and not filled; (H, W) bool."""
     confidence: Any
-    """By how much the winner's cost is below that of its best rival, of 1, whether it is valid or
-    not; (H, W) float32."""
+    """As in :class:`StereoResult`, (H, W) float32."""
+    depth: Any
+    """Distance along the optical axis in the unit of the calibration, (H, W) float32; infinite
+    where the disparity is 0."""
+    image: Any
+    """The rectified left image, of the shape of the frames."""
 
 
 def stereo_match(
@@ -49,77 +69,80 @@ def stereo_match(
 ) -> StereoResult:
     """Find the disparity of each pixel of a rectified pair.
 
-    The pixel (y, x) of the left image is matched with (y, x - d) of the right one: by the cost of
-    every disparity d, the winner among them, a check from the right image's side, removal of
+    The pixel (y, x) of the left image is matched with (y, x - d) of the right one. The steps are:
+    costs of all disparities d, choice of the winner, a check from the right image, removal of
     speckles, filling from the background, and a median guided by the image.
 
     Parameters
     ----------
     left, right : array of shape (H, W), or with 3 or 4 channels
-        A rectified pair. Matching is of grey values in 8 bits: of colours
-        ``(77 R + 150 G + 29 B + 128) >> 8``; a fourth channel is ignored.
+        A rectified pair. Matching uses 8-bit grey values; those of a colour image are
+        ``(77 R + 150 G + 29 B + 128) >> 8``. A fourth channel is ignored.
     disparities : (int, int), default (0, 64)
-        The first disparity d, and the one behind the last, as in :class:`range`; both may be
+        The first disparity d, and the one after the last, as in :class:`range`; both may be
         negative.
     method : {'semi-global', 'window'}, default 'semi-global'
-        'semi-global': see Notes. 'window': the census of windows; faster, coarser.
+        'semi-global' is described in the Notes; 'window' compares the census in windows, which is
+        faster and coarser.
     paths : {4, 8, 16}, default 8
         Directions of semi-global paths.
     window : int, default 11
-        Odd side of the windows of the method 'window', 1 to 51: a small one keeps detail and
-        noise, a large one smooths and makes edges fat.
+        Odd side of the windows of the method 'window', 1 to 51. A small window keeps detail and
+        noise; a large one smooths and makes near objects wider.
     channel_axis : int, optional
         Axis of the colours; needed for 3-D images.
     data_range : float, optional
-        The value of white, for all but uint8: by default the largest of an integer dtype, and 1
-        for floating-point images. Values below 0 and above white are taken for black and white.
+        The value of white, for dtypes other than uint8. By default the largest value of an integer
+        dtype, and 1 for floating-point images. Values below 0 count as black, values above white
+        as white.
     p1 : int, default 20
         Penalty of a path for a change of disparity by one; costs are 0 to 54.
     p2 : int, default 80
-        Penalty for a change by more.
+        Penalty for a larger change.
     contrast : float, default 20.0
         Difference of neighbours in the left image that halves `p2`.
     subpixel : bool or {'parabola', 'equiangular'}, default 'equiangular'
-        As in :func:`winner_take_all`. Hamming distances grow like absolute differences: two lines
-        fit them better than a parabola does.
+        As in :func:`winner_take_all`. Hamming distances grow linearly, like absolute differences,
+        so two lines fit them better than a parabola.
     uniqueness : int, default 0
         As in :func:`winner_take_all`, in per cent.
     left_right : float or None, default 1.0
-        The tolerance of :func:`left_right_check`, in pixels. None does without the check.
+        The tolerance of :func:`left_right_check`, in pixels. None omits the check.
     speckle_size : int, default 100
         Regions of fewer pixels are not valid, as in :func:`remove_speckles`; at most 1 keeps all.
     speckle_difference : float, default 2.0
-        By how much neighbours in a region may differ.
+        Largest difference of neighbours in a region, in pixels.
     smoothing : int, default 6
-        Radius of :func:`guided_median`, 0 to 15; 0 does without.
+        Radius of :func:`guided_median`, 0 to 15; 0 omits it.
     max_bytes : int, optional
-        Bound on the memory of semi-global matching, none by default: with fewer bytes than its
-        volumes take, it goes in strips of rows, as :func:`aggregate_semi_global` does.
+        Bound on the memory of semi-global matching; none by default. If its volumes take more
+        bytes, the work is done in strips of rows, as in :func:`aggregate_semi_global`.
 
     Returns
     -------
     StereoResult
         Named tuple of `disparity` (H, W) float32, `valid` (H, W) bool and `confidence` (H, W)
-        float32. No disparity is NaN, but if none is valid in the whole image.
+        float32. Disparities are NaN only if no pixel of the image is valid.
 
     Raises
     ------
     TypeError
         If an image does not hold real numbers, or an option is not of its type.
     ValueError
-        If the images are empty, of another rank or channels or of different shapes; `disparities`
-        are empty, not within the image's width either way or too many to count (the message
-        states the bytes they would take); a penalty is negative, `p1` above `p2` or the penalties
-        so large that sums of 16 bits overflow; or another option is out of its range.
+        If the images are empty, have another rank or number of channels, or different shapes; if
+        `disparities` are empty, as large as the image's width on either side, or too many (the
+        message states the bytes they would take); if a penalty is negative, `p1` above `p2`, or
+        the penalties so large that 16-bit sums overflow; or if another option is out of its range.
 
     Notes
     -----
-    The cost of the method 'semi-global' is twice the Hamming distance of two census transforms of
-    5 x 5 pixels, and half the difference of the grey values but at most 6. Its sums over the
-    paths [1]_ are those of :func:`aggregate_semi_global` with the left image as guide.
+    The cost of the method 'semi-global' has two terms: twice the Hamming distance of two census
+    transforms of 5 x 5 pixels, plus half the difference of the grey values, but at most 6. Its
+    sums over the paths [1]_ are those of :func:`aggregate_semi_global` with the left image as
+    guide.
 
-    Everything is in integers up to the sub-pixel fit, whose bits are the same everywhere as well:
-    the result is the same on every device and kernel set.
+    All arithmetic up to the sub-pixel fit is in integers, and the fit has the same bits everywhere.
+    So the result is the same on every device and kernel set.
 
     References
     ----------
@@ -155,14 +178,14 @@ def stereo_match(
 
 
 class StereoMatcher:
-    """Matches the frames of a video: :func:`stereo_match` with all memory allocated once.
+    """Match the frames of a video: :func:`stereo_match` with all memory allocated once.
 
-    On CUDA with Warp a frame is one launch of a CUDA graph.
+    With Warp on CUDA, a frame takes one launch of a CUDA graph.
 
     Parameters
     ----------
     shape : tuple of int
-        Of each image: (H, W), or with channels.
+        Shape of each image: (H, W), or with channels.
     disparities : (int, int), default (0, 64)
         As in :func:`stereo_match`.
     **options
@@ -175,8 +198,8 @@ class StereoMatcher:
 
     Notes
     -----
-    The first frame tells the library, device and dtype of all that follow. A matcher is for one
-    thread at a time.
+    The first frame sets the library, device and dtype of all frames. Only one thread at a time may
+    use a matcher.
 
     Examples
     --------
@@ -201,29 +224,83 @@ class StereoMatcher:
         call.apply_defaults()
         plan_of(runtime(blank), self.shape, call.arguments)
         self._options = call.arguments
+        self._match: Callable[..., Any] = stereo_match
         self._open = True
         self._frames: _Frames | None = None
+        self.rectification: Rectification | None = None
 
-    def __call__(self, left: Any, right: Any) -> StereoResult:
+    @classmethod
+    def from_calibration(
+        cls,
+        calibration: StereoCalibration,
+        disparities: tuple[int, int] = (0, 64),
+        *,
+        keep: str = "valid",
+        zoom: float = 1.0,
+        **options: Any,
+    ) -> StereoMatcher:
+        """Return a matcher of raw frames: it rectifies, matches, and finds depths.
+
+        Parameters
+        ----------
+        calibration : StereoCalibration
+            Of :func:`calibrate_stereo` or :func:`read_calibration`.
+        disparities : (int, int), default (0, 64)
+            As in :func:`stereo_match`, of the rectified images.
+        keep, zoom
+            As in :func:`rectify_stereo`. With 'valid' no pixel is matched that a camera did not
+            see.
+        **options
+            The other options of :func:`stereo_match`; frames in colour have `channel_axis` -1 and
+            three channels.
+
+        Returns
+        -------
+        StereoMatcher
+            Called with two raw frames it gives a :class:`DepthFrame`; `rectification` says how
+            they are rectified. With Warp on CUDA all of a frame is one launch of a CUDA graph.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :func:`rectify_stereo` and :func:`stereo_match`.
+        """
+        found = rectify_stereo(calibration, keep=keep, zoom=zoom)
+        sample, focal, baseline = found.sampler(), found.focal, found.baseline
+
+        def match(left: Any, right: Any, *args: Any, **rest: Any) -> DepthFrame:
+            pair = sample(left, right)
+            result = stereo_match(*pair, *args, **rest)
+            depth = disparity_to_depth(result.disparity, focal, baseline)
+            return DepthFrame(*result, depth, pair.left)
+
+        channels = () if options.get("channel_axis") is None else (3,)
+        matcher = cls((*calibration.left.shape, *channels), disparities, **options)
+        matcher._match = match
+        matcher.rectification = found
+        return matcher
+
+    def __call__(self, left: Any, right: Any) -> Any:
         """Match a pair.
 
         Parameters
         ----------
         left, right : array
-            Of the matcher's shape; of the library, device and dtype of the first pair.
+            Images of the matcher's shape, with the library, device and dtype of the first pair.
 
         Returns
         -------
-        StereoResult
-            On the CPU, and on a GPU where the library's arrays can be written to, the same arrays
-            each time: copy what is to be kept.
+        StereoResult or DepthFrame
+            The second of a matcher that :meth:`from_calibration` made. On the CPU, and on a GPU if
+            the library's arrays can be written to, these are the same arrays each time: copy what
+            is to be kept.
 
         Raises
         ------
         TypeError
-            If an image is of another dtype or library than those of the first pair.
+            If an image has another dtype or library than the first pair.
         ValueError
-            If an image has another shape or device, or the matcher has been closed.
+            If an image has another shape or device, or the matcher is closed.
         """
         if not self._open:
             raise ValueError("matcher must be open, got one that has been closed")
@@ -233,11 +310,11 @@ class StereoMatcher:
             if tuple(image.shape) != self.shape:
                 raise ValueError(f"{name} must have shape {self.shape}, got {tuple(image.shape)}")
         if self._frames is None:
-            self._frames = _Frames(left, right, self._options)
+            self._frames = _Frames(left, right, self._match, self._options)
         return self._frames.match(left, right)
 
     def close(self) -> None:
-        """Release the memory; the matcher matches no more."""
+        """Release the memory; the matcher cannot be used afterwards."""
         self._frames, self._open = None, False
 
     def __enter__(self) -> StereoMatcher:
@@ -248,15 +325,15 @@ class StereoMatcher:
 
 
 class _Frames:
-    """Two images in memory that stays, and the captured call that matches what they hold."""
+    """Two images in persistent memory, and the captured call that matches them."""
 
-    def __init__(self, left: Any, right: Any, options: dict[str, Any]):
+    def __init__(self, left: Any, right: Any, match: Callable[..., Any], options: dict[str, Any]):
         self._choice = pinned()
         self._rt = rt = runtime(left, right)
         self._library, self._place = library(left), device(left)
         self._dtype = dtype = self._library.dtype(left)
         on_cpu = rt.device == "cpu"
-        # Where kernels cannot write to the caller's arrays, those of NumPy or Warp stand in.
+        # If kernels cannot write to the caller's arrays, use NumPy's or Warp's instead.
         self._own = self._library.writable and (on_cpu or self._library is not _NUMPY)
         self._kept = rt.result_library()
         self._carried = dtype if on_cpu or dtype == np.uint8 else np.dtype(np.float32)
@@ -265,9 +342,9 @@ class _Frames:
         self._load(left, right)
         range_ = white(options["data_range"], dtype)
         given = {**options, "left": self._images[0], "right": self._images[1]}
-        self._replay = capture(stereo_match, **{**given, "data_range": range_})
+        self._replay = capture(match, **{**given, "data_range": range_})
 
-    def match(self, left: Any, right: Any) -> StereoResult:
+    def match(self, left: Any, right: Any) -> Any:
         for name, image in (("left", left), ("right", right)):
             given = library(image)
             if given is not self._library or given.dtype(image) != self._dtype:
@@ -279,7 +356,7 @@ class _Frames:
                 raise ValueError(f"{name} must be on {self._place}, got {device(image)}")
         self._load(left, right)
         result = self._replay()
-        return result if self._own else StereoResult(*map(self._copied, result))
+        return result if self._own else type(result)(*map(self._copied, result))
 
     def _load(self, left: Any, right: Any) -> None:
         """Copy a pair into the memory that the captured call reads."""
@@ -290,7 +367,7 @@ class _Frames:
                 self._kept.fill(kept, image if there else rt.adopt(image, self._carried))
 
     def _copied(self, array: Any) -> Any:
-        """Return a copy in the caller's library of a result in memory that stays."""
+        """Return a copy of a persistent result, in the caller's library."""
         if self._library is _NUMPY:
             return self._rt.to_numpy(array).copy()
         copy = array.copy() if isinstance(array, np.ndarray) else self._kept.module.clone(array)

@@ -27,29 +27,30 @@ def aggregate_semi_global(
     largest_cost: int | None = None,
     max_bytes: int | None = None,
 ) -> Any:
-    """Sum the costs of the cheapest paths to each pixel and disparity, from all sides.
+    """Sum the costs of the cheapest paths to each pixel and disparity, from all directions.
 
-    Along a path a change of disparity by one costs `p1`, any other `p2`.
+    Along a path, a change of disparity by one costs `p1`, any other change costs `p2`.
 
     Parameters
     ----------
     costs : array of shape (H, W, D), uint8 or uint16
-        Matching costs, as :func:`stereo_cost` gives them.
+        Matching costs, as :func:`stereo_cost` returns them.
     p1, p2 : int
         Penalties, ``0 <= p1 <= p2``, in the units of the costs.
     paths : {4, 8, 16}, default 8
-        Directions: along rows and columns, diagonals as well, knight's moves as well.
+        Number of directions: 4 along rows and columns, 8 with the diagonals, 16 with knight's
+        moves as well.
     guide : array of shape (H, W), uint8, optional
-        An image, mostly the left one of the pair: depth changes where brightness does. Where its
-        values differ by g from a pixel to the next on a path, the penalty in place of `p2` is
-        ``max(p1, floor(p2 * contrast / (contrast + g)))``.
+        An image, usually the left one of the pair, because depth changes where brightness does. If
+        neighbouring pixels of a path differ by g in this image, the penalty
+        ``max(p1, floor(p2 * contrast / (contrast + g)))`` replaces `p2`.
     contrast : float, default 20.0
         Difference of the guide's values that halves `p2`.
     largest_cost : int, optional
-        What no cost exceeds; sums are meaningless where one does. Otherwise 255 for uint8, and
-        looked for in uint16, which waits for the GPU.
+        An upper bound of the costs; if a cost exceeds it, the sums are meaningless. By default 255
+        for uint8. For uint16 the largest cost is computed, and the host waits for the GPU.
     max_bytes : int, optional
-        Bound on the memory of the result and of the work, as in Notes; none by default.
+        Bound on the memory of the result and of the work, see Notes; none by default.
 
     Returns
     -------
@@ -63,18 +64,18 @@ def aggregate_semi_global(
     ValueError
         If `costs` are empty, not 3-D or more than 2^31 - 1, D is above 32768, `guide` has another
         shape, a penalty is negative, `p1` is above `p2`, `contrast` is not above 0, `paths` is not
-        4, 8 or 16, ``paths * (largest_cost + p2)`` is 65536 or more, so that sums would overflow,
-        or `max_bytes` is too few (the message says how many are needed).
+        4, 8 or 16, ``paths * (largest_cost + p2)`` is 65536 or more (the sums would overflow), or
+        `max_bytes` is too small (the message says how many are needed).
 
     Notes
     -----
-    All arithmetic is of integers: the sums are the same on every device and kernel set.
+    All arithmetic is in integers, so the sums are the same on every device and kernel set.
 
-    The result takes ``2 H W D`` bytes, the work on a CPU about ``12 (H + W) D``, and on a GPU up to
-    8 volumes of a byte an element (two if `p2` is above 255). With fewer `max_bytes` than that
-    takes, the work is done in strips of rows that see 64 rows of their neighbours: a path begins
-    there and not at the border, so the sums differ a little from those of the whole. Costs that
-    have to be copied, as they are not contiguous or not on the GPU, come on top.
+    The result takes ``2 H W D`` bytes. The work takes about ``12 (H + W) D`` bytes on a CPU, and on
+    a GPU up to 8 volumes of one byte per element (two bytes if `p2` is above 255). If `max_bytes`
+    is smaller, the work is done in strips of rows that also read 64 rows of their neighbours. A
+    path then begins there instead of at the border, so the sums differ a little. Costs that must be
+    copied, because they are not contiguous or not on the GPU, take additional memory.
 
     References
     ----------
@@ -133,7 +134,7 @@ def aggregate_semi_global(
 
 
 def check_penalties(p1: int, p2: int) -> tuple[int, int]:
-    """Return the penalties of a path."""
+    """Return the checked penalties of a path."""
     p1 = check_integer(p1, "p1", 0, 2**14)
     p2 = check_integer(p2, "p2", 0, 2**14)
     if p1 > p2:
@@ -148,7 +149,7 @@ def penalties(p1: int, p2: int, contrast: float) -> np.ndarray:
 
 
 def check_sums(paths: int, largest_cost: int, p2: int) -> None:
-    """Refuse what would overflow the sums."""
+    """Refuse costs and penalties whose sums would overflow."""
     most = paths * (largest_cost + p2)
     if most > np.iinfo(np.uint16).max:
         raise ValueError(
@@ -158,7 +159,7 @@ def check_sums(paths: int, largest_cost: int, p2: int) -> None:
 
 
 def _largest(rt: Runtime, costs: Any) -> int:
-    """Return the largest of uint16 costs."""
+    """Return the largest cost of a uint16 volume."""
     most = rt.scratch("semi_global.largest", tuple(costs.shape[:2]), np.int32)
     rt.stereo.winners.largest(rt.adopt(costs, np.uint16), most)
     return int(rt.to_numpy(most).max())

@@ -1,4 +1,4 @@
-"""Refinement of disparity maps. NaN stands for a pixel without a disparity."""
+"""Refinement of disparity maps. NaN marks a pixel without a disparity."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from cvkern._checks import check_dtype, check_image, check_integer, check_number
 from cvkern._runtime import runtime
 
-MAX_CONTRAST = 2**16  # weights of all pixels of a window sum to less than 2^31
+MAX_CONTRAST = 2**16  # keeps the sum of the weights of a window below 2^31
 
 
 def left_right_check(disparity: Any, right: Any, *, tolerance: float = 1.0) -> Any:
@@ -20,23 +20,23 @@ def left_right_check(disparity: Any, right: Any, *, tolerance: float = 1.0) -> A
     disparity : array of shape (H, W)
         Disparities d of the left image, whose pixel (y, x) is at (y, x - d) in the right one.
     right : array of shape (H, W)
-        Those of the right image, whose pixel (y, x) is at (y, x + d) in the left one.
+        Disparities d of the right image, whose pixel (y, x) is at (y, x + d) in the left one.
     tolerance : float, default 1.0
-        The most that two disparities of one point may differ by, in pixels.
+        Largest difference between the two disparities of a point, in pixels.
 
     Returns
     -------
     array of shape (H, W), float32
-        The disparity d where ``abs(d - right[y, x - floor(d + 0.5)]) <= tolerance``; NaN where
-        not, as in what only one camera sees, and where that pixel is outside of the image.
+        The disparity d where ``abs(d - right[y, x - floor(d + 0.5)]) <= tolerance``. NaN
+        elsewhere, as in regions that only one camera sees, and where that pixel is outside the
+        image.
 
     Raises
     ------
     TypeError
         If a map does not hold real numbers.
     ValueError
-        If a map is empty, not 2-D or not of the shape of the other, or `tolerance` is negative or
-        not finite.
+        If a map is empty or not 2-D, the shapes differ, or `tolerance` is negative or not finite.
 
     Examples
     --------
@@ -59,16 +59,16 @@ def left_right_check(disparity: Any, right: Any, *, tolerance: float = 1.0) -> A
 
 
 def remove_speckles(disparity: Any, min_size: int = 100, *, difference: float = 2.0) -> Any:
-    """Remove small regions of disparities that stand out from what is around them.
+    """Remove small regions whose disparities differ from their surroundings.
 
     Parameters
     ----------
     disparity : array of shape (H, W)
-        Pixels; NaN where there is none.
+        Pixels; NaN where the disparity is unknown.
     min_size : int, default 100
         Regions of fewer pixels are removed.
     difference : float, default 2.0
-        Neighbours, by their sides, are of one region where they differ by at most this.
+        Two pixels that share a side belong to one region if they differ by at most this.
 
     Returns
     -------
@@ -103,20 +103,20 @@ def remove_speckles(disparity: Any, min_size: int = 100, *, difference: float = 
 def fill_disparity(disparity: Any) -> Any:
     """Fill the gaps of a disparity map from the background side.
 
-    What only the left camera sees is a part of what is farther away, so that a gap takes the
-    smaller of the two disparities that bound it along its row.
+    A region that only the left camera sees belongs to the background. So a gap takes the smaller of
+    the two disparities that bound it along its row.
 
     Parameters
     ----------
     disparity : array of shape (H, W)
-        Pixels; NaN, or infinite, where there is none.
+        Pixels; NaN or infinite where the disparity is unknown.
 
     Returns
     -------
     array of shape (H, W), float32
-        The map without gaps. A gap at the border takes the one disparity that bounds it, and a
-        row without any is that of the nearest row above that has some, or else below. NaN only if
-        the whole map has none.
+        The map without gaps. A gap at the border takes the one disparity that bounds it. A row
+        without any disparity is copied from the nearest row above that has one, or else below. The
+        map is NaN only if no pixel has a disparity.
 
     Raises
     ------
@@ -144,27 +144,27 @@ def fill_disparity(disparity: Any) -> Any:
 def guided_median(disparity: Any, guide: Any, radius: int = 6, *, contrast: int = 40) -> Any:
     """Smooth a disparity map, and move its edges to those of an image.
 
-    The weighted median along each row, and then of that down each column. A pixel of the window
-    weighs ``max(1, contrast - g)``, where g is the difference of the guide's values there and in
-    the middle; of values in ascending order, the first that with all before it has at least half
-    of the weight is taken.
+    This is a weighted median along each row, and then down each column of the result. A pixel of
+    the window has the weight ``max(1, contrast - g)``, where g is the difference between the
+    guide's values there and in the middle. The median is the first value, in ascending order, at
+    which the sum of the weights reaches half of the total.
 
     Parameters
     ----------
     disparity : array of shape (H, W)
-        NaN weighs nothing.
+        Pixels; NaN has no weight.
     guide : array of shape (H, W), uint8
-        The left image. The map and the image are continued by their nearest pixels.
+        The left image. Outside, the nearest pixel of the map and of the image is repeated.
     radius : int, default 6
-        Of the window, 0 to 15 pixels: 0 leaves the map as it is.
+        Radius of the window, 0 to 15 pixels; 0 leaves the map unchanged.
     contrast : int, default 40
-        Difference in the guide that leaves a pixel with the least weight; 1 gives the plain
+        Difference in the guide, plus one, that gives a pixel the smallest weight; 1 gives the plain
         median.
 
     Returns
     -------
     array of shape (H, W), float32
-        NaN only where all of a window is.
+        NaN only where the whole window is NaN.
 
     Raises
     ------
@@ -177,8 +177,8 @@ def guided_median(disparity: Any, guide: Any, radius: int = 6, *, contrast: int 
 
     Notes
     -----
-    A two-dimensional window [1]_ takes many times as long, and was hardly better on photographs
-    with ground truth.
+    A two-dimensional window [1]_ takes many times as long. On photographs with ground truth, it was
+    hardly better.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Matching by windows: the winner among their costs, which are never stored."""
+"""Matching by windows. The winner is found without storing the costs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from cvkern._runtime import Runtime
 from cvkern.kernels.codes.stereo import Cost, Rule, Winners
 from cvkern.stereo.costs import census_words
 
-# A census of 5 x 5 pixels two apart. In windows of 7 and of 11 pixels it matches the pairs of
-# tests/stereo/test_windows.py better than a census of 5 x 5 or 7 x 9 neighbours does, in windows of
-# 21 about as well, and better than differences of values in all.
+# A census of 5 x 5 pixels, two pixels apart. On the pairs of tests/stereo/test_windows.py, it is
+# better in windows of 7 and 11 pixels than a census of 5 x 5 or 7 x 9 adjacent pixels, and about
+# equal in windows of 21. It is better than differences of values in all of these windows.
 RADII, SPACING, OCTETS = (2, 2), 2, 3
 BITS = 24
 
@@ -34,9 +34,10 @@ def match_windows(
 ) -> None:
     """Match grey images by the census of their windows, at `count` disparities.
 
-    As :func:`cvkern.stereo_cost` with ``cost="census", window=window, neighborhood=5, spacing=2``,
-    then :func:`cvkern.winner_take_all`. All arrays are kernel arrays (H, W): the images uint8 or
-    float32; the outputs as those of the primitives `pick` and `pick_right`.
+    The result is that of :func:`cvkern.stereo_cost` with ``cost="census", window=window,
+    neighborhood=5, spacing=2``, followed by :func:`cvkern.winner_take_all`. All arrays are kernel
+    arrays (H, W). The images are uint8 or float32; the outputs are those of the primitives `pick`
+    and `pick_right`.
     """
     one, other = (
         census_words(

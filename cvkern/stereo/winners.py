@@ -1,4 +1,4 @@
-"""The disparity of the least cost."""
+"""The disparity with the smallest cost."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Winner(NamedTuple):
     """The best disparity of each pixel."""
 
     disparity: Any
-    """In pixels, (H, W) float32; NaN where the winner is not unique."""
+    """The disparity in pixels, (H, W) float32; NaN where the winner is not unique."""
     cost: Any
     """Cost of the winner, (H, W) float32."""
     confidence: Any
-    """By how much the cost is below that of its best rival, of 1; (H, W) float32."""
+    """1 minus the winner's cost over the cost of its best rival, (H, W) float32."""
 
 
 def winner_take_all(
@@ -30,30 +30,33 @@ def winner_take_all(
     subpixel: bool | str = True,
     uniqueness: int = 0,
 ) -> Winner:
-    """Find the disparity of the least cost of each pixel; the smallest one of equals.
+    """Find the disparity with the smallest cost for each pixel.
+
+    If several disparities have the smallest cost, the smallest disparity wins.
 
     Parameters
     ----------
     costs : array of shape (H, W, D)
-        Of any real dtype. uint8 and uint16 are compared as they are, others as float32, where an
-        infinite cost is allowed and NaN never wins.
+        Any real dtype. uint8 and uint16 are compared as integers, others as float32. A float32
+        cost may be infinite, and NaN counts as infinite.
     first : int, default 0
         The disparity of ``costs[..., 0]``.
     subpixel : bool or {'parabola', 'equiangular'}, default True
-        Fit through the least cost c at disparity d and the costs a and b beside it: its lowest
-        point is at ``d + (a - b) / (2 (a + b - 2 c))`` for the parabola (also True), and at
-        ``d + (a - b) / (2 (max(a, b) - c))`` for two straight lines of opposite slope, which suit
-        absolute differences. There is none for the first and the last disparity.
+        Curve through the smallest cost c at disparity d and its neighbours a and b; the sub-pixel
+        disparity is at its minimum. 'parabola' (or True) gives
+        ``d + (a - b) / (2 (a + b - 2 c))``. 'equiangular', two straight lines of opposite slope,
+        gives ``d + (a - b) / (2 (max(a, b) - c))``, which suits absolute differences. The first
+        and the last disparity have no fit.
     uniqueness : int, default 0
-        In per cent, 0 to 99. A winner is not unique where a rival, more than one disparity away,
-        has ``cost * (100 - uniqueness) < 100 * c``.
+        Per cent, 0 to 99. A winner is not unique if a rival, more than one disparity away, has
+        ``cost * (100 - uniqueness) < 100 * c``.
 
     Returns
     -------
     Winner
         Named tuple of `disparity`, `cost` and `confidence`, each (H, W) float32. The confidence is
-        1 - c / r, where r is the least cost more than one disparity away, and 1 where there is
-        none; it tells something of costs that are not negative.
+        1 - c / r, where r is the smallest cost more than one disparity away, or 1 if there is no
+        such cost. It is meaningful only for costs that are not negative.
 
     Raises
     ------
@@ -101,13 +104,13 @@ def winner_take_all(
 
 
 def check_subpixel(subpixel: bool | str) -> Subpixel:
-    """Return the code of a fit."""
+    """Return the code of a sub-pixel fit."""
     if isinstance(subpixel, (bool, np.bool_)):
         return Subpixel.PARABOLA if subpixel else Subpixel.NONE
     return Subpixel[check_choice(subpixel, ("parabola", "equiangular"), "subpixel").upper()]
 
 
 def check_depth(depth: int) -> None:
-    """Refuse more costs of a pixel than kernels can tell apart."""
+    """Refuse more disparities than kernels can number."""
     if depth > MAX_DISPARITIES:
         raise ValueError(f"costs must have at most {MAX_DISPARITIES} disparities, got {depth}")

@@ -1,9 +1,9 @@
 """
-Smooth, and follow the change
-=============================
+Smooth an image, and find its gradient
+======================================
 
-A Gaussian takes away what is smaller than itself. Its derivatives tell where the photograph gets
-brighter, and how fast: hue is the direction, brightness the length.
+A Gaussian removes details that are smaller than itself. Its derivatives show where the photograph
+gets brighter, and how fast: hue shows the direction, brightness the length.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Specks, and the median that removes them
 ========================================
 
-One pixel in six is black or white. A mean smears the specks; the median of 5 x 5 pixels picks a
-value that is there, so edges stay where they are.
+One pixel in six is black or white. A mean smears the specks. The median of 5 x 5 pixels picks one
+of the values in the window, so edges stay where they are.
 From the left: noisy, mean, median.
 """
 

@@ -1,9 +1,10 @@
 """
-Edges between the pixels
-========================
+Edges with sub-pixel positions
+==============================
 
-`subpixel_edges` gives a point for each edge pixel, to a small part of a pixel, and the direction in
-which the photograph gets brighter there. Enlarged: a coin's letters and rim.
+For each edge pixel, `subpixel_edges` gives a point, to a small fraction of a pixel, and the
+direction in which the photograph gets brighter there. The picture shows a coin's letters and rim,
+enlarged.
 """
 
 import matplotlib.pyplot as plt

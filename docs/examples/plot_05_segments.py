@@ -2,8 +2,9 @@
 Segments of a photograph
 ========================
 
-`detect_segments` goes from a photograph to straight segments in one call: edges between the pixels
-vote across their gradients, and along each peak a line is fitted where they follow one another.
+`detect_segments` finds the straight segments of a photograph in one call. Sub-pixel edges vote
+across their gradients; at each peak of the votes, a segment is fitted to edges that follow one
+another.
 """
 
 import matplotlib.pyplot as plt

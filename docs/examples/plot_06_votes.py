@@ -2,7 +2,7 @@
 A line is where votes meet
 ==========================
 
-Each point of the edges makes a wave in the votes: the angle of the line's normal runs from left to
+Each edge point draws a wave in the votes: the angle of the line's normal increases from left to
 right, its distance from top to bottom. The brightest spots, marked, are the longest lines.
 """
 

@@ -2,9 +2,9 @@
 Votes that know their direction
 ===============================
 
-An edge point with its gradient votes only for the lines across it. The haze of chance votes goes,
-and the peaks stay: on the left the votes at all angles, on the right those across the
-gradient.
+With its gradient, an edge point votes only for the lines across it. The haze of chance votes
+disappears, and the peaks stay. The left picture shows votes at all angles, the right one votes
+across the gradient.
 """
 
 import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
 """
-Coins, between the pixels
-=========================
+Coins, with sub-pixel accuracy
+==============================
 
-Every edge point votes along its gradient for centres, in one accumulator for all radii. Colour is
-the share of each rim that was seen.
+Every edge point votes along its gradient for centres, in one accumulator for all radii. The colour
+shows the visible share of each rim.
 """
 
 import matplotlib.pyplot as plt

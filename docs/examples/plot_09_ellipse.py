@@ -2,8 +2,8 @@
 The rim of a cup
 ================
 
-Two points whose gradients lie along the line between them stand for the major axis of an ellipse;
-all others vote for the minor axis.
+Two points whose gradients lie along the line between them are taken as the ends of an ellipse's
+major axis; all other points vote for the minor axis.
 """
 
 import matplotlib.pyplot as plt

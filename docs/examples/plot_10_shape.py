@@ -1,9 +1,9 @@
 """
-A shape, turned and half hidden
-===============================
+A shape, rotated and half hidden
+================================
 
-The generalised Hough transform keeps a shape as its boundary. Here a silhouette is found
-three times in a noisy picture, turned, and behind a bar.
+The generalised Hough transform stores a shape as its boundary. Here it finds a silhouette three
+times in a noisy picture, rotated and behind a bar.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Depth from two photographs
 ==========================
 
-What is near moves more from one eye to the other. `stereo_match` finds the shift of every
-pixel, and focal length and distance of the cameras turn it into metres.
+Near objects shift more between the two views than far ones. `stereo_match` finds the shift of every
+pixel; the focal length and the distance between the cameras turn it into metres.
 """
 
 import matplotlib.pyplot as plt

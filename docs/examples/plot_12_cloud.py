@@ -2,8 +2,8 @@
 A photograph to look around in
 ==============================
 
-Every pixel with a depth is a point in space. `turntable` draws them from a camera that swings about
-them; `write_animation` makes a film of the frames, and `write_ply` a file.
+Every pixel with a depth is a point in space. `turntable` draws these points from a camera that
+swings around them. `write_animation` makes a film of the frames, and `write_ply` writes the points.
 """
 
 import matplotlib.pyplot as plt

@@ -1,10 +1,10 @@
 """
-When one camera sees less light
-===============================
+When one camera receives less light
+===================================
 
-Differences of grey values compare the lamps; a census asks only which neighbours are darker, and
-that stays as it is. The right photograph has 60 % of its light; above are
-the disparities by differences, below those by a census.
+Differences of grey values depend on the light. A census records only which neighbours are darker,
+and this does not change. The right photograph has 60 % of its light. The disparities above come
+from differences, those below from a census.
 """
 
 import matplotlib.pyplot as plt

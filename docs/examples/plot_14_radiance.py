@@ -2,8 +2,8 @@
 A scene learnt in seconds
 =========================
 
-`make_scene` photographs a few solids; `fit` learns a field of densities and colours from the
-photographs; `render` shows it from where no camera stood.
+`make_scene` renders photographs of a few solids. `fit` learns a field of densities and colours from
+them. `render` shows this field from places where no camera stood.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 A cloud of your own
 ===================
 
-`composite_rays` is the last step of a radiance field alone: from densities and colours along
-rays to what they see. Here the field is a formula: two soft balls before a white wall.
+`composite_rays` is the last step of a radiance field: it turns densities and colours along rays
+into the colours of the rays. Here the field is a formula: two soft balls in front of a white wall.
 """
 
 import matplotlib.pyplot as plt

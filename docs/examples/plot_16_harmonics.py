@@ -2,8 +2,8 @@
 Spherical harmonics
 ===================
 
-The colour of a voxel's node changes with the direction of view; it is a sum of these functions on
-the sphere. Rows are degrees, columns orders; blue is negative, red positive.
+The colour of a node of a `VoxelField` depends on the viewing direction: it is a sum of these
+functions on the sphere. Rows are degrees, columns are orders; blue is negative, red positive.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,9 @@
 The same bits from two kernel sets
 ==================================
 
-Every kernel is written in Warp and again in Taichi. `use` chooses; the results do not differ in a
-single bit. Here the left half of the disparities is from one set, the right half from the other.
+Every kernel is written in Warp and again in Taichi. `use` chooses between them; their results do
+not differ in a single bit. Here one set computed the left half of the disparities, the other the
+right.
 """
 
 import matplotlib.pyplot as plt

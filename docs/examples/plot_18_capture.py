@@ -2,8 +2,8 @@
 A call recorded for a video
 ===========================
 
-`capture` records a call on given arrays and repeats it on what they hold later. On CUDA with Warp a
-repetition is one graph launch. Here a moving window of a photograph is the video.
+`capture` records a call on given arrays and repeats it later on their new contents. With Warp on
+CUDA, each repetition is one graph launch. Here the video is a moving window of a photograph.
 """
 
 import matplotlib.pyplot as plt

@@ -1,4 +1,4 @@
-"""Equations as MathML, which browsers draw by themselves: no script is fetched from elsewhere."""
+"""Equations as MathML, which browsers draw without a script from elsewhere."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from docutils.utils.math import MathError, latex2mathml
 from sphinx.util import logging
 
 logger = logging.getLogger(__name__)
-# Browsers size brackets by what is between them.
+# Browsers fit the size of brackets to their contents.
 SIZES = re.compile(r"\\[bB]igg?[lrm]?(?![a-zA-Z])")
 
 

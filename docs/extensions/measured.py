@@ -1,4 +1,4 @@
-"""The directive ``measured FAMILY``: rows of profiling/results, of the cases of a family."""
+"""The directive ``measured FAMILY``: the rows of profiling/results for the cases of a family."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sphinx.util.docutils import SphinxDirective
 
 
 def rows(family: str) -> str:
-    """Return a Markdown table a device, with the notes of its results."""
+    """Return one Markdown table per device, with the notes of its results."""
     from profiling import cases, report
 
     package = import_module(f"{cases.__name__}.{family}")

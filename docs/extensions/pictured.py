@@ -1,7 +1,7 @@
 """The directive ``pictured``: code that the page shows, and the pictures that it makes.
 
-The code runs when the page is read, with NumPy as ``np``, ``cvkern``, scikit-image's ``data`` and
-``show(*images)`` at hand; what one block defines, those below it on the page know. An error in it
+The code runs when Sphinx reads the page. It can use NumPy as ``np``, ``cvkern``, scikit-image's
+``data`` and ``show(*images)``, and all names that earlier blocks of the page define. An error in it
 fails the build. The argument is the caption. With the option ``hidden`` the code is not shown.
 """
 
@@ -22,7 +22,7 @@ GAP = 10  # pixels between the panels of a row
 
 
 def panel(image: Any, height: int) -> np.ndarray:
-    """Return a picture as (height, W, 3) uint8: masks as ink on paper, values from dark on."""
+    """Return a picture as (height, W, 3) uint8: masks black on white, small values dark."""
     from skimage.transform import resize
 
     image = np.asarray(image)
@@ -43,7 +43,7 @@ def panel(image: Any, height: int) -> np.ndarray:
 
 
 def row(images: list[np.ndarray]) -> np.ndarray:
-    """Return panels side by side, as (H, W, 4) with nothing between them."""
+    """Return panels side by side, as (H, W, 4) with transparent gaps."""
     parts = []
     for image in images:
         opaque = np.full((*image.shape[:2], 1), 255, np.uint8)

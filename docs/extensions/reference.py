@@ -13,7 +13,7 @@ FOLDER = "_generated/reference"
 
 
 def families() -> dict[str, tuple[str, list[str]]]:
-    """Return the title's module and the full names of each family, in the order of the pages."""
+    """Return the module and the full public names of each family, in the order of the pages."""
     found = {
         module.lstrip("_"): (f"cvkern.{module}", [f"cvkern.{name}" for name in names])
         for module, names in cvkern._NAMES.items()

@@ -393,7 +393,7 @@ def test_mesh_without_scikit_image(monkeypatch):
         (lambda m: mesh(m, resolution=4), ValueError, r"resolution must be in \[8, 1024\], got 4"),
         (lambda m: mesh(m, density=-1), ValueError, "density must be > 0, got -1"),
         (lambda m: mesh(m, resolution=8, density=1e6), ValueError,
-         "density must be below the model's greatest, 100, got 1e"),
+         "density must be below the model's largest, 100, got 1e"),
         (lambda m: orbit_cameras(m.cameras, 0), ValueError, "frames must be in"),
         (lambda m: orbit_cameras(m.cameras, factor=0), ValueError, "factor must be > 0, got 0"),
         (lambda m: m.save("model.txt"), ValueError, "path must end in .npz, got 'model.txt'"),

@@ -39,7 +39,7 @@ def test_pairs():
 
 
 def test_disparities():
-    message = "disparities must be two integers, the first and the one behind the last, got "
+    message = "disparities must be two integers, the first and the one after the last, got "
     for wrong in (64, (1, 2, 3), (0, 1.5), "ab", None, ()):
         cost_refused(TypeError, f"{message}{wrong!r}", disparities=wrong)
     for wrong in ((0, 0), (3, 1)):
@@ -215,7 +215,7 @@ def test_pairs_to_match():
     deep = np.zeros((4, 30, 2))
     match_refused(ValueError, f"{message}(4, 30, 2)", deep, deep)
     match_refused(
-        ValueError, "channel_axis must be of 3 or 4 channels, got 2", deep, deep, channel_axis=2
+        ValueError, "channel_axis must have 3 or 4 channels, got 2", deep, deep, channel_axis=2
     )
 
 

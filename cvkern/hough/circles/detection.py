@@ -25,24 +25,25 @@ from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim
 POLARITIES = {"any": (1, -1), "bright": (1, 1), "dark": (-1, -1)}  # sides of the gradient
 
 FINEST = 12  # pixels: a photograph is reduced until its smallest radius is less than twice this
-WIDEST = 64  # cells: those of the accumulator grow until the largest radius is at most this
-CANDIDATES = 256  # centres that are looked at closer
-RADII = 3  # concentric circles that a candidate may have
-FOCUS = 1.3  # votes near the centre of a seen circle, for each of its points: two to four, measured
-SLOPE = 0.12  # radians: how far a gradient may point past a centre
+WIDEST = 64  # cells: the cells grow until the largest radius spans at most this many
+CANDIDATES = 256  # centres whose radii are searched
+RADII = 3  # most concentric circles around one centre
+FOCUS = 1.3  # least votes near a centre per point of its circle; two to four were measured
+SLOPE = 0.12  # radians: largest angle between a gradient and the direction to the centre
 SPREAD = np.array([1, 4, 6, 4, 1], np.float32)  # smooths the accumulator; exact in float32
 FITS = 2
-BAND = 2.0  # pixels: how far from a circle its points may lie
-WHOLE = 4 * math.sqrt(2)  # edge points of a circle of radius 1: along the steeper axis, one a pixel
+BAND = 2.0  # pixels: largest distance of a point from its circle
+# Edge points of a whole circle of radius 1. An edge has one point in each row or column it crosses.
+WHOLE = 4 * math.sqrt(2)
 _SLOPES = np.arctan(np.arange(ARCS // 8 + 1) / (ARCS // 8))
-_CROSSED = np.diff(np.sin(_SLOPES))  # rows, or columns, that an arc of radius 1 crosses
+_CROSSED = np.diff(np.sin(_SLOPES))  # rows or columns that each arc of radius 1 crosses
 _SCALES = 1 / np.array(
     [NORMAL_ONE**2] * 3 + [NORMAL_ONE] * 2 + [1] + [NORMAL_ONE * FINE_ONE] * 2 + [FINE_ONE]
 )
 
 
 class Circles(NamedTuple):
-    """Circles by falling support."""
+    """Circles in order of decreasing support."""
 
     centers: Any
     """Row and column, in pixels with integer centres, (N, 2) float32."""
@@ -65,30 +66,31 @@ def detect_circles(
 ) -> Circles:
     """Find the circles in a photograph.
 
-    Each edge point votes along its gradient, over the range of radii, for centres: in one
-    accumulator, whatever the number of radii. For each peak, the distances of the points that aim
-    at it give the radii. A least-squares fit to the points near each circle, between the pixels,
-    gives the result, and of circles whose centres are close the best supported is kept.
+    Each edge point votes for centres along its gradient, over the range of radii. All radii share
+    one accumulator. For each peak, the distances of the points whose gradients aim at it give the
+    radii. A least-squares fit to the points near each circle gives the result with sub-pixel
+    accuracy. Of circles whose centres are close, only the one with the largest support is kept.
 
     Parameters
     ----------
     image : array of shape (H, W)
-        Any real dtype; colour is for :func:`cvkern.images.luma` to take out first.
+        Any real dtype. Convert colour images with :func:`cvkern.images.luma` first.
     radius_range : two floats
-        Smallest and largest radius, in pixels; at least 3. Where the smallest is 24 or more, the
-        photograph is first reduced by a whole factor, until it is less than 24.
+        Smallest and largest radius, in pixels; at least 3. If the smallest is 24 or more, the
+        photograph is first reduced by an integer factor, so that it becomes less than 24.
     sigma : float, default 2.0
-        Of the Gaussian under the edges, in pixels of the reduced photograph.
+        Standard deviation of the Gaussian that smooths before edge detection, in pixels of the
+        reduced photograph.
     low_threshold, high_threshold : float, optional
-        Of :func:`canny` on the reduced photograph, in its units. By default the quantiles 0.7 and
-        0.9 of the gradients of that photograph, and no less than 2 % of the longest; where one is
-        given, the lower is half of the higher.
+        Thresholds of :func:`canny` on the reduced photograph. By default the quantiles 0.7 and 0.9
+        of its gradients, but at least 2 % of the longest. If only one is given, the lower is half
+        of the higher.
     polarity : {'any', 'bright', 'dark'}, default 'any'
-        Brighter than around, darker, or either.
+        Find discs that are brighter than their surroundings, darker ones, or both.
     min_support : float, default 0.5
-        Least share of the perimeter that must be seen, in (0, 1].
+        Smallest share of the perimeter that must be visible, in (0, 1].
     min_distance : float, optional
-        Least distance between centres. By default the smallest radius.
+        Smallest distance between centres. By default the smallest radius.
 
     Returns
     -------
@@ -101,15 +103,15 @@ def detect_circles(
         If `image` does not hold real numbers, or an option is not a number.
     ValueError
         If `image` is empty, not 2-D, or longer than 65536 on a side; if `radius_range` is not two
-        numbers of at least 3, rising, and the smallest no larger than half the shorter side; if
-        `polarity` is unknown, `min_support` not in (0, 1], `min_distance` negative; and as
+        ascending numbers of at least 3, or its first is larger than half the shorter side; if
+        `polarity` is unknown, `min_support` not in (0, 1], or `min_distance` negative; and as in
         :func:`canny`.
 
     Notes
     -----
-    Centres are looked for inside the image. A gradient may point up to 0.12 radians, and a pixel
-    or two, past the centre. A blurred edge of a disc lies ``sigma^2 / (2 r)`` inside the true one;
-    the radii are corrected for that.
+    Centres lie inside the image. A gradient may miss the centre by 0.12 radians and a pixel or two.
+    The blurred edge of a disc lies ``sigma^2 / (2 r)`` inside the true edge; the radii are
+    corrected for that.
 
     References
     ----------
@@ -142,7 +144,7 @@ def detect_circles(
     if lines is not None:
         sides = first, last
         shape = height // factor, width // factor
-        reach = low / factor, min(high / factor, math.hypot(*shape))  # none farther is seen
+        reach = low / factor, min(high / factor, math.hypot(*shape))  # no larger circle is visible
         centers, cell = _centers(rt, lines, reach, shape, sides, least)
         circles = _radii(rt, lines, centers, reach, cell, sides, least)
         circles, support = _fitted(rt, lines, circles, sides)
@@ -157,7 +159,7 @@ def detect_circles(
 
 
 def check_range(value: Any, side: int, name: str) -> tuple[float, float]:
-    """Return the least and the largest radius of what is looked for in an image."""
+    """Return the smallest and the largest radius to search for in an image."""
     given = tuple(as_numbers(value, name, object).reshape(-1).tolist())
     if len(given) != 2:
         raise ValueError(f"{name} must be two numbers, got {value!r}")
@@ -170,7 +172,7 @@ def check_range(value: Any, side: int, name: str) -> tuple[float, float]:
 
 
 def check_support(value: Any) -> float:
-    """Return the least share of a perimeter."""
+    """Return the smallest share of a perimeter, checked."""
     least = check_number(value, "min_support", low=0)
     if not 0 < least <= 1:
         raise ValueError(f"min_support must be in (0, 1], got {value}")
@@ -180,10 +182,10 @@ def check_support(value: Any) -> float:
 def edge_lines(
     rt: Runtime, image: Any, factor: int, sigma: float, low: float | None, high: float | None
 ) -> Any:
-    """Return row, column, and the direction's sine and cosine, of N edge points, (4, N).
+    """Return row, column, and sine and cosine of the direction of N edge points, (4, N).
 
-    None for no point. They are those of the image whose pixels are the means of squares of
-    `factor` pixels a side.
+    Return None if there is no point. The points are those of a reduced image, whose pixels are the
+    means of squares of `factor` x `factor` pixels.
     """
     given = library(image).dtype(image)
     options = photograph_options(image, sigma, low, high)
@@ -226,7 +228,7 @@ def _centers(
     )
     taps = rt.constant(SPREAD)
     rt.filters.linear.correlate_separable(votes, taps, taps, 1, Border.CONSTANT, 0.0, smooth)
-    # What a circle of which no more is seen than must be gives, if it is in focus.
+    # Votes of a circle whose visible share is just `least`, with FOCUS votes per point.
     limit = FOCUS * least * WHOLE * reach[0] * float(SPREAD[2]) ** 2
     found, places = local_maxima(rt, smooth, (2, 2), limit)
     best = np.lexsort((*places.T[::-1], -found))[:CANDIDATES]
@@ -242,7 +244,7 @@ def _radii(
     sides: tuple[int, int],
     least: float,
 ) -> np.ndarray:
-    """Return the likeliest circles round each centre, (K, 3) float32."""
+    """Return the likeliest circles around each centre, (K, 3) float32."""
     if not len(centers):
         return np.empty((0, 3), np.float32)
     begin, end = reach[0] - 2, reach[1] + 2
@@ -272,10 +274,10 @@ def _radii(
 def _fitted(
     rt: Runtime, lines: Any, circles: np.ndarray, sides: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the circles of least squared distance from the points near them, and their support.
+    """Return circles fitted by least squares to the points near them, and their support.
 
-    With e the distance of a point from the circle and n the circle's normal there, a small move
-    (y, x) and growth r leave e - n (y, x) - r (a step of Gauss and Newton).
+    Let e be the distance of a point from the circle, and n the circle's normal there. After a small
+    move (y, x) and a growth r, the distance is e - n (y, x) - r. This is a Gauss-Newton step.
     """
     support = np.zeros(len(circles), np.float32)
     if not len(circles):
@@ -289,23 +291,24 @@ def _fitted(
         near = rt.send("circles.near", exact.astype(np.float32))
         rt.hough.circles.detection.support(lines, near, band, aim, sums, arcs)
         if step == FITS:
-            # A row or a column of pixels has one point of the edge that crosses it.
+            # An edge has one point in each row or column of pixels that it crosses.
             whole = exact[:, 2:] * np.tile(_CROSSED, 8)
             seen = np.minimum(rt.to_numpy(arcs), whole).sum(axis=1) / whole.sum(axis=1)
             support = seen.astype(np.float32)
             break
         yy, yx, xx, y, x, n, ey, ex, e = (rt.to_numpy(sums) * _SCALES).T
         left = np.stack((yy, yx, y, yx, xx, x, y, x, n), axis=1).reshape(-1, 3, 3)
-        left += 1e-3 * (n[:, None, None] + 1) * np.eye(3)  # holds still what few points leave open
+        left += 1e-3 * (n[:, None, None] + 1) * np.eye(3)  # damps what few points do not determine
         exact += np.linalg.solve(left, np.stack((ey, ex, e), axis=1)[..., None])[..., 0].clip(-2, 2)
         exact[:, 2] = np.maximum(exact[:, 2], 1.0)
     return exact.astype(np.float32), support
 
 
 def distinct(shapes: np.ndarray, support: np.ndarray, apart: float) -> np.ndarray:
-    """Return, by falling support, which shapes' centres are apart from those of all better ones.
+    """Return the indices of shapes whose centres are apart from those of all better shapes.
 
-    `shapes` begin with row and column, (N, K).
+    The indices are in order of decreasing support. Rows of `shapes` (N, K) begin with row and
+    column.
     """
     order = np.lexsort((*shapes.T[::-1], -support))
     kept = []

@@ -19,7 +19,7 @@ from cvkern.hough.circles.votes import MAX_RADIUS, _check_radii
 
 
 class CirclePeaks(NamedTuple):
-    """Circles by falling votes; of equal ones, by radius, row and column."""
+    """Circles in order of decreasing votes; ties are ordered by radius, row and column."""
 
     votes: Any
     """Votes or shares at the peak, (N,) float32."""
@@ -41,26 +41,27 @@ def hough_circle_peaks(
     total_num_peaks: float = math.inf,
     normalize: bool = False,
 ) -> CirclePeaks:
-    """Find the circles that most votes are for.
+    """Find the circles with the most votes.
 
     Parameters
     ----------
     hspaces : array of shape (R, H, W)
-        What :func:`hough_circle` returned.
+        The result of :func:`hough_circle`. It must not have NaN in it, which is checked on the CPU
+        alone.
     radii : sequence of R ints
-        The radii it was given.
+        The radii that :func:`hough_circle` was given.
     min_xdistance, min_ydistance : int, default 1
-        In each accumulator a peak is the largest within so many columns and rows of itself. Above
-        1 each, circles of different radii keep that distance from one another as well.
+        In its accumulator, a peak is the largest value within this many columns and rows. If both
+        are above 1, circles of different radii keep this distance from one another as well.
     threshold : float, optional
-        Least votes of a peak, which has more. By default half the largest of each accumulator.
+        A peak has more votes than this. By default half the largest value of each accumulator.
     num_peaks : int, optional
-        Most peaks of an accumulator.
+        Largest number of peaks in one accumulator.
     total_num_peaks : int, optional
-        Most peaks in all.
+        Largest number of peaks in all accumulators together.
     normalize : bool, default False
-        Order the peaks by votes over radius, against the bias to large circles where `hspaces`
-        are counts.
+        Order the peaks by votes divided by radius. If `hspaces` are counts, this removes the bias
+        towards large circles.
 
     Returns
     -------
@@ -72,14 +73,15 @@ def hough_circle_peaks(
     TypeError
         If `hspaces` does not hold real numbers, or a distance or number is not an integer.
     ValueError
-        If `hspaces` is empty or not 3-D, `radii` are not one of each, or below 1, a distance or
-        number is below 1, or `threshold` is negative or not finite.
+        If `hspaces` is empty or not 3-D, `radii` are not one per accumulator or below 1, a
+        distance or number is below 1, or `threshold` is negative or not finite.
 
     Notes
     -----
-    ``skimage.transform.hough_circle_peaks`` finds the same clear peaks. Of equal neighbours it
-    takes the middle, this the first by row and column; and it looks for neighbours of columns near
-    the border on the other side of the image, this does not.
+    ``skimage.transform.hough_circle_peaks`` finds the same clear peaks. If neighbours are equal,
+    scikit-image takes the middle one; this function takes the first by row and column. Near the
+    left and right borders, scikit-image also compares with columns at the opposite side of the
+    image; this function does not.
 
     Examples
     --------
@@ -96,21 +98,24 @@ def hough_circle_peaks(
     planes = hspaces.shape[0]
     radii = np.array(_check_radii(radii, MAX_RADIUS, "radii"), np.int32)
     if len(radii) != planes:
-        raise ValueError(f"radii must be one of each of {planes} accumulators, got {len(radii)}")
+        raise ValueError(f"radii must be one for each of {planes} accumulators, got {len(radii)}")
     apart = (
         check_integer(min_ydistance, "min_ydistance", 1, MAX_RADIUS),
         check_integer(min_xdistance, "min_xdistance", 1, MAX_RADIUS),
     )
     each, total = (
-        None if n == math.inf else check_integer(n, name, 1, MAX_ELEMENTS)
+        None if isinstance(n, float) and n == math.inf else check_integer(n, name, 1, MAX_ELEMENTS)
         for n, name in ((num_peaks, "num_peaks"), (total_num_peaks, "total_num_peaks"))
     )
     if threshold is not None:
         threshold = check_number(threshold, "threshold", low=0)
     rt = runtime(hspaces)
-    votes, places = local_maxima(rt, rt.adopt(hspaces), apart, threshold)
+    given = rt.adopt(hspaces)
+    if rt.device == "cpu" and np.isnan(rt.host_view(given)).any():
+        raise ValueError("hspaces must be votes, got some that are NaN")
+    votes, places = local_maxima(rt, given, apart, threshold)
     order = np.lexsort((*places.T[::-1], -votes))
-    if each is not None:  # the rank of each among the peaks of its own accumulator
+    if each is not None:  # rank each peak within its own accumulator
         planes_of = places[order, 0]
         grouped = np.argsort(planes_of, kind="stable")
         firsts = np.searchsorted(planes_of[grouped], planes_of[grouped])
@@ -130,10 +135,10 @@ def hough_circle_peaks(
 def local_maxima(
     rt: Runtime, votes: Any, apart: tuple[int, int], threshold: float | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the peaks of a float32 kernel array (P, H, W): votes (N,), and places (N, 3) int32.
+    """Return the peaks of a float32 kernel array (P, H, W): votes (N,), and indices (N, 3) int32.
 
-    They are largest within `apart` rows and columns, and first of equals; above `threshold`, or
-    half the largest of their plane. In raster order.
+    A peak is the largest value within `apart` rows and columns, the first of equal ones, and above
+    `threshold`, or above half the largest value of its plane. Peaks are in raster order.
     """
     planes, height, _ = votes.shape
     limits = np.full(planes, threshold, np.float32)
@@ -157,7 +162,7 @@ def local_maxima(
 
 
 def _spaced(places: np.ndarray, apart: tuple[int, int]) -> np.ndarray:
-    """Tell which places are apart from every kept one before them."""
+    """Return a mask of the places that are apart from all kept places before them."""
     kept = np.zeros(len(places), bool)
     for i, place in enumerate(places):
         kept[i] = not (np.abs(places[kept] - place) <= apart).all(axis=1).any()

@@ -23,8 +23,8 @@ from cvkern._runtime import runtime
 from cvkern.hough._points import check_at_points, mask_points
 from cvkern.kernels.codes.hough import DIRECTIONS, Rings
 
-MAX_RADIUS = 2**14  # times the 2^16 of the tables of directions, within 32 bits
-ALONG = -1  # the tolerance that says: the two pixels along the gradient, no arcs
+MAX_RADIUS = 2**14  # times 2^16 (the scale of the direction tables), it stays within 32 bits
+ALONG = -1  # tolerance code: vote for the two pixels along the gradient, not for arcs
 
 
 def hough_circle(
@@ -45,16 +45,17 @@ def hough_circle(
     radius : int or sequence of R ints
         Radii in pixels, from 1 to the diagonal of the image.
     normalize : bool, default True
-        Divide the votes by the number of offsets of the circle: the share of it that is seen.
+        Divide the votes by the number of offsets of the circle, which gives its visible share.
     full_output : bool, default False
-        Also count for centres outside the image, as far as the largest radius reaches.
+        Also count for centres outside the image, as far away as the largest radius.
     orientation : array of shape (H, W), optional
-        Direction of the gradient in radians (:func:`cvkern.gradient`). A set pixel then votes
-        along its gradient alone, to both sides, in place of all round: far fewer wrong votes.
+        Direction of the gradient in radians (:func:`cvkern.gradient`). A set pixel then votes only
+        along its gradient, to both sides, instead of in all directions. This gives far fewer wrong
+        votes.
     orientation_tolerance : float, default 0.0
-        Radians. 0: a pixel p votes for the two centres ``p +- round(radius * direction)``. Above
-        0: for the offsets of the circle whose direction is at most this far from the gradient's,
-        or from its opposite.
+        Radians. With 0, a pixel p votes for the two centres ``p +- round(radius * direction)``.
+        Above 0, it votes for the offsets of the circle whose direction differs from the gradient's,
+        or from its opposite, by at most this angle.
 
     Returns
     -------
@@ -67,24 +68,25 @@ def hough_circle(
     TypeError
         If an array does not hold real numbers, or a radius is not an integer.
     ValueError
-        If an array is empty, not 2-D, longer than 65536 on a side, or they differ in shape; if
-        there is no radius, or one is below 1, above 16384, or above the diagonal without
+        If an array is empty, not 2-D, or longer than 65536 on a side, or the arrays differ in
+        shape; if there is no radius, or one is below 1, above 16384, or above the diagonal without
         `full_output`; if the result would have more than 2^29 elements; if `orientation` is NaN or
         beyond a full turn at a set pixel, or the tolerance is negative or not below pi / 2.
 
     Notes
     -----
-    Without `orientation` the votes are those of ``skimage.transform.hough_circle``: its circles
-    are Bresenham's, and count the four pixels on the axes twice, at some radii those on the
-    diagonals too. With `orientation`, directions are taken to 1/16384 of a turn, and products of
-    radius and direction rounded half up. The votes are the same on every device and kernel set.
+    Without `orientation` the votes are those of ``skimage.transform.hough_circle``. Its circles
+    are Bresenham's; they count the four pixels on the axes twice, and for some radii also those on
+    the diagonals. With `orientation`, directions are rounded to 1/16384 of a turn, and products of
+    radius and direction are rounded half up. The votes are the same on every device and kernel
+    set.
 
     References
     ----------
     .. [1] R. O. Duda and P. E. Hart, "Use of the Hough transformation to detect lines and curves
        in pictures", Communications of the ACM 15(1), 1972.
     .. [2] C. Kimme, D. Ballard and J. Sklansky, "Finding circles by an array of accumulators",
-       Communications of the ACM 18(2), 1975 (along the gradient).
+       Communications of the ACM 18(2), 1975 (votes along the gradient).
 
     Examples
     --------
@@ -138,7 +140,7 @@ def _check_radii(radius: Any, farthest: int, name: str = "radius") -> tuple[int,
 
 @lru_cache(maxsize=8)
 def _rings(radii: tuple[int, ...]) -> Rings:
-    """Return circles; the offsets of a circle stand in the order of their codes."""
+    """Return the offsets of the circles, each sorted by the codes of their directions."""
     rings = [_ring(radius) for radius in radii]
     codes = [
         np.floor(np.arctan2(*ring.T) * (DIRECTIONS / (2 * math.pi)) + 0.5).astype(np.int32)
@@ -155,10 +157,11 @@ def _rings(radii: tuple[int, ...]) -> Rings:
 
 
 def _ring(radius: int) -> np.ndarray:
-    """Return the offsets of a circle, (N, 2) int32, as Bresenham draws it, octant by octant.
+    """Return the offsets of Bresenham's circle, (N, 2) int32, octant by octant.
 
-    From (radius, 0) on, each step goes one column on, and one row up where that is nearer: where
-    the squares of the two distances from the centre average at least that of the radius.
+    Starting at (radius, 0), each step moves to the next column, and also one row towards the centre
+    if that pixel is nearer to the circle: if the mean of the two squared distances from the centre
+    is at least the squared radius.
     """
     octant = []
     y, x = radius, 0

@@ -14,16 +14,16 @@ from cvkern.hough.ellipses.votes import between, paired
 from cvkern.kernels.codes.hough import MAX_BINS
 
 FINEST = 20  # pixels: a photograph is reduced until its smallest axis is less than twice this
-TOLERANCE = 0.2  # radians: how far a gradient may be off, in the votes and in the fit
-FINE = 2.0  # pixels: the width of the bins of the minor axis
+TOLERANCE = 0.2  # radians: largest error of a gradient's direction, in the votes and in the fit
+FINE = 2.0  # pixels: width of the bins of the minor axis
 CANDIDATES = 64  # ellipses that are fitted
-FIRST_BAND, LAST_BAND = 4.0, 1.5  # pixels: how far from the ellipse the points of a fit may be
+FIRST_BAND, LAST_BAND = 4.0, 1.5  # pixels: largest distance of a fit's points from the ellipse
 FITS = 5
-ARCS = 72  # parts of a perimeter that are seen or not
+ARCS = 72  # arcs of a perimeter, each with its share of visible points
 
 
 class Ellipses(NamedTuple):
-    """Ellipses by falling support."""
+    """Ellipses in order of decreasing support."""
 
     centers: Any
     """Row and column, in pixels with integer centres, (N, 2) float32."""
@@ -48,31 +48,33 @@ def detect_ellipses(
 ) -> Ellipses:
     """Find the ellipses in a photograph.
 
-    Pairs of edge points whose gradients lie along the line between them are ends of a major axis,
-    and hear votes for the minor axis from the points whose gradients fit, as in
-    :func:`hough_ellipse`. The best are fitted to all edge points near them, between the pixels,
-    and of ellipses whose centres are close the best supported is kept.
+    Two edge points whose gradients lie along the line between them are taken as the ends of a major
+    axis. The points whose gradients fit vote for the minor axis, as in :func:`hough_ellipse`. The
+    best ellipses are fitted to all edge points near them, with sub-pixel accuracy. Of ellipses
+    whose centres are close, only the one with the largest support is kept.
 
     Parameters
     ----------
     image : array of shape (H, W)
-        Any real dtype; colour is for :func:`cvkern.images.luma` to take out first.
+        Any real dtype. Convert colour images with :func:`cvkern.images.luma` first.
     axis_range : two floats
-        Smallest minor and largest major semi-axis, in pixels; at least 3. Where the smallest is
-        40 or more, the photograph is first reduced by a whole factor, until it is less than 40.
+        Smallest minor and largest major semi-axis, in pixels; at least 3. If the smallest is 40 or
+        more, the photograph is first reduced by an integer factor, so that it becomes less than
+        40.
     sigma : float, default 2.0
-        Of the Gaussian under the edges, in pixels of the reduced photograph.
+        Standard deviation of the Gaussian that smooths before edge detection, in pixels of the
+        reduced photograph.
     low_threshold, high_threshold : float, optional
-        Of :func:`canny` on the reduced photograph, in its units. By default the quantiles 0.7 and
-        0.9 of the gradients of that photograph, and no less than 2 % of the longest; where one is
-        given, the lower is half of the higher.
+        Thresholds of :func:`canny` on the reduced photograph. By default the quantiles 0.7 and 0.9
+        of its gradients, but at least 2 % of the longest. If only one is given, the lower is half
+        of the higher.
     min_support : float, default 0.6
-        Least share of the perimeter that must be seen, in (0, 1].
+        Smallest share of the perimeter that must be visible, in (0, 1].
     min_distance : float, optional
-        Least distance between centres. By default the smallest semi-axis.
+        Smallest distance between centres. By default the smallest semi-axis.
     max_points : int, default 1500
-        Of more edge points than this, every second (third, ...) votes. The time of the votes
-        grows with its square, times the number of points along an ellipse.
+        If there are more edge points than this, only every second (third, ...) votes. The time for
+        the votes grows with the square of this number, times the number of points along an ellipse.
 
     Returns
     -------
@@ -86,14 +88,14 @@ def detect_ellipses(
         If `image` does not hold real numbers, or an option is not a number.
     ValueError
         If `image` is empty, not 2-D, or longer than 65536 on a side; if `axis_range` is not two
-        numbers of at least 3, rising, and the smallest no larger than half the shorter side; if
+        ascending numbers of at least 3, or its first is larger than half the shorter side; if
         `min_support` is not in (0, 1], `min_distance` negative, or `max_points` not in [3, 16384];
-        and as :func:`canny`.
+        and as in :func:`canny`.
 
     Notes
     -----
-    An ellipse must be seen at both ends of its major axis, or no pair stands for it; elsewhere
-    half of it may be hidden.
+    Both ends of the major axis must be visible, because a pair of points there starts the search.
+    Elsewhere, half of the ellipse may be hidden.
 
     References
     ----------
@@ -129,7 +131,7 @@ def detect_ellipses(
         shapes = np.array([shape for shape, _ in fits]).reshape(-1, 5)
         support = np.array([share for _, share in fits])
         center, axes, turned = np.split(shapes, (2, 4), axis=1)
-        # The edge of a blurred shape is sigma^2 / 2 times its curvature inside the true one.
+        # The edge of a blurred shape lies sigma^2 / 2 times its curvature inside the true edge.
         axes = axes + sigma * sigma / 2 * axes / axes[:, ::-1] ** 2
         shapes = np.hstack((center * factor + (factor - 1) / 2, axes * factor, turned))
         kept = (support >= least) & (axes[:, 1] * factor >= low - 1)
@@ -144,10 +146,10 @@ def detect_ellipses(
 def _candidates(
     rt: Runtime, points: np.ndarray, reach: tuple[float, float], most: int, least: float
 ) -> list[np.ndarray]:
-    """Return row, column, semi-axes and orientation of what the votes say, at most CANDIDATES."""
+    """Return row, column, semi-axes and orientation of the ellipses with the most votes."""
     step = -(-points.shape[1] // most)
     sample = np.ascontiguousarray(points[:, ::step])
-    # A third of the points that the smallest of what must be seen has.
+    # A third of the points of the smallest ellipse whose visible share is just `least`.
     threshold = max(4, int(least * reach[0] * 2 * math.pi / step / 3))
     lengths, turn = (2 * reach[0], 2 * reach[1]), math.sin(TOLERANCE) ** 2
     accuracy = max(FINE, 2 * reach[1] / MAX_BINS)
@@ -165,13 +167,13 @@ def _candidates(
 
 
 def _perimeter(axes: np.ndarray) -> np.ndarray:
-    """Return the length of ellipses with these semi-axes, (N, 2), after Ramanujan."""
+    """Return the perimeters of ellipses with these semi-axes, (N, 2), by Ramanujan's formula."""
     a, b = axes.T
     return math.pi * (3 * (a + b) - np.sqrt((3 * a + b) * (a + 3 * b)))
 
 
 def _fitted(points: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the ellipse of least squares near `shape`, and how much of it is seen."""
+    """Return the least-squares ellipse near `shape`, and its visible share."""
     for step in range(FITS):
         band = max(LAST_BAND, FIRST_BAND - step)
         near, _ = _near(points, shape, band)
@@ -182,7 +184,7 @@ def _fitted(points: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, float]:
             return shape, 0.0
         shape = better
     near, angle = _near(points, shape, LAST_BAND)
-    # Points to the parts: those of a whole ellipse, one to a row or a column of pixels each.
+    # Points that each arc of a whole ellipse has: one per row or column of pixels that it crosses.
     edges = np.linspace(-math.pi, math.pi, ARCS + 1)
     u, v = shape[2] * np.cos(edges), shape[3] * np.sin(edges)
     sine, cosine = math.sin(shape[4]), math.cos(shape[4])
@@ -193,7 +195,7 @@ def _fitted(points: np.ndarray, shape: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _near(points: np.ndarray, shape: np.ndarray, band: float) -> tuple[np.ndarray, np.ndarray]:
-    """Tell which points lie near an ellipse with their gradient square to it, and at what angle."""
+    """Tell which points lie near an ellipse with a gradient normal to it, and at which angle."""
     row, column, major, minor, turn = shape
     sine, cosine = math.sin(turn), math.cos(turn)
     y, x = points[0] - row, points[1] - column
@@ -208,14 +210,14 @@ def _near(points: np.ndarray, shape: np.ndarray, band: float) -> tuple[np.ndarra
 
 
 def _direct_fit(row: np.ndarray, column: np.ndarray) -> np.ndarray | None:
-    """Return the ellipse of least algebraic distance (Halir and Flusser 1998), if there is one."""
+    """Return the ellipse of least algebraic distance (Halir and Flusser 1998), or None."""
     middle, scale = np.array([row.mean(), column.mean()]), max(row.std(), column.std(), 1e-9)
     y, x = (row - middle[0]) / scale, (column - middle[1]) / scale
     squares, rest = np.stack((x * x, x * y, y * y), 1), np.stack((x, y, np.ones_like(x)), 1)
     try:
         to_rest = -np.linalg.solve(rest.T @ rest, rest.T @ squares)
         scatter = squares.T @ squares + squares.T @ rest @ to_rest
-        # Divided by the matrix of 4 a c - b^2, which is 1 for an ellipse.
+        # Multiply by the inverse of the matrix of the constraint 4 a c - b^2 = 1 (an ellipse).
         _, vectors = np.linalg.eig(np.stack((scatter[2] / 2, -scatter[1], scatter[0] / 2)))
     except np.linalg.LinAlgError:
         return None

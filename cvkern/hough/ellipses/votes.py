@@ -20,11 +20,11 @@ from cvkern._runtime import Runtime, runtime
 from cvkern.hough._points import check_at_points, mask_points
 from cvkern.kernels.codes.hough import MAX_BINS, EllipseBounds
 
-UNDIRECTED = -1.0  # the square of a sine that says: directions do not count
+UNDIRECTED = -1.0  # code in place of a squared sine: ignore directions
 
 
 class EllipseVotes(NamedTuple):
-    """Ellipses by falling votes; of equal ones, by their pairs of points in raster order."""
+    """Ellipses in order of decreasing votes; ties are ordered by their pairs in raster order."""
 
     votes: Any
     """Points that agree on the minor axis, (N,) int32."""
@@ -46,31 +46,32 @@ def hough_ellipse(
     orientation: Any = None,
     orientation_tolerance: float = 0.2,
 ) -> EllipseVotes:
-    """Find ellipses by what pairs of set pixels, as ends of the major axis, hear from the others.
+    """Find ellipses by votes for the minor axis, for each pair of set pixels as major axis.
 
-    A pair fixes the centre, the major axis and the orientation. Every other pixel then fixes the
-    minor axis, and votes for it in a histogram: memory for one dimension in place of five.
+    A pair of pixels, as the ends of the major axis, fixes the centre, the major axis and the
+    orientation. Every other pixel then determines a minor axis, and votes for it in a histogram. So
+    the accumulator has one dimension instead of five.
 
     Parameters
     ----------
     mask : array of shape (H, W)
-        Edge pixels: any real dtype, set where it is not 0. The time grows with the cube of their
-        number.
+        Edge pixels: any real dtype, set where it is not 0. The time grows with the cube of the
+        number of set pixels.
     threshold : int, default 4
         An ellipse has more votes than this.
     accuracy : float, default 1.0
-        Width of the bins of the minor semi-axis, in pixels; the first is round 0, the next round
-        `accuracy`.
+        Width of the bins of the minor semi-axis, in pixels. The first bin is centred on 0, the
+        second on `accuracy`.
     min_size : float, default 4.0
-        Least length of the (whole) major axis, in pixels.
+        Smallest length of the (whole) major axis, in pixels.
     max_size : float, optional
         Largest minor semi-axis, in pixels. By default half the shorter side of the image.
     orientation : array of shape (H, W), optional
-        Direction of the gradient in radians (:func:`cvkern.gradient`). Then only pairs count whose
-        gradients lie along the line between them, and third pixels whose gradient is square to
-        the ellipse: far fewer wrong votes, and less time.
+        Direction of the gradient in radians (:func:`cvkern.gradient`). Then the gradients of a
+        pair must lie along the line between its pixels, and the gradient of a third pixel must be
+        normal to the ellipse. This gives far fewer wrong votes, and takes less time.
     orientation_tolerance : float, default 0.2
-        Radians that a gradient may be off by.
+        Largest error of a gradient's direction, in radians.
 
     Returns
     -------
@@ -83,19 +84,19 @@ def hough_ellipse(
     TypeError
         If an array does not hold real numbers, or a parameter is not a number.
     ValueError
-        If an array is empty, not 2-D, longer than 65536 on a side, or they differ in shape; if
-        `threshold` is negative, `accuracy`, `min_size` or `max_size` not above 0, `accuracy` gives
-        more than 8192 bins, or the tolerance is not in (0, pi / 2); if the mask has more than 23170
-        set pixels, whose pairs would take more than 2^31 bytes; if `orientation` is NaN or beyond a
-        full turn at a set pixel.
+        If an array is empty, not 2-D, or longer than 65536 on a side, or the arrays differ in
+        shape; if `threshold` is negative, `accuracy`, `min_size` or `max_size` not above 0,
+        `accuracy` gives more than 8192 bins, or the tolerance is not in (0, pi / 2); if the mask
+        has more than 23170 set pixels, whose pairs would take more than 2^31 bytes; if
+        `orientation` is NaN or beyond a full turn at a set pixel.
 
     Notes
     -----
-    A third pixel counts where it is no farther from the centre than the ends of the axis, and
-    the minor semi-axis is at least half a pixel. Of bins with equal votes the smaller counts.
-    ``skimage.transform.hough_ellipse`` asks for third pixels that are farther from the centre
-    than `min_size` instead (scikit-image#7632), and has bins of the square of the minor axis. The
-    results are the same on every device and kernel set.
+    A third pixel votes if it is no farther from the centre than the ends of the axis, and the minor
+    semi-axis is at least half a pixel. Of bins with equal votes, the smaller one wins. In
+    ``skimage.transform.hough_ellipse``, a third pixel votes if it is farther from the centre than
+    `min_size` (scikit-image#7632), and the bins are those of the squared minor axis. The results
+    are the same on every device and kernel set.
 
     References
     ----------
@@ -155,10 +156,10 @@ def paired(
     accuracy: float,
     turn: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return votes (N,), the pairs of points (2, N), and minor semi-axes, by falling votes.
+    """Return votes (N,), the pairs of points (2, N), and minor semi-axes, by decreasing votes.
 
-    `points` are rows, columns, and sines and cosines of directions, (4, M); `lengths` are bounds
-    of the major axis, `widths` of the minor semi-axis.
+    `points` are rows, columns, and sines and cosines of directions, (4, M). `lengths` are bounds
+    of the major axis, `widths` bounds of the minor semi-axis.
     """
     count = points.shape[1]
     if count * count > MAX_ELEMENTS:
@@ -183,7 +184,7 @@ def paired(
 
 
 def between(ends: np.ndarray, minor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return centres, semi-axes and orientation of ellipses from the ends of their axis (2, 2, N).
+    """Return centres, semi-axes and orientations of ellipses from axis ends, (2, 2, N).
 
     The first index of `ends` is row or column, the second the end.
     """

@@ -1,4 +1,4 @@
-"""The generalised Hough transform: shapes of any form, turned and scaled."""
+"""The generalised Hough transform: arbitrary shapes, rotated and scaled."""
 
 from cvkern.hough.generalized.detection import find_shape
 from cvkern.hough.generalized.tables import RTable, r_table

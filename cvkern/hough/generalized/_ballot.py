@@ -1,4 +1,4 @@
-"""What the generalised Hough transform votes with, and the poses that get most votes."""
+"""The inputs of the votes of the generalised Hough transform, and the poses with most votes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import MAX_ELEMENTS, check_image, check_integer, check_number
+from cvkern._checks import MAX_ELEMENTS, as_numbers, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.hough.generalized._poses import Scene, apart, strongest
@@ -29,14 +29,14 @@ LEAST_TOLERANCE, MOST_TOLERANCE = math.radians(0.5), math.radians(3)
 SPARE = 16  # points that a kernel may read beyond the last
 MAX_VOTES = 2**16 - 1  # the most that a cell of an accumulator holds
 LEAST_SCALE, MOST_SCALE = 1 / 16, 16.0
-MANY = 2048  # tiles that are looked at,
-WEAKER = 4  # and no weaker than the best one by more than this factor
-MAX_ANGLE = 7.0  # radians: of a gradient; a little more than a turn
-MAX_SLICES = 2**18  # at a time: a grid of blocks has its limits
+MANY = 2048  # largest number of tiles that become candidates
+WEAKER = 4  # largest ratio of the best candidate's votes to another candidate's
+MAX_ANGLE = 7.0  # radians: largest direction of a gradient, a little more than a turn
+MAX_SLICES = 2**18  # pairs of rotation and scale per launch, which limits the grid of blocks
 
 
 class Ballot(NamedTuple):
-    """What is voted for, in the integers of kernels."""
+    """The entries, rotations and scales that vote, as the integers that kernels take."""
 
     vectors: np.ndarray
     directions: np.ndarray
@@ -51,17 +51,17 @@ class Ballot(NamedTuple):
         return ((height - 1) >> self.shift) + 1, ((width - 1) >> self.shift) + 1
 
     def tiles(self, height: int, width: int) -> tuple[int, int]:
-        """Return rows and columns of the tiles that peaks are reported of."""
+        """Return rows and columns of tiles; kernels report one peak per tile."""
         rows, columns = self.cells(height, width)
         return -(-rows // TILE), -(-columns // TILE)
 
     def batch(self, height: int, width: int, most: int) -> tuple[int, int]:
-        """Return how many rotations and how many scales are done at a time in `most` bytes."""
+        """Return how many rotations and how many scales fit into `most` bytes at a time."""
         rows, columns = self.cells(height, width)
         each = 4 * (rows * columns + math.prod(self.tiles(height, width)))
         if each > most:
             raise ValueError(
-                f"max_bytes must be at least {each}, what one rotation and scale takes, got {most}"
+                f"max_bytes must be at least {each}, for one rotation and scale, got {most}"
             )
         slices = min(most // each, MAX_ELEMENTS // (rows * columns), MAX_SLICES)
         scales = min(slices, len(self.scales))
@@ -89,7 +89,7 @@ def ballot_of(
     cell: int,
     max_entries: int,
 ) -> Ballot:
-    """Check the options of the votes, and take them to integers."""
+    """Check the options of the votes, and convert them to integers."""
     angles = _check_rotations(rotations)
     sizes = _check_scales(scales)
     cell = check_integer(cell, "cell", CELLS[0], CELLS[-1])
@@ -118,7 +118,7 @@ def ballot_of(
 def candidates(
     rt: Runtime, scene: Scene, ballot: Ballot, batch: tuple[int, int], most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the poses of most votes, (N, 4) float64, and their votes."""
+    """Return the poses with most votes, (N, 4) float64, and their votes."""
     height, width = scene.shape
     tiles = ballot.tiles(height, width)
     if not len(scene.points):
@@ -140,10 +140,10 @@ def candidates(
             found.append((host[best], r + turn, s + scale, down, across))
     key, turn, scale, down, across = (np.concatenate(a) for a in zip(*found, strict=True))
     votes, place = key // TILE**2, TILE**2 - 1 - key % TILE**2
-    # Equal ones in the order of slices, so that the batches do not matter.
+    # Order ties by slice, so that the result does not depend on the batches.
     order = np.lexsort((across, down, scale, turn, -key))[:MANY]
     order = order[votes[order] >= max(int(votes.max()) // WEAKER, 1)]
-    # The corner that four cells share, in pixels whose centres are integers.
+    # The corner that four cells share, in pixels with integer centres.
     side = 1 << ballot.shift
     every = np.column_stack((
         (down * TILE + place // TILE + 1) * side - 0.5,
@@ -151,7 +151,7 @@ def candidates(
         ballot.rotations[turn],
         ballot.scales[scale] / SCALE_ONE,
     ))[order]  # fmt: skip
-    # One of several that the fit would make one.
+    # Keep one of several poses that would converge to the same place.
     reach = 0.1 * float(np.hypot(*(ballot.vectors / VECTOR_ONE).T).max())
     near = max(2.5 * side, reach)
     kept = apart(every, most, near, max(1.5 * _step(ballot.rotations), math.radians(5)), 1.08)
@@ -198,9 +198,9 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
 
 
 def voters_of(rt: Runtime, scene: Scene) -> Voters:
-    """Return the points sorted by direction, twice over, and where each direction starts.
+    """Return the points sorted by direction, listed twice, and where each direction starts.
 
-    Twice, so that a window of directions that goes round is one piece.
+    They are listed twice so that a window of directions that crosses the end is contiguous.
     """
     order = np.argsort(scene.codes.astype(np.uint16), kind="stable")
     count = len(order)
@@ -213,12 +213,12 @@ def voters_of(rt: Runtime, scene: Scene) -> Voters:
 
 
 def _code(angles: np.ndarray) -> np.ndarray:
-    """Return the nearest direction of each angle."""
+    """Return the nearest direction code of each angle."""
     return np.floor(angles * (DIRECTIONS / (2 * math.pi)) + 0.5).astype(np.int64) % DIRECTIONS
 
 
 def _step(angles: np.ndarray) -> float:
-    """Return the least step from one angle to the next, round the circle; a turn if it is one."""
+    """Return the smallest step between neighbouring angles on the circle; a turn for one angle."""
     around = np.sort(np.mod(angles, 2 * math.pi))
     steps = np.diff(np.concatenate((around, around[:1] + 2 * math.pi)))
     return float(steps[steps > 1e-9].min(initial=2 * math.pi))
@@ -240,10 +240,7 @@ def _check_scales(scales: Any) -> np.ndarray:
 
 
 def _check_sequence(values: Any, name: str, low: float, high: float) -> np.ndarray:
-    try:
-        array = np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be numbers, got {values!r}") from None
+    array = as_numbers(values, name)
     if array.ndim != 1 or not array.size:
         raise ValueError(f"{name} must be 1-D and not empty, got shape {array.shape}")
     wrong = array[~((array >= low) & (array <= high))]

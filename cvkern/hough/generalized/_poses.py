@@ -1,6 +1,7 @@
-"""From votes to poses: the best cells of an accumulator, and what the edges say of each.
+"""From votes to poses: the best cells of an accumulator, fitted to the edges and judged by them.
 
-Host work on the few poses that got most votes; a pose is (row, column, rotation, scale), float64.
+The host does this for the few poses with most votes. A pose is (row, column, rotation, scale),
+float64.
 """
 
 from __future__ import annotations
@@ -12,21 +13,21 @@ import numpy as np
 
 from cvkern.kernels.codes.hough import DIRECTIONS
 
-REACH = 1  # pixel: how far from its place an edge supports an entry of the table
-SEARCH = 6  # the same before a pose is fitted, when it is known to a cell and a bin
-BEND = math.radians(7)  # how far the gradient may be off the direction that the table has
-SAMPLE = 128  # entries that a pose is first judged by
-ROUNDS = 4  # times that a pose is fitted to all its points
-SAME = 2.0, math.radians(2), 1.03  # pixels, radians, ratio: less apart, poses are one
+REACH = 1  # pixels: largest distance of an edge that supports an entry of the table
+SEARCH = 6  # pixels: the same before a pose is fitted, when only its cell and bins are known
+BEND = math.radians(7)  # largest angle between the gradient and the direction in the table
+SAMPLE = 128  # entries used for the first judgement of a pose
+ROUNDS = 4  # fits of a pose to all its points
+SAME = 2.0, math.radians(2), 1.03  # pixels, radians, ratio: closer poses are the same
 
 
 class Scene(NamedTuple):
-    """Edge points of an image, and where they are."""
+    """Edge points of an image."""
 
     points: np.ndarray
     """Row and column, (N, 2) int32, in raster order."""
     codes: np.ndarray
-    """Directions, (N,) int32."""
+    """Codes of their directions, (N,) int32."""
     shape: tuple[int, int]
 
 
@@ -34,15 +35,16 @@ class Model(NamedTuple):
     """A table in float64."""
 
     vectors: np.ndarray
-    """From the boundary to the reference point, (M, 2)."""
+    """Vectors from the boundary points to the reference point, (M, 2)."""
     orientation: np.ndarray
-    """(M,)"""
+    """Directions of the gradient in radians, (M,)."""
 
 
 def strongest(values: np.ndarray, most: int) -> np.ndarray:
-    """Return the indices of the `most` largest values, of equal ones the first.
+    """Return the indices of the `most` largest values; the first of equal values comes first.
 
-    None is less than an eighth of the largest: few are looked at where one stands out.
+    Values below an eighth of the largest are left out, which saves work if one value is far above
+    the others.
     """
     found = np.flatnonzero(values >= values.max() // 8)
     if len(found) > most:
@@ -54,10 +56,10 @@ def strongest(values: np.ndarray, most: int) -> np.ndarray:
 def apart(
     poses: np.ndarray, most: int, distance: float, rotation: float, ratio: float
 ) -> np.ndarray:
-    """Return the indices of poses, the best first, that no better one of them is close to.
+    """Return the indices of the poses that are close to no better pose, the best first.
 
-    Close is less than `distance` away, and turned by less than `rotation`, and of a scale within
-    the factor `ratio`. The poses come in order.
+    Two poses are close if they are less than `distance` apart, their rotations differ by less than
+    `rotation`, and their scales by less than the factor `ratio`. `poses` are sorted, best first.
     """
     left = np.ones(len(poses), bool)
     kept: list[int] = []
@@ -76,7 +78,7 @@ def apart(
 
 
 def placed(offsets: np.ndarray, position: np.ndarray, rotation: float, scale: float) -> np.ndarray:
-    """Return where points are, (M, 2), that lie `offsets` (M, 2) from the reference point."""
+    """Return the positions (M, 2) of points at `offsets` (M, 2) from the reference point."""
     cosine, sine = scale * math.cos(rotation), scale * math.sin(rotation)
     return position + offsets @ np.array([[cosine, -sine], [sine, cosine]])
 
@@ -95,10 +97,11 @@ class Judge:
     def judged(
         self, poses: np.ndarray, every: int, reach: int
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Look for an edge of its direction along the normal of each `every`-th entry at each pose.
+        """Search along the normal of each `every`-th entry for an edge of the entry's direction.
 
-        Return whether there is one (P, M), how far it is (P, M), and the derivatives of that by
-        scale times cosine, scale times sine, row and column (P, M, 4).
+        Return whether there is an edge (P, M), its distance (P, M), and the derivatives of this
+        distance by scale times cosine, scale times sine, row and column (P, M, 4), for P poses and
+        M entries.
         """
         u = -self.model.vectors[::every]
         rows, columns, rotation, scale = (poses[:, i, None] for i in range(4))
@@ -123,12 +126,12 @@ class Judge:
         return found, gap, np.stack(by, axis=2)
 
     def fitted(self, poses: np.ndarray, every: int, reach: int) -> np.ndarray:
-        """Move poses to where the edges found are nearest, by least squares along the normals."""
+        """Move poses towards the edges found, by least squares along the normals."""
         found, gap, slopes = self.judged(poses, every, reach)
         weighted = slopes * found[..., None]
         normal = weighted.transpose(0, 2, 1) @ slopes
         right = (weighted.transpose(0, 2, 1) @ gap[..., None])[..., 0]
-        # A pull towards the pose there was: a circle says nothing of its rotation.
+        # Pull weakly towards the old pose, because a circle, for one, does not fix the rotation.
         size = float(np.mean(self.model.vectors**2)) + 1.0
         pull = 1e-3 * found.sum(axis=1) + 1e-6
         normal += pull[:, None, None] * np.diag([size, size, 1.0, 1.0])
@@ -145,7 +148,7 @@ class Judge:
     def best(
         self, poses: np.ndarray, least: float, most: int, apart_by: tuple[float, float, float]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Fit poses; return the best that are apart, their support, and which they were.
+        """Fit poses; return the best ones that are apart, their support, and their indices.
 
         Their support is at least `least`, their number at most `most`.
         """
@@ -154,9 +157,8 @@ class Judge:
             poses = self.fitted(poses, every, reach)
         support = self.support(poses, every)
         order = np.argsort(-support, kind="stable")
-        order = order[support[order] >= least / 2]  # the fit is not at its end
-        # Several that the fit made one are one; which of those that are near is right, all the
-        # entries say.
+        order = order[support[order] >= least / 2]  # half, because the fit has not converged yet
+        # Merge poses that converged to the same place. All entries then decide among the others.
         order = order[apart(poses[order], 2 * most + 10, *SAME)]
         poses = poses[order]
         for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""What one picture shows, found in another."""
+"""The shape of one picture, found in another."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def find_shape(
     use_quantiles: bool = False,
     **options: Any,
 ) -> Shapes:
-    """Find what one picture shows in another: :func:`r_table` and :func:`generalized_hough`.
+    """Find the shape of one picture in another, by :func:`r_table` and :func:`generalized_hough`.
 
     Parameters
     ----------
@@ -37,20 +37,20 @@ def find_shape(
     rotations : int or sequence of float, default 360
         As in :func:`generalized_hough`.
     scales : sequence of float, optional
-        By default 17 from 0.8 to 1.6.
+        By default 17 scales from 0.8 to 1.6.
     num_peaks : int, optional
-        How many to return at most, 1 by default; None for all.
+        Largest number of shapes to return, 1 by default; None for all.
     threshold : float, default 0.25
-        Least share of the boundary that is found in place.
+        Smallest share of the boundary that must be found in place.
     sigma, low_threshold, high_threshold, use_quantiles
         As in :func:`r_table`, for both pictures.
     **options
-        The others of :func:`generalized_hough`, but for `orientation`.
+        The other options of :func:`generalized_hough`, except `orientation`.
 
     Returns
     -------
     Shapes
-        As :func:`generalized_hough`; of length 0 where there is no such shape.
+        As :func:`generalized_hough`; of length 0 if the shape is not found.
 
     Raises
     ------

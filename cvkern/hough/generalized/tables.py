@@ -1,4 +1,4 @@
-"""Shapes of any form as tables of their boundary points."""
+"""Arbitrary shapes as tables of their boundary points."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_image
+from cvkern._checks import as_numbers, check_image
 from cvkern.hough.generalized._ballot import MAX_ANGLE, scene_of
 from cvkern.kernels.codes.hough import DIRECTIONS
 
 SIGMA = 1.0
-MAX_RADIUS = 2**12  # pixels, of a table
+MAX_RADIUS = 2**12  # pixels: largest distance of a boundary point from the reference
 
 
 class RTable(NamedTuple):
-    """A shape as its boundary: where the reference point is, seen from each boundary point.
+    """A shape as its boundary: the vector from each boundary point to the reference point.
 
-    The entries are sorted by their direction, which is how votes look them up. All are NumPy's.
+    The entries are sorted by direction, so that votes can look them up. All arrays are NumPy's.
     """
 
     vectors: np.ndarray
@@ -46,21 +46,21 @@ def r_table(
     Parameters
     ----------
     template : array of shape (H, W)
-        A picture of the shape, any real dtype; its edges are those of :func:`cvkern.canny`. Or,
-        with `orientation`, a mask that is not 0 on the boundary.
+        A picture of the shape, any real dtype; :func:`cvkern.canny` finds its edges. With
+        `orientation`, a mask that is not 0 on the boundary.
     reference : pair of float, optional
-        Row and column of the point whose place is to be found; the centre by default.
+        Row and column of the point whose position will be found; the centre by default.
     orientation : array of shape (H, W), optional
         Direction of the gradient at the pixels of the mask, in radians.
     sigma, low_threshold, high_threshold, use_quantiles
-        As in :func:`cvkern.canny`, for derivatives of the Gaussian; without meaning for a mask. By
+        As in :func:`cvkern.canny`, for derivatives of the Gaussian; ignored for a mask. By
         default the thresholds are those of :func:`cvkern.detect_circles`.
 
     Returns
     -------
     RTable
         Named tuple of `vectors` (N, 2) and `orientation` (N,) float32, sorted by orientation,
-        `reference` (2,) float64, and `shape`. NumPy arrays, whatever the template is.
+        `reference` (2,) float64, and `shape`. These are NumPy arrays for every kind of template.
 
     Raises
     ------
@@ -69,8 +69,8 @@ def r_table(
     ValueError
         If `template` is empty or not 2-D, has no boundary point, or one farther than 4096 pixels
         from the reference; if `reference` is not two finite numbers; if `orientation` has another
-        shape than the mask, or is not within -7 to 7 at one of its points; and as
-        :func:`cvkern.canny`. Within :func:`cvkern.capture`, as the host counts the points.
+        shape than the mask, or is outside -7 to 7 at a point; as in :func:`cvkern.canny`; and
+        within :func:`cvkern.capture`, because the host counts the points.
 
     References
     ----------
@@ -115,7 +115,7 @@ def _check_reference(reference: Any, shape: tuple[int, ...]) -> np.ndarray:
     if reference is None:
         return (np.array(shape) - 1) / 2
     try:
-        centre = np.asarray(reference, float)
+        centre = as_numbers(reference, "reference")
     except (TypeError, ValueError):
         raise TypeError(f"reference must be numbers, got {reference!r}") from None
     if centre.shape != (2,) or not np.isfinite(centre).all():
@@ -124,7 +124,7 @@ def _check_reference(reference: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def check_table(table: Any) -> RTable:
-    """Return a table with its entries as NumPy arrays, if they are what they must be."""
+    """Return a checked table with its entries as NumPy arrays."""
     if not isinstance(table, RTable):
         raise TypeError(f"table must be an RTable, got {type(table).__name__}")
     vectors, angles = np.asarray(table.vectors), np.asarray(table.orientation)

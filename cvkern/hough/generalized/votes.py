@@ -1,4 +1,4 @@
-"""The generalised Hough transform: shapes of any form, turned and scaled."""
+"""The generalised Hough transform: arbitrary shapes, rotated and scaled."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from cvkern.hough.generalized._poses import Judge, Model
 from cvkern.hough.generalized.tables import SIGMA, RTable, check_table
 from cvkern.kernels.codes.hough import Cells
 
-CANDIDATES = 64  # poses that are judged, and four more for each that is asked for
+CANDIDATES = 64  # poses that are judged, plus four for each shape to return
 
 
 class Shapes(NamedTuple):
-    """Where a shape was found, the best supported first."""
+    """The poses at which a shape was found, in order of decreasing support."""
 
     position: Any
     """Row and column of the reference point, in pixels, (N, 2) float32."""
     rotation: Any
-    """In radians from the axis of columns towards that of rows, clockwise as a picture is seen,
-    within -pi to pi, (N,) float32."""
+    """Radians from the column axis towards the row axis, clockwise on the screen, within -pi to pi,
+    (N,) float32."""
     scale: Any
-    """Size over the template's, (N,) float32."""
+    """Size divided by the template's size, (N,) float32."""
     votes: Any
-    """Votes that the four cells around the position got, (N,) int32."""
+    """Votes in the four cells around the position, (N,) int32."""
     support: Any
-    """Share of the template's boundary that has an edge in place, (N,) float32: about a pixel away
-    at most, and turned by at most 7 degrees."""
+    """Share of the template's boundary points with an edge in place, (N,) float32: at most about a
+    pixel away, and with a direction that differs by at most 7 degrees."""
 
 
 def generalized_hough(
@@ -55,59 +55,60 @@ def generalized_hough(
     min_ratio: float = 256.0,
     max_bytes: int = 2**28,
 ) -> Shapes:
-    """Find a shape of any form, wherever it is, turned and scaled, whole or partly hidden.
+    """Find an arbitrary shape at any position, rotated and scaled, whole or partly hidden.
 
-    Each edge point votes, for each rotation and scale, at the places where the reference point
-    would be if it were one of the boundary points of its direction. Where most votes meet, the
-    pose is fitted to the edges by least squares, and judged by how much of the boundary they have.
+    For each rotation and scale, an edge point is taken as each boundary point with its direction,
+    and votes for the position of the reference point. The poses with most votes are fitted to the
+    edges by least squares. They are judged by their support: the share of the boundary that has an
+    edge in place.
 
     Parameters
     ----------
     image : array of shape (H, W)
-        Any real dtype. With `orientation` a mask of the edges.
+        Any real dtype. With `orientation`, a mask of the edges.
     table : RTable
-        Of :func:`r_table`, made with the same `sigma` and thresholds.
+        The result of :func:`r_table`, made with the same `sigma` and thresholds.
     rotations : int or sequence of float, optional
-        How many, over the full turn, or which, in radians. By default 0 alone.
+        The number of rotations over the full turn, or the rotations in radians. By default only 0.
     scales : sequence of float, optional
-        Within 1/16 to 16; by default 1 alone.
+        Scales within 1/16 to 16; by default only 1.
     orientation : array of shape (H, W), optional
         Direction of the gradient at the pixels of the mask, in radians.
     sigma, low_threshold, high_threshold, use_quantiles
-        As in :func:`cvkern.canny`, for derivatives of the Gaussian; without meaning for a mask. By
+        As in :func:`cvkern.canny`, for derivatives of the Gaussian; ignored for a mask. By
         default the thresholds are those of :func:`cvkern.detect_circles`.
     orientation_tolerance : float, optional
-        How far, in radians, the direction of an edge point may be off that of the boundary point
-        it votes as. By default half the step between rotations, but within 0.5 to 3 degrees, so
-        that over the full turn each edge point meets each boundary point about once. The votes,
-        and the time, are in proportion to it.
+        Largest angle, in radians, between the directions of an edge point and the boundary point
+        that it is taken as. By default half the step between rotations, but within 0.5 to 3
+        degrees, so that over the full turn each edge point meets each boundary point about once.
+        The number of votes, and the time, are proportional to it.
     cell : {1, 2, 4, 8, 16}, default 4
         Side of a cell of the accumulator in pixels.
     max_entries : int, default 500
-        Boundary points that vote, evenly taken from those of the table; all judge. At most
-        65535 / cell^2 do.
+        Largest number of boundary points that vote, evenly chosen from the table, and at most
+        65535 / cell^2. All boundary points take part in the fit and the support.
     threshold : float, default 0.25
-        Least support, the share of the boundary that is found in place, in [0, 1].
+        Smallest support in [0, 1], the share of the boundary that is found in place.
     num_peaks : int, optional
-        Return at most so many. Without, as many as are found, which are at most 128.
+        Largest number of shapes to return. By default all that are found, which are at most 128.
     min_distance : float, optional
-        Of shapes less than this apart, in pixels, the best one is returned. By default half the
-        mean distance of the boundary from the reference point.
+        Of shapes that are less than this apart, in pixels, only the best one is returned. By
+        default half the mean distance of the boundary from the reference point.
     min_rotation : float, optional
-        Return those as well that are turned against a better one by more than this, in radians.
-        By default none is: no turn is more than pi.
+        A shape near a better one is returned as well if their rotations differ by more than this,
+        in radians. By default none is, because rotations differ by at most pi.
     min_ratio : float, default 256.0
-        Return those as well whose scale is larger or smaller than that of a better one by more
-        than this factor. By default none is: no two scales differ by as much.
+        A shape near a better one is returned as well if their scales differ by more than this
+        factor. By default none is, because no two scales differ by more than 256.
     max_bytes : int, default 268435456
-        Memory of the accumulators that are filled at a time.
+        Memory for the accumulators that are filled at a time.
 
     Returns
     -------
     Shapes
-        Named tuple of `position` (N, 2), `rotation` (N,), `scale` (N,), `votes` (N,) int32 and
-        `support` (N,), the best supported first; float32 but for the votes. None is found in an
-        image without edges.
+        Named tuple of `position` (N, 2), `rotation` (N,), `scale` (N,), `votes` (N,) and `support`
+        (N,), in order of decreasing support; `votes` are int32, the others float32. In an image
+        without edges, N is 0.
 
     Raises
     ------
@@ -115,20 +116,22 @@ def generalized_hough(
         If `image` or `orientation` do not hold real numbers, or an option is of a wrong type.
     ValueError
         If `image` is empty or not 2-D, `table` has no entries or is not finite, `rotations` or
-        `scales` are empty, not finite or out of range, `cell` is no such size, `max_bytes` is less
-        than one rotation and scale takes; another option is out of its range; as in
-        :func:`r_table` for `orientation`; as :func:`cvkern.canny`. Within :func:`cvkern.capture`,
-        as the host chooses among the peaks.
+        `scales` are empty, not finite or out of range, `cell` is none of the sizes, `max_bytes` is
+        too small for one rotation and scale, or another option is out of its range; as in
+        :func:`r_table` for `orientation`; as in :func:`cvkern.canny`; and within
+        :func:`cvkern.capture`, because the host chooses among the peaks.
 
     Notes
     -----
-    Votes are integers, and the same on every device and kernel set. Where Ballard has bins, each
-    boundary point has a window of directions round its own, turned with it: it takes its votes from
-    the edge points sorted by direction. So no direction is near the end of a bin.
+    Votes are integers, and the same on every device and kernel set. Ballard sorts directions into
+    bins. Here each boundary point has a window of directions around its own, which rotates with it,
+    and takes its votes from the edge points sorted by direction. So no direction is near the end of
+    a bin.
 
-    An edge point may vote several times in a cell, so that votes rank poses; support says how sure
-    one can be. Noise, blur and a change of scale turn gradients: of a whole shape in a real
-    photograph, half may be supported. Dense texture supports any shape to some degree.
+    An edge point may vote several times in a cell, so votes only rank poses; use the support to
+    decide whether a shape is present. Noise, blur and a change of scale rotate gradients: a whole
+    shape in a real photograph may have a support of a half. Dense texture supports any shape to
+    some degree.
 
     References
     ----------
@@ -197,7 +200,7 @@ def generalized_hough_votes(
     cell: int = 4,
     max_entries: int = 500,
 ) -> Any:
-    """Return the accumulator that :func:`generalized_hough` looks for peaks in.
+    """Return the accumulator in which :func:`generalized_hough` searches for peaks.
 
     Parameters
     ----------
@@ -208,9 +211,9 @@ use_quantiles, orientation_tolerance, cell, max_entries
     Returns
     -------
     array of shape (R, S, I, J), int32
-        Votes for each rotation, scale, row and column of cells: I is ceil(H / cell), J
-        ceil(W / cell). A vote falls at the pixel that is nearest to the reference point, and
-        pixel (y, x) is in cell (y // cell, x // cell).
+        Votes for each rotation, scale, row and column of cells: I is ceil(H / cell), J is
+        ceil(W / cell). A vote counts at the pixel nearest to the reference point; pixel (y, x) is
+        in cell (y // cell, x // cell).
 
     Raises
     ------

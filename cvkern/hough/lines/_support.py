@@ -1,4 +1,4 @@
-"""Which points support a line, where along it, and the line that fits them best."""
+"""The points that support a line, their positions along it, and the line that fits them best."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ from cvkern.hough.lines.peaks import peak_bins
 from cvkern.hough.lines.votes import suggest_line_bins
 from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS
 
-AIM = math.pi / 8  # how far a gradient may be from across its line, radians
-_AIM_OF_VOTES = math.radians(3)  # the same while voting, where breadth costs time and clutter
+AIM = math.pi / 8  # radians: largest angle between a gradient and the normal of its line
+_AIM_OF_VOTES = math.radians(3)  # the same for votes, where more would cost time and add clutter
 _LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photographs
-_LENGTH = 320  # pixels: lines so long fall into one bin; longer ones into several
+_LENGTH = 320  # pixels: lines up to this length fall into one bin; longer ones into several
 _APART = 3  # bins of rho and theta between the peaks of one round
-FITS = 2  # times that a line is fitted to the points on it, which are then found anew
-_CHANGES = 2  # times that a point may change from one line to the next
-DENSITY = 0.6  # points for each pixel of a segment: a thin edge has 0.7 to 1
+FITS = 2  # fits of a line; each uses the points that are on the line of the previous fit
+_CHANGES = 2  # times that a point may move to the next line
+DENSITY = 0.6  # least points per pixel of a segment; a thin edge has 0.7 to 1
 
 
 class Runs(NamedTuple):
-    """Points in the order of their lines and of their places along them, cut at the gaps."""
+    """Points sorted by line and by position along the line, cut into runs at the gaps."""
 
-    order: np.ndarray  # the points, line by line
-    along: np.ndarray  # where the ordered points stand along their lines
-    begin: np.ndarray  # where each run begins in that order
-    end: np.ndarray  # behind each run
-    line: np.ndarray  # the line that each run is on
+    order: np.ndarray  # indices of the sorted points
+    along: np.ndarray  # position of each sorted point along its line
+    begin: np.ndarray  # index of the first sorted point of each run
+    end: np.ndarray  # index after the last sorted point of each run
+    line: np.ndarray  # line of each run
 
 
 def vote(
     rt: Runtime, points: np.ndarray, directions: np.ndarray, size: tuple[int, int], least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return angle and distance of the lines that at least so many points vote for."""
+    """Return angle and distance of the lines with at least `least` votes."""
     step, theta = suggest_line_bins(size, _LOCALISATION, length=_LENGTH)
     distances = reach(size, step)
     shape = (2 * distances + 1, len(theta))
@@ -69,7 +69,10 @@ def claim(
     tolerance: float,
     after: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the first line, behind that of `after`, that each point is on, or their number."""
+    """Return for each point the first line that it is on, after line `after`.
+
+    The result is the number of lines if the point is on none of them.
+    """
     if not len(points) or not len(theta):
         return np.full(len(points), len(theta))
     labels = rt.scratch("segments.labels", (len(points),), np.int32)
@@ -88,7 +91,7 @@ def claim(
 
 
 def _codes(angles: np.ndarray) -> np.ndarray:
-    """Return the direction codes of angles, as kernels find them."""
+    """Return the direction codes of angles, computed as in the kernels."""
     turned = angles.astype(np.float32) * np.float32(DIRECTION_FACTOR) + np.float32(0.5)
     return np.floor(turned).astype(np.int64) & (DIRECTIONS - 1)
 
@@ -100,7 +103,7 @@ def runs(
     max_gap: float,
     side: np.ndarray | None = None,
 ) -> Runs:
-    """Cut the points of each line, and of each `side` of 0 and 1, where they leave a gap."""
+    """Cut the points of each line into runs at gaps, separately for each `side`, 0 or 1."""
     claimed = np.flatnonzero(labels < len(theta))
     line = labels[claimed].astype(np.intp)
     y, x = points[claimed].T.astype(np.float64)
@@ -124,10 +127,10 @@ def supported(
     min_length: float,
     max_gap: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of the segments along the lines, and the number of each segment's.
+    """Return the points of the segments along the lines, and the number of points of each segment.
 
-    A stronger line that only crosses a segment must not take its points from it. So points that
-    come to no segment on their line go on to the next line that they are on.
+    A stronger line that only crosses a segment must not take points from it. So a point that
+    belongs to no segment of its line is moved to the next line that it is on.
     """
     labels = claim(rt, points, directions, theta, rho, distance, AIM)
     for _ in range(_CHANGES):
@@ -148,7 +151,7 @@ def _segments(
     min_length: float,
     max_gap: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of long and dense runs, one run behind the other, and their numbers."""
+    """Return the points of long and dense runs, and the number of points of each run."""
     normal = np.append(theta, 0.0)[labels]
     brighter = np.cos(directions.astype(np.float64) - normal) > 0
     found = runs(points, labels, theta, max_gap, brighter.astype(np.intp))
@@ -163,7 +166,7 @@ def _segments(
 def fitted_segments(
     points: np.ndarray, directions: np.ndarray, number: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the segments fitted to points, `number` of them each, and their lines."""
+    """Return the segments fitted to groups of points, and their lines; `number` is per group."""
     if not len(number):
         return np.zeros((0, 4)), np.zeros(0), np.zeros(0)
     first = np.cumsum(number) - number
@@ -172,7 +175,7 @@ def fitted_segments(
     c, s = np.cos(theta), np.sin(theta)
     along = place[:, 0] * np.repeat(c, number) - place[:, 1] * np.repeat(s, number)
     least, most = np.minimum.reduceat(along, first), np.maximum.reduceat(along, first)
-    # From where to where, so that all have the brighter side on the same hand.
+    # Choose the first end so that the brighter side is always on the left.
     turned = np.cos(directions[first].astype(np.float64) - theta) < 0
     ends = [np.where(turned, a, b) for a, b in ((most, least), (least, most))]
     rows_columns = [(rho * s + t * c, rho * c - t * s) for t in ends]
@@ -182,7 +185,7 @@ def fitted_segments(
 def fitted_lines(
     points: np.ndarray, labels: np.ndarray, lines: int, least: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return number of points, angle and distance of the lines that have enough points."""
+    """Return number of points, angle and distance of the lines with enough points."""
     number = np.bincount(labels, minlength=lines + 1)[:lines]
     number = np.where(number >= max(least, 2), number, 0)
     chosen = np.argsort(labels, kind="stable")
@@ -198,9 +201,9 @@ def fitted_lines(
 def fit(
     points: np.ndarray, weights: np.ndarray, first: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return angle, distance and root mean square of the lines fitted to runs of points.
+    """Return angle, distance and root mean square distance of lines fitted to runs of points.
 
-    The line goes through the centroid, along the larger axis of the covariance.
+    A line goes through the centroid, along the major axis of the covariance.
     """
 
     def total(values: np.ndarray) -> np.ndarray:
@@ -211,7 +214,7 @@ def fit(
     y, x = (total(weights * a) / sums for a in points.T)
     down, along = points[:, 0] - np.repeat(y, number), points[:, 1] - np.repeat(x, number)
     yy, xx, xy = (total(weights * a) for a in (down * down, along * along, down * along))
-    # Half a turn of the normal is the same line.
+    # Rotating the normal by half a turn gives the same line.
     theta = 0.5 * np.arctan2(2 * xy, xx - yy) + math.pi / 2
     theta = np.where(theta >= math.pi / 2, theta - math.pi, theta)
     c, s = np.cos(theta), np.sin(theta)

@@ -1,4 +1,4 @@
-"""How points are taken to the bins of an accumulator of lines: tables in fixed point."""
+"""Tables in fixed point that map points to the bins of an accumulator of lines."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from cvkern._runtime import Runtime, refuse_capture
 from cvkern.hough._points import Points
 from cvkern.kernels.codes.hough import DIRECTIONS, LineTables, LineWindows
 
-SUBPIXEL = 4096  # sub-pixel points are taken to the nearest of so many parts of a pixel
+SUBPIXEL = 4096  # sub-pixel points are rounded to this fraction of a pixel
 WEIGHT = 256  # a weight of 1, in votes
-_ANGLES = 8  # tables are padded to a multiple of this, for kernels that take so many at a time
-_NOTHING = 1e-9  # radians by which angles may differ and be the same
+_ANGLES = 8  # tables are padded to a multiple of this, because kernels take this many at a time
+_NOTHING = 1e-9  # radians: angles that differ by less are equal
 
 
 def cast_votes(
@@ -29,9 +29,9 @@ def cast_votes(
     crossing: int,
     votes: Any,
 ) -> None:
-    """Fill the kernel array `votes`; orientation and weights are images, or lists as the points.
+    """Fill the kernel array `votes`; orientation and weights are images, or lists like the points.
 
-    `crossing` says how many pixels of an image at most fall into one bin.
+    `crossing` is the largest number of pixels of an image that fall into one bin.
     """
     fixed = None if weights is None else _fixed_weights(rt, found, weights, crossing)
     cosine, sine, offset = (rt.constant(table) for table in tables[:3])
@@ -46,7 +46,7 @@ def cast_votes(
 
 
 def values_at(rt: Runtime, found: Points, values: Any, name: str) -> Any:
-    """Return the float32 kernel list of `values` at the points, of an image or of their list."""
+    """Return a float32 kernel list of values at the points; `values` is an image or a list."""
     if len(values.shape) == 1:
         return rt.adopt(values) if len(values) else rt.scratch(f"lines.{name}", (1,))
     taken = rt.scratch(f"lines.{name}", (max(found.capacity, 1),))
@@ -55,7 +55,7 @@ def values_at(rt: Runtime, found: Points, values: Any, name: str) -> Any:
 
 
 def check_listed(rt: Runtime, found: Points, listed: Any, name: str, low: float) -> np.ndarray:
-    """Return the list on the host, once it is known to be finite and at least `low`."""
+    """Return the list on the host, checked to be finite and at least `low`."""
     refuse_capture(f"{name}, whose values are checked")
     number = int(rt.to_numpy(found.starts)[-1])
     host = rt.to_numpy(listed[: max(number, 1)])[:number]  # a GPU's list may be far longer
@@ -70,7 +70,7 @@ def check_listed(rt: Runtime, found: Points, listed: Any, name: str, low: float)
 
 
 def _fixed_weights(rt: Runtime, found: Points, weights: Any, crossing: int) -> Any:
-    """Return the kernel list of weights in votes, of which no bin can get more than int32 holds."""
+    """Return a kernel list of weights as votes, so small that no bin overflows int32."""
     listed = check_listed(rt, found, values_at(rt, found, weights, "weights"), "weights", 0)
     fixed = np.floor(listed.astype(np.float64) * WEIGHT + 0.5)
     most = fixed.sum()
@@ -101,14 +101,14 @@ def subpixel_points(rt: Runtime, points: Any, size: tuple[int, int]) -> Points:
 
 
 def reach(size: tuple[int, int], step: float) -> int:
-    """Return how many bins of rho there are on either side of 0."""
-    # More than any accumulator has are too many, and may be infinitely many.
+    """Return the number of bins of rho on each side of 0."""
+    # The quotient may be infinite; no accumulator has more than MAX_ELEMENTS bins.
     return math.ceil(min(math.sqrt(size[0] ** 2 + size[1] ** 2) / step, MAX_ELEMENTS))
 
 
 @lru_cache(maxsize=32)
 def line_tables(angles: bytes, step: float, size: tuple[int, int], parts: int) -> LineTables:
-    """Return the tables for float64 angles, and for points in `parts` of a pixel."""
+    """Return the tables for float64 angles, and for points in units of 1 / `parts` of a pixel."""
     theta = np.frombuffer(angles)
     return fixed_tables(np.cos(theta) / step, np.sin(theta) / step, reach(size, step), size, parts)
 
@@ -118,9 +118,8 @@ def fixed_tables(
 ) -> LineTables:
     """Return tables for the bin nearest to ``x cosine + y sine + constant``.
 
-    The factors get as many digits as int32 holds, and sums at most 62 bits. What rounding them does
-    is nothing at the centre of the image, as the offset makes up for it there, and most at its
-    corners.
+    The factors have as many bits as int32 holds, and sums have at most 62 bits. The offset removes
+    the effect of the factors' rounding at the centre of the image; it is largest at the corners.
     """
     largest = max(np.abs(cosine).max(), np.abs(sine).max())
     farthest = (
@@ -145,11 +144,11 @@ def fixed_tables(
 
 @lru_cache(maxsize=32)
 def direction_windows(angles: bytes, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first angle, and the number of those that follow, for each direction code.
+    """Return the first angle, and the number of angles, that each direction code votes for.
 
-    Codes are over half a turn, and the angles a ring. Where no angle is within the tolerance the
-    nearest is taken, the smaller of two, unless it is further than half the widest gap between
-    neighbours: then the angles do not reach that direction.
+    Codes cover half a turn, and the angles form a ring. If no angle is within the tolerance, the
+    nearest one is taken (the smaller of two), unless it is further away than half the widest gap
+    between neighbours. Then the angles do not cover that direction.
     """
     theta = np.frombuffer(angles)
     if np.any(np.diff(theta) <= 0) or theta[-1] - theta[0] >= math.pi:

@@ -1,4 +1,4 @@
-"""The lines that most points voted for."""
+"""The lines with the most votes."""
 
 from __future__ import annotations
 
@@ -8,17 +8,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import as_numbers, check_flag, check_image, check_integer, check_number
+from cvkern._checks import (
+    FLOAT32_MAX,
+    as_numbers,
+    check_flag,
+    check_image,
+    check_integer,
+    check_number,
+)
 from cvkern._runtime import Runtime, runtime
 
-_DISTANCE, _ANGLE = 9, 10  # least bins between peaks, as in scikit-image
+_DISTANCE, _ANGLE = 9, 10  # smallest number of bins between peaks, as in scikit-image
 
 
 class HoughLinePeaks(NamedTuple):
-    """Lines that many points voted for, most votes first."""
+    """Lines with many votes, most votes first."""
 
     votes: Any
-    """The accumulator's values there, (K,) int32 or float32."""
+    """The accumulator's values at the peaks, (K,) int32 or float32."""
     theta: np.ndarray
     """The angles, radians, (K,) float64."""
     rho: np.ndarray
@@ -36,52 +43,52 @@ def hough_line_peaks(
     *,
     refine: bool = False,
 ) -> HoughLinePeaks:
-    """Find the lines that most points voted for.
+    """Find the lines with the most votes.
 
-    A peak is above the threshold, and the largest in its neighbourhood. Where the angles span
-    half a turn the neighbourhood goes on at the other end, with the sign of rho changed: there
-    the same lines follow.
+    A peak is above the threshold, and the largest value in its neighbourhood. If the angles span
+    half a turn, the neighbourhood continues at the other end with the sign of rho changed, because
+    the same lines follow there.
 
     Parameters
     ----------
     hspace : array of shape (R, T)
-        The votes, of :func:`hough_line` or smoothed; int32 or float32, into which other dtypes
-        are turned.
+        The votes of :func:`hough_line`, smoothed or not; int32 or float32. Other dtypes are
+        converted to these.
     angles, dists : array of shape (T,) and (R,)
-        What :func:`hough_line` returned as theta and rho.
+        The theta and rho of :func:`hough_line`.
     min_distance, min_angle : int, default 9 and 10
         Half the size of the neighbourhood, in bins of rho and of theta.
     threshold : float, optional
-        By default half the largest of the votes.
+        By default half of the largest vote.
     num_peaks : int, optional
-        Keep so many of the largest; by default all.
+        Largest number of peaks to keep; by default all.
     refine : bool, default False
-        Move each peak to the top of the parabola through the bin and its two neighbours, in rho
-        and in theta.
+        Move each peak to the maximum of the parabola through the bin and its two neighbours, in
+        rho and in theta.
 
     Returns
     -------
     HoughLinePeaks
-        Named tuple of `votes` (K,), int32 or float32 as those of `hspace`, and of `theta` and
-        `rho` (K,), NumPy arrays whatever library the votes are of; in descending order of votes.
-        Of equal ones the smaller rho, then the smaller theta, is first; in a neighbourhood, it
-        alone is kept.
+        Named tuple of `votes` (K,), int32 or float32 as in `hspace`, and of `theta` and `rho`
+        (K,), which are always NumPy arrays; in order of decreasing votes. Of peaks with equal
+        votes, the one with the smaller rho, then the smaller theta, comes first; in a
+        neighbourhood, only this one is kept.
 
     Raises
     ------
     TypeError
         If `hspace` does not hold real numbers, or a size is not an integer.
     ValueError
-        If `hspace` is empty or not 2-D, `angles` or `dists` does not fit it, a size is negative,
-        or `threshold` is not a number.
+        If `hspace` is empty, not 2-D or has NaN in it, `angles` or `dists` does not fit it or is
+        not finite, a size is negative, or `threshold` is not a number.
 
     Notes
     -----
-    The parameters are those of :func:`skimage.transform.hough_line_peaks`, and so are the peaks,
-    but for equal votes side by side: there they count as one peak at their centre.
+    The parameters and the peaks are those of :func:`skimage.transform.hough_line_peaks`, except
+    for adjacent equal votes, which scikit-image replaces by one peak at their centre.
 
-    Noise splits the peak of a line among neighbouring bins. ``cvkern.gaussian(votes, 1)`` brings
-    it together again, before the peaks are looked for.
+    Noise splits the peak of a line among neighbouring bins. Smooth the votes first, with
+    ``cvkern.gaussian(votes, 1)``, to join them again.
 
     Examples
     --------
@@ -99,9 +106,12 @@ def hough_line_peaks(
     for axis, name, values in ((1, "angles", theta), (0, "dists", rho)):
         if values.shape != (hspace.shape[axis],):
             raise ValueError(f"{name} must have shape ({hspace.shape[axis]},), got {values.shape}")
+        if not (np.abs(values) <= FLOAT32_MAX).all():
+            raise ValueError(f"{name} must be finite in float32, got some that are not")
     min_distance = check_integer(min_distance, "min_distance", 0, hspace.shape[0] + _DISTANCE)
     min_angle = check_integer(min_angle, "min_angle", 0, hspace.shape[1] + _ANGLE)
-    most = math.inf if num_peaks == math.inf else check_integer(num_peaks, "num_peaks", 0, 2**31)
+    unbounded = isinstance(num_peaks, float) and num_peaks == math.inf
+    most = math.inf if unbounded else check_integer(num_peaks, "num_peaks", 0, 2**31)
     wraps = _spans_half_a_turn(theta)
     min_angle = min(min_angle, len(theta) // 2 if wraps else len(theta) - 1)
     refine = check_flag(refine, "refine")
@@ -111,6 +121,8 @@ def hough_line_peaks(
         raise ValueError(f"hspace must be votes that int32 holds, got {hspace.max()}")
     values = rt.adopt(hspace, np.int32 if whole else np.float32)
     host = rt.to_numpy(values)
+    if not whole and np.isnan(host).any():
+        raise ValueError("hspace must be votes, got some that are NaN")
     limit = 0.5 * float(host.max()) if threshold is None else check_number(threshold, "threshold")
     if whole:  # no vote lies beyond int32
         limit = math.floor(min(max(limit, -(2.0**31)), 2.0**31 - 1))
@@ -126,10 +138,10 @@ def hough_line_peaks(
 
 
 def _spans_half_a_turn(theta: np.ndarray) -> bool:
-    """Tell whether the last angle is a step, or less than two, before the first of the next turn.
+    """Tell whether the step from the last angle to the first plus half a turn is an ordinary one.
 
-    So it is for `hough_line` by default; with a last angle that equals the first, half a turn on,
-    it is not, as its neighbours are already there.
+    This holds for the default angles of `hough_line`. It does not hold if the last angle equals the
+    first plus half a turn, because its neighbours are then already present.
     """
     steps = np.diff(theta)
     if len(theta) < 2 or not (steps > 0).all():
@@ -155,7 +167,7 @@ def _refined(
     bins: tuple[np.ndarray, np.ndarray],
     wraps: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return angles and distances at the tops of parabolas through three bins each way."""
+    """Return angles and distances at the maxima of parabolas through three bins per axis."""
     row, column = bins
     last = len(rho) - 1
 
@@ -175,12 +187,12 @@ def _refined(
 
 
 def _steps(values: np.ndarray) -> np.ndarray:
-    """Return the step between neighbours at each of the values; 0 where there is one alone."""
+    """Return the step between neighbours at each of the values; 0 if there is only one value."""
     return np.gradient(values) if len(values) > 1 else np.zeros(len(values))
 
 
 def _top(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Return where the parabola through three values has its top, in [-0.5, 0.5]; 0 beside NaN."""
+    """Return the offset of the parabola's maximum in [-0.5, 0.5]; 0 if a value is NaN."""
     bend = 2 * here - before - after
     with np.errstate(divide="ignore", invalid="ignore"):
         place = (after - before) / (2 * bend)

@@ -1,4 +1,4 @@
-"""Line segments: the parts of voted lines that points support, and photograph to lines at once."""
+"""Line segments: the supported parts of voted lines, and lines and segments of photographs."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def hough_line_segments(
     orientation: Any = None,
     orientation_tolerance: float = AIM,
 ) -> Any:
-    """Find the parts of lines along which there are set pixels.
+    """Find the parts of lines that are covered by set pixels.
 
     Parameters
     ----------
@@ -68,22 +68,23 @@ def hough_line_segments(
     theta, rho : array of shape (K,)
         The lines, strongest first, as :func:`hough_line_peaks` gives them.
     min_length : float, default 10.0
-        Shorter segments are left out, pixels.
+        Smallest length of a segment, pixels.
     max_gap : float, default 3.0
-        A segment ends where the next pixel is further along the line than this, pixels.
+        Largest gap between neighbouring pixels of a segment, pixels.
     distance : float, default 1.0
-        Pixels so near to a line are on it. A pixel belongs to the first line that it is on.
+        Largest distance of a pixel that is on a line. A pixel belongs to the first line that it is
+        on.
     orientation : array of shape (H, W), optional
-        Direction of the gradient, radians. A pixel then is on a line only if its gradient is
-        within `orientation_tolerance` of across the line.
+        Direction of the gradient, radians. Then a pixel is on a line only if its gradient is
+        within `orientation_tolerance` of the line's normal.
     orientation_tolerance : float, default pi / 8
         Radians.
 
     Returns
     -------
     array of shape (N, 4), float32
-        Row and column of one end and of the other, on the line; in the order of the lines, then
-        along them.
+        Row and column of one end, then of the other, both on the line. Segments are in the order
+        of the lines, then in the order along each line.
 
     Raises
     ------
@@ -91,8 +92,8 @@ def hough_line_segments(
         If an array does not hold real numbers.
     ValueError
         If `mask` is empty, not 2-D or has a side longer than 65536; `theta` and `rho` are not
-        finite lists of one length; `orientation` is of another shape than `mask` or has NaN at a
-        pixel; or a number is negative.
+        finite lists of equal length; `orientation` has another shape than `mask` or is NaN at a
+        set pixel; or a number is negative.
 
     Examples
     --------
@@ -140,21 +141,21 @@ def fit_line(points: Any, weights: Any = None) -> LineFit:
     points : array of shape (N, 2)
         Row and column.
     weights : array of shape (N,), optional
-        Not negative; by default all alike.
+        Not negative; by default all equal.
 
     Returns
     -------
     LineFit
-        Named tuple of `theta`, `rho` and `rms`: the sum of the weighted squares of the points'
-        distances from the line is the least there is.
+        Named tuple of `theta`, `rho` and `rms`. The line has the smallest weighted sum of squared
+        distances of the points.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If `points` is not of shape (N, 2), `weights` not (N,); there is a number that is not
-        finite, or a weight that is negative; or all the points of positive weight are one.
+        If `points` does not have shape (N, 2), or `weights` shape (N,); if a number is not finite
+        or a weight negative; or if all points with a positive weight are equal.
 
     Examples
     --------
@@ -193,8 +194,8 @@ def detect_lines(
 ) -> HoughLinePeaks:
     """Find the straight lines of a photograph.
 
-    Sub-pixel edges vote across their gradients; the peaks are fitted to the edges near them,
-    which are then taken away, and the rest votes again, until no line has enough votes.
+    Sub-pixel edges vote for lines across their gradients. Each peak is fitted to the edges near it,
+    and these edges are removed. The others vote again, until no line has enough votes.
 
     Parameters
     ----------
@@ -203,15 +204,15 @@ def detect_lines(
     sigma : float, default 1.0
         Standard deviation of the Gaussian under the edges, pixels.
     low_threshold, high_threshold : float, optional
-        Of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the image's
-        gradients, and no less than 2 % of the longest; where one is given, the lower is half of
-        the higher.
+        Thresholds of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the
+        image's gradients, but at least 2 % of the longest. If only one is given, the lower is half
+        of the higher.
     use_quantiles : bool, default False
         As in :func:`canny`.
     min_votes : float, optional
-        The least number of edge points of a line; by default a tenth of the image's diagonal.
+        Smallest number of edge points of a line; by default a tenth of the image's diagonal.
     distance : float, default 1.0
-        Edge points so near to a line are on it, pixels.
+        Largest distance of an edge point that is on a line, pixels.
 
     Returns
     -------
@@ -247,7 +248,7 @@ def detect_lines(
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     lines = [np.zeros((0, 3))]
-    for _ in range(len(points) + 1):  # a round takes a point at least, or is the last
+    for _ in range(len(points) + 1):  # each round but the last removes at least one point
         theta, rho = vote(rt, points, directions, size, least)
         number = np.zeros(0)
         for _ in range(FITS):
@@ -255,9 +256,9 @@ def detect_lines(
             number, theta, rho = fitted_lines(points, labels, len(theta), least)
         if not len(number):
             break
-        # What is beside a line by less than two distances is of its edge, not another line.
+        # Points within twice the distance belong to the same edge, so they make no other line.
         taken = claim(rt, points, directions, theta, rho, 2 * distance, AIM) < len(theta)
-        if not taken.any():  # the fit has left the points that it was made to
+        if not taken.any():  # the fitted line is away from all points
             break
         lines.append(np.stack([number, theta, rho], axis=1))
         points, directions = points[~taken], directions[~taken]
@@ -279,9 +280,9 @@ def detect_segments(
 ) -> Any:
     """Find the straight segments of a photograph's edges.
 
-    Sub-pixel edges vote across their gradients. Along each peak, where they follow one another
-    without a gap, a line is fitted to them; then they are taken away, and the rest votes again,
-    until there are no more segments.
+    Sub-pixel edges vote for lines across their gradients. Along the line of each peak, a segment is
+    fitted to edges that follow one another without a gap, and these edges are removed. The others
+    vote again, until no more segments are found.
 
     Parameters
     ----------
@@ -290,23 +291,23 @@ def detect_segments(
     sigma : float, default 1.0
         Standard deviation of the Gaussian under the edges, pixels.
     low_threshold, high_threshold : float, optional
-        Of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the image's
-        gradients, and no less than 2 % of the longest; where one is given, the lower is half of
-        the higher.
+        Thresholds of the edges, as in :func:`canny`. By default the quantiles 0.5 and 0.7 of the
+        image's gradients, but at least 2 % of the longest. If only one is given, the lower is half
+        of the higher.
     use_quantiles : bool, default False
         As in :func:`canny`.
     min_length : float, default 10.0
-        Shorter segments are left out, pixels.
+        Smallest length of a segment, pixels.
     max_gap : float, default 3.0
-        A segment ends where the next edge point is further along the line than this, pixels.
+        Largest gap between neighbouring edge points of a segment, pixels.
     distance : float, default 1.0
-        Edge points so near to a peak's line are on it, pixels.
+        Largest distance of an edge point from the line of a peak, pixels.
 
     Returns
     -------
     array of shape (N, 4), float32
-        Row and column of one end and of the other, longest segment first. On the way from the
-        first end to the second the brighter side is on the left.
+        Row and column of one end, then of the other; the longest segment comes first. Seen from
+        the first end towards the second, the brighter side is on the left.
 
     Raises
     ------
@@ -336,7 +337,7 @@ def detect_segments(
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     segments = [np.zeros((0, 4))]
-    for _ in range(len(points) + 1):  # a round takes the points of a segment, or is the last
+    for _ in range(len(points) + 1):  # each round but the last removes the points of a segment
         theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
         new, chosen = np.zeros((0, 4)), np.zeros(0, np.intp)
         for _ in range(FITS):

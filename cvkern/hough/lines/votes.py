@@ -1,4 +1,4 @@
-"""Straight lines by voting: the Hough transform in (rho, theta) and in (m, c), and its peaks."""
+"""Straight lines by voting: the Hough transform in (rho, theta) and in (m, c)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import (
+    MAX_ELEMENTS,
     as_numbers,
     check_accumulator,
     check_beside,
@@ -29,7 +30,7 @@ from cvkern.hough.lines._tables import (
 )
 
 _DEGREES = np.linspace(-math.pi / 2, math.pi / 2, 180, endpoint=False)
-_STANDS_OUT = 2.8  # standard deviations that a bin is wide: 2 sqrt(2) 0.99
+_STANDS_OUT = 2.8  # best width of a bin in standard deviations of the points: 2 sqrt(2) 0.99
 
 
 class HoughLine(NamedTuple):
@@ -38,13 +39,13 @@ class HoughLine(NamedTuple):
     votes: Any
     """The votes for each distance and angle, (R, T) int32."""
     theta: np.ndarray
-    """The angle of the lines' normal from the x axis towards the y axis, radians, (T,) float64."""
+    """The angle of a line's normal from the x axis towards the y axis, radians, (T,) float64."""
     rho: np.ndarray
-    """The distance of the lines from pixel (0, 0) along the normal, pixels, (R,) float64."""
+    """The distance of a line from pixel (0, 0) along the normal, pixels, (R,) float64."""
 
 
 class HoughLineSlope(NamedTuple):
-    """Two accumulators of lines, of one chart each, and the meaning of their axes."""
+    """Two accumulators of lines, one for each chart, and the meaning of their axes."""
 
     votes: Any
     """The votes for lines ``y = m x + c``, (C, M) int32."""
@@ -76,28 +77,28 @@ def hough_line(
     orientation_tolerance: float = 0.0,
     weights: Any = None,
 ) -> HoughLine:
-    """Let the points of an image vote for the lines through them.
+    """Count the votes of the points of an image for the lines through them.
 
-    A line is ``x cos(theta) + y sin(theta) = rho``. Each point votes for all angles, and at each
-    for the nearest distance; lines are where many votes meet.
+    A line is ``x cos(theta) + y sin(theta) = rho``. Each point votes once for every angle theta,
+    for the nearest bin of rho. A line is present where many votes meet.
 
     Parameters
     ----------
     mask : array of shape (H, W)
         The points are the pixels that are not zero; bool or any real dtype.
     theta : array of shape (T,), optional
-        Angles, radians. By default 180, one degree apart, from -pi/2 on.
+        Angles, radians. By default 180 angles, one degree apart, beginning at -pi/2.
     points : array of shape (N, 2), optional
-        Row and column of points, in place of `mask`; taken to 1/4096 of a pixel.
+        Row and column of points, in place of `mask`; rounded to 1/4096 of a pixel.
     shape : (int, int), optional
-        Height and width of the image that `points` lie in; needed with them.
+        Height and width of the image that contains `points`; required with them.
     rho_step : float, default 1.0
         Distance between neighbouring bins of rho, pixels.
     orientation : array of shape (H, W) or (N,), optional
         Direction of the gradient at the points, radians, as :func:`gradient` and
-        :func:`subpixel_edges` give it. The points then vote only for lines across it: `theta`
-        within `orientation_tolerance`, or the nearest one where none is. `theta` must ascend, and
-        span less than half a turn.
+        :func:`subpixel_edges` return it. A point then votes only for lines across its gradient:
+        for `theta` within `orientation_tolerance` of it, or for the nearest `theta` if there is
+        none. `theta` must ascend, and span less than half a turn.
     orientation_tolerance : float, default 0.0
         Radians.
     weights : array of shape (H, W) or (N,), optional
@@ -106,28 +107,27 @@ def hough_line(
     Returns
     -------
     HoughLine
-        Named tuple of `votes` (R, T) int32, `theta` (T,) and `rho` (R,); the latter two are NumPy
-        arrays, whatever library the votes are of.
+        Named tuple of `votes` (R, T) int32, `theta` (T,) and `rho` (R,). The last two are always
+        NumPy arrays.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If not one of `mask` and `points` is given, or `points` without `shape`; an array is of
-        the wrong shape or empty, or a side of the image is longer than 65536; points are not
-        within the image; `theta` is not finite, or not as `orientation` needs it; `rho_step` is
-        not positive; `orientation_tolerance` is negative; there is NaN in `orientation`, or a
-        weight is negative, at a point; the votes could exceed int32, or would take too much
-        memory.
+        If not exactly one of `mask` and `points` is given, or `points` without `shape`; an array
+        is empty or of the wrong shape, or a side of the image is longer than 65536; points are
+        outside the image; `theta` is not finite, or not as `orientation` requires; `rho_step` is
+        not positive; `orientation_tolerance` is negative; `orientation` is NaN or a weight is
+        negative at a point; the votes could exceed int32, or would take too much memory.
 
     Notes
     -----
     With ``rho_step=1`` the angles, distances and votes are those of
-    :func:`skimage.transform.hough_line`, but for ties. Rho is computed in fixed point, within
-    ``(H + W) 2^-32`` pixels, which is less than 1e-5 up to 21000 x 21000; ties go to the larger
-    bin. So votes are the same on every device and kernel set. Directions are first taken to the
-    nearest of 16384 over the full turn.
+    :func:`skimage.transform.hough_line`, except for ties. Rho is computed in fixed point, with an
+    error below ``(H + W) 2^-32`` pixels, which is less than 1e-5 up to 21000 x 21000; ties go to
+    the larger bin. So votes are the same on every device and kernel set. Directions are first
+    rounded to the nearest of 16384 over the full turn.
 
     References
     ----------
@@ -179,7 +179,7 @@ def hough_line(
         found = subpixel_points(rt, points, size)
         tables = line_tables(angles.tobytes(), step, size, SUBPIXEL)
     votes = rt.empty((bins, len(angles)), np.int32)
-    # A line crosses each row, or each column, and has so many pixels of it in its bin.
+    # A line has at most this many pixels in its bin: one side of the image, times those per row.
     crossing = max(size) * (math.floor(math.sqrt(2) * step) + 1)
     view = rt.adopt(votes, np.int32)
     cast_votes(rt, found, tables, windows, orientation, weights, crossing, view)
@@ -188,7 +188,7 @@ def hough_line(
 
 
 def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> HoughLineSlope:
-    """Let the set pixels of a mask vote for lines in slope and intercept, as Hough did.
+    """Count the votes of a mask's set pixels for lines in slope and intercept, as Hough did.
 
     Parameters
     ----------
@@ -197,8 +197,8 @@ def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> H
     slopes : array of shape (M,), optional
         Slopes m in [-1, 1]; by default 181, evenly spaced.
     intercepts : array of shape (C,), optional
-        Intercepts c, evenly spaced and ascending, pixels. By default all whole numbers that
-        points of the image can vote for.
+        Intercepts c, evenly spaced and ascending, pixels. By default all integers that points of
+        the image can vote for.
 
     Returns
     -------
@@ -210,25 +210,25 @@ def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> H
     TypeError
         If `mask` does not hold real numbers.
     ValueError
-        If `mask` is empty, not 2-D or has a side longer than 65536; `slopes` are not a list of
-        numbers in [-1, 1]; `intercepts` are not two or more, evenly spaced and ascending; or the
-        votes would take too much memory.
+        If `mask` is empty, not 2-D or has a side longer than 65536; if `slopes` is not a list of
+        numbers in [-1, 1]; if `intercepts` are fewer than two, not evenly spaced or not ascending;
+        or if the votes would take too much memory.
 
     Notes
     -----
-    A vertical line has no finite slope. So there are two charts: lines nearer to the x axis are
-    ``y = m x + c`` with ``|m| <= 1``, and the others the same with the axes swapped. They show
-    why (rho, theta), which :func:`hough_line` has, took their place (Duda and Hart 1972):
+    A vertical line has no finite slope. So there are two charts: ``y = m x + c`` with ``|m| <= 1``
+    for lines nearer to the x axis, and the same with the axes swapped for the others. The
+    disadvantages of these parameters led to (rho, theta), as in :func:`hough_line` (Duda and Hart
+    1972):
 
-    - The intercepts range over ``W + H`` or more for slopes of either sign, though at each slope
-      most of them are of no line through the image: rho needs only the image's half diagonal on
-      either side of its centre.
-    - Even steps of slope are uneven ones of angle, ``dtheta = dm / (1 + m^2)``: twice as wide at
-      ``m = 0`` as at ``m = 1``. Nor is an even step of c one of distance, but
-      ``drho = dc / sqrt(1 + m^2)``; so a line's votes depend on how it lies.
-    - Lines at ``|m| = 1`` are in both charts, and a peak there must be merged from two.
+    - The intercepts range over ``W + H`` or more, although at each slope most of them belong to no
+      line through the image. Rho needs only half the image's diagonal on each side of its centre.
+    - Equal steps of slope are unequal steps of angle, ``dtheta = dm / (1 + m^2)``: twice as wide at
+      ``m = 0`` as at ``m = 1``. Equal steps of c are unequal steps of distance,
+      ``drho = dc / sqrt(1 + m^2)``. So the number of votes of a line depends on its angle.
+    - Lines with ``|m| = 1`` are in both charts, so two peaks there must be merged.
 
-    Bins are found in fixed point, as in :func:`hough_line`; ties go to the larger intercept.
+    Bins are computed in fixed point, as in :func:`hough_line`; ties go to the larger intercept.
 
     References
     ----------
@@ -249,11 +249,11 @@ def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> H
     mask = check_image(mask, name="mask")
     height, width = size = check_sides(mask.shape, "mask")
     m = _check_slopes(slopes)
-    # From m = 1 at the far end of an axis to m = -1 at the far corner, in either chart.
+    # The range of c in both charts: from m = 1 at the end of an axis to m = -1 at the far corner.
     least, most = 1 - max(size), height + width - 2
     c = np.arange(least, most + 1.0) if intercepts is None else _check_intercepts(intercepts)
     step = float(c[-1] - c[0]) / (len(c) - 1) if len(c) > 1 else 1.0
-    # The kernels check no bounds: they have all bins that can get a vote, and more if asked for.
+    # The kernels check no bounds, so the accumulator has every bin that can get a vote.
     first = min(0, math.floor((least - c[0]) / step) - 1)
     last = max(len(c), math.ceil((most - c[0]) / step) + 2)
     check_accumulator((last - first, len(m)), "votes")
@@ -273,18 +273,19 @@ def hough_line_slope(mask: Any, slopes: Any = None, intercepts: Any = None) -> H
 def suggest_line_bins(
     shape: tuple[int, int], localisation: float = 0.3, *, length: float | None = None
 ) -> LineBins:
-    """Choose the bins of an accumulator from the size of the image and the error of its points.
+    """Choose the bins of an accumulator for the size of the image and the error of its points.
 
     Parameters
     ----------
     shape : (int, int)
         Height and width of the image.
     localisation : float, default 0.3
-        Standard deviation of the points from their line, pixels. Whole pixels of a thin edge have
-        ``1 / sqrt(12) = 0.3`` from rounding alone; sub-pixel edges of a good photograph 0.05 to
-        0.1.
+        Standard deviation of the points from their line, pixels. Pixels of a thin edge have
+        ``1 / sqrt(12) = 0.3`` from rounding alone; sub-pixel edges of a good photograph have 0.05
+        to 0.1.
     length : float, optional
-        Length of the longest lines to be found whole, pixels. By default the image's diagonal.
+        Length of the longest lines whose votes must fall into one bin, pixels. By default the
+        image's diagonal.
 
     Returns
     -------
@@ -296,17 +297,19 @@ def suggest_line_bins(
     TypeError
         If an argument is not a number.
     ValueError
-        If a side of the image is not in [1, 65536], or `localisation` or `length` not positive.
+        If a side of the image is not in [1, 65536], or `localisation` or `length` is not positive.
 
     Notes
     -----
-    Let the points deviate from their line by a normal error s. A bin of width w, centred on the
-    line, gets the share ``erf(a)`` of its votes, where ``a = w / (2 sqrt(2) s)``. Chance votes
-    grow with w, and so their fluctuation with ``sqrt(w)``. The peak stands out most where
-    ``erf(a) / sqrt(a)`` is largest: at ``a = 0.99``, thus ``w = 2.8 s``, with 84 % of the votes.
+    Let the points deviate from their line by a normal error with standard deviation s. A bin of
+    width w, centred on the line, gets the share ``erf(a)`` of the line's votes, where
+    ``a = w / (2 sqrt(2) s)``. Chance votes grow with w, so their fluctuation grows with
+    ``sqrt(w)``. The peak is clearest where ``erf(a) / sqrt(a)`` is largest: at ``a = 0.99``, which
+    means ``w = 2.8 s`` and 84 % of the votes.
 
-    A line of length L between two angles, d apart, is off by ``d / 2`` at most, and so its ends
-    by ``L d / 4``. They stay within the bin as long as that is ``w / 2``: ``d = 2 w / L``.
+    Let the angles be d apart. The angle of a line is then at most ``d / 2`` from the nearest one,
+    and the ends of a line of length L deviate by at most ``L d / 4``. They stay within the bin if
+    this is at most ``w / 2``, so ``d = 2 w / L``.
 
     Examples
     --------
@@ -318,7 +321,13 @@ def suggest_line_bins(
     size = check_sides(shape, "shape")
     width = _STANDS_OUT * check_positive(localisation, "localisation")
     longest = math.hypot(*size) if length is None else check_positive(length, "length")
-    number = max(2, math.ceil(math.pi * longest / (2 * width)))
+    wanted = math.pi * longest / (2 * width)
+    if wanted > MAX_ELEMENTS:
+        raise ValueError(
+            f"length must ask for at most {MAX_ELEMENTS} angles, got {longest:g} pixels for a "
+            f"localisation of {localisation:g}"
+        )
+    number = max(2, math.ceil(wanted))
     return LineBins(width, np.linspace(-math.pi / 2, math.pi / 2, number, endpoint=False))
 
 
@@ -346,7 +355,7 @@ def _check_intercepts(intercepts: Any) -> np.ndarray:
 
 
 def check_angles(theta: Any) -> np.ndarray:
-    """Return angles as a float64 array of their own, 180 of them by default."""
+    """Return angles as a new float64 array, by default 180 of them."""
     if theta is None:
         return _DEGREES.copy()
     angles = as_numbers(theta, "theta")

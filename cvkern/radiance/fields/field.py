@@ -1,12 +1,13 @@
-"""What every radiance field does: render rays, take gradients back, learn, be saved.
+"""The interface of all radiance fields: render rays, propagate gradients back, learn, be saved.
 
-Inside a field, lengths are in units of half the side of the scene's cube, whose middle is the
-origin: a :class:`Frame` says how the world lies in it.
+Inside a field, lengths are in units of half the side of the scene's cube, and the middle of the
+cube is the origin. A :class:`Frame` maps the world to these coordinates.
 """
 
 from __future__ import annotations
 
 import abc
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import Rays, Seen
 from cvkern.radiance.scenes.photographs import Bounds, Scene
 
-FARTHEST = 2**15  # from the middle: there, float32 still tells the steps along a ray apart
+FARTHEST = 2**15  # distance from the middle up to which float32 resolves the steps along a ray
 
 
 @dataclass(frozen=True)
@@ -25,22 +26,22 @@ class Frame:
 
     bounds: Bounds
     near: float
-    """Distance before which there is nothing, in units of half the cube's side."""
+    """Distance from a camera at which rays begin, in units of half the cube's side."""
     far: float
-    """Distance behind which there is nothing, in the same units; large if there is no end."""
+    """Distance from a camera at which rays end, in the same units; large if there is no end."""
     pixel: float = 0.01
-    """Side of what a pixel of the photographs sees at the middle of the cube, in the same units."""
+    """Side of a photograph's pixel at the distance of the cube's middle, in the same units."""
 
     @classmethod
     def of(cls, scene: Scene) -> Frame:
         """Return the frame of a scene."""
         half = scene.bounds.half
         pixel = scene.footprint / half
-        far = min(scene.far / half, 2.0 * FARTHEST)  # behind the cube, seen from anywhere
+        far = min(scene.far / half, 2.0 * FARTHEST)  # beyond the cube, seen from any camera
         return cls(scene.bounds, scene.near / half, far, pixel)
 
     def inside(self, poses: np.ndarray) -> np.ndarray:
-        """Return poses, camera to world, (N, 3, 4), as float32 poses of this frame.
+        """Convert camera-to-world poses (N, 3, 4) to float32 poses of this frame.
 
         Raises
         ------
@@ -59,25 +60,25 @@ class Frame:
 
 
 class View(NamedTuple):
-    """What the rays of a view see before any background; kernel arrays."""
+    """The composited rays of a view, without a background; kernel arrays."""
 
     color: Any
     """(R, 3) float32."""
     opacity: Any
     """(R,) float32."""
     depth: Any
-    """Sum of the distances of the samples, each by its weight, (R,) float32."""
+    """Weighted sum of the distances of the samples, (R,) float32."""
 
 
 class Learning(NamedTuple):
-    """What an optimizer step needs, on the device."""
+    """The inputs of an optimizer step, on the device."""
 
     step: Any
     """Number of the step, (1,) int32."""
     progress: Any
     """Share of the training that is done, (1,) float32."""
     scale: float
-    """What gradients of the losses have to be multiplied by, beside 1 / `Field.gradient_scale`."""
+    """Factor of the gradients of the losses, in addition to 1 / `Field.gradient_scale`."""
 
 
 class Field(abc.ABC):
@@ -86,67 +87,67 @@ class Field(abc.ABC):
     rt: Runtime
     frame: Frame
     rays: int
-    """How many rays a batch of training has room for."""
+    """Largest number of rays of a training batch."""
     first_rays: int
-    """How many of them the first batch should have, before any is counted."""
+    """Number of rays of the first batch, before samples have been counted."""
     edition: int = 0
-    """Counted up when arrays are replaced: what was recorded with the old ones is void."""
+    """Increases when arrays are replaced, which invalidates recordings made with the old ones."""
     gradient_scale: float = 1.0
-    """What losses are multiplied by before :meth:`backward`, so that numbers of few bits, half
-    precision's or fixed-point ones, can hold their gradients; :meth:`learn` divides by it."""
+    """Factor of the losses before :meth:`backward`, so that half precision or fixed point can hold
+    their gradients; :meth:`learn` divides by it."""
 
     @abc.abstractmethod
     def see(self, origins: Any, directions: Any, seen: View) -> None:
-        """Fill `seen` with what rays see: origins and unit directions (R, 3), for any R."""
+        """Fill `seen` for rays with these origins and unit directions, (R, 3), for any R."""
 
     @abc.abstractmethod
     def forward(self, rays: Rays, step: Any) -> Seen:
-        """Render rays in training; `step` (1,) int32 draws the places of the samples."""
+        """Render rays in training; `step` (1,) int32 seeds the random positions of the samples."""
 
     @abc.abstractmethod
     def backward(self, gradients: Seen) -> None:
-        """Add the gradients of what :meth:`forward` last returned to those of the parameters."""
+        """Add to the parameters' gradients, given those of the last result of :meth:`forward`."""
 
     @abc.abstractmethod
     def learn(self, learning: Learning) -> None:
-        """Move the parameters by their gradients, and forget those."""
+        """Update the parameters by their gradients, and reset the gradients."""
 
-    def make_deterministic(self) -> None:  # noqa: B027  (may be so anyway)
-        """Make gradients that are equal from run to run, from now on."""
+    def make_deterministic(self) -> None:  # noqa: B027  (some fields always are)
+        """From now on, compute gradients that are equal from run to run."""
 
     @abc.abstractmethod
     def taken(self) -> int:
-        """Return how many samples :meth:`forward` last took; waits for the device."""
+        """Return the number of samples of the last :meth:`forward`; wait for the device."""
 
     @abc.abstractmethod
     def densities(self, points: np.ndarray) -> np.ndarray:
-        """Return the density at points (N, 3) of the frame, per unit of its length, (N,)."""
+        """Return the density (N,) at points (N, 3) of the frame, per unit of its length."""
 
     @abc.abstractmethod
     def rays_for(self, samples: int, rays: int) -> int:
-        """Return how many rays fill a batch, after so many took so many samples."""
+        """Return how many rays fill a batch, if `rays` rays took `samples` samples."""
 
-    def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (may be nothing)
-        """Do what is due now and then, before step `step`: look where space is empty, refine."""
+    def tend(self, step: int, learning: Learning) -> None:  # noqa: B027  (optional)
+        """Do the periodic work before step `step`: update the empty space, refine."""
 
-    def rest(self) -> None:  # noqa: B027  (may be nothing)
-        """Forget the `learning` of :meth:`tend`: this training is over."""
+    def rest(self) -> None:  # noqa: B027  (optional)
+        """Release the `learning` of :meth:`tend` when the training is over."""
 
     @abc.abstractmethod
     def state(self) -> dict[str, np.ndarray]:
-        """Return everything that is needed to go on, by name.
+        """Return all arrays that are needed to continue, by name.
 
-        Names that end in ``.mean`` or ``.square`` are the optimizer's.
+        Names that end in ``.mean`` or ``.square`` belong to the optimizer.
         """
 
     def to_render(self, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return a state that renders the same, with zeros, which files hold for nothing."""
+        """Return a state that renders the same, with zeros elsewhere, which files compress away."""
         needless = ".mean", ".square"
         return {k: np.zeros_like(a) if k.endswith(needless) else a for k, a in state.items()}
 
     @abc.abstractmethod
-    def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Take up what :meth:`state` gave.
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Restore the arrays that :meth:`state` returned.
 
         Raises
         ------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +17,9 @@ from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import CELLS, STEPS, SampledField, Samples, check_batch
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
-FINEST = 2**20  # cells along a side: their numbers have 20 bits in kernels
+FINEST = 2**20  # cells along a side; kernels number them with 20 bits
 CELLS_OF_PIXEL = (
-    1.5  # cells of the finest grid: more make held-out views of small photographs worse
+    1.5  # cells of the finest grid per pixel; more make held-out views of small photographs worse
 )
 
 
@@ -26,16 +27,17 @@ CELLS_OF_PIXEL = (
 class HashField:
     """Settings of a field of hashed features.
 
-    A sample's features come from tables for grids of growing fineness; a small perceptron makes a
-    density and 16 numbers of them, and a second one a colour of these and the direction of view.
-    The defaults are for a GPU; ``fit(scene, "hash")`` takes smaller ones on the CPU.
+    A sample's features come from tables, one for each of several grids from coarse to fine. A small
+    perceptron computes a density and 16 numbers from the features; a second one computes a colour
+    from these numbers and the viewing direction. The defaults are for a GPU; ``fit(scene, "hash")``
+    uses smaller settings on the CPU.
 
     Raises
     ------
     TypeError
-        If a number is of another kind.
+        If a number has the wrong type.
     ValueError
-        If a number is out of its range, `levels` or `cells` are no multiples of 8, `finest` is
+        If a number is out of its range, `levels` or `cells` are not multiples of 8, `finest` is
         below `coarsest`, or `samples` below `steps`.
 
     References
@@ -45,36 +47,37 @@ class HashField:
     """
 
     levels: int = 16
-    """Grids, a multiple of 8."""
+    """Number of grids, a multiple of 8."""
     table_bits: int = 19
-    """Base-2 logarithm of the entries of a grid's table."""
+    """Base-2 logarithm of the number of entries of a grid's table."""
     coarsest: int = 16
     """Cells of the coarsest grid along a side."""
     finest: int | None = None
     """Cells of the finest grid along a side, up to 2^20.
 
-    By default three for two pixels of the photographs.
+    By default three cells per two pixels of the photographs.
     """
     samples: int = 2**18
-    """Of a batch; at least as many as `steps`."""
+    """Samples of a batch; at least as many as `steps`."""
     rays: int = 2**14
-    """Of a batch, at most."""
+    """Largest number of rays of a batch."""
     cells: int = CELLS
-    """Of the occupancy grid, along a side: a multiple of 8."""
+    """Cells of the occupancy grid along a side, a multiple of 8."""
     steps: int = STEPS
-    """Samples along the diagonal of the scene's cube, where none of it is empty: up to 1024."""
+    """Samples along the diagonal of the scene's cube if none of it is empty, up to 1024."""
     learning_rate: float = 1e-2
-    """In the beginning, after a warm-up of 100 steps."""
+    """Learning rate after a warm-up of 100 steps."""
     final_rate: float = 0.03
-    """Share of it at the end."""
+    """Learning rate at the end, as a share of `learning_rate`."""
     weight_decay: float = 0.0
-    """Of the perceptrons."""
+    """Weight decay of the perceptrons."""
     table_decay: float = 1e-7
-    """Of the tables: entries that no photograph needs go back to 0; held-out views gain by it."""
+    """Weight decay of the tables. Entries that no photograph needs return to 0, which improves
+    held-out views."""
     gradient_clip: float | None = None
-    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+    """Largest norm, > 0, of all gradients together; larger gradients are scaled down to it.
 
-    They are those of the sum of the losses of a batch's rays over 4096.
+    The gradients are those of the sum of the losses of a batch's rays, divided by 4096.
     """
 
     def __post_init__(self) -> None:
@@ -102,7 +105,7 @@ class HashNetwork(SampledField):
         levels, rng = settings.levels, np.random.default_rng(seed)
         finest = settings.finest
         if finest is None:
-            # All of space is contracted into twice the cube.
+            # Unbounded space is contracted into a cube of twice the side.
             side = 4 if frame.bounds.unbounded else 2
             wanted = round(min(CELLS_OF_PIXEL * side / frame.pixel, FINEST))
             finest = max(2 * settings.coarsest, wanted)
@@ -113,7 +116,7 @@ class HashNetwork(SampledField):
         offsets = np.concatenate(([0], np.cumsum(sizes))).astype(np.int32)
         self.grids = rt.constant(resolutions), rt.constant(offsets)
         self.table = Parameters(rt, rng.uniform(-1e-4, 1e-4, (int(offsets[-1]), 2)), self.half)
-        # Xavier's limits keep the size of what passes through a layer.
+        # The limits of Glorot and Bengio keep the variance of the features through the layers.
         shapes = network_layers(2 * levels)
         layers = [rng.uniform(-1, 1, s) * math.sqrt(6 / (s[0] + s[1])) for s in shapes]
         self.layers = Parameters(rt, np.concatenate([w.ravel() for w in layers]), self.half)
@@ -122,7 +125,7 @@ class HashNetwork(SampledField):
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def view_room(self, rays: int) -> int:
-        """See :meth:`SampledField.view_room`: in full precision it shares the memory of layers."""
+        """See :meth:`SampledField.view_room`; in full precision it shares the layers' memory."""
         half = self.half == np.float16
         room = super().view_room(rays)
         return room if half else min(room, self.room)
@@ -168,7 +171,7 @@ class HashNetwork(SampledField):
         return features
 
     def make_deterministic(self) -> None:
-        """See :meth:`Field.make_deterministic`: tables are added to by atomics on a GPU."""
+        """See :meth:`Field.make_deterministic`; on a GPU, atomics add to the tables."""
         if self.rt.device != "cpu":
             self.gradient_scale = LIFT
             self.table.make_deterministic(self.rt)
@@ -196,7 +199,7 @@ class HashNetwork(SampledField):
             | self.layers.state("layers.", self.rt)
         )
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         super().restore(state)
         self.table.restore("table.", state, self.rt)

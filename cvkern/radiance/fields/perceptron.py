@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,35 +17,35 @@ from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import SampledField, Samples, check_batch
 
 BETAS, EPSILON, WARMUP = (0.9, 0.999), 1e-8, 100
-VIEW_ROOM = 2**17  # samples of a round of rendering, on a GPU, of 5 kB each
-PIECE = 16  # numbers of features come in multiples of it: tensor cores want that
-MOST_FREQUENCIES, MOST_WIDTH = 14, 256  # a layer's weights have to fit into shared memory
+VIEW_ROOM = 2**17  # samples of a round of rendering on a GPU, 5 kB each
+PIECE = 16  # numbers of features are multiples of this, as tensor cores need
+MOST_FREQUENCIES, MOST_WIDTH = 14, 256  # a layer's weights must fit into shared memory
 
 
 @dataclass(frozen=True)
 class MLPField:
     """Settings of the field of the first paper on neural radiance fields.
 
-    Layers with rectifiers take the encoded position (see :func:`positional_encoding`) to `width`
-    features. The first one of them is the logarithm of the density; from all of them and the
-    encoded direction of view, a layer of half the width makes the colour. It is small on disk and
-    slow: nearly all of its 600 000 weights take part in every sample. The defaults are for a GPU;
-    ``fit(scene, "mlp")`` takes smaller ones on the CPU.
+    Layers with rectifiers map the encoded position (see :func:`positional_encoding`) to `width`
+    features. The first feature is the logarithm of the density. A layer of half the width computes
+    the colour from all features and the encoded viewing direction. The field is small on disk and
+    slow: nearly all of its 600 000 weights are used for every sample. The defaults are for a GPU;
+    ``fit(scene, "mlp")`` uses smaller settings on the CPU.
 
     Raises
     ------
     TypeError
-        If a number is of another kind.
+        If a number has the wrong type.
     ValueError
-        If a number is out of its range, `width` is no multiple of 16 or `cells` none of 8, or
-        `samples` is below `steps`.
+        If a number is out of its range, `width` is not a multiple of 16, `cells` is not a multiple
+        of 8, or `samples` is below `steps`.
 
     Notes
     -----
-    Unlike in [1]_, samples are taken where an occupancy grid says that space is not empty, in place
-    of a second, coarse network; the density is an exponential, not a rectifier; and layers have no
-    biases of their own: the encodings have a feature that is always 1, for all layers after them.
-    Positions are encoded in the cube from 0 to 1.
+    This field differs from [1]_ in three points. An occupancy grid, instead of a second, coarse
+    network, decides where samples are taken. The density is an exponential, not a rectifier. Layers
+    have no biases; instead, the encodings have a feature that is always 1. Positions are encoded in
+    the cube from 0 to 1.
 
     References
     ----------
@@ -53,7 +54,7 @@ class MLPField:
 
     Examples
     --------
-    A CPU has time for a small one:
+    Small settings that suit a CPU:
 
     >>> from cvkern.radiance import MLPField, fit, make_scene
     >>> small = MLPField(width=64, layers=4, skip=2, frequencies=6, samples=2**12, rays=2**9,
@@ -63,34 +64,34 @@ class MLPField:
     """
 
     width: int = 256
-    """Features of a layer: a multiple of 16 up to 256."""
+    """Features of a layer, a multiple of 16 up to 256."""
     layers: int = 8
-    """Before the density."""
+    """Number of layers before the density."""
     skip: int = 5
-    """Layer whose output the encoded position is put beside again; 0 for none."""
+    """Layer whose output is concatenated with the encoded position; 0 for none."""
     frequencies: int = 10
-    """Of the encoded position, from 1 to 14."""
+    """Frequencies of the encoded position, from 1 to 14."""
     view_frequencies: int = 4
-    """Of the encoded direction, from 1 to 14."""
+    """Frequencies of the encoded direction, from 1 to 14."""
     samples: int = 2**16
-    """Of a batch; at least as many as `steps`. Each takes 16 kB with the other defaults on the
-    CPU, half of it on a GPU."""
+    """Samples of a batch; at least as many as `steps`. With the other defaults, each takes 16 kB on
+    the CPU, and half of that on a GPU."""
     rays: int = 2**12
-    """Of a batch, at most."""
+    """Largest number of rays of a batch."""
     cells: int = 64
-    """Of the occupancy grid, along a side: a multiple of 8."""
+    """Cells of the occupancy grid along a side, a multiple of 8."""
     steps: int = 512
-    """Samples along the diagonal of the scene's cube, where none of it is empty: up to 1024."""
+    """Samples along the diagonal of the scene's cube if none of it is empty, up to 1024."""
     learning_rate: float = 5e-4
-    """In the beginning, after a warm-up of 100 steps."""
+    """Learning rate after a warm-up of 100 steps."""
     final_rate: float = 0.1
-    """Share of it at the end."""
+    """Learning rate at the end, as a share of `learning_rate`."""
     weight_decay: float = 0.0
-    """Of all weights."""
+    """Weight decay of all weights."""
     gradient_clip: float | None = None
-    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+    """Largest norm, > 0, of all gradients together; larger gradients are scaled down to it.
 
-    They are those of the sum of the losses of a batch's rays over 4096.
+    The gradients are those of the sum of the losses of a batch's rays, divided by 4096.
     """
 
     def __post_init__(self) -> None:
@@ -108,29 +109,29 @@ class MLPField:
 
 
 class Layer(NamedTuple):
-    """A product of what one matrix of features has, written into another."""
+    """A layer: the product of one matrix of features, written into another."""
 
     source: str
     depth: int
-    """How many columns of the source it takes, from the first one on."""
+    """Number of columns of the source that it reads, beginning with the first."""
     target: str
     column: int
-    """Of the target, that the first result goes to."""
+    """Column of the target for the first result."""
     columns: int
     relu: bool
 
 
 def encoded(frequencies: int) -> int:
-    """Return how many columns three encoded coordinates and a constant take."""
+    """Return the number of columns of three encoded coordinates and a constant."""
     return -(-(3 + 6 * frequencies + 1) // PIECE) * PIECE
 
 
 def plan(settings: MLPField) -> list[Layer]:
     """Return the layers, first to last.
 
-    The encoded position stands in the first columns of "position", and the output of the layer
-    `skip` behind it, so that the next layer takes both without a copy. "view" has the features of
-    the last layer, and the encoded direction behind them.
+    The encoded position is in the first columns of "position", and the output of layer `skip`
+    follows it, so that the next layer reads both without a copy. "view" has the features of the
+    last layer, followed by the encoded direction.
     """
     s, place = settings, encoded(settings.frequencies)
     found, source, depth = [], "position", place
@@ -148,10 +149,10 @@ def plan(settings: MLPField) -> list[Layer]:
 
 
 def initial(layers: list[Layer], seed: int) -> list[np.ndarray]:
-    """Return random weights that keep the size of what passes through a layer.
+    """Return random weights that keep the variance of the features through the layers.
 
-    They are uniform up to the limit of He et al. 2015 for layers with rectifiers, and to that of
-    Glorot and Bengio 2010 for the others.
+    They are uniform within the limit of He et al. 2015 for layers with rectifiers, and within that
+    of Glorot and Bengio 2010 for the others.
     """
     rng = np.random.default_rng(seed)
     limits = [math.sqrt(6 / (a.depth if a.relu else a.depth + a.columns)) for a in layers]
@@ -180,15 +181,15 @@ class MLPNetwork(SampledField):
             [flat[part].reshape(shape) for part, shape in parts]
             for flat in (self.parameters.copy, self.parameters.gradients)
         )
-        # A layer's backward pass reads the gradients of one matrix and writes those of the one
-        # before, so that every other matrix of a width can share its gradients' memory.
+        # A layer's backward pass reads the gradients of one matrix and writes those of the matrix
+        # before, so two buffers per width, used in turns, hold all gradients.
         places = {name: (n % 2, width) for n, (name, width) in enumerate(self.widths.items())}
         pool = {p: rt.zeros((settings.samples, p[1]), self.half) for p in set(places.values())}
         self.gradients = {name: pool[place] for name, place in places.items()}
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def inner(self, room: int) -> dict[str, Any]:
-        """See :meth:`SampledField.inner`: what the layers take and give."""
+        """See :meth:`SampledField.inner`: the inputs and outputs of the layers."""
         return {name: self.rt.zeros((room, w), self.half) for name, w in self.widths.items()}
 
     def view_room(self, rays: int) -> int:
@@ -222,7 +223,7 @@ class MLPNetwork(SampledField):
         )  # fmt: skip
 
     def _forward(self, layers: list[Layer], samples: Samples, total: Any) -> None:
-        """Pass through the layers, and to what the last two outputs mean."""
+        """Apply the layers, then turn the last two outputs into density and colour."""
         rt, v = self.rt, samples.inner
         for a, w in zip(layers, self.weights, strict=False):
             rt.radiance.fields.perceptron.layers.forward(
@@ -242,8 +243,8 @@ class MLPNetwork(SampledField):
             rt.radiance.fields.perceptron.layers.backward_weight(
                 dy, x, total, a.column, self.d_weights[number]
             )
-            if number:  # positions do not learn
-                # What is not the output of a rectifier is the features before colour, or encoded.
+            if number:  # positions have no gradients
+                # Only outputs of rectifiers are gated, not the features before the colour layer.
                 gated = a.source != "view"
                 rt.radiance.fields.perceptron.layers.backward_input(
                     dy, w, x, total, gated, a.column, g[a.source]
@@ -270,7 +271,7 @@ class MLPNetwork(SampledField):
         """See :meth:`Field.state`."""
         return super().state() | self.parameters.state("layers.", self.rt)
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         super().restore(state)
         self.parameters.restore("layers.", state, self.rt)

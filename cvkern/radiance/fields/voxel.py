@@ -1,9 +1,10 @@
-"""A grid of densities and spherical harmonics, made finer while it learns."""
+"""A grid of densities and spherical harmonics, refined during training."""
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,46 +22,47 @@ from cvkern.kernels.codes.radiance import (
     Seen,
     Space,
 )
+from cvkern.radiance.checkpoints import shape_of
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, flat
 from cvkern.radiance.march import STOP, taken
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
-WARMUP = 20  # steps until the learning rates are full
-EVERY = 16  # steps between looks at where space is empty
-BLOCK = 4  # cells of the grid along a side of one of the occupancy grid
-LANES = 16  # the coefficients of a node are padded to a multiple
-LIFT = 4096.0  # `Field.gradient_scale` where fixed-point numbers hold gradients
-MOST_CELLS = 400  # a grid of more has too many numbers for 32-bit indices
+WARMUP = 20  # steps until the learning rates reach their full value
+EVERY = 16  # steps between updates of the empty space
+BLOCK = 4  # cells of the grid along a side of an occupancy cell
+LANES = 16  # the coefficients of a node are padded to a multiple of this
+LIFT = 4096.0  # `Field.gradient_scale` if fixed-point numbers hold gradients
+MOST_CELLS = 400  # a larger grid has too many numbers for 32-bit indices
 
 
 @dataclass(frozen=True)
 class VoxelField:
     """Settings of a field that is a grid.
 
-    Each node has a density and, for each channel of the colour, coefficients of spherical
-    harmonics. Between nodes they are interpolated, and only then made a density (by the
-    exponential function) and a colour (by the logistic function). Training begins with a coarse
-    grid.
+    Each node has a logarithm of density and, for each channel of the colour, coefficients of
+    spherical harmonics. These are interpolated between nodes; then the exponential function gives
+    the density, and the logistic function the colour. Training begins with a coarse grid.
 
     Raises
     ------
     TypeError
-        If a number is of another kind.
+        If a number has the wrong type.
     ValueError
-        If a number is out of its range, `resolutions` do not grow, are no multiples of 16 or are
-        above 400, there are not as many `shares` as changes of the resolution, growing from 0 to
-        1, samples are less than a 500th of half the cube's side apart, or the `first` density is
-        taken for none.
+        If a number is out of its range; if `resolutions` do not ascend, are not multiples of 16,
+        or are above 400; if `shares` are not one per change of the resolution, ascending between 0
+        and 1; if samples are closer than a 500th of half the cube's side; or if `first` is so
+        small that it counts as empty.
 
     Notes
     -----
-    On the CPU the same steps give the same model, bit for bit, with any number of threads. On
-    CUDA gradients are added up in the order in which they happen to come, unless training is to be
+    On the CPU the same steps give the same model, bit for bit, with any number of threads. On CUDA
+    the order in which gradients are added varies from run to run, unless training is
     deterministic.
 
-    A grid of N cells takes 0.5 kB for each of (N + 1)^3 nodes: 1.1 GB for 128. Files hold the nodes
-    that have learnt anything: of the Blender scene lego 80 MB, or 26 MB for rendering alone.
+    A grid of N cells along a side takes 0.5 kB for each of its (N + 1)^3 nodes: 1.1 GB for 128.
+    Files hold only the nodes that training has changed: 80 MB for the Blender scene lego, or 26 MB
+    for rendering only.
 
     References
     ----------
@@ -69,34 +71,34 @@ class VoxelField:
     """
 
     resolutions: tuple[int, ...] = (32, 64, 128)
-    """Cells along a side of one grid after the other."""
+    """Cells along a side, for each of the successive grids."""
     shares: tuple[float, ...] = (0.1, 0.3)
-    """Of the training, after which the next grid begins."""
+    """Shares of the training after which the next grid begins."""
     degree: int = 2
-    """Of the spherical harmonics, at most 2; with 0 a point has one colour from all sides."""
+    """Degree of the spherical harmonics, at most 2; with 0, colour does not depend on direction."""
     rays: int = 2048
-    """Of a batch."""
+    """Rays of a batch."""
     spacing: float = 0.5
     """Distance between samples, in cells."""
     first: float = 0.5
-    """Density in the beginning, per half of the cube's side: light has to get through."""
+    """Initial density, per half of the cube's side; small, so that light gets through."""
     thin: float = 1e-3
-    """A sample whose density times length is below this is empty."""
+    """A sample counts as empty if its density times length is below this."""
     density_rate: float = 0.2
     """Learning rate of the logarithms of density."""
     color_rate: float = 0.1
     """Learning rate of the coefficients."""
     final_rate: float = 0.1
-    """Share of the learning rates at the end."""
+    """Learning rates at the end, as a share of those at the beginning."""
     smooth_density: float = 0.0
     """Weight of half the squared differences of the logarithm of density between neighbours."""
     smooth_color: float = 1e-9
     """Weight of half the squared differences of the coefficients between neighbours."""
     gradient_clip: float | None = None
-    """Norm, > 0, to which all gradients together are shrunk if theirs is larger.
+    """Largest norm, > 0, of all gradients together; larger gradients are scaled down to it.
 
-    They are those of the sum of the losses of a batch's rays over 4096, and of the smoothness. To
-    find their norm takes a look at the whole grid in each step.
+    The gradients are those of the sum of the losses of a batch's rays, divided by 4096, and of the
+    smoothness. Computing their norm reads the whole grid in each step.
     """
 
     def __post_init__(self) -> None:
@@ -118,15 +120,17 @@ class VoxelField:
             check_number(getattr(self, name), name, low=0.0)
         if self.gradient_clip is not None:
             check_positive(self.gradient_clip, "gradient_clip")
-        least = found[-1] / 1000  # float32 tells such steps apart where the farthest cameras may be
+        least = found[-1] / 1000  # float32 resolves such steps even for the farthest cameras
         if self.spacing < least:
             raise ValueError(f"spacing must be at least {least:g} cells, got {self.spacing:g}")
-        thin = self.thin * found[0] / (2 * self.spacing)  # the density
+        thin = self.thin * found[0] / (2 * self.spacing)  # the density that counts as empty
         if self.first <= thin:
-            raise ValueError(f"first must be above what is thin, {thin:g}, got {self.first}")
+            raise ValueError(
+                f"first must be above {thin:g}, which counts as empty, got {self.first}"
+            )
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> VoxelGrid:
-        """Return the field itself: grey fog, the same everywhere."""
+        """Return the field itself, initially a uniform grey fog."""
         return VoxelGrid(rt, frame, seed, self)
 
 
@@ -149,7 +153,7 @@ class VoxelGrid(Field):
         self._mark()
 
     def _open(self, level: int) -> None:
-        """Take new memory for the grid of one resolution."""
+        """Allocate memory for the grid of one resolution."""
         rt, s = self.rt, self.settings
         self.level, self.resolution = level, s.resolutions[level]
         self.edition += 1
@@ -163,19 +167,19 @@ class VoxelGrid(Field):
         self.bits = rt.zeros((self.cells**3 // 32,), np.uint32)
         unbounded = self.frame.bounds.unbounded
         self.finest = (4 if unbounded else 2) * s.spacing / self.resolution
-        # Cells of contracted space grow with the distance at least as much as that does.
+        # Cells of contracted space grow at least in proportion to the distance.
         self.cone = self.finest if unbounded else 0.0
         self.least = math.log(s.thin / self.finest)
 
     def _take_sums(self) -> tuple[Any, Any]:
-        """Return what the gradients of density and colour are added to."""
+        """Return the arrays to which the gradients of density and colour are added."""
         if not self._exact:
             return self.d_density, self.d_color
         density, color = (self.rt.zeros(a.shape, np.int64) for a in (self.density, self.color))
         return density, color
 
     def make_deterministic(self) -> None:
-        """See :meth:`Field.make_deterministic`: the grid is added to by atomics on a GPU."""
+        """See :meth:`Field.make_deterministic`; on a GPU, atomics add to the grid."""
         if self.rt.device != "cpu":
             self._exact, self.gradient_scale = True, LIFT
             self._sums = self._take_sums()
@@ -183,7 +187,7 @@ class VoxelGrid(Field):
     def _marched(
         self, rays: Rays, step: Any, training: bool
     ) -> tuple[Rays, Space, March, Grid, float]:
-        """Return the arguments that the forward and the backward pass share."""
+        """Return the arguments that the forward and backward passes share."""
         frame = self.frame
         span = frame.near, frame.far, self.finest, self.cone
         return (
@@ -200,7 +204,7 @@ class VoxelGrid(Field):
         active = rt.constant(np.array([2**31 - 1], np.int32))
         distortion = rt.scratch("view.distortion", (count,))
         samples = rt.scratch("view.samples", (count,), np.int32)
-        # Any step: without training, no places are drawn.
+        # Any step will do: without training, no random positions are drawn.
         marched = self._marched(Rays(origins, directions, active), active, False)
         rt.radiance.fields.voxel.rays.render(*marched, Seen(*seen, distortion), samples)
 
@@ -240,11 +244,11 @@ class VoxelGrid(Field):
         nodes.adam(*self._rates, self._clip.factor, rule, self.touched, density, color)
 
     def taken(self) -> int:
-        """See :meth:`Field.taken`: those with any density count."""
+        """See :meth:`Field.taken`; only samples that are not empty count."""
         return int(self.rt.to_numpy(self.samples).sum())
 
     def rays_for(self, samples: int, rays: int) -> int:
-        """See :meth:`Field.rays_for`: there is no room to fill."""
+        """See :meth:`Field.rays_for`; samples take no memory here, so the number is fixed."""
         return self.rays
 
     def densities(self, points: np.ndarray) -> np.ndarray:
@@ -264,7 +268,7 @@ class VoxelGrid(Field):
         return found.astype(np.float32)
 
     def tend(self, step: int, learning: Learning) -> None:
-        """Look where space is empty, every now and then, and refine when it is time."""
+        """Periodically update the empty space, and refine the grid when it is time."""
         if step % EVERY:
             return
         progress, shares = float(self.rt.to_numpy(learning.progress)[0]), self.settings.shares
@@ -273,7 +277,7 @@ class VoxelGrid(Field):
         self._mark()
 
     def _refine(self) -> None:
-        """Go on with the next grid; what no ray can see of the colours is forgotten."""
+        """Continue with the next grid; colours that no ray can see are reset."""
         density, color, least = self.density, self.color, self.least
         self._open(self.level + 1)
         upsample = self.rt.radiance.fields.voxel.nodes.upsample
@@ -284,36 +288,38 @@ class VoxelGrid(Field):
         self.rt.radiance.fields.voxel.nodes.mark(self.density, self.cells, self.least, self.bits)
 
     def state(self) -> dict[str, np.ndarray]:
-        """See :meth:`Field.state`: the densities, and the nodes with anything else."""
+        """See :meth:`Field.state`: all densities, and the other arrays where they are not 0."""
         arrays = {name: self.rt.to_numpy(a) for name, a in self._arrays().items()}
         rows = [a.reshape(self.density.size, -1) for a in arrays.values()]
         nodes = np.flatnonzero(np.logical_or.reduce([a.any(axis=1) for a in rows]))
-        # Without what coefficients are padded with.
+        # Leave out the padding of the coefficients.
         found = {k: a[nodes, : 3 * self.basis] for k, a in zip(arrays, rows, strict=True)}
         density = self.rt.to_numpy(self.density).copy()
         return {"density": density, "nodes": nodes.astype(np.int32)} | found
 
     def to_render(self, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """See :meth:`Field.to_render`: also without nodes that are in no cell with any density."""
+        """See :meth:`Field.to_render`; leaves out nodes of which all cells are empty."""
         from scipy.ndimage import maximum_filter
 
         seen = maximum_filter(state["density"], 3).ravel()[state["nodes"]] > self.least
         return super().to_render({k: a if k == "density" else a[seen] for k, a in state.items()})
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         sides = [(n + 1,) * 3 for n in self.settings.resolutions]
-        shape = state["density"].shape if "density" in state else sides[0]
+        shape = shape_of(state, "density") if "density" in state else sides[0]
         if shape not in sides:
             raise ValueError(f"density must have a shape of {sides}, got {shape}")
         self._open(sides.index(shape))
         self.rt.write(self.density, taken(state, "density", shape))
-        nodes = taken(state, "nodes", state["nodes"].shape if "nodes" in state else (), np.int32)
-        if nodes.ndim != 1 or (
-            nodes.size and not 0 <= nodes.min() <= nodes.max() < math.prod(shape)
-        ):
-            raise ValueError(f"nodes must be numbers of nodes, got shape {nodes.shape}")
-        in_place = self.rt.device == "cpu"  # what is not written there takes no memory
+        most = math.prod(shape)
+        count = math.prod(shape_of(state, "nodes")) if "nodes" in state else 0
+        if count > most:
+            raise ValueError(f"nodes must be at most {most}, got {count}")
+        nodes = taken(state, "nodes", (count,), np.int32)
+        if count and not 0 <= nodes.min() <= nodes.max() < most:
+            raise ValueError(f"nodes must be numbers of nodes, got {nodes.min()} to {nodes.max()}")
+        in_place = self.rt.device == "cpu"  # pages that are never written take no memory
         for name, array in self._arrays().items():
             values = self.rt.to_numpy(array) if in_place else np.zeros(array.shape, np.float32)
             rows = values.reshape(math.prod(shape), -1)[:, : 3 * self.basis]
@@ -323,7 +329,7 @@ class VoxelGrid(Field):
         self._mark()
 
     def _arrays(self) -> dict[str, Any]:
-        """Return what is saved of each node beside its density."""
+        """Return the arrays of nodes that are saved, except the densities."""
         names = ("density.mean", "density.square", "color.mean", "color.square", "color")
         arrays = (*self._density_means, *self._color_means, self.color)
         return dict(zip(names, arrays, strict=True))

@@ -1,1 +1,1 @@
-"""Posed photographs, read from folders or made by the library itself."""
+"""Posed photographs, read from folders or rendered by the library itself."""

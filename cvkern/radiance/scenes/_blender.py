@@ -22,12 +22,12 @@ from cvkern.radiance.scenes.photographs import (
 )
 
 SPLITS = ("train", "val", "test")
-# The synthetic scenes lie in a cube of side 3, and their cameras 4 from its middle.
+# The synthetic scenes are in a cube of side 3; their cameras are at distance 4 from its middle.
 BLENDER_HALF, BLENDER_NEAR, BLENDER_FAR = 1.5, 2.0, 6.0
-DEPTH_RANGE = 8.0  # range of their depth pictures: 8 (1 - v / 255), or 65535 for those of 16 bits
-# instant-ngp's unit cube is the world times the first, moved by the second, if a file says nothing.
+DEPTH_RANGE = 8.0  # depth of a value v is 8 (1 - v / 255), with 65535 for 16-bit pictures
+# By default, instant-ngp maps the world to its unit cube by this scale, then this offset.
 NGP_SCALE, NGP_OFFSET = 0.33, 0.5
-PAST = 0.1  # share of the cameras that may look past the cube
+PAST = 0.1  # largest share of cameras that may look past the cube
 LENSES = "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 SUFFIXES = ("", ".png", ".jpg", ".jpeg")
 TURN = np.diag([1.0, -1.0, -1.0])  # from OpenGL's axes to OpenCV's
@@ -83,19 +83,19 @@ def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
     if past > PAST:
         warnings.warn(
             f"{file}: {past:.0%} of the cameras look past the scene's cube, of half side "
-            f"{bounds.half:g} about {bounds.center}: photographs show what it has not; give other "
-            "bounds, or take aabb_scale, scale and offset out of the file",
+            f"{bounds.half:g} about {bounds.center}: photographs show things outside of it; give "
+            "other bounds, or remove aabb_scale, scale and offset from the file",
             stacklevel=4,
         )
     return Scene(images, views, held, bounds, near, math.inf)
 
 
 def _cube(file: Path, content: dict[str, Any], views: Cameras) -> tuple[Bounds, float]:
-    """Return the cube that a file says, or one from its cameras, and the least distance."""
+    """Return the cube of a file, or one from its cameras, and the distance of the first sample."""
     if all(content.get(name) is None for name in ("aabb_scale", "scale", "offset")):
         point = focus_of(views.poses)
         away = np.linalg.norm(views.poses[:, :, 3] - point, axis=1)
-        # What a camera sees at the point that all look at.
+        # The cube is as large as the field of view at the point that all cameras look at.
         sizes = np.array([views.width, views.height]) / 2
         half = float(np.median(away * (sizes / views.intrinsics[:, :2]).max(axis=1)))
         if half > 0:
@@ -111,7 +111,7 @@ def _cube(file: Path, content: dict[str, Any], views: Cameras) -> tuple[Bounds, 
 
 
 def _looking_past(views: Cameras, bounds: Bounds) -> float:
-    """Return the share of cameras whose axis does not meet the cube."""
+    """Return the share of cameras whose optical axis misses the cube."""
     eyes = (views.poses[:, :, 3] - np.array(bounds.center)) / bounds.half
     ahead = views.poses[:, :, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -122,7 +122,7 @@ def _looking_past(views: Cameras, bounds: Bounds) -> float:
 
 def _content(file: Path) -> dict[str, Any]:
     try:
-        content = json.loads(file.read_text(encoding="utf-8-sig"))  # with its mark or without
+        content = json.loads(file.read_text(encoding="utf-8-sig"))  # a byte order mark is optional
     except RecursionError:
         raise ValueError(f"{file} must be JSON: it is nested too deeply") from None
     except OSError as error:
@@ -140,7 +140,7 @@ def _content(file: Path) -> dict[str, Any]:
 def _number(
     file: Path, content: dict[str, Any], name: str, default: float, above: float = -math.inf
 ) -> float:
-    """Return the number of that name, where there is one."""
+    """Return the number called `name`, if the file has it."""
     value = content.get(name)
     if value is None:
         return default
@@ -169,13 +169,13 @@ def _photograph(file: Path, frame: dict[str, Any], number: int, outside: bool) -
         try:
             found = stem.with_name(stem.name + suffix)
             there = found.is_file()
-        except (OSError, ValueError) as error:  # a name too long, or with a zero in it
+        except (OSError, ValueError) as error:  # a name that is too long or contains a zero byte
             raise ValueError(
                 f"{file} must give file_path for each frame, got {name!r:.80} in {number}: {error}"
             ) from None
         if there:
             return found
-    raise FileNotFoundError(f"scene must have all its photographs, but {stem} is not there")
+    raise FileNotFoundError(f"scene must have all its photographs, but {stem} is missing")
 
 
 def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
@@ -191,7 +191,7 @@ def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
     pose = pose[:3]
     if not np.isfinite(pose).all():
         raise ValueError(f"{file} must give finite poses, got {pose.tolist()} in {number}")
-    # Some writers scale the rotation; the axes of a view have no length.
+    # Some writers scale the rotation, so normalise the axes.
     lengths = np.linalg.norm(pose[:, :3], axis=0)
     turn = pose[:, :3] / np.where(lengths > 0, lengths, 1)
     return np.concatenate((turn @ TURN, pose[:, 3:]), axis=1)
@@ -200,7 +200,7 @@ def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
 def _intrinsics(
     file: Path, lens: dict[str, Any], width: int, height: int
 ) -> tuple[list[float], list[float]]:
-    """Return fx, fy, cx, cy and the distortion, for images as large as they are."""
+    """Return fx, fy, cx, cy and the distortion for the actual size of the images."""
     model = "fisheye" if lens.get("is_fisheye") else lens.get("camera_model", "OPENCV")
     if model not in LENSES:
         raise ValueError(f"{file} must use one of {LENSES}, got {model}")
@@ -218,7 +218,7 @@ def _intrinsics(
     angle = number("camera_angle_y", 0.0)
     fy = number("fl_y", 0.5 * high / math.tan(0.5 * angle) if angle else fx, 0.0)
     across, down = shrunk(width, height, wide, high, file)
-    # These files count from the corner of the first pixel.
+    # These files measure from the corner of the first pixel.
     cx, cy = number("cx", 0.5 * wide) * across - 0.5, number("cy", 0.5 * high) * down - 0.5
     bent = [number(name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")]
     return [fx * across, fy * down, cx, cy], bent
@@ -239,7 +239,7 @@ def _cameras(
 
 
 def _depths(files: list[Path], height: int, width: int) -> np.ndarray | None:
-    """Read the depth pictures beside the photographs, where there are any."""
+    """Read the depth pictures beside the photographs, if there are any."""
     from cvkern.images.files import read_image
 
     depths = np.full((len(files), height, width), np.nan, np.float32)

@@ -20,7 +20,7 @@ from cvkern.radiance.scenes.photographs import (
     view_directions,
 )
 
-# Number and name of the models, and where their parameters go: f x y, then k1 k2 p1 p2 k3.
+# Number and name of the lens models, and the roles of their parameters.
 MODELS = {
     0: ("SIMPLE_PINHOLE", "fcc"),
     1: ("PINHOLE", "ffcc"),
@@ -29,7 +29,7 @@ MODELS = {
     4: ("OPENCV", "ffcckkpp"),
 }
 LAYOUTS = dict(MODELS.values())
-MOST_POINTS = 2**14  # points that the range of depths is found from
+MOST_POINTS = 2**14  # most points used to find the range of depths
 
 Lens = tuple[str, int, int, tuple[float, ...]]  # model, width, height, parameters
 View = tuple[str, int, tuple[float, ...]]  # photograph, camera, quaternion and translation
@@ -83,7 +83,7 @@ def _lens(lens: Lens, width: int, height: int, file: Path) -> tuple[list[float],
     group = {kind: [v for v, k in zip(values, layout, strict=True) if k == kind] for kind in "fckp"}
     across, down = shrunk(width, height, wide, high, file)
     fx, fy = group["f"][0] * across, group["f"][-1] * down
-    # COLMAP counts from the corner of the first pixel.
+    # COLMAP measures from the corner of the first pixel.
     cx, cy = group["c"][0] * across - 0.5, group["c"][1] * down - 0.5
     k1, k2 = (*group["k"], 0.0, 0.0)[:2]
     p1, p2 = (*group["p"], 0.0, 0.0)[:2]
@@ -91,7 +91,7 @@ def _lens(lens: Lens, width: int, height: int, file: Path) -> tuple[list[float],
 
 
 def _pose(place: tuple[float, ...]) -> np.ndarray:
-    """Return camera to world, from the quaternion (w, x, y, z) and translation of its inverse."""
+    """Return the pose, camera to world, from quaternion and translation of its inverse."""
     w, x, y, z = np.array(place[:4]) / np.linalg.norm(place[:4])
     turn = np.array(
         [
@@ -104,7 +104,7 @@ def _pose(place: tuple[float, ...]) -> np.ndarray:
 
 
 def _extent(poses: np.ndarray, points: np.ndarray) -> tuple[Bounds, float, float]:
-    """Return a cube round the cameras, and the range of depths that was seen."""
+    """Return a cube around the cameras, and the range of depths of the points."""
     eyes, center = poses[:, :, 3], focus_of(poses)
     half = float(np.abs(eyes - center).max()) or 1.0
     near, far = 0.05 * half, np.inf
@@ -143,7 +143,7 @@ def _text_cameras(file: Path) -> dict[int, Lens]:
 
 def _text_images(file: Path) -> list[View]:
     lines = list(_lines(file))
-    # Two lines a photograph; the second, its points, may be empty.
+    # There are two lines per photograph; the second, with its points, may be empty.
     heads = [words for words in lines[::2] if words]
     return [
         (" ".join(w[9:]), _integer(w[8], file), tuple(_number(v, file) for v in w[1:8]))
@@ -171,7 +171,7 @@ def _integer(word: str, file: Path) -> int:
 
 
 class _Bytes:
-    """A binary file, read from front to back; little-endian."""
+    """A little-endian binary file, read from front to back."""
 
     def __init__(self, file: Path):
         self.data, self.at = file.read_bytes(), 0
@@ -211,7 +211,7 @@ def _binary_images(file: Path) -> list[View]:
     for _ in range(data.take("Q")[0]):
         _, *place, camera = data.take("i7di")
         name = data.text()
-        data.skip(24 * data.take("Q")[0])  # the points in the photograph: x, y, number
+        data.skip(24 * data.take("Q")[0])  # skip the points in the photograph: x, y, number
         found.append((name, camera, tuple(place)))
     return found
 
@@ -219,8 +219,8 @@ def _binary_images(file: Path) -> list[View]:
 def _binary_points(file: Path) -> np.ndarray:
     data = _Bytes(file)
     points = []
-    for _ in range(data.take("Q")[0]):  # there may be fewer than the file says
+    for _ in range(data.take("Q")[0]):  # a damaged file may hold fewer
         _, *place, _, _, _, _ = data.take("Q3d3Bd")
         points.append(place)
-        data.skip(8 * data.take("Q")[0])  # the photographs that see it
+        data.skip(8 * data.take("Q")[0])  # skip the photographs that see the point
     return np.array(points, np.float64).reshape(-1, 3)

@@ -11,7 +11,7 @@ from cvkern.radiance.scenes.photographs import Bounds, Scene, every, focus_of, r
 
 FOLDERS = ("images", "images_2", "images_4", "images_8")
 KINDS = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
-MARGIN = 0.9  # before the nearest point that was seen
+MARGIN = 0.9  # start of rays, as a share of the distance of the nearest point
 
 
 def load(file: Path, test_every: int) -> Scene:
@@ -43,7 +43,7 @@ def load(file: Path, test_every: int) -> Scene:
     if not 0 < near < far:
         raise ValueError(f"{file} must give bounds with 0 < near < far, got {near:g} and {far:g}")
     corner = np.hypot(width, height) / (2 * focal.min())
-    far *= np.hypot(1, corner)  # bounds are along the axis, and rays to the corners are longer
+    far *= np.hypot(1, corner)  # bounds are along the axis; rays to the corners are longer
     center = focus_of(poses)
     half = float(np.abs(poses[:, :, 3] - center).max() + 0.5 * near)
     held = every(len(images), test_every)

@@ -1,4 +1,4 @@
-"""Posed photographs: what a radiance field is made from, and where they are read from."""
+"""Posed photographs, from which radiance fields are trained, and their readers."""
 
 from __future__ import annotations
 
@@ -9,49 +9,50 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_dtype, check_integer
+from cvkern._checks import check_dtype, check_flag, check_integer
+from cvkern._files import as_path
 from cvkern.radiance.pinhole import Cameras
 
-ONE_WAY = 0.9  # length of the mean of unit vectors, from which they are within some 35 degrees
+ONE_WAY = 0.9  # length of the mean of unit vectors that lie within about 35 degrees
 
 
 class Bounds(NamedTuple):
-    """The cube of the world that the scene's detail is in."""
+    """The cube of the world that contains the scene's detail."""
 
     center: tuple[float, float, float]
     """World position of the middle."""
     half: float
     """Half of the side, in units of the world."""
     unbounded: bool
-    """Whether rays go on behind the cube, to a background far away."""
+    """Whether rays continue beyond the cube, to a distant background."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Photographs with their cameras, and which of them are kept back for testing.
+    """Photographs with their cameras, some of them held out for testing.
 
     Raises
     ------
     TypeError
         If `images` are not uint8, or `test` is not bool.
     ValueError
-        If `images`, `test` or `depths` do not fit the cameras, or the bounds have no size, or
-        `near` and `far` nothing between them.
+        If `images`, `test` or `depths` do not match the cameras, the bounds have no size, or `near`
+        is not below `far`.
     """
 
     images: np.ndarray
-    """(N, H, W, 3) or, with opacity, (N, H, W, 4), uint8; colours are not premultiplied."""
+    """Photographs (N, H, W, 3) or, with opacity, (N, H, W, 4), uint8; not premultiplied."""
     cameras: Cameras
     """One view for each image."""
     test: np.ndarray
-    """Whether a view is kept back, (N,) bool."""
+    """Whether a view is held out, (N,) bool."""
     bounds: Bounds
     near: float
-    """Distance from a camera before which there is nothing, in units of the world."""
+    """Distance from a camera at which rays begin, in units of the world."""
     far: float
-    """Distance behind which nothing is looked for; may be infinite."""
+    """Distance from a camera at which rays end; may be infinite."""
     depths: np.ndarray | None = None
-    """Distance along the rays of the views, (N, H, W) float32; NaN where it is not known."""
+    """Distance along the rays of the views, (N, H, W) float32; NaN where it is unknown."""
 
     def __post_init__(self) -> None:
         views = len(self.cameras), self.cameras.height, self.cameras.width
@@ -76,9 +77,9 @@ class Scene:
 
     @property
     def footprint(self) -> float:
-        """Side of what a pixel sees where the detail is, units of the world; median of the views.
+        """Side of a pixel at the distance of the detail, units of the world; median of the views.
 
-        That is at the middle of the bounds, or, for cameras near it, as far away as their sides.
+        The distance is that of the middle of the bounds, but at least that of their sides.
         """
         away = np.linalg.norm(self.cameras.poses[:, :, 3] - np.array(self.bounds.center), axis=1)
         return float(np.median(np.maximum(away, self.bounds.half) / self.cameras.intrinsics[:, 0]))
@@ -86,7 +87,7 @@ class Scene:
     def resized(self, factor: int) -> Scene:
         """Return the scene with its images averaged over blocks of `factor` x `factor` pixels.
 
-        The depth of a block is that of its pixel at, or next to, the middle.
+        The depth of a block is that of the pixel at, or next to, its middle.
 
         Raises
         ------
@@ -108,15 +109,15 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     Parameters
     ----------
     path : str or Path
-        A folder, or the JSON file in it. What it holds decides the format:
-        ``transforms_train.json`` and its like (Blender), ``transforms.json`` (instant-ngp, with
-        lens distortion), ``sparse/0`` or ``cameras.bin`` / ``cameras.txt`` (COLMAP; photographs
-        in ``images``), ``poses_bounds.npy`` (LLFF).
+        A folder, or the JSON file in it. Its contents decide the format: ``transforms_train.json``
+        and similar (Blender), ``transforms.json`` (instant-ngp, with lens distortion),
+        ``sparse/0`` or ``cameras.bin`` / ``cameras.txt`` (COLMAP; photographs in ``images``), or
+        ``poses_bounds.npy`` (LLFF).
     test_every : int, default 8
-        One in so many of the photographs, in order of their names from the first on, is kept back
-        for testing where the format does not say which; 0 for none.
+        If the format names no test views, every `test_every`-th photograph, beginning with the
+        first in order of their names, is held out for testing; 0 for none.
     outside : bool, default False
-        Whether a file may name photographs outside of its folder.
+        Whether a file may name photographs outside its folder.
 
     Returns
     -------
@@ -125,42 +126,42 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     Raises
     ------
     FileNotFoundError
-        If there is no such folder, it is in none of the formats, or a file that it names is not
-        there.
+        If the folder does not exist, is in none of the formats, or names a file that is missing.
     TypeError
         If `test_every` is not an integer.
     ValueError
-        If `test_every` is negative; if a file is broken, there are no photographs, they differ in
-        size, or from their lens in proportions, a number is not finite, a pose has no rotation in
-        it, a photograph lies outside of the folder, or a lens is of another model, a fisheye, say:
-        names the file.
+        If `test_every` is negative; if a file is damaged; if there are no photographs, or they
+        differ in size, or have other proportions than their lens; if a number is not finite; if a
+        pose contains no rotation; if a photograph is outside the folder; or if the lens model is
+        unknown, as for a fisheye. The message names the file.
 
     Warns
     -----
     UserWarning
-        If cameras look past the cube that a ``transforms.json`` says.
+        If cameras look past the cube of a ``transforms.json``.
 
     Notes
     -----
-    Photographs are taken as they are stored, whatever they say is up: so are those that their
-    cameras were found from.
+    Photographs are read as they are stored, and an EXIF orientation is ignored, because the cameras
+    were computed from the stored pixels.
 
     Bounds are guesses, except for a ``transforms.json`` with ``aabb_scale``, ``scale`` or
-    ``offset``, which say a cube; without them it is as large as the cameras see at the point that
-    they look at. Blender's scenes are taken for those
-    of the first paper on radiance fields, within 1.5 of the origin, 2 to 6 from the cameras; those
-    of COLMAP and LLFF are unbounded, with a cube round the cameras about the point that they look
-    at. ``dataclasses.replace(scene, bounds=Bounds(...), near=..., far=...)`` knows better.
+    ``offset``, which define a cube. Without them, the cube is as large as the cameras' field of
+    view at the point that they look at. Scenes of Blender are taken as those of the first paper on
+    radiance fields, within 1.5 of the origin and 2 to 6 from the cameras. Scenes of COLMAP and LLFF
+    are unbounded, with a cube that contains the cameras, around the point that they look at. Use
+    ``dataclasses.replace(scene, bounds=Bounds(...), near=..., far=...)`` to correct a guess.
 
-    Formats that put pixel centres at halves are moved by half a pixel, and the OpenGL axes (y up,
-    z backward) of Blender, instant-ngp and LLFF are turned to those of OpenCV. Lengths are left in
-    the unit of the files.
+    Formats with pixel centres at halves are shifted by half a pixel, and the OpenGL axes (y up, z
+    backward) of Blender, instant-ngp and LLFF are converted to those of OpenCV. Lengths stay in the
+    unit of the files.
 
     A depth picture beside a photograph of a Blender scene shows a distance d as 255 (1 - d / 8),
-    and nothing as 0.
+    and empty space as 0.
     """
+    outside = check_flag(outside, "outside")
     test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
-    path = Path(path)
+    path = as_path(path)
     if not path.exists():
         raise FileNotFoundError(f"path must be a folder of posed photographs, got {str(path)!r}")
     folder = path if path.is_dir() else path.parent
@@ -194,10 +195,10 @@ def read_images(files: list[Path]) -> np.ndarray:
     found = []
     for file in files:
         if not file.exists():
-            raise FileNotFoundError(f"scene must have all its photographs, but {file} is not there")
+            raise FileNotFoundError(f"scene must have all its photographs, but {file} is missing")
         image = _as_bytes(
             read_image(file, orient=False), file
-        )  # cameras were fitted to it as it is stored
+        )  # the cameras were fitted to the photograph as it is stored
         if found and image.shape != found[0].shape:
             raise ValueError(
                 f"photographs must have one size, got {image.shape} in {file}, "
@@ -208,8 +209,8 @@ def read_images(files: list[Path]) -> np.ndarray:
 
 
 def shrunk(width: int, height: int, wide: float, high: float, file: Path) -> tuple[float, float]:
-    """Return the size of photographs over that of those which a lens in `file` is for."""
-    # To a pixel: photographs that were made smaller have rounded sizes.
+    """Return the size of photographs divided by the size that a lens in `file` is for."""
+    # Compare to a pixel, because reduced photographs have rounded sizes.
     if not (wide > 0 < high and abs(width * high - height * wide) <= max(wide, high)):
         raise ValueError(
             f"{file} must be for photographs as wide and high as these, {width} x {height}, "
@@ -224,13 +225,13 @@ def view_directions(poses: np.ndarray) -> np.ndarray:
 
 
 def focus_of(poses: np.ndarray) -> np.ndarray:
-    """Return the point that is nearest to the optical axes of all cameras, (3,).
+    """Return the point nearest to the optical axes of all cameras, (3,).
 
-    That of cameras which look one way is not behind them, but at least as far ahead as they are
-    apart: axes that are nearly parallel meet anywhere.
+    Nearly parallel axes may meet anywhere. So for cameras that look the same way, the point is at
+    least as far ahead as the cameras are apart.
     """
     eyes, ahead = poses[:, :, 3], view_directions(poses)
-    # The distance from an axis is |(I - d d^T)(p - o)|: least squares over all axes.
+    # The distance from an axis is |(I - d d^T)(p - o)|; solve the least squares over all axes.
     across = np.eye(3) - ahead[:, :, None] * ahead[:, None]
     system = across.sum(axis=0) + 1e-9 * len(poses) * np.eye(3)  # parallel axes have no such point
     wanted = (across @ eyes[:, :, None])[..., 0].sum(axis=0) + 1e-9 * eyes.sum(axis=0)
@@ -244,7 +245,7 @@ def focus_of(poses: np.ndarray) -> np.ndarray:
 
 
 def every(count: int, step: int) -> np.ndarray:
-    """Mark the first of every `step` views, but not the only one; none for 0."""
+    """Mark the first of every `step` views; none if `step` is 0 or there is only one view."""
     marks = np.zeros(count, bool)
     if step and count > 1:
         marks[::step] = True
@@ -268,7 +269,7 @@ def _as_bytes(image: np.ndarray, file: Path) -> np.ndarray:
 
 
 def _averaged(image: np.ndarray, factor: int) -> np.ndarray:
-    """Average blocks; colours count as much as they are opaque."""
+    """Average blocks; colours are weighted by their opacity."""
     height, width = (n // factor for n in image.shape[:2])
     blocks = image[: height * factor, : width * factor].astype(np.float64)
     blocks = blocks.reshape(height, factor, width, factor, -1)

@@ -1,4 +1,4 @@
-"""A scene of solids, photographed by the library itself."""
+"""A scene of solids, rendered by the library itself."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ __all__ = ["make_scene"]
 SUN = (0.45, -0.35, 0.82)
 BOUNDS = Bounds((0.0, 0.0, 0.3), 1.05, False)
 WORLD = Bounds((0.0, 0.0, 0.0), 1.0, False)
-BALL = (0.0, 0.0, 0.25, 1.16)  # middle and radius
+BALL = (0.0, 0.0, 0.25, 1.16)  # middle and radius of a ball around the solids
 TARGET = (0.0, 0.0, 0.22)
 DISTANCE = 3.7
-FOCAL = 1.5  # in image sides
+FOCAL = 1.5  # focal length in image sides
 LOW, HIGH = 8.0, 62.0  # degrees above the ground
 GOLDEN = math.pi * (3 - math.sqrt(5))
 
@@ -36,8 +36,8 @@ class Solid(NamedTuple):
     size: tuple[float, float, float]
     color: tuple[float, float, float]
     rounding: float = 0.0
-    turn: float = 0.0  # about z
-    tilt: float = 0.0  # about its own x, before the turn
+    turn: float = 0.0  # rotation about z
+    tilt: float = 0.0  # rotation about its own x axis, applied before the turn
     gloss: float = 0.6
     pattern: Pattern = Pattern.PLAIN
     second: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -58,23 +58,24 @@ SOLIDS = (
 
 
 def make_scene(*, train: int = 40, test: int = 8, size: int = 100, samples: int = 2) -> Scene:
-    """Photograph a few solids on a plinth, from all round and above.
+    """Render photographs of a few solids on a plinth, from all sides and from above.
 
-    The solids have glossy paint, which looks different from every side, shadows and patterns.
+    The solids have shadows, patterns, and glossy paint, which looks different from every side.
 
     Parameters
     ----------
     train, test : int, default 40 and 8
-        Views to train from, at least 1, and views to keep back.
+        Number of training views, at least 1, and of held-out views.
     size : int, default 100
         Rows and columns of an image, at most 4096.
     samples : int, default 2
-        A pixel is the mean of so many rays down and across.
+        A pixel is the mean of `samples` x `samples` rays.
 
     Returns
     -------
     Scene
-        RGBA images on nothing, with depths; the world's z is up, and the plinth has a radius of 1.
+        RGBA images with a transparent background, and depths. The world's z axis points up; the
+        plinth has a radius of 1.
 
     Raises
     ------
@@ -122,7 +123,7 @@ def make_scene(*, train: int = 40, test: int = 8, size: int = 100, samples: int 
 
 
 def _eyes(count: int) -> np.ndarray:
-    """Return places on a spiral from low to high, evenly over the part of the sphere."""
+    """Return positions on a spiral from low to high, evenly spread over that part of the sphere."""
     low, high = (math.sin(math.radians(angle)) for angle in (LOW, HIGH))
     height = low + (high - low) * (np.arange(count) + 0.5) / count
     flat, turn = np.sqrt(1 - height**2), GOLDEN * np.arange(count)
@@ -131,7 +132,7 @@ def _eyes(count: int) -> np.ndarray:
 
 
 def _tables() -> tuple[np.ndarray, ...]:
-    """Return the solids as kernels take them."""
+    """Return the solids as tables for kernels."""
     kinds = np.array([(s.kind, s.pattern) for s in SOLIDS], np.int32)
     placements = np.empty((len(SOLIDS), 12), np.float32)
     for row, solid in zip(placements, SOLIDS, strict=True):

@@ -17,6 +17,7 @@ import taichi as ti
 from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.taichi._random import random_unit
 from cvkern.kernels.taichi._rounding import product, quotient
+from cvkern.kernels.taichi.radiance._structs import March
 
 vec2 = ti.types.vector(2, ti.f32)
 vec3 = ti.types.vector(3, ti.f32)
@@ -107,9 +108,9 @@ def row(a: ti.template(), i: ti.i32) -> vec3:
 
 
 @ti.func
-def spacing(t: ti.f32, finest: ti.f32, cone: ti.f32, zero: ti.i32) -> ti.f32:
+def spacing(t: ti.f32, march: March, zero: ti.i32) -> ti.f32:
     """Distance between samples: it grows with the distance from the camera."""
-    return ti.max(finest, product(cone, t, zero))
+    return ti.max(march.finest, product(march.cone, t, zero))
 
 
 @ti.func
@@ -150,22 +151,12 @@ def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i
 
 
 @ti.func
-def reach(
-    origin: vec3,
-    inverse: vec3,
-    levels: ti.i32,
-    near: ti.f32,
-    far: ti.f32,
-    finest: ti.f32,
-    cone: ti.f32,
-    jitter: ti.f32,
-    zero: ti.i32,
-) -> vec2:
+def reach(origin: vec3, inverse: vec3, march: March, jitter: ti.f32, zero: ti.i32) -> vec2:
     """Distances of the first place on a ray, a share of a step behind its entry, and of its end."""
-    inside = interval(origin, inverse, ti.cast(1 << (levels - 1), ti.f32), zero)
-    entry = ti.max(near, inside[0])
-    first = entry + product(jitter, spacing(entry, finest, cone, zero), zero)
-    return vec2(first, ti.min(far, inside[1]))
+    inside = interval(origin, inverse, ti.cast(1 << (march.levels - 1), ti.f32), zero)
+    entry = ti.max(march.near, inside[0])
+    first = entry + product(jitter, spacing(entry, march, zero), zero)
+    return vec2(first, ti.min(march.far, inside[1]))
 
 
 @ti.func
@@ -174,11 +165,8 @@ def skip(
     direction: vec3,
     inverse: vec3,
     bits: ti.template(),
-    levels: ti.i32,
-    cells: ti.i32,
+    march: March,
     t: ti.f32,
-    finest: ti.f32,
-    cone: ti.f32,
     zero: ti.i32,
 ) -> ti.f32:
     """Return where to look next if there is no sample at t: no sample of the ray is before.
@@ -186,24 +174,24 @@ def skip(
     Its samples are the places t, t + spacing(t), ... that are in occupied cells; of one, return t.
     """
     point = place(origin, t, direction, zero)
-    level = level_of(point, levels)
-    found = t + spacing(t, finest, cone, zero)  # if `point` is on the outermost side
-    if level < levels:
-        cell = cell_of(point, level, cells)
+    level = level_of(point, march.levels)
+    found = t + spacing(t, march, zero)  # if `point` is on the outermost side
+    if level < march.levels:
+        cell = cell_of(point, level, march.cells)
         if is_set(bits, cell) != 0:
             found = t
         else:
             shift = 0  # binary digits of the side of what is empty, in cells
-            if cells % 16 == 0 and is_block_empty(bits, cell):
+            if march.cells % 16 == 0 and is_block_empty(bits, cell):
                 shift = 2
-            goal = t + way_out(point, inverse, level, cells >> shift, zero)
+            goal = t + way_out(point, inverse, level, march.cells >> shift, zero)
             inside = t
             behind = found
             while behind < goal:
                 inside = behind
-                behind += spacing(behind, finest, cone, zero)
+                behind += spacing(behind, march, zero)
             # The goal is rounded: what was passed may be left out if the last of it is inside.
-            own = cell_of(place(origin, inside, direction, zero), level, cells)
+            own = cell_of(place(origin, inside, direction, zero), level, march.cells)
             if own >> 3 * shift == cell >> 3 * shift:
                 found = behind
     return found
@@ -213,16 +201,14 @@ def skip(
 def keep_sample(
     at: ti.i32,
     ray: ti.i32,
-    point: vec3,
+    position: vec3,
     t: ti.f32,
     step: ti.f32,
-    unbounded: ti.i32,
     positions: ti.template(),
     distances: ti.template(),
     rays: ti.template(),
 ):
     """Write a sample of a ray to row `at`."""
-    position = in_cube(point, unbounded)
     for k in ti.static(range(3)):
         positions[at, k] = position[k]
     distances[at, 0] = t

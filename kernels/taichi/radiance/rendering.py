@@ -12,7 +12,8 @@ import taichi as ti
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import primitive
 
-from ._space import interval, keep_sample, place, reach, reciprocal, row, skip, spacing
+from ._space import in_cube, interval, keep_sample, place, reach, reciprocal, row, skip, spacing
+from ._structs import March, Round, march_of
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -34,10 +35,7 @@ def _clear(counts: i32_1):
 def _set_out(
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
-    levels: ti.i32,
-    near: ti.f32,
-    finest: ti.f32,
-    cone: ti.f32,
+    march: March,
     zero: ti.i32,
     # outputs
     at: f32_1,  # (R,)
@@ -50,7 +48,7 @@ def _set_out(
     for ray in range(origins.shape[0]):
         inverse = reciprocal(row(directions, ray), zero)
         origin = row(origins, ray)
-        at[ray] = reach(origin, inverse, levels, near, NEVER, finest, cone, 0.5, zero)[0]
+        at[ray] = reach(origin, inverse, march, 0.5, zero)[0]
         taken[ray] = 0
         listing[ray] = ray
         for k in ti.static(range(3)):
@@ -74,82 +72,87 @@ def set_out(
     of them, and they saw nothing: the rest of `views` and `counts` (2,) are 0.
     """
     outputs = views.at, views.taken, listing, views.color, views.opacity, views.depth
-    m = march
-    _set_out(rays.origins, rays.directions, space.levels, m.near, m.finest, m.cone, 0, *outputs)
+    _set_out(rays.origins, rays.directions, march_of(space, march), 0, *outputs)
     _clear(counts)
 
 
 @ti.kernel
-def _march_on(
+def _count_next(
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
     bits: u32_1,  # (levels cells^3 / 32,)
-    levels: ti.i32,
-    cells: ti.i32,
-    far: ti.f32,
-    finest: ti.f32,
-    cone: ti.f32,
-    most: ti.i32,
-    unbounded: ti.i32,
-    few: ti.i32,
-    living: ti.i32,
+    march: March,
+    round: Round,
     listing: i32_1,  # (R,)
     zero: ti.i32,
     # outputs
-    at: f32_1,  # (R,)
+    at: f32_1,  # (R,): moved on to the first of the samples
     taken: i32_1,  # (R,)
     going: i32_1,  # (R,)
     spans: i32_2,  # (R, 2)
     counts: i32_1,  # (2,): 0, added to
-    positions: f32_2,  # (M, 3)
-    distances: f32_2,  # (M, 2)
-    rays: i32_1,  # (M,)
 ):
-    for i in range(living):
+    for i in range(round.living):
         ray = listing[i]
         origin = row(origins, ray)
         direction = row(directions, ray)
         inverse = reciprocal(direction, zero)
-        side = ti.cast(1 << (levels - 1), ti.f32)
-        last = ti.min(far, interval(origin, inverse, side, zero)[1])
-        limit = ti.min(few, most - taken[ray])
-        begin = 0
-        # Once to count the samples, and from the first of them again to write them.
-        for writes in range(2):
-            t = at[ray]
-            count = 0
-            while t < last and count < limit:
-                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
-                if next == t:
-                    step = spacing(t, finest, cone, zero)
-                    if writes != 0:
-                        point = place(origin, t, direction, zero)
-                        keep_sample(
-                            begin + count,
-                            ray,
-                            point,
-                            t,
-                            step,
-                            unbounded,
-                            positions,
-                            distances,
-                            rays,
-                        )
-                    elif count == 0:
-                        at[ray] = t
-                    count += 1
-                    next = t + step
-                t = next
-            if writes != 0:
-                at[ray] = t
-                taken[ray] += count
-            elif count > 0:
-                begin = ti.atomic_add(counts[0], count)
-                entry = ti.atomic_add(counts[1], 1)
-                going[entry] = ray
-                spans[entry, 0] = begin
-                spans[entry, 1] = count
-            limit = count
+        side = ti.cast(1 << (march.levels - 1), ti.f32)
+        last = ti.min(march.far, interval(origin, inverse, side, zero)[1])
+        limit = ti.min(round.few, march.most - taken[ray])
+        t = at[ray]
+        count = 0
+        while t < last and count < limit:
+            next = skip(origin, direction, inverse, bits, march, t, zero)
+            if next == t:
+                if count == 0:
+                    at[ray] = t
+                count += 1
+                next = t + spacing(t, march, zero)
+            t = next
+        if count > 0:
+            taken[ray] += count
+            entry = ti.atomic_add(counts[1], 1)
+            going[entry] = ray
+            spans[entry, 0] = ti.atomic_add(counts[0], count)
+            spans[entry, 1] = count
+
+
+@ti.kernel
+def _write_next(
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    bits: u32_1,  # (levels cells^3 / 32,)
+    march: March,
+    going: i32_1,  # (R,)
+    spans: i32_2,  # (R, 2)
+    counts: i32_1,  # (2,)
+    zero: ti.i32,
+    # outputs
+    at: f32_1,  # (R,): moved on behind the samples
+    positions: f32_2,  # (M, 3)
+    distances: f32_2,  # (M, 2)
+    rays: i32_1,  # (M,)
+):
+    for i in range(counts[1]):
+        ray = going[i]
+        origin = row(origins, ray)
+        direction = row(directions, ray)
+        inverse = reciprocal(direction, zero)
+        sample = spans[i, 0]
+        end = sample + spans[i, 1]
+        t = at[ray]
+        while sample < end:
+            next = skip(origin, direction, inverse, bits, march, t, zero)
+            if next == t:
+                step = spacing(t, march, zero)
+                point = place(origin, t, direction, zero)
+                cube = in_cube(point, march.unbounded)
+                keep_sample(sample, ray, cube, t, step, positions, distances, rays)
+                sample += 1
+                next = t + step
+            t = next
+        at[ray] = t
 
 
 @primitive
@@ -175,11 +178,10 @@ def march_on(
     samples and rays there are. `samples` have room for few living. In which order the rays are
     listed is left open: nothing that they see depends on it.
     """
-    s, m = space, march
-    _march_on(
-        rays.origins, rays.directions, s.bits, s.levels, s.cells, m.far, m.finest, m.cone, m.most,
-        s.unbounded, few, living, listing, 0, views.at, views.taken, going, spans, counts, *samples,
-    )  # fmt: skip
+    given = rays.origins, rays.directions, space.bits, march_of(space, march)
+    found = going, spans, counts
+    _count_next(*given, Round(few=few, living=living), listing, 0, views.at, views.taken, *found)
+    _write_next(*given, *found, 0, views.at, *samples)
 
 
 @ti.kernel

@@ -1,4 +1,4 @@
-"""Matching on CUDA: a thread a descriptor, the others in shared memory by way of the cache."""
+"""Nearest descriptors on CUDA: on tensor cores for SIFT's and ORB's sizes, else a thread a row."""
 
 import warp as wp
 
@@ -8,18 +8,41 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LARGEST = wp.constant(FARTHEST)
+THREADS = 256  # threads of a block on tensor cores
+PARTS = 2  # such blocks for BLOCK_ROWS rows
+OLDEST = 80  # architecture: `mma` has the products of bits since then
+SIZES = {(0, 128): 32, (1, 32): 8}  # words of a descriptor, by whether it is binary and its bytes
 
 
-@_native.func_native("_matching_cuda.cu")
+def _match(binary: int, words: int) -> wp.Kernel:
+    """Return the kernel for descriptors of so many words."""
+
+    @_native.kernel("_matching_cuda.cu", {}, WORDS=words, BINARY=binary, FARTHEST=FARTHEST)
+    def match(
+        words: wp.array2d[wp.uint32],  # (T, K / 4)
+        blocks: wp.array2d[int],  # (B, 5)
+        # outputs
+        best: wp.array[int],
+        second: wp.array[int],
+        index: wp.array[int],
+    ): ...
+
+    return match
+
+
+matches = {kind: _match(kind[0], words) for kind, words in SIZES.items()}
+
+
+@_native.func_native("_bytes_cuda.cu")
 def ones_of(word: wp.uint32) -> int: ...
 
 
-@_native.func_native("_matching_cuda.cu")
+@_native.func_native("_bytes_cuda.cu")
 def dot4(a: wp.uint32, b: wp.uint32, sum: wp.uint32) -> wp.uint32: ...
 
 
 @wp.kernel
-def match(
+def match_any(
     words: wp.array2d[wp.uint32],  # (T, K / 4)
     blocks: wp.array2d[int],  # (B, 5)
     rows: int,

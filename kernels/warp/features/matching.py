@@ -1,4 +1,8 @@
-"""Nearest descriptors by exact distances, in Warp; the smallest index wins a tie."""
+"""Nearest descriptors by exact distances, in Warp, and which of them are matches.
+
+The smallest index wins a tie. What is kept is counted by a prefix sum, so that matches are in the
+order of their rows.
+"""
 
 import numpy as np
 import warp as wp
@@ -8,6 +12,30 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, vi
 
 from . import _matching_cpu as cpu
 from . import _matching_cuda as cuda
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.kernel
+def _pack(
+    src: wp.array2d[wp.uint8],  # (N, D)
+    first: int,
+    # outputs
+    dst: wp.array2d[wp.uint8],  # (T, K)
+):
+    row, k = wp.tid()
+    value = wp.uint8(0)
+    if k < src.shape[1]:
+        value = src[row, k]
+    dst[first + row, k] = value
+
+
+def pack_descriptors(src: wp.array, first: int, dst: wp.array) -> None:
+    """Copy descriptors (N, D) to the rows of `dst` (T, K) from `first` on, with zeros behind them.
+
+    One thread a byte.
+    """
+    launch(_pack, (src.shape[0], dst.shape[1]), [src, first], [dst])
 
 
 def find_nearest(
@@ -27,8 +55,14 @@ def find_nearest(
     rows, size = descriptors.shape
     if descriptors.device.is_cuda:
         words = view(descriptors, wp.uint32, (rows, size // 4))
+        outputs = [best, second, index]
+        match = cuda.matches.get((binary, size))
+        if match is not None and descriptors.device.arch >= cuda.OLDEST:
+            threads = cuda.THREADS
+            launch(match, cuda.PARTS * count * threads, [words, blocks], outputs, threads)
+            return
         inputs = [words, blocks, BLOCK_ROWS, binary]
-        launch(cuda.match, count * BLOCK_ROWS, inputs, [best, second, index], BLOCK_ROWS)
+        launch(cuda.match_any, count * BLOCK_ROWS, inputs, outputs, BLOCK_ROWS)
         return
     others = blocks.numpy()[:, 2:4]
     images, image_of = np.unique(others, axis=0, return_inverse=True)
@@ -51,3 +85,93 @@ def find_nearest(
     inputs = [descriptors, blocks, group_of, binary, packed, norms]
     launch_slabs(cpu.match, count, min(count, 4 * slabs(count, work)), inputs,
                  [best, second, index])  # fmt: skip
+
+
+@wp.kernel
+def _keep(
+    pairs: wp.array2d[int],  # (P, 4)
+    factor: wp.float64,
+    best: wp.array[int],
+    second: wp.array[int],
+    index: wp.array[int],
+    # outputs
+    kept: wp.array[int],
+):
+    pair, row = wp.tid()
+    if row >= pairs[pair, 0]:
+        return
+    at = pairs[pair, 1] + row
+    found = int(1)
+    if factor < wp.float64(1.0):
+        if wp.float64(best[at]) >= factor * wp.float64(second[at]):
+            found = 0
+    if pairs[pair, 2] >= 0:
+        if index[pairs[pair, 2] + index[at]] != row:
+            found = 0
+    kept[pairs[pair, 3] + row] = found
+
+
+@wp.kernel
+def _end(
+    pairs: wp.array2d[int],  # (P, 4)
+    counts: wp.array[int],
+    # outputs
+    ends: wp.array[int],  # (P,)
+):
+    pair = wp.tid()
+    last = pairs[pair, 3] + pairs[pair, 0] - 1
+    end = int(0)
+    if last >= 0:
+        end = counts[last]
+    ends[pair] = end
+
+
+def keep_matches(
+    pairs: wp.array,
+    most: int,
+    factor: float,
+    best: wp.array,
+    second: wp.array,
+    index: wp.array,
+    counts: wp.array,
+    ends: wp.array,
+) -> None:
+    """Count the matches up to each of R rows of P pairs, and up to the end of each pair.
+
+    A pair is (number of rows, at most `most`; place of its first result; place of the first result
+    of the other way, or -1; its first row of the R). A row is a match if its best distance is below
+    `factor` times the second, unless that is 1, and if the result of the other way agrees. One
+    thread a row, then a prefix sum.
+    """
+    pair_count = pairs.shape[0]
+    inputs = [pairs, wp.float64(factor), best, second, index]
+    launch(_keep, (pair_count, most), inputs, [counts])
+    wp.utils.array_scan(counts, counts, inclusive=True)
+    launch(_end, pair_count, [pairs, counts], [ends])
+
+
+@wp.kernel
+def _write(
+    pairs: wp.array2d[int],  # (P, 4)
+    index: wp.array[int],
+    counts: wp.array[int],
+    # outputs
+    matches: wp.array2d[int],
+):
+    pair, row = wp.tid()
+    if row >= pairs[pair, 0]:
+        return
+    i = pairs[pair, 3] + row
+    before = int(0)
+    if i > 0:
+        before = counts[i - 1]
+    if counts[i] > before:
+        matches[before, 0] = row
+        matches[before, 1] = index[pairs[pair, 1] + row]
+
+
+def write_matches(
+    pairs: wp.array, most: int, index: wp.array, counts: wp.array, matches: wp.array
+) -> None:
+    """List the M matches that `keep_matches` counted: a row and its nearest; a thread a row."""
+    launch(_write, (pairs.shape[0], most), [pairs, index, counts], [matches])

@@ -51,7 +51,7 @@ def test_hough_circle(radius, options, error, message):
 
 @pytest.mark.parametrize(("options", "error", "message"), [
     ({"hspaces": FLAT}, ValueError, "hspaces must be 3-D, got shape (4, 5)"),
-    ({"radii": [2]}, ValueError, "radii must be one of each of 2 accumulators, got 1"),
+    ({"radii": [2]}, ValueError, "radii must be one for each of 2 accumulators, got 1"),
     ({"radii": [2, 0]}, ValueError, "radii must be in [1, 16384], got 0"),
     ({"min_xdistance": 0}, ValueError, "min_xdistance must be in [1, 16384], got 0"),
     ({"min_ydistance": 1.5}, TypeError, "min_ydistance must be an integer, got 1.5"),

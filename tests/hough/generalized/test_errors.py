@@ -83,7 +83,7 @@ def test_options_of_votes(options, error, message):
         (
             {"max_bytes": 11},
             ValueError,
-            "max_bytes must be at least 12, what one rotation and scale takes, got 11",
+            "max_bytes must be at least 12, for one rotation and scale, got 11",
         ),
     ],
 )

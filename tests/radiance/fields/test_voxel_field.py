@@ -123,7 +123,7 @@ def test_to_render_takes_the_nodes_that_are_seen(backend, unbounded):
         ({"spacing": 0}, "spacing must be > 0, got 0"),
         ({"density_rate": -1.0}, "density_rate must be > 0, got -1.0"),
         ({"spacing": 0.127}, "spacing must be at least 0.128 cells, got 0.127"),
-        ({"first": 0.01}, "first must be above what is thin, 0.032, got 0.01"),
+        ({"first": 0.01}, "first must be above 0.032, which counts as empty, got 0.01"),
         ({"smooth_color": -1.0}, "smooth_color must be >= 0 and finite, got -1.0"),
     ],
 )

@@ -36,7 +36,7 @@ def test_missing_files_are_named(tmp_path):
         load_scene(tmp_path)
     instant_ngp(tmp_path)
     (tmp_path / "images" / "v003.png").unlink()
-    with pytest.raises(FileNotFoundError, match=r"v003\.png is not there"):
+    with pytest.raises(FileNotFoundError, match=r"v003\.png is missing"):
         load_scene(tmp_path)
 
 

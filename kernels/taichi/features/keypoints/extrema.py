@@ -3,9 +3,11 @@
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
+from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product
+from cvkern.kernels.taichi.filters.linear import correlate_separable
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
@@ -32,7 +34,8 @@ def _prepare(
         if src.shape[2] > 1:
             v = product(GRAY[0], v, zero) + product(GRAY[1], src[y, x, 1], zero)
             v = v + product(GRAY[2], src[y, x, 2], zero)
-        dst[y, x] = v * scale
+        v = v * scale
+        dst[y, x] = v if ti.abs(v) <= MOST_GRAY else 0.0  # NaN as well
 
 
 @primitive
@@ -61,6 +64,14 @@ def _double(
 
 
 @primitive
+def smooth(src: np.ndarray, taps: np.ndarray, dst: np.ndarray) -> None:
+    """Correlate down the rows, then along the columns, mirrored; one thread a pixel and pass."""
+    planes = (1, *src.shape)
+    border = int(Border.MIRROR)
+    correlate_separable(src.reshape(planes), taps, taps, 1, border, 0.0, dst.reshape(planes))
+
+
+@primitive
 def halve(src: np.ndarray, dst: np.ndarray) -> None:
     """Every second pixel of every second row; one thread a pixel."""
     _halve(src, dst)
@@ -77,9 +88,15 @@ def _halve(
 
 
 @primitive
-def mark_extrema(levels: np.ndarray, threshold: float, margin: int, words: np.ndarray) -> None:
-    """Mark pixels whose difference of levels is extreme among 26 neighbours; one bit a pixel."""
+def mark_extrema(
+    levels: np.ndarray, threshold: float, margin: int, words: np.ndarray, counts: np.ndarray
+) -> None:
+    """Mark pixels whose difference of levels is extreme among 26 neighbours.
+
+    A bit a pixel, and their number in each row.
+    """
     _mark(levels, threshold, margin, words)
+    _count(words, counts)
 
 
 @ti.func

@@ -13,6 +13,7 @@ from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._random import random_unit
 from cvkern.kernels.taichi.radiance._space import (
+    in_cube,
     keep_sample,
     place,
     reach,
@@ -21,6 +22,7 @@ from cvkern.kernels.taichi.radiance._space import (
     skip,
     spacing,
 )
+from cvkern.kernels.taichi.radiance._structs import March, march_of
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
@@ -33,16 +35,7 @@ def _march(
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
     bits: u32_1,  # (levels cells^3 / 32,)
-    levels: ti.i32,
-    cells: ti.i32,
-    near: ti.f32,
-    far: ti.f32,
-    finest: ti.f32,
-    cone: ti.f32,
-    most: ti.i32,
-    jittered: ti.i32,
-    unbounded: ti.i32,
-    seed: ti.i32,
+    march: March,
     step: i32_1,  # (1,)
     active: i32_1,  # (1,): rays behind so many have no samples
     writes: ti.i32,
@@ -54,7 +47,7 @@ def _march(
     rays: i32_1,  # (M,)
 ):
     for ray in range(origins.shape[0]):
-        limit = most
+        limit = march.most
         if writes != 0:
             limit = spans[ray, 1]
         elif ray >= active[0]:
@@ -62,23 +55,22 @@ def _march(
         count = 0
         if limit > 0:
             jitter = 0.5
-            if jittered != 0:
-                jitter = random_unit(seed, step[0], ray, Draw.JITTER)
+            if march.jittered != 0:
+                jitter = random_unit(march.seed, step[0], ray, Draw.JITTER)
             origin = row(origins, ray)
             direction = row(directions, ray)
             inverse = reciprocal(direction, zero)
-            ends = reach(origin, inverse, levels, near, far, finest, cone, jitter, zero)
+            ends = reach(origin, inverse, march, jitter, zero)
             t = ends[0]
             while t < ends[1] and count < limit:
-                next = skip(origin, direction, inverse, bits, levels, cells, t, finest, cone, zero)
+                next = skip(origin, direction, inverse, bits, march, t, zero)
                 if next == t:
-                    length = spacing(t, finest, cone, zero)
+                    length = spacing(t, march, zero)
                     if writes != 0:
                         at = spans[ray, 0] + count
                         point = place(origin, t, direction, zero)
-                        keep_sample(
-                            at, ray, point, t, length, unbounded, positions, distances, rays
-                        )
+                        cube = in_cube(point, march.unbounded)
+                        keep_sample(at, ray, cube, t, length, positions, distances, rays)
                     count += 1
                     next = t + length
                 t = next
@@ -126,11 +118,8 @@ def march_rays(
     in the next batch has to write it anew. `spans` (R, 2) is filled with the first row and the
     number of rows of each ray, `total` (1,) with their number, and that many rows of `samples`.
     """
-    m = march
-    given = (
-        rays.origins, rays.directions, space.bits, space.levels, space.cells, m.near, m.far,
-        m.finest, m.cone, m.most, m.jittered, space.unbounded, m.seed, m.step, rays.active,
-    )  # fmt: skip
+    numbers = march_of(space, march)
+    given = rays.origins, rays.directions, space.bits, numbers, march.step, rays.active
     _march(*given, False, 0, spans, *samples)
     _place(samples.positions.shape[0], spans, total, rays.active)
     _march(*given, True, 0, spans, *samples)

@@ -14,6 +14,7 @@ from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Background, Draw
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._random import random_unit
+from cvkern.kernels.taichi.radiance._structs import Comparison
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -43,11 +44,8 @@ def _loss(
     opacity: f32_1,  # (R,)
     targets: f32_2,  # (R, 4)
     active: i32_1,  # (1,)
-    kind: ti.i32,
+    comparison: Comparison,
     learnt: f32_1,  # (3,)
-    huber: ti.f32,
-    scale: ti.f32,
-    seed: ti.i32,
     step: i32_1,  # (1,)
     # outputs
     errors: f32_1,  # (R,): mean squared error of each ray
@@ -57,7 +55,8 @@ def _loss(
 ):
     for ray in range(opacity.shape[0]):
         if ray < active[0]:
-            behind = _background(kind, learnt, seed, step[0], ray)
+            huber = comparison.huber
+            behind = _background(comparison.kind, learnt, comparison.seed, step[0], ray)
             through = 1.0 - opacity[ray]
             seen = targets[ray, 3]
             error = 0.0
@@ -69,7 +68,7 @@ def _loss(
                 d = 2.0 * e
                 if huber > 0.0:
                     d = ti.math.sign(e) * huber if ti.abs(e) > huber else e  # a NaN stays
-                d *= scale / 3.0
+                d *= comparison.scale / 3.0
                 d_color[ray, k] = d
                 d_through += d * behind[k]
                 d_learnt[ray, k] = d * (seen - opacity[ray])
@@ -99,7 +98,6 @@ def loss(
     (R, 3), for each ray alone, are not written for those.
     """
     c = comparison
-    _loss(
-        color, opacity, targets, active, c.kind, c.learnt, c.huber, c.scale, c.seed, c.step, errors,
-        d_color, d_opacity, d_learnt,
-    )  # fmt: skip
+    numbers = Comparison(kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed)
+    inputs = color, opacity, targets, active, numbers, c.learnt, c.step
+    _loss(*inputs, errors, d_color, d_opacity, d_learnt)

@@ -14,6 +14,7 @@ from cvkern.kernels.taichi.radiance._space import (
     row,
     way_out,
 )
+from cvkern.kernels.taichi.radiance._structs import Grid, March
 
 ZERO = 0  # nothing here has to have the same bits everywhere: products may be fused with sums
 
@@ -44,7 +45,7 @@ def _share(f: vec3, corner: ti.template()) -> ti.f32:
 
 
 @ti.kernel
-def march(
+def march_all(
     backward: ti.template(),
     serial: ti.template(),
     exact: ti.template(),
@@ -56,18 +57,9 @@ def march(
     directions: f32_2,  # (R, 3)
     active: i32_1,  # (1,)
     bits: u32_1,  # (cells^3 / 32,)
-    cells: ti.i32,
-    near: ti.f32,
-    far: ti.f32,
-    finest: ti.f32,
-    cone: ti.f32,
-    unbounded: ti.i32,
-    jittered: ti.i32,
-    seed: ti.i32,
+    march: March,
+    grid: Grid,
     step: i32_1,  # (1,)
-    stop: ti.f32,
-    least: ti.f32,
-    basis: ti.i32,
     density: f32_3,  # (N + 1, N + 1, N + 1)
     color: f32_4,  # (N + 1, N + 1, N + 1, C)
     # outputs of the forward pass, inputs of the backward pass
@@ -89,13 +81,16 @@ def march(
             inverse = reciprocal(d, ZERO)
             h = harmonics(d[0], d[1], d[2])
             resolution = density.shape[0] - 1
+            cells = march.cells
             size = resolution // cells
-            t, last = near, far
-            if not unbounded:
+            t, last = march.near, march.far
+            if not march.unbounded:
                 inside = interval(o, inverse, 1.0, ZERO)
-                t, last = ti.max(near, inside[0]), ti.min(far, inside[1])
-            jitter = random_unit(seed, step[0], ray, Draw.JITTER) if jittered else 0.5
-            t += jitter * ti.max(finest, cone * t)
+                t, last = ti.max(march.near, inside[0]), ti.min(march.far, inside[1])
+            jitter = 0.5
+            if march.jittered:
+                jitter = random_unit(march.seed, step[0], ray, Draw.JITTER)
+            t += jitter * ti.max(march.finest, march.cone * t)
             left, sum_w, sum_wt, spread, found = 1.0, 0.0, 0.0, 0.0, 0
             seen = vec3(0.0)
             # The backward pass has the gradients, and sum w_j G_j of the samples ahead.
@@ -105,10 +100,10 @@ def march(
                 do, dd, dx = d_opacity[ray], d_depth[ray], d_distortion[ray]
                 rest = dc.dot(row(colors, ray)) + do * opacity[ray] + dd * depth[ray]
                 rest += 2.0 * dx * distortion[ray]
-            while t < last and left > stop:
-                gap = ti.max(finest, cone * t)
+            while t < last and left > grid.stop:
+                gap = ti.max(march.finest, march.cone * t)
                 point = o + t * d
-                at = ti.math.clamp(in_cube(point, unbounded), 0.0, 1.0) * resolution
+                at = ti.math.clamp(in_cube(point, march.unbounded), 0.0, 1.0) * resolution
                 node = ti.min(ti.cast(at, ti.i32), resolution - 1)
                 f = at - node
                 cell = node // size
@@ -117,7 +112,7 @@ def march(
                     for corner in ti.static(range(8)):
                         k, j, i = _corner(node, corner)
                         raw += _share(f, corner) * density[k, j, i]
-                    if raw > least:
+                    if raw > grid.least:
                         sigma = ti.exp(ti.min(raw, MOST_LOG_DENSITY))
                         w = left * (1.0 - ti.exp(-sigma * gap))
                         s = vec3(0.0)
@@ -125,9 +120,9 @@ def march(
                             share = _share(f, corner)
                             k, j, i = _corner(node, corner)
                             for n in ti.static(range(9)):
-                                if n < basis:
+                                if n < grid.basis:
                                     for c in ti.static(range(3)):
-                                        s[c] += share * h[n] * color[k, j, i, c * basis + n]
+                                        s[c] += share * h[n] * color[k, j, i, c * grid.basis + n]
                         rgb = 1.0 / (1.0 + ti.exp(-s))
                         left -= w
                         if ti.static(backward):
@@ -146,10 +141,10 @@ def march(
                                 touched[k, j, i] = ti.u8(1)
                                 add(d_density[k, j, i], share * d_raw, exact)
                                 for n in ti.static(range(9)):
-                                    if n < basis:
+                                    if n < grid.basis:
                                         for c in ti.static(range(3)):
                                             v = share * h[n] * d_s[c]
-                                            add(d_color[k, j, i, c * basis + n], v, exact)
+                                            add(d_color[k, j, i, c * grid.basis + n], v, exact)
                         else:
                             seen += w * rgb
                             spread += w * (2.0 * (t * sum_w - sum_wt) + w * gap / 3.0)
@@ -157,7 +152,7 @@ def march(
                             sum_wt += w * t
                             found += 1
                     t += gap
-                elif unbounded:
+                elif march.unbounded:
                     t += gap
                 else:  # by whole steps behind the cell
                     t += gap * ti.max(1.0, ti.ceil(way_out(point, inverse, 0, cells, ZERO) / gap))

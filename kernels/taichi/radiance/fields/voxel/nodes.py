@@ -12,6 +12,7 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 f32_4 = ti.types.ndarray(dtype=ti.f32, ndim=4)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
+vec3 = ti.types.vector(3, ti.f32)
 
 
 @ti.kernel
@@ -38,40 +39,48 @@ def _total_variation(
 
 
 @ti.kernel
-def _adam(
-    rate_density: f32_1,
-    rate_color: f32_1,
-    factor: f32_1,
-    beta1: ti.f32,
-    beta2: ti.f32,
-    epsilon: ti.f32,
+def _adam_density(
+    rate: f32_1,  # (3,)
+    factor: f32_1,  # (1,)
+    rule: vec3,  # beta1, beta2, epsilon
+    touched: u8_3,
+    # outputs
+    d_density: f32_3,
+    mean: f32_3,
+    square: f32_3,
+    density: f32_3,
+):
+    for node in ti.grouped(touched):
+        if touched[node]:
+            g = d_density[node] * factor[0]
+            d_density[node] = 0.0
+            mean[node], square[node], density[node] = adam_step(
+                g, mean[node], square[node], density[node], rate, rule[0], rule[1], rule[2]
+            )
+
+
+@ti.kernel
+def _adam_color(
+    rate: f32_1,  # (3,)
+    factor: f32_1,  # (1,)
+    rule: vec3,  # beta1, beta2, epsilon
     # outputs
     touched: u8_3,
-    d_density: f32_3,
-    density_mean: f32_3,
-    density_square: f32_3,
-    density: f32_3,
     d_color: f32_4,
-    color_mean: f32_4,
-    color_square: f32_4,
+    mean: f32_4,
+    square: f32_4,
     color: f32_4,
 ):
     for k, j, i in touched:
         if touched[k, j, i]:
             touched[k, j, i] = ti.u8(0)
-            g = d_density[k, j, i] * factor[0]
-            d_density[k, j, i] = 0.0
-            density_mean[k, j, i], density_square[k, j, i], density[k, j, i] = adam_step(
-                g, density_mean[k, j, i], density_square[k, j, i], density[k, j, i], rate_density,
-                beta1, beta2, epsilon,
-            )  # fmt: skip
             for c in range(color.shape[3]):
-                g = d_color[k, j, i, c] * factor[0]
-                d_color[k, j, i, c] = 0.0
-                color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c] = adam_step(
-                    g, color_mean[k, j, i, c], color_square[k, j, i, c], color[k, j, i, c],
-                    rate_color, beta1, beta2, epsilon,
-                )  # fmt: skip
+                at = ti.Vector([k, j, i, c])
+                g = d_color[at] * factor[0]
+                d_color[at] = 0.0
+                mean[at], square[at], color[at] = adam_step(
+                    g, mean[at], square[at], color[at], rate, rule[0], rule[1], rule[2]
+                )
 
 
 @ti.kernel
@@ -159,10 +168,9 @@ def adam(
     `training.adam.learning_rate` for the same step. `touched` and the arrays of `density` are
     (N, N, N), those of `color` (N, N, N, C). The rule's decay is 0, and it is not sparse.
     """
-    _adam(
-        rate_density, rate_color, factor, rule.beta1, rule.beta2, rule.epsilon, touched, *density,
-        *color,
-    )  # fmt: skip
+    numbers = ti.Vector([rule.beta1, rule.beta2, rule.epsilon])
+    _adam_density(rate_density, factor, numbers, touched, *density)
+    _adam_color(rate_color, factor, numbers, touched, *color)
 
 
 @primitive

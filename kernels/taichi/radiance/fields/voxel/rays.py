@@ -21,8 +21,9 @@ import numpy as np
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import on_cpu, primitive, scratch
+from cvkern.kernels.taichi.radiance._structs import Grid, march_of
 
-from ._march import march as march_all
+from ._march import march_all
 
 
 @primitive
@@ -81,7 +82,7 @@ def _launch(
     rays, space, march, grid, stop = given
     exact = outputs[1].dtype == np.int64
     march_all(
-        backward, serial, exact, *d_seen, *rays, space.bits, space.cells, march.near, march.far,
-        march.finest, march.cone, space.unbounded, march.jittered, march.seed, march.step, stop,
-        grid.least, grid.basis, grid.density, grid.color, *seen, samples, *outputs,
+        backward, serial, exact, *d_seen, *rays, space.bits, march_of(space, march),
+        Grid(basis=grid.basis, least=grid.least, stop=stop), march.step, grid.density, grid.color,
+        *seen, samples, *outputs,
     )  # fmt: skip

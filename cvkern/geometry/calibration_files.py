@@ -1,0 +1,267 @@
+"""Calibrations in files: JSON, and the YAML of OpenCV."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvkern._files import write_text
+from cvkern.geometry.calibration import Calibration
+from cvkern.geometry.camera import Camera, check_pose
+from cvkern.geometry.stereo_calibration import StereoCalibration
+
+LARGEST_FILE = 2**24  # bytes: calibrations have some thousands
+_MATRIX = re.compile(
+    r"rows:\s*(\d+)\s+cols:\s*(\d+)\s+dt:\s*\"?(\w+)\"?\s+data:\s*\[([^\]]*)\]", re.DOTALL
+)
+_ENTRY = re.compile(r"^(\w+):", re.MULTILINE)
+_JSON, _YAML = (".json",), (".yml", ".yaml")
+
+
+def write_calibration(
+    path: str | os.PathLike[str], calibration: Calibration | StereoCalibration
+) -> None:
+    """Write a calibration to a file.
+
+    Parameters
+    ----------
+    path : path
+        Ends in .json, or in .yml or .yaml for the form of OpenCV's ``FileStorage``. The file is
+        written whole or not at all; an older one is replaced.
+    calibration : Calibration or StereoCalibration
+        Of the first, the camera, `rms` and `deviations` are written; of the second also
+        `rotation` and `translation`. How boards stood is not.
+
+    Raises
+    ------
+    TypeError
+        If `calibration` is none.
+    ValueError
+        If `path` has another ending, or is no regular file.
+    OSError
+        If the file cannot be written.
+
+    See Also
+    --------
+    read_calibration : The other way round.
+
+    Notes
+    -----
+    In YAML one camera is `camera_matrix` and `distortion_coefficients`, as OpenCV's samples have
+    it, and two are `M1`, `D1`, `M2`, `D2`, `R`, `T`, with the size of the second one's images as
+    `image_width2` and `image_height2`.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> import cvkern
+    >>> board = cvkern.chessboard_points((4, 5))
+    >>> camera = cvkern.Camera([[500, 0, 320], [0, 500, 240], [0, 0, 1]], [-0.1], (480, 640))
+    >>> turns = [(0.5, 0, 0), (0, 0.5, 0), (-0.3, -0.4, 0.2)]
+    >>> views = [cvkern.project_points(board, camera, turn, (-2, -1.5, 9)) for turn in turns]
+    >>> found = cvkern.calibrate_camera(board, views, (480, 640))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     cvkern.write_calibration(os.path.join(folder, "camera.yml"), found)
+    ...     again = cvkern.read_calibration(os.path.join(folder, "camera.yml"))
+    >>> bool((again.matrix == found.matrix).all())
+    True
+    """
+    ending = _ending(path)
+    if isinstance(calibration, StereoCalibration):
+        cameras = {"M1 D1": calibration.left, "M2 D2": calibration.right}
+    elif isinstance(calibration, Calibration):
+        cameras = {"camera_matrix distortion_coefficients": calibration.camera}
+    else:
+        said = type(calibration).__name__
+        raise TypeError(f"calibration must be a Calibration or a StereoCalibration, got {said}")
+    shape = next(iter(cameras.values())).shape
+    values: dict[str, Any] = {"image_width": shape[1], "image_height": shape[0]}
+    for names, camera in cameras.items():
+        matrix, distortion = names.split()
+        values[matrix], values[distortion] = camera.matrix, camera.distortion[None]
+    if isinstance(calibration, StereoCalibration):
+        rows, columns = calibration.right.shape
+        values |= {"image_width2": columns, "image_height2": rows}
+        values |= {"R": calibration.rotation, "T": calibration.translation[:, None]}
+    values["avg_reprojection_error"] = float(calibration.rms)
+    values["standard_deviations"] = calibration.deviations[None]
+    if ending in _JSON:
+        plain = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
+        rows = [f"  {json.dumps(k)}: {json.dumps(_none(v))}" for k, v in plain.items()]
+        write_text(path, "{\n" + ",\n".join(rows) + "\n}\n")
+    else:
+        write_text(path, "%YAML:1.0\n---\n" + "".join(_entry(k, v) for k, v in values.items()))
+
+
+def read_calibration(
+    path: str | os.PathLike[str], shape: tuple[int, int] | None = None
+) -> Calibration | StereoCalibration:
+    """Read a calibration from a file.
+
+    Parameters
+    ----------
+    path : path
+        A file of :func:`write_calibration`, or one that OpenCV's ``FileStorage`` wrote as YAML,
+        with `camera_matrix` and `distortion_coefficients`, or with `M1`, `D1`, `M2`, `D2`, `R`
+        and `T`.
+    shape : (int, int), optional
+        Rows and columns of the images, for files that do not say it.
+
+    Returns
+    -------
+    Calibration or StereoCalibration
+        Without the poses of boards; `rms` and `deviations` are NaN where the file has none.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If the file has another ending or form, lacks a matrix or the size of the images, or has
+        numbers that make no camera.
+
+    Examples
+    --------
+    See :func:`write_calibration`.
+    """
+    ending = _ending(path)
+    if Path(path).stat().st_size > LARGEST_FILE:
+        raise ValueError(f"path must be a file of a calibration, got {os.fspath(path)!r}: too long")
+    name = os.fspath(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        values = _from_json(text) if ending in _JSON else _from_yaml(text)
+        return _calibration(values, shape)
+    except (ValueError, TypeError, KeyError, OverflowError) as error:
+        said = str(error) if not isinstance(error, KeyError) else f"{error.args[0]} is missing"
+        raise ValueError(f"{name}: no calibration: {said}") from None
+
+
+def _ending(path: str | os.PathLike[str]) -> str:
+    ending = Path(path).suffix.lower()
+    if ending not in _JSON + _YAML:
+        raise ValueError(f"path must end in .json, .yml or .yaml, got {os.fspath(path)!r}")
+    return ending
+
+
+def _none(value: Any) -> Any:
+    """Return null for NaN, which JSON does not have."""
+    if isinstance(value, list):
+        return [_none(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _entry(name: str, value: Any) -> str:
+    """Write an entry as OpenCV does."""
+    if not isinstance(value, np.ndarray):
+        return f"{name}: {_number(value)}\n"
+    numbers = ", ".join(_number(float(v)) for v in value.ravel())
+    rows, columns = value.shape
+    return (
+        f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n"
+        f"   data: [ {numbers} ]\n"
+    )
+
+
+def _number(value: float) -> str:
+    if isinstance(value, int):
+        return str(value)
+    return repr(value) if math.isfinite(value) else ".Nan"
+
+
+def _from_json(text: str) -> dict[str, Any]:
+    values = json.loads(text)
+    if not isinstance(values, dict):
+        raise ValueError("it is no object of names and values")
+    return values
+
+
+def _from_yaml(text: str) -> dict[str, Any]:
+    """Read the numbers and matrices of the outermost level, and leave out all else."""
+    if not text.startswith("%YAML"):
+        raise ValueError("it does not begin with %YAML")
+    values: dict[str, Any] = {}
+    heads = list(_ENTRY.finditer(text))
+    ends = [*[head.start() for head in heads][1:], len(text)]
+    for head, end in zip(heads, ends, strict=False):
+        body = text[head.end() : end].strip()
+        if body.startswith("!!opencv-matrix"):
+            found = _MATRIX.search(body)
+            if not found:
+                raise ValueError(f"{head.group(1)} is no whole matrix")
+            rows, columns = int(found.group(1)), int(found.group(2))
+            numbers = [float(_plain(n)) for n in found.group(4).split(",") if n.strip()]
+            if len(numbers) != rows * columns:
+                said = f"{head.group(1)} must have {rows} x {columns} numbers"
+                raise ValueError(f"{said}, got {len(numbers)}")
+            values[head.group(1)] = np.reshape(numbers, (rows, columns))
+        else:
+            try:
+                values[head.group(1)] = float(_plain(body))
+            except ValueError:
+                values[head.group(1)] = body
+    return values
+
+
+def _plain(number: str) -> str:
+    return number.strip().lower().replace(".nan", "nan").replace(".inf", "inf")
+
+
+def _calibration(
+    values: dict[str, Any], shape: tuple[int, int] | None
+) -> Calibration | StereoCalibration:
+    if shape is None:
+        if "image_height" not in values or "image_width" not in values:
+            raise ValueError("it does not say the size of the images, and shape is not given")
+        shape = _side(values["image_height"]), _side(values["image_width"])
+    rms = values.get("avg_reprojection_error")
+    rms = math.nan if rms is None else float(rms)
+    if "M1" in values:
+        other = shape
+        if "image_height2" in values and "image_width2" in values:
+            other = _side(values["image_height2"]), _side(values["image_width2"])
+        left, right = (
+            Camera(_array(values, f"M{n}", (3, 3)), _array(values, f"D{n}"), sides)
+            for n, sides in ((1, shape), (2, other))
+        )
+        turn, shift = check_pose(_array(values, "R", (3, 3)), _array(values, "T", (3,)))
+        if not np.any(shift):
+            raise ValueError("T must not be 0")
+        none = np.zeros((0, 3, 3)), np.zeros((0, 3))
+        return StereoCalibration(left, right, turn, shift, rms, *none, _spread(values, 24))
+    name = "distortion_coefficients"
+    camera = Camera(_array(values, "camera_matrix", (3, 3)), _array(values, name), shape)
+    none = np.zeros((0, 3, 3)), np.zeros((0, 3))
+    return Calibration(camera, rms, *none, _spread(values, 9), np.zeros(0))
+
+
+def _side(value: Any) -> int:
+    number = float(value)
+    if number != round(number):
+        raise ValueError(f"image_width and image_height must be whole, got {value}")
+    return int(number)
+
+
+def _array(values: dict[str, Any], name: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """Return finite numbers of a shape, or in a row."""
+    found = np.asarray(values[name], np.float64)
+    if shape is not None and found.size == math.prod(shape):
+        found = found.reshape(shape)
+    elif shape is not None:
+        raise ValueError(f"{name} must have shape {shape}, got {found.shape}")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} must be finite")
+    return found
+
+
+def _spread(values: dict[str, Any], count: int) -> np.ndarray:
+    """Return standard deviations, or NaN."""
+    found = values.get("standard_deviations")
+    spread = np.full(count, np.nan) if found is None else np.asarray(found, np.float64).ravel()
+    return spread if len(spread) == count else np.full(count, np.nan)

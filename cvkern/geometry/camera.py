@@ -1,0 +1,345 @@
+"""One camera: a pinhole behind a lens, in the conventions of OpenCV.
+
+Camera axes are x right, y down, z forward. The centre of the pixel in row i and column j has the
+image coordinates (x, y) = (j, i), here and in every kernel. A pose that stands beside a camera is a
+(rotation, translation): it takes a point of the world to the camera, X = R W + t.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import as_numbers, check_integer
+from cvkern._runtime import runtime
+from cvkern.geometry._matrices import check_matrix
+from cvkern.geometry._points import check_points, on_host, xy
+
+# Newton's method doubles the right digits with each step; lenses need three or four steps.
+_NEWTON_STEPS = 10
+_WIDEST = 1e6  # tangent of the angle of a ray from the middle: farther is astray
+# A point that the lens shows where it was looked for, in units of the focal length.
+_MET = 1e-9
+MOST_SIDE = 2**16  # pixels along a side of an image
+SKEWED = 1e-9  # share of the focal length that counts as an oblique pixel
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """How a camera maps directions to pixels: focal lengths, principal point, lens.
+
+    Parameters
+    ----------
+    matrix : array of shape (3, 3)
+        Camera matrix, ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels.
+    distortion : sequence of 0 to 5 numbers, default ()
+        k1, k2, p1, p2, k3 of OpenCV's lens; those that are missing are 0.
+    shape : (int, int)
+        Rows and columns of the images.
+
+    Raises
+    ------
+    TypeError
+        If a number is not real.
+    ValueError
+        If a shape is another, a number is not finite, a focal length is not positive, or the matrix
+        has a skew.
+
+    Notes
+    -----
+    With x and y over z, and ``r^2 = x^2 + y^2``, the lens moves a point to
+    ``x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)`` and, for y,
+    ``y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y``.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> camera = cvkern.Camera([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]], [-0.2], (480, 640))
+    >>> camera.distortion
+    array([-0.2,  0. ,  0. ,  0. ,  0. ])
+    """
+
+    matrix: np.ndarray
+    """Camera matrix, (3, 3) float64: it acts on (x, y, 1), x the column, y the row."""
+    distortion: Any = ()
+    """k1, k2, p1, p2, k3 of OpenCV's lens, (5,) float64."""
+    shape: tuple[int, int] = (1, 1)
+    """Rows and columns of the images."""
+
+    def __post_init__(self) -> None:
+        matrix = check_matrix(self.matrix, (3, 3), "matrix")
+        fx, fy = matrix[0, 0], matrix[1, 1]
+        if not (fx > 0 and fy > 0):
+            raise ValueError(f"matrix must have fx, fy > 0, got {fx:g} and {fy:g}")
+        rest = [matrix[0, 1], matrix[1, 0], *matrix[2, :2], matrix[2, 2] - 1]
+        if max(map(abs, rest)) > SKEWED * max(fx, fy):
+            raise ValueError(
+                "matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "
+                f"got {matrix.round(6).tolist()}"
+            )
+        sides = tuple(check_integer(n, "shape", 1, MOST_SIDE) for n in tuple(self.shape))
+        if len(sides) != 2:
+            raise ValueError(f"shape must be rows and columns, got {len(sides)} numbers")
+        object.__setattr__(self, "matrix", matrix.copy())
+        object.__setattr__(self, "distortion", check_distortion(self.distortion))
+        object.__setattr__(self, "shape", sides)
+
+    def __repr__(self) -> str:
+        fx, fy, cx, cy = (f"{n:.6g}" for n in focal_and_center(self.matrix))
+        lens = ", ".join(f"{k:.4g}" for k in self.distortion)
+        return f"Camera(fx={fx}, fy={fy}, cx={cx}, cy={cy}, distortion=[{lens}], {self.shape})"
+
+
+def check_distortion(distortion: Any) -> np.ndarray:
+    """Return five finite numbers: k1, k2, p1, p2, k3."""
+    given = as_numbers(distortion, "distortion").ravel()
+    if len(given) > 5:
+        if np.any(given[5:]):
+            raise ValueError(
+                "distortion must be k1, k2, p1, p2, k3 of OpenCV's lens, "
+                f"got {len(given)} numbers, {np.count_nonzero(given[5:])} more of them not 0"
+            )
+        given = given[:5]
+    if not np.isfinite(given).all():
+        raise ValueError(f"distortion must be finite, got {given.tolist()}")
+    return np.concatenate((given, np.zeros(5 - len(given))))
+
+
+def check_lens(camera: Any, name: str = "camera") -> Camera:
+    """Return a camera, or refuse what is none."""
+    if not isinstance(camera, Camera):
+        raise TypeError(f"{name} must be a Camera, got {type(camera).__name__}")
+    return camera
+
+
+def focal_and_center(matrix: np.ndarray) -> tuple[float, float, float, float]:
+    """Return fx, fy, cx, cy of a camera matrix."""
+    return matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+
+
+def project_points(
+    points: Any, camera: Camera, rotation: Any = None, translation: Any = None
+) -> Any:
+    """Return where a camera sees points in space.
+
+    Parameters
+    ----------
+    points : array of shape (N, 3)
+        Points of the world, in any unit of length.
+    camera : Camera
+        How directions become pixels.
+    rotation : array of shape (3, 3) or (3,), optional
+        World to camera, X = R W + t: the inverse of a camera-to-world pose. A vector of three turns
+        about itself, by its length in radians. By default none.
+    translation : array of shape (3,), optional
+        t of the same. By default 0.
+
+    Returns
+    -------
+    array of shape (N, 2), float64
+        Row and column, also beyond the image; NaN for points that are not in front of the camera.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or `camera` is none.
+    ValueError
+        If a shape is another, or a pose is not finite or no rotation.
+
+    See Also
+    --------
+    undistort_points : Take the bend of the lens out of places in the image.
+
+    Notes
+    -----
+    As ``cv2.projectPoints``, with points behind the camera refused.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> camera = cvkern.Camera([[100, 0, 50], [0, 100, 40], [0, 0, 1]], shape=(80, 100))
+    >>> cvkern.project_points([[0, 0, 1], [0.5, 0.25, 2], [0, 0, -1]], camera)
+    array([[40. , 50. ],
+           [52.5, 75. ],
+           [ nan,  nan]])
+    """
+    camera = check_lens(camera)
+    points = check_points(points, "points", 3)
+    rt = runtime(points)
+    turn, shift = check_pose(rotation, translation)
+    return rt.give(np.ascontiguousarray(xy(seen(on_host(rt, points), camera, turn, shift))))
+
+
+def seen(points: np.ndarray, camera: Camera, turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """Return (x, y) at which a camera sees points of the world; NaN for those behind it."""
+    inside = points @ turn.T + shift
+    depth = np.where(inside[:, 2:] > 0, inside[:, 2:], np.nan)
+    fx, fy, cx, cy = focal_and_center(camera.matrix)
+    return bent(inside[:, :2] / depth, camera.distortion) * (fx, fy) + (cx, cy)
+
+
+def undistort_points(points: Any, camera: Camera, matrix: Any = None, rotation: Any = None) -> Any:
+    """Return where a camera without a lens sees what is at given places of an image.
+
+    Parameters
+    ----------
+    points : array of shape (N, 2)
+        Row and column in images of `camera`; fractions are allowed.
+    camera : Camera
+        What took the image.
+    matrix : array of shape (3, 3), optional
+        Camera matrix, or first three columns of a projection, of the camera without a lens. By
+        default that of `camera`.
+    rotation : array of shape (3, 3) or (3,), optional
+        Turn of the rays before that, X' = R X, as for rectified images.
+
+    Returns
+    -------
+    array of shape (N, 2), float64
+        Row and column. NaN where the lens shows no ray: beyond the circle at which its polynomial
+        turns back, and where a ray is not in front of the turned camera.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or `camera` is none.
+    ValueError
+        If a shape is another, or a matrix is not finite.
+
+    See Also
+    --------
+    project_points : The other way round.
+
+    Notes
+    -----
+    As ``cv2.undistortPointsIter`` with many iterations, by Newton's method.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> camera = cvkern.Camera([[100, 0, 50], [0, 100, 40], [0, 0, 1]], [-0.1], (80, 100))
+    >>> cvkern.undistort_points([[40, 50], [70, 10]], camera).round(2)
+    array([[40.  , 50.  ],
+           [70.81,  8.92]])
+    """
+    camera = check_lens(camera)
+    points = check_points(points, "points")
+    rt = runtime(points)
+    flat = camera.matrix if matrix is None else check_matrix(matrix, (3, 3), "matrix")
+    turn = check_pose(rotation, None)[0]
+    rays = rays_of(xy(on_host(rt, points)), camera)
+    rays = rays @ turn.T @ flat.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        places = np.where(rays[:, 2:] > 0, rays[:, :2] / rays[:, 2:], np.nan)
+    return rt.give(xy(places))
+
+
+def rays_of(places: np.ndarray, camera: Camera) -> np.ndarray:
+    """Return (x, y, 1) of the rays to places (x, y) of an image; NaN where the lens shows none."""
+    fx, fy, cx, cy = focal_and_center(camera.matrix)
+    found = (places - (cx, cy)) / (fx, fy)
+    lens = camera.distortion
+    if np.any(lens):
+        wanted, found = found, straightened(found, lens)
+        off = np.abs(bent(found, lens) - wanted).max(axis=1)
+        known = (off < _MET * (1 + np.abs(wanted).max(axis=1))) & (
+            (found**2).sum(axis=1) < turning_radius(lens) ** 2
+        )
+        found = np.where(known[:, None], found, np.nan)
+    return np.concatenate((found, np.ones((len(found), 1))), axis=1)
+
+
+def turning_radius(distortion: np.ndarray) -> float:
+    """Return the least radius at which a radial polynomial turns back; infinite if nowhere."""
+    k1, k2, _, _, k3 = distortion
+    roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0]) if np.any((k1, k2, k3)) else np.zeros(0)
+    real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)]
+    return math.sqrt(real.min()) if len(real) else math.inf
+
+
+def check_pose(rotation: Any, translation: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return a rotation (3, 3) and a translation (3,), of nothing the ones that change nothing."""
+    if rotation is None:
+        turn = np.eye(3)
+    else:
+        turn = np.squeeze(as_numbers(rotation, "rotation"))
+        if turn.shape == (3,):
+            turn = turned(turn)
+        if turn.shape != (3, 3):
+            raise ValueError(f"rotation must have shape (3, 3) or (3,), got {turn.shape}")
+        off = np.abs(turn @ turn.T - np.eye(3)).max()
+        if not off < 1e-3 or np.linalg.det(turn) < 0:
+            raise ValueError(f"rotation must be a rotation, got {turn.round(6).tolist()}")
+    shift = np.zeros(3) if translation is None else as_numbers(translation, "translation").ravel()
+    if shift.shape != (3,):
+        raise ValueError(f"translation must have shape (3,), got {shift.shape}")
+    if not np.isfinite(shift).all():
+        raise ValueError(f"translation must be finite, got {shift.tolist()}")
+    return turn, shift
+
+
+def turned(vector: np.ndarray) -> np.ndarray:
+    """Return the rotation about a vector by its length in radians [Rodrigues]."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    if angle < 1e-8:
+        return np.eye(3) + cross + cross @ cross / 2
+    return (
+        np.eye(3)
+        + math.sin(angle) / angle * cross
+        + (1 - math.cos(angle)) / angle**2 * (cross @ cross)
+    )
+
+
+def turn_of(rotation: np.ndarray) -> np.ndarray:
+    """Return the vector about which a rotation turns, of the angle's length: undo `turned`."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(rotation).as_rotvec()
+
+
+def bent(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
+    """Bend normalised image points (N, 2), x and y, as a lens does [OpenCV, calib3d]."""
+    k1, k2, p1, p2, k3 = distortion
+    x, y = points[:, 0], points[:, 1]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return np.stack(
+        (
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ),
+        axis=1,
+    )
+
+
+@np.errstate(all="ignore")  # what comes of a slope of 0 is looked at in the end
+def straightened(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
+    """Undo :func:`bent` by Newton's method.
+
+    Where a lens shows no point at that place, it is any; not one so far away that a ray would have
+    no direction.
+    """
+    if not np.any(distortion):
+        return points
+    k1, k2, p1, p2, k3 = distortion
+    found = points.copy()
+    for _ in range(_NEWTON_STEPS):
+        x, y = found[:, 0], found[:, 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d x = slope x
+        off = bent(found, distortion) - points
+        xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+        yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+        xy = slope * x * y + 2 * p1 * x + 2 * p2 * y  # the Jacobian is symmetric
+        det = xx * yy - xy * xy
+        step = np.stack((yy * off[:, 0] - xy * off[:, 1], xx * off[:, 1] - xy * off[:, 0]), axis=1)
+        found -= step / det[:, None]
+    astray = ~(np.abs(found) < _WIDEST).all(axis=1)
+    found[astray] = points[astray]
+    return found

@@ -1,0 +1,207 @@
+"""Two cameras from pairs of photographs of a board."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import check_flag
+from cvkern.geometry._adjustment import Poses, Residuals, adjust, crossed, projected
+from cvkern.geometry.calibration import (
+    adjusted_camera,
+    begun,
+    camera_of,
+    check_enough,
+    check_shape,
+    check_views,
+    free_of,
+    rms_of,
+)
+from cvkern.geometry.camera import Camera, check_lens, turned
+
+
+class StereoCalibration(NamedTuple):
+    """Two cameras, and how the second stands beside the first."""
+
+    left: Camera
+    """The first camera."""
+    right: Camera
+    """The second camera."""
+    rotation: np.ndarray
+    """First camera to second, (3, 3) float64: X1 = R X0 + t."""
+    translation: np.ndarray
+    """t of the same, (3,) float64, in the unit of the object points; its length is the baseline."""
+    rms: float
+    """Root mean square of the distances between seen and projected points of both, pixels."""
+    rotations: np.ndarray
+    """World (board) to first camera, (V, 3, 3) float64: X0 = R W + t, the inverse of a
+    camera-to-world pose."""
+    translations: np.ndarray
+    """t of the same, (V, 3) float64."""
+    deviations: np.ndarray
+    """Standard deviations, (24,) float64: fx, fy, cx, cy, k1, k2, p1, p2, k3 of the first camera,
+    then of the second, a turn of the second about its axes (radians), and the translation."""
+
+    @property
+    def essential(self) -> np.ndarray:
+        """Essential matrix, (3, 3) float64: b' E a = 0 for rays (x, y, 1) of both cameras."""
+        x, y, z = self.translation
+        return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ self.rotation
+
+    @property
+    def fundamental(self) -> np.ndarray:
+        """Fundamental matrix, (3, 3) float64, of pixels (x, y, 1) without the bend of lenses."""
+        left, right = (np.linalg.inv(camera.matrix) for camera in (self.left, self.right))
+        return right.T @ self.essential @ left
+
+
+def calibrate_stereo(
+    object_points: Any,
+    left_points: Sequence[Any],
+    right_points: Sequence[Any],
+    shape: tuple[int, int],
+    *,
+    right_shape: tuple[int, int] | None = None,
+    left: Camera | None = None,
+    right: Camera | None = None,
+    fixed: Sequence[str] = (),
+    fix_cameras: bool = False,
+) -> StereoCalibration:
+    """Find two cameras, and how they stand to each other, from pairs of views of a board.
+
+    Parameters
+    ----------
+    object_points : array of shape (N, 3), or a sequence of V such arrays
+        As in :func:`calibrate_camera`.
+    left_points, right_points : sequence of V arrays of shape (N, 2)
+        Row and column of these points in the images of the first and of the second camera.
+    shape : (int, int)
+        Rows and columns of the images of both, or of the first camera's.
+    right_shape : (int, int), optional
+        Rows and columns of the images of the second camera, where they have another size.
+    left, right : Camera, optional
+        Where to begin; by default what :func:`calibrate_camera` finds of each alone.
+    fixed : sequence of str, default ()
+        What stays in both cameras, as in :func:`calibrate_camera`.
+    fix_cameras : bool, default False
+        Keep both cameras as they begin, and find only how they stand.
+
+    Returns
+    -------
+    StereoCalibration
+        Named tuple of `left`, `right`, `rotation`, `translation`, `rms`, `rotations`,
+        `translations` and `deviations`; `essential` and `fundamental` are made of these.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or a camera is none.
+    ValueError
+        As :func:`calibrate_camera`; or if the lists are not of one length.
+
+    See Also
+    --------
+    rectify_stereo : Make rows of both images meet.
+
+    Notes
+    -----
+    The sum of squared distances in both images is the least there is nearby, as that of
+    ``cv2.stereoCalibrate``, which keeps the cameras unless told otherwise. A board that looks the
+    same when it is turned by 180 degrees must be read from the same end in both images.
+
+    References
+    ----------
+    .. [1] Z. Zhang, "A flexible new technique for camera calibration", IEEE PAMI 22(11), 2000.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> board = cvkern.chessboard_points((4, 5))
+    >>> camera = cvkern.Camera([[500, 0, 320], [0, 500, 240], [0, 0, 1]], [-0.1], (480, 640))
+    >>> turns = [(0.5, 0, 0), (0, 0.5, 0), (-0.3, -0.4, 0.2), (0.2, 0.6, 0)]
+    >>> left, right = (
+    ...     [cvkern.project_points(board, camera, turn, (x, -1.5, 9)) for turn in turns]
+    ...     for x in (-2, -3)
+    ... )
+    >>> found = cvkern.calibrate_stereo(board, left, right, (480, 640))
+    >>> found.translation.round(3) + 0
+    array([-1.,  0.,  0.])
+    """
+    shapes = [check_shape(shape)]
+    shapes.append(shapes[0] if right_shape is None else check_shape(right_shape))
+    boards, lefts = check_views(object_points, left_points, "left_points")
+    again, rights = check_views(object_points, right_points, "right_points")
+    if len(again) != len(boards):
+        raise ValueError(
+            f"right_points must be of as many views as left_points, {len(boards)}, got {len(again)}"
+        )
+    fixed_names, keep = free_of(fixed), check_flag(fix_cameras, "fix_cameras")
+    check_enough(boards, fixed_names)
+    numbers, poses = [], []
+    for camera, places, shape in zip((left, right), (lefts, rights), shapes, strict=True):
+        if camera is not None:
+            check_lens(camera)
+        given, stood = begun(boards, places, shape, camera)
+        free = fixed_names & (camera is None)
+        alone = adjusted_camera(boards, places, given, stood, free)
+        numbers.append(alone.shared[:9])
+        poses.append(alone.poses)
+    turn, shift = _beside(*poses)
+
+    views = np.repeat(np.arange(len(boards)), [len(b) for b in boards])
+    world, seen = np.concatenate(boards), [np.concatenate(p) for p in (lefts, rights)]
+    both = np.repeat(views, 2)
+
+    def evaluate(shared: np.ndarray, poses: Poses) -> Residuals:
+        turned_world = np.einsum("mij,mj->mi", poses.rotations[views], world)
+        inside = turned_world + poses.translations[views]
+        rotation, translation = shared[18:27].reshape(3, 3), shared[27:]
+        beside = inside @ rotation.T
+        one, other = projected(inside, shared[:9]), projected(beside + translation, shared[9:18])
+        spin = crossed(turned_world)
+        onward = other.by_point @ rotation
+        none = np.zeros((len(world), 2, 9))
+        six = np.zeros((len(world), 2, 6))
+        by_pair = np.concatenate((other.by_point @ crossed(beside), other.by_point), axis=2)
+        off, shares, by_pose = (
+            np.stack(pair, axis=1).reshape(2 * len(world), *pair[0].shape[1:])
+            for pair in (
+                (one.places - seen[0], other.places - seen[1]),
+                (
+                    np.concatenate((one.by_camera, none, six), axis=2),
+                    np.concatenate((none, other.by_camera, by_pair), axis=2),
+                ),
+                (
+                    np.concatenate((one.by_point @ spin, one.by_point), axis=2),
+                    np.concatenate((onward @ spin, onward), axis=2),
+                ),
+            )
+        )
+        return Residuals(off, shares, by_pose)
+
+    begin = np.concatenate((*numbers, turn.ravel(), shift))
+    cameras = fixed_names & (not keep)
+    free = np.concatenate((cameras, cameras, np.ones(6, bool)))
+    found = adjust(evaluate, _moved, begin, poses[0], both, free)
+    return StereoCalibration(
+        camera_of(found.shared[:9], shapes[0]), camera_of(found.shared[9:18], shapes[1]),
+        found.shared[18:27].reshape(3, 3), found.shared[27:], rms_of(found.residuals.off),
+        *found.poses, found.deviations,
+    )  # fmt: skip
+
+
+def _moved(shared: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return cameras, rotation and translation after a step of 24 numbers."""
+    rotation = turned(step[18:21]) @ shared[18:27].reshape(3, 3)
+    return np.concatenate((shared[:18] + step[:18], rotation.ravel(), shared[27:] + step[21:24]))
+
+
+def _beside(left: Poses, right: Poses) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rotation and the translation from the first camera to the second, of all views."""
+    turns = right.rotations @ left.rotations.transpose(0, 2, 1)
+    u, _, vt = np.linalg.svd(turns.sum(axis=0))
+    turn = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    return turn, np.median(right.translations - left.translations @ turn.T, axis=0)

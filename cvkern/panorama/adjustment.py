@@ -1,0 +1,278 @@
+"""Joint least squares of all images of a panorama: bundle adjustment, by normal equations.
+
+An image has a matrix P that takes directions, or points of a plane, to its pixels. Matches of the
+images i and j say ``x_j = P_j P_i^-1 x_i`` up to scale. A small change of P_j to ``(1 + D) P_j``
+moves ``X = P_j P_i^-1 x_i`` by ``D X``, and one of P_i by ``-P_j P_i^-1 D x_i``;
+the derivatives of all models are those two, with the matrices D that the model allows (its
+generators).
+
+Pixels are counted from the middle of an image in units of the heap's longest side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern.panorama.registration import Link
+
+MOST_POINTS = 200  # matches of a pair that are adjusted
+HUBER = 2.0  # pixels of the small images from which on a residual counts linearly
+STEPS = 40
+ENOUGH = 1e-6  # relative decrease of the cost that ends the steps
+NEAREST = 1e-4  # least depth of a point in front of a camera
+BEHIND = 1e3  # pixels: the residual of a point behind a camera
+FOCAL_SPREAD = 0.1  # standard deviation of the logarithms of focal lengths about their mean
+WEAK = 1e-9  # weight of what keeps the equations solvable
+
+
+class Observations(NamedTuple):
+    """Matches of directed pairs, L of them, of at most m matches each."""
+
+    pairs: np.ndarray
+    """From which image to which, (L, 2)."""
+    points: np.ndarray
+    """(L, m, 3): x, y, 1 in the first image."""
+    targets: np.ndarray
+    """(L, m, 2): x, y in the second image."""
+    there: np.ndarray
+    """(L, m) bool: which of them exist."""
+    scales: np.ndarray
+    """(L,): pixels of the small second image in a unit."""
+
+
+def observe(
+    links: Sequence[Link],
+    middles: np.ndarray,
+    unit: float,
+    factors: np.ndarray,
+    most: int = MOST_POINTS,
+) -> Observations:
+    """Return matches of links, in both directions; `middles` (N, 2) are x and y."""
+    count = 2 * len(links)
+    longest = max(min(len(link.points0), most) for link in links)
+    pairs = np.zeros((count, 2), int)
+    points, targets = np.zeros((count, longest, 3)), np.zeros((count, longest, 2))
+    there = np.zeros((count, longest), bool)
+    points[..., 2] = 1
+    for n, link in enumerate(links):
+        # Evenly spread among all, which are in the order of their scales.
+        chosen = np.linspace(0, len(link.points0) - 1, min(len(link.points0), most)).astype(int)
+        a = (link.points0[chosen] - middles[link.first]) / unit
+        b = (link.points1[chosen] - middles[link.second]) / unit
+        for way, (i, p, j, q) in enumerate(
+            ((link.first, a, link.second, b), (link.second, b, link.first, a))
+        ):
+            place = 2 * n + way
+            pairs[place] = i, j
+            points[place, : len(p), :2], targets[place, : len(q)] = p, q
+            there[place, : len(p)] = True
+    return Observations(pairs, points, targets, there, unit * factors[pairs[:, 1]].mean(axis=1))
+
+
+def part(seen: Observations, members: np.ndarray) -> Observations:
+    """Return the pairs within `members`, (N,) bool."""
+    kept = members[seen.pairs].all(axis=1)
+    return Observations(*(array[kept] for array in seen))
+
+
+class Rotations:
+    """Cameras that turn about one point: three angles and a focal length each."""
+
+    size = 4
+
+    def __init__(
+        self,
+        rotations: np.ndarray,
+        focals: np.ndarray,
+        estimates: np.ndarray | None = None,
+        spread: float = FOCAL_SPREAD,
+    ):
+        self.rotations, self.focals = rotations, focals
+        self.estimates, self.spread = estimates, spread
+
+    def matrices(self) -> np.ndarray:
+        """Return K R, (N, 3, 3)."""
+        scale = np.ones((len(self.focals), 3))
+        scale[:, :2] = self.focals[:, None]
+        return scale[:, :, None] * self.rotations
+
+    def generators(self) -> np.ndarray:
+        """Return (N, 4, 3, 3): K [e] K^-1 of the axes e, and that of the focal length."""
+        f = self.focals
+        made = np.zeros((len(f), 4, 3, 3))
+        made[:, 0, 1, 2], made[:, 0, 2, 1] = -f, 1 / f
+        made[:, 1, 0, 2], made[:, 1, 2, 0] = f, -1 / f
+        made[:, 2, 0, 1], made[:, 2, 1, 0] = -1, 1
+        made[:, 3, 0, 0] = made[:, 3, 1, 1] = 1
+        return made
+
+    def prior(self) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return cost, gradient (N, 4) and curvature (N, 4) of what is known of focal lengths."""
+        logs = np.log(self.focals)
+        centre = logs.mean() if self.estimates is None else np.log(self.estimates)
+        off = (logs - centre) / self.spread
+        gradient, curvature = np.zeros((2, len(logs), 4))
+        gradient[:, 3], curvature[:, 3] = off / self.spread, 1 / self.spread**2
+        return float(off @ off) / 2, gradient, curvature
+
+    def moved(self, steps: np.ndarray) -> Rotations:
+        """Return the cameras after small changes, (N, 4)."""
+        turned = turn(steps[:, :3]) @ self.rotations
+        focals = self.focals * np.exp(np.clip(steps[:, 3], -0.5, 0.5))
+        return Rotations(turned, focals, self.estimates, self.spread)
+
+
+class Planes:
+    """Images of one plane: a matrix each, of `size` parameters."""
+
+    def __init__(self, given: np.ndarray, size: int):
+        self.given, self.size = given, size
+        self._basis = plane_generators(size)
+
+    def matrices(self) -> np.ndarray:
+        """Return those of the images, (N, 3, 3)."""
+        return self.given
+
+    def generators(self) -> np.ndarray:
+        """Return (N, size, 3, 3)."""
+        return np.broadcast_to(self._basis, (len(self.given), *self._basis.shape))
+
+    def prior(self) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return nothing: all maps are alike likely."""
+        nothing = np.zeros((len(self.given), self.size))
+        return 0.0, nothing, nothing
+
+    def moved(self, steps: np.ndarray) -> Planes:
+        """Return the images after small changes, (N, size)."""
+        change = np.eye(3) + np.einsum("np,pij->nij", steps, self._basis)
+        return Planes(with_unit_determinant(change @ self.given), self.size)
+
+
+def plane_generators(size: int) -> np.ndarray:
+    """Return (size, 3, 3): of similarities (4), affine maps (6), homographies (8)."""
+    basis = np.zeros((size, 3, 3))
+    basis[0, 0, 2] = basis[1, 1, 2] = 1
+    if size == 4:
+        basis[2, 0, 1], basis[2, 1, 0] = -1, 1
+        basis[3, 0, 0] = basis[3, 1, 1] = 1
+        return basis
+    for k, place in enumerate(((0, 0), (0, 1), (1, 0), (1, 1), (2, 0), (2, 1))[: size - 2]):
+        basis[(2 + k, *place)] = 1
+    return basis
+
+
+def with_unit_determinant(matrices: np.ndarray) -> np.ndarray:
+    """Scale matrices to the determinant 1."""
+    return matrices / np.cbrt(np.linalg.det(matrices))[..., None, None]
+
+
+def turn(vectors: np.ndarray) -> np.ndarray:
+    """Return the rotations about vectors (N, 3) by their lengths, (N, 3, 3)."""
+    angle = np.linalg.norm(vectors, axis=1)[:, None, None]
+    axis = vectors / np.maximum(angle[:, 0], 1e-300)
+    cross = np.zeros((len(vectors), 3, 3))
+    cross[:, (2, 0, 1), (1, 2, 0)] = axis
+    cross -= cross.swapaxes(1, 2)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def residuals(seen: Observations, matrices: np.ndarray) -> np.ndarray:
+    """Return the residuals (M, 2) of all matches, pixels of the small images."""
+    return _seen_at(seen, matrices)[0][seen.there]
+
+
+def medians(seen: Observations, matrices: np.ndarray) -> np.ndarray:
+    """Return the median of the residuals of each pair, (L,)."""
+    off = np.linalg.norm(_seen_at(seen, matrices)[0], axis=2)
+    return np.nanmedian(np.where(seen.there, off, np.nan), axis=1)
+
+
+def _seen_at(seen: Observations, matrices: np.ndarray) -> tuple[np.ndarray, ...]:
+    i, j = seen.pairs.T
+    across = matrices[j] @ np.linalg.inv(matrices)[i]
+    there = seen.points @ across.swapaxes(1, 2)
+    front = there[..., 2] > NEAREST
+    depth = np.where(front, there[..., 2], 1.0)
+    place = there[..., :2] / depth[..., None]
+    off = (place - seen.targets) * seen.scales[:, None, None]
+    off[~front] = BEHIND
+    return off, across, there, place, depth, front
+
+
+def cost_of(off: np.ndarray, huber: float) -> float:
+    """Return Huber's cost of residuals (M, 2)."""
+    length = np.hypot(*off.T)
+    return float(np.where(length < huber, length**2 / 2, huber * (length - huber / 2)).sum())
+
+
+def adjust(
+    seen: Observations, model: Any, fixed: np.ndarray, huber: float, steps: int = STEPS
+) -> Any:
+    """Return the model of least cost near the one given; parameters that are `fixed` stay."""
+    shape = fixed.shape
+    free = np.flatnonzero(~fixed.ravel())
+    cost = cost_of(residuals(seen, model.matrices()), huber) + model.prior()[0]
+    damping, now = 1e-3, cost
+    for _ in range(steps):
+        normal, gradient = _normal(seen, model, huber)
+        normal, gradient = normal[np.ix_(free, free)], gradient[free]
+        size = np.diag(normal)
+        better = None
+        while damping < 1e8:
+            damped = normal + np.diag(damping * size + WEAK * (1 + size.max()))
+            change = np.zeros(fixed.size)
+            try:
+                change[free] = -np.linalg.solve(damped, gradient)
+            except np.linalg.LinAlgError:
+                damping *= 10
+                continue
+            tried = model.moved(change.reshape(shape))
+            now = cost_of(residuals(seen, tried.matrices()), huber) + tried.prior()[0]
+            if np.isfinite(now) and now < cost:
+                better = tried
+                damping = max(damping / 10, 1e-9)
+                break
+            damping *= 10
+        if better is None:
+            break
+        model, before, cost = better, cost, now
+        if before - cost <= ENOUGH * before:
+            break
+    return model
+
+
+def _normal(seen: Observations, model: Any, huber: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the normal equations of a step: a matrix (N p, N p) and the gradient (N p,)."""
+    matrices, made = model.matrices(), model.generators()
+    count, size = made.shape[:2]
+    off, across, there, place, depth, front = _seen_at(seen, matrices)
+    length = np.linalg.norm(off, axis=2)
+    weight = np.where(length < huber, 1.0, huber / np.maximum(length, 1e-300))
+    weight *= front & seen.there
+    i, j = seen.pairs.T
+    # Derivatives of X by the parameters of either image, (L, 2 p, 3, m).
+    number, most = seen.there.shape
+    first = (across[:, None] @ made[i]).reshape(number, 3 * size, 3) @ -seen.points.swapaxes(1, 2)
+    second = made[j].reshape(number, 3 * size, 3) @ there.swapaxes(1, 2)
+    moves = np.concatenate((first, second), axis=1).reshape(number, 2 * size, 3, most)
+    slopes = moves[:, :, :2] - moves[:, :, 2:] * place.swapaxes(1, 2)[:, None]
+    slopes *= (seen.scales[:, None] / depth)[:, None, None]
+    weighed = (slopes * weight[:, None, None]).reshape(number, 2 * size, 2 * most)
+    slopes = slopes.reshape(number, 2 * size, 2 * most)
+    squares = weighed @ slopes.swapaxes(1, 2)
+    pulls = (weighed @ off.swapaxes(1, 2).reshape(number, 2 * most, 1))[..., 0]
+    _, gradient, curvature = model.prior()
+    normal, gradient = np.zeros((count, count, size, size)), gradient.copy()
+    for n in range(number):
+        for a, image in enumerate((i[n], j[n])):
+            rows = slice(a * size, (a + 1) * size)
+            gradient[image] += pulls[n, rows]
+            normal[image, i[n]] += squares[n, rows, :size]
+            normal[image, j[n]] += squares[n, rows, size:]
+    diagonal = np.arange(count)[:, None], np.arange(count)[:, None]
+    own = np.arange(size)
+    normal[(*diagonal, own, own)] += curvature
+    return normal.swapaxes(1, 2).reshape(count * size, -1), gradient.ravel()

@@ -1,0 +1,179 @@
+"""Panoramas put together in bands, tile by tile, so that memory is bounded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.panorama import Part
+from cvkern.panorama.seams import Seams
+from cvkern.panorama.surfaces import Canvas
+from cvkern.panorama.warping import draw
+
+TILES = {"cpu": 2048, "cuda": 4096}  # pixels of a side, without what surrounds a tile
+SURROUND = 3  # times the pixel of the coarsest band, round a tile
+REACH = 2  # the same, round the part of an image that is shown
+NOWHERE = (2**30, 2**30, -1, -1)
+
+
+class Blend(NamedTuple):
+    """What blending needs."""
+
+    images: list[Any]
+    """The large images."""
+    sides: np.ndarray
+    """(N, 2) int32: heights and widths."""
+    bands: int
+    """How often images are halved."""
+    high: float
+    """Largest value that the result holds, in whole numbers; 0: any."""
+    channels: int
+
+
+def blend(
+    rt: Runtime,
+    canvas: Canvas,
+    seams: Seams,
+    given: Blend,
+    image: Any,
+    mask: Any,
+    say: Callable[[float], None],
+) -> None:
+    """Fill the kernel arrays `image` (H, W, C) and `mask` (H, W)."""
+    unit = 2**given.bands
+    side = TILES[rt.device.partition(":")[0]] // unit * unit
+    halo = SURROUND * unit
+    tiles = [
+        (row, column)
+        for row in range(0, canvas.height, side)
+        for column in range(0, canvas.width, side)
+    ]
+    for number, (row, column) in enumerate(tiles):
+        say(number / len(tiles))
+        rows, columns = min(side, canvas.height - row), min(side, canvas.width - column)
+        top, height = _with_halo(row, rows, halo, unit, canvas.height)
+        # Columns of a closed canvas go on over its ends.
+        left, width = _with_halo(column, columns, halo, unit, 0 if canvas.closed else canvas.width)
+        tile = _Tile(rt, canvas, seams, given, top, left, height, width)
+        part = Part(row - top, column - left, row, column, rows, columns)
+        rt.panorama.blending.finish(tile.filled(), tile.labels, given.high, part, image, mask)
+
+
+def _with_halo(first: int, count: int, halo: int, unit: int, size: int) -> tuple[int, int]:
+    """Return the first row of a tile with what surrounds it, and a multiple of `unit` rows.
+
+    Nothing surrounds it beyond the canvas, of `size` rows unless that is 0.
+    """
+    begin, end = first - halo, first + count + halo
+    if size:
+        begin, end = max(begin, 0), min(end, size)
+    return begin, -(-(end - begin) // unit) * unit
+
+
+class _Tile:
+    """A part of the canvas and what surrounds it."""
+
+    def __init__(
+        self,
+        rt: Runtime,
+        canvas: Canvas,
+        seams: Seams,
+        given: Blend,
+        top: int,
+        left: int,
+        height: int,
+        width: int,
+    ):
+        self.rt, self.canvas, self.seams, self.given = rt, canvas, seams, given
+        self.top, self.left, self.height, self.width = top, left, height, width
+        self.labels = rt.scratch("panorama.tile", (height, width), np.int32)
+        self.parts = self._claimed()
+
+    def _claimed(self) -> list[tuple[int, tuple[int, ...]]]:
+        """Label the pixels; return each image that is shown, and where."""
+        rt, canvas, coarse = self.rt, self.canvas, self.seams.coarse
+        factor = coarse.step / canvas.step
+        x = np.floor((self.left + np.arange(self.width) + 0.5) / factor).astype(np.int32)
+        x = x % coarse.width if canvas.closed else x.clip(0, coarse.width - 1)
+        y = np.floor((self.top + np.arange(self.height) + 0.5) / factor).astype(np.int32)
+        names = np.array(self._near(), np.int32)
+        if not len(names):
+            names = np.zeros(1, np.int32)
+        bounds = np.tile(np.array(NOWHERE, np.int32), (len(self.given.sides), 1))
+        bounded = rt.scratch("panorama.bounds", bounds.shape, np.int32)
+        rt.write(bounded, bounds)
+        kernels = rt.panorama.warping
+        kernels.claim(
+            rt.send("panorama.matrices", canvas.matrices.reshape(-1, 9)),
+            rt.send("panorama.sides", self.given.sides), rt.send("panorama.names", names),
+            rt.send("panorama.columns", canvas.columns(self.left, self.width)),
+            rt.send("panorama.rows", canvas.rows(self.top, self.height)), self.seams.labels,
+            rt.send("panorama.coarse_columns", x.astype(np.int32)),
+            rt.send("panorama.coarse_rows", y.clip(0, coarse.height - 1)), self.labels,
+        )  # fmt: skip
+        kernels.bound(self.labels, bounded)
+        found = rt.to_numpy(bounded)
+        return [(n, tuple(map(int, found[n]))) for n in np.flatnonzero(found[:, 2] >= 0).tolist()]
+
+    def _near(self) -> list[int]:
+        """Return the images whose rectangles meet the tile."""
+        near = []
+        for n, (x0, y0, x1, y1) in enumerate(self.canvas.rects):
+            if y1 <= self.top or y0 >= self.top + self.height:
+                continue
+            shifts = (-1, 0, 1) if self.canvas.closed else (0,)
+            for shift in (s * self.canvas.width for s in shifts):
+                if x1 + shift > self.left and x0 + shift < self.left + self.width:
+                    near.append(n)
+                    break
+        return near
+
+    def filled(self) -> Any:
+        """Return the blended tile, (C, height, width)."""
+        rt, bands, channels = self.rt, self.given.bands, self.given.channels
+        sizes = [(self.height >> level, self.width >> level) for level in range(bands + 1)]
+        totals = [rt.scratch(f"panorama.total{k}", (channels, *s)) for k, s in enumerate(sizes)]
+        sums = [rt.scratch(f"panorama.sum{k}", s) for k, s in enumerate(sizes)]
+        for array in (*totals, *sums):
+            rt.clear(array)
+        for name, bounds in self.parts:
+            self._add(name, bounds, totals, sums)
+        kernels = rt.panorama.blending
+        for level in range(bands, -1, -1):
+            coarser = totals[min(level + 1, bands)]
+            kernels.collapse(sums[level], coarser, int(level == bands), totals[level])
+        return totals[0]
+
+    def _add(self, name: int, bounds: tuple[int, ...], totals: list[Any], sums: list[Any]) -> None:
+        """Add the bands of one image."""
+        rt, bands, channels = self.rt, self.given.bands, self.given.channels
+        unit = 2**bands
+        reach = REACH * unit if bands else 0
+        top, left = (max(0, n - reach) // unit * unit for n in bounds[:2])
+        bottom = min(self.height, -(-(bounds[2] + 1 + reach) // unit) * unit)
+        right = min(self.width, -(-(bounds[3] + 1 + reach) // unit) * unit)
+        height, width = bottom - top, right - left
+        sizes = [(height >> level, width >> level) for level in range(bands + 1)]
+        values = [rt.scratch(f"panorama.band{k}", (channels, *s)) for k, s in enumerate(sizes)]
+        masks = [rt.scratch(f"panorama.mask{k}", (1, *s)) for k, s in enumerate(sizes)]
+        canvas, kernels = self.canvas, rt.panorama.blending
+        # The weights are not needed here; the mask is written over them.
+        draw(
+            rt, self.given.images[name], canvas.matrices[name],
+            rt.send("panorama.gain", np.ascontiguousarray(self.seams.gains[name])),
+            canvas.columns(self.left + left, width), canvas.rows(self.top + top, height),
+            values[0], masks[0][0],
+        )  # fmt: skip
+        rt.panorama.warping.mark(self.labels, name, top, left, masks[0][0])
+        for level in range(bands + 1):
+            last = level == bands
+            if not last:
+                kernels.reduce(values[level], values[level + 1])
+                kernels.reduce(masks[level], masks[level + 1])
+            kernels.add_band(
+                values[level], values[min(level + 1, bands)], int(last), masks[level][0],
+                top >> level, left >> level, totals[level], sums[level],
+            )  # fmt: skip

@@ -1,0 +1,299 @@
+"""How the images of one panorama lie to each other: cameras that turn, or images of one plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern.panorama import adjustment
+from cvkern.panorama.adjustment import (
+    Observations,
+    Planes,
+    Rotations,
+    adjust,
+    medians,
+    observe,
+    part,
+    residuals,
+    with_unit_determinant,
+)
+from cvkern.panorama.registration import Link, connected
+
+FOCALS = np.geomspace(0.3, 30.0, 60)  # first estimates that are tried, in longest sides
+FARTHEST_FOCAL = 12.0  # longest sides; a camera with more sees no perspective
+MOST = 0.85  # share of the matches by which models are compared: the rest may be of wrong pairs
+CONTRADICTED = 1.25  # times the residual that given focal lengths may leave
+HORIZON = 0.1  # least depth of a corner of an image of a plane, in that of the middle
+WIDE = math.cos(math.radians(35))  # cameras that turn by more are not taken for sheets
+GIVEN_SPREAD = 0.05  # standard deviation of the logarithms of focal lengths that are given
+# A panorama is flat where affine maps explain it nearly as well as rotations do. Measured: 0.95 to
+# 1.02 for scanned sheets, 1.9 and more for cameras that turn.
+FLAT = 1.15
+MUCH_BETTER = 0.85  # a model of more parameters is taken if it leaves so much of the residual
+SMALL = 2.0  # pixels of the small images: rotations that leave less are not doubted
+FAR_WORSE = 3.0  # rotations that leave so many times the residual of homographies are none
+WORST = 5.0  # pixels of the small images: what leaves more is not adjusted
+WRONG = 4.0  # a pair with so many times the median residual of all is wrong, and above WORST
+EARLY = 20.0  # Huber's threshold while images are added
+FEW_POINTS = 40  # matches of a pair that are adjusted while images are added
+AT_ONCE = 1.6  # factor by which the set grows between adjustments
+
+
+class Alignment(NamedTuple):
+    """Images of one panorama, adjusted. Pixels count from the middle of an image."""
+
+    model: str
+    """'rotation', 'affine', 'homography', 'homography tree' or 'similarity tree'."""
+    matrices: np.ndarray
+    """(N, 3, 3): from directions, or from a plane in pixels of the central image, to pixels."""
+    focals: np.ndarray | None
+    """(N,), pixels."""
+    rotations: np.ndarray | None
+    """(N, 3, 3), from the world's axes to the camera's."""
+    parents: np.ndarray
+    """(N,): the image that each hangs on in the spanning tree, -1 for the central one."""
+    residual: float
+    """Root of the mean square of most distances, pixels of the images as compared."""
+
+
+def align(
+    links: Sequence[Link], sides: np.ndarray, factors: np.ndarray, focals: np.ndarray | None
+) -> Alignment:
+    """Align images that links connect; `sides` (N, 2) are widths and heights, `focals` pixels."""
+    middles, unit = (sides - 1) / 2.0, float(sides.max())
+    given = None if focals is None else focals / unit
+    found = _fitted(links, middles, unit, factors, given)
+    kept = _without_wrong(links, found, middles, unit, factors)
+    if len(kept) < len(links):
+        found = _fitted(kept, middles, unit, factors, given)
+    name, model, parents, residual = found
+    scale = np.diag([unit, unit, 1.0])
+    if isinstance(model, Rotations):
+        return Alignment(
+            name, scale @ model.matrices(), model.focals * unit, model.rotations, parents, residual
+        )  # fmt: skip
+    flat = scale @ model.matrices() @ np.linalg.inv(scale)
+    return Alignment(name, flat, None, None, parents, residual)
+
+
+def _fitted(
+    links: Sequence[Link],
+    middles: np.ndarray,
+    unit: float,
+    factors: np.ndarray,
+    given: np.ndarray | None,
+) -> tuple[str, Any, np.ndarray, float]:
+    """Return the name, the model, the spanning tree and the residual of what explains links."""
+    count = len(middles)
+    maps = _unit_maps(links, middles, unit)
+    parents, order = spanning_tree(count, links)
+    seen = observe(links, middles, unit, factors)
+    few = observe(links, middles, unit, factors, FEW_POINTS)
+    turning = _turned((few, seen), maps, parents, order, count, None)
+    left = _left(seen, turning)
+    if given is not None:
+        told = _turned((few, seen), maps, parents, order, count, given)
+        # Estimates that the matches contradict are of cropped pictures, or of other cameras.
+        if _left(seen, told) <= CONTRADICTED * left:
+            turning, left = told, _left(seen, told)
+    plausible = turning.focals.max() <= FARTHEST_FOCAL
+    ahead = turning.rotations[:, 2]
+    if plausible and left <= SMALL and (ahead @ ahead.T).min() < WIDE:
+        return "rotation", turning, parents, left
+    affine = _flat(seen, maps, parents, order, 6)
+    affine_left = _left(seen, affine)
+    is_flat = affine_left <= WORST and (affine_left <= FLAT * left or not plausible)
+    if plausible and left <= SMALL and not is_flat:
+        return "rotation", turning, parents, left
+    full = _flat(seen, maps, parents, order, 8)
+    full_left = _left(seen, full) if _in_front(full, middles / unit) else np.inf
+    if is_flat and full_left >= MUCH_BETTER * affine_left:
+        return "affine", affine, parents, affine_left
+    if plausible and left <= min(WORST, FAR_WORSE * full_left) and not is_flat:
+        return "rotation", turning, parents, left
+    if full_left <= WORST:
+        return "homography", full, parents, full_left
+    plane, name = Planes(_chained(maps, parents, order, 8), 8), "homography tree"
+    if not _in_front(plane, middles / unit):
+        plane, name = Planes(_chained(maps, parents, order, 4), 8), "similarity tree"
+    return name, plane, parents, _left(seen, plane)
+
+
+def _left(seen: Observations, model: Any) -> float:
+    """Return the root of the mean square of what a model leaves of most matches."""
+    off = np.sort(np.hypot(*residuals(seen, model.matrices()).T))
+    most = off[: max(1, int(MOST * len(off)))]
+    return float(np.sqrt(np.mean(most**2)))
+
+
+def _in_front(model: Planes, reach: np.ndarray) -> bool:
+    """Tell whether every image lies on its plane, far from the horizon; `reach` (N, 2) in units."""
+    for matrix, (x, y) in zip(np.linalg.inv(model.matrices()), reach, strict=True):
+        corners = np.array([[0, 0, 1], [-x, -y, 1], [x, -y, 1], [x, y, 1], [-x, y, 1]])
+        depth = corners @ matrix[2]
+        if not np.isfinite(depth).all() or depth.min() <= HORIZON * abs(depth[0]):
+            return False
+    return True
+
+
+def _without_wrong(
+    links: Sequence[Link],
+    found: tuple[str, Any, np.ndarray, float],
+    middles: np.ndarray,
+    unit: float,
+    factors: np.ndarray,
+) -> list[Link]:
+    """Leave out pairs that contradict all others, if what remains is connected."""
+    seen = observe(links, middles, unit, factors)
+    # Each link has two directions; the one from its first image counts.
+    off = medians(seen, found[1].matrices())[::2]
+    limit = max(WORST, WRONG * float(np.median(off)))
+    kept = [link for link, median in zip(links, off, strict=True) if median <= limit]
+    joined = connected(len(middles), [(link.first, link.second) for link in kept])
+    return kept if len(joined) == 1 else list(links)
+
+
+def _unit_maps(
+    links: Sequence[Link], middles: np.ndarray, unit: float
+) -> dict[tuple[int, int], np.ndarray]:
+    """Return the homography between any two linked images, pixels counted as in adjustments."""
+    maps = {}
+    for link in links:
+        ends = [np.array([[unit, 0, x], [0, unit, y], [0, 0, 1]]) for x, y in middles]
+        matrix = np.linalg.inv(ends[link.second]) @ link.matrix @ ends[link.first]
+        matrix = with_unit_determinant(matrix)
+        maps[link.first, link.second] = matrix
+        maps[link.second, link.first] = np.linalg.inv(matrix)
+    return maps
+
+
+def spanning_tree(count: int, links: Sequence[Link]) -> tuple[np.ndarray, list[int]]:
+    """Return the parents of the tree of most inliers, and images from its centre outwards.
+
+    The centre is the image with the least sum of distances, counted in links of the tree.
+    """
+    near: dict[int, list[int]] = {i: [] for i in range(count)}
+    joined = list(range(count))
+    weights = {}
+    for link in sorted(links, key=lambda k: (-len(k.points0), k.first, k.second)):
+        weights[link.first, link.second] = weights[link.second, link.first] = len(link.points0)
+        a, b = joined[link.first], joined[link.second]
+        if a != b:
+            joined = [a if group == b else group for group in joined]
+            near[link.first].append(link.second)
+            near[link.second].append(link.first)
+
+    def distances(start: int) -> int:
+        depth, queue = {start: 0}, [start]
+        for i in queue:
+            for j in near[i]:
+                if j not in depth:
+                    depth[j] = depth[i] + 1
+                    queue.append(j)
+        return sum(depth.values())
+
+    centre = min(range(count), key=lambda i: (distances(i), i))
+    parents, order = np.full(count, -1), [centre]
+    while len(order) < count:
+        edges = [(-weights[i, j], j, i) for i in order for j in near[i] if j not in order]
+        _, j, i = min(edges)
+        parents[j] = i
+        order.append(j)
+    return parents, order
+
+
+def first_focal(maps: dict[tuple[int, int], np.ndarray]) -> float:
+    """Return the focal length with which the homographies are most nearly rotations."""
+    matrices = np.stack(list(maps.values()))
+    scores = []
+    for f in FOCALS:
+        k = np.array([f, f, 1.0])
+        turned = with_unit_determinant(matrices * k / k[:, None])
+        off = turned.swapaxes(1, 2) @ turned - np.eye(3)
+        scores.append(np.minimum(np.linalg.norm(off, axis=(1, 2)), 1.0).mean())
+    return float(FOCALS[int(np.argmin(scores))])
+
+
+def _turned(
+    seen: tuple[Observations, Observations],
+    maps: dict[tuple[int, int], np.ndarray],
+    parents: np.ndarray,
+    order: list[int],
+    count: int,
+    given: np.ndarray | None,
+) -> Rotations:
+    """Fit rotations: images are added from the centre of the tree outwards, by a few matches."""
+    known = np.zeros(count, bool) if given is None else np.isfinite(given)
+    start = first_focal(maps)
+    if given is not None and known.any():
+        start = float(np.median(given[known]))
+    focals = np.full(count, start) if given is None else np.where(known, given, start)
+    spread = GIVEN_SPREAD if known.any() else adjustment.FOCAL_SPREAD
+    model = Rotations(
+        np.stack([np.eye(3)] * count), focals, focals if known.any() else None, spread
+    )
+    there = np.zeros(count, bool)
+    there[order[0]] = True
+    fixed = np.ones((count, 4), bool)
+    grown = 1
+    for number, image in enumerate(order[1:], 2):
+        beside = int(parents[image])
+        if not known[image]:
+            model.focals[image] = model.focals[beside]
+        k0, k1 = (np.array([f, f, 1.0]) for f in model.focals[[beside, image]])
+        u, _, vt = np.linalg.svd(maps[beside, image] * k0 / k1[:, None])
+        model.rotations[image] = (u @ vt) @ model.rotations[beside]
+        there[image] = True
+        if number >= max(grown * AT_ONCE, grown + 1) or number == count:
+            grown = number
+            fixed[there], fixed[order[0], :3] = False, True
+            model = adjust(part(seen[0], there), model, fixed, EARLY, steps=6)
+    model = adjust(seen[0], model, fixed, adjustment.HUBER)
+    return adjust(seen[1], model, fixed, adjustment.HUBER)
+
+
+def _flat(
+    seen: Observations,
+    maps: dict[tuple[int, int], np.ndarray],
+    parents: np.ndarray,
+    order: list[int],
+    size: int,
+) -> Planes:
+    """Fit images of one plane."""
+    model = Planes(_chained(maps, parents, order, size), size)
+    fixed = np.zeros((len(parents), size), bool)
+    fixed[order[0]] = True
+    if not np.isfinite(residuals(seen, model.matrices())).all():
+        return model
+    for huber, steps in ((EARLY, 10), (adjustment.HUBER, adjustment.STEPS)):
+        model = adjust(seen, model, fixed, huber, steps)
+    return model
+
+
+def _chained(
+    maps: dict[tuple[int, int], np.ndarray], parents: np.ndarray, order: list[int], size: int
+) -> np.ndarray:
+    """Return the maps from the central image to all, multiplied along the tree."""
+    found = np.stack([np.eye(3)] * len(parents))
+    for image in order[1:]:
+        beside = int(parents[image])
+        found[image] = _reduced(maps[beside, image], size) @ found[beside]
+    return with_unit_determinant(found)
+
+
+def _reduced(matrix: np.ndarray, size: int) -> np.ndarray:
+    """Return the affine map (6) or the similarity (4) that is like a homography at the middle."""
+    if size == 8:
+        return matrix
+    flat = matrix / matrix[2, 2]
+    # The derivative at the origin, where the middle of the image is.
+    linear = flat[:2, :2] - np.outer(flat[:2, 2], flat[2, :2])
+    if size == 4:
+        a, b = (linear[0, 0] + linear[1, 1]) / 2, (linear[1, 0] - linear[0, 1]) / 2
+        linear = np.array([[a, -b], [b, a]])
+    made = np.eye(3)
+    made[:2, :2], made[:2, 2] = linear, flat[:2, 2]
+    return made

@@ -1,0 +1,230 @@
+"""Pairs of images of a heap that show the same: keypoints, matches, homographies, and a test."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_image
+from cvkern._runtime import Runtime, runtime
+from cvkern.features.keypoints import Features, as_host, sift
+from cvkern.features.matching import match_images
+from cvkern.geometry.maps import find_homographies
+from cvkern.transform.resampling import resize
+
+WORK_PIXELS = 600_000  # size at which images are compared; larger ones are made smaller
+KEYPOINTS = 2000  # points of an image
+MAX_RATIO = 0.75  # nearest distance over the second nearest
+THRESHOLD = 3.0  # pixels, of the images that are compared
+LEAST_MATCHES = 8
+# Above `MANY_IMAGES` images, the `STRONG` best keypoints are matched between all pairs, and
+# all keypoints of an image with those of its `PARTNERS` and of the images that have it as theirs.
+MANY_IMAGES, STRONG, PARTNERS = 18, 500, 12
+# Brown and Lowe, equation 13: a match is right by chance with 0.1 and between images of one
+# scene with 0.6, and a pair must be 1000 times likelier than chance.
+ALPHA, BETA = 8.0, 0.3
+LEAST_SIDE = 16  # pixels; smaller images have no keypoints
+
+Progress = Callable[[int, int, str], None]
+
+
+class Link(NamedTuple):
+    """Two images that show the same, and the points by which that is known."""
+
+    first: int
+    second: int
+    matrix: np.ndarray
+    """Takes (x, y, 1) of the first to the second, (3, 3) float64."""
+    points0: np.ndarray
+    """Inliers (n, 2), x and y in the first image, float64."""
+    points1: np.ndarray
+    """The same in the second image."""
+    overlapping: int
+    """Matches in the overlap."""
+
+
+class Heap(NamedTuple):
+    """Images, made small enough to be compared."""
+
+    images: list[Any]
+    """The images as given, (H, W) or (H, W, C)."""
+    small: list[Any]
+    """The same, at most `WORK_PIXELS` large."""
+    factors: np.ndarray
+    """Sides of the small images over those of the large, (N, 2) in the order x, y."""
+    white: float | None
+
+
+def check_heap(images: Any, data_range: float | None) -> list[Any]:
+    """Return the images, checked, and no kernel has run."""
+    if isinstance(images, np.ndarray) and images.ndim < 3:
+        raise ValueError("images must be several arrays, got one")
+    checked = []
+    for i, image in enumerate(images):
+        image = check_image(image, ndim=(2, 3), name=f"images[{i}]")
+        shape = tuple(image.shape)
+        if len(shape) == 3 and shape[2] not in (1, 3, 4):
+            raise ValueError(f"images[{i}] must have 1, 3 or 4 channels, got shape {shape}")
+        checked.append(image)
+    if not checked:
+        raise ValueError("images must not be empty, got none")
+    if data_range is not None and not data_range > 0:
+        raise ValueError(f"data_range must be > 0, got {data_range}")
+    return checked
+
+
+def make_small(images: list[Any], white: float | None) -> Heap:
+    """Shrink images to the size at which they are compared."""
+    small, factors = [], []
+    for image in images:
+        height, width = image.shape[:2]
+        scale = min(1.0, math.sqrt(WORK_PIXELS / (height * width)))
+        sides = max(1, round(height * scale)), max(1, round(width * scale))
+        factors.append((sides[1] / width, sides[0] / height))
+        if sides != (height, width):
+            byte = library(image).dtype(image) == np.uint8
+            axis = -1 if len(image.shape) == 3 else None
+            dtype = np.uint8 if byte else np.float32
+            image = resize(image, sides, channel_axis=axis, dtype=dtype)
+        small.append(image)
+    return Heap(images, small, np.array(factors), white)
+
+
+def white_of_all(images: Sequence[Any], data_range: float | None) -> list[float]:
+    """Return what white is in each image."""
+    kinds = [library(image).dtype(image) for image in images]
+    if data_range is not None:
+        return [float(data_range)] * len(kinds)
+    return [float(np.iinfo(k).max) if k.kind in "iu" else 1.0 for k in kinds]
+
+
+def link_images(heap: Heap, say: Progress) -> list[Link]:
+    """Find the pairs that show the same, in the order of their indices."""
+    count = len(heap.images)
+    rt = runtime(*heap.images)
+    whites = white_of_all(heap.images, heap.white)
+    found = []
+    for i, image in enumerate(heap.small):
+        say(i, 2 * count, "Keypoints")
+        found.append(_keypoints(image, whites[i]))
+    if count < 2:
+        return []
+    say(count, 2 * count, "Matching")
+    pairs = _likely_pairs(rt, found)
+    matches = [as_host(rt, m) for m in match_images(found, pairs, max_ratio=MAX_RATIO)]
+    points = [as_host(rt, f.points).astype(np.float64) for f in found]
+    kept = [k for k, m in enumerate(matches) if len(m) >= LEAST_MATCHES]
+    if not kept:
+        return []
+    given = [
+        (points[i][matches[k][:, 0]], points[j][matches[k][:, 1]])
+        for k in kept
+        for i, j in (pairs[k],)
+    ]
+    say(3 * count // 2, 2 * count, "Homographies")
+    fits = find_homographies(given, THRESHOLD)
+    links = []
+    for n, k in enumerate(kept):
+        inliers = np.asarray(fits.inliers[fits.offsets[n] : fits.offsets[n + 1]])
+        i, j = pairs[k].tolist()
+        link = _accepted(heap, i, j, fits.matrices[n], given[n], inliers)
+        links += [link] if link else []
+    return links
+
+
+def _likely_pairs(rt: Runtime, found: list[Features]) -> np.ndarray:
+    """Return the pairs (P, 2), i < j, that are worth to be matched with all keypoints.
+
+    Of many images, each with the others that it has most matches with among strong keypoints.
+    """
+    count = len(found)
+    pairs = np.stack(np.triu_indices(count, 1), axis=1)
+    if count <= MANY_IMAGES:
+        return pairs
+    strong = []
+    for features in found:
+        order = np.argsort(-as_host(rt, features.responses), kind="stable")[:STRONG]
+        strong.append(as_host(rt, features.descriptors)[np.sort(order)])
+    matches = match_images([rt.give(d) for d in strong], pairs, max_ratio=MAX_RATIO)
+    numbers = np.zeros((count, count), int)
+    numbers[pairs[:, 0], pairs[:, 1]] = [len(m) for m in matches]
+    numbers += numbers.T
+    nearest = np.argsort(-numbers, axis=1, kind="stable")[:, :PARTNERS]
+    likely = np.zeros((count, count), bool)
+    likely[np.arange(count)[:, None], nearest] = True
+    likely = (likely | likely.T) & (numbers > 0)
+    return pairs[likely[pairs[:, 0], pairs[:, 1]]]
+
+
+def _keypoints(image: Any, white: float) -> Any:
+    if min(image.shape[:2]) < LEAST_SIDE:
+        none = np.zeros(0, np.float32)
+        return Features(none.reshape(0, 2), none, none, none, np.zeros((0, 128), np.uint8))
+    if len(image.shape) == 3 and image.shape[2] == 1:
+        image = image.reshape(image.shape[:2])
+    return sift(image, KEYPOINTS, spread=True, data_range=white)
+
+
+def _accepted(
+    heap: Heap,
+    i: int,
+    j: int,
+    matrix: np.ndarray,
+    points: tuple[np.ndarray, np.ndarray],
+    inliers: np.ndarray,
+) -> Link | None:
+    """Return a pair if its inliers are too many for chance, in pixels of the large images."""
+    if not np.isfinite(matrix).all():
+        return None
+    a, b = (p[:, ::-1] for p in points)
+    there, depth = mapped(matrix, a)
+    height, width = heap.small[j].shape[:2]
+    inside = (depth > 0) & (there >= -0.5).all(axis=1)
+    inside &= (there <= (width - 0.5, height - 0.5)).all(axis=1)
+    number, overlapping = int(inliers.sum()), int((inside | inliers).sum())
+    if number <= ALPHA + BETA * overlapping:
+        return None
+    # A photograph is no mirror image of another: the map keeps the sense of turning.
+    if np.linalg.det(matrix) <= 0 or not (depth[inliers] > 0).all():
+        return None
+    scale = [_to_small(heap.factors[k]) for k in (i, j)]
+    large = np.linalg.inv(scale[1]) @ matrix @ scale[0]
+    a, b = ((p[inliers] + 0.5) / heap.factors[k] - 0.5 for p, k in ((a, i), (b, j)))
+    return Link(i, j, large / np.cbrt(np.linalg.det(large)), a, b, overlapping)
+
+
+def _to_small(factors: np.ndarray) -> np.ndarray:
+    """Return the matrix that takes a large image to the small one."""
+    x, y = factors
+    return np.array([[x, 0, 0.5 * x - 0.5], [0, y, 0.5 * y - 0.5], [0, 0, 1]])
+
+
+def mapped(matrix: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where points (N, 2), x and y, are taken, and the sign of their depth."""
+    q = points @ matrix[:, :2].T + matrix[:, 2]
+    depth = q[:, 2] * np.sign(matrix[2, 2] or 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return q[:, :2] / q[:, 2:], depth
+
+
+def connected(count: int, links: Sequence[tuple[int, int]]) -> list[list[int]]:
+    """Return the connected components, the largest first, of equal ones that of the least index."""
+    parent = list(range(count))
+
+    def root(i: int) -> int:
+        while parent[i] != i:
+            parent[i] = parent[parent[i]]
+            i = parent[i]
+        return i
+
+    for i, j in links:
+        a, b = sorted((root(i), root(j)))
+        parent[b] = a
+    groups: dict[int, list[int]] = {}
+    for i in range(count):
+        groups.setdefault(root(i), []).append(i)
+    return sorted(groups.values(), key=lambda group: (-len(group), group[0]))

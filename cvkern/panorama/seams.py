@@ -1,0 +1,156 @@
+"""Which image shows which part of a panorama, and how bright each is to be: at a coarse size."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.panorama.surfaces import Canvas
+from cvkern.panorama.warping import draw, shrunk
+
+SEAM_PIXELS = 250_000  # size of the canvas on which seams are looked for
+SHARPNESS = 20.0  # images that differ by 1/20 of white make a step half as costly
+MARGIN = 0.5  # An image surely owns pixels where its weight exceeds the others by so much.
+GAIN_SPREAD = 3.0  # standard deviation of the logarithms of gains
+NOISE = 0.04  # standard deviation of the mean colours of an overlap, in parts of white
+DARK, BRIGHT = 0.02, 0.98  # in parts of white: what is beyond says little of the exposure
+GAIN_SAMPLES = 4000  # pixels of an overlap that are compared
+LEAST_SAMPLES = 20
+DENSITY = 2  # step between the rows and columns that tell what becomes too bright
+WHITEST = 0.98  # share of the pixels, of those not white before, that gains must not make white
+DIMMEST = 0.6  # least factor of all gains
+ENDS = 4096  # rounds of growth, which need about one for every 16 pixels of a side
+
+
+class Sources(NamedTuple):
+    """The images of one panorama, made small."""
+
+    images: list[Any]
+    """(H, W, C) or (H, W)."""
+    factors: np.ndarray
+    """Sides of these over those of the large images, (N, 2)."""
+    white: float
+    channels: int
+
+
+class Seams(NamedTuple):
+    """Who shows what."""
+
+    labels: Any
+    """(H', W') int32, a kernel array: the image of each pixel of the coarse canvas, or -1."""
+    gains: np.ndarray
+    """(N, C) float32."""
+    coarse: Canvas
+
+
+def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) -> Seams:
+    """Give every pixel of a coarse canvas to an image, and find the gains."""
+    factor = max(1.0, math.sqrt(canvas.width * canvas.height / SEAM_PIXELS))
+    coarse = canvas.coarser(factor)
+    count, channels = len(sources.images), sources.channels
+    sides = coarse.rects[:, 2:] - coarse.rects[:, :2]
+    width, height = map(int, sides.max(axis=0))
+    values = rt.scratch("panorama.values", (count, channels, height, width))
+    weights = rt.scratch("panorama.weights", (count, height, width))
+    ones = rt.constant(np.ones(channels, np.float32))
+    for n in range(count):
+        left, top = map(int, coarse.rects[n, :2])
+        draw(
+            rt, *shrunk(sources.images[n], sources.factors[n], n, coarse, canvas), ones,
+            coarse.columns(left, width), coarse.rows(top, height), values[n], weights[n],
+        )  # fmt: skip
+    rects = rt.send("panorama.rects", coarse.rects.astype(np.int32))
+    gains = np.ones((count, channels), np.float32)
+    if compensate and count > 1:
+        gains = find_gains(rt.to_numpy(values), rt.to_numpy(weights), coarse, sources.white)
+    shape = coarse.height, coarse.width
+    costs = rt.scratch("panorama.costs", shape, np.int32)
+    most, second = (rt.scratch(f"panorama.{name}", shape) for name in ("most", "second"))
+    kernels = rt.panorama.seams
+    kernels.compare(
+        values, weights, rects, rt.send("panorama.gains", gains), SHARPNESS / sources.white,
+        costs, most, second,
+    )  # fmt: skip
+    distances = rt.scratch("panorama.distances", (count, height, width), np.int32)
+    kernels.seed(weights, rects, most, second, MARGIN, distances)
+    changed = rt.scratch("panorama.changed", (1,), np.int32)
+    for _ in range(ENDS):
+        rt.clear(changed)
+        kernels.grow(costs, rects, distances, changed)
+        if not rt.to_numpy(changed)[0]:
+            break
+    labels = rt.scratch("panorama.labels", shape, np.int32)
+    kernels.choose(distances, weights, rects, labels)
+    return Seams(labels, gains, coarse)
+
+
+def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float) -> np.ndarray:
+    """Return the gains (N, C) that make overlaps alike, after Brown and Lowe, section 6.
+
+    Their logarithms have the least sum of squared differences of the logarithms of the mean
+    colours, each as heavy as the overlap is large and bright, and a little of their own squares:
+    their mean is 0. All are lowered alike if they would make white what was not.
+    """
+    count, channels = values.shape[:2]
+    normal = np.tile(np.eye(count) / GAIN_SPREAD**2, (channels, 1, 1))
+    right = np.zeros((channels, count))
+    for i in range(count):
+        for j in range(i + 1, count):
+            for shift in (-1, 0, 1) if coarse.closed else (0,):
+                found = _overlap(values, weights, coarse, white, i, j, shift * coarse.width)
+                if found is None:
+                    continue
+                a, b, number = found
+                weight = number / GAIN_SAMPLES * (np.sqrt(a * b) / NOISE) ** 2
+                wanted = weight * np.log(b / a)
+                normal[:, i, i] += weight
+                normal[:, j, j] += weight
+                normal[:, i, j] -= weight
+                normal[:, j, i] -= weight
+                right[:, i] += wanted
+                right[:, j] -= wanted
+    gains = np.exp(np.linalg.solve(normal, right[..., None])[..., 0].T)
+    return (gains * _dimming(values[..., ::DENSITY, ::DENSITY], weights, gains, white)).astype(
+        np.float32
+    )
+
+
+def _dimming(values: np.ndarray, weights: np.ndarray, gains: np.ndarray, white: float) -> float:
+    """Return a factor, at most 1, by which what is not white in the images stays so."""
+    there = (weights[..., ::DENSITY, ::DENSITY] > 0) & (values.max(axis=1) < BRIGHT * white)
+    lit = (values * gains[..., None, None]).max(axis=1)[there] / white
+    if not lit.size:
+        return 1.0
+    return float(np.clip(1 / max(np.quantile(lit, WHITEST), 1e-6), DIMMEST, 1.0))
+
+
+def _overlap(
+    values: np.ndarray,
+    weights: np.ndarray,
+    coarse: Canvas,
+    white: float,
+    i: int,
+    j: int,
+    shift: int,
+) -> tuple[np.ndarray, np.ndarray, int] | None:
+    """Return mean colours of two images in their overlap, in parts of white, and its size."""
+    one, other = coarse.rects[i], coarse.rects[j] + (shift, 0, shift, 0)
+    low, high = np.maximum(one[:2], other[:2]), np.minimum(one[2:], other[2:])
+    if (high <= low).any():
+        return None
+    step = max(1, int(math.sqrt((high - low).prod() / GAIN_SAMPLES)))
+    cuts = []
+    for rect in (one, other):
+        x, y = low - rect[:2]
+        w, h = high - low
+        cuts.append((slice(y, y + h, step), slice(x, x + w, step)))
+    a, b = (values[n][:, cut[0], cut[1]] / white for n, cut in ((i, cuts[0]), (j, cuts[1])))
+    there = (weights[i][cuts[0]] > 0) & (weights[j][cuts[1]] > 0)
+    fair = there & (np.minimum(a, b) > DARK).all(axis=0) & (np.maximum(a, b) < BRIGHT).all(axis=0)
+    if fair.sum() < LEAST_SAMPLES:
+        return None
+    number = int(there.sum()) * step * step
+    return a[:, fair].mean(axis=1), b[:, fair].mean(axis=1), number

@@ -1,0 +1,264 @@
+"""The surface that a panorama is drawn on: its axes, its size, and where each image lies on it.
+
+All surfaces take a pixel in column x and row y to the direction ``(a p, q, b p)``, in which a and b
+depend on x alone, p and q on y alone: a plane has (x, 1) and (1, y), a cylinder (sin x, cos x) and
+(1, y), a sphere (sin x, cos x) and (cos y, sin y). Kernels take those as tables.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from cvkern.panorama.models import Alignment
+
+SURFACES = ("auto", "plane", "cylinder", "sphere")
+PLANE_SPAN = math.radians(90)  # widest view, across its corners, that is drawn on a plane unasked
+PLANE_MOST = math.radians(150)  # widest that a plane can hold
+CYLINDER_RISE = math.radians(50)  # highest view that is drawn on a cylinder unasked
+CYLINDER_MOST = math.radians(75)
+RIM = 0.25  # pixels that the last column may lie beyond the middles of all others
+ALONG = 33  # points along each side of an image that say where it lies
+FEW_SPREAD = 0.004  # mean square of sines below which directions do not tell a plane
+CLEARLY = 9.0  # ratio of squares that tells a plane of directions
+NEAR_UP = math.cos(math.radians(45))
+
+
+class Canvas(NamedTuple):
+    """A surface cut into pixels."""
+
+    surface: str
+    height: int
+    width: int
+    step: float
+    """Radians, or pixels of the central image, of one pixel."""
+    left: float
+    """The coordinate of the middle of the first column."""
+    top: float
+    closed: bool
+    """Whether the first column follows the last one."""
+    matrices: np.ndarray
+    """(N, 3, 3): from directions to pixels (x, y, 1) of each image."""
+    rotations: np.ndarray | None
+    """(N, 3, 3): from directions to the axes of each camera; None of images of a plane."""
+    rects: np.ndarray
+    """(N, 4): first column and row of each image, and those behind its last; columns of a closed
+    canvas go on over its ends."""
+
+    def columns(self, first: int, count: int) -> np.ndarray:
+        """Return the table of columns, (count, 2) float64."""
+        x = self.left + (first + np.arange(count)) * self.step
+        if self.surface == "plane":
+            return np.stack((x, np.ones_like(x)), axis=1)
+        return np.stack((np.sin(x), np.cos(x)), axis=1)
+
+    def rows(self, first: int, count: int) -> np.ndarray:
+        """Return the table of rows, (count, 2) float64."""
+        y = self.top + (first + np.arange(count)) * self.step
+        if self.surface == "sphere":
+            return np.stack((np.cos(y), np.sin(y)), axis=1)
+        return np.stack((np.ones_like(y), y), axis=1)
+
+    def coarser(self, factor: float) -> Canvas:
+        """Return the same surface with pixels about `factor` times as large."""
+        width = max(
+            1, round(self.width / factor) if self.closed else math.ceil(self.width / factor)
+        )
+        factor = self.width / width if self.closed else factor
+        height = max(1, math.ceil(self.height / factor))
+        shift = (factor - 1) / 2 * self.step
+        low = np.floor(self.rects[:, :2] / factor).astype(int)
+        high = np.ceil(self.rects[:, 2:] / factor).astype(int)
+        if self.closed:
+            high[:, 0] = np.minimum(high[:, 0], low[:, 0] + width)
+        else:
+            high[:, 0] = np.minimum(high[:, 0], width)
+        high[:, 1] = np.minimum(high[:, 1], height)
+        return self._replace(
+            height=height, width=width, step=self.step * factor, left=self.left + shift,
+            top=self.top + shift, rects=np.concatenate((low, high), axis=1),
+        )  # fmt: skip
+
+
+def straighten(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Return rotations (N, 3, 3) from level axes: x along the horizon, y down, z to the middle.
+
+    Cameras are held so that their sides are level: the vertical is the direction with the least sum
+    of squares along those [Brown and Lowe, section 5]. Cameras that all look nearly the same way,
+    or that lie above each other, do not tell it; there it is their mean vertical. A camera that is
+    turned by about a right angle counts as one that is not.
+    """
+    quarters = _quarter_turns(rotations, parents)
+    most = np.bincount(quarters, minlength=4).argmax()
+    angle = (quarters - most) * (math.pi / 2)
+    right = np.stack((np.cos(angle), np.sin(angle), np.zeros_like(angle)), axis=1)
+    down = np.stack((-np.sin(angle), np.cos(angle), np.zeros_like(angle)), axis=1)
+    right, down = (np.einsum("nij,ni->nj", rotations, v.round()) for v in (right, down))
+    values, vectors = np.linalg.eigh(right.T @ right / len(right))
+    vertical = vectors[:, 0] if vectors[:, 0] @ down.sum(axis=0) >= 0 else -vectors[:, 0]
+    clear = values[1] > max(FEW_SPREAD, CLEARLY * values[0])
+    if not clear or (down @ vertical).mean() < NEAR_UP:
+        across = _unit(right.mean(axis=0), right[0])
+        mean = down.mean(axis=0)
+        vertical = _unit(mean - across * (mean @ across), np.cross(rotations[0, 2], across))
+    ahead = rotations[:, 2].sum(axis=0)
+    # Cameras that look all round have no middle.
+    ahead = _unit(ahead - vertical * (ahead @ vertical), np.cross(right[0], vertical))
+    axes = np.stack((np.cross(vertical, ahead), vertical, ahead))  # from the world to level axes
+    return rotations @ axes.T
+
+
+def _unit(vector: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return a vector at length 1, or the other if it is too short to tell a direction."""
+    length = np.linalg.norm(vector)
+    return vector / length if length > 1e-3 else other / np.linalg.norm(other)
+
+
+def _quarter_turns(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Return by how many right angles each camera is turned against the central one."""
+    quarters = np.zeros(len(rotations), int)
+    done = parents < 0
+    while not done.all():
+        for i in np.flatnonzero(~done & done[parents]):
+            across = rotations[i] @ rotations[parents[i]].T
+            roll = math.atan2(across[1, 0] - across[0, 1], across[0, 0] + across[1, 1])
+            quarters[i] = (quarters[parents[i]] + round(roll / (math.pi / 2))) % 4
+            done[i] = True
+    return quarters
+
+
+def lay_out(alignment: Alignment, sides: np.ndarray, surface: str, scale: float) -> Canvas:
+    """Choose the surface and its size; `sides` (N, 2) are widths and heights."""
+    middles = np.stack([np.array([[1, 0, x], [0, 1, y], [0, 0, 1]]) for x, y in (sides - 1) / 2])
+    focals = alignment.focals
+    if alignment.rotations is None or focals is None:
+        return _plane(middles @ alignment.matrices, None, sides, 1.0 / scale)
+    step = 1.0 / (float(np.median(focals)) * scale)
+    turned = straighten(alignment.rotations, alignment.parents)
+    k = np.stack([np.diag([f, f, 1.0]) for f in focals])
+    views = [Outline(middles[i] @ k[i], turned[i], sides[i]) for i in range(len(focals))]
+    if surface in ("auto", "plane"):
+        widest = max(view.farthest() for view in views)
+        if widest <= (PLANE_SPAN if surface == "auto" else PLANE_MOST) / 2:
+            return _plane(middles @ k @ turned, turned, sides, step)
+    if surface in ("auto", "plane"):
+        rise = max(abs(y) for view in views for y in view.rise())
+        surface = "cylinder" if rise <= CYLINDER_RISE else "sphere"
+    return _round(views, surface, step)
+
+
+class Outline:
+    """The directions of the rim of an image of a camera that turns."""
+
+    def __init__(self, camera: np.ndarray, rotation: np.ndarray, side: np.ndarray):
+        self.matrix, self.rotation = camera @ rotation, rotation
+        inverse = np.linalg.inv(self.matrix)
+        self.rim = (rim_of(side) @ inverse.T) / np.linalg.norm(
+            rim_of(side) @ inverse.T, axis=1, keepdims=True
+        )
+        self.poles = []
+        for pole in (-1.0, 1.0):
+            x, y, z = self.matrix[:, 1] * pole
+            if z > 0 and 0 <= x / z <= side[0] - 1 and 0 <= y / z <= side[1] - 1:
+                self.poles.append(pole)
+        self.centre = math.atan2(rotation[2, 0], rotation[2, 2])
+
+    def farthest(self) -> float:
+        """Return the largest angle from the z axis."""
+        return float(np.arccos(self.rim[:, 2].clip(-1, 1)).max())
+
+    def rise(self) -> tuple[float, float]:
+        """Return the least and the largest angle below the horizon."""
+        angles = np.arcsin(self.rim[:, 1].clip(-1, 1))
+        low = -math.pi / 2 if -1.0 in self.poles else float(angles.min())
+        return low, math.pi / 2 if 1.0 in self.poles else float(angles.max())
+
+    def span(self) -> tuple[float, float]:
+        """Return the least and the largest angle round the vertical, which may exceed pi."""
+        if self.poles:
+            return self.centre - math.pi, self.centre + math.pi
+        x = np.arctan2(self.rim[:, 0], self.rim[:, 2]) - self.centre
+        x = (x + math.pi) % (2 * math.pi) - math.pi
+        return float(x.min()) + self.centre, float(x.max()) + self.centre
+
+
+def rim_of(side: np.ndarray) -> np.ndarray:
+    """Return points (x, y, 1) round the rim of an image."""
+    t = np.linspace(0, 1, ALONG)
+    zero, one = np.zeros_like(t), np.ones_like(t)
+    x, y = np.concatenate((t, t, zero, one)), np.concatenate((zero, one, t, t))
+    return np.stack((x * (side[0] - 1), y * (side[1] - 1), np.ones_like(x)), axis=1)
+
+
+def _plane(
+    matrices: np.ndarray, rotations: np.ndarray | None, sides: np.ndarray, step: float
+) -> Canvas:
+    boxes = []
+    for matrix, side in zip(matrices, sides, strict=True):
+        q = rim_of(side) @ np.linalg.inv(matrix).T
+        places = q[:, :2] / q[:, 2:] / step
+        boxes.append(np.concatenate((places.min(axis=0), places.max(axis=0))))
+    boxes = np.array(boxes)
+    left, top = boxes[:, :2].min(axis=0)
+    width, height = np.floor(boxes[:, 2:].max(axis=0) - (left, top) + RIM) + 1
+    rects = _rects(boxes - (left, top, left, top), height)
+    rects[:, 0] = rects[:, 0].clip(0, None)
+    rects[:, 2] = rects[:, 2].clip(None, int(width))
+    return Canvas("plane", int(height), int(width), step, left * step, top * step, False, matrices,
+                  rotations, rects)  # fmt: skip
+
+
+def _rects(boxes: np.ndarray, height: float) -> np.ndarray:
+    low, high = np.floor(boxes[:, :2]).astype(int), np.ceil(boxes[:, 2:]).astype(int) + 1
+    low[:, 1] = low[:, 1].clip(0, None)
+    high[:, 1] = high[:, 1].clip(None, int(height))
+    return np.concatenate((low, high), axis=1)
+
+
+def _round(views: list[Outline], surface: str, step: float) -> Canvas:
+    """Lay views out on a cylinder or a sphere; its ends are where the widest gap is."""
+    spans = np.array([view.span() for view in views])
+    rises = np.array([view.rise() for view in views])
+    turn = 2 * math.pi
+    begins = np.mod(spans[:, 0], turn)
+    ends = begins + (spans[:, 1] - spans[:, 0])
+    order = np.argsort(begins, kind="stable")
+    gaps = []
+    covered = float((ends - turn).max())  # what goes on over the end of the circle
+    for i in order:
+        gaps.append((begins[i] - covered, covered, begins[i]))
+        covered = max(covered, ends[i])
+    widest, gap_from, gap_to = max(gaps)
+    closed = bool(widest <= 2 * step)
+    middle = views[0].centre if closed else (gap_from + gap_to) / 2 + math.pi
+    width = round(turn / step)
+    if closed:
+        step = turn / width
+    level = np.array([[math.cos(middle), 0, math.sin(middle)], [0, 1, 0],
+                      [-math.sin(middle), 0, math.cos(middle)]])  # fmt: skip
+    matrices = np.stack([view.matrix @ level for view in views])
+    centres = np.array([view.centre for view in views]) - middle
+    shift = np.round(centres / turn) * turn + middle
+    spans = (spans - shift[:, None]) / step
+    if surface == "cylinder":
+        rises = np.tan(rises.clip(-CYLINDER_MOST, CYLINDER_MOST))
+    rises = rises / step
+    top = float(rises[:, 0].min())
+    height = math.floor(rises[:, 1].max() - top + RIM) + 1
+    if closed:
+        left = -(width // 2)
+    else:
+        left = float(spans[:, 0].min())
+        width = math.floor(spans[:, 1].max() - left + RIM) + 1
+    boxes = np.stack(
+        (spans[:, 0] - left, rises[:, 0] - top, spans[:, 1] - left, rises[:, 1] - top), 1
+    )
+    rects = _rects(boxes, height)
+    if closed:
+        rects[:, 2] = np.minimum(rects[:, 2], rects[:, 0] + width)
+    else:
+        rects[:, (0, 2)] = rects[:, (0, 2)].clip(0, width)
+    return Canvas(surface, height, width, step, left * step, top * step, closed, matrices,
+                  np.stack([view.rotation @ level for view in views]), rects)  # fmt: skip
