@@ -15,7 +15,7 @@ from cvkern.app.commands import Backend, Device, as_gray
 RESULTS = ("normals.png", "albedo.png", "depth.tif", "mesh.ply", "relit.gif")
 IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp")
 LIGHTS = ("lights.txt", "light_directions.txt")
-FRAMES = 36  # of the film, one turn of the light
+FRAMES = 36  # pictures of one turn of the light
 SLANT = 0.8  # tangent of the angle between the light of the film and the view
 BRIGHT = 99.0  # percentile of albedo that is shown as white
 
