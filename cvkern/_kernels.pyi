@@ -70,6 +70,7 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
     class raw:
+        from cvkern.kernels.warp.raw import exposures as exposures
         class demosaicing:
             from cvkern.kernels.warp.raw.demosaicing import linear as linear
             from cvkern.kernels.warp.raw.demosaicing import menon as menon
@@ -78,6 +79,7 @@ class Folder:
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry
+        from cvkern.kernels.warp.shading import recovery as recovery
         from cvkern.kernels.warp.shading import rendering as rendering
         class integration:
             from cvkern.kernels.warp.shading.integration import equations as equations
@@ -103,6 +105,7 @@ class Folder:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
         from cvkern.kernels.warp.structured_light import laser as laser
         from cvkern.kernels.warp.structured_light import phase as phase
+        from cvkern.kernels.warp.structured_light import triangulation as triangulation
     class transform:
         from cvkern.kernels.warp.transform import projective as projective
         from cvkern.kernels.warp.transform import pyramids as pyramids

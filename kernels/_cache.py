@@ -1,4 +1,4 @@
-"""Folders of compiled kernels, for both kernel sets: what to do where nothing can be written."""
+"""Folders of compiled kernels, for both kernel sets, and a warning if they cannot be written."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import os
 import tempfile
 import warnings
 
-# The variable by which a user of each set chooses the folder.
+# The environment variable that chooses the folder of each set.
 VARIABLES = {"warp": "WARP_CACHE_PATH", "taichi": "TI_OFFLINE_CACHE_FILE_PATH"}
 
 
 def refusal(folder: str | os.PathLike[str]) -> str:
-    """Return why no file can be written in `folder`, made if missing; empty if one can be."""
+    """Create `folder` if missing; return why no file can be written there, or an empty string."""
     try:
         os.makedirs(folder, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as file:
@@ -22,10 +22,10 @@ def refusal(folder: str | os.PathLike[str]) -> str:
 
 
 def warn(kernel_set: str, folder: str | os.PathLike[str], reason: str) -> None:
-    """Say that compiled kernels are not kept, and what to set."""
+    """Warn that compiled kernels are not kept, and name the variable to set."""
     warnings.warn(
         f"kernels cannot be kept in {os.fspath(folder)} ({reason}): they are compiled for this "
-        f"process alone; set {VARIABLES[kernel_set]} to a folder that can be written to",
+        f"process only; set {VARIABLES[kernel_set]} to a writable folder",
         RuntimeWarning,
         stacklevel=3,
     )

@@ -1,4 +1,4 @@
-"""How many threads CPU kernels use, for both kernel sets."""
+"""The number of threads of CPU kernels, for both kernel sets."""
 
 from __future__ import annotations
 

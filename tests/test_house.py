@@ -47,7 +47,6 @@ def hold(found, left, law):
 
 
 LEFT_LONG_FILES = {
-    "tests/app/test_cli.py",
     "tests/radiance/fields/test_layers.py",
     "tests/radiance/test_rendering.py",
 }

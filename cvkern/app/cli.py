@@ -13,13 +13,18 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.app.commands.calibrate import calibrate
 from cvkern.app.commands.circles import circles
+from cvkern.app.commands.develop import develop
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
+from cvkern.app.commands.hdr import hdr
 from cvkern.app.commands.lines import lines
 from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
+from cvkern.app.commands.pair import pair
 from cvkern.app.commands.panorama import panorama
+from cvkern.app.commands.scan import scan
 from cvkern.app.commands.stereo import stereo
 
 app = typer.Typer(
@@ -32,7 +37,7 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command; a mistake of the user is one red line and exit code 2."""
+    """Run the command; report an error of the user in one red line, with exit code 2."""
     warnings.showwarning = _show_warning
     try:
         app()
@@ -46,7 +51,7 @@ def main() -> None:
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    """Print a warning as one line, without the place in the program that it comes from."""
+    """Print a warning as one line, without its place in the program."""
     from rich.console import Console
     from rich.text import Text
 
@@ -75,8 +80,13 @@ app.command()(lines)
 app.command()(circles)
 app.command()(find)
 app.command()(match)
+app.command()(pair)
 app.command()(panorama)
+app.command()(calibrate)
 app.command()(stereo)
+app.command()(scan)
+app.command()(develop)
+app.command()(hdr)
 app.add_typer(nerf, name="nerf")
 
 
@@ -86,7 +96,7 @@ def tour(
         Path, typer.Argument(metavar="DIR", help="Folder to write to; made if missing.")
     ] = Path("cvkern-tour"),
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the tour that DIR has.")
+        bool, typer.Option("--overwrite", help="Replace an existing tour in DIR.")
     ] = False,
     backend: Backend = None,
     device: Device = None,
@@ -112,7 +122,7 @@ def tour(
 
 @app.command()
 def warmup(backend: Backend = None, device: Device = None) -> None:
-    """Compile every kernel ahead, so that first calls are fast."""
+    """Compile every kernel in advance, so that first calls are fast."""
     from cvkern.app.warmup import calls
 
     todo = list(calls())
@@ -127,9 +137,9 @@ def warmup(backend: Backend = None, device: Device = None) -> None:
 
 @app.command()
 def doctor() -> None:
-    """Show versions, devices and kernel caches, and test that kernels compute right answers.
+    """Show versions, devices and kernel caches, and test that kernels give correct results.
 
-    Exits with 1 if a kernel set fails on the CPU, or is wrong on a GPU that it can use.
+    Exit with 1 if a kernel set fails on the CPU, or is wrong on a GPU that it can use.
     """
     from rich.console import Console
     from rich.table import Table

@@ -1,7 +1,7 @@
-"""Whether a kernel set computes the right answers on a device of this machine.
+"""Tests whether a kernel set gives correct results on a device of this machine.
 
-``python -m cvkern.app.doctor SET DEVICE`` prints a finding as JSON: each set and device is examined
-in a process of its own, because a broken driver may end the process that asks.
+``python -m cvkern.app.doctor SET DEVICE`` prints a finding as JSON. Each set and device is examined
+in a separate process, because a broken driver may end the process.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ _COMPILED = (".tic", ".tcb", ".ptx", ".cubin")
 
 @dataclass
 class Finding:
-    """What was found about one kernel set on one device."""
+    """The result of the tests of one kernel set on one device."""
 
     backend: str
     device: str
     absent: str = ""
-    """Why the kernel set or the device cannot be used at all, or empty."""
+    """The reason why the kernel set or the device cannot be used at all, or empty."""
     wrong: dict[str, str] = field(default_factory=dict)
-    """For each function tried what is wrong with its answer, or an empty string."""
+    """For each tested function, the fault of its result, or an empty string."""
     seconds: float = 0.0
-    """Time of the first calls: starting, and compiling or loading the kernels."""
+    """Time of the first calls: starting the set, and compiling or loading the kernels."""
     cache: str = ""
     """Folder of the compiled kernels."""
     cache_fault: str = ""
-    """What is wrong with that folder and its files, or empty."""
+    """The fault of that folder or its files, or empty."""
     devices: list[str] = field(default_factory=list)
     """Devices that the kernel set finds."""
 
     @property
     def healthy(self) -> bool:
-        """Whether everything tried gave the right answer."""
+        """Whether all tested functions gave correct results."""
         return not self.absent and bool(self.wrong) and not any(self.wrong.values())
 
 
@@ -60,7 +60,7 @@ def examine(backend: str, device: str, timeout: float = 600.0) -> Finding:
         return finding
     try:
         return Finding(**json.loads(done.stdout.splitlines()[-1]))
-    except (IndexError, ValueError, TypeError):  # it died before, or while, it spoke
+    except (IndexError, ValueError, TypeError):  # it ended without a complete answer
         said = done.stderr.strip().splitlines()
         finding.wrong["process"] = said[-1] if said else f"ended with code {done.returncode}"
         return finding
@@ -72,7 +72,7 @@ def folder_size(folder: str) -> int:
 
 
 def cache_fault(kernel_set: str, folder: str) -> str:
-    """Return what is wrong with a folder of compiled kernels, or an empty string."""
+    """Return the fault of a folder of compiled kernels, or an empty string."""
     if reason := _cache.refusal(folder):
         variable = _cache.VARIABLES[kernel_set]
         return f"nothing can be written in {folder} ({reason}): set {variable} to another folder"
@@ -84,13 +84,13 @@ def cache_fault(kernel_set: str, folder: str) -> str:
 
 
 def _whole(file: Path) -> bool:
-    """Tell whether a file of a kernel cache has a beginning and an end, by its kind."""
+    """Tell whether a file of a kernel cache is complete, judged by its format."""
     try:
         if file.suffix == ".meta":
             json.loads(file.read_bytes())
         elif file.suffix == ".o":
             data = file.read_bytes()
-            if data[:6] == b"\x7fELF\x02\x01":  # 64 bits, the least byte first
+            if data[:6] == b"\x7fELF\x02\x01":  # 64 bits, little-endian
                 table, size, count = (
                     int.from_bytes(data[i:j], "little") for i, j in ((40, 48), (58, 60), (60, 62))
                 )
@@ -98,11 +98,11 @@ def _whole(file: Path) -> bool:
             return data[:4] not in (b"", b"\x7fELF")
         return file.stat().st_size > 0 or file.suffix not in _COMPILED
     except (OSError, ValueError):
-        return not file.exists()  # another process has taken it away
+        return not file.exists()  # another process may have deleted it
 
 
 def gaussian() -> str:
-    """Compare with SciPy; return what is wrong, or an empty string."""
+    """Compare with SciPy; return the fault, or an empty string."""
     from scipy import ndimage
 
     image = np.random.default_rng(0).random((37, 53), dtype=np.float32)
@@ -111,10 +111,10 @@ def gaussian() -> str:
 
 
 def canny() -> str:
-    """Find a step whose height falls from row to row, with a faint step apart.
+    """Find a step whose height decreases from row to row, but not a separate faint step.
 
-    The step is strong in its upper rows, and weak but connected down to row 20; the faint one is
-    weak and touches nothing strong.
+    The first step is strong in its upper rows, and weak but connected down to row 20. The faint
+    step is weak and not connected to a strong one.
     """
     height = 200 - 8 * np.arange(24, dtype=np.uint8)[:, None]
     image = np.where(np.arange(44) >= 20, height, np.uint8(0))

@@ -1,4 +1,4 @@
-"""Calls that make every kernel of a set compile: those of each family, from its ``_warmup.py``."""
+"""Calls that compile every kernel of a set, collected from each family's ``_warmup.py``."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import cvkern
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Yield a name and a call for every public function and every dtype that has own kernels."""
+    """Yield a name and a call for every public function and every dtype with its own kernels."""
     for path in sorted(Path(cvkern.__file__).parent.glob("*/_warmup.py")):
         yield from importlib.import_module(f"cvkern.{path.parent.name}._warmup").calls()
 

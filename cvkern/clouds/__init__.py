@@ -1,4 +1,4 @@
-"""Point clouds: PLY files, and moving pictures of them."""
+"""Point clouds: PLY files and films."""
 
 from cvkern.clouds.films import write_animation
 from cvkern.clouds.ply import write_ply

@@ -4,26 +4,25 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_positive
-from cvkern._files import check_target, replacing
+from cvkern._checks import as_array, check_positive
+from cvkern._files import as_path, check_target, replacing
 
 
 def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 20.0) -> None:
-    """Write frames as a GIF that repeats for ever, or as an MP4; whole or not at all.
+    """Write frames as a GIF that repeats forever, or as an MP4, whole or not at all.
 
     Parameters
     ----------
     path : path
-        Ends in ``.gif``, or in ``.mp4`` where imageio-ffmpeg is installed.
+        Ends in ``.gif``, or in ``.mp4`` if imageio-ffmpeg is installed.
     frames : array of shape (F, H, W, 3), uint8
         A GIF has 256 colours in each frame; an MP4 needs an even height and width.
     fps : float, default 20.0
-        Frames a second, > 0; a GIF counts in hundredths of a second, and has at most 50.
+        Frames per second, > 0. A GIF counts in hundredths of a second, and has at most 50.
 
     Raises
     ------
@@ -49,7 +48,7 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     ...     Path(folder, "blink.gif").read_bytes()[:6]
     b'GIF89a'
     """
-    movie = np.asarray(frames)
+    movie = np.asarray(as_array(frames, "frames"))
     if movie.ndim != 4 or movie.shape[3] != 3 or movie.size == 0 or movie.dtype != np.uint8:
         raise ValueError(
             f"frames must be uint8 of shape (F, H, W, 3), got {movie.dtype} of shape {movie.shape}"
@@ -58,20 +57,20 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     import imageio.v3 as iio
 
     with replacing(path) as beside:
-        if Path(path).suffix.lower() == ".gif":
+        if as_path(path).suffix.lower() == ".gif":
             options = {"plugin": "pillow", "duration": round(1e3 / fps), "loop": 0}
-            # Encode in memory: after an error imageio would try to write the file once more.
+            # Encode in memory, because imageio would write the file again after an error.
             beside.write_bytes(iio.imwrite("<bytes>", movie, extension=".gif", **options))
         else:
             iio.imwrite(beside, movie, plugin="FFMPEG", fps=fps, macro_block_size=2, quality=8)
 
 
 def check_animation(path: str | os.PathLike[str], shape: tuple[int, ...], fps: Any) -> float:
-    """Return `fps` if frames of a shape (F, H, W, 3) can be written to `path`: ask before the work.
+    """Return `fps` if frames (F, H, W, 3) can be written to `path`; call this before long work.
 
     The errors are those of :func:`write_animation`.
     """
-    suffix = Path(path).suffix.lower()
+    suffix = as_path(path).suffix.lower()
     if suffix not in (".gif", ".mp4"):
         raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
     check_target(path)

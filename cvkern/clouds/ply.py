@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cvkern._checks import check_dtype, check_image
-from cvkern._files import replacing
+from cvkern._files import as_path, replacing
 from cvkern._runtime import runtime
 
 PLACE = tuple((name, "<f4", "float") for name in ("x", "y", "z"))
@@ -24,7 +23,7 @@ def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> 
     path : path
         An existing file is replaced once the new one is complete.
     points : array of shape (N, 3)
-        (x, y, z), of any library; written as float32.
+        Points (x, y, z), of any library; written as float32.
     colors : array of shape (N, 3), uint8, optional
         Red, green, blue.
 
@@ -35,7 +34,7 @@ def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> 
     TypeError
         If `points` does not hold real numbers, or `colors` is not uint8.
     ValueError
-        If a shape is another, a point is not finite in float32, or `path` does not end in ``.ply``.
+        If a shape is wrong, a point is not finite in float32, or `path` does not end in ``.ply``.
 
     Examples
     --------
@@ -48,7 +47,7 @@ def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> 
     ...     Path(folder, "one.ply").stat().st_size
     190
     """
-    if Path(path).suffix.lower() != ".ply":
+    if as_path(path).suffix.lower() != ".ply":
         raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")
     places, tints = check_cloud(points, colors)
     fields = PLACE if tints is None else PLACE + TINT
@@ -67,7 +66,7 @@ def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> 
 
 
 def check_cloud(points: Any, colors: Any) -> tuple[np.ndarray, Any]:
-    """Return points and colours on the host, float32 and uint8, or None for no colours."""
+    """Return checked points and colours on the host, float32 and uint8; colours may be None."""
     points = check_image(points, name="points")
     if points.shape[1] != 3:
         raise ValueError(f"points must have shape (N, 3), got {tuple(points.shape)}")

@@ -1,4 +1,4 @@
-"""Frames of a point cloud from a camera that swings about it."""
+"""Frames of a point cloud from a camera that swings around it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from cvkern._runtime import runtime
 from cvkern.clouds.ply import check_cloud
 from cvkern.images._overlay import check_color
 
-SAMPLES = 2  # samples a pixel, down and across: they smooth the rims of points
-INSIDE = (0.005, 0.995)  # quantiles of directions: the picture has room for those between
-MARGIN = 1.12  # width of the view over that of the points
-NARROWEST = 1e-3  # least width of a view, as a share of the distance
-PIVOT = 0.3  # quantile of the depths: the camera swings about a point there
-NOD = 0.3  # swing up and down, as a share of the swing to the sides
+SAMPLES = 2  # samples per pixel, down and across, which smooth the rims of points
+INSIDE = (0.005, 0.995)  # quantiles of the directions that fit into the picture
+MARGIN = 1.12  # width of the view divided by the width of the points
+NARROWEST = 1e-3  # smallest width of a view, as a share of the distance
+PIVOT = 0.3  # quantile of the depths at which the camera's pivot lies
+NOD = 0.3  # vertical swing, as a share of the horizontal swing
 COVER = (
-    1.8  # edge of a point over the distance of its neighbours; slanted surfaces need more than 1
+    1.8  # side of a point over the distance to its neighbours; slanted surfaces need more than 1
 )
 
 
@@ -34,24 +34,24 @@ def turntable(
     point_size: float | None = None,
     background: Sequence[float] = (16, 17, 20),
 ) -> np.ndarray:
-    """Draw a cloud from a camera that swings about it, or goes all the way round.
+    """Draw a cloud from a camera that swings or circles around it.
 
     Parameters
     ----------
     points : array of shape (N, 3)
-        Those of :func:`cvkern.point_cloud`, say: x right, y down, z forward from the camera at the
-        origin. Points behind it are not drawn.
+        Points, for example of :func:`cvkern.point_cloud`: x right, y down, z forward from the
+        camera at the origin. Points behind this camera are not drawn.
     colors : array of shape (N, 3), uint8
         Red, green, blue.
     shape : (int, int), default (360, 480)
         Rows and columns of a frame.
     frames : int, default 60
-        They make a loop; the first is the view of the camera at the origin.
+        Number of frames. They make a loop, and the first is the view from the origin.
     swing : float, default 20.0
-        Degrees to either side, in (0, 180]; 180 goes round, at an even pace.
+        Degrees to each side, in (0, 180]; with 180 the camera circles at constant speed.
     point_size : float, optional
-        Edge of the square of a point in the first frame, pixels, > 0. By default what closes the
-        gaps between neighbours.
+        Side of the square of a point in the first frame, pixels, > 0. By default a size that closes
+        the gaps between neighbours.
     background : (red, green, blue), default (16, 17, 20)
         In [0, 255].
 
@@ -64,13 +64,13 @@ def turntable(
     TypeError
         If `points` does not hold real numbers, or `colors` is not uint8.
     ValueError
-        If a shape is another, a point is not finite, none lies in front of the camera, or a number
+        If a shape is wrong, a point is not finite, no point is in front of the camera, or a number
         is out of its range.
 
     Notes
     -----
-    The nearest point is seen, and the first of several at one depth. The pictures are the same on
-    every device and kernel set.
+    Of several points on a pixel, the nearest is drawn, and the first of those at the same depth.
+    The pictures are the same on every device and kernel set.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def turntable(
     focal, cx, cy, pivot = _view(seen, height, width)
     if point_size is None:
         point_size = COVER * max(1.0, math.sqrt(height * width / len(seen)))
-    # Samples lie between the centres of pixels: express the lens in their grid.
+    # Samples lie between the centres of pixels, so express the lens in their grid.
     focal, (cx, cy) = SAMPLES * focal, (SAMPLES * c + 0.5 * (SAMPLES - 1) for c in (cx, cy))
 
     rt = runtime(points, colors)
@@ -115,7 +115,7 @@ def turntable(
 
 
 def _view(points: np.ndarray, height: int, width: int) -> tuple[float, float, float, np.ndarray]:
-    """Return a focal length and principal point that show the points, and what to swing about."""
+    """Return a focal length and principal point that show the points, and the pivot."""
     low, high = np.quantile(points[:, :2] / points[:, 2:], INSIDE, axis=0)
     spread = np.maximum(high - low, NARROWEST)
     focal = float(min(np.array([width, height]) / spread)) / MARGIN
@@ -126,7 +126,7 @@ def _view(points: np.ndarray, height: int, width: int) -> tuple[float, float, fl
 
 
 def _pose(turn: float, swing: float, pivot: np.ndarray) -> np.ndarray:
-    """Return where the camera is at `turn`, in [0, 1), of the loop: a matrix (3, 4)."""
+    """Return the pose (3, 4) of the camera at `turn`, in [0, 1), of the loop."""
     angle = 2 * np.pi * turn
     side, nod = np.deg2rad(swing) * np.array([np.sin(angle), NOD * np.sin(2 * angle)])
     if swing == 180:

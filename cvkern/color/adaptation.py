@@ -30,7 +30,7 @@ def adaptation_matrix(source: Any, target: Any, method: str = "bradford") -> np.
     source, target : str or (X, Y, Z)
         The lights: names of `standard_light`, or their white points.
     method : {'bradford', 'cat16', 'von_kries'}, default 'bradford'
-        In what responses whites are equalled: those of Bradford [1]_, of CAT16 [2]_, or the cones of
+        In what responses whites are equalled: those of Bradford [1]_ or CAT16 [2]_, or the cones of
         Hunt, Pointer and Estevez.
 
     Returns
@@ -48,8 +48,8 @@ def adaptation_matrix(source: Any, target: Any, method: str = "bradford") -> np.
     References
     ----------
     .. [1] K. M. Lam, "Metamerism and colour constancy", PhD thesis, Bradford, 1985.
-    .. [2] C. Li et al., "Comprehensive color solutions: CAM16, CAT16, and CAM16-UCS", Color Research
-       and Application 42, 2017.
+    .. [2] C. Li et al., "Comprehensive color solutions: CAM16, CAT16, and CAM16-UCS", Color
+       Research and Application 42, 2017.
 
     Examples
     --------

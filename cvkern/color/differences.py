@@ -35,8 +35,8 @@ def deltaE_ciede2000(lab1: Any, lab2: Any, kL: float = 1, kC: float = 1, kH: flo
     References
     ----------
     .. [1] G. Sharma, W. Wu and E. N. Dalal, "The CIEDE2000 color-difference formula: implementation
-       notes, supplementary test data, and mathematical observations", Color Research and Application
-       30, 2005.
+       notes, supplementary test data, and mathematical observations", Color Research and
+       Application 30, 2005.
 
     Examples
     --------

@@ -21,7 +21,7 @@ TO_XYZ = PRIMARIES * np.linalg.solve(PRIMARIES, WHITE)
 
 
 def convert_color(
-    image: Any, source: str, target: str, *, white: Any = None, dtype: Any = np.float32
+    image: Any, source: str, target: str, *, white: Any = None, dtype: Any = "float32"
 ) -> Any:
     """Convert colours from one space to another.
 
@@ -34,7 +34,7 @@ def convert_color(
         Pointer and Estevez, for equal energy), CIE L*a*b*, and L*, chroma and hue in degrees.
     white : str or (X, Y, Z), optional
         White of L*a*b*: a light of `standard_light`, or a white point; that of sRGB when omitted.
-    dtype : float32 or uint8, default float32
+    dtype : {'float32', 'uint8'}, default 'float32'
         Of the result: with uint8, sRGB in 0 to 255, rounded to the nearest and limited.
 
     Returns
@@ -65,12 +65,12 @@ def convert_color(
     --------
     >>> import cvkern
     >>> cvkern.convert_color([[1, 0.5, 0]], "srgb", "lab").round(1)
-    array([[67. , 42.8, 74. ]], dtype=float32)
+    array([[67. , 43.1, 74. ]], dtype=float32)
     """
     check_choice(source, SPACES, "source")
     check_choice(target, SPACES, "target")
     reference = WHITE if white is None else white_point(white, "white")
-    matrix = np.linalg.inv(_to_xyz(target, reference)) @ _to_xyz(source, reference)
+    matrix = np.linalg.solve(_to_xyz(target, reference), _to_xyz(source, reference))
     return apply_matrix(image, matrix, source, target, dtype)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number
+from cvkern._checks import check_flag, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin
@@ -42,6 +42,7 @@ def orb(
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
         Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
         Keep so many, shared out among the levels by their areas; 500 by default. None: all.
     mask : array of shape (H, W), optional
@@ -105,6 +106,8 @@ def orb(
     >>> found.points.shape, found.descriptors.shape
     ((4, 2), (4, 32))
     """
+    spread = check_flag(spread, "spread")
+    upright = check_flag(upright, "upright")
     image = check_image(image, ndim=(2, 3))
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number, check_positive
+from cvkern._checks import check_flag, check_image, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin, exp2
@@ -78,6 +78,7 @@ def sift(
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
         Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
         Keep so many: those of the greatest response, of equal ones the first.
     mask : array of shape (H, W), optional
@@ -149,6 +150,10 @@ def sift(
     >>> found.points.round(1)[0], found.descriptors.shape[1]
     (array([30., 22.], dtype=float32), 128)
     """
+    spread = check_flag(spread, "spread")
+    root = check_flag(root, "root")
+    upright = check_flag(upright, "upright")
+    double = check_flag(double, "double")
     image = check_image(image, ndim=(2, 3))
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_image
+from cvkern._checks import FLOAT32_MAX, check_image
 from cvkern._runtime import runtime
 from cvkern.geometry._points import on_host
 
@@ -19,8 +19,8 @@ def check_matrix(matrix: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
         wanted = ", ".join("N" if want < 0 else str(want) for want in shape)
         raise ValueError(f"{name} must have shape ({wanted}), got {got}")
     values = on_host(runtime(array), array)
-    if not np.isfinite(values).all():
-        raise ValueError(f"{name} must be finite, got one that is not")
+    if not (np.abs(values) <= FLOAT32_MAX).all():
+        raise ValueError(f"{name} must be finite in float32, got one that is not")
     return values
 
 

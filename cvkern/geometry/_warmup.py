@@ -9,6 +9,16 @@ import numpy as np
 
 from cvkern import geometry
 
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = (
+    "calibrate_camera", "calibrate_stereo", "chessboard_points", "epipolar_lines",
+    "epipoles", "essential_from_fundamental", "find_essentials", "find_planes",
+    "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
+    "pose_from_homography", "project_points", "read_calibration", "recover_pose",
+    "rectify_stereo", "rectify_uncalibrated", "sampson_distance", "triangulate",
+    "undistort_points", "write_calibration",
+)  # fmt: skip
+
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function and every model that has own kernels."""

@@ -280,7 +280,7 @@ class Explorer:
             near = 2 * np.sqrt(square) * np.hypot(*sides.T)
         else:
             near = math.pi * square
-        chance = np.minimum(near / area, 1.0)
+        chance = np.divide(near, area, out=np.ones_like(area), where=area > near)
         return _significant(supports, self.counts, trials, chance, model)
 
     def _refined(

@@ -11,9 +11,9 @@ from functools import cache
 
 import numpy as np
 
-# Each control point: place in [0, 1], lightness, chroma, hue in degrees. Lightness runs straight
-# between the points, so equal steps of value look like equal steps of tone. Chroma is an upper
-# bound: what the display cannot show is brought to its border.
+# Each control point has a position in [0, 1], lightness, chroma, and hue in degrees. Lightness is
+# linear between the points, so equal steps of value look like equal steps of lightness. Chroma is
+# an upper bound, reduced where the display cannot show it.
 CONTROL_POINTS = {
     "sequential": (  # ink, violet, rose, amber, cream
         (0.0, 0.16, 0.06, 275.0),
@@ -30,7 +30,7 @@ CONTROL_POINTS = {
         (0.74, 0.62, 0.15, 38.0),
         (1.0, 0.36, 0.15, 22.0),
     ),
-    "cyclic": ((0.0, 0.74, 0.15, 25.0), (1.0, 0.74, 0.15, 385.0)),  # once round the hues
+    "cyclic": ((0.0, 0.74, 0.15, 25.0), (1.0, 0.74, 0.15, 385.0)),  # once around the hues
 }
 COLORMAPS = (*CONTROL_POINTS, "gray")
 STEPS = 1024
@@ -39,14 +39,14 @@ STEPS = 1024
 @cache
 def table(name: str) -> np.ndarray:
     """Return the colours of a map, uint8 of shape (1024, 3), from its low to its high end."""
-    if name == "gray":  # a byte for a byte: what an image viewer shows
+    if name == "gray":  # sRGB bytes increase evenly, as in an image viewer
         return np.repeat(np.linspace(0, 255, STEPS).round().astype(np.uint8)[:, None], 3, axis=1)
     place, lightness, chroma, hue = np.array(CONTROL_POINTS[name]).T
     t = (np.arange(STEPS) + (0.5 if name == "cyclic" else 0.0)) / (
         STEPS if name == "cyclic" else STEPS - 1
     )
     light, most, angle = (np.interp(t, place, column) for column in (lightness, chroma, hue))
-    low, high = np.zeros(STEPS), most.copy()  # the largest chroma the display has, by bisection
+    low, high = np.zeros(STEPS), most.copy()  # bisect for the largest chroma that can be shown
     for _ in range(24):
         middle = 0.5 * (low + high)
         linear = _linear_rgb(light, middle, angle)
@@ -61,7 +61,7 @@ def table(name: str) -> np.ndarray:
 
 
 def _linear_rgb(light: np.ndarray, chroma: np.ndarray, hue: np.ndarray) -> np.ndarray:
-    """Turn OKLab lightness, chroma and hue (degrees) into linear sRGB, the matrices of [1]."""
+    """Convert OKLab lightness, chroma and hue (degrees) to linear sRGB, by the matrices of [1]."""
     a, b = chroma * np.cos(np.deg2rad(hue)), chroma * np.sin(np.deg2rad(hue))
     cones = np.stack(
         (

@@ -1,4 +1,4 @@
-"""Image files to arrays and back: which reader is right for which file."""
+"""Conversion of image files to arrays and back, with the reader that suits each file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from cvkern._checks import MAX_ELEMENTS
 from cvkern.images import _png
 
-# What each format keeps exactly (JPEG: nearly): dtypes, and channel counts (0 for 2-D).
+# Dtypes and channel counts (0 for 2-D) that each format keeps exactly (JPEG nearly).
 KEPT: dict[str, tuple[tuple[str, ...], tuple[int, ...]]] = {
     ".png": (("uint8", "uint16"), (0, 3, 4)),
     ".tif": (("uint8", "uint16", "float32"), (0, 3, 4)),
@@ -32,7 +32,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 ORIENTATION = 274  # the TIFF and EXIF tag
-# Pillow's modes, and the modes to read them as. The others (LAB, HSV, ...) have no RGB.
+# Pillow's modes, and the modes to read them as. Other modes (LAB, HSV, ...) are not RGB.
 MODES = {
     **dict.fromkeys(("L", "RGB", "RGBA", "I", "I;16", "I;16L", "I;16B", "I;16N", "F")),
     **dict.fromkeys(("CMYK", "YCbCr", "RGBX"), "RGB"),
@@ -40,19 +40,19 @@ MODES = {
     "1": "L",
     "P": "RGB",
 }
-KEYED = ("1", "L", "P", "RGB")  # modes in which one colour may stand for "transparent"
+KEYED = ("1", "L", "P", "RGB")  # modes in which one colour may mean "transparent"
 
 
 def decode(file: Path) -> tuple[np.ndarray, int]:
-    """Return the pixels as they lie in the file, (H, W) or (H, W, C), and its orientation tag."""
-    for name in ("PIL", "tifffile"):  # keep their messages off stderr unless somebody asks
+    """Return the pixels as stored in the file, (H, W) or (H, W, C), and its orientation tag."""
+    for name in ("PIL", "tifffile"):  # keep their messages off stderr by default
         logger = logging.getLogger(name)
         if not logger.handlers:
             logger.addHandler(logging.NullHandler())
     with file.open("rb") as stream:
         tiff = stream.read(4) in TIFF_SIGNATURES
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # readers warn of odd metadata, which nobody sees here
+        warnings.simplefilter("ignore")  # readers warn of odd metadata, which is not used here
         if tiff:
             return _decode_tiff(file)
         deep = _png.is_deep_colour(file)
@@ -61,7 +61,7 @@ def decode(file: Path) -> tuple[np.ndarray, int]:
 
 
 def turn(image: np.ndarray, orientation: int) -> np.ndarray:
-    """Return the view of `image` in which its top is up, by the eight values of the EXIF tag."""
+    """Return an upright view of `image`, by the eight values of the EXIF orientation tag."""
     if orientation in (5, 6, 7, 8):
         image = image.swapaxes(0, 1)
     if orientation in (3, 4, 7, 8):
@@ -72,7 +72,7 @@ def turn(image: np.ndarray, orientation: int) -> np.ndarray:
 
 
 def encode(file: Path, image: np.ndarray) -> None:
-    """Write `image`, of a kind that `KEPT` lists for the suffix of `file`."""
+    """Write `image`, whose dtype and channels `KEPT` lists for the suffix of `file`."""
     suffix = file.suffix.lower()
     if suffix in (".tif", ".tiff"):
         import tifffile
@@ -93,7 +93,7 @@ def encode(file: Path, image: np.ndarray) -> None:
 
 
 class _Limit:
-    """Pillow's one limit for all threads, as it was before the first of them began to read."""
+    """Pillow's global limit, as it was before the first thread began to read."""
 
     lock = threading.Lock()
     readers = 0
@@ -102,7 +102,7 @@ class _Limit:
 
 @contextlib.contextmanager
 def _large() -> Iterator[None]:
-    """Let Pillow read as many pixels as an array of the library has, and say so beyond."""
+    """Let Pillow read as many pixels as the library allows, and refuse more with a message."""
     from PIL import Image
 
     with _Limit.lock:
@@ -112,7 +112,7 @@ def _large() -> Iterator[None]:
         _Limit.readers += 1
     try:
         yield
-    except Image.DecompressionBombError:  # Pillow raises it beyond twice the limit
+    except Image.DecompressionBombError:  # Pillow raises it above twice the limit
         raise ValueError(f"it has more than {MAX_ELEMENTS} pixels") from None
     finally:
         with _Limit.lock:
@@ -131,7 +131,7 @@ def _decode_by_pillow(file: Path) -> tuple[np.ndarray, int]:
     from PIL import Image
 
     try:
-        Image.open(file).close()  # what is too large is not named by what follows
+        Image.open(file).close()  # reports a file that is too large; the reader below does not
         reader: Any = iio.imopen(file, "r", plugin="pillow")
     except OSError:
         raise ValueError("it has no format that Pillow knows") from None
@@ -157,12 +157,12 @@ def _decode_tiff(file: Path) -> tuple[np.ndarray, int]:
             planar = page.planarconfig == tifffile.PLANARCONFIG.SEPARATE
             return _plain(np.moveaxis(image, 0, -1) if planar else image), orientation
     image, _ = _decode_pillow(file)
-    # Pillow turns TIFF, and only TIFF, by itself: turn it back. 6 and 8 undo each other.
+    # Pillow itself rotates TIFF, and only TIFF, so undo this. Codes 6 and 8 undo each other.
     return turn(_plain(image), {6: 8, 8: 6}.get(orientation, orientation)), orientation
 
 
 def _plain(image: np.ndarray) -> np.ndarray:
-    """Return uint8, uint16 or float32, (H, W) or with 3 or 4 channels; grey + alpha expanded."""
+    """Return uint8, uint16 or float32, (H, W) or with 3 or 4 channels; grey + alpha is expanded."""
     if image.ndim == 3 and image.shape[2] in (1, 2):
         image = image[..., 0] if image.shape[2] == 1 else image[..., [0, 0, 0, 1]]
     if image.ndim not in (2, 3) or (image.ndim == 3 and image.shape[2] not in (3, 4)):
@@ -171,7 +171,7 @@ def _plain(image: np.ndarray) -> np.ndarray:
         return image.astype(np.float32, copy=False)
     if image.dtype.itemsize <= 2 and image.dtype.kind == "u":
         return image.astype(image.dtype.newbyteorder("="), copy=False)
-    low, high = int(image.min()), int(image.max())  # wide integers that hold 16 bits: PGM, TIFF
+    low, high = int(image.min()), int(image.max())  # PGM and TIFF may hold 16 bits in wide integers
     if low < 0 or high > 65535:
         raise ValueError(f"integers of more than 16 bits are not supported, got {low} to {high}")
     return image.astype(np.uint16)

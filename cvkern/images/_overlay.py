@@ -1,4 +1,4 @@
-"""Anti-aliased discs, segments and circles: what they cover, and how they mix into an image."""
+"""Anti-aliased discs, segments and circles: their coverage of pixels, and blending."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from numpy.typing import ArrayLike
 
 from cvkern._checks import as_numbers, check_number
 
-SAMPLES = 4  # samples a side: each pixel is judged at 16 places, each anti-aliased in itself
-CHUNK = 1 << 16  # pixels judged at once: bounds the memory
+SAMPLES = 4  # samples per side of a pixel; each of the 16 has an anti-aliasing ramp
+CHUNK = 1 << 16  # pixels sampled at a time, which bounds the memory
 PLACES = (np.arange(SAMPLES) + 0.5) / SAMPLES - 0.5
 
-FARTHEST = 0.84  # from a pixel's centre, a covered sample and its ramp: sqrt(1/2) + 1/8
+FARTHEST = 0.84  # reach of a sample and its ramp from the pixel's centre: sqrt(1/2) + 1/8
 
-# (item, row, column) to the distance from the centre line of that item, in pixels.
+# A function of (item, row, column): the distance from the centre line of the item, in pixels.
 Distance = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def discs(points: np.ndarray) -> tuple[np.ndarray, Distance]:
-    """Return the centres, and the distance from them."""
+    """Return the centres, and the function of the distance from them."""
 
     def distance(item: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
         return np.hypot(y - points[item, 0], x - points[item, 1])
@@ -29,11 +29,11 @@ def discs(points: np.ndarray) -> tuple[np.ndarray, Distance]:
 
 
 def segments(ends: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.ndarray, Distance]:
-    """Return places along segments with round ends, one at most a pixel from the next."""
+    """Return points along segments, at most a pixel apart, and the distance function."""
     start, along = ends[:, :2], ends[:, 2:] - ends[:, :2]
-    # Walk only along the part of each segment that lies inside the image's frame.
+    # Walk only along the part of each segment that lies inside the image.
     enter, leave = np.zeros(len(ends)), np.ones(len(ends))
-    margin = min(half, max(shape)) + 2.0  # wider ones are judged at every pixel
+    margin = min(half, max(shape)) + 2.0  # wider shapes are sampled at every pixel
     for axis in (0, 1):
         bounds = np.array((-margin, shape[axis] - 1 + margin))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -60,7 +60,7 @@ def segments(ends: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.
 
 
 def across(theta: np.ndarray, rho: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return segments of lines, given by their normals, that reach over an image, (N, 4)."""
+    """Return segments (N, 4) of lines, given by their normals, that cross the whole image."""
     row, column = (n / 2 for n in shape)
     c, s = np.cos(theta), np.sin(theta)
     off = rho - column * c - row * s
@@ -69,8 +69,8 @@ def across(theta: np.ndarray, rho: np.ndarray, shape: tuple[int, ...]) -> np.nda
 
 
 def circles(rings: np.ndarray, half: float, shape: tuple[int, int]) -> tuple[np.ndarray, Distance]:
-    """Return where circles cross the rows and columns of pixels, and their extreme points."""
-    margin = min(half, max(shape)) + 2.0  # wider ones are judged at every pixel
+    """Return the points where circles cross rows and columns, and the distance function."""
+    margin = min(half, max(shape)) + 2.0  # wider shapes are sampled at every pixel
     found = []
     for i, (y, x, radius) in enumerate(rings):
         places = [(y - radius, x), (y + radius, x), (y, x - radius), (y, x + radius)]
@@ -96,8 +96,8 @@ def coverage(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (item, flat pixel index, covered share) of every pixel that a shape touches.
 
-    A shape, one of `count`, is all within `half` of its centre line. `places` are (item, row,
-    column), and every point of the centre line in the image has one of them within a pixel. Pixels
+    Each of the `count` shapes lies within `half` of its centre line. `places` are (item, row,
+    column); every point of a centre line in the image has one of them within a pixel. Pixels
     outside `shape` are dropped.
     """
     size = shape[0] * shape[1]
@@ -108,7 +108,7 @@ def coverage(
             item, pixel = np.divmod(key, size)
             found.append(key[distance(item, *np.divmod(pixel, shape[1])) < half + FARTHEST])
         return _shares(np.concatenate(found), distance, half, shape)
-    reach = int(np.ceil(half + FARTHEST + 1.5))  # 1 to the place, 0.5 lost by rounding it
+    reach = int(np.ceil(half + FARTHEST + 1.5))  # 1 to the nearest place, 0.5 for its rounding
     around = np.arange(-reach, reach + 1)
     near = (places[:, 1:] > -reach - 1) & (places[:, 1:] < np.array(shape) + reach)
     places = places[near.all(axis=1)]
@@ -127,7 +127,7 @@ def coverage(
 def _shares(
     key: np.ndarray, distance: Distance, half: float, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return item, pixel and covered share of the pairs of them that keys stand for."""
+    """Return item, pixel and covered share for keys, each of which encodes an item and a pixel."""
     item, pixel = np.divmod(key, shape[0] * shape[1])
     share = np.zeros(len(key))
     for begin in range(0, len(key), CHUNK):
@@ -137,7 +137,7 @@ def _shares(
             for dx in PLACES:
                 d = SAMPLES * distance(item[part], y + dy, x + dx)
                 share[part] += (SAMPLES * half - d + 0.5).clip(0.0, 1.0)
-                # Take back what a line thinner than a sample's ramp does not cover.
+                # Subtract the part of a sample's ramp that a thinner line does not cover.
                 share[part] -= (0.5 - SAMPLES * half - d).clip(0.0, 1.0)
     shown = share > 0
     return item[shown], pixel[shown], share[shown] / SAMPLES**2
@@ -170,10 +170,10 @@ def blend(
     half: float,
     colors: np.ndarray,
 ) -> np.ndarray:
-    """Mix the colours of shapes into `canvas` by the share of each pixel that they cover.
+    """Blend the colours of shapes into `canvas` by the share of each pixel that they cover.
 
-    Where shapes overlap, the share is the largest of them and the colour their mean weighted by
-    share: neither depends on the order of the shapes.
+    Where shapes overlap, the share is the largest of theirs, and the colour is the mean of theirs,
+    weighted by share. Neither depends on the order of the shapes.
     """
     height, width = canvas.shape[:2]
     item, pixel, share = coverage(places, distance, half, (height, width), len(colors))
@@ -203,7 +203,7 @@ def check_numbers(array: ArrayLike, name: str) -> np.ndarray:
 def check_rows(rows: ArrayLike, columns: int, name: str) -> np.ndarray:
     array = as_numbers(rows, name)
     if array.size == 0 and array.ndim < 3:
-        return np.empty((0, columns))  # nothing to draw, as [] too
+        return np.empty((0, columns))  # nothing to draw; [] is allowed too
     if array.ndim != 2 or array.shape[1] != columns:
         raise ValueError(f"{name} must have shape (N, {columns}), got {array.shape}")
     if not np.isfinite(array).all():

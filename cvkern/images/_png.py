@@ -1,4 +1,4 @@
-"""PNG with 16 bits a channel in colour: the one common kind of file that Pillow cuts to 8 bits.
+"""Colour PNG with 16 bits per channel: the one common kind of file that Pillow reduces to 8 bits.
 
 References
 ----------
@@ -15,11 +15,11 @@ import numpy as np
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {2: 3, 4: 2, 6: 4}  # colour types RGB, grey + alpha, RGB + alpha
-SUB, UP, AVERAGE, CLOSEST = 1, 2, 3, 4  # row filters, by the guess that they subtract
+SUB, UP, AVERAGE, CLOSEST = 1, 2, 3, 4  # row filters, by the prediction that they subtract
 
 
 def is_deep_colour(path: Path) -> bool:
-    """Tell whether the file is a PNG of 16 bits a channel and two or more channels."""
+    """Tell whether the file is a PNG with 16 bits per channel and two or more channels."""
     with path.open("rb") as file:
         head = file.read(26)
     return head[:8] == SIGNATURE and len(head) == 26 and head[24] == 16 and head[25] in CHANNELS
@@ -36,10 +36,10 @@ def read(path: Path) -> tuple[np.ndarray, int]:
     chunks = _chunks(path.read_bytes())
     width, height, _, colour, _, _, interlaced = struct.unpack(">IIBBBBB", chunks[b"IHDR"])
     if interlaced:
-        raise ValueError("interlaced PNG of 16 bits a channel is not supported")
+        raise ValueError("interlaced PNG with 16 bits per channel is not supported")
     step = 2 * CHANNELS[colour]  # bytes of a pixel
     size = height * (1 + width * step)
-    try:  # decompress no more than the header says: a small file could hold gigabytes
+    try:  # decompress no more than the header says, because a small file could hold gigabytes
         raw = zlib.decompressobj().decompress(chunks.get(b"IDAT", b""), max(size, 1))
     except zlib.error as error:
         raise ValueError(str(error)) from None
@@ -48,7 +48,7 @@ def read(path: Path) -> tuple[np.ndarray, int]:
     rows = np.frombuffer(raw, np.uint8).reshape(height, 1 + width * step)
     pixels = _unfilter(rows[:, 0], rows[:, 1:].reshape(height, width, step))
     image = pixels.view(">u2").astype(np.uint16)
-    if b"tRNS" in chunks and colour == 2:  # one colour of the file stands for "transparent"
+    if b"tRNS" in chunks and colour == 2:  # one colour of the file means "transparent"
         key = np.frombuffer(chunks[b"tRNS"], ">u2")
         alpha = np.where((image == key).all(axis=-1), np.uint16(0), np.uint16(65535))
         image = np.dstack((image, alpha))
@@ -70,7 +70,7 @@ def write(path: Path, image: np.ndarray) -> None:
 def _orientation(exif: bytes) -> int:
     if not exif:
         return 1
-    from PIL import Image  # comes with imageio
+    from PIL import Image  # installed with imageio
 
     tags = Image.Exif()
     tags.load(exif)
@@ -82,7 +82,7 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 
 
 def _chunks(data: bytes) -> dict[bytes, bytes]:
-    """Return the content of each kind of chunk, repeated ones (IDAT) joined."""
+    """Return the contents of each kind of chunk; repeated chunks (IDAT) are joined."""
     found: dict[bytes, list[bytes]] = {}
     at = len(SIGNATURE)
     while b"IEND" not in found:
@@ -102,8 +102,8 @@ def _unfilter(kinds: np.ndarray, filtered: np.ndarray) -> np.ndarray:
     """Undo the row filters of section 9 of [1].
 
     A pixel needs its left, upper and upper left neighbours, so all pixels of one anti-diagonal
-    (x + y = t) can be done at once. In an array with one row and column of zeros in front they lie
-    at a constant stride.
+    (x + y = t) can be processed at once. In an array with an extra first row and column of zeros,
+    they have a constant stride.
     """
     height, width, step = filtered.shape
     out = np.zeros((height + 1, width + 1, step), np.int16)

@@ -1,11 +1,11 @@
-"""Grey values of colours, and values shown as colours."""
+"""Conversion of colours to grey values, and of values to colours."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._checks import check_number
+from cvkern._checks import check_choice, check_number
 from cvkern.images._colormaps import COLORMAPS, STEPS, table
 from cvkern.images._overlay import check_color, check_numbers
 
@@ -18,7 +18,7 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     Parameters
     ----------
     image : array of shape (H, W), or with 3 or 4 channels along `channel_axis`
-        A fourth channel, alpha, is ignored. Grey passes through.
+        A fourth channel, alpha, is ignored. A grey image is returned as float32.
     channel_axis : int
         Axis of the channels.
 
@@ -30,7 +30,7 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     Raises
     ------
     ValueError
-        If the shape is another, or `image` is empty or holds no real numbers.
+        If the shape is wrong, or `image` is empty or does not hold real numbers.
     """
     array = check_numbers(image, "image")
     if array.ndim == 2:
@@ -48,7 +48,8 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     red, green, blue = (
         np.float32(w) * c for w, c in zip(LUMA, channels[:3].astype(np.float32), strict=True)
     )
-    return red + green + blue
+    with np.errstate(all="ignore"):  # infinite values may cancel
+        return red + green + blue
 
 
 def apply_colormap(
@@ -66,11 +67,12 @@ def apply_colormap(
     values : array of shape (H, W)
         Real numbers.
     name : {"sequential", "gray", "diverging", "cyclic"}
-        "sequential" runs dark to light in even steps of tone; "diverging" runs from blue over
-        near white to red; "cyclic" goes once round the hues at one lightness, for angles.
+        "sequential" runs from dark to light in even steps of lightness; "gray" runs from black to
+        white; "diverging" runs from blue through near white to red; "cyclic", for angles, runs once
+        around the hues at constant lightness.
     vmin, vmax : float, optional
-        Values of the first and last colour. Values beyond get the end colours; in "cyclic" they
-        wrap round. By default the least and greatest finite value, and for "cyclic" -pi and pi.
+        Values of the first and last colour. Values outside get the end colours; in "cyclic" they
+        wrap around. By default the smallest and largest finite value, and for "cyclic" -pi and pi.
     nan : (red, green, blue)
         Colour of NaN: magenta.
 
@@ -86,8 +88,7 @@ def apply_colormap(
     array = check_numbers(values, "values")
     if array.ndim != 2:
         raise ValueError(f"values must be 2-D, got shape {array.shape}")
-    if name not in COLORMAPS:
-        raise ValueError(f"name must be one of {COLORMAPS}, got {name!r}")
+    check_choice(name, COLORMAPS, "name")
     array = array.astype(np.float64)
     finite = array[np.isfinite(array)]
     cyclic = name == "cyclic"
@@ -99,8 +100,9 @@ def apply_colormap(
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise ValueError(f"vmin must be finite and <= vmax, got {low} and {high}")
     missing = np.isnan(array) | (np.isinf(array) if cyclic else False)
-    # A range of no width has one colour: the first.
-    t = (np.where(missing, low, array) - low) / ((high - low) or 1.0)
+    # A range of width 0 has only the first colour.
+    with np.errstate(over="ignore"):
+        t = (np.where(missing, low, array) - low) / ((high - low) or 1.0)
     index = np.floor(t * STEPS) % STEPS if cyclic else np.round(t.clip(0.0, 1.0) * (STEPS - 1))
     colours = table(name)[index.astype(np.intp)]
     colours[missing] = check_color(nan, "nan")

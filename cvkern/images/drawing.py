@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._checks import check_integer, check_number
+from cvkern._checks import as_array, check_integer, check_number
 from cvkern.images import _overlay
 from cvkern.images._overlay import check_color
 
@@ -24,7 +24,7 @@ def draw_points(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         uint8, uint16, bool, or floats in [0, 1]. Alpha is ignored.
     points : array of shape (N, 2)
-        Centres, (row, column), pixels. What lies outside the image is cut off.
+        Centres, (row, column), pixels. Parts outside the image are cut off.
     color : array of shape (3,) or (N, 3)
         Red, green, blue in [0, 255], for all or for each.
     radius : float
@@ -61,7 +61,7 @@ def draw_lines(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         The image, as for `draw_points`.
     segments : array of shape (N, 4)
-        End points: row, column, row, column, pixels. What lies outside the image is cut off.
+        End points: row, column, row, column, pixels. Parts outside the image are cut off.
     color : array of shape (3,) or (N, 3)
         Red, green, blue in [0, 255], for all or for each.
     width : float
@@ -155,7 +155,7 @@ def draw_circles(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         The image, as for `draw_points`.
     circles : array of shape (N, 3)
-        Row and column of the centre, and radius >= 0, pixels. What lies outside is cut off.
+        Row and column of the centre, and radius >= 0, pixels. Parts outside are cut off.
     color : array of shape (3,) or (N, 3)
         Red, green, blue in [0, 255], for all or for each.
     width : float
@@ -193,7 +193,7 @@ def overlay_mask(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
         The image, as for `draw_points`.
     mask : array of shape (H, W)
-        Bool, or numbers: not zero is on.
+        Bool, or numbers; set where it is not zero.
     color : (red, green, blue)
         In [0, 255].
     opacity : float
@@ -209,7 +209,7 @@ def overlay_mask(
     ValueError
         If an argument is out of the ranges above, or the shapes differ.
     """
-    canvas, on = _overlay.canvas(image), np.asarray(mask)
+    canvas, on = _overlay.canvas(image), np.asarray(as_array(mask, "mask"))
     if on.shape != canvas.shape[:2]:
         raise ValueError(f"mask must have shape {canvas.shape[:2]}, got {on.shape}")
     if not 0.0 <= check_number(opacity, "opacity", finite=False) <= 1.0:

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._files import replacing
+from cvkern._checks import check_flag
+from cvkern._files import as_path, replacing
 from cvkern.images import _formats
 from cvkern.images._overlay import check_numbers
 
 
 def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarray:
-    """Read an image file, with the values that it holds.
+    """Read an image file without rescaling its values.
 
     Parameters
     ----------
     path : path
         A file that Pillow or tifffile reads: PNG, TIFF, JPEG, WebP, BMP, GIF and others, of at most
-        2^29 pixels. Where it holds several images, the first is read.
+        2^29 pixels. If it holds several images, the first is read.
     orient : bool
-        Turn and mirror the image as its EXIF orientation asks for.
+        Rotate and mirror the image as its EXIF orientation says.
 
     Returns
     -------
     array of shape (H, W) or (H, W, C) with C in 3, 4; uint8, uint16 or float32
-        Palettes are expanded, bits become 0 and 255, CMYK becomes RGB, a transparent colour
+        Palettes are expanded, 1-bit images become 0 and 255, CMYK becomes RGB, a transparent colour
         becomes an alpha channel, and grey with alpha becomes RGB with alpha (grey three times).
 
     Raises
@@ -35,23 +35,24 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
     FileNotFoundError
         If there is no file `path`.
     ValueError
-        If `path` is no image, is damaged, or holds a kind of pixel that is not supported.
+        If `path` is not an image, is damaged, or holds an unsupported kind of pixel.
     """
-    file = Path(path)
+    orient = check_flag(orient, "orient")
+    file = as_path(path)
     if not file.exists():
         raise FileNotFoundError(f"path must be a file that exists, got {str(file)!r}")
     if not file.is_file():
         raise ValueError(f"path must be a file, got {str(file)!r}")
     try:
         image, orientation = _formats.decode(file)
-    except Exception as error:  # readers raise dozens of types, SyntaxError among them
+    except Exception as error:  # readers raise many types, even SyntaxError
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"path must be a readable image, got {str(file)!r}: {reason}") from error
     return np.ascontiguousarray(_formats.turn(image, orientation) if orient else image)
 
 
 def write_image(path: str | os.PathLike[str], image: ArrayLike) -> None:
-    """Write an image file, whole or not at all, and without loss except as JPEG.
+    """Write an image file, whole or not at all; every format but JPEG is lossless.
 
     Parameters
     ----------
@@ -70,13 +71,14 @@ def write_image(path: str | os.PathLike[str], image: ArrayLike) -> None:
         If the format is unknown or cannot hold such an image without loss.
     """
     array = check_numbers(image, "image")
-    suffix = Path(path).suffix.lower()
+    suffix = as_path(path).suffix.lower()
     if suffix not in _formats.KEPT:
         raise ValueError(f"path must end in one of {tuple(_formats.KEPT)}, got {str(path)!r}")
     if array.dtype == bool:
         array = array * np.uint8(255)
     elif array.dtype.kind == "f":
-        array = array.astype(np.float32)
+        with np.errstate(over="ignore"):  # infinite then
+            array = array.astype(np.float32)
     dtypes, channels = _formats.KEPT[suffix]
     if array.dtype.name not in dtypes:
         raise ValueError(f"image must be {' or '.join(dtypes)} for {suffix}, got {array.dtype}")

@@ -14,6 +14,7 @@ from cvkern.panorama.adjustment import (
     Planes,
     Rotations,
     adjust,
+    medians,
     observe,
     part,
     residuals,
@@ -37,6 +38,7 @@ FAR_WORSE = 3.0  # rotations that leave so many times the residual of homographi
 WORST = 5.0  # pixels of the small images: what leaves more is not adjusted
 WRONG = 4.0  # a pair with so many times the median residual of all is wrong, and above WORST
 EARLY = 20.0  # Huber's threshold while images are added
+FEW_POINTS = 40  # matches of a pair that are adjusted while images are added
 AT_ONCE = 1.6  # factor by which the set grows between adjustments
 
 
@@ -89,10 +91,11 @@ def _fitted(
     maps = _unit_maps(links, middles, unit)
     parents, order = spanning_tree(count, links)
     seen = observe(links, middles, unit, factors)
-    turning = _turned(seen, maps, parents, order, count, None)
+    few = observe(links, middles, unit, factors, FEW_POINTS)
+    turning = _turned((few, seen), maps, parents, order, count, None)
     left = _left(seen, turning)
     if given is not None:
-        told = _turned(seen, maps, parents, order, count, given)
+        told = _turned((few, seen), maps, parents, order, count, given)
         # Estimates that the matches contradict are of cropped pictures, or of other cameras.
         if _left(seen, told) <= CONTRADICTED * left:
             turning, left = told, _left(seen, told)
@@ -145,12 +148,10 @@ def _without_wrong(
 ) -> list[Link]:
     """Leave out pairs that contradict all others, if what remains is connected."""
     seen = observe(links, middles, unit, factors)
-    off = np.hypot(*residuals(seen, found[1].matrices()).T)
     # Each link has two directions; the one from its first image counts.
-    ends = zip(seen.bounds[:-1:2], seen.bounds[1::2], strict=True)
-    medians = np.array([np.median(off[a:b]) for a, b in ends])
-    limit = max(WORST, WRONG * float(np.median(medians)))
-    kept = [link for link, median in zip(links, medians, strict=True) if median <= limit]
+    off = medians(seen, found[1].matrices())[::2]
+    limit = max(WORST, WRONG * float(np.median(off)))
+    kept = [link for link, median in zip(links, off, strict=True) if median <= limit]
     joined = connected(len(middles), [(link.first, link.second) for link in kept])
     return kept if len(joined) == 1 else list(links)
 
@@ -217,14 +218,14 @@ def first_focal(maps: dict[tuple[int, int], np.ndarray]) -> float:
 
 
 def _turned(
-    seen: Observations,
+    seen: tuple[Observations, Observations],
     maps: dict[tuple[int, int], np.ndarray],
     parents: np.ndarray,
     order: list[int],
     count: int,
     given: np.ndarray | None,
 ) -> Rotations:
-    """Fit rotations: images are added from the centre of the tree outwards."""
+    """Fit rotations: images are added from the centre of the tree outwards, by a few matches."""
     known = np.zeros(count, bool) if given is None else np.isfinite(given)
     start = first_focal(maps)
     if given is not None and known.any():
@@ -249,8 +250,9 @@ def _turned(
         if number >= max(grown * AT_ONCE, grown + 1) or number == count:
             grown = number
             fixed[there], fixed[order[0], :3] = False, True
-            model = adjust(part(seen, there), model, fixed, EARLY, steps=6)
-    return adjust(seen, model, fixed, adjustment.HUBER)
+            model = adjust(part(seen[0], there), model, fixed, EARLY, steps=6)
+    model = adjust(seen[0], model, fixed, adjustment.HUBER)
+    return adjust(seen[1], model, fixed, adjustment.HUBER)
 
 
 def _flat(

@@ -8,6 +8,7 @@ from cvkern.shading.integration import integrate_normals
 from cvkern.shading.lamps import estimate_lights, lights_from_sphere
 from cvkern.shading.meshes import Mesh, mesh_from_depth
 from cvkern.shading.photometry import PhotometricStereo, photometric_stereo
+from cvkern.shading.recovery import ShapeFromShading, shape_from_shading
 from cvkern.shading.rendering import (
     LambertianGradient,
     lambertian,
@@ -19,6 +20,7 @@ __all__ = [
     "LambertianGradient",
     "Mesh",
     "PhotometricStereo",
+    "ShapeFromShading",
     "estimate_lights",
     "integrate_normals",
     "lambertian",
@@ -27,4 +29,5 @@ __all__ = [
     "mesh_from_depth",
     "normals_from_depth",
     "photometric_stereo",
+    "shape_from_shading",
 ]

@@ -14,7 +14,11 @@ from cvkern.shading import (
     mesh_from_depth,
     normals_from_depth,
     photometric_stereo,
+    shape_from_shading,
 )
+
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = ("estimate_lights", "lights_from_sphere", "mesh_from_depth")
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
@@ -31,3 +35,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "photometric_stereo", stereo
     normals = np.full((6, 9, 3), [0.1, 0, 1])
     yield "integrate_normals", partial(integrate_normals, normals, method="bilateral")
+    known = np.full((6, 9, 3), np.nan)
+    known[0] = [0, 0, 1]
+    shape = partial(shape_from_shading, images[0], [0, 0, 1], boundary=known, rounds=1)
+    yield "shape_from_shading", shape

@@ -1,1 +1,1 @@
-"""Codes that kernels switch on and constants, by family, for the API and both kernel sets."""
+"""Codes of options, and constants, by family, shared by the API and both kernel sets."""

@@ -1,5 +1,5 @@
 """Codes of pictures of point clouds."""
 
-# Pictures of points: the key of a sample that shows none, and the most samples across a point.
+# The key of a sample that shows no point, and the largest number of samples across a point.
 FAR = 2**63 - 1
 LARGEST_SPLAT = 64.0

@@ -12,14 +12,7 @@ class Form(IntEnum):
     LCH = 3
 
 
-class Filled(IntEnum):
-    """What a pixel adds to the sums of an estimate of the light."""
-
-    POWER = 0  # of Minkowski
-    EDGES = 1  # derivatives, to a power
-
-
 # The curves of sRGB and CIE L*a*b*.
 SRGB_LOW, SRGB_SLOPE, SRGB_SHIFT, SRGB_SCALE, SRGB_POWER = 0.0031308, 12.92, 0.055, 1.055, 2.4
 LAB_LOW, LAB_SLOPE, LAB_SHIFT = 216 / 24389, 24389 / 27 / 116, 16 / 116
-BINS = 4096  # of linear values, each with at most one step of 8-bit sRGB
+BINS = 4096  # bins of linear values, each with at most one step of 8-bit sRGB

@@ -35,6 +35,7 @@ DESCRIPTOR_ONE = 512.0
 DECAY_TERMS = 7
 
 GRAY = (0.2125, 0.7154, 0.0721)  # Rec. 709, as skimage.color.rgb2gray
+MOST_GRAY = 1e15  # times white: the squares of what is beyond would pass float32
 
 
 def decay_factors() -> tuple[float, ...]:

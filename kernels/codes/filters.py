@@ -15,10 +15,10 @@ class Border(IntEnum):
 
 
 class Outside(NamedTuple):
-    """What an image is taken to be beyond its border, for both passes of a derivative.
+    """The values outside an image, for both passes of a derivative.
 
-    `border` is a code of `Border`. With CONSTANT, `cval` is beyond the image, and `smooth` and
-    `slope` are what the taps of a first pass make of it.
+    `border` is a code of `Border`. With CONSTANT, `cval` is the value outside the image; `smooth`
+    and `slope` are the values outside after a first pass with these taps.
     """
 
     border: int
@@ -27,8 +27,8 @@ class Outside(NamedTuple):
     slope: float
 
 
-# atan(a) = a P(a^2) on [0, 1] within 1.4e-7 in float32: a minimax fit, lowest coefficient first.
-# Sums and products only, so that an orientation has the same bits on every device.
+# Coefficients of P in atan(a) = a P(a^2) on [0, 1], lowest first: a minimax fit with an error below
+# 1.4e-7 in float32. It has only sums and products, so an orientation has the same bits everywhere.
 ATAN = (
     0.9999993355361315,
     -0.3332986060035421,

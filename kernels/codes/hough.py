@@ -1,32 +1,32 @@
-"""Constants of Hough transforms, numbers in fixed point, and arguments that travel together."""
+"""Constants of Hough transforms, fixed-point units, and arguments that travel together."""
 
 from typing import Any, NamedTuple
 
-# Directions are taken to the nearest of these over the full turn (0.022 degrees): floor of the
-# angle times the factor, plus a half, in float32.
+# Number of direction codes over the full turn (0.022 degrees each). The code of an angle is
+# floor(angle * factor + 1/2), in float32.
 DIRECTIONS = 16384
 DIRECTION_FACTOR = 2607.594482421875  # float32 of DIRECTIONS / (2 pi)
 
-# The generalised Hough transform in integers. Vectors of a table are in 1/256 pixel; cosines and
-# sines in 2^-20; turned vectors in 1/16 pixel; scales in 1/2048. So a turn fits into 64 bits, a
-# scaled vector into 32 as long as it is shorter than 2^16 pixels.
+# Units of the generalised Hough transform in integers: 1/256 pixel for the vectors of a table,
+# 2^-20 for cosines and sines, 1/16 pixel for rotated vectors, 1/2048 for scales. So the products of
+# a rotation fit into 64 bits, and a scaled vector shorter than 2^16 pixels into 32 bits.
 VECTOR_ONE = 1 << 8
 TURN_ONE = 1 << 20
 TURNED_ONE = 1 << 4
 SCALE_ONE = 1 << 11
-TILE = 8  # cells along the side of what one peak is reported of
+TILE = 8  # cells along the side of a tile, for which one peak is reported
 
-# Circles in integers. Lines are walked in 2^-15 of a cell; sums over the points of a circle have
-# its normals in 2^-14, and distances from it in 2^-10 of a pixel.
+# Units of circles in integers: 2^-15 of a cell for steps along a line. In the sums over the points
+# of a circle, 2^-14 for its normals and 2^-10 pixel for distances from it.
 LINE_ONE = 1 << 15
 NORMAL_ONE = 1 << 14
 FINE_ONE = 1 << 10
-ARCS = 64  # parts of a circle that are counted apart: of each octant eight, by the slope
-MAX_BINS = 8192  # for the minor axis of an ellipse, in the shared memory of a block
+ARCS = 64  # arcs of a circle, counted separately: eight per octant, of equal steps of the slope
+MAX_BINS = 8192  # bins of the minor axis of an ellipse that fit into a block's shared memory
 
 
 class LineTables(NamedTuple):
-    """What takes a point to its bin at each angle: ``(x cosine + y sine + offset) >> shift``.
+    """Tables for the bin of a point at each angle: ``(x cosine + y sine + offset) >> shift``.
 
     Arrays of int32, int32 and int64, padded to a multiple of 8 angles.
     """
@@ -38,9 +38,9 @@ class LineTables(NamedTuple):
 
 
 class LineWindows(NamedTuple):
-    """Which angles a point votes for: by its direction, the first of them and their number.
+    """The angles that a point votes for, by its direction: the first one, and their number.
 
-    `orientation` is float32, one a point; the int32 tables have an entry for each direction code
+    `orientation` is float32, one per point; the int32 tables have an entry for each direction code
     over half a turn.
     """
 
@@ -50,9 +50,10 @@ class LineWindows(NamedTuple):
 
 
 class Rings(NamedTuple):
-    """Circles of several radii: offsets (M, 2) and their direction codes, one circle after another.
+    """Circles of several radii: offsets (M, 2) and their direction codes, circle by circle.
 
-    `radii` (R,) and `starts` (R + 1,) say how large each is, and where its offsets begin.
+    `radii` (R,) and `starts` (R + 1,) are the radius of each circle and the index of its first
+    offset.
     """
 
     radii: Any
@@ -62,10 +63,10 @@ class Rings(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """Which edge points count for a centre: those whose line passes near it, on one side or both.
+    """The condition for an edge point to support a centre: its line passes near the centre.
 
-    A line may pass at most ``slack + slope * distance`` beside the centre. Sides are 1, along the
-    gradient, and -1, against it, from the first down to the last.
+    The distance of the line from the centre is at most ``slack + slope * distance``. Side 1 is
+    along the gradient, side -1 against it; the sides run from the first down to the last.
     """
 
     slack: float
@@ -75,11 +76,11 @@ class Aim(NamedTuple):
 
 
 class EllipseBounds(NamedTuple):
-    """What an ellipse may be: bounds of the squared distance of a pair, and of the minor semi-axis.
+    """Bounds of an ellipse: of the squared distance of its pair, and of its minor semi-axis.
 
-    `narrow` and `wide` are squares too. The bin of a semi-axis is the nearest whole number of
-    `per_bin` times it. Directions may be off by the sine whose square is `turn`; if that is
-    negative they do not count.
+    `narrow` and `wide` are squares too. The bin of a semi-axis is `per_bin` times it, rounded.
+    `turn` is the squared sine of the largest error of a direction; if it is negative, directions
+    are ignored.
     """
 
     least: float
@@ -91,7 +92,7 @@ class EllipseBounds(NamedTuple):
 
 
 class Voters(NamedTuple):
-    """Edge points in the order of their directions: (2, N), and where each direction begins."""
+    """Edge points sorted by direction, (2, N), and the index at which each direction begins."""
 
     points: Any
     starts: Any
@@ -112,7 +113,7 @@ class Slices(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """The image that is voted in, and the side of a cell, ``2^shift`` pixels."""
+    """The size of the image, and the side of a cell, ``2^shift`` pixels."""
 
     height: int
     width: int

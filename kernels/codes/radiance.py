@@ -3,19 +3,19 @@
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-# What the hash of a corner multiplies its y and z by, not its x [Mueller et al. 2022].
+# Factors of y and z in the hash of a corner; the factor of x is 1 [Mueller et al. 2022].
 HASH_PRIMES = 2654435761, 805459861
 
-# Densities are e^x for x up to this, opaque within any step. Gradients by x are cut off, because
-# float16 ends at 65504.
+# A density is e^x for x up to this value, which is opaque within any step. Larger x are clamped,
+# because float16 ends at 65504.
 MOST_LOG_DENSITY = 11.0
 MOST_LOG_DENSITY_GRADIENT = 30000.0
 
-# The two perceptrons of a hash field. The first makes a density and 15 numbers more, the second
-# a colour of these 16 and 16 harmonics of the view; 13 numbers beside the colour mean nothing.
+# The two perceptrons of a hash field. The first computes a density and 15 more numbers, the second
+# a colour from these 16 and 16 harmonics of the view. Its other 13 outputs are not used.
 NETWORK_RECTIFIED = True, False, True, True, False
-NETWORK_VALUES = 64, 16 + 16, 64, 64, 16  # results of layers; harmonics are beside the second
-NETWORK_PARTS = 264  # parts of a sum over samples: two for each multiprocessor of large GPUs
+NETWORK_VALUES = 64, 16 + 16, 64, 64, 16  # values of layers; the second includes the harmonics
+NETWORK_PARTS = 264  # partial sums over samples: two for each multiprocessor of large GPUs
 
 
 def network_layers(inputs: int) -> tuple[tuple[int, int], ...]:
@@ -26,8 +26,8 @@ def network_layers(inputs: int) -> tuple[tuple[int, int], ...]:
 def network_room(inputs: int, samples: int, half: bool) -> tuple[int, int]:
     """Return the shape of the working memory, in float32, for products in half precision or not.
 
-    In half precision layers stay in registers, and weights have gradients of parts of the samples;
-    otherwise there are the values that layers give, and their gradients.
+    In half precision, values stay in registers, and the memory holds partial gradients of the
+    weights. Otherwise it holds the values of the layers and their gradients.
     """
     if half:
         return NETWORK_PARTS, sum(k * n for k, n in network_layers(inputs))
@@ -35,11 +35,11 @@ def network_room(inputs: int, samples: int, half: bool) -> tuple[int, int]:
 
 
 class Background(IntEnum):
-    """What a ray sees behind everything."""
+    """The background of a ray."""
 
     WHITE = 0
     BLACK = 1
-    RANDOM = 2  # a colour of its own for each ray: nothing can be learnt from it
+    RANDOM = 2  # a random colour for each ray, which cannot be learnt
     LEARNT = 3
 
 
@@ -53,7 +53,7 @@ class Shape(IntEnum):
 
 
 class Pattern(IntEnum):
-    """Where the surface of a solid has its second colour."""
+    """The pattern of the second colour on the surface of a solid."""
 
     PLAIN = 0
     CHECKS = 1  # in x and y
@@ -62,18 +62,18 @@ class Pattern(IntEnum):
 
 
 class Draw(IntEnum):
-    """What a random number is drawn for: each has a stream of its own."""
+    """The purpose of a random number; each purpose has its own stream."""
 
     PIXEL = 0  # the pixel that a ray of training goes through
-    CELL_X = 1  # the point of its cell where a density is looked at
+    CELL_X = 1  # the point of a cell at which the density is evaluated
     CELL_Y = 2
     CELL_Z = 3
-    JITTER = 4  # the distance of a ray's first sample behind its entry
-    RED = 5  # the colour behind a ray
+    JITTER = 4  # the distance of a ray's first sample from its entry
+    RED = 5  # the background of a ray
     GREEN = 6
     BLUE = 7
-    CELL = 8  # the cell that is looked at
-    PIXEL_Y = 9  # the point of its pixel that a ray goes through
+    CELL = 8  # the cell that is updated
+    PIXEL_Y = 9  # the point of the pixel that a ray goes through
     PIXEL_X = 10
 
 
@@ -85,48 +85,48 @@ class Rays(NamedTuple):
     directions: Any
     """Unit vectors, (R, 3) float32."""
     active: Any
-    """How many of them there are, (1,) int32; a field lowers it to those that it has room for."""
+    """Number of rays, (1,) int32; a field lowers it to the number that it has room for."""
 
 
 class Seen(NamedTuple):
-    """What rays see before any background, or gradients of it; kernel arrays."""
+    """The composited rays, without a background, or gradients by them; kernel arrays."""
 
     color: Any
     """(R, 3) float32."""
     opacity: Any
     """(R,) float32."""
     depth: Any
-    """Sum of the distances of the samples, each by its weight, (R,) float32."""
+    """Weighted sum of the distances of the samples, (R,) float32."""
     distortion: Any
-    """How far the weights are spread along the ray, as in mip-NeRF 360, (R,) float32."""
+    """Spread of the weights along the ray, as in mip-NeRF 360, (R,) float32."""
 
 
 class Space(NamedTuple):
-    """Which cells of space are looked at."""
+    """The cells of space that are not empty."""
 
     bits: Any
     """A bit for each of the cells^3 cells of each level, (levels cells^3 / 32,) uint32."""
     levels: int
-    """Cubes, each twice as large as the one before and around the same middle."""
+    """Number of cubes; each is twice as large as the one before, around the same middle."""
     cells: int
     """Cells along a side, a multiple of 4."""
     unbounded: bool
-    """Whether the cube of the field is all of space, contracted."""
+    """Whether the cube of the field holds all of space, contracted."""
 
 
 class March(NamedTuple):
-    """Where on its way through space a ray has samples."""
+    """The positions of the samples along a ray."""
 
     near: float
     far: float
     finest: float
     """The distance between samples near the camera."""
     cone: float
-    """The share of the distance that it is farther away."""
+    """The distance between samples farther away, as a share of the distance from the camera."""
     most: int
-    """Samples of a ray, at most."""
+    """Largest number of samples of a ray."""
     jittered: bool
-    """Whether the first one is at a random place of its step, or in the middle."""
+    """Whether the first sample is at a random point of its step, or in the middle."""
     seed: int
     step: Any
     """Number of the training step, (1,) int32."""
@@ -136,11 +136,11 @@ class Samples(NamedTuple):
     """Samples of rays, as kernel arrays with room for M."""
 
     positions: Any
-    """In the cube of the field from 0 to 1, (M, 3) float32."""
+    """Positions in the cube of the field from 0 to 1, (M, 3) float32."""
     distances: Any
     """Distance from the camera, and length of the step, (M, 2) float32."""
     rays: Any
-    """The ray of each, (M,) int32."""
+    """The ray of each sample, (M,) int32."""
 
 
 class Grid(NamedTuple):
@@ -149,27 +149,27 @@ class Grid(NamedTuple):
     density: Any
     """Raw densities, (N + 1, N + 1, N + 1) float32."""
     color: Any
-    """Coefficients of each channel in turn, (N + 1, N + 1, N + 1, C) float32, C = 16 or 32."""
+    """Coefficients, channel by channel, (N + 1, N + 1, N + 1, C) float32, C = 16 or 32."""
     basis: int
-    """Coefficients of a channel: 1, 4 or 9."""
+    """Number of coefficients of a channel: 1, 4 or 9."""
     least: float
-    """The raw density below which there is nothing."""
+    """The raw density below which space is empty."""
 
 
 class Rule(NamedTuple):
-    """How Adam steps."""
+    """The constants of a step of Adam."""
 
     beta1: float
     beta2: float
     epsilon: float
     decay: float = 0.0
-    """The share of each number that is added to its gradient."""
+    """Weight decay: the share of each parameter that is added to its gradient."""
     sparse: bool = False
-    """Whether numbers of gradient 0 and their means stay as they are."""
+    """Whether parameters with gradient 0, and their moments, stay unchanged."""
 
 
 class Learnt(NamedTuple):
-    """Numbers that are learnt, with what Adam keeps of their gradients; kernel arrays, (N,)."""
+    """Parameters, with their gradients and Adam's moments; kernel arrays, (N,)."""
 
     gradients: Any
     mean: Any
@@ -178,30 +178,30 @@ class Learnt(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """How colours are held against photographs."""
+    """The options of the loss between colours and photographs."""
 
     kind: int
     """A Background."""
     learnt: Any
-    """The colour of the learnt kind, (3,) float32."""
+    """The learnt background colour, (3,) float32."""
     huber: float
-    """Where Huber's loss becomes linear; the loss is squared if this is 0."""
+    """Error above which Huber's loss is linear; 0 for a squared loss."""
     scale: float
-    """What gradients are multiplied by."""
+    """Factor of the gradients."""
     seed: int
     step: Any
     """Number of the training step, (1,) int32."""
 
 
 class Views(NamedTuple):
-    """Rays of a view on their way; kernel arrays."""
+    """Rays of a view that is being rendered; kernel arrays."""
 
     at: Any
-    """The distance where each goes on, (R,) float32."""
+    """The distance at which each ray continues, (R,) float32."""
     taken: Any
-    """Samples that it took, (R,) int32."""
+    """Number of samples of each ray so far, (R,) int32."""
     color: Any
-    """What it saw so far: as in :class:`Seen`, (R, 3) float32."""
+    """The result so far, as in :class:`Seen`, (R, 3) float32."""
     opacity: Any
     """(R,) float32."""
     depth: Any
@@ -216,7 +216,7 @@ class CameraSet(NamedTuple):
     lenses: Any
     """fx, fy, cx, cy, k1, k2, p1, p2, k3 in OpenCV's order and meaning, (N, 9) float32."""
     width: int
-    """Of each view, in pixels."""
+    """Width of each view, pixels."""
     height: int
 
 
@@ -228,6 +228,6 @@ class Solids(NamedTuple):
     placements: Any
     """The axes, each a row, and the middle, (S, 12) float32."""
     sizes: Any
-    """What Shape says, (S, 4) float32."""
+    """The sizes that `Shape` lists, (S, 4) float32."""
     paints: Any
     """Two colours, gloss, and parts of the pattern per length, (S, 8) float32."""

@@ -32,3 +32,4 @@ RIDGE = 1e-9  # share of its trace that is added to the diagonal of normal equat
 FLOOR = 1e-6  # least weight of an image within its window
 SPARSE_NOISE = 1e-6  # variance of noise of sparse Bayes, of values of at most 1
 CHUNKS = 1024  # parts that a sum over all pixels is made of
+GUIDED, GUIDED_FROM = 0.5, 0.1  # share of the guide in a sweep, and the n_z where it begins

@@ -1,11 +1,11 @@
-"""Codes of stereo: matching costs, sub-pixel disparities, and what its primitives take together."""
+"""Codes of stereo: matching costs, sub-pixel fits, and arguments that travel together."""
 
 from enum import IntEnum
 from typing import Any, NamedTuple
 
 
 class Cost(IntEnum):
-    """How unlike two pixels of a stereo pair are, or the windows around them."""
+    """Measures of the difference of two pixels of a stereo pair, or of the windows around them."""
 
     SAD = 0
     SSD = 1
@@ -15,17 +15,17 @@ class Cost(IntEnum):
     CENSUS_SYMMETRIC = 5
 
 
-# Largest quotient of a window's variance and the mean of its squares that is taken for rounding:
-# the window is constant. The least quotient of bytes, in a window of 33025, is 4.6e-10.
+# A window counts as constant if its variance over the mean of its squares is at most this, because
+# rounding errors reach it. The smallest such quotient of bytes, in a window of 33025, is 4.6e-10.
 FLAT = 2.0**-40
 
 
 class Subpixel(IntEnum):
-    """The curve through the costs around a winner whose lowest point is the disparity."""
+    """The curve through the costs around a winner; its minimum is the sub-pixel disparity."""
 
     NONE = 0
     PARABOLA = 1
-    EQUIANGULAR = 2  # two lines of opposite slope: absolute differences grow so
+    EQUIANGULAR = 2  # two lines of opposite slope, because absolute differences grow linearly
 
 
 # Cost of a match: CENSUS_WEIGHT times the Hamming distance of two 5 x 5 census transforms, plus the
@@ -36,48 +36,48 @@ DIFFERENCE_SHIFT = 1
 DIFFERENCE_LIMIT = 6
 LARGEST_MATCH_COST = CENSUS_WEIGHT * CENSUS_BITS + DIFFERENCE_LIMIT
 
-# Kernels count costs, and the places of disparities, by 32 and by 16 bits with a sign.
+# Kernels number costs with 32 bits, and the disparities of a pixel with 16 bits, both signed.
 MAX_COSTS = 2**31 - 1
 MAX_DISPARITIES = 2**15
 
 
 class Winners(NamedTuple):
-    """What is found for each pixel of the left image: arrays (H, W) that kernels fill."""
+    """The results for each pixel of the left image: arrays (H, W) that kernels fill."""
 
     index: Any
-    """Place of the least cost, int32; -1 where it is not unique."""
+    """Index of the smallest cost, int32; -1 where it is not unique."""
     disparity: Any
-    """Pixels, between whole ones; float32, NaN where it is not unique."""
+    """Sub-pixel disparity, float32; NaN where it is not unique."""
     cost: Any
-    """The least cost, float32."""
+    """The smallest cost, float32."""
     confidence: Any
-    """1 less the quotient of the least cost and of its best rival; float32."""
+    """1 minus the smallest cost over the cost of its best rival, float32."""
 
 
 class Rule(NamedTuple):
-    """How the costs of a pixel become a disparity."""
+    """The rule by which the costs of a pixel give a disparity."""
 
     first: int
     """Disparity of the first cost, pixels."""
     subpixel: int
     """A `Subpixel`."""
     uniqueness: int
-    """By how many per cent a winner must be below its best rival."""
+    """Per cent by which a winner must be below its best rival."""
 
 
 class Penalties(NamedTuple):
-    """What a change of disparity along a path costs."""
+    """The penalties of a change of disparity along a path."""
 
     near: int
-    """By one pixel: P1."""
+    """P1: the penalty of a change by one pixel."""
     far: Any
-    """By more: P2 for each difference of the guide's values, an array (256,) of uint16."""
+    """P2: the penalty of a larger change, for each difference of the guide; (256,) uint16."""
     most: int
     """The largest P2 of the array."""
 
 
 class View(NamedTuple):
-    """One image of a pair, as semi-global matching compares it."""
+    """One image of a pair, as input of the costs of semi-global matching."""
 
     bits: Any
     """Census of 5 x 5 pixels, (H, W) uint64."""

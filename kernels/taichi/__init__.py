@@ -1,8 +1,8 @@
 """The Taichi kernel set: arrays here, primitives in the modules of this folder.
 
-Arrays are NumPy's on the CPU. On CUDA they are Warp's, which bring memory and DLPack without
-torch; Taichi is handed their addresses. Modules of this folder must not use
-``from __future__ import annotations``: Taichi reads annotations as objects.
+Arrays are NumPy's on the CPU. On CUDA they are Warp's, which provide memory and DLPack without
+torch; Taichi gets their addresses. Modules of this folder must not use
+``from __future__ import annotations``, because Taichi reads annotations as objects.
 """
 
 import contextlib
@@ -16,11 +16,11 @@ import numpy as np
 # Read by Taichi: no banner on import, no request to its version server on start.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 os.environ.setdefault("TI_SKIP_VERSION_CHECK", "ON")
-os.environ.setdefault("TI_LOG_LEVEL", "error")  # it remarks on a stdout that is no terminal
+os.environ.setdefault("TI_LOG_LEVEL", "error")  # it would report that stdout is not a terminal
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # locale.getdefaultlocale
     warnings.simplefilter("ignore", SyntaxWarning)  # escapes in its docstrings
-    import taichi  # noqa: F401  (before the modules of this folder do)
+    import taichi  # noqa: F401  (before the modules of this folder import it)
 
 from ._launch import devices, start, synchronize
 
@@ -45,7 +45,7 @@ MATRIX_DTYPES = {"cpu": "float32", "cuda": "float32"}
 
 
 def adopt(array: np.ndarray, dtype: np.dtype, shape: tuple[int, ...], device: str) -> Any:
-    """View a contiguous host array for kernels, bool as uint8; it goes to a GPU by copy."""
+    """View a contiguous host array for kernels, bool as uint8; copy it if the device is a GPU."""
     if device == "cpu":
         host = array.reshape(shape)
         return host.view(np.uint8) if dtype == np.bool_ else np.require(host, None, "CA")
@@ -81,7 +81,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
 
 
 def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
-    """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
+    """Allocate an array of 0; on the CPU, its pages are cleared only when they are written."""
     if device == "cpu":
         return np.zeros(shape, dtype)
     array = empty(shape, dtype, device)
@@ -90,7 +90,7 @@ def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
 
 
 def free_memory(device: str) -> int:
-    """Return how many bytes a GPU has left."""
+    """Return the number of free bytes on a GPU."""
     from . import _cuda
 
     return _cuda.free_memory()
@@ -120,11 +120,11 @@ def clear(array: Any) -> None:
 
         synchronize()
         array.zero_()
-        wp.synchronize_stream(array.device.stream)  # not the one that Taichi launches on
+        wp.synchronize_stream(array.device.stream)  # Taichi launches on another stream
 
 
 def to_numpy(array: Any) -> np.ndarray:
-    """Wait for the kernels that fill `array`, then bring it to the host (itself on the CPU)."""
+    """Wait for the kernels that fill `array`, then copy it to the host (no copy on the CPU)."""
     if isinstance(array, np.ndarray):
         return array
     synchronize()
@@ -132,14 +132,14 @@ def to_numpy(array: Any) -> np.ndarray:
 
 
 def release_memory() -> None:
-    """Give back the memory that is kept for later calls: none, but for Taichi's own pools."""
+    """Free the memory that is kept for later calls: none here, except Taichi's own pools."""
 
 
 def own_scratch(scratch: dict[Any, Any]) -> contextlib.AbstractContextManager[None]:
-    """Keep scratch apart for the block: Taichi's is allocated anew each time, so it is apart."""
+    """Keep scratch apart for the block; always so here, as each call allocates new scratch."""
     return contextlib.nullcontext()
 
 
 def record(call: Callable[[], None], device: str) -> Callable[[], None]:
-    """Return what repeats the launches of `call`: Taichi has no graphs, so the call itself."""
+    """Return a function that repeats the launches: `call` itself, because Taichi has no graphs."""
     return call

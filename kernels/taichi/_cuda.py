@@ -1,7 +1,7 @@
-"""Device arrays for Taichi's CUDA kernels: Warp's, seen by Taichi as addresses.
+"""Device arrays for Taichi's CUDA kernels: Warp's arrays, passed to Taichi as addresses.
 
-Taichi and Warp both work in the primary context of the first GPU. Taichi's launcher takes any
-address of that GPU's memory as it is, so a NumPy header that carries one is all it needs.
+Taichi and Warp both work in the primary context of the first GPU. Taichi's launcher accepts any
+address of that GPU's memory, so it only needs a NumPy header with this address.
 """
 
 from typing import Any
@@ -12,7 +12,7 @@ import warp as wp
 wp.config.log_level = wp.LOG_ERROR
 wp.init()
 
-DEVICE = "cuda:0"  # Taichi drives the first GPU that CUDA shows
+DEVICE = "cuda:0"  # Taichi drives the first GPU that CUDA lists
 
 
 def upload(array: np.ndarray, shape: tuple[int, ...]) -> wp.array:
@@ -40,7 +40,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> wp.array:
 
 
 def free_memory() -> int:
-    """Return how many bytes the device has left."""
+    """Return the number of free bytes on the device."""
     return wp.get_device(DEVICE).free_memory
 
 
@@ -51,7 +51,7 @@ def fill(array: wp.array, values: np.ndarray) -> None:
 
 
 def header(array: wp.array) -> np.ndarray:
-    """Return a NumPy array with the address of `array`, for Taichi alone to read and write."""
+    """Return a NumPy array with the address of `array`; only Taichi may read or write it."""
     dtype = np.dtype(wp.dtype_to_numpy(array.dtype))
     if array.size == 0:
         return np.empty(tuple(array.shape), dtype)
@@ -67,5 +67,5 @@ class _Interface:
             "version": 3,
             "shape": tuple(array.shape),
             "typestr": dtype.str,
-            "data": (int(array.ptr), False),  # NumPy's integer where a slice had NumPy's bounds
+            "data": (int(array.ptr), False),  # a slice with NumPy's bounds has a NumPy integer here
         }

@@ -1,4 +1,4 @@
-"""Taichi's one program: how it starts, and the one gate through which every primitive launches."""
+"""Taichi's single program: its start, and the decorator through which every primitive launches."""
 
 import contextlib
 import functools
@@ -31,7 +31,7 @@ class _Program:
 
 
 class _Caller(threading.local):
-    """What the calling thread works on: its device, and there its CUDA stream if it has one."""
+    """The device of the calling thread, and its CUDA stream there if it has one."""
 
     device = ""
     stream: int | None = None
@@ -44,17 +44,17 @@ _LEGACY = (0, 1)  # names of CUDA's default stream, the only one that Taichi lau
 
 
 def start(device: str, stream: int | None = None) -> None:
-    """Initialise Taichi on `device`, order this thread's launches with the CUDA stream `stream`.
+    """Initialise Taichi on `device`; order this thread's launches with the CUDA stream `stream`.
 
-    A process holds one Taichi program at a time: a change of device starts it anew.
-    ``CVKERN_NUM_THREADS`` sets the threads of the CPU, by default the cores that we may use.
+    A process holds one Taichi program at a time, so a change of device restarts it.
+    ``CVKERN_NUM_THREADS`` sets the threads of the CPU; the default is the number of usable cores.
 
     Raises
     ------
     ValueError
-        If Taichi cannot drive `device` here; of several GPUs it drives the first.
+        If Taichi cannot drive `device` here; of several GPUs it drives only the first.
     RuntimeError
-        If other code in this process has a Taichi program: starting ours would destroy its
+        If other code in this process has a Taichi program, because starting ours would destroy its
         fields. Also in a forked child of a process that started Taichi.
     """
     arch = _ARCHS.get(device)
@@ -67,13 +67,13 @@ def start(device: str, stream: int | None = None) -> None:
 
 
 def devices() -> tuple[str, ...]:
-    """Return the names of the devices that Taichi can drive: of several GPUs the first."""
+    """Return the names of the devices that Taichi can drive; of several GPUs, only the first."""
     found = ti.lang.misc.is_arch_supported(ti.cuda)
     return ("cpu", "cuda:0") if found else ("cpu",)
 
 
 def primitive(launch: Callable[P, None]) -> Callable[P, None]:
-    """Make a launcher safe to call from any thread, and in order with the caller's CUDA stream."""
+    """Make a launcher safe in any thread, and order it with the caller's CUDA stream."""
 
     @functools.wraps(launch)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -91,7 +91,7 @@ def primitive(launch: Callable[P, None]) -> Callable[P, None]:
 
 
 def scratch(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
-    """Allocate what a primitive needs while it runs, in the form that kernels take."""
+    """Allocate temporary memory of a primitive, as kernels take it."""
     if _caller.device == "cpu":
         return np.empty(shape, dtype)
     from . import _cuda
@@ -100,7 +100,7 @@ def scratch(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
 
 
 def on_cpu() -> bool:
-    """Tell whether the primitive that runs is at work on the CPU."""
+    """Tell whether the current primitive runs on the CPU."""
     return _caller.device == "cpu"
 
 
@@ -112,7 +112,7 @@ def synchronize() -> None:
 
 
 def _switch(device: str, arch: Any) -> None:
-    """Have our program run on `device`: another thread, or other code, may have changed it."""
+    """Make our program run on `device`; another thread or other code may have changed it."""
     current = ti.lang.impl.get_runtime().prog
     if current is not None and current is not _program.handle:
         raise RuntimeError(
@@ -121,8 +121,8 @@ def _switch(device: str, arch: Any) -> None:
         )
     if current is not None and device == _program.device:
         return
-    # On a thread of its own, because Taichi makes the thread that it starts on flush denormal
-    # numbers to zero, and NumPy's arithmetic with it. Its kernels do so on their threads.
+    # Start on a separate thread, because Taichi sets its starting thread to flush denormal numbers
+    # to zero, which would change NumPy's arithmetic. Its kernels flush on their own threads.
     with ThreadPoolExecutor(1) as thread:
         thread.submit(_initialise, arch).result()
     _program.device = device
@@ -134,7 +134,7 @@ def _initialise(arch: Any) -> None:
     if _program.device == "cuda":
         import warp as wp
 
-        with wp.ScopedDevice("cuda:0"):  # Taichi frees what it has in the context of this thread
+        with wp.ScopedDevice("cuda:0"):  # Taichi frees its memory in the context of this thread
             ti.reset()
     environment = os.environ.pop("TI_ARCH", None)  # it would override `arch`
     try:
@@ -152,18 +152,18 @@ def _initialise(arch: Any) -> None:
     finally:
         if environment is not None:
             os.environ["TI_ARCH"] = environment
-    ti.sync()  # builds what Taichi builds on the thread it started on alone
+    ti.sync()  # builds the parts that Taichi can build only on its starting thread
 
 
 @functools.lru_cache
 def _cache_options() -> dict[str, Any]:
-    """Say where Taichi keeps compiled kernels, or that it does not: it would say nothing."""
+    """Return the options of Taichi's cache; warn if it cannot be written, as Taichi does not."""
     folder = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH")
     folder = folder or ti.lang.impl.default_cfg().offline_cache_file_path
     reason = _cache.refusal(folder)
     if reason:
         _cache.warn("taichi", folder, reason)
-        folder = tempfile.gettempdir()  # nothing is written; where there is none Taichi crashes
+        folder = tempfile.gettempdir()  # nothing is written, but Taichi crashes without a folder
     return {"offline_cache": not reason, "offline_cache_file_path": folder}
 
 
@@ -185,7 +185,7 @@ def _launch_on_cuda(launch: Callable[..., None], args: tuple, kwargs: dict[str, 
 
 
 def _check_process() -> None:
-    """Refuse a fork: it has the state of its parent's Taichi, and none of its threads."""
+    """Refuse a forked process: it has the state of its parent's Taichi without its threads."""
     if _program.process not in (0, os.getpid()):
         raise RuntimeError(
             "Taichi cannot run in a forked process: start workers with the 'spawn' method"

@@ -13,7 +13,7 @@ _HIGHEST, *_LOWER = reversed(ATAN)
 
 @ti.func
 def gradient_angle(dy: ti.f32, dx: ti.f32, zero: ti.i32) -> ti.f32:
-    """Return atan2(dy, dx) by the polynomial of `codes`, radians."""
+    """Return atan2(dy, dx) in radians, by the polynomial in `codes.filters`."""
     ax = ti.abs(dx)
     ay = ti.abs(dy)
     a = 0.0

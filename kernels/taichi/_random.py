@@ -1,7 +1,8 @@
-"""Random numbers of a counter: the same for a seed, a step and an item wherever they are made.
+"""Counter-based random numbers: equal seed, step and item give equal numbers on every device.
 
-The numbers that an item draws, by `which`: 0 its pixel, 1 to 3 the point in a cell, 4 the place of
-the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the pixel.
+`which` selects one of the numbers of an item (see `Draw`): 0 its pixel, 1 to 3 the point in a cell,
+4 the position of the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the
+pixel.
 """
 
 import taichi as ti
@@ -19,7 +20,7 @@ def mix(x: ti.u32) -> ti.u32:
 @ti.func
 def random_bits(seed: ti.i32, step: ti.i32, item: ti.i32, which: ti.i32) -> ti.u32:
     """Return 32 random bits for one of several numbers of an item."""
-    # A multiplier that spreads the few values of `which` over all bits of the seed.
+    # The multiplier spreads the few values of `which` over all bits of the seed.
     x = mix(ti.cast(seed, ti.u32) ^ ti.u32(0x1E3779B9) * ti.cast(which, ti.u32))
     return mix(ti.cast(item, ti.u32) + mix(ti.cast(step, ti.u32) + x))
 

@@ -15,7 +15,7 @@ import warp as wp
 from . import _pages, _scratch, _streams
 from ._internals import replace_cache, view_at
 
-_LINE = 64  # bytes of a line of the cache: rows of as many should not lie across two
+_LINE = 64  # bytes of a cache line; rows of this size should not cross two lines
 
 _known_streams: dict[tuple[str, int | None], wp.Stream | None] = {}
 _process = 0
@@ -23,7 +23,7 @@ _lock = threading.Lock()
 
 
 def start(device: str, stream: int | None) -> None:
-    """Initialise Warp, check that `device` exists, send this thread's launches to `stream`."""
+    """Initialise Warp, check `device`, and direct this thread's launches to `stream`."""
     _begin()
     if device == "cpu":
         _streams.set_stream(None)
@@ -58,7 +58,7 @@ def _begin() -> None:
 
 
 def _initialise() -> None:
-    """Start Warp without its notice, native and on stderr, that a machine has no GPU."""
+    """Start Warp without its native notice on stderr that the machine has no GPU."""
     wp.config.log_level = wp.LOG_ERROR
     with tempfile.TemporaryFile() as said:
         stderr = os.dup(2)
@@ -78,13 +78,13 @@ def _initialise() -> None:
 def _initialise_cache() -> None:
     try:
         wp.init()
-    except OSError as error:  # the folder of the kernel cache cannot be made
+    except OSError as error:  # the folder of the kernel cache cannot be created
         replace_cache(error.strerror or str(error))
         wp.init()
 
 
 def adopt(array: np.ndarray, dtype: np.dtype, shape: tuple[int, ...], device: str) -> wp.array:
-    """View a contiguous host array for kernels, bool as uint8; it goes to a GPU by copy."""
+    """View a contiguous host array for kernels, bool as uint8; copy it if the device is a GPU."""
     if device == "cpu":
         return view(array.__array_interface__["data"][0], array, dtype, shape, device)
     there = wp.array(array, device=device)
@@ -117,7 +117,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
 
 
 def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
-    """Allocate an array of 0; on the CPU of pages that take no time until they are written."""
+    """Allocate an array of 0; on the CPU, its pages are cleared only when they are written."""
     if device == "cpu":
         size = math.prod(shape) * dtype.itemsize
         room = np.zeros(size + _LINE, np.uint8)
@@ -145,7 +145,7 @@ def write(array: wp.array, values: np.ndarray) -> None:
 def clear(array: wp.array) -> None:
     """Fill `array` with 0, in order with the kernels."""
     if array.device.is_cuda:
-        # To wait for Warp's own stream here, its default, is what no graph could record.
+        # By default Warp would wait for its own stream here, which a graph cannot record.
         with wp.ScopedStream(_streams.current_stream(array.device), sync_enter=False):
             array.zero_()
     else:
@@ -153,7 +153,7 @@ def clear(array: wp.array) -> None:
 
 
 def to_numpy(array: wp.array) -> np.ndarray:
-    """Wait for the kernels that fill `array`, then bring it to the host (a view on the CPU)."""
+    """Wait for the kernels that fill `array`, then copy it to the host (a view on the CPU)."""
     if not array.device.is_cuda:
         return array.numpy()
     stream = _streams.current_stream(array.device)
@@ -170,12 +170,12 @@ def to_numpy(array: wp.array) -> np.ndarray:
 
 
 def free_memory(device: str) -> int:
-    """Return how many bytes a GPU has left."""
+    """Return the number of free bytes on a GPU."""
     return wp.get_device(device).free_memory
 
 
 def release_memory() -> None:
-    """Give back the memory that is kept for later calls."""
+    """Free the memory that is kept for later calls."""
     _scratch.release()
     _pages.release()
 
@@ -185,11 +185,11 @@ MATRIX_DTYPES = {"cpu": "float32", "cuda": "float16"}
 
 
 def record(call: Callable[[], None], device: str) -> Callable[[], None]:
-    """Return what repeats the launches of `call`: one launch of a graph on CUDA."""
+    """Return a function that repeats the launches of `call`; on CUDA, by one launch of a graph."""
     if device == "cpu":
         return call
-    stream = wp.Stream(device)  # the legacy default stream, where torch works, cannot record
-    scratch = _scratch.known_scratch(stream.device)  # nothing can be allocated in a recording
+    stream = wp.Stream(device)  # the legacy default stream, which torch uses, cannot record
+    scratch = _scratch.known_scratch(stream.device)  # a recording cannot allocate memory
     with own_scratch(scratch), _streams.only_stream(stream):
         with wp.ScopedCapture(stream=stream) as captured:
             call()
@@ -197,7 +197,7 @@ def record(call: Callable[[], None], device: str) -> Callable[[], None]:
     def launch_graph() -> None:
         wp.capture_launch(captured.graph, stream=_streams.current_stream(stream.device))
 
-    # Keeps alive the memory that the graph addresses.
+    # Keep the memory alive that the graph addresses.
     launch_graph.kept = call, scratch  # pyright: ignore[reportFunctionMemberAccess]
     return launch_graph
 

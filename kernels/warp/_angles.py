@@ -14,7 +14,7 @@ HALF_PI = wp.constant(math.pi / 2.0)
 
 @wp.func
 def atan2(y: float, x: float) -> float:
-    """Angle of (x, y) in (-pi, pi], within 2e-7; 0 for the zero vector."""
+    """Return the angle of (x, y) in (-pi, pi], within 2e-7; 0 for the zero vector."""
     ax = wp.abs(x)
     ay = wp.abs(y)
     high = wp.max(ax, ay)

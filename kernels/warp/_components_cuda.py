@@ -8,10 +8,10 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid
 
 @wp.func
 def root(parents: wp.array[int], label: int) -> int:
-    """Follow the parents of `label` up, and let each label passed skip the next.
+    """Follow the parents of `label` to the root, and shorten the path by half.
 
-    Only labels that are no longer roots are written, and only with one of their ancestors, so
-    that no union of another thread is lost.
+    This writes only to labels that are no longer roots, and only one of their ancestors, so no
+    union of another thread is lost.
     """
     at = label
     parent = parents[at]
@@ -26,7 +26,7 @@ def root(parents: wp.array[int], label: int) -> int:
 
 @wp.func
 def unite(parents: wp.array[int], a: int, b: int):
-    """Give the trees of `a` and `b` one root, the smaller of theirs."""
+    """Join the trees of `a` and `b` below the smaller of their roots."""
     low = root(parents, a)
     high = root(parents, b)
     while low != high:
@@ -37,6 +37,6 @@ def unite(parents: wp.array[int], a: int, b: int):
         old = wp.atomic_min(parents, high, low)
         if old == high:
             return
-        # Another thread has hung `high` elsewhere meanwhile: unite with that tree.
+        # Another thread has meanwhile joined `high` to another tree, so unite with that tree.
         high = root(parents, old)
         low = root(parents, low)

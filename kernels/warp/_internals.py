@@ -1,9 +1,9 @@
-"""What spares most of Warp's Python by reaching into Warp, and the plain way to do the same.
+"""Shortcuts through Warp's private parts, each with a plain fallback.
 
-Two things take longer in Warp's Python than a small kernel takes to run: to make an array that
-views memory, and to pack the arguments of a launch. The quick ways below rely on how Warp does
-that inside. They are taken for the versions that they were tested with; a newer Warp gets the
-plain ones, by its documented interface, which give the same results later.
+Two steps in Warp's Python take longer than a small kernel runs: making an array that views memory,
+and packing the arguments of a launch. The quick ways below depend on Warp's internals. They are
+used with the versions that they were tested with. A newer Warp gets the plain ways, which use the
+documented interface and give the same results more slowly.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _layouts: dict[Any, wp.array] = {}
 
 
 def _quick() -> bool:
-    """Tell whether this Warp is one that the quick ways were tested with."""
+    """Tell whether the quick ways were tested with this version of Warp."""
     version = re.match(r"(\d+)\.(\d+)", wp.__version__)
     return version is not None and (int(version[1]), int(version[2])) <= TESTED
 
@@ -43,7 +43,7 @@ def _plain_view_at(
     device: wp.Device,
     strides: tuple[int, ...] | None = None,
 ) -> wp.array:
-    """See the memory at an address, without keeping it alive."""
+    """View the memory at an address, without keeping it alive."""
     return wp.array(ptr=address or 0, dtype=dtype, shape=shape, strides=strides, device=device)
 
 
@@ -54,7 +54,7 @@ def _quick_view_at(
     device: wp.Device,
     strides: tuple[int, ...] | None = None,
 ) -> wp.array:
-    """See the memory at an address, without keeping it alive: a copy of an array seen before."""
+    """View the memory at an address, without keeping it alive, by copying an array object."""
     key = (dtype, shape, device.alias, strides)
     layout = _layouts.get(key)
     if layout is None:
@@ -62,7 +62,7 @@ def _quick_view_at(
             _layouts.clear()
         layout = _plain_view_at(0, dtype, shape, device, strides)
         _layouts[key] = layout
-    # A copy of an array that nobody else has: to make one anew takes several times as long.
+    # Copy an object that nothing else uses, because making a new one takes several times as long.
     seen = object.__new__(wp.array)
     seen.__dict__ = layout.__dict__.copy()
     seen.ptr = address
@@ -70,7 +70,7 @@ def _quick_view_at(
 
 
 class _PlainCommand:
-    """A launch of a kernel that is loaded."""
+    """A launch of a loaded kernel."""
 
     def __init__(
         self, kernel: wp.Kernel, dim: Any, arguments: Sequence[Any], device: wp.Device, block: int
@@ -86,7 +86,7 @@ class _PlainCommand:
 class _QuickCommand:
     """A launch that a thread keeps, with the descriptors of its arguments.
 
-    They are its own, not those of arrays: it must not keep the memory of arrays alive.
+    The descriptors belong to the launch, not to arrays, so that it keeps no memory alive.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class _QuickCommand:
         self._descriptors: list[Any] = [None] * len(arguments)
 
     def launch(self, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
-        """Launch with these arguments, where None stands for the same array as the first time."""
+        """Launch with these arguments; None means the same array as at the first launch."""
         known, descriptors = self._known, self._descriptors
         for i, argument in enumerate(arguments):
             if isinstance(argument, wp.array):
@@ -123,11 +123,11 @@ Command = _QuickCommand if QUICK else _PlainCommand
 
 
 def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
-    """Compile and load the module of `kernel` for blocks of so many threads.
+    """Compile and load the module of `kernel` for blocks of `block` threads.
 
-    What the cache holds of it is removed once if it cannot be loaded: a process that was killed,
-    or a full disk, may have left a part of a file. A cache that cannot be written to, and does
-    not have the module yet, is replaced by one for this process.
+    If its cached files cannot be loaded, they are removed once, because a killed process or a full
+    disk may have left an incomplete file. If the cache cannot be written to and does not have the
+    module, it is replaced by one for this process.
     """
     kept = _cached(kernel, block)
     there = kept is not None and kept.is_dir()
@@ -142,12 +142,12 @@ def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
             shutil.rmtree(kept, ignore_errors=True)
         else:
             raise
-        kernel.module.mark_modified()  # forgets that it failed
+        kernel.module.mark_modified()  # reset the failed state
         _load(kernel, device, block)
 
 
 def replace_cache(reason: str) -> None:
-    """Keep compiled kernels in a folder for this process alone, and warn of it."""
+    """Keep compiled kernels in a folder for this process only, and warn."""
     _cache.warn("warp", wp.config.kernel_cache_dir or "", reason)
     wp.config.kernel_cache_dir = tempfile.mkdtemp(prefix="cvkern-kernels-")
     atexit.register(shutil.rmtree, wp.config.kernel_cache_dir, ignore_errors=True)
@@ -161,7 +161,7 @@ def _load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
 
 
 def _cached(kernel: wp.Kernel, block: int) -> Path | None:
-    """Return the folder of the kernel cache that has the module of `kernel`, if Warp tells."""
+    """Return the cache folder of the module of `kernel`, or None if Warp does not tell."""
     identify = getattr(kernel.module, "get_module_identifier", None)
     folder = wp.config.kernel_cache_dir
     if identify is None or not folder:

@@ -1,7 +1,7 @@
-"""Lanes: a row of pixels seen as vectors, which is what makes Warp fast on the CPU.
+"""Lanes: a row of pixels viewed as vectors, which makes Warp fast on the CPU.
 
-A vector starts at every pixel (the views overlap), so ``row[x + t]`` is the vector t pixels on.
-Arithmetic on a vector, and a loop over its elements, become SIMD instructions.
+A vector starts at every pixel (the views overlap), so ``row[x + t]`` is the vector that begins t
+pixels further. Arithmetic on a vector, and a loop over its elements, become SIMD instructions.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import warp as wp
 
 from ._scratch import scratch, view
 
-# 16 SIMD registers of 8 floats (AVX2) hold two sums of 32 floats and what is added to them, or one
-# sum of 64: down the columns two rows share what they read, along a row there is nothing to share.
+# 16 SIMD registers of 8 floats (AVX2) hold two sums of 32 floats and their summands, or one sum of
+# 64. Down the columns, two rows share the pixels that they read; along a row, nothing is shared.
 LANES = 32
 WIDE = 64
 f32_lanes = wp.types.vector(LANES, wp.float32)
@@ -37,6 +37,6 @@ def padded(array: wp.array, name: str, width: int = LANES) -> wp.array:
 
 
 def unpad(wide: wp.array, array: wp.array) -> None:
-    """Copy the columns of `array` back from what :func:`padded` made of it."""
+    """Copy the columns of `array` back from `wide`, the result of :func:`padded`."""
     if wide is not array:
         array.numpy()[...] = wide.numpy()[:, : array.shape[1]]

@@ -1,4 +1,4 @@
-"""How kernels are launched: on the caller's stream on CUDA, in slabs of rows on CPU threads."""
+"""Launches of kernels: on the caller's stream on CUDA, in slabs of rows on CPU threads."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ._streams import current_stream
 __all__ = ["BLOCK", "cpu_threads", "launch", "launch_each", "launch_slabs", "scratch", "slabs",
            "view"]  # fmt: skip
 
-# A slab smaller than this is done sooner by one thread than handed to another.
+# For fewer elements, handing a slab to another thread takes longer than the work.
 _SLAB_ELEMENTS = 1 << 16
 _MAX_COMMANDS = 512
 BLOCK = 256  # threads of a CUDA block, unless a launch says otherwise
@@ -46,12 +46,12 @@ def launch(
     outputs: Sequence[Any],
     block: int = BLOCK,
 ) -> None:
-    """Launch `kernel` once, on the device of its first output, on CUDA in blocks of threads."""
+    """Launch `kernel` once, on the device of its first output; on CUDA in blocks of threads."""
     _send(kernel, dim, (*inputs, *outputs), _device(outputs), block)
 
 
 def slabs(rows: int, elements: int) -> int:
-    """Return into how many slabs the CPU cuts `rows` rows of `elements` elements in all."""
+    """Return the number of slabs for `rows` rows with `elements` elements in total."""
     most = min(rows, elements // _SLAB_ELEMENTS)
     return min(cpu_threads(), most) if most > 1 else 1
 
@@ -59,10 +59,9 @@ def slabs(rows: int, elements: int) -> int:
 def launch_slabs(
     kernel: wp.Kernel, rows: int, count: int, inputs: Sequence[Any], outputs: Sequence[Any]
 ) -> None:
-    """Launch a CPU kernel over rows cut into `count` slabs; each thread takes the next one left.
+    """Launch a CPU kernel over rows cut into `count` slabs; each thread takes the next free slab.
 
-    The kernel runs one thread a slab; its first three arguments are the slab, its first row and
-    the row behind its last.
+    The first three arguments of the kernel are the slab, its first row, and the row after its last.
     """
     device = _device(outputs)
     bounds = [rows * i // count for i in range(count + 1)]
@@ -76,10 +75,11 @@ def launch_each(
     inputs: Sequence[Any],
     outputs: Sequence[Any],
 ) -> None:
-    """Launch a kernel over `count` items, of so many elements in all: a thread each, or in slabs.
+    """Launch a kernel over `count` items: one thread per item on CUDA, slabs of items on the CPU.
 
-    The first three arguments of the kernel are a stride, the first item and the one behind the
-    last; its loop is ``for i in range(first + wp.tid(), last, stride)``.
+    The number of elements of all items decides on the slabs. The first three arguments of the
+    kernel are a stride, the first item and the one after the last; its loop is
+    ``for i in range(first + wp.tid(), last, stride)``.
     """
     device = _device(outputs)
     if device.is_cuda:
@@ -91,7 +91,7 @@ def launch_each(
 
 
 def _device(outputs: Sequence[Any]) -> wp.Device:
-    """Return where the first output is: an array, or a Warp struct whose first field is one."""
+    """Return the device of the first output: an array, or a Warp struct that begins with one."""
     first = outputs[0]
     while not isinstance(first, wp.array):
         first = getattr(first, next(iter(first._cls.vars)))
@@ -105,7 +105,7 @@ def _share(
     arguments: Sequence[Any],
     device: wp.Device,
 ) -> None:
-    """Launch a CPU kernel `count` times; each thread takes the next one left."""
+    """Launch a CPU kernel `count` times; each thread takes the next free launch."""
     left = iter(range(count))
 
     def work() -> None:
@@ -138,7 +138,7 @@ def _send(
     if command is None:
         if len(kept) >= _MAX_COMMANDS:
             kept.clear()
-        # The variant that launches ask for, or every slab would load the module again.
+        # Load the variant that launches use, or every slab would load the module again.
         threads = 1 if device.is_cpu else block
         _load(kernel, device, threads)
         command = kept[key] = Command(kernel, dim, arguments, device, threads)
@@ -146,9 +146,9 @@ def _send(
 
 
 def _load(kernel: wp.Kernel, device: wp.Device, threads: int) -> None:
-    """Compile and load the module of `kernel`; Warp must not do that on two threads at once.
+    """Compile and load the module of `kernel`; Warp must not do this on two threads at once.
 
-    Once for each kernel: one that was made later than others has to be added to its module.
+    This is needed for each kernel, because a kernel that is made later must be added to its module.
     """
     key = (kernel, device.alias, threads)
     if key not in _loaded:
@@ -162,9 +162,9 @@ def _load(kernel: wp.Kernel, device: wp.Device, threads: int) -> None:
 
 
 def _compiler() -> ThreadPoolExecutor:
-    """Return the one thread that compiles for the CPU.
+    """Return the only thread that compiles for the CPU.
 
-    Clang parses Warp's headers anew, for two seconds, on each thread that compiles.
+    On each new thread that compiles, Clang would parse Warp's headers again, for two seconds.
     """
     global _compiling
     if _compiling is None:
@@ -182,7 +182,7 @@ def _threads() -> ThreadPoolExecutor:
 
 
 def _after_fork() -> None:
-    """Forget the parent's threads and locks: a forked child has none of the threads."""
+    """Reset the parent's threads and locks, because a forked child has none of the threads."""
     global _pool, _compiling, _lock
     _pool, _compiling, _lock = None, None, threading.Lock()
 

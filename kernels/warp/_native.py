@@ -11,14 +11,15 @@ The module declares one by a signature with the same parameters, in the same ord
     @_native.func_native("_blur_cpu.h", RADIUS=2)
     def blur_row(row: int, image: wp.array2d[float], out: wp.array2d[float]): ...
 
-The constants become ``#define`` lines before the body; a type is a constant too: ``SCALAR="float"``
-for ``wp::array_t<SCALAR>``. A line ``#include "NAME"`` at the top of a file stands for the text of
-another file, found from the place of the first, which every function of the file then has: a rule
-that several share is a ``struct`` there, with static functions. Such a file names its constants in
-the same way, in ``// needs`` lines of its own, and the functions of the file need them as well.
+The constants become ``#define`` lines before the body. A type is a constant too:
+``SCALAR="float"`` for ``wp::array_t<SCALAR>``. A line ``#include "NAME"`` at the top of a file
+inserts the text of another file, whose path is relative to the first, before every function of the
+file. A rule that several functions share is a ``struct`` with static functions in such a file. It
+names its constants in ``// needs`` lines of its own, and the functions of the including file need
+them as well.
 
-`kernel` declares a kernel in the same way. On the CPU it is one of slabs (`_launch.launch_slabs`),
-whose first parameters are the slab, the first row and the row behind the last; on CUDA it finds its
+`kernel` declares a kernel in the same way. On the CPU it runs over slabs (`_launch.launch_slabs`);
+its first parameters are the slab, the first row and the row after the last. On CUDA it finds its
 thread by ``threadIdx`` and ``blockIdx``.
 """
 
@@ -40,10 +41,10 @@ _COMMENTS = r"((?:^//[^\n]*\n)*)"
 
 
 def func_native(file: str, **constants: Any) -> Callable[[Any], wp.Function]:
-    """Return a decorator that makes a Warp function of the C++ function of the same name.
+    """Return a decorator that makes a Warp function from the C++ function of the same name.
 
-    Warp takes the type that such a function returns from a stub whose decorator is written as an
-    attribute of this name: hence the name, and the import of the module.
+    Warp reads the return type from the stub only if its decorator is written as an attribute with
+    this name. So the name is fixed, and users must import the module, not the function.
     """
 
     def make(stub: Any) -> wp.Function:
@@ -59,11 +60,11 @@ def kernel(
     launch_bounds: tuple[int, int] | None = None,
     **constants: Any,
 ) -> Callable[[Any], wp.Kernel]:
-    """Return a decorator that makes a kernel of the C++ function.
+    """Return a decorator that makes a kernel from the C++ function of the same name.
 
-    With `options` the kernel has a Warp module of its own, whose options they are, and which is
-    compiled when the kernel is first launched. Without, it belongs to the module of the Python
-    file, which is compiled as a whole, with the options that the file has set.
+    With `options` the kernel has its own Warp module with these options, compiled when the kernel
+    is first launched. Without, it belongs to the module of the Python file, which is compiled as a
+    whole, with the options that the file sets.
     """
 
     def make(stub: Any) -> wp.Kernel:
@@ -71,7 +72,7 @@ def kernel(
         types = inspect.get_annotations(stub)
         names = ", ".join(types)
         source = f"def {stub.__name__}({names}):\n    body({names})\n"
-        # Warp reads a kernel's source where the interpreter keeps it.
+        # Warp reads the source of a kernel from the interpreter's line cache.
         place = f"<{file}:{stub.__name__}:{id(body)}>"
         linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
         space: dict[str, Any] = {"body": body, "__name__": stub.__module__}
@@ -89,7 +90,7 @@ def kernel(
 
 
 def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
-    """Return what Warp puts between the braces of `stub`; raise where the two do not agree."""
+    """Return the code that Warp puts between the braces of `stub`; check that both agree."""
     name, path = stub.__name__, Path(inspect.getfile(stub)).parent / file
     needs, parameters, body = _function(path, name)
     shared_needs, shared = _shared(path)
@@ -101,7 +102,7 @@ def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
         raise ImportError(f"{file}: {name} takes {list(parameters)}, got {declared}")
     defines = "".join(f"#define {key} {value}\n" for key, value in constants.items())
     undefines = "".join(f"#undef {key}\n" for key in constants)
-    # Some pragmas must stand first behind a brace: the body keeps its own.
+    # Some pragmas must directly follow a brace, so the body keeps its own braces.
     return f"\n{defines}{shared}{{{body}}}\n{undefines}"
 
 
@@ -125,7 +126,7 @@ def _function(path: Path, name: str) -> tuple[set[str], tuple[str, ...], str]:
 
 @lru_cache
 def _shared(path: Path) -> tuple[set[str], str]:
-    """Return the constants that the files need which a file includes, and their text."""
+    """Return the constants that the included files need, and the text of these files."""
     needs: set[str] = set()
     shared = ""
     for other in _INCLUDE.findall(path.read_text(encoding="utf-8")):

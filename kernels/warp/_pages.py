@@ -1,6 +1,6 @@
-"""Host memory that a GPU writes to directly: pages locked in place, which take long to get.
+"""Host memory that a GPU writes to directly: pinned pages, which take long to allocate.
 
-So results leave theirs to later ones when they are gone. There is room for a few.
+So the pages of a result that is no longer used are kept for later results, up to a limit.
 """
 
 import contextlib
@@ -11,14 +11,14 @@ import weakref
 import numpy as np
 import warp as wp
 
-_LEAST = 1 << 20  # bytes of a result: of less, the copy is not what takes long
-_MOST = 1 << 28  # bytes of all; results beyond have memory as any
+_LEAST = 1 << 20  # smallest result in bytes; for smaller ones the copy takes little of the time
+_MOST = 1 << 28  # bytes of all pinned pages; further results get ordinary memory
 _locked = 0
 _free: dict[int, list[wp.array]] = {}
 
 
 def empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
-    """Return uninitialised memory for a result, locked if there is any."""
+    """Return uninitialised memory for a result, pinned if there is room."""
     global _locked
     size = math.prod(shape) * dtype.itemsize
     if size < _LEAST:
@@ -33,13 +33,13 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
         _locked += room
         block = wp.empty(room, dtype=wp.uint8, device="cpu", pinned=True)
     memory = (ctypes.c_uint8 * size).from_address(block.ptr)
-    # All views of an array end at what it was made from: that goes last.
+    # All views of an array keep the base object alive, so it is released last.
     weakref.finalize(memory, free.append, block).atexit = False
     return np.frombuffer(memory, dtype).reshape(shape)
 
 
 def release() -> None:
-    """Unlock the pages that no result holds."""
+    """Free the pinned pages that no result uses."""
     global _locked
     for room, free in list(_free.items()):
         with contextlib.suppress(IndexError):

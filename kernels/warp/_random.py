@@ -1,12 +1,13 @@
-"""Random numbers of a counter: the same for a seed, a step and an item wherever they are made.
+"""Counter-based random numbers: equal seed, step and item give equal numbers on every device.
 
-The numbers that an item draws, by `which`: 0 its pixel, 1 to 3 the point in a cell, 4 the place of
-the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the pixel.
+`which` selects one of the numbers of an item (see `Draw`): 0 its pixel, 1 to 3 the point in a cell,
+4 the position of the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the
+pixel.
 """
 
 import warp as wp
 
-INCREMENT = wp.constant(wp.uint32(2891336453))  # compilers warn of a literal of 32 bits
+INCREMENT = wp.constant(wp.uint32(2891336453))  # compilers warn of a 32-bit literal
 
 
 @wp.func
@@ -21,7 +22,7 @@ def mix(x: wp.uint32) -> wp.uint32:
 @wp.func
 def random_bits(seed: int, step: int, item: int, which: int) -> wp.uint32:
     """Return 32 random bits for one of several numbers of an item."""
-    # A multiplier that spreads the few values of `which` over all bits of the seed.
+    # The multiplier spreads the few values of `which` over all bits of the seed.
     x = mix(wp.uint32(seed) ^ wp.uint32(0x1E3779B9) * wp.uint32(which))
     return mix(wp.uint32(item) + mix(wp.uint32(step) + x))
 

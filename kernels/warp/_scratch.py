@@ -1,4 +1,4 @@
-"""The memory that primitives work in, kept for each thread and stream from call to call."""
+"""Scratch memory of primitives, kept from call to call for each thread and stream."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from ._internals import view_at
 from ._streams import current_stream
 
 PAGE = 4096  # bytes below which the overhead of a copy to the host dominates its time
-MOST_MB = 1024  # MiB on the host that all threads keep together, unless CVKERN_SCRATCH_MB says
-_MAX_VIEWS = 16  # views that an array keeps
+MOST_MB = 1024  # MiB that all threads together keep on the host; CVKERN_SCRATCH_MB overrides it
+_MAX_VIEWS = 16  # largest number of views that an array keeps
 
 _Key = tuple[str, str, int]  # name, device and stream
 
 
 class _Block:
-    """Memory, and the views of it that were asked for; a view keeps the memory, not the block."""
+    """Memory with its views; a view keeps the memory alive, but not the block."""
 
     def __init__(self, size: int, device: wp.Device):
-        # In words: Warp counts the elements of an axis with 31 bits.
+        # Allocate words, because Warp counts the elements of an axis with 31 bits.
         self.memory = wp.empty(-(-size // 8), dtype=wp.uint64, device=device)
         if not device.is_cuda:
             ask_for_huge_pages(self.memory.ptr or 0, size)
@@ -47,7 +47,7 @@ class _Block:
 
 
 class _ThreadsBlocks(dict[_Key, _Block]):
-    """The blocks of a thread, which goes with them."""
+    """The blocks of a thread; they are freed with the thread."""
 
 
 class _ThreadState(threading.local):
@@ -60,14 +60,14 @@ class _ThreadState(threading.local):
             _threads[id(self.blocks)] = self.blocks
 
 
-_age = 0  # how often memory was released
+_age = 0  # number of times that memory was released
 _lock = threading.Lock()
 _threads: weakref.WeakValueDictionary[int, _ThreadsBlocks] = weakref.WeakValueDictionary()
 _thread = _ThreadState()
 
 
 def _after_fork() -> None:
-    """Forget the parent's lock: a forked child has none of the threads that may hold it."""
+    """Replace the parent's lock, because a forked child has no thread that could release it."""
     global _lock
     _lock = threading.Lock()
 
@@ -85,7 +85,7 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
     size = math.prod(shape) * wp.types.type_size_in_bytes(dtype)
     block = blocks.get(key)
     if block is None or block.memory.capacity < size or (block.age != _age and shared):
-        if block is not None and device.is_cuda:  # kernels may still be at work in the old one
+        if block is not None and device.is_cuda:  # kernels may still use the old block
             wp.synchronize_stream(current_stream(device))
         blocks.pop(key, None)
         block = _Block(size, device)
@@ -97,10 +97,10 @@ def scratch(name: str, shape: tuple[int, ...], dtype: Any, device: wp.Device) ->
 
 
 def _make_room(own: dict[_Key, _Block], size: int) -> bool:
-    """Give up what earlier calls left on the host until `size` bytes more may stay, if they may.
+    """Free host blocks of earlier calls until `size` more bytes fit; tell whether they fit.
 
-    The oldest go first, those of this thread before others. A call that still works in one has
-    a view of it, which keeps it.
+    The oldest blocks go first, those of this thread before others. A running call has a view of its
+    block, which keeps the memory alive.
     """
     most = _most()
     if size > most:
@@ -126,7 +126,7 @@ def _most() -> int:
 
 
 def release() -> None:
-    """Give up what threads keep: on the host of all, on GPUs of this one and, later, of others."""
+    """Free all blocks on the host and this thread's on GPUs; other threads free theirs later."""
     global _age
     own = _thread.blocks
     for alias in {key[1] for key, block in own.items() if not block.bytes_on_host}:
@@ -144,7 +144,7 @@ def release() -> None:
 
 @contextlib.contextmanager
 def own_scratch(scratch: dict[_Key, _Block]) -> Iterator[None]:
-    """Use `scratch` for the block: a CUDA graph keeps the addresses it was recorded with."""
+    """Use `scratch` in the block, because a CUDA graph keeps the addresses of its recording."""
     shared, _thread.scratch = _thread.scratch, scratch
     try:
         yield
@@ -153,7 +153,7 @@ def own_scratch(scratch: dict[_Key, _Block]) -> Iterator[None]:
 
 
 def known_scratch(device: wp.Device) -> dict[_Key, _Block]:
-    """Return what :func:`scratch` has given this thread on its stream, for :func:`own_scratch`."""
+    """Return the blocks of this thread on its stream, for :func:`own_scratch`."""
     shared = _thread.scratch is _thread.blocks
     stream = current_stream(device).cuda_stream or 0 if shared else 0
     return {
@@ -164,7 +164,7 @@ def known_scratch(device: wp.Device) -> dict[_Key, _Block]:
 
 
 def page(dtype: Any, shape: tuple[int, ...]) -> wp.array:
-    """Return host memory that a GPU writes to directly, of this thread, of at most `PAGE` bytes."""
+    """Return pinned host memory of this thread, of at most `PAGE` bytes."""
     if _thread.page is None:
         _thread.page = wp.empty(PAGE, dtype=wp.uint8, device="cpu", pinned=True)
     return view(_thread.page, dtype, shape)
@@ -173,7 +173,7 @@ def page(dtype: Any, shape: tuple[int, ...]) -> wp.array:
 def view(
     array: wp.array, dtype: Any, shape: tuple[int, ...], strides: tuple[int, ...] | None = None
 ) -> wp.array:
-    """See the memory of `array` otherwise; the view is kept with it."""
+    """View the memory of `array` with another dtype or shape; the view is kept with the array."""
     views = array.__dict__.setdefault("views", {})
     key = (dtype, shape)
     seen = views.get(key)
@@ -181,6 +181,6 @@ def view(
         if len(views) >= _MAX_VIEWS:
             views.clear()
         seen = views[key] = view_at(array.ptr, dtype, shape, array.device, strides)
-        # What `array` itself keeps alive; `array` would be a circle.
+        # Keep the owner of `array` alive; a reference to `array` would be a cycle.
         seen.owner = array.__dict__.get("owner")  # pyright: ignore[reportAttributeAccessIssue]
     return seen

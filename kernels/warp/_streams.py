@@ -11,21 +11,21 @@ import warp as wp
 
 class _Caller(threading.local):
     stream: wp.Stream | None = None
-    fixed: bool = False  # whether the stream stays whatever the callers' arrays say
+    fixed: bool = False  # whether the stream stays, whatever stream the callers' arrays use
 
 
 _caller = _Caller()
 
 
 def set_stream(stream: wp.Stream | None) -> None:
-    """Send this thread's CUDA launches to `stream`."""
+    """Direct this thread's CUDA launches to `stream`."""
     if not _caller.fixed:
         _caller.stream = stream
 
 
 @contextlib.contextmanager
 def only_stream(stream: wp.Stream) -> Iterator[None]:
-    """Send the launches of the block to `stream`, whatever :func:`set_stream` is told."""
+    """Direct the launches of the block to `stream`; :func:`set_stream` has no effect in it."""
     before = _caller.stream
     _caller.stream, _caller.fixed = stream, True
     try:

@@ -6,6 +6,7 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
+from cvkern.kernels.warp.raw import exposures
 from cvkern.kernels.warp.raw.demosaicing import linear, menon, planes, residual
 
 MADE = {
@@ -18,6 +19,14 @@ MADE = {
     "extend u16": lambda: planes._extend(wp.uint16),
     "join u8": lambda: planes._join(wp.uint8),
 }
+
+
+def test_merging_compiles_for_hopper(tmp_path):
+    """Its powers and logarithms are CUDA's own, and fuse."""
+    kernels.start("cpu", None)
+    kernel = exposures._kernel(wp.uint8)
+    (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path, use_ptx=True)
+    assert ".target sm_90" in Path(ptx).read_text()
 
 
 @pytest.mark.parametrize("name", MADE)

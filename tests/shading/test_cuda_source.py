@@ -6,11 +6,11 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
-from cvkern.kernels.warp.shading import meshes, photometry, rendering
+from cvkern.kernels.warp.shading import meshes, photometry, recovery, rendering
 from cvkern.kernels.warp.shading.integration import equations, multigrid
 
 
-@pytest.mark.parametrize("module", [rendering, meshes, photometry, equations, multigrid])
+@pytest.mark.parametrize("module", [rendering, meshes, photometry, recovery, equations, multigrid])
 def test_compiles_for_hopper(module, tmp_path):
     kernels.start("cpu", None)
     (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)

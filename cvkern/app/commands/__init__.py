@@ -15,9 +15,21 @@ Device = Annotated[
     str | None, typer.Option(help="Device: cpu, cuda or cuda:N.", show_default="cpu")
 ]
 
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace results that are there: tables, models, films.")
+]
+
+
+def check_new(path: Path | None, name: str, overwrite: bool, or_else: str = "") -> None:
+    """Refuse a file of results that is there already, unless it may be replaced."""
+    if path is not None and path.exists() and not overwrite:
+        raise ValueError(
+            f"{name} must be a new file, got {str(path)!r}: {or_else}--overwrite replaces it"
+        )
+
 
 def as_gray(image: np.ndarray) -> np.ndarray:
-    """Return an image as read from a file without its colour, rounded to the dtype of the file."""
+    """Return the grey values of an image from a file, rounded to the dtype of the file."""
     from cvkern.images.colors import luma
 
     if image.ndim == 2:
@@ -27,13 +39,15 @@ def as_gray(image: np.ndarray) -> np.ndarray:
 
 
 def write_csv(file: Path, names: str, *columns: np.ndarray) -> None:
-    """Write columns, (N,) or (N, K), under a line with their names."""
+    """Write columns, (N,) or (N, K), below a line with their names."""
     table = np.column_stack(columns)
-    np.savetxt(file, table, fmt="%.9g", delimiter=",", header=names, comments="")  # 9: float32
+    np.savetxt(
+        file, table, fmt="%.9g", delimiter=",", header=names, comments=""
+    )  # 9 digits hold a float32
 
 
 def progress_bar() -> Any:
-    """Return a bar on the standard error, which shows itself on a terminal only."""
+    """Return a progress bar on the standard error; it is shown only on a terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 

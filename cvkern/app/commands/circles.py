@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 NAMES = ("row", "column", "radius", "support")
 COLOR = (255, 98, 41)
@@ -25,25 +25,25 @@ def circles(
         typer.Option(metavar="LOW HIGH", help="Smallest and largest radius, pixels."),
     ],
     sigma: Annotated[
-        float, typer.Option(help="Standard deviation of the Gaussian, pixels once reduced.")
+        float, typer.Option(help="Standard deviation of the Gaussian, reduced image's pixels.")
     ] = 2.0,
     low_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge goes on.", show_default="from the image"),
+        typer.Option(help="Gradient above which an edge continues.", show_default="from the image"),
     ] = None,
     high_threshold: Annotated[
         float | None,
         typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
     ] = None,
     polarity: Annotated[
-        str, typer.Option(help="Brighter than around, or not: any, bright or dark.")
+        str, typer.Option(help="Bright discs, dark discs, or any: any, bright or dark.")
     ] = "any",
     min_support: Annotated[
-        float, typer.Option(help="Share of the circle that must be seen, in (0, 1].")
+        float, typer.Option(help="Share of the circle that must be visible, in (0, 1].")
     ] = 0.5,
     min_distance: Annotated[
         float | None,
-        typer.Option(help="Least distance of centres, pixels.", show_default="LOW"),
+        typer.Option(help="Smallest distance between centres, pixels.", show_default="LOW"),
     ] = None,
     to_csv: Annotated[
         Path | None, typer.Option("--csv", help="CSV to write the circles to.")
@@ -51,12 +51,13 @@ def circles(
     to_json: Annotated[
         Path | None, typer.Option("--json", help="JSON to write the circles to.")
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Find the circles in a photograph, and draw them over it.
 
-    A circle is the row and column of its centre, its radius, and the share of it that was seen.
+    A circle is given by the row and column of its centre, its radius, and its visible share.
     """
     from cvkern._files import replacing, write_text
     from cvkern.images.drawing import draw_circles
@@ -65,6 +66,8 @@ def circles(
     names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     image = read_image(photo)
     with cvkern.use(backend=backend, device=device):
         found = cvkern.detect_circles(
@@ -78,7 +81,7 @@ def circles(
             min_distance=min_distance,
         )
     table = np.column_stack(found)
-    with contextlib.ExitStack() as files:  # an error in one leaves none
+    with contextlib.ExitStack() as files:  # an error in one file removes all
         if to_csv:
             write_csv(files.enter_context(replacing(to_csv)), ",".join(NAMES), table)
         if to_json:

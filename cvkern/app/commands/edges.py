@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 SIGMA = 1.5
 LOW, HIGH = "quantile 0.7 of the image's", "quantile 0.9 of the image's"
@@ -22,7 +22,7 @@ def edges(
     ] = SIGMA,
     low_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge goes on.", show_default=LOW),
+        typer.Option(help="Gradient above which an edge continues.", show_default=LOW),
     ] = None,
     high_threshold: Annotated[
         float | None,
@@ -35,13 +35,13 @@ def edges(
         str, typer.Option(help="Derivative: gaussian, sobel or scharr.")
     ] = "gaussian",
     suppression: Annotated[
-        str, typer.Option(help="Of all but maxima: interpolated, or by sectors as OpenCV's.")
+        str, typer.Option(help="How maxima are found: interpolated, or sectors as in OpenCV.")
     ] = "interpolated",
     norm: Annotated[str, typer.Option(help="Length of the gradient: l1 or l2.")] = "l2",
     mode: Annotated[
         str, typer.Option(help="Border: reflect, constant, nearest, mirror or wrap.")
     ] = "reflect",
-    cval: Annotated[float, typer.Option(help="Value beyond a constant border.")] = 0.0,
+    cval: Annotated[float, typer.Option(help="Value outside a constant border.")] = 0.0,
     overlay: Annotated[
         bool, typer.Option("--overlay", help="Draw the edges over the photograph.")
     ] = False,
@@ -49,13 +49,14 @@ def edges(
         Path | None,
         typer.Option(help="CSV to write sub-pixel edges to: row, column, orientation, strength."),
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Find the edges of a photograph (Canny).
 
-    Thresholds are on Sobel's gradient, in the units of the file, and by default taken from the
-    image. Colour becomes grey, rounded to the dtype of the file.
+    Thresholds apply to Sobel's gradient, in the units of the file. By default they are taken from
+    the image. Colour is converted to grey, rounded to the dtype of the file.
     """
     from cvkern.edges.quantiles import from_data
     from cvkern.images.drawing import overlay_mask
@@ -69,6 +70,7 @@ def edges(
     names = [file.resolve() for file in (photo, output, subpixel) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(subpixel, "subpixel", overwrite)
     image = read_image(photo)
     gray = as_gray(image)
     with cvkern.use(backend=backend, device=device):
@@ -92,7 +94,7 @@ def edges(
     if subpixel and points:
         from cvkern._files import replacing
 
-        # The image is written inside, so that an error in either leaves neither.
+        # Write the image inside, so that an error in one file leaves neither.
         with replacing(subpixel) as beside:
             table = (points.points, points.orientation, points.strength)
             write_csv(beside, "row,column,orientation,strength", *table)

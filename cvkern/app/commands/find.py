@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 COLOR = (255, 98, 41)
 FRAME = (255, 214, 64)
@@ -19,33 +19,34 @@ FRAME = (255, 214, 64)
 
 def find(
     template: Annotated[
-        Path, typer.Argument(metavar="TEMPLATE", help="Image of the shape, and little else.")
+        Path, typer.Argument(metavar="TEMPLATE", help="Image that shows mainly the shape.")
     ],
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Image to find it in.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
     rotations: Annotated[
-        int, typer.Option(help="Rotations to try, over the full turn; 1 for upright alone.")
+        int, typer.Option(help="Rotations to try, over the full turn; 1 for upright only.")
     ] = 360,
     scales: Annotated[
         tuple[float, float, float], typer.Option(metavar="LOW HIGH STEP", help="Sizes to try.")
     ] = (0.8, 1.6, 0.05),
-    num_peaks: Annotated[int, typer.Option(help="How many to find at most.")] = 1,
+    num_peaks: Annotated[int, typer.Option(help="Largest number of shapes to find.")] = 1,
     threshold: Annotated[
-        float, typer.Option(help="Share of the outline that must be there, in [0, 1].")
+        float, typer.Option(help="Share of the outline that must be found, in [0, 1].")
     ] = 0.25,
     sigma: Annotated[float, typer.Option(help="Standard deviation of the Gaussian, pixels.")] = 1.0,
     to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write the poses to.")] = None,
     to_json: Annotated[
         Path | None, typer.Option("--json", help="JSON to write the poses to.")
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Find a shape in a photograph, turned, scaled, partly hidden (generalised Hough transform).
+    """Find a shape in a photograph, rotated, scaled, partly hidden (generalised Hough transform).
 
     Draws the outline of TEMPLATE over SCENE. A pose is the row and column of the template's centre,
-    the rotation in degrees, clockwise, and the scale; with its votes, and the share of its outline
-    that has edges in place.
+    the rotation in degrees, clockwise, and the scale. Its votes, and the share of its outline that
+    has edges in place, are given as well.
     """
     from cvkern._files import replacing, write_text
     from cvkern.images.files import read_image, write_image
@@ -53,6 +54,8 @@ def find(
     names = [file.resolve() for file in (template, scene, output, to_csv, to_json) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     low, high, step = scales
     if not (0 < low <= high and step > 0):
         raise ValueError(
@@ -68,7 +71,7 @@ def find(
         )  # fmt: skip
     degrees = np.degrees(found.rotation)
     columns = (found.position, degrees, found.scale, found.votes, found.support)
-    with contextlib.ExitStack() as files:  # an error in one leaves none
+    with contextlib.ExitStack() as files:  # an error in one file removes all
         if to_csv:
             beside = files.enter_context(replacing(to_csv))
             write_csv(beside, "row,column,rotation,scale,votes,support", *columns)

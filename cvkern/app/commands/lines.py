@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 SEGMENT = ("row", "column", "to_row", "to_column")
 LINE = ("theta", "rho", "votes")
@@ -27,27 +27,28 @@ def lines(
     sigma: Annotated[float, typer.Option(help="Standard deviation of the Gaussian, pixels.")] = 1.0,
     low_threshold: Annotated[
         float | None,
-        typer.Option(help="Gradient above which an edge goes on.", show_default="from the image"),
+        typer.Option(help="Gradient above which an edge continues.", show_default="from the image"),
     ] = None,
     high_threshold: Annotated[
         float | None,
         typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
     ] = None,
-    min_length: Annotated[float, typer.Option(help="Of segments, pixels.")] = 20.0,
-    max_gap: Annotated[float, typer.Option(help="Within segments, pixels.")] = 3.0,
+    min_length: Annotated[float, typer.Option(help="Smallest length of a segment, pixels.")] = 20.0,
+    max_gap: Annotated[float, typer.Option(help="Largest gap in a segment, pixels.")] = 3.0,
     min_votes: Annotated[
         float | None,
-        typer.Option(help="Least edge points of a line.", show_default="a tenth of the diagonal"),
+        typer.Option(help="Fewest edge points of a line.", show_default="a tenth of the diagonal"),
     ] = None,
     to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
     to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Find the straight lines in a photograph, and draw them over it.
 
-    A segment is the row and column of either end. A line is the angle of its normal, degrees, its
-    distance from the first pixel, and the number of edge points on it.
+    A segment is given by the row and column of each end. A line is given by the angle of its normal
+    in degrees, its distance from the first pixel, and the number of edge points on it.
     """
     from cvkern._files import replacing, write_text
     from cvkern.images._overlay import across
@@ -57,6 +58,8 @@ def lines(
     names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     image = read_image(photo)
     gray, thresholds = as_gray(image), (sigma, low_threshold, high_threshold)
     with cvkern.use(backend=backend, device=device):
@@ -69,7 +72,7 @@ def lines(
                 gray, *thresholds, min_length=min_length, max_gap=max_gap
             )
     columns = LINE if whole else SEGMENT
-    with contextlib.ExitStack() as files:  # an error in one leaves none
+    with contextlib.ExitStack() as files:  # an error in one file removes all
         if to_csv:
             write_csv(files.enter_context(replacing(to_csv)), ",".join(columns), table)
         if to_json:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 COLUMNS = ("row", "column", "to_row", "to_column")
 COLOR = (255, 98, 41)
@@ -25,18 +25,19 @@ def match(
     method: Annotated[str, typer.Option(help="sift, or orb.")] = "sift",
     max_keypoints: Annotated[int, typer.Option(help="Points of each image.", min=1)] = 2000,
     max_ratio: Annotated[
-        float, typer.Option(help="Nearest distance against the second nearest; 1 keeps all.")
+        float, typer.Option(help="Largest ratio of best to second distance; 1 keeps all.")
     ] = 0.8,
     spread: Annotated[bool, typer.Option("--spread", help="Spread the points evenly.")] = False,
     to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
     to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Match the keypoints of two photographs, and draw the matches between them.
 
-    A match is a row and column of A, and the row and column of the same point in B. The picture
-    has both photographs side by side, and lines between at most 200 matches, spread over all.
+    A match is the row and column of a point in A, and of the same point in B. The picture shows
+    both photographs side by side, with lines between at most 200 matches, spread over all of them.
     """
     from cvkern._files import replacing, write_text
     from cvkern.images.files import read_image, write_image
@@ -44,6 +45,8 @@ def match(
     names = [file.resolve() for file in (one, other, output, to_csv, to_json) if file]
     if len(set(names[2:])) < len(names[2:]) or set(names[2:]) & set(names[:2]):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     if method not in ("sift", "orb"):
         raise ValueError(f"method must be one of ('sift', 'orb'), got {method!r}")
     images = [read_image(file) for file in (one, other)]
@@ -57,7 +60,7 @@ def match(
             found[0].descriptors, found[1].descriptors, max_ratio, metric=metric
         )
     table = np.hstack([f.points[matches[:, i]] for i, f in enumerate(found)])
-    with contextlib.ExitStack() as files:  # an error in one leaves none
+    with contextlib.ExitStack() as files:  # an error in one file removes all
         if to_csv:
             write_csv(files.enter_context(replacing(to_csv)), ",".join(COLUMNS), table)
         if to_json:
@@ -70,12 +73,12 @@ def match(
 
 
 def white_of(image: np.ndarray) -> float:
-    """Return what white is in an image of a file."""
+    """Return the value of white in an image of a file."""
     return float(np.iinfo(image.dtype).max) if image.dtype.kind in "iu" else 1.0
 
 
 def side_by_side(images: list[np.ndarray], table: np.ndarray) -> np.ndarray:
-    """Draw two images in one, and lines between some of their matches."""
+    """Draw two images side by side, with lines between some of their matches."""
     from cvkern.images.drawing import draw_lines
 
     parts = []

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.app.commands import Backend, Device, Overwrite, check_new, progress_bar
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -22,9 +22,9 @@ SceneAt = Annotated[
 ]
 ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
 Shrink = Annotated[
-    int, typer.Option(help="Average photographs over blocks of so many pixels squared.")
+    int, typer.Option(help="Side of the blocks of pixels to average photographs over.")
 ]
-Size = Annotated[float, typer.Option(help="Size of the pictures over that of the photographs.")]
+Size = Annotated[float, typer.Option(help="Size of the pictures relative to the photographs.")]
 
 
 @nerf.command()
@@ -34,7 +34,7 @@ def train(
     field: Annotated[
         str | None,
         typer.Option(
-            help="Kind: voxel, hash or mlp, as large as suits the device.",
+            help="Kind: voxel, hash or mlp, in a size that suits the device.",
             show_default="voxel on the CPU, hash on a GPU",
         ),
     ] = None,
@@ -45,17 +45,17 @@ def train(
     background: Annotated[
         str | None,
         typer.Option(
-            help="Behind everything: random, white, black or learnt.",
+            help="Background: random, white, black or learnt.",
             show_default="random, or what the photographs' borders show",
         ),
     ] = None,
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
-    seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
     ] = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on from the output, if it is there.")
+        bool, typer.Option("--resume", help="Continue from the output, if it exists.")
     ] = False,
     bounds: Annotated[
         str | None,
@@ -65,28 +65,30 @@ def train(
         ),
     ] = None,
     near: Annotated[
-        float | None, typer.Option(help="Distance before which there is nothing.")
+        float | None, typer.Option(help="Distance from a camera at which rays begin.")
     ] = None,
     far: Annotated[
-        float | None, typer.Option(help="Distance behind which there is nothing.")
+        float | None, typer.Option(help="Distance from a camera at which rays end.")
     ] = None,
     test_every: Annotated[
-        int, typer.Option(help="Keep back one in so many photographs, 0 for none.")
+        int, typer.Option(help="Hold out one in this many photographs, 0 for none.")
     ] = 8,
     setting: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="A setting of the field; repeatable."),
     ] = None,
     shrink: Shrink = 1,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Train a radiance field, and write the model; Ctrl-C stops it and writes what there is.
+    """Train a radiance field, and write the model; Ctrl-C stops and writes the model so far.
 
-    With --resume, --seconds and --steps count from the beginning, not from where it was stopped.
+    With --resume, --seconds and --steps count from the beginning of the first run.
     """
     from cvkern.radiance import fit
 
+    check_new(output, "output", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
             _within(_scene(scene, shrink, test_every), bounds, near, far),
@@ -101,7 +103,7 @@ def train(
             resume=resume,
         )
     done = model.training
-    said = f"{output}: 1 step"  # its time is not on the clock
+    said = f"{output}: 1 step"  # the time of the first step is not counted
     if done.step > 1:
         rate = done.total_rays / done.seconds
         said = f"{output}: {done.step} steps in {done.seconds:.1f} s, {rate:,.0f} rays/s"
@@ -121,21 +123,22 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="Picture to write; of an orbit .gif, or .mp4 where imageio-ffmpeg is installed.",
+            help="Picture to write; an orbit is .gif, or .mp4 if imageio-ffmpeg is installed.",
         ),
     ],
     view: Annotated[
-        int, typer.Option(help="Number of the photograph from whose camera to look, from 0.")
+        int, typer.Option(help="Number, from 0, of the photograph whose camera to use.")
     ] = 0,
     orbit: Annotated[
-        bool, typer.Option("--orbit", help="A film once round what the photographs show.")
+        bool, typer.Option("--orbit", help="A film from cameras around the scene.")
     ] = False,
     frames: Annotated[int, typer.Option(help="Of the orbit.")] = 60,
-    fps: Annotated[float, typer.Option(help="Frames of the orbit in a second.")] = 20.0,
+    fps: Annotated[float, typer.Option(help="Frames per second of the orbit.")] = 20.0,
     size: Size = 1.0,
     depth: Annotated[
-        Path | None, typer.Option(help="Picture of the depths to write: bright is near.")
+        Path | None, typer.Option(help="Picture of the depths to write; bright means near.")
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -150,6 +153,7 @@ def render(
 
     if orbit and depth:
         raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
+    check_new(output if orbit else None, "output", overwrite)
     check_positive(size, "size")
     if depth and depth.resolve() == output.resolve():
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
@@ -208,8 +212,8 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, that only "
-            "renders.",
+            help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, for "
+            "rendering only.",
         ),
     ],
     points: Annotated[
@@ -220,14 +224,16 @@ def export(
     pieces: Annotated[
         int, typer.Option(help="Pieces of the mesh to keep, the largest first; 0 for all.")
     ] = 1,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Write a model as a coloured mesh, as a point cloud, or without what only training needs."""
+    """Write a model as a coloured mesh, as a point cloud, or as a smaller file for rendering."""
     from cvkern.radiance import load_model, mesh, point_cloud, write_mesh
 
     if output.suffix.lower() not in (".ply", ".npz"):
         raise ValueError(f"output must end in .ply or .npz, got {str(output)!r}")
+    check_new(output, "output", overwrite)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
         if output.suffix.lower() == ".npz":
@@ -247,7 +253,7 @@ def export(
 
 
 def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
-    """Return a scene with other bounds, where they are given."""
+    """Return the scene with the bounds that are given."""
     from dataclasses import replace
 
     from cvkern.radiance import Bounds
@@ -263,7 +269,7 @@ def _within(scene: Any, bounds: str | None, near: float | None, far: float | Non
 
 
 def _with(field: str | None, settings: list[str]) -> Any:
-    """Return the field that suits the device, with other settings."""
+    """Return the field that suits the device, with the settings that are given."""
     import json
     from dataclasses import fields, replace
 

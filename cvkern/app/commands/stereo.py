@@ -18,28 +18,28 @@ if TYPE_CHECKING:
 
 Writers = dict[
     str, tuple[Callable[[Path], None], str]
-]  # writers by the name of the file, with what is in it
+]  # writers by the name of the file, each with a description of the contents
 
-LARGEST = 256  # disparity that 16 bits of 1/256 pixel do not hold
+LARGEST = 256  # smallest disparity that 16 bits in units of 1/256 pixel cannot hold
 CENTRE = "the middle of the image"
 RESULTS = ("disparity.png", "disparity-x256.png", "disparity.tif", "depth.tif", "cloud.ply",
            "turntable.gif", "turntable.mp4")  # fmt: skip
 
 
 def stereo(
-    left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image, rectified.")],
-    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image, rectified.")],
+    left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image.")],
+    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
     method: Annotated[str, typer.Option(help="semi-global or window.")] = "semi-global",
     min_disparity: Annotated[int, typer.Option(help="Smallest disparity, pixels.")] = 0,
-    max_disparity: Annotated[int, typer.Option(help="Where the disparities end, pixels.")] = 64,
+    max_disparity: Annotated[int, typer.Option(help="End of the disparities, pixels.")] = 64,
     paths: Annotated[int, typer.Option(help="Paths of semi-global: 4, 8 or 16.")] = 8,
     focal: Annotated[float | None, typer.Option(help="Focal length, pixels.")] = None,
     baseline: Annotated[
-        float | None, typer.Option(help="Distance of the cameras; gives the depth its unit.")
+        float | None, typer.Option(help="Distance between the cameras; depth has its unit.")
     ] = None,
     doffs: Annotated[
-        float, typer.Option(help="Right principal point less the left one, pixels.")
+        float, typer.Option(help="Right principal point minus the left one, pixels.")
     ] = 0.0,
     cx: Annotated[
         float | None, typer.Option(help="Column of the principal point.", show_default=CENTRE)
@@ -47,19 +47,27 @@ def stereo(
     cy: Annotated[
         float | None, typer.Option(help="Row of the principal point.", show_default=CENTRE)
     ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Calibration of both cameras, for raw images."),
+    ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
+        bool, typer.Option("--overwrite", help="Replace existing results in DIR.")
     ] = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Match a rectified pair, and write disparity, depth, point cloud and a turn-table.
+    """Match a pair, and write disparity, depth, point cloud and a turn-table.
 
-    DIR is made if missing. disparity.png shows every pixel in colour, bright where near;
-    disparity-x256.png holds 256 times the disparity in 16 bits, 0 where there is none (where that
-    does not fit: disparity.tif, 32-bit floats). Given a focal length and a baseline, there are
-    depth.tif (32-bit floats), cloud.ply and turntable.gif as well (and turntable.mp4 where
-    imageio-ffmpeg is installed). Only disparity.png shows pixels that were filled in.
+    DIR is created if missing. disparity.png shows every pixel in colour; bright means near.
+    disparity-x256.png holds 256 times the disparity in 16 bits, and 0 where there is none; if 16
+    bits are not enough, disparity.tif holds 32-bit floats instead. With a focal length and a
+    baseline, the command also writes depth.tif (32-bit floats), cloud.ply and turntable.gif (and
+    turntable.mp4 if imageio-ffmpeg is installed). Only disparity.png shows pixels that were filled
+    in.
+
+    The images are a rectified pair. With --calibration, a file of cvkern calibrate or of OpenCV,
+    they are as the cameras took them, and depth is written as well.
     """
     from cvkern.images.files import read_image
 
@@ -67,6 +75,14 @@ def stereo(
         raise ValueError(f"focal must be given with baseline, got {focal} and {baseline}")
     if focal is None and (doffs, cx, cy) != (0.0, None, None):
         raise ValueError("doffs, cx and cy must go with focal and baseline, got neither of those")
+    rectify = None if calibration is None else _rectification(calibration)
+    if rectify is not None:
+        if (focal, doffs, cx, cy) != (None, 0.0, None, None):
+            raise ValueError(
+                "calibration must go without focal, baseline, doffs, cx and cy, got one of these"
+            )
+        focal, baseline = rectify.focal, rectify.baseline
+        cx, cy = rectify.matrix[:2, 2].tolist()
     camera = None if focal is None or baseline is None else (focal, baseline)
     if camera:
         cvkern.reprojection_matrix(*camera, cx or 0.0, cy or 0.0, doffs)  # checks the numbers
@@ -79,6 +95,9 @@ def stereo(
             "--overwrite replaces them"
         )
     views = [read_image(file) for file in (left, right)]
+    if rectify is not None:
+        with cvkern.use(backend=backend, device=device):
+            views = list(rectify(*views))
     color = all(view.ndim == 3 for view in views)
     one, other = (view[..., :3] if color else as_gray(view) for view in views)
     with cvkern.use(backend=backend, device=device):
@@ -103,11 +122,19 @@ def stereo(
         write(output / name)
         typer.echo(f"{output / name}: {said}")
     if not camera:
-        typer.echo("no depth: that needs --focal and --baseline")
+        typer.echo("no depth: that needs --focal and --baseline, or --calibration")
+
+
+def _rectification(file: Path) -> cvkern.Rectification:
+    """Return how the cameras of a file are rectified, without empty pixels."""
+    found = cvkern.read_calibration(file)
+    if not isinstance(found, cvkern.StereoCalibration):
+        raise ValueError(f"calibration must be of two cameras, got one in {str(file)!r}")
+    return cvkern.rectify_stereo(found, keep="valid")
 
 
 def _disparity(found: StereoResult, fits: bool) -> Writers:
-    """Return what to write of the disparities; `fits` says whether 16 bits hold them."""
+    """Return the writers of the disparities; `fits` says whether 16 bits hold them."""
     from cvkern.images.colors import apply_colormap
     from cvkern.images.files import write_image
 
@@ -116,7 +143,7 @@ def _disparity(found: StereoResult, fits: bool) -> Writers:
     share = f"{valid.mean():.1%} of {shape} pixels matched, the others filled in"
     files: Writers = {"disparity.png": (lambda path: write_image(path, shown), share)}
     if fits:
-        # A match at 0 is told from none by the smallest step there is.
+        # A match at disparity 0 is stored as 1, because 0 means that there is none.
         steps = np.where(valid, np.maximum(np.round(256 * found.disparity), 1), 0)
         name, values, said = (
             "disparity-x256.png",
@@ -131,7 +158,7 @@ def _disparity(found: StereoResult, fits: bool) -> Writers:
 
 
 def _space(found: StereoResult, left: np.ndarray, depth: np.ndarray, q: np.ndarray) -> Writers:
-    """Return what to write of the depths; they are in front of the camera, or not at all."""
+    """Return the writers of depth and points; refuse a result without points before the camera."""
     from cvkern.clouds import turntable, write_animation, write_ply
     from cvkern.images._overlay import canvas
     from cvkern.images.files import write_image

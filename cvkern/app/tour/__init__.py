@@ -1,7 +1,7 @@
 """The tour: every family on sample photographs, as pictures, timings and one HTML page.
 
-A family adds a chapter by a module here with a function ``chapter() -> Chapter``, named in
-`CHAPTERS`.
+A family adds a chapter as a module of this package with a function ``chapter() -> Chapter``, listed
+in `CHAPTERS`.
 """
 
 from __future__ import annotations
@@ -26,8 +26,10 @@ from cvkern.app.tour import (
     features,
     lines,
     page,
+    pair,
     panorama,
     radiance,
+    scanning,
     shapes,
     stereo,
 )
@@ -37,12 +39,12 @@ from cvkern.app.tour.page import Chapter, Figure
 __all__ = ["CHAPTERS", "tour"]
 
 QUALITY = 85  # WebP quality of photographs and films
-SHARP = 1.3  # a file without loss may be this many times as large, and is taken
+SHARP = 1.3  # a lossless file is used if it is at most this many times as large
 FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
-    panorama.chapter, stereo.chapter, radiance.chapter,
+    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, radiance.chapter,
 )  # fmt: skip
 
 
@@ -54,16 +56,16 @@ def tour(
 ) -> Path:
     """Compute every figure and write ``index.html``, ``timings.json`` and a file per picture.
 
-    Nothing is written before everything is computed, and each file is replaced whole.
+    All figures are computed before anything is written, and each file is replaced whole.
 
     Parameters
     ----------
     folder : path
-        Made if missing. Files of other names in it are left alone.
+        Created if missing. Files with other names in it are left unchanged.
     chapters : tuple of functions
         Each returns a `Chapter`.
     progress : function, optional
-        Called with the number of figures done, the number of all, and what comes next.
+        Called with the number of figures done, the number of all, and the title of the next.
 
     Returns
     -------
@@ -111,7 +113,7 @@ def tour(
 
 
 def _encoded(image: np.ndarray) -> bytes:
-    """Return a WebP file: without loss where that costs little, as for ink and plots."""
+    """Return a WebP file, lossless if that costs little, as for masks and plots."""
     import imageio.v3 as iio
 
     def written(**options: Any) -> bytes:
@@ -124,7 +126,7 @@ def _encoded(image: np.ndarray) -> bytes:
 
 
 def _facts() -> dict[str, str]:
-    """Name what the pictures are made with."""
+    """Return versions and devices, by name."""
     rt = runtime()
     return {
         "Kernels": rt.name.capitalize(),

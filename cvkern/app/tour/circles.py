@@ -13,7 +13,7 @@ from cvkern.images.colors import apply_colormap, luma
 from cvkern.images.drawing import draw_circles, draw_lines
 
 COLOR, RIM = (255, 98, 41), (64, 220, 255)
-RADIUS = 22  # pixels: the coins that the accumulators are for
+RADIUS = 22  # pixels: radius of the coins whose votes are shown
 CUP = (85, 200)
 
 
@@ -22,8 +22,8 @@ def chapter() -> Chapter:
     return Chapter(
         "circles",
         "Circles and ellipses",
-        "A point of a rim knows little, but its gradient points to the centre. Where many such "
-        "lines meet, there is a circle, even if half of its rim is hidden.",
+        "The gradient at a point of a rim points to the centre. Where many such lines meet, there "
+        "is a circle, even if half of its rim is hidden.",
         (_coins, _accumulators, _ellipse),
     )
 
@@ -36,9 +36,9 @@ def _coins(clock: Clock) -> Figure:
     rings = np.column_stack((found.centers, found.radii))
     return Figure(
         "Coins",
-        f"{len(rings)} circles, between the pixels: centres from the votes along the gradient, "
-        "radii from the points that aim at a centre, then a least-squares fit. The share of a rim "
-        f"that was seen is between {found.support.min():.0%} and {found.support.max():.0%}.",
+        f"{len(rings)} circles with sub-pixel accuracy: centres from the votes along the gradient, "
+        "radii from the points that aim at a centre, then a least-squares fit. The visible share "
+        f"of a rim is between {found.support.min():.0%} and {found.support.max():.0%}.",
         "circles = cvkern.detect_circles(photo, (15, 40))\n"
         "circles.centers, circles.radii, circles.support",
         (
@@ -46,7 +46,7 @@ def _coins(clock: Clock) -> Figure:
             Panel(
                 "circles-coins",
                 draw_circles(photo, rings, color=COLOR, width=2.0),
-                "What was found in it",
+                "The circles that were found",
             ),
         ),
         clock.take(),
@@ -68,8 +68,8 @@ def _accumulators(clock: Clock) -> Figure:
     return Figure(
         "Votes for one radius",
         f"Each edge pixel votes for all centres that are {RADIUS} pixels away; coins of that size "
-        "stand out from a haze. With the gradient it votes for two short arcs alone, and the haze "
-        "is gone.",
+        "stand out from a haze. With the gradient, it votes only for two short arcs, and the haze "
+        "disappears.",
         f"votes = cvkern.hough_circle(mask, {RADIUS})\n"
         "votes = cvkern.hough_circle(\n"
         f"    mask, {RADIUS}, orientation=gradient.orientation,\n"
@@ -97,15 +97,16 @@ def _ellipse(clock: Clock) -> Figure:
     (major, minor), turn = found.axes[0], float(np.degrees(found.orientation[0]))
     return Figure(
         "The rim of a cup",
-        "Two points of the rim, with their gradients along the line between them, stand for a "
-        "major axis; all others vote for the minor axis. The best is fitted to the points near "
-        f"it: semi-axes of {major:.1f} and {minor:.1f} pixels, turned by {turn:.1f} degrees.",
+        "Two points of the rim whose gradients lie along the line between them are taken as the "
+        "ends of a major axis; all others vote for the minor axis. The best ellipse is fitted to "
+        f"the points near it: semi-axes of {major:.1f} and {minor:.1f} pixels, rotated by "
+        f"{turn:.1f} degrees.",
         "ellipses = cvkern.detect_ellipses(\n"
         f"    luma(photo), {CUP}, low_threshold=24, high_threshold=48,\n"
         ")",
         (
             Panel("circles-coffee", photo, "The photograph, `skimage.data.coffee()`"),
-            Panel("circles-ellipse", shown, f"{found.support[0]:.0%} of the rim is seen"),
+            Panel("circles-ellipse", shown, f"{found.support[0]:.0%} of the rim is visible"),
         ),
         clock.take(),
     )

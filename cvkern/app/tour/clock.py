@@ -1,4 +1,4 @@
-"""Time warm calls."""
+"""Timing of warm calls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Edges: scales, orientation, sub-pixel places."""
+"""Edges: scales, orientation, sub-pixel positions."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def chapter() -> Chapter:
     return Chapter(
         "edges",
         "Edges",
-        "Where brightness changes, things end. One derivative of a Gaussian finds the change, "
-        "thinning keeps its crest, and hysteresis keeps what hangs together.",
+        "Brightness changes where objects end. Derivatives of a Gaussian find the change, thinning "
+        "keeps its crest, and hysteresis keeps the parts that are connected.",
         (_scales, _orientation, _subpixel),
     )
 
@@ -65,9 +65,9 @@ def _orientation(clock: Clock) -> Figure:
     shown = np.round(colours * bright.clip(0, 1)[..., None] ** 0.7).astype(np.uint8)
     return Figure(
         "The direction of change",
-        "Hue is the direction in which the photograph gets brighter, and brightness is how fast. "
-        "Round a cup the hues run once through the circle; the two sides of a thin line have "
-        "opposite hues.",
+        "Hue shows the direction in which the photograph gets brighter, and brightness shows how "
+        "fast. Around a cup the hues run once through the circle; the two sides of a thin line "
+        "have opposite hues.",
         "gradient = cvkern.gradient(luma(photo), sigma=2)\n"
         'colours = apply_colormap(gradient.orientation, "cyclic")\n'
         "# shown darker where gradient.magnitude is small",
@@ -77,7 +77,7 @@ def _orientation(clock: Clock) -> Figure:
             Panel(
                 "edges-orientation-key",
                 _wheel(),
-                "The key: seen from its centre, the photograph gets brighter this way.",
+                "The key: the photograph gets brighter in this direction, seen from the centre.",
                 small=True,
             ),
         ),
@@ -102,10 +102,10 @@ def _subpixel(clock: Clock) -> Figure:
     lines = draw_lines(enlarged, needles, color=COLOUR, width=2.5)
     lines = draw_points(lines, places, color=COLOUR, radius=6.0)
     return Figure(
-        "Edges between the pixels",
-        "The rim of a coin, each pixel drawn as a square. A mask can only say which pixels the "
-        "edge crosses. The sub-pixel edge says where: each dot is the crest of the gradient, and "
-        "its needle points to the brighter side.",
+        "Edges with sub-pixel positions",
+        "The rim of a coin, each pixel drawn as a square. A mask only says which pixels the edge "
+        "crosses. A sub-pixel edge says where: each dot is the crest of the gradient, and its "
+        "needle points to the brighter side.",
         "points, orientation, strength = cvkern.subpixel_edges(\n"
         "    photo, sigma=2, low_threshold=64, high_threshold=128,\n"
         ")",
@@ -122,7 +122,7 @@ def _ink(mask: np.ndarray) -> np.ndarray:
 
 
 def _wheel(size: int = 228) -> np.ndarray:
-    """Return a ring of the cyclic colours on a transparent ground, (size, size, 4)."""
+    """Return a ring of the cyclic colours on a transparent background, (size, size, 4)."""
     y, x = np.mgrid[:size, :size] - 0.5 * (size - 1)
     radius = np.hypot(y, x)
     colours = apply_colormap(np.arctan2(y, x), "cyclic")

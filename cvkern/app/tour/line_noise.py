@@ -1,4 +1,4 @@
-"""How well the peak of a line stands out: an experiment with points of known lines."""
+"""How clearly the peak of a line stands out: an experiment with points of known lines."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import cvkern
 
 SIDE = 256  # pixels of the image
 POINTS = 60  # points on the line
-CLUTTER = 1500  # points anywhere, of any direction
+CLUTTER = 1500  # points with random positions and directions
 DIRECTION_ERROR = math.radians(3)  # standard deviation of the gradients of the line's points
 TOLERANCE = 2 * DIRECTION_ERROR
 SMOOTHING = (1.5, 0.0)  # bins of rho and theta: noise spreads votes along rho
 NOISE = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # pixels
 BINS = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # pixels
-BIN_NOISE = 0.5  # pixels, while the size of the bins changes
+BIN_NOISE = 0.5  # pixels: noise in the experiment with the size of the bins
 WAYS = ("plain", "smoothed", "directed")
 
 
 class Points(NamedTuple):
-    """The points of a line and clutter, and where the line is."""
+    """The points of a line and clutter, and the parameters of the line."""
 
     points: np.ndarray
     orientation: np.ndarray
@@ -33,8 +33,8 @@ class Points(NamedTuple):
 def by_noise(trials: int, seed: int = 0) -> dict[str, dict[str, list[float]]]:
     """Return, for each way of voting and each of `NOISE`, means over the trials.
 
-    'height' is the share of the line's points that the peak has, 'lead' the peak over the highest
-    bin that is not near the line.
+    'height' is the peak divided by the number of the line's points. 'lead' is the peak divided by
+    the highest bin that is not near the line.
     """
     found = {way: {"height": [], "lead": []} for way in WAYS}
     for noise in NOISE:
@@ -118,7 +118,7 @@ def _trial(scene: Points, step: float) -> list[tuple[float, float, int]]:
     )
     votes = plain.votes.astype(np.float32)
     accumulators = (votes, cvkern.gaussian(votes, SMOOTHING), directed.votes.astype(np.float32))
-    # Around the line, and around it half a turn on, where rho has the other sign.
+    # Bins near the line, and near it half a turn further, where rho has the other sign.
     turn = np.round((plain.theta - scene.theta) / math.pi)
     angle = np.abs(plain.theta - scene.theta - math.pi * turn)
     rho = np.where(turn % 2 == 0, scene.rho, -scene.rho)

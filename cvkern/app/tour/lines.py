@@ -23,8 +23,8 @@ def chapter() -> Chapter:
     return Chapter(
         "lines",
         "Lines",
-        "Every edge point votes for all the lines through it, or, as it knows its gradient, for "
-        "those across it alone. Where many votes meet there is a line.",
+        "Every edge point votes for all lines through it, or only for the line across its "
+        "gradient. Where many votes meet, there is a line.",
         (_votes, _noise, _lines, _segments),
     )
 
@@ -42,10 +42,10 @@ def _votes(clock: Clock) -> Figure:
     )
     return Figure(
         "A line is where votes meet",
-        "Each point of the edges makes a wave in the votes: left to right the angle of the line's "
-        "normal, over half a turn, top to bottom its distance. The waves of points on a line "
-        "cross in one place; the legs of the tripod are the bright spots. With the gradient, a "
-        "point votes for six or seven angles instead of 180, and only the spots are left.",
+        "Each edge point draws a wave in the votes. The angle of the line's normal increases from "
+        "left to right, over half a turn; its distance from top to bottom. The waves of points on "
+        "a line cross in one place: the bright spots are the legs of the tripod. With its "
+        "gradient, a point votes for six or seven angles instead of 180, and only the spots stay.",
         "edges = cvkern.canny(photo, 1.5)\n"
         "votes, theta, rho = cvkern.hough_line(edges)\n"
         "directed = cvkern.hough_line(\n"
@@ -66,13 +66,13 @@ def _votes(clock: Clock) -> Figure:
 def _noise(clock: Clock) -> Figure:
     return Figure(
         "What noise does to a peak",
-        f"{line_noise.POINTS} points of a line among {line_noise.CLUTTER} others. Left: points "
-        "that stray from their line spread over the bins beside it, and its peak sinks. Middle: "
-        "what counts is the lead over the highest bin elsewhere. Smoothing along rho costs "
-        "height, and pays where the noise is about a pixel or more; voting across the gradient "
-        "leads throughout. Right, with half a pixel of noise: narrow bins split the peak, so that "
-        "chance comes up to half of it; wide ones gather votes of other points. "
-        "`suggest_line_bins` says 1.4.",
+        f"{line_noise.POINTS} points of a line among {line_noise.CLUTTER} others. Left: noise "
+        "spreads the votes of the line over neighbouring bins, and lowers its peak. Middle: the "
+        "lead over the highest bin elsewhere matters more. Smoothing along rho lowers the peak, "
+        "but helps if the noise is about a pixel or more; voting across the gradient is best "
+        "throughout. Right, with half a pixel of noise: narrow bins split the peak, so that "
+        "chance peaks reach half of it; wide bins collect votes of other points. "
+        "`suggest_line_bins` gives 1.4.",
         "cvkern.hough_line(points=points, shape=(256, 256))\n"
         "cvkern.gaussian(votes, (1.5, 0))  # smoothed\n"
         "cvkern.hough_line(\n"
@@ -97,8 +97,8 @@ def _lines(clock: Clock) -> Figure:
     found = clock(cvkern.detect_lines, photo, sigma=2.0, min_votes=150)
     return Figure(
         "Lines, to a fraction of a pixel",
-        "Edges between the pixels vote, each peak is fitted to the edge points near it, and the "
-        "others vote again. Each joint of the wall comes out as a pair of edges.",
+        "Sub-pixel edges vote, each peak is fitted to the edge points near it, and the others vote "
+        "again. Each joint of the wall is found as a pair of edges.",
         "votes, theta, rho = cvkern.detect_lines(photo, sigma=2, min_votes=150)",
         (
             Panel("lines-lines-photograph", photo, "The photograph, `skimage.data.brick()`"),
@@ -120,7 +120,7 @@ def _segments(clock: Clock) -> Figure:
     found = clock(cvkern.detect_segments, gray, sigma=1.0, low_threshold=12, high_threshold=24)
     return Figure(
         "Segments",
-        "A line goes on for ever; a segment ends where its edge does. Along each peak, points "
+        "A line has no ends; a segment ends with its edge. Along the line of each peak, points "
         "that follow one another without a gap make a segment.",
         "segments = cvkern.detect_segments(\n"
         "    luma(photo), sigma=1, low_threshold=12, high_threshold=24,\n"

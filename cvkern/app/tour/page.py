@@ -1,4 +1,4 @@
-"""The page of the tour: what a chapter is made of, and how it becomes one HTML file."""
+"""The page of the tour: the parts of a chapter, and their rendering as one HTML file."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ __all__ = ["Chapter", "Figure", "Panel", "Timing", "render"]
 
 @dataclass(frozen=True)
 class Panel:
-    """One picture. `file` names it, without suffix; `label` tells in words what it shows.
+    """One picture. `file` is its name without suffix; `label` describes it in words.
 
     An image of shape (F, H, W, 3) is a film. Every file is a WebP.
 
-    `ink` marks black lines on white, which turn to white on black where the page is dark;
+    `ink` marks black lines on white, which are inverted if the page is dark;
     `pixelated` keeps enlarged pixels square; `small` marks a legend.
     """
 
@@ -48,7 +48,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Figure:
-    """Pictures side by side, a caption that tells what is seen, and the call that made them."""
+    """Pictures side by side, a caption, and the call that made them."""
 
     title: str
     caption: str
@@ -59,7 +59,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Chapter:
-    """One family: `figures` are functions, so that the tour can show its progress."""
+    """One family. `figures` are functions, so that the tour can show its progress."""
 
     name: str
     title: str
@@ -68,7 +68,7 @@ class Chapter:
 
 
 def render(chapters: Iterable[tuple[Chapter, list[Figure]]], facts: dict[str, str]) -> str:
-    """Return the page: HTML that shows the files of the panels beside it, and nothing else.
+    """Return the page: HTML that loads no files but those of the panels beside it.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _picture(panel: Panel) -> str:
 
 
 def _table(timings: list[Timing]) -> str:
-    """Return all timings; a phone shows each as a few short lines."""
+    """Return all timings as a table; a narrow screen shows each as a few short lines."""
     head = ("Function", "Milliseconds", "Megapixels a second", "Image", "Options")
     rows = (
         (
@@ -162,7 +162,7 @@ def _text(text: str) -> str:
 
 
 def _prose(text: str) -> str:
-    """Escape `text`; what stands between backticks is code."""
+    """Escape `text`; text between backticks becomes code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(text))
 
 
@@ -180,15 +180,15 @@ TEMPLATE = """<!doctype html>
 <main id="top">
 <header class="title">
 <h1>A tour of cvkern</h1>
-<p class="lead">Every result on this page was computed on this machine, by the call that stands
-below it, from photographs that come with scikit-image.</p>
+<p class="lead">Every result on this page was computed on this machine, by the call shown below
+it, from photographs that come with scikit-image.</p>
 <dl>{{facts}}</dl>
 </header>
 {{body}}
 <section id="timings">
 <header class="chapter"><h2>Timings</h2>
-<p class="lead">Medians of warm calls, NumPy array in and NumPy array out. Compiling the kernels is
-not counted: it happens once on a machine.</p></header>
+<p class="lead">Medians of warm calls that take and return NumPy arrays. Compiling the kernels is
+not counted, because it happens only once on a machine.</p></header>
 {{timings}}
 </section>
 </main>

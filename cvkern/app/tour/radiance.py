@@ -1,4 +1,4 @@
-"""Radiance fields: a scene learnt from photographs, and seen from where none was taken."""
+"""Radiance fields: a scene learnt from photographs, and seen from new places."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Made(NamedTuple):
     scene: Scene
     model: Model
     view: int
-    """The photograph, among those kept back, that is shown."""
+    """The held-out photograph that is shown."""
 
 
 def chapter() -> Chapter:
@@ -49,9 +49,9 @@ def chapter() -> Chapter:
     return Chapter(
         "radiance",
         "Radiance fields",
-        "A fog whose every point has a density and, to each side, a colour: march along the rays "
-        "of photographs, compare, and correct the fog. In the end it shows the scene from "
-        "everywhere.",
+        "A radiance field is like a fog: every point has a density and, for each viewing "
+        "direction, a colour. Training marches along the rays of photographs, compares, and "
+        "corrects the field, until it shows the scene from any viewpoint.",
         (
             lambda clock: _photographs(scene()),
             lambda clock: _learnt(clock, made()),
@@ -77,19 +77,19 @@ def _photographs(scene: Scene) -> Figure:
                        for i in range(0, rows * columns, columns)])  # fmt: skip
     count, kept = int((~scene.test).sum()), int(scene.test.sum())
     return Figure(
-        "Photographs that know where they were taken",
+        "Photographs with known cameras",
         f"{rows * columns} of {count} photographs of {scene.cameras.height} x "
-        f"{scene.cameras.width} pixels, from all round; {kept} more are kept back. The library "
-        "takes them itself: solids by their distance functions, with soft shadows, and gloss that "
-        "wanders with the camera.",
+        f"{scene.cameras.width} pixels, from all sides; {kept} more are held out. The library "
+        "renders them itself: solids given by distance functions, with soft shadows, and gloss "
+        "that moves with the camera.",
         "scene = make_scene()\n# or photographs: load_scene(folder)",
-        (Panel("radiance-photographs", sheet, "What there is to learn from"),),
+        (Panel("radiance-photographs", sheet, "Photographs to learn from"),),
     )
 
 
 def _learnt(clock: Clock, made: Made) -> Figure:
     scene, model, view = made
-    *marks, last = model.training.marks  # the last one is of more views, and no part of the curve
+    *marks, last = model.training.marks  # the last mark uses more views, so the curve omits it
     wanted = photograph(scene, view, model.behind)
 
     def render_view(image: np.ndarray, view: int) -> Picture:
@@ -100,14 +100,14 @@ def _learnt(clock: Clock, made: Made) -> Figure:
     off = np.abs(seen.color - wanted).mean(axis=2)
     return Figure(
         f"{last.step:,} steps later",
-        f"After {last.seconds:.0f} s of training, the {int(scene.test.sum())} photographs that "
-        f"were kept back are met with {last.test_psnr:.1f} dB and a structural similarity of "
-        f"{last.test_ssim:.3f} on average. Where the curves dip, the grid of the field was made "
-        "finer; the gap between them is what the field has learnt by heart.",
+        f"After {last.seconds:.0f} s of training, renderings of the {int(scene.test.sum())} "
+        f"held-out photographs have {last.test_psnr:.1f} dB and a structural similarity of "
+        f"{last.test_ssim:.3f} on average. Where the curves dip, the grid of the field was "
+        "refined; the gap between them shows how much the field overfits.",
         f"model = fit(scene, VoxelField(), seconds={SECONDS:g})\n"
         "picture = render(model, scene.cameras, view)",
         (
-            Panel("radiance-truth", _large(wanted), "A photograph that was kept back"),
+            Panel("radiance-truth", _large(wanted), "A held-out photograph"),
             Panel(
                 "radiance-render",
                 _large(seen.color),
@@ -116,12 +116,12 @@ def _learnt(clock: Clock, made: Made) -> Figure:
             Panel(
                 "radiance-error",
                 apply_colormap(np.kron(off, np.ones((ENLARGED,) * 2)), vmin=0, vmax=0.2),
-                "Error: dark is right, bright is off by a fifth of the range",
+                "Error: dark is right, bright is wrong by a fifth of the range",
             ),
             Panel(
                 "radiance-curve",
                 _curve(marks),
-                f"Quality over the time of training: of rays, and of {FEW} views kept back",
+                f"Quality over the time of training, of rays and of {FEW} held-out views",
             ),
         ),
         clock.take(),
@@ -133,9 +133,9 @@ def _orbit(made: Made) -> Figure:
     cameras = orbit_cameras(model.cameras, FRAMES, factor=FACTOR)
     depth = render(model, cameras, 0).depth
     return Figure(
-        "Where no camera has been",
-        "A trip round the scene at mean height and distance. The depth is where light is stopped "
-        "on average along each ray; marching cubes on the density make a mesh of it.",
+        "Views without a camera",
+        "A path around the scene at mean height and distance. The depth is the mean distance at "
+        "which light is stopped along a ray. Marching cubes turn the density into a mesh.",
         "cameras = orbit_cameras(model.cameras, 40, factor=2)\n"
         'render_path(model, cameras, "orbit.gif")\n'
         "depth = render(model, cameras, 0).depth\n"

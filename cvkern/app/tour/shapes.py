@@ -1,4 +1,4 @@
-"""Shapes of any form: one view of an object in another, and many at once, partly hidden."""
+"""Arbitrary shapes: one view of an object in another, and many at once, partly hidden."""
 
 from __future__ import annotations
 
@@ -32,8 +32,9 @@ def chapter() -> Chapter:
     return Chapter(
         "shapes",
         "Shapes",
-        "A shape is kept as its boundary: from each point of it, the way to one reference point. "
-        "Every edge of a photograph then votes for where that point would be.",
+        "A shape is stored as its boundary: for each boundary point, the vector to one reference "
+        "point. Every edge point of a photograph then votes for the position of that reference "
+        "point.",
         (_one, _many),
     )
 
@@ -51,16 +52,16 @@ def _one(clock: Clock) -> Figure:
     votes = cvkern.generalized_hough_votes(
         gray, table, rotations=found.rotation[:1], scales=found.scale[:1], **EDGES
     )[0, 0]
-    # Four cells that meet: as peaks are looked for.
+    # Sum four adjacent cells, as in the search for peaks.
     sums = votes[1:, 1:] + votes[:-1, 1:] + votes[1:, :-1] + votes[:-1, :-1]
     slices = np.kron(np.sqrt(sums), np.ones((4, 4)))
     return Figure(
         "One view in another",
-        "The photograph was turned by 35 degrees, made smaller by a tenth, and a strip of bricks "
-        f"put across it. Of {len(table.vectors):,} boundary points of the template, "
-        f"{found.support[0]:.0%} were found in place: turned by "
-        f"{math.degrees(found.rotation[0]):.2f} degrees, scale {found.scale[0]:.4f}. On the right "
-        "the votes for that rotation and scale, one of 2,520 such planes.",
+        "The photograph was rotated by 35 degrees and reduced by a tenth, and a strip of bricks "
+        f"was put across it. Of {len(table.vectors):,} boundary points of the template, "
+        f"{found.support[0]:.0%} were found in place: rotated by "
+        f"{math.degrees(found.rotation[0]):.2f} degrees, scale {found.scale[0]:.4f}. The right "
+        "picture shows the votes for that rotation and scale, one of 2,520 such planes.",
         'edges = {"sigma": 2, "low_threshold": 32, "high_threshold": 64}\n'
         "table = cvkern.r_table(template, **edges)\n"
         "found = cvkern.generalized_hough(\n"
@@ -71,7 +72,7 @@ def _one(clock: Clock) -> Figure:
         "found.position, found.rotation, found.scale",
         (
             Panel("shapes-template", template, "The template, of `skimage.data.astronaut()`"),
-            Panel("shapes-one", _drawn(scene, table, found), "Its outline where it was found"),
+            Panel("shapes-one", _drawn(scene, table, found), "The outline in its found pose"),
             Panel("shapes-votes", apply_colormap(slices), "Votes for one rotation and scale"),
         ),
         clock.take(),
@@ -81,7 +82,7 @@ def _one(clock: Clock) -> Figure:
 def _many(clock: Clock) -> Figure:
     from skimage import data, transform
 
-    # 1 inside the silhouette; shrunk with care, or its edge would be a staircase.
+    # 1 inside the silhouette; reduced with anti-aliasing, so that its edge is smooth.
     silhouette = 1.0 - transform.rescale(data.horse().astype(float), HORSE, anti_aliasing=True)
     template = (200 * (1 - silhouette) + 10 * silhouette).astype(np.float32)
     scene = data.coffee().astype(np.float32)
@@ -95,9 +96,9 @@ def _many(clock: Clock) -> Figure:
     found = _timed(clock, luma(picture), table, num_peaks=6, **HERD)
     return Figure(
         "Many at once",
-        "Six silhouettes, turned and scaled, on a photograph; two are partly covered. All are "
-        f"found by one call, with between {found.support.min():.0%} and "
-        f"{found.support.max():.0%} of their boundary.",
+        "Six silhouettes, rotated and scaled, on a photograph; two are partly covered. One call "
+        f"finds all of them, with {found.support.min():.0%} to {found.support.max():.0%} of "
+        "their boundary.",
         "table = cvkern.r_table(horse)\n"
         "found = cvkern.generalized_hough(\n"
         "    scene, table, rotations=360, num_peaks=6,\n"
@@ -112,7 +113,7 @@ def _many(clock: Clock) -> Figure:
 
 
 def _timed(clock: Clock, image: np.ndarray, table: cvkern.RTable, **options: Any) -> cvkern.Shapes:
-    """Return what is found, and time it; the table's numbers are not for the list of timings."""
+    """Return the shapes, and time the call without listing the table as an option."""
 
     def generalized_hough(image: np.ndarray, **options: Any) -> cvkern.Shapes:
         return cvkern.generalized_hough(image, table, **options)
@@ -121,7 +122,7 @@ def _timed(clock: Clock, image: np.ndarray, table: cvkern.RTable, **options: Any
 
 
 def _turned(photo: np.ndarray) -> np.ndarray:
-    """Return the photograph turned round its centre and scaled, on its mean colour."""
+    """Return the photograph rotated about its centre and scaled, on its mean colour."""
     from skimage import transform
 
     centre = (np.array(photo.shape[1::-1]) - 1) / 2

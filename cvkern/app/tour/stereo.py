@@ -1,4 +1,4 @@
-"""Stereo: disparity, depth, and where both go wrong."""
+"""Stereo: disparity, depth, and their errors."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def chapter() -> Chapter:
     return Chapter(
         "stereo",
         "Stereo",
-        "What is near moves more from one eye to the other. Find where each pixel of the left "
-        "image lies in the right one, and its shift, the disparity, is its depth.",
+        "Near objects shift more between the two views than far ones. Find the position of each "
+        "left pixel in the right image: its shift, the disparity, gives its depth.",
         (_match, _cloud, _windows, _errors, _brightness),
     )
 
 
 def _pair() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the motorcycle: left, right, and the disparity that was measured, NaN for none."""
+    """Return the motorcycle pair and its measured disparity, NaN where it is unknown."""
     from skimage import data
 
     left, right, truth = data.stereo_motorcycle()
@@ -54,9 +54,9 @@ def _match(clock: Clock) -> Figure:
     share = stereo_errors.bad(found.disparity, truth).sum() / np.isfinite(truth).sum()
     return Figure(
         "Eight paths to every pixel",
-        "A pixel alone fits in many places. Semi-global matching asks, along eight paths to each "
-        "pixel, which disparity fits best with the fewest jumps on the way. Where the right camera "
-        "sees nothing to match, the disparity comes from the background beside. "
+        "A single pixel matches in many places. Semi-global matching follows eight paths to each "
+        "pixel, and finds the disparity that matches best with few jumps along the path. Where the "
+        "right camera sees nothing to match, the disparity comes from the background beside it. "
         f"Against the ground truth, {share:.1%} of the pixels are off by more than one.",
         "found = cvkern.stereo_match(\n"
         "    left, right, disparities=(0, 64), channel_axis=-1,\n"
@@ -64,8 +64,8 @@ def _match(clock: Clock) -> Figure:
         "found.disparity, found.valid, found.confidence",
         (
             Panel("stereo-left", left, "The left photograph, `skimage.data.stereo_motorcycle()`"),
-            Panel("stereo-disparity", _shown(found.disparity), "Disparity: bright is near"),
-            Panel("stereo-truth", _shown(truth), "Ground truth; black where there is none"),
+            Panel("stereo-disparity", _shown(found.disparity), "Disparity: bright means near"),
+            Panel("stereo-truth", _shown(truth), "Ground truth; black where it is unknown"),
             Panel(
                 "stereo-error",
                 apply_colormap(off.clip(0, 4), vmin=0, vmax=4, nan=(0, 0, 0)),
@@ -86,9 +86,9 @@ def _cloud(clock: Clock) -> Figure:
     near, far = np.quantile(depth[found.valid], (0.01, 0.99)) / 1000
     return Figure(
         "A photograph to look around in",
-        "Focal length and distance of the cameras turn disparity into metres, and each pixel into "
-        f"a point: {len(cloud.points):,} of them, from {near:.1f} to {far:.1f} m away. Black are "
-        "the pixels that only one camera saw, or where the two did not agree.",
+        "The focal length and the distance between the cameras turn disparity into metres, and "
+        f"each pixel into a point: {len(cloud.points):,} of them, {near:.1f} to {far:.1f} m away. "
+        "Pixels that only one camera saw, or on which the two disagree, are black.",
         "q = cvkern.reprojection_matrix(\n"
         "    focal=994.978, baseline=193.001, doffs=31.086,\n"
         "    cx=311.193, cy=254.877,\n"
@@ -97,7 +97,7 @@ def _cloud(clock: Clock) -> Figure:
         'write_animation("cloud.gif", turntable(*cloud))\n'
         'write_ply("cloud.ply", *cloud)',
         (
-            Panel("stereo-cloud", movie, "The points, from a camera that swings about them"),
+            Panel("stereo-cloud", movie, "The points, from a camera that swings around them"),
             Panel(
                 "stereo-depth",
                 apply_colormap(-depth, vmin=-1000 * far, vmax=-1000 * near, nan=(0, 0, 0)),
@@ -122,9 +122,9 @@ def _windows(clock: Clock) -> Figure:
     best = WINDOWS[int(np.argmin(shares["all"]))]
     return Figure(
         "How large a window?",
-        "The oldest method compares windows. A small one keeps thin things and drowns in noise; a "
-        "large one is smooth, and fattens whatever is in front. Surfaces want a large one and rims "
-        f"a small one: here the best compromise is {best} pixels, and right for neither.",
+        "The oldest method compares windows. A small window keeps thin objects, and noise; a large "
+        "one is smooth, and makes near objects wider. Surfaces need a large window, and rims a "
+        f"small one: here {best} pixels are the best compromise, and ideal for neither.",
         "for window in (3, 11, 31):\n"
         "    costs = cvkern.stereo_cost(\n"
         '        left, right, (0, 64), cost="sad",\n'
@@ -136,7 +136,7 @@ def _windows(clock: Clock) -> Figure:
             Panel(
                 "stereo-window-plot",
                 _picture(stereo_errors.plot(WINDOWS, shares)),
-                "Bad pixels over the edge of the window",
+                "Share of bad pixels over the side of the window",
             ),
         ),
         clock.take(),
@@ -159,7 +159,7 @@ def _errors(clock: Clock) -> Figure:
     )
     panels, lines = [], []
     for name, disparity, what in (
-        ("raw", raw, "Costs alone, the best of each pixel"),
+        ("raw", raw, "The best cost of each single pixel"),
         ("matched", found, "Semi-global, checked and filled"),
     ):
         wrong = stereo_errors.bad(disparity, truth)
@@ -170,9 +170,9 @@ def _errors(clock: Clock) -> Figure:
         lines.append([f"{wrong[kind].mean():.0%} {text}" for text, kind, _ in kinds])
     return Figure(
         "Three ways to be wrong",
-        "Orange: hidden from the right camera, so that any match is a wrong one. Blue: hardly any "
-        "texture, so that everything fits. Red: the rest. Bad of the costs alone: "
-        f"{', '.join(lines[0])}. Bad in the end: {', '.join(lines[1])}.",
+        "Orange: hidden from the right camera, so every match is wrong. Blue: hardly any texture, "
+        "so everything matches. Red: the others. Bad pixels by the costs alone: "
+        f"{', '.join(lines[0])}. Bad pixels in the end: {', '.join(lines[1])}.",
         "costs = cvkern.stereo_cost(\n"
         '    left, right, (0, 64), cost="census", channel_axis=-1,\n'
         ")\n"
@@ -197,10 +197,10 @@ def _brightness(clock: Clock) -> Figure:
         label = f"`cost={cost!r}`: {shares[cost, True]:.0%} bad, {shares[cost, False]:.0%} before"
         panels.append(Panel(f"stereo-dim-{cost}", _shown(disparity), label))
     return Figure(
-        "When one camera sees less light",
-        "Two cameras rarely agree on brightness. Differences of grey levels then compare the "
-        "lamps, not the things. The census asks only which neighbours are darker, and dimming "
-        "changes that only by rounding.",
+        "When one camera receives less light",
+        "Two cameras rarely have equal brightness. Differences of grey levels then depend on the "
+        "light, not on the scene. The census records only which neighbours are darker, and dimming "
+        "changes this only by rounding.",
         'costs = cvkern.stereo_cost(\n    left, dim, (0, 64), cost="census",\n'
         "    window=9, channel_axis=-1,\n"
         ")\n"

@@ -1,4 +1,4 @@
-"""Where stereo goes wrong: kinds of pixels, told by ground truth, and the lesson of the window."""
+"""Errors of stereo: kinds of pixels, found by ground truth, and the effect of the window."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 import cvkern
 
-OFF = 1.0  # pixels: a disparity further off is bad
-RIM, JUMP = 9, 2.0  # a rim: the disparity jumps by so much within so many pixels
-PATCH, TEXTURE = 9, 3.0  # flat: the grey levels of so large a patch spread by less
+OFF = 1.0  # pixels: a disparity with a larger error is bad
+RIM, JUMP = 9, 2.0  # side of the patch, and change of disparity in it, of a pixel near a rim
+PATCH, TEXTURE = 9, 3.0  # side of the patch, and spread of grey levels in it, of a flat pixel
 
 
 def bad(disparity: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Mark the pixels of known disparity whose own is off."""
+    """Mark the pixels of known disparity whose found disparity is bad."""
     return np.isfinite(truth) & ~(np.abs(disparity - truth) <= OFF)
 
 
 def occluded(truth: np.ndarray) -> np.ndarray:
-    """Mark what the right camera does not see: outside its image, or behind what is nearer."""
+    """Mark the pixels that the right camera does not see: outside its image, or occluded."""
     import scipy.ndimage as ndi
 
     height, width = truth.shape
@@ -47,7 +47,7 @@ def rims(truth: np.ndarray) -> np.ndarray:
 
 
 def flat(gray: np.ndarray) -> np.ndarray:
-    """Mark the pixels in whose patch the grey levels, in [0, 255], hardly spread."""
+    """Mark the pixels whose patch has a small spread of grey levels, in [0, 255]."""
     mean = cvkern.box(gray, PATCH // 2)
     square = cvkern.box(np.square(gray, dtype=np.float32), PATCH // 2)
     return square - mean * mean < TEXTURE * TEXTURE
@@ -60,13 +60,14 @@ def sweep(
     disparities: tuple[int, int],
     windows: tuple[int, ...],
 ) -> tuple[list[np.ndarray], dict[str, list[float]]]:
-    """Take the best window of each pixel, by absolute differences, for windows of several sizes.
+    """Match by absolute differences in windows of several sizes.
 
     Returns
     -------
     list of array, dict
-        The disparities of each window, and the share of bad pixels by kind: near rims, of flat
-        surfaces, of textured ones, and of all of known disparity; no kind that has no pixel.
+        The disparities for each window, and the share of bad pixels by kind: near rims, on flat
+        surfaces, on textured surfaces, and of all pixels with known disparity. A kind without
+        pixels is left out.
     """
     from cvkern.images.colors import luma
 

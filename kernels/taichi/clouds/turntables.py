@@ -1,8 +1,8 @@
-"""Pictures of point clouds, in Taichi: an integer minimum decides what is seen.
+"""Pictures of point clouds, in Taichi: an integer minimum decides which point is visible.
 
-A point is a square in the view of a pinhole camera; each sample keeps the least of the keys that
-fall on it, the depth in the higher bits and the number of the point in the lower. One thread a
-point, then one a channel of a pixel, which averages its samples.
+A point is a square in the view of a pinhole camera. Its key has the depth in the higher bits and
+the number of the point in the lower bits; each sample keeps the smallest key that falls on it. One
+thread per point draws; then one thread per channel of a pixel averages its samples.
 """
 
 import numpy as np
@@ -61,7 +61,7 @@ def _splat(
                 top = ti.cast(ti.floor(v - half + 0.5), ti.i32)
                 right = ti.max(ti.cast(ti.floor(u + half + 0.5), ti.i32), left + 1)
                 bottom = ti.max(ti.cast(ti.floor(v + half + 0.5), ti.i32), top + 1)
-                # Positive floats are ordered as their bits; at one depth the first is seen.
+                # Bits of positive floats have the order of their values; a tie shows the first.
                 key = (ti.cast(ti.bit_cast(depth, ti.i32), ti.i64) << 32) | ti.cast(i, ti.i64)
                 for row in range(ti.max(top, 0), ti.min(bottom, keys.shape[0])):
                     for column in range(ti.max(left, 0), ti.min(right, keys.shape[1])):
@@ -78,10 +78,11 @@ def splat(
     size: float,
     keys: np.ndarray,
 ) -> None:
-    """Leave in `keys` the nearest point of each sample, or FAR; one thread a point.
+    """Write the key of the nearest point of each sample, or FAR; one thread per point.
 
-    A point is a square of `size` samples in the view of the camera at the origin, and in that of
-    the camera at `pose` by as much larger as it is nearer. Points behind either are not seen.
+    A point is a square of `size` samples in the view of the camera at the origin. In the view of
+    the camera at `pose`, its size is in inverse proportion to its depth. Points behind either
+    camera are not drawn.
     """
     _splat(points, pose, focal, cx, cy, size, 0, keys)
 
@@ -111,5 +112,5 @@ def _shade(
 def shade(
     keys: np.ndarray, colors: np.ndarray, background: np.ndarray, samples: int, image: np.ndarray
 ) -> None:
-    """Average the colours of the samples of each pixel; one thread a channel of a pixel."""
+    """Average the colours of the samples of each pixel; one thread per channel of a pixel."""
     _shade(keys, colors, background, samples, image)

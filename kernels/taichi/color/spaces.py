@@ -118,7 +118,8 @@ def convert(
 ) -> None:
     """Undo the source's curve, multiply by the matrix, and apply the target's curve.
 
-    `numbers` are the matrix, row by row, and what values are multiplied by first. One thread a pixel.
+    `numbers` are the matrix, row by row, and what values are multiplied by first; one thread a
+    pixel.
     """
     _convert(colours, source, target, numbers, 0, out)
 

@@ -1,7 +1,8 @@
 """Hysteresis by union-find.
 
-Pixel i of the raster has label i + 1, and label 0 stands for "strong". The parent of a label is
-never larger than the label; a root is its own parent.
+Pixel i of the raster has label i + 1, and label 0 means "strong". The parent of a label is never
+larger than the label; a root is its own parent. One thread per pixel joins a pixel with its
+neighbours; afterwards, a pixel is an edge if its root is 0.
 """
 
 import taichi as ti
@@ -11,7 +12,7 @@ from cvkern.kernels.codes.edges import Edge
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
-_BEFORE = ((0, -1), (-1, -1), (-1, 0), (-1, 1))  # a pixel's neighbours before it in the raster
+_BEFORE = ((0, -1), (-1, -1), (-1, 0), (-1, 1))  # neighbours that precede a pixel in the raster
 
 
 @ti.func
@@ -24,7 +25,7 @@ def find(label: ti.i32, parents: ti.template()) -> ti.i32:
 
 @ti.func
 def join(first: ti.i32, second: ti.i32, parents: ti.template()):
-    """Make two labels hang below one root, the smaller, while other threads do the same."""
+    """Join the trees of two labels below the smaller root, while other threads do the same."""
     a = find(first, parents)
     b = find(second, parents)
     while a != b:
@@ -44,7 +45,7 @@ def plant(
     # outputs
     parents: i32_1,  # (1 + pixels,)
 ):
-    """Let every strong pixel hang below 0 and every other be a root; one thread per pixel."""
+    """Make 0 the parent of strong pixels, and all other pixels roots; one thread per pixel."""
     parents[0] = 0
     for y, x in states:
         label = y * states.shape[1] + x + 1
@@ -57,7 +58,7 @@ def unite(
     # outputs
     parents: i32_1,
 ):
-    """Join every edge pixel with the edge pixels before it; one thread per pixel."""
+    """Join every edge pixel with the edge pixels that precede it; one thread per pixel."""
     for y, x in states:
         if states[y, x] != Edge.NONE:
             for dy, dx in ti.static(_BEFORE):
@@ -74,7 +75,7 @@ def keep(
     # outputs
     mask: u8_2,
 ):
-    """Mark the edge pixels that hang below 0; one thread per pixel."""
+    """Mark the edge pixels whose root is 0; one thread per pixel."""
     for y, x in states:
         kept = 0
         if states[y, x] != Edge.NONE:

@@ -1,8 +1,8 @@
-"""Thinning and hysteresis, in Taichi: one thread a pixel in each step.
+"""Thinning and hysteresis, in Taichi: one thread per pixel in each step.
 
-A pixel is thinned away unless it is a maximum along the gradient; what is above the lower threshold
-is kept if it is connected with something above the higher one (Canny, "A computational approach to
-edge detection", TPAMI 1986).
+Thinning keeps a pixel if it is a maximum along the gradient. Hysteresis keeps a pixel above the
+lower threshold if it is connected with one above the higher threshold (Canny, "A computational
+approach to edge detection", TPAMI 1986).
 """
 
 import numpy as np
@@ -82,7 +82,7 @@ def _length(
 def _tops_sector(
     dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, norm: ti.i32, zero: ti.i32
 ) -> ti.i32:
-    """Whether a pixel is a maximum along the nearest of four directions, as in OpenCV."""
+    """Tell whether a pixel is a maximum along the nearest of four directions, as in OpenCV."""
     gy = dy[y, x]
     gx = dx[y, x]
     sy = 0  # the step to the neighbour ahead
@@ -113,7 +113,7 @@ def _tops_line(
     framed: ti.i32,
     zero: ti.i32,
 ) -> ti.i32:
-    """Whether a pixel is a maximum along its gradient, between neighbours, as in Canny 1986."""
+    """Tell whether a pixel is a maximum along its gradient, by interpolation (Canny 1986)."""
     gy = dy[y, x]
     gx = dx[y, x]
     s = 1
@@ -128,7 +128,7 @@ def _tops_line(
         small = ti.abs(gx)
         sy = 1
         sx = 0
-    # The diagonal neighbour ahead is s beside the nearer one: (1, s) or (s, 1).
+    # The other neighbour ahead is the diagonal one, (1, s) or (s, 1).
     ty = 1 if sy == 1 else s
     tx = s if sy == 1 else 1
     back = product(_length(dy, dx, y - sy, x - sx, norm, zero), big - small, zero) + product(
@@ -180,7 +180,7 @@ def thin(
     limits: np.ndarray,
     states: np.ndarray,
 ) -> None:
-    """Keep the maxima along the gradient, weak or strong; one thread per pixel."""
+    """Mark the maxima along the gradient as weak or strong; one thread per pixel."""
     _thin(dy, dx, norm, rule, limits, 0, states)
 
 
@@ -216,7 +216,7 @@ def thin_sobel(
 
 @primitive
 def hysteresis(states: np.ndarray, mask: np.ndarray) -> None:
-    """Keep what is connected to a strong pixel; one thread per pixel in each of three steps."""
+    """Keep the pixels connected to a strong pixel; one thread per pixel in each of three steps."""
     parents = scratch((states.size + 1,), np.int32)
     plant(states, parents)
     unite(states, parents)

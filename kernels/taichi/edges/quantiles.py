@@ -1,7 +1,8 @@
-"""Thresholds that a share of an image's gradients exceeds, in Taichi.
+"""Order statistics of an image's gradients, as thresholds, in Taichi.
 
-The bits of a float32 >= 0 are in the order of its value, so an order statistic is found digit by
-digit. All is counted in integers: the answer is exact, and the same on every device.
+The bit patterns of floats >= 0 have the order of their values, so a histogram of each digit in turn
+finds an order statistic. All counts are integers, so the result is exact, and the same on every
+device. One thread per pixel counts; one thread chooses the digit.
 """
 
 import numpy as np
@@ -19,7 +20,7 @@ i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 
 @ti.func
 def _bits_of(dy: ti.f32, dx: ti.f32, norm: ti.i32, zero: ti.i32) -> ti.i32:
-    """Return the bits of what thresholds are compared with; NaN counts as 0."""
+    """Return the bits of the value that thresholds are compared with; NaN counts as 0."""
     m = ti.abs(dx) + ti.abs(dy)
     if norm == Norm.L2:
         m = squared_magnitude(dy, dx, zero)
@@ -100,7 +101,7 @@ def _finish(
         if strict == 0:
             bits = ti.max(bits - 1, 0)
         least = 0.0
-        if share > 0.0:  # else infinity would become NaN
+        if share > 0.0:  # 0 times infinity would be NaN
             least = ti.bit_cast(found[2, 0], ti.f32) * share
             if norm == Norm.L2:
                 least = least * share

@@ -1,4 +1,8 @@
-"""Smoothing that sees nothing of masked pixels, in Taichi."""
+"""Smoothing that ignores masked pixels, in Taichi; one thread per pixel.
+
+The smoothed image s of the unmasked pixels is divided by their smoothed weights w. The derivative
+of this quotient is (s / w)' = (s' - s / w w') / w.
+"""
 
 import numpy as np
 import taichi as ti
@@ -26,7 +30,7 @@ def _cover(
 
 @primitive
 def cover(image: np.ndarray, mask: np.ndarray, covered: np.ndarray, weight: np.ndarray) -> None:
-    """Set masked pixels to 0, and write 1 where there is a pixel and 0 where none; by pixels."""
+    """Set masked pixels to 0, and write the weights 1 and, for masked pixels, 0."""
     _cover(image, mask, covered, weight)
 
 
@@ -68,7 +72,7 @@ def _recover_frame(
 def recover_frame(
     rows: np.ndarray, columns: np.ndarray, cval: float, reach: int, image: np.ndarray
 ) -> None:
-    """Divide what is near the frame by its weight; one thread per pixel, so `reach` is not used."""
+    """Divide pixels near the border by their weight; one thread per pixel; `reach` is not used."""
     _recover_frame(rows, columns, cval, 0, image)
 
 
@@ -123,5 +127,5 @@ def _confine(
 
 @primitive
 def confine(mask: np.ndarray, states: np.ndarray) -> None:
-    """Leave no edge where a pixel or one of its eight neighbours is masked; by pixels."""
+    """Remove edges where a pixel or one of its eight neighbours is masked; one thread per pixel."""
     _confine(mask, states)

@@ -1,6 +1,6 @@
-"""The two passes of a separable filter in Taichi; one thread an element.
+"""The two passes of a separable filter in Taichi; one thread per element.
 
-A pass is ``out[i] = sum over t of taps[t] * in[i + t - r]``, added up in the order of the taps.
+A pass is ``out[i] = sum over t of taps[t] * in[i + t - r]``, summed in the order of the taps.
 """
 
 import taichi as ti

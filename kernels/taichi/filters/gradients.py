@@ -1,7 +1,8 @@
-"""Gradients, their lengths and angles, in Taichi; one thread an element.
+"""Gradients, their lengths and angles, in Taichi; one thread per element.
 
-A derivative is smoothed in one direction and differenced in the other. The length is ``sqrt(dx^2 +
-dy^2)``, and the angle that of (dx, dy) by a polynomial, as an arc tangent differs between devices.
+A derivative is a difference in one direction and a smoothing in the other. The length is
+``sqrt(dx^2 + dy^2)``. A polynomial gives the angle of (dx, dy), because the arc tangents of devices
+differ.
 """
 
 import numpy as np
@@ -26,7 +27,7 @@ def differentiate(
     dy: np.ndarray,
     dx: np.ndarray,
 ) -> None:
-    """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
+    """Correlate with slope down the rows and smooth along the columns (dy), or exchanged (dx)."""
     planes = (1, *src.shape)
     border, cval, cval_smooth, cval_slope = outside
     down = scratch(planes, np.float32)
@@ -61,7 +62,7 @@ def differentiate_polar(
     magnitude: np.ndarray,
     orientation: np.ndarray,
 ) -> None:
-    """Differentiate, and give the length and the angle of each (dy, dx) as well."""
+    """Differentiate, and compute the length and the angle of each (dy, dx) as well."""
     differentiate(src, smooth, slope, outside, dy, dx)
     _polar(dy.reshape(-1), dx.reshape(-1), 0, magnitude.reshape(-1), orientation.reshape(-1))
 
@@ -80,5 +81,5 @@ def _root_mean_square(
 
 @primitive
 def root_mean_square(dy: np.ndarray, dx: np.ndarray, dst: np.ndarray) -> None:
-    """``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
+    """Compute ``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
     _root_mean_square(dy.reshape(-1), dx.reshape(-1), 0, dst.reshape(-1))

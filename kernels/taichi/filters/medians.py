@@ -1,7 +1,8 @@
-"""Rank filters in Taichi; one thread an element.
+"""Rank filters in Taichi; one thread per element.
 
-The value of rank r is the largest v with at most r window values below v: it is found bit by bit,
-from the highest. Floats are compared as integers: their bits, those of negative ones turned round.
+The value of rank r is the largest v with at most r window values below v. It is found bit by bit,
+from the highest bit. Floats are compared as integers: by their bits, in reversed order for negative
+ones.
 """
 
 import numpy as np
@@ -29,8 +30,8 @@ def _median(
     for p, y, i in dst:
         x = i // step
         rank = 2 * radius * (radius + 1)  # ((2 radius + 1)^2 - 1) / 2
-        # The median is the largest value with at most `rank` smaller ones in the window: its bits
-        # from the highest. With 32 bits and low = -2^31 the first sum wraps to 0, which is right.
+        # Find the largest value with at most `rank` smaller ones in the window, from its highest
+        # bit. With 32 bits and low = -2^31 the first sum wraps to 0, which is correct.
         value = low
         for b in range(bits):
             middle = value + (1 << (bits - 1 - b))
@@ -60,7 +61,7 @@ def median(
     cval: int,
     dst: np.ndarray,
 ) -> None:
-    """Median of each square window of uint8 or int32, by bisection; one thread per element."""
+    """Find the median of each window of uint8 or int32 by bisection; one thread per element."""
     _median(src, radius, step, low, bits, border, cval, dst)
 
 
@@ -72,14 +73,14 @@ def _keys_of_floats(
 ):
     for i in bits:
         b = bits[i]
-        if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN: above infinity, whatever its sign
+        if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN of any sign is placed above infinity
             b = 0x7FC00000
         keys[i] = b ^ 0x7FFFFFFF if b < 0 else b
 
 
 @primitive
 def keys_of_floats(bits: np.ndarray, keys: np.ndarray) -> None:
-    """Order the bits of floats as integers: those of negative ones turned round below the sign."""
+    """Convert bits of floats to integers of the same order: invert negative ones below the sign."""
     _keys_of_floats(bits.reshape(-1), keys.reshape(-1))
 
 

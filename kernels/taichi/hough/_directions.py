@@ -1,4 +1,4 @@
-"""Directions as integers: the same code of an angle on every device."""
+"""Directions as integers: an angle has the same code on every device."""
 
 import taichi as ti
 
@@ -8,6 +8,6 @@ from cvkern.kernels.taichi._rounding import product
 
 @ti.func
 def direction_code(angle: ti.f32, zero: ti.i32) -> ti.i32:
-    """Return the nearest of DIRECTIONS over the full turn."""
+    """Return the nearest of DIRECTIONS codes over the full turn."""
     turned = product(angle, DIRECTION_FACTOR, zero) + 0.5
     return ti.cast(ti.floor(turned), ti.i32) & (DIRECTIONS - 1)

@@ -1,7 +1,7 @@
-"""The set pixels of a mask as a list, in Taichi; one thread a row.
+"""The set pixels of a mask as a list, in Taichi; one thread per row.
 
-The set pixels of each row are counted, the counts are added up from the top, and each row then
-lists its points from its place on: so they stand in raster order.
+The set pixels of each row are counted. A prefix sum of the counts gives the place where each row
+lists its points, so the list is in raster order.
 """
 
 import numpy as np
@@ -86,14 +86,14 @@ def _number_of(
 
 @primitive
 def count(mask: np.ndarray, starts: np.ndarray) -> None:
-    """Count the set pixels above each row; one thread a row, then one in all."""
+    """Count the set pixels above each row; one thread per row, then one thread for the sums."""
     _count(mask, starts)
     _add_up(starts)
 
 
 @primitive
 def gather(mask: np.ndarray, starts: np.ndarray, points: np.ndarray) -> None:
-    """List row and column of the set pixels; one thread a row."""
+    """List row and column of the set pixels; one thread per row."""
     _gather(mask, starts, points)
 
 
@@ -106,6 +106,6 @@ def first_outside(
     high: float,
     index: np.ndarray,
 ) -> None:
-    """Find the first point whose value is not in [low, high], or their number; one thread each."""
+    """Find the first point whose value is outside [low, high], or the number of points."""
     _number_of(starts, index)
     _first_outside(points, starts, values, low, high, index)

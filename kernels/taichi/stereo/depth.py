@@ -1,4 +1,8 @@
-"""Depth, points and point clouds of disparities, in Taichi."""
+"""Depth, points and point clouds from disparities, in Taichi.
+
+Depth is scale / (disparity + doffs). A point is (X, Y, Z) / W with (X, Y, Z, W) = Q (x, y, d, 1).
+One thread per pixel, or per part of a row for point clouds.
+"""
 
 import numpy as np
 import taichi as ti
@@ -12,7 +16,7 @@ i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 
-# Floats are told apart by their bits: on CUDA the compiler takes NaN for impossible.
+# Floats are classified by their bits, because the CUDA compiler assumes that there is no NaN.
 INFINITY, NAN, MAGNITUDE = 0x7F800000, 0x7FC00000, 0x7FFFFFFF
 
 
@@ -43,9 +47,9 @@ def _depth(
 
 @primitive
 def depth(disparity: np.ndarray, scale: float, doffs: float, depth: np.ndarray) -> None:
-    """Divide `scale` by the disparity and `doffs`: infinite at 0, NaN below and where not finite.
+    """Compute ``scale / (disparity + doffs)``; one thread per pixel.
 
-    One thread a pixel.
+    The result is infinite for a sum of 0, and NaN for a sum that is negative or not finite.
     """
     _depth(disparity, scale, doffs, 0, depth)
 
@@ -81,14 +85,14 @@ def _points(
 def points(disparity: np.ndarray, q: np.ndarray, points: np.ndarray) -> None:
     """Map (x, y, disparity, 1) by the matrix `q` and divide by the last coordinate.
 
-    NaN where the disparity is not finite or that coordinate is 0. One thread a pixel.
+    NaN where the disparity is not finite or that coordinate is 0. One thread per pixel.
     """
     _points(disparity, q, 0, points)
 
 
 @ti.func
 def _is_kept(points: ti.template(), mask: ti.template(), y: ti.i32, x: ti.i32) -> ti.i32:
-    """Tell whether a pixel has a point, and the mask (of all pixels, or one for all) has it."""
+    """Tell whether a pixel has a finite point and is set in the mask, if there is a mask."""
     kept = mask[ti.min(y, mask.shape[0] - 1), ti.min(x, mask.shape[1] - 1)] != 0
     for k in ti.static(range(3)):
         kept = kept and _is_finite(points[y, x, k])
@@ -113,10 +117,10 @@ def _count_points(
 
 @primitive
 def count_points(points: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> None:
-    """Count the finite points of each part of a row where `mask` is not 0; one thread a part.
+    """Count the finite points of each part of a row where `mask` is not 0; one thread per part.
 
-    The shape of `counts` says into how many parts, of one width, a row is cut. A mask of shape
-    (1, 1) stands for all pixels.
+    The shape of `counts` gives the number of parts, of equal width, of a row. A mask of shape
+    (1, 1) means all pixels.
     """
     _count_points(points, mask, counts)
 
@@ -151,8 +155,8 @@ def gather_points(
     cloud: np.ndarray,
     colors: np.ndarray,
 ) -> None:
-    """Copy the points that `count_points` counts, and their colours, from `starts` of a part on.
+    """Copy the points that `count_points` counts, and their colours; `starts` gives their places.
 
-    An image of one channel gives grey. One thread a part.
+    An image of one channel gives grey. One thread per part.
     """
     _gather_points(points, mask, image, starts, cloud, colors)

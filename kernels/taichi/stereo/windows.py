@@ -1,7 +1,7 @@
 """Matching by windows, in Taichi.
 
-The costs of costs/windows.py are stored for a strip of rows at a time, and the winners of
-winners.py picked.
+The costs of costs/windows.py are stored for one strip of rows at a time; winners.py then picks the
+winners of the strip.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ def match_windows(
     winners: Winners,
     right_index: np.ndarray,
 ) -> None:
-    """Do `window_costs`, `pick` and `pick_right` a strip at a time; sums must be below 65535."""
+    """Call `window_costs`, `pick` and `pick_right` strip by strip; sums must be below 65535."""
     height, width, _ = left.shape
     rows = strip_rows(height, width * count)
     for top in range(0, height, rows):

@@ -46,7 +46,7 @@ def _resample(
     dst: any_3,  # (outer, m, inner)
 ):
     for o, k, i in ti.ndrange(dst.shape[0], dst.shape[1], dst.shape[2]):
-        total = 0.0
+        total = ti.cast(zero, ti.f32)  # not a constant: 0 + -0 is 0
         for t in range(weights.shape[1]):
             if weights[k, t] != 0.0:
                 v = ti.cast(src[o, starts[k] + t, i], ti.f32)

@@ -1,8 +1,8 @@
-"""Pictures of point clouds, in Warp: an integer minimum decides what is seen.
+"""Pictures of point clouds, in Warp: an integer minimum decides which point is visible.
 
-A point is a square in the view of a pinhole camera; each sample keeps the least of the keys that
-fall on it, the depth in the higher bits and the number of the point in the lower. One thread a
-point, then one a pixel, which averages its samples.
+A point is a square in the view of a pinhole camera. Its key has the depth in the higher bits and
+the number of the point in the lower bits; each sample keeps the smallest key that falls on it. One
+thread per point draws; then one thread per pixel averages its samples.
 """
 
 import warp as wp
@@ -64,7 +64,7 @@ def _splat(
     top = int(wp.floor(v - half + 0.5))
     right = wp.max(int(wp.floor(u + half + 0.5)), left + 1)
     bottom = wp.max(int(wp.floor(v + half + 0.5)), top + 1)
-    # Positive floats are ordered as their bits; of points at one depth the first is seen.
+    # Bits of positive floats have the order of their values; a tie shows the first point.
     key = (wp.int64(wp.cast(depth, wp.int32)) << wp.int64(32)) | wp.int64(i)
     for row in range(wp.max(top, 0), wp.min(bottom, keys.shape[0])):
         for column in range(wp.max(left, 0), wp.min(right, keys.shape[1])):
@@ -104,10 +104,11 @@ def splat(
     size: float,
     keys: wp.array,
 ) -> None:
-    """Leave in `keys` the nearest point of each sample, or FAR; one thread a point.
+    """Write the key of the nearest point of each sample, or FAR; one thread per point.
 
-    A point is a square of `size` samples in the view of the camera at the origin, and in that of
-    the camera at `pose` by as much larger as it is nearer. Points behind either are not seen.
+    A point is a square of `size` samples in the view of the camera at the origin. In the view of
+    the camera at `pose`, its size is in inverse proportion to its depth. Points behind either
+    camera are not drawn.
     """
     flat = (keys.size,)
     launch(_clear, flat, [], [keys.reshape(flat)])
@@ -117,6 +118,6 @@ def splat(
 def shade(
     keys: wp.array, colors: wp.array, background: wp.array, samples: int, image: wp.array
 ) -> None:
-    """Average the colours of the samples of each pixel; one thread a pixel."""
+    """Average the colours of the samples of each pixel; one thread per pixel."""
     pixels = image.shape[0] * image.shape[1]
     launch(_shade, pixels, [keys, colors, background, samples], [image])

@@ -1,8 +1,9 @@
 // needs INTERPOLATED SECTOR_ONE SECTOR_LOW SECTOR_HIGH
-// States of the pixels of row y: 0, 1 above the first limit, 2 above the second, where the pixel is a maximum; the
-// rules are also in _thinning_cuda.py. Neighbours are compared by what stands in `lines`, three rows
-// from `first` on, row r in line r mod 3, between margins of one. The letters are those of a compass.
-// All neighbours are read, or the choice among them would keep the loop from vector code. The arrays
+// Write the states of the pixels of row y. A maximum along the gradient has state 1 above the first
+// limit and 2 above the second; all other pixels have 0. _thinning_cuda.py has the same rules for
+// one pixel. `lines` holds the values that neighbours are compared by: three rows, beginning at
+// line `first`, row r in line r mod 3, between margins of one. The letters are compass directions.
+// All neighbours are read, because a choice before reading would prevent vector code. The arrays
 // are views of vectors that start at each float.
 void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int dx_row, int margin,
               wp::array_t<Wide> lines, int first, int norm, wp::vec2f limits, bool framed,
@@ -19,12 +20,12 @@ void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int
     const float* here = row_of(lines, first + y % 3) + 1;
     const float* below = row_of(lines, first + (y + 1) % 3) + 1;
     unsigned char* __restrict__ state = states.data + (size_t)y * columns;
-    // At most what a pixel above `low` is compared by. Rounding a root keeps order, but may make
-    // two numbers one: hence not the root of `low` itself.
+    // A lower bound of the compared value of a pixel above `low`. The rounded root of two different
+    // numbers may be equal, so the bound is a little below the root of `low`.
     const float least = INTERPOLATED && norm ? 0.999f * wp::sqrt(low) : low;
     for (int begin = 0; begin < columns; begin += 64) {
         const int end = begin + 64 < columns ? begin + 64 : columns;
-        int found = 0;  // nothing in most of a photograph
+        int found = 0;  // stays 0 in most of a photograph
         for (int x = begin; x < end; ++x) found |= here[x] > least;
         if (!found) {
             for (int x = begin; x < end; ++x) state[x] = 0;
@@ -62,8 +63,9 @@ void thin_row(int y, wp::array_t<Wide> dy, int dy_row, wp::array_t<Wide> dx, int
     }
 }
 
-// Keep all that is 8-connected, between pixels `start` and `stop`, with a pixel from `first` to
-// `last` whose state is at least `least`. The stack, from `room` on, has pixels and their columns.
+// Keep all pixels between `start` and `stop` that are 8-connected with a pixel between `first` and
+// `last` whose state is at least `least`. The stack, which begins at `room`, holds pixels and their
+// columns.
 void flood(int first, int last, int least, int start, int stop, wp::array_t<wp::uint8> states,
            int width, int room, wp::array_t<wp::vec2i> stack, wp::array_t<wp::uint8> mask) {
     const unsigned char* state = states.data;
@@ -71,7 +73,7 @@ void flood(int first, int last, int least, int start, int stop, wp::array_t<wp::
     wp::vec_t<2, int>* const bottom = stack.data + room;
     for (int i = first; i < last; ++i) {
         unsigned long long eight = 0;
-        while (i + 8 <= last) {  // pass over what has no such state
+        while (i + 8 <= last) {  // skip pixels without such a state
             __builtin_memcpy(&eight, state + i, 8);
             if (eight & (least == 2 ? 0x0202020202020202ull : 0x0303030303030303ull)) break;
             i += 8;
@@ -87,7 +89,7 @@ void flood(int first, int last, int least, int start, int stop, wp::array_t<wp::
             for (int row = pixel[0] - width; row <= pixel[0] + width; row += width) {
                 if (row - x < start || row - x >= stop) continue;
                 for (int dx = left; dx <= right; ++dx) {
-                    // Without a branch, which nothing could predict.
+                    // Avoid a branch, which could not be predicted.
                     const unsigned char next = (state[row + dx] != 0) & (kept[row + dx] == 0);
                     kept[row + dx] |= next;
                     *top = wp::vec_t<2, int>(row + dx, x + dx);

@@ -1,9 +1,9 @@
-"""Edges on the CPU: one thread a slab of rows, a row at a time.
+"""Edges on the CPU: one thread per slab of rows, row by row.
 
-Sobel's kernels are [1 2 1] across and [-1 0 1] along. A pixel is thinned away unless it is a
-maximum along the gradient, and states say which of the thresholds it is above (Canny, "A
-computational approach to edge detection", TPAMI 1986). Derivatives and their lengths are made of
-vectors of pixels; to thin chooses among neighbours, and to flood needs a stack: both are native.
+Sobel's kernels are [1 2 1] across and [-1 0 1] along. Thinning keeps a pixel if it is a maximum
+along the gradient; its state tells which of the thresholds it exceeds (Canny, "A computational
+approach to edge detection", TPAMI 1986). Derivatives and their lengths are computed in vectors of
+pixels. Thinning, which chooses among neighbours, and flood fill, which needs a stack, are native.
 """
 
 from typing import Any
@@ -18,15 +18,15 @@ from cvkern.kernels.warp._lanes_cpu import WIDE, f32_wide
 # Without fused multiply-add a gradient has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-# Scratch of each slab is lines of W + 2 floats: pixel x stands at x + 1, between margins of one.
-# Of rows y - 1, y and y + 1 a slab holds row r in line r mod 3 of the derivatives and measures.
+# The scratch of a slab consists of lines of W + 2 floats: pixel x is at x + 1, between margins of
+# one. A slab holds the rows y - 1, y and y + 1 of derivatives and measures, row r in line r mod 3.
 SUMS = wp.constant(0)
 DIFFERENCES = wp.constant(1)
 DOWN = wp.constant(2)
 ALONG = wp.constant(5)
 MEASURES = wp.constant(8)
 LINES = 11  # lines of a slab that differentiates
-MEASURE_LINES = 3  # lines of a slab that is given the derivatives
+MEASURE_LINES = 3  # lines of a slab whose derivatives are inputs
 u8_wide = wp.types.vector(WIDE, wp.uint8)
 
 
@@ -75,7 +75,7 @@ def flood(
     stack: wp.array[wp.vec2i],
     mask: wp.array[wp.uint8],
 ):
-    """Keep what is connected with pixels of at least a state."""
+    """Keep the pixels that are connected with pixels of at least a given state."""
 
 
 @wp.func_native("__builtin_memset(mask.data + start, 0, stop - start);")
@@ -94,7 +94,7 @@ def as_floats(pixels: u8_wide) -> f32_wide:
 
 @wp.func
 def measured(dy: f32_wide, dx: f32_wide, norm: int, root: bool) -> f32_wide:
-    """Return what neighbours are compared by."""
+    """Return the values that neighbours are compared by."""
     m = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy)
     if norm == Norm.L1:
         for k in range(WIDE):
@@ -107,21 +107,21 @@ def measured(dy: f32_wide, dx: f32_wide, norm: int, root: bool) -> f32_wide:
 
 @wp.func
 def clear(line: int, lines: wp.array2d[float]):
-    """Outside the image there is no gradient."""
+    """Clear a line: the gradient outside the image is 0."""
     for x in range(lines.shape[1]):
         lines[line, x] = 0.0
 
 
 @wp.func
 def close(line: int, columns: int, lines: wp.array2d[float]):
-    """There is none beside a row either."""
+    """Clear the margins of a line: the gradient beside a row is 0."""
     lines[line, 0] = 0.0
     lines[line, columns + 1] = 0.0
 
 
 @wp.func
 def clear_frame(y: int, states: wp.array2d[wp.uint8]):
-    """Leave no edge on the outermost rows and columns."""
+    """Remove edges from the outermost rows and columns."""
     last = states.shape[1] - 1
     if y == 0 or y == states.shape[0] - 1:
         for x in range(last + 1):
@@ -150,7 +150,7 @@ def thin_sobel(
     height = states.shape[0]
     columns = states.shape[1]
     both = wp.vec2(low, high)
-    behind = src.shape[1] - 1  # where the last vector of a row begins
+    behind = src.shape[1] - 1  # begin of the last vector of a row
     sums = LINES * slab + SUMS
     differences = LINES * slab + DIFFERENCES
     measures = LINES * slab + MEASURES
@@ -252,7 +252,7 @@ def flood_slab(
     # outputs
     mask: wp.array[wp.uint8],  # (H W,)
 ):
-    # Keep what is connected with a strong pixel within the slab.
+    # Keep the pixels that are connected with a strong pixel within the slab.
     start = first * width
     stop = last * width
     forget(start, stop, mask)
@@ -269,7 +269,7 @@ def flood_seams(
     # outputs
     mask: wp.array[wp.uint8],  # (H W,)
 ):
-    # Carry on, through the whole image, what a seam between slabs has stopped.
+    # Continue the fills that stopped at a seam between slabs, through the whole image.
     height = mask.shape[0] // width
     for seam in range(1, slabs):
         below = height * seam // slabs * width

@@ -1,7 +1,7 @@
-"""Edges on CUDA: a thread thins a strip of four columns; components are found by union-find.
+"""Edges on CUDA: a thread thins a strip of four columns; union-find finds components.
 
-A pixel is thinned away unless it is a maximum along the gradient, and states say which of the
-thresholds it is above (Canny, "A computational approach to edge detection", TPAMI 1986). A weak
+Thinning keeps a pixel if it is a maximum along the gradient; its state tells which of the
+thresholds it exceeds (Canny, "A computational approach to edge detection", TPAMI 1986). A weak
 pixel is kept if it is connected with a strong one.
 """
 
@@ -45,7 +45,7 @@ def byte_of(word: wp.uint32, k: int) -> float:
 def eight_pixels(
     src: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, border: int, cval: float
 ) -> vec8:
-    """Return the pixels from x - 2 to x + 5 of row `y`, by `border` outside the image."""
+    """Return the pixels x - 2 to x + 5 of row `y`; `border` gives those outside the image."""
     v = vec8(cval)
     i = border_index(y, src.shape[0], border)
     if i >= 0:
@@ -104,7 +104,7 @@ def state_of(
 
 @wp.func
 def write_states(states: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, word: wp.uint32):
-    """Store the states of four pixels, or of those of them that lie in the image."""
+    """Store the states of four pixels, except those outside the image."""
     if in_words:
         store_word(states, y * states.shape[1] + x, word)
     else:
@@ -116,7 +116,7 @@ def write_states(states: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, w
 @wp.kernel
 def thin_sobel(
     src: wp.array2d[wp.uint8],  # (H, W)
-    in_words: bool,  # whether rows fall into aligned words
+    in_words: bool,  # whether rows consist of aligned words
     border: int,
     cval: float,
     norm: int,
@@ -171,7 +171,7 @@ def thin_sobel(
 
 @wp.func
 def on_frame(states: wp.array2d[wp.uint8], y: int, x: int) -> bool:
-    """Tell whether a pixel is one of the outermost."""
+    """Tell whether a pixel is in an outermost row or column."""
     return y == 0 or x == 0 or y == states.shape[0] - 1 or x == states.shape[1] - 1
 
 
@@ -186,7 +186,7 @@ def thin(
     # outputs
     states: wp.array2d[wp.uint8],  # (H, W)
 ):
-    # The gradients are given; else this is thin_sobel.
+    # The same as thin_sobel, but with the gradients as inputs.
     strip, quad = wp.tid()
     x = quad * QUAD
     top = strip * STRIP
@@ -225,10 +225,10 @@ def thin(
         dx_here = along
 
 
-# Hysteresis. Pixel i has label i + 1; label 0 stands for all that is strong. Parents are smaller
-# than their children, so a weak pixel is kept exactly when its root is 0 (union by atomic
-# minimum: Playne and Hawick, "A new algorithm for parallel connected-component labelling on
-# GPUs", IEEE TPDS 2018).
+# Hysteresis. Pixel i has label i + 1; label 0 represents all strong pixels. Parents are smaller
+# than their children, so a weak pixel is kept exactly if its root is 0 (union by atomic minimum:
+# Playne and Hawick, "A new algorithm for parallel connected-component labelling on GPUs", IEEE TPDS
+# 2018).
 
 
 @wp.kernel
@@ -240,7 +240,7 @@ def plant(
     mask: wp.array[wp.uint8],  # (H W,)
     mask_words: wp.array[wp.uint64],
 ):
-    # One thread takes eight pixels, which mostly are no edges.
+    # One thread takes eight pixels, because most pixels are no edges.
     i = wp.tid()
     if i == 0:
         parents[0] = 0
@@ -263,8 +263,8 @@ def merge(
     # outputs
     parents: wp.array[int],  # (H W + 1,)
 ):
-    # One thread a pixel. Of the neighbours before it, those that are neighbours of each other are
-    # united by their own threads.
+    # One thread per pixel. Two preceding neighbours that are adjacent to each other are united by
+    # their own threads.
     i = wp.tid()
     if int(states[i]) == Edge.WEAK:
         x = i % width

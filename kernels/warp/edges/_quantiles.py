@@ -1,6 +1,7 @@
-"""Order statistics of gradient lengths: the bits of a float32 >= 0 are in the order of its value.
+"""Order statistics of gradient lengths, by histograms of the digits of their bits.
 
-All is counted in integers, so the answer is exact, and the same on every device.
+The bit patterns of floats >= 0 have the order of their values. All counts are integers, so the
+result is exact, and the same on every device.
 """
 
 import warp as wp
@@ -12,7 +13,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def bits_of(dy: float, dx: float, norm: int) -> int:
-    """Return the bits of what thresholds are compared with; NaN counts as 0."""
+    """Return the bits of the value that thresholds are compared with; NaN counts as 0."""
     m = wp.where(norm == Norm.L1, wp.abs(dx) + wp.abs(dy), dx * dx + dy * dy)
     return wp.where(m > 0.0, wp.cast(m, wp.int32), 0)
 
@@ -115,7 +116,7 @@ def choose(
     # outputs
     found: wp.array2d[int],  # (2, 2)
 ):
-    # Both thresholds share the counts of the first digit.
+    # Both thresholds use the same counts of the first digit.
     i = wp.tid()
     row = wp.where(level == 0, 0, i)
     rank = found[i, 1]
@@ -145,7 +146,7 @@ def finish(
     # outputs
     limits: wp.array[float],  # (2,)
 ):
-    # A pixel exceeds the limit; where it may equal it, the limit is the float before.
+    # A pixel must exceed the limit. If it may equal the threshold, the limit is the float below.
     i = wp.tid()
     bits = found[i, 0]
     if not strict:
@@ -154,7 +155,7 @@ def finish(
     for slab in range(slabs):
         largest = wp.max(largest, most[slab])
     least = float(0.0)
-    if share > 0.0:  # else infinity would become NaN
+    if share > 0.0:  # 0 times infinity would be NaN
         least = wp.cast(largest, wp.float32) * share
         if norm == Norm.L2:
             least = least * share

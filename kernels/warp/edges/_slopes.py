@@ -1,4 +1,8 @@
-"""What masks do to smoothing and edges, a pixel at a time."""
+"""Smoothing that ignores masked pixels, and removal of edges near them, pixel by pixel.
+
+The smoothed image s of the unmasked pixels is divided by their smoothed weights w. The derivative
+of this quotient is (s / w)' = (s' - s / w w') / w.
+"""
 
 import warp as wp
 
@@ -49,7 +53,7 @@ def recover(
 
 @wp.func
 def recovered(value: float, row: float, column: float, cval: float) -> float:
-    """Divide by the weight of a pixel: rows are smoothed first, then what lies beyond a column."""
+    """Divide by the weight of a pixel; `row` and `column` are the weights along both axes."""
     return value / (row * column + cval * (1.0 - column))
 
 

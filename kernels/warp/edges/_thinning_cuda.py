@@ -17,7 +17,7 @@ def measure(dy: float, dx: float, norm: int) -> float:
 
 @wp.func
 def compared(m: float, norm: int, rule: int) -> float:
-    """Return what neighbours are compared by: to interpolate, the length, not its square."""
+    """Return the value that neighbours are compared by; interpolation needs the length itself."""
     return wp.where(norm == Norm.L2 and rule != Thinning.SECTORS, wp.sqrt(m), m)
 
 
@@ -35,7 +35,7 @@ def is_maximum_in_sector(
     s: float,
     se: float,
 ) -> bool:
-    """Compare `c` with the two of its eight neighbours nearest to the gradient, as cv2.Canny."""
+    """Compare `c` with the two of its eight neighbours nearest to the gradient, as in cv2.Canny."""
     ax = wp.abs(dx)
     ay = wp.abs(dy) * ONE
     across = ay < ax * LOW
@@ -64,7 +64,7 @@ def is_maximum_between(
 ) -> bool:
     """Compare `c` with values interpolated where the gradient leaves the 3 x 3 neighbourhood.
 
-    Both sides are multiplied by the larger derivative, which spares the division.
+    Both sides are multiplied by the larger derivative, which avoids a division.
     """
     ax = wp.abs(dx)
     ay = wp.abs(dy)

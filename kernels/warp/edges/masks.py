@@ -1,7 +1,9 @@
 """Thinning and hysteresis, in Warp.
 
-On the CPU, thinning goes row by row and hysteresis is a flood fill, both in slabs of rows; on CUDA
-a thread thins a strip of columns, and hysteresis is a union-find over all pixels at once.
+Thinning keeps the maxima along the gradient; hysteresis keeps weak pixels that are connected with a
+strong one (Canny, TPAMI 1986). On the CPU, thinning works row by row and hysteresis is a flood
+fill, both in slabs of rows. On CUDA a thread thins a strip of columns, and hysteresis is a
+union-find over all pixels at once.
 """
 
 import warp as wp
@@ -16,7 +18,7 @@ from . import _masks_cuda as cuda
 def thin_sobel(
     src: wp.array, border: int, cval: float, norm: int, low: float, high: float, states: wp.array
 ) -> None:
-    """Sobel, suppression of all but maxima, and both thresholds, of a uint8 image."""
+    """Apply Sobel's kernels, non-maximum suppression, and both thresholds to a uint8 image."""
     if src.device.is_cuda:
         launch(
             cuda.thin_sobel,
@@ -34,7 +36,7 @@ def thin_sobel(
 def thin(
     dy: wp.array, dx: wp.array, norm: int, rule: int, limits: wp.array, states: wp.array
 ) -> None:
-    """Suppression of all but maxima of a gradient, and both thresholds."""
+    """Apply non-maximum suppression and both thresholds to a gradient."""
     if dy.device.is_cuda:
         launch(
             cuda.thin,
@@ -62,9 +64,9 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
         launch(cuda.select, size, [states, parents], [mask])
         return
     count = slabs(height, size)
-    if count > 1:  # edges gather in parts of an image: smaller slabs keep the threads busy alike
+    if count > 1:  # edges cluster in parts of an image; smaller slabs balance the threads
         count = min(4 * count, height)
-    # A pixel is pushed once, and one place above the last is written to.
+    # A pixel is pushed once; the place above the top of the stack is written to as well.
     stack = scratch("hysteresis.stack", (size + count,), wp.vec2i, states.device)
     launch_slabs(cpu.flood_slab, height, count, [states, width, stack], [mask])
     if count > 1:
@@ -76,18 +78,18 @@ def _strips(image: wp.array) -> tuple[int, int]:
 
 
 def _in_words(*images: wp.array) -> bool:
-    """Tell whether every row of the images falls into aligned words of four bytes."""
+    """Tell whether every row of the images consists of aligned words of four bytes."""
     return all(a.shape[1] % 4 == 0 and a.ptr % 4 == 0 for a in images)
 
 
 def _words(*flats: wp.array) -> list[wp.array]:
-    """View bytes eight at a time, as far as they go; none if they are not aligned."""
+    """View bytes as words of eight, without the remainder; empty if they are not aligned."""
     count = flats[0].size // 8 if all(a.ptr % 8 == 0 for a in flats) else 0
     return [view(a, wp.uint64, (count,)) for a in flats]
 
 
 def _lines(image: wp.array, count: int) -> list[wp.array]:
-    """Scratch lines of the image's width with a margin of one pixel, as floats and as vectors."""
+    """Return scratch lines of the image's width plus margins of one, as floats and as vectors."""
     shape = (count, max(image.shape[1], WIDE) + 2)
     lines = scratch("thin.lines", shape, wp.float32, image.device)
     return [lines, vectors(lines, f32_wide)]

@@ -1,4 +1,4 @@
-"""Thresholds that a share of an image's gradients exceeds, in Warp."""
+"""Order statistics of an image's gradients, in Warp; _quantiles.py has the method."""
 
 import warp as wp
 

@@ -1,4 +1,4 @@
-"""Smoothing that sees nothing of masked pixels, in Warp."""
+"""Smoothing that ignores masked pixels, in Warp; _slopes.py has the equations."""
 
 import warp as wp
 
@@ -8,7 +8,7 @@ from . import _slopes as pixels
 
 
 def cover(image: wp.array, mask: wp.array, covered: wp.array, weight: wp.array) -> None:
-    """Set masked pixels to 0, and write 1 where there is a pixel and 0 where none."""
+    """Set masked pixels to 0, and write the weights 1 and, for masked pixels, 0."""
     launch_each(pixels.cover, image.size, image.size, [image, mask], [covered, weight])
 
 
@@ -20,7 +20,7 @@ def recover(weight: wp.array, least: float, image: wp.array) -> None:
 def recover_frame(
     rows: wp.array, columns: wp.array, cval: float, reach: int, image: wp.array
 ) -> None:
-    """Divide what is nearer to the frame than `reach` by its weight, a product for each pixel."""
+    """Divide pixels nearer to the border than `reach` by their weight, a product of two weights."""
     inputs = [rows, columns, cval]
     if image.device.is_cuda:
         launch(pixels.recover_frame, image.shape, inputs, [image])
@@ -39,11 +39,11 @@ def recover_slopes(
     dy: wp.array,
     dx: wp.array,
 ) -> None:
-    """Differentiate a quotient: of smoothed pixels, and their weight."""
+    """Differentiate the quotient of smoothed pixels and their weights."""
     inputs = [smooth, weight, weight_dy, weight_dx, least]
     launch_each(pixels.recover_slopes, dy.size, dy.size, inputs, [dy, dx])
 
 
 def confine(mask: wp.array, states: wp.array) -> None:
-    """Leave no edge where one of the eight neighbours of a pixel, or itself, is masked."""
+    """Remove edges where a pixel or one of its eight neighbours is masked."""
     launch_each(pixels.confine, states.size, states.size, [mask], [states])

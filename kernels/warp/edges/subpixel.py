@@ -1,22 +1,42 @@
-"""Sub-pixel edge points, in Warp: one thread a row.
+"""Sub-pixel edge points, in Warp: one thread per row.
 
-Across a blurred straight step the gradient is a Gaussian, along either axis. Its logarithm is a
-parabola, and the edge is where that has its top: with a, b and c the logarithms before, at and
-behind a pixel, ``(a - c) / (2 (a - 2 b + c))`` from it. Two passes: the points of each row are
-counted, and then listed from the row's place on.
+Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
+parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
+after a pixel less the one at it, the maximum is at the offset ``(p - q) / (2 (p + q))``. There are
+two passes: the points of each row are counted, and then listed at the row's place.
 """
 
 import warp as wp
 
+from cvkern.kernels.codes.edges import LEAST_MANTISSA, LEAST_RATIO, LN2, LOG, MANTISSA_BITS
 from cvkern.kernels.warp._angles import atan2
 from cvkern.kernels.warp._launch import launch
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
+L0, L1, L2, L3, L4 = (wp.constant(c) for c in LOG)
+SMALLEST = wp.constant(LEAST_RATIO)
+HALF_ROOT = wp.constant(LEAST_MANTISSA)
+SHIFT = wp.constant(MANTISSA_BITS)
+LOG_2 = wp.constant(LN2)
+
+
+@wp.func
+def _log_of_ratio(a: float, b: float) -> float:
+    """Logarithm of a / b: sums, products and quotients alone, so equal bits on every device."""
+    ratio = wp.max(a / b, SMALLEST)
+    bits = wp.cast(ratio, wp.int32)
+    exponent = (bits - HALF_ROOT) >> SHIFT
+    m = wp.cast(bits - (exponent << SHIFT), wp.float32)
+    s = (m - 1.0) / (m + 1.0)
+    z = s * s
+    series = (((L4 * z + L3) * z + L2) * z + L1) * z + L0
+    return 2.0 * s * series + float(exponent) * LOG_2
+
 
 @wp.func
 def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
-    """Squared gradient length at (y, x), 0 outside the image."""
+    """Return the squared gradient length at (y, x), 0 outside the image."""
     if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
         return 0.0
     return dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]
@@ -24,7 +44,7 @@ def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> fl
 
 @wp.func
 def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.vec3:
-    """Squared lengths before, at and behind (y, x) along the axis of the larger derivative."""
+    """Return squared lengths before, at and after (y, x), along the larger derivative."""
     down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1, 0)
     across = 1 - down
     return wp.vec3(
@@ -36,8 +56,8 @@ def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.v
 
 @wp.func
 def _is_peak(m: wp.vec3) -> bool:
-    """Tell whether a parabola through the logarithms of `m` has its top at the middle."""
-    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0
+    """Tell whether a parabola through the logarithms of `m` has its maximum near the middle."""
+    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0 and m[1] < wp.inf
 
 
 @wp.kernel
@@ -74,10 +94,9 @@ def _gather_edges(
         if mask[y, x] != wp.uint8(0):
             m = _three(dy, dx, y, x)
             if _is_peak(m):
-                a = wp.log(m[0])
-                b = wp.log(m[1])
-                c = wp.log(m[2])
-                offset = 0.5 * (a - c) / (a - 2.0 * b + c)
+                p = _log_of_ratio(m[0], m[1])
+                q = _log_of_ratio(m[2], m[1])
+                offset = 0.5 * (p - q) / (p + q)
                 down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1.0, 0.0)
                 points[i, 0] = float(y) + down * offset
                 points[i, 1] = float(x) + (1.0 - down) * offset
@@ -100,7 +119,7 @@ def gather_edges(
     orientation: wp.array,
     strength: wp.array,
 ) -> None:
-    """Locate the edge points of each row, from its place in `starts` on."""
+    """Locate the edge points of each row, and list them at its place in `starts`."""
     launch(
         _gather_edges,
         mask.shape[0],

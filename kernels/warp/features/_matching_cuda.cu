@@ -3,9 +3,9 @@
 // products on tensor cores (`mma`), of bytes, or of bits, whose squares and products are counts of
 // ones. A warp has all 32 rows, two tiles of 16, and every WARPS-th group of eight other rows.
 //
-// Lane 4 g + t holds words t EACH to (t + 1) EACH of row g of a tile: in which order `mma` takes the
-// words of a row does not matter, as long as it is the same for both. It gets the products of rows
-// g and g + 8 with the others 2 t and 2 t + 1.
+// Lane 4 g + t holds words t EACH to (t + 1) EACH of row g of a tile: in which order `mma` takes
+// the words of a row does not matter, as long as it is the same for both. It gets the products of
+// rows g and g + 8 with the others 2 t and 2 t + 1.
 void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<int> best,
            wp::array_t<int> second, wp::array_t<int> index) {
     enum { WARPS = 8, EACH = WORDS / 4 };

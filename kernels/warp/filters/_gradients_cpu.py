@@ -1,7 +1,8 @@
-"""Gradients on the CPU: one thread a slab of rows, a vector of pixels at a time.
+"""Gradients on the CPU: one thread per slab of rows, one vector of pixels at a time.
 
-A derivative is smoothed in one direction and differenced in the other. The rows round a row are
-read once for both derivatives, into two lines of scratch, which are then correlated along.
+A derivative is a difference in one direction and a smoothing in the other. The rows around a row
+are read once for both derivatives; two lines of scratch hold their sums, which are then correlated
+along the row.
 """
 
 from typing import Any
@@ -19,7 +20,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Outside:
-    """Where the outside begins, and what is there; see `codes.filters.Outside`."""
+    """The width of the image, and the values outside; see `codes.filters.Outside`."""
 
     columns: int  # W <= N
     border: int
@@ -64,7 +65,7 @@ def differentiate(
     slope: wp.array[float],  # (2 r + 1,)
     outside: Outside,
     # scratch
-    lines: Lines,  # (2 slabs, r + N + r): rows that are smoothed, and rows of differences
+    lines: Lines,  # (2 slabs, r + N + r): smoothed rows, and rows of differences
     # outputs
     dy: wp.array2d[f32_wide],  # (H, N - 63)
     dx: wp.array2d[f32_wide],

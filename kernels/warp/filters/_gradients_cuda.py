@@ -1,4 +1,4 @@
-"""Gradients in polar form on CUDA, one thread an element."""
+"""Length sqrt(dx^2 + dy^2) and angle atan2(dy, dx) of gradients on CUDA, one thread per element."""
 
 import warp as wp
 

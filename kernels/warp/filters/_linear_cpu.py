@@ -1,7 +1,8 @@
-"""Linear filters on the CPU: one thread a slab of rows, a vector of pixels at a time.
+"""Linear filters on the CPU: one thread per slab of rows, one vector of pixels at a time.
 
 Each row is correlated down the rows into a line of scratch, and then along the line. Two rows whose
-windows lie inside the image are done together, as they share most of what they read.
+windows lie inside the image are processed together, because they share most of the pixels that they
+read.
 """
 
 import warp as wp

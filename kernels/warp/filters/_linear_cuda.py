@@ -1,4 +1,7 @@
-"""Linear filters on CUDA: several outputs a thread, in registers, from 16-byte loads."""
+"""Linear filters on CUDA: 4 x 4 outputs per thread, summed in registers, with 16-byte loads.
+
+A pass is ``out[i] = sum over t of taps[t] * in[i + t - r]``, summed in the order of the taps.
+"""
 
 import warp as wp
 
@@ -10,8 +13,8 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid
 
 
 BLOCK = wp.constant(256)  # threads of a block, unless a launch says otherwise
-REGISTERS = (256, 4)  # four blocks on a multiprocessor: 64 registers each, measured best
-TALL, WIDE = wp.constant(8), wp.constant(32)  # their arrangement in columns4
+REGISTERS = (256, 4)  # four blocks per multiprocessor, so 64 registers per thread: measured best
+TALL, WIDE = wp.constant(8), wp.constant(32)  # arrangement of a block's threads in columns4
 vec7 = wp.types.vector(7, wp.float32)
 
 
@@ -36,7 +39,7 @@ def store4(dst: wp.array3d[float], offset: int, v: wp.vec4): ...
 
 @wp.func
 def quad_of_row(src: wp.array3d[float], base: int, y: int, border: int, cval: float) -> wp.vec4:
-    """Four elements of row `y`, whose row 0 stands at `base`, by `border` outside the image."""
+    """Return four elements of row `y`, with row 0 at `base`; `border` gives those outside."""
     i = border_index(y, src.shape[1], border)
     v = load4(src, base + wp.max(i, 0) * src.shape[2])
     if i < 0:
@@ -48,7 +51,7 @@ def quad_of_row(src: wp.array3d[float], base: int, y: int, border: int, cval: fl
 def row_of(
     src: wp.array3d[float], inside: bool, base: int, y: int, border: int, cval: float
 ) -> wp.vec4:
-    """As `quad_of_row`, of which nothing is needed where all rows are known to be inside."""
+    """Return `quad_of_row`, without its tests if all rows are known to be inside."""
     if inside:
         return load4(src, base + y * src.shape[2])
     return quad_of_row(src, base, y, border, cval)
@@ -67,7 +70,7 @@ def quad_outside(src: wp.array3d[float], base: int, x: int, border: int, cval: f
 
 @wp.func
 def next_taps(w: vec7, taps: wp.array[float], t: int) -> vec7:
-    """Taps t - 3 to t + 3, 0 for those that do not exist, from those of t - 4."""
+    """Return taps t - 3 to t + 3, 0 for those that do not exist, from those of t - 4."""
     v = vec7()
     for i in range(3):
         v[i] = w[i + 4]
@@ -81,10 +84,10 @@ def next_taps(w: vec7, taps: wp.array[float], t: int) -> vec7:
     return v
 
 
-# Both passes go through a 4 x 4 pattern: four elements in a row reach the four sums of a thread,
-# element e the sum k by tap t + e - k, where t = 4 j - skipped in step j. Adding 0 times an element
-# changes no bit, unless the element is infinite or not a number: a sum that is not a number is
-# made again from the taps that exist.
+# Both passes use a 4 x 4 pattern: four successive elements contribute to the four sums of a thread.
+# Element e contributes to sum k by tap t + e - k, where t = 4 j - skipped in step j. Adding 0 times
+# an element changes no bit, unless the element is infinite or NaN. So a sum that is NaN is computed
+# again from the taps that exist.
 
 
 @wp.func
@@ -99,7 +102,7 @@ def add_four(
 def sum_down(
     src: wp.array3d[float], base: int, y: int, taps: wp.array[float], border: int, cval: float
 ) -> wp.vec4:
-    """Weigh the rows round row `y`."""
+    """Sum the rows around row `y`, weighted by the taps."""
     acc = wp.vec4()
     for t in range(taps.shape[0]):
         acc += taps[t] * quad_of_row(src, base, y + t - taps.shape[0] // 2, border, cval)
@@ -110,7 +113,7 @@ def sum_down(
 def sum_along(
     src: wp.array3d[float], base: int, x: int, taps: wp.array[float], border: int, cval: float
 ) -> wp.vec4:
-    """Weigh the columns round columns x to x + 3."""
+    """Sum the columns around columns x to x + 3, weighted by the taps."""
     acc = wp.vec4()
     for k in range(4):
         for t in range(taps.shape[0]):
@@ -138,8 +141,8 @@ def columns4(
     # outputs
     dst: wp.array3d[float],
 ):
-    # One thread makes 4 rows of 4 columns. A block makes 4 TALL rows of 4 WIDE columns, so that
-    # it finds the rows that its threads share in its cache.
+    # One thread computes 4 rows of 4 columns. A block computes 4 TALL rows of 4 WIDE columns, so
+    # that the rows that its threads share are in its cache.
     tile = wp.tid() // BLOCK
     thread = wp.tid() % BLOCK
     height = src.shape[1]
@@ -167,7 +170,7 @@ def columns4(
     v2 = row_of(src, inside, base, first + 2, border, cval)
     v3 = row_of(src, inside, base, first + 3, border, cval)
     for j in range(steps):
-        # What the next step needs is on its way while this one counts.
+        # Load the elements of the next step while this step computes.
         at = first + 4 * wp.min(j + 1, steps - 1)
         u0 = row_of(src, inside, base, at, border, cval)
         u1 = row_of(src, inside, base, at + 1, border, cval)
@@ -206,7 +209,7 @@ def rows4(
     # outputs
     dst: wp.array3d[float],
 ):
-    # One thread makes 4 columns of 4 rows, which share the taps.
+    # One thread computes 4 columns of 4 rows, which share the taps.
     columns = src.shape[2]
     quads = columns // 4
     group = wp.tid() // quads
@@ -328,5 +331,5 @@ def correlate_rows(
 
 
 def _in_quads(*arrays: wp.array) -> bool:
-    """Tell whether every row of the arrays falls into aligned groups of four floats."""
+    """Tell whether every row of the arrays consists of aligned groups of four floats."""
     return all(a.shape[-1] % 4 == 0 and a.ptr % 16 == 0 for a in arrays)

@@ -1,7 +1,7 @@
 // needs SCALAR
-// The median of each window of a row, by the bits of the result: the value of rank r is the largest
-// v with at most r window values below v, for 64 pixels at once. A count is at most 15 * 15, and
-// fits into whatever the values do.
+// The median of each window of a row, found bit by bit for 64 pixels at once: the value of rank r
+// is the largest v with at most r window values below v. A count is at most 15 * 15, so it fits
+// into the type of the values.
 void median_row(int slab, int plane, int row, int radius, int step, int low, int bits,
                 wp::array_t<SCALAR> window, wp::array_t<SCALAR> dst) {
     const int size = 2 * radius + 1, pitch = window.shape[1], columns = dst.shape[2];

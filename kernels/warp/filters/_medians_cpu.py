@@ -1,8 +1,9 @@
-"""The median on the CPU: one thread a slab of rows, a row at a time.
+"""The median on the CPU: one thread per slab of rows, row by row.
 
-The value of rank r is the largest v with at most r window values below v: it is found bit by bit,
-from the highest. A slab keeps the rows of its window, with margins, and copies one row anew for
-each row of the result; the counting is native, as it becomes vector code of bytes 32 at a time.
+The value of rank r is the largest v with at most r window values below v. It is found bit by bit,
+from the highest bit. A slab keeps the rows of its window, with margins, and copies one new row for
+each row of the result. The counting is native, because it becomes vector code for 32 bytes at a
+time.
 """
 
 from typing import Any
@@ -65,15 +66,15 @@ def _median(scalar: Any, c_type: str) -> wp.Kernel:
         # outputs
         dst: wp.array3d[scalar],  # (P, H, W step)
     ):
-        # The line of row y + t of a plane is its number modulo the size of the window: from one row
-        # to the next, one line is new.
+        # Row y + t of a plane is in the line of its number modulo the size of the window, so each
+        # row of the result needs one new line.
         radius = options.radius
         step = options.step
         size = 2 * radius + 1
         margin = radius * step
         height = dst.shape[1]
         columns = dst.shape[2]
-        behind = src.shape[2] - 1  # where the last vector of a row begins
+        behind = src.shape[2] - 1  # begin of the last vector of a row
         for row in range(first, last):
             plane = row // height
             y = row - plane * height

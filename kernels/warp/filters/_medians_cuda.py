@@ -1,7 +1,7 @@
-"""The median on CUDA, one thread an element.
+"""The median on CUDA, one thread per element.
 
-The value of rank r is the largest v with at most r window values below v: it is found bit by bit,
-from the highest. Small windows stay in registers.
+The value of rank r is the largest v with at most r window values below v. It is found bit by bit,
+from the highest bit. Small windows stay in registers.
 """
 
 from typing import Any
@@ -28,7 +28,7 @@ def _median(scalar: Any) -> wp.Kernel:
         # outputs
         dst: wp.array3d[scalar],
     ):
-        # The value of rank r is the largest v with at most r window values below v: bit by bit.
+        # Find the largest v with at most r window values below v, bit by bit.
         plane, row, column = wp.tid()
         height = src.shape[1]
         width = src.shape[2] // step
@@ -116,7 +116,7 @@ def keys_of_floats(
 ):
     i = wp.tid()
     b = bits[i]
-    if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN: above infinity, whatever its sign
+    if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN of any sign is placed above infinity
         b = 0x7FC00000
     keys[i] = wp.where(b < 0, b ^ 0x7FFFFFFF, b)
 

@@ -1,6 +1,6 @@
 """The two passes of a separable filter over lanes, shared by the CPU kernels of linear filters.
 
-A line of scratch holds one row between the passes; pixel 0 stands at element `margin`.
+A line of scratch holds one row between the passes; pixel 0 is at element `margin`.
 """
 
 from typing import Any
@@ -43,7 +43,7 @@ def sum_down(
     border: int,
     cval: float,
 ) -> f32_lanes:
-    """Weigh the rows round row `y` of a plane by the taps, for the vector at `x`."""
+    """Sum the rows around row `y` of a plane, weighted by the taps, for the vector at `x`."""
     n = taps.shape[0]
     first = y - n // 2
     acc = f32_lanes(0.0)
@@ -71,7 +71,7 @@ def pair_down(
     first_line: int,
     at: int,
 ):
-    """Weigh the rows round `row` and the next, all inside the plane: each is read once for both."""
+    """Sum the rows around `row` and around the next; all are inside, and each is read once."""
     n = taps.shape[0]
     top = row - n // 2
     v = src[top, x]
@@ -100,7 +100,7 @@ def both_down(
     first_line: int,
     at: int,
 ):
-    """Weigh the rows round row `y` by two kernels of one length: each row is read once for both."""
+    """Sum the rows around row `y` by two kernels of equal length; each row is read only once."""
     n = smooth.shape[0]
     first = y - n // 2
     a = f32_lanes(0.0)
@@ -126,7 +126,7 @@ def both_down(
 def sum_along(
     line: wp.array2d[f32_wide], row: int, x: int, step: int, taps: wp.array[float]
 ) -> f32_wide:
-    """Weigh the pixels round the vector at `x` of a line by the taps."""
+    """Sum the pixels around the vector at `x` of a line, weighted by the taps."""
     acc = f32_wide(0.0)
     for t in range(taps.shape[0]):
         acc += taps[t] * line[row, x + t * step]
@@ -143,7 +143,7 @@ def fill_margins(
     border: int,
     cval: float,
 ):
-    """Write what lies outside the row, by `border`, on both sides of it."""
+    """Write the values outside a row, by `border`, on both sides of it."""
     for i in range(margin):
         line[row, i] = outside(line, row, margin, i - margin, columns, step, border, cval)
         line[row, margin + columns + i] = outside(
@@ -162,7 +162,7 @@ def outside(
     border: int,
     cval: float,
 ) -> float:
-    """Value that `border` gives element `i` of the row."""
+    """Return the value of element `i` of a row; `border` gives those outside."""
     pixel = wp.floordiv(i, step)
     inside = border_index(pixel, columns // step, border)
     if inside < 0:

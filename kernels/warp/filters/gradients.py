@@ -1,7 +1,7 @@
 """Gradients in Warp: over lanes on the CPU, over blocks of outputs on CUDA.
 
-A derivative is smoothed in one direction and differenced in the other. The length is ``sqrt(dx^2 +
-dy^2)``, and the angle that of (dx, dy).
+A derivative is a difference in one direction and a smoothing in the other. The length is
+``sqrt(dx^2 + dy^2)``, and the angle that of (dx, dy).
 """
 
 import warp as wp
@@ -24,7 +24,7 @@ def differentiate(
     dy: wp.array,
     dx: wp.array,
 ) -> None:
-    """Correlate with slope down the rows and smooth along the columns (dy), and crosswise (dx)."""
+    """Correlate with slope down the rows and smooth along the columns (dy), or exchanged (dx)."""
     _differentiate(src, smooth, slope, outside, [dy, dx])
 
 
@@ -38,7 +38,7 @@ def differentiate_polar(
     magnitude: wp.array,
     orientation: wp.array,
 ) -> None:
-    """Differentiate, and give the length and the angle of each (dy, dx) as well."""
+    """Differentiate, and compute the length and the angle of each (dy, dx) as well."""
     outputs = [dy, dx, magnitude, orientation]
     _differentiate(src, smooth, slope, outside, outputs)
 
@@ -50,7 +50,7 @@ def _differentiate(
     outside: Outside,
     outputs: list[wp.array],
 ) -> None:
-    """Fill dy and dx, and magnitude and orientation where they are given."""
+    """Fill dy and dx, and magnitude and orientation if they are given."""
     polar = len(outputs) == 4
     if src.device.is_cuda:
         planes = (1, *src.shape)
@@ -84,7 +84,7 @@ def _differentiate(
 
 
 def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
-    """``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
+    """Compute ``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
     size = dy.size
     if dy.device.is_cuda:
         launch(cuda.root_mean_square, size, _flat(dy, dx), _flat(dst))

@@ -1,7 +1,7 @@
 """Linear filters in Warp: over lanes on the CPU, over blocks of outputs on CUDA.
 
-A pass is ``out[i] = sum over t of taps[t] * in[i + t - r]``, added up in the order of the taps: one
-down the rows, then one along the columns.
+A pass is ``out[i] = sum over t of taps[t] * in[i + t - r]``, summed in the order of the taps: one
+pass down the rows, then one along the columns.
 """
 
 import warp as wp

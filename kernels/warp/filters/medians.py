@@ -1,6 +1,7 @@
-"""Rank filters in Warp: one thread a slab of rows, or one an element.
+"""Rank filters in Warp: one thread per slab of rows, or per element on CUDA.
 
-Floats are compared as integers: their bits, those of negative ones turned round.
+The value of rank r is the largest v with at most r window values below v. Floats are compared as
+integers: by their bits, in reversed order for negative ones.
 """
 
 import warp as wp
@@ -22,7 +23,7 @@ def median(
     cval: int,
     dst: wp.array,
 ) -> None:
-    """Median of each square window of uint8 or int32, by bisection of the values."""
+    """Find the median of each square window of uint8 or int32, by bisection of the values."""
     parameters = [step, low, bits, border, cval]
     if dst.device.is_cuda:
         small = cuda.small_medians.get((src.dtype, radius))
@@ -39,7 +40,7 @@ def median(
     wide = vectors(view(flat, src.dtype, (planes, height, stored)), vector)
     size = 2 * radius + 1
     count = slabs(rows, src.size * size**2)
-    # Pixels are taken 64 at a time, whose windows reach so far behind the last of a row.
+    # Pixels are processed 64 at a time, so windows may reach this far beyond the end of a row.
     lines = (count * size, stored + 2 * radius * step + 64)
     window = scratch("median.window", lines, src.dtype, dst.device)
     inputs = [wide, cpu.options(radius, *parameters), window, vectors(window, vector)]
@@ -47,7 +48,7 @@ def median(
 
 
 def keys_of_floats(bits: wp.array, keys: wp.array) -> None:
-    """Order the bits of floats as integers: those of negative ones turned round below the sign."""
+    """Convert bits of floats to integers of the same order: invert negative ones below the sign."""
     flat = (bits.size,)
     launch(cuda.keys_of_floats, flat, [bits.reshape(flat)], [keys.reshape(flat)])
 

@@ -1,4 +1,4 @@
-"""Directions as integers: the same code of an angle on every device."""
+"""Directions as integers: an angle has the same code on every device."""
 
 import warp as wp
 
@@ -10,5 +10,5 @@ LAST = wp.constant(DIRECTIONS - 1)
 
 @wp.func
 def direction_code(angle: float) -> int:
-    """Return the nearest of DIRECTIONS over the full turn; for modules without `fuse_fp`."""
+    """Return the nearest direction code; only for modules compiled without `fuse_fp`."""
     return int(wp.floor(angle * FACTOR + 0.5)) & LAST

@@ -1,9 +1,9 @@
-"""The set pixels of a mask as a list, on the CPU: one thread a slab of rows, 8 pixels at a time.
+"""The set pixels of a mask as a list, on the CPU: one thread per slab of rows, 8 pixels at a time.
 
-Two passes: the number of set pixels of each row, added up from the top, says where the points of a
-row stand in the list; then each row writes its own. A word of 64 bits holds eight pixels. With L
-the word whose bytes are 127, the highest bit of each byte of ``(((w & L) + L) | w)`` tells whether
-the byte is not 0, and a product with a word whose bytes are 1 adds the bits up.
+There are two passes. A prefix sum of the number of set pixels of each row gives the place of the
+row's points in the list; then each row writes its points. A word of 64 bits holds eight pixels. Let
+L be the word whose bytes are 127. Then the highest bit of each byte of ``(((w & L) + L) | w)``
+tells whether the byte is not 0, and a product with a word whose bytes are 1 counts these bits.
 """
 
 import warp as wp
@@ -19,14 +19,14 @@ NOTHING = wp.constant(wp.uint64(0))
 
 
 def words(mask: wp.array) -> wp.array:
-    """View the eight pixels from each pixel of a row on as a word; the words overlap."""
+    """View eight pixels, beginning at each pixel of a row, as a word; the words overlap."""
     height, width = mask.shape
     return view(mask, wp.uint64, (height, max(width - 7, 0)), (width, 1))
 
 
 @wp.func
 def number_of_set(word: wp.uint64) -> int:
-    """Return how many of the eight bytes are not 0."""
+    """Return the number of the eight bytes that are not 0."""
     highest = (((word & LOWER) + LOWER) | word) & HIGHEST
     return int(((highest >> wp.uint64(7)) * ONES) >> wp.uint64(56))
 

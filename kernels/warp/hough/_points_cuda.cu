@@ -1,6 +1,6 @@
 #include "_points_row.cu"
 
-// One warp a row: the number of its set pixels, one place later.
+// One warp per row writes the number of its set pixels, at the next row's place.
 void count(wp::array_t<wp::uint8> mask, bool words, wp::array_t<int> starts) {
     const int y = Row::index(), lane = threadIdx.x % 32, columns = mask.shape[1];
     if (y >= mask.shape[0]) return;
@@ -14,8 +14,9 @@ void count(wp::array_t<wp::uint8> mask, bool words, wp::array_t<int> starts) {
 }
 
 // needs BLOCK
-// One block: a thread adds up its share of the rows; the sums of the shares are added up by
-// doubling steps; then each thread knows what stands before its share, and writes it.
+// One block computes the prefix sum. Each thread adds its share of the rows; the sums of the shares
+// are added in doubling steps; then each thread knows the sum before its share, and writes its
+// rows.
 void add_up(wp::array_t<int> starts) {
     __shared__ int sums[BLOCK];
     const int t = threadIdx.x, length = starts.shape[0] - 1;
@@ -36,7 +37,7 @@ void add_up(wp::array_t<int> starts) {
     if (t == 0) starts.data[0] = 0;
 }
 
-// One warp a row: its points, from the row's place in the list on.
+// One warp per row writes the points of the row, beginning at the row's place in the list.
 void gather(wp::array_t<wp::uint8> mask, wp::array_t<int> starts, bool words,
             wp::array_t<int> points) {
     const int y = Row::index(), lane = threadIdx.x % 32, columns = mask.shape[1];

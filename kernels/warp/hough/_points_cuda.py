@@ -1,7 +1,7 @@
-"""The set pixels of a mask as a list, on CUDA: one warp a row, 16 pixels a lane.
+"""The set pixels of a mask as a list, on CUDA: one warp per row, 16 pixels per lane.
 
-As on the CPU, the pixels of each row are counted, the counts added up from the top, by one block,
-and then each row writes its points. A lane knows its place from the counts of the lanes before it.
+As on the CPU, the pixels of each row are counted, one block computes the prefix sum of the counts,
+and then each row writes its points. The counts of the lanes before it give a lane its place.
 """
 
 import warp as wp
@@ -15,7 +15,7 @@ WARPS = BLOCK // 32
 
 
 def dim(mask: wp.array) -> int:
-    """Return the number of threads: one warp a row, whole blocks."""
+    """Return the number of threads: one warp per row, in whole blocks."""
     return -(-mask.shape[0] // WARPS) * BLOCK
 
 

@@ -1,11 +1,11 @@
 #pragma once
 
-// A row of a mask, as a warp reads it.
+// A row of a mask, read by a warp.
 struct Row {
     static __device__ int index() { return (blockIdx.x * blockDim.x + threadIdx.x) / 32; }
 
-    // Bit k tells whether pixel x + k is set, for 16 pixels from x on. With `words` the row falls
-    // into aligned words of 16 bytes.
+    // Bit k tells whether pixel x + k is set, for k below 16. With `words` the row consists of
+    // aligned words of 16 bytes.
     static __device__ unsigned int bits(const unsigned char* pixel, int x, int columns,
                                         bool words) {
         unsigned int bits = 0;

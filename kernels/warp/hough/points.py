@@ -1,7 +1,7 @@
 """The set pixels of a mask as a list, in Warp.
 
-The points stand in raster order: `starts` tells how many there are above each row. On the CPU a
-thread has a slab of rows, on CUDA a warp has one row.
+The points are in raster order; `starts` is the number of points above each row. On the CPU a thread
+takes a slab of rows, on CUDA a warp takes a row.
 """
 
 import warp as wp
@@ -13,7 +13,7 @@ from . import _points_cuda as cuda
 
 
 def count(mask: wp.array, starts: wp.array) -> None:
-    """Count the set pixels above each row; one thread a slab of rows, or one warp a row."""
+    """Count the set pixels above each row."""
     if mask.device.is_cuda:
         launch(cuda.count, cuda.dim(mask), [mask, cuda.in_words(mask)], [starts])
         launch(cuda.add_up, cuda.BLOCK, [], [starts])
@@ -25,7 +25,7 @@ def count(mask: wp.array, starts: wp.array) -> None:
 
 
 def gather(mask: wp.array, starts: wp.array, points: wp.array) -> None:
-    """List row and column of the set pixels; one thread a slab of rows, or one warp a row."""
+    """List row and column of the set pixels."""
     if mask.device.is_cuda:
         launch(cuda.gather, cuda.dim(mask), [mask, starts, cuda.in_words(mask)], [points])
         return
@@ -37,9 +37,9 @@ def gather(mask: wp.array, starts: wp.array, points: wp.array) -> None:
 def first_outside(
     points: wp.array, starts: wp.array, values: wp.array, low: float, high: float, index: wp.array
 ) -> None:
-    """Find the first point whose value is not in [low, high], or their number.
+    """Find the first point whose value is outside [low, high], or the number of points.
 
-    One thread in all, or one a point.
+    One thread on the CPU, one thread per point on CUDA.
     """
     inputs = [points, starts, values, low, high]
     if points.device.is_cuda:

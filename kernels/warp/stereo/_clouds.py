@@ -1,6 +1,6 @@
-"""Points of a map collected into clouds, on both devices: one thread a part of a row.
+"""Points of a map collected into clouds, on both devices: one thread per part of a row.
 
-Parts are counted first; sums of the counts say where the points of each part begin.
+The points of each part are counted first; a prefix sum of the counts gives the place of each part.
 """
 
 import warp as wp
@@ -10,7 +10,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid
 
 @wp.func
 def is_kept(points: wp.array3d[float], mask: wp.array2d[wp.uint8], y: int, x: int) -> bool:
-    """Tell whether a pixel has a point, and the mask (of all pixels, or one for all) has it."""
+    """Tell whether a pixel has a finite point and is set in the mask, if there is a mask."""
     chosen = mask[wp.min(y, mask.shape[0] - 1), wp.min(x, mask.shape[1] - 1)] != wp.uint8(0)
     return (
         chosen

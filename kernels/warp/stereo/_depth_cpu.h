@@ -14,7 +14,7 @@ void depth(int slab, int first, int last, wp::array_t<float> disparity, float sc
     }
 }
 
-// Products and sums in the order of `mapped` in _depth_cuda.py, and none of them fused.
+// Products and sums are in the order of `mapped` in _depth_cuda.py, and none of them is fused.
 void points(int slab, int first, int last, wp::array_t<float> disparity, wp::array_t<float> q,
             wp::array_t<float> points) {
     const int columns = points.shape[1];

@@ -1,6 +1,6 @@
-"""Depth and points on the CPU: one thread a slab of rows.
+"""Depth and points on the CPU: one thread per slab of rows; depth.py has the equations.
 
-Native, because the loop over a row becomes vector code, divisions included.
+The code is native, because the loop over a row becomes vector code, divisions included.
 """
 
 import warp as wp

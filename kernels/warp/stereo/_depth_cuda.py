@@ -1,4 +1,4 @@
-"""Depth and points on CUDA: one thread a pixel."""
+"""Depth and points on CUDA: one thread per pixel; depth.py has the equations."""
 
 import warp as wp
 
@@ -34,7 +34,7 @@ def mapped(q: wp.array2d[float], row: int, x: float, y: float, d: float) -> floa
 
 @wp.func
 def reprojected(q: wp.array2d[float], x: float, y: float, d: float) -> wp.vec3:
-    """Return the point of a pixel, NaN where it has none."""
+    """Return the point of a pixel, NaN if it has none."""
     p = wp.vec3(none())
     w = mapped(q, 3, x, y, d)
     if wp.isfinite(d) and w != 0.0:

@@ -1,6 +1,6 @@
 #include "_winner.h"
 
-// The costs of one pixel on the CPU: a line in memory, filled up with MOST to a multiple of 32.
+// The costs of one pixel on the CPU: a line in memory, padded with MOST to a multiple of 32.
 //
 // COST is unsigned short or float; PLACE is an unsigned integer of the same size; MOST is the
 // largest COST.
@@ -10,7 +10,7 @@ struct Line {
     typedef PLACE places __attribute__((vector_size(64), aligned(4)));
     enum { WIDTH = 64 / sizeof(COST) };
 
-    // The second where the first is NaN.
+    // The smaller value; if the first is NaN, the second.
     static costs lesser(costs a, costs b) { return a < b ? a : b; }
 
     static places rising() {
@@ -30,7 +30,7 @@ struct Line {
             found = __builtin_elementwise_min(at, found);
         }
         int k = __builtin_reduce_min(found);
-        k = k < depth ? k : 0;  // all costs are infinite
+        k = k < depth ? k : 0;  // 0 if all costs are infinite
         for (int d = 0; d < padded; d += WIDTH) {
             const costs v = *(const costs*)(line + d);
             const costs apart = rising() + (PLACE)(d - k + 1) > (PLACE)2 ? v : most;
@@ -39,15 +39,17 @@ struct Line {
         const bool alone = k < 2 && k > depth - 3, inner = k > 0 && k < depth - 1;
         const WIDE before = inner ? (WIDE)line[k - 1] - (WIDE)c : (WIDE)0;
         const WIDE after = inner ? (WIDE)line[k + 1] - (WIDE)c : (WIDE)0;
-        return {k, (WIDE)c, (WIDE)__builtin_reduce_min(other), alone, inner, before, after};
+        // The cost is read where it stands: 0 and -0 are equal, and the first is meant.
+        return {k, (WIDE)line[k], (WIDE)__builtin_reduce_min(other), alone, inner, before, after};
     }
 };
 
 // The winners of a row of the right image, from the lines of the left one.
 //
-// Cost k of left pixel x is that of right pixel x - first - k. The best match of each right pixel
-// is kept in a row from the last column to the first, where it moves with k, behind a margin of
-// `padded`. Left pixels come from the last to the first, so their k falls: a tie is taken.
+// Cost k of left pixel x belongs to right pixel x - first - k. A row keeps the best match of each
+// right pixel, from the last column to the first, after a margin of `padded`, so that its index
+// increases with k. Left pixels come from the last to the first, so k decreases, and a tie replaces
+// the match.
 struct RightRow {
     COST* best;
     PLACE* place;

@@ -2,9 +2,9 @@
 #include "_winner.h"
 
 // needs TILE, LOW_HALVES, HIGH_HALVES, FIRST_BLOCKS, LAST_BLOCKS
-// The sums of a row are turned over: each disparity gets a line of its own, with the pixels side by
-// side, and the winner is found for LANES pixels at once. Where there is no disparity, or no image,
-// stands the sum 65535, which no other is; on both sides a line has `edge` such places.
+// The sums of a row are transposed: each disparity gets its own line with successive pixels, and
+// the winner is found for LANES pixels at once. Places without a disparity or outside the image
+// hold 65535, which no sum reaches; a line has `edge` such places on both sides.
 void match_windows(int slab, int first, int last, wp::array_t<ELEMENT> left,
                    wp::array_t<ELEMENT> right, int count, Windows windows, WinnerRule rule,
                    WindowWork work, WinnerArrays winners, wp::array_t<int> right_index) {
@@ -33,9 +33,9 @@ void match_windows(int slab, int first, int last, wp::array_t<ELEMENT> left,
     for (int k = 0; k < row.range(); ++k)
         for (int i = 0; i < line; ++i)
             if (i < edge || i >= edge + turned) lines_of_sums[(size_t)k * line + i] = 65535;
-    // Turn TILE pixels from x on over: within blocks of 8 x 8, then the blocks. Each round of
-    // taking halves by turns moves the first bit of the number of a row to the end of that of a
-    // column, and the other way round.
+    // Transpose TILE pixels, beginning at x: within blocks of 8 x 8, then the blocks. Each round
+    // interleaves halves, which exchanges the first bit of the row number with the last bit of the
+    // column number.
     const auto turn = [&](int x, int chunk) {
         for (int begin = 0; begin < LANES; begin += TILE) {
             part rows[TILE];
@@ -111,7 +111,7 @@ void match_windows(int slab, int first, int last, wp::array_t<ELEMENT> left,
                              winners.confidence.data + p);
             }
         }
-        // The same of the right image: its pixel x has the disparity k in common with x + start +
+        // The same for the right image: at disparity k, its pixel x matches left pixel x + start +
         // k.
         for (int begin = 0; begin < width; begin += LANES) {
             const int from = begin + start;

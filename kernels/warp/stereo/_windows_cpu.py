@@ -1,8 +1,8 @@
 """Matching by windows on the CPU: winners among the sums of costs/_sums_cpu.h, row by row.
 
-The sums of a row are turned over in tiles, so that 64 pixels stand side by side in a vector when
-their winners are picked, by the rule of _winner.h. Native, because both need vectors of 16 bits and
-shuffles.
+The sums of a row are transposed in tiles, so that a vector holds 64 successive pixels when their
+winners are picked, by the rule of _winner.h. The code is native, because both steps need vectors of
+16-bit numbers and shuffles. One thread per slab of rows.
 """
 
 from collections.abc import Iterable
@@ -24,12 +24,12 @@ from .costs._windows_cpu import (
     slab_scratch,
 )
 
-_TILE = 32  # pixels and disparities that are turned over at once
+_TILE = 32  # pixels and disparities that are transposed at a time
 
 
 @wp.struct
 class WindowWork:
-    """What threads keep while they match, a row of each array a slab."""
+    """The working memory of matching; each array has one row per slab."""
 
     lines: wp.array2d[wp.uint8]  # 2 rows of lines
     columns: wp.array2d[wp.uint16]  # (W + 2 radius_x) padded(D)
@@ -41,7 +41,7 @@ def work_of(left: wp.array, slabs: int, count: int, cost: int, windows: Windows)
     """Return the scratch memory of `slabs` slabs."""
     work = WindowWork()
     work.lines, work.columns = slab_scratch(left, slabs, count, cost, windows, wp.uint16)
-    # An odd number of cache lines, or all disparities of a pixel would share a few of them.
+    # Use an odd number of cache lines, or all disparities of a pixel would share a few of them.
     lanes = LANES_OF[wp.uint16]
     line = (-(-left.shape[1] // lanes) + 2) * lanes
     work.line = line = line + _TILE * (line // _TILE % 2 == 0)
@@ -51,9 +51,9 @@ def work_of(left: wp.array, slabs: int, count: int, cost: int, windows: Windows)
 
 
 def _by_turns(begins: Iterable[int], size: int, step: int) -> str:
-    """Return the places of one vector and of another, by turns, `step` at a time.
+    """Return the interleaved places of two vectors, `step` of each at a time.
 
-    They are the `size` places behind each of `begins`.
+    They are the `size` places that begin at each of `begins`.
     """
     pieces = (range(i, i + step) for begin in begins for i in range(begin, begin + size, step))
     return ", ".join(str(i + other) for piece in pieces for other in (0, _TILE) for i in piece)

@@ -16,8 +16,8 @@ void match(wp::array_t<wp::uint64> left, wp::array_t<wp::uint64> right, int coun
     const int begin = blockIdx.x % tiles * tile, size = min(tile, width - begin);
     const int top = blockIdx.x / tiles * rows, bottom = min(top + rows, height);
     const int wide = size + 2 * radius_x;
-    // Words are the lower halves of what is given. Place i of the right ones is for disparity k at
-    // place i - MOST + k of the left ones.
+    // A word is the lower half of a given element. At disparity k, place i of the right words
+    // matches place i - MOST + k of the left words.
     const auto load = [&](int which, int y) {
         const size_t row = (size_t)max(0, min(height - 1, y)) * width;
         const uint2* l = (const uint2*)left.data + row;

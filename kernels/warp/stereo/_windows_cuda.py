@@ -1,9 +1,10 @@
-"""Matching by windows on CUDA: a block a tile of columns, which goes down a strip of rows.
+"""Matching by windows on CUDA: one block per tile of columns, which moves down a strip of rows.
 
-The sums of Hamming distances down the columns stay in shared memory, those of two disparities in a
-word: no half of a word is ever negative or more than 16 bits, so whole words are added. A warp sums
-them along the row, its threads the disparities, and picks the winner of each pixel. The winners of
-the right image are the least of keys, the cost above and the disparity below.
+The sums of Hamming distances down the columns stay in shared memory, two disparities in a word. No
+half of a word is ever negative or needs more than 16 bits, so whole words are added. A warp sums
+them along the row, one thread per group of disparities, and picks the winner of each pixel. The
+winner of a right pixel is the minimum of keys, with the cost in the high bits and the disparity in
+the low bits.
 """
 
 from functools import lru_cache
@@ -19,21 +20,21 @@ from .costs._windows_cpu import Windows
 
 wp.set_module_options(OPTIONS)
 
-WORDS = (1, 2, 4, 8)  # numbers of groups of 64 disparities that a thread may have its part of
+WORDS = (1, 2, 4, 8)  # possible numbers of words, of two disparities each, per thread
 _BLOCK = 256
-_SHARED_WORDS = 9216  # words of the sums: 36 KiB of the 48 that a block may have
-_FEWEST_COLUMNS = 16  # columns of a tile, beside those that its windows reach
+_SHARED_WORDS = 9216  # words of the sums: 36 KiB of the 48 KiB of a block
+_FEWEST_COLUMNS = 16  # fewest columns of a tile, without the reach of its windows
 _BLOCKS = 1056  # blocks that keep a large GPU busy
 
 
 def columns_of(words: int) -> int:
-    """Return how many columns of sums fit into shared memory."""
+    """Return the number of columns of sums that fit into shared memory."""
     return _SHARED_WORDS // (32 * words)
 
 
 @lru_cache
 def match_kernel(words: int) -> wp.Kernel:
-    """Return the kernel for up to 64 `words` disparities, compiled when it is first used."""
+    """Return the kernel for up to 64 `words` disparities; it is compiled at the first use."""
     needs = {"WORDS": words, "COLUMNS": columns_of(words), "BLOCK": _BLOCK, "WIDE": "int"}
 
     @_native.kernel("_windows_cuda.cu", OPTIONS, launch_bounds=(_BLOCK, 4), **needs, **CURVES)
@@ -43,7 +44,7 @@ def match_kernel(words: int) -> wp.Kernel:
         count: int,
         windows: Windows,
         rule: WinnerRule,
-        rows: int,  # rows that a block makes
+        rows: int,  # rows that a block computes
         # outputs, (H, W)
         winners: WinnerArrays,
         keys: wp.array2d[wp.uint32],  # keys of the right image, all bits set before
@@ -71,7 +72,7 @@ def disparities_of_keys(
 
 
 def words_for(count: int, radius_x: int) -> int:
-    """Return how many words of disparities a thread has; 0 if no kernel has room for them."""
+    """Return the number of words per thread; 0 if no kernel has room for the disparities."""
     fitting = (words for words in WORDS if count <= 64 * words)
     words = next(fitting, 0)
     return words if words and columns_of(words) >= 2 * radius_x + _FEWEST_COLUMNS else 0
@@ -86,7 +87,7 @@ def match_words(
     winners: Winners,
     right_index: wp.array,
 ) -> None:
-    """Match (H, W, 1) of 32 bits, as far as `words_for` allows."""
+    """Match descriptors (H, W, 1) of 32 bits; `words_for` must allow it."""
     height, width, _ = left.shape
     words = words_for(count, windows.radius_x)
     tiles = -(-width // (columns_of(words) - 2 * windows.radius_x))

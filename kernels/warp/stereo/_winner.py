@@ -1,6 +1,6 @@
-"""What kernels of both devices know of winners: the arrays that they fill, and the rule.
+"""Structures of winners for the kernels of both devices: their arrays, and the rule's parameters.
 
-The rule itself is C++ for both devices: _winner.h.
+The rule itself is in _winner.h, in C++ for both devices.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ from cvkern.kernels.codes.stereo import Rule, Subpixel, Winners
 
 # Without fused multiply-add a disparity has the same bits on every device.
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-# What _winner.h needs.
+# Constants of _winner.h.
 CURVES = {"NO_SUBPIXEL": int(Subpixel.NONE), "PARABOLA": int(Subpixel.PARABOLA)}
 
 

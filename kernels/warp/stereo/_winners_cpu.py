@@ -1,8 +1,9 @@
-"""Winner takes all on the CPU, one thread a slab of rows.
+"""Winner takes all on the CPU, one thread per slab of rows.
 
-_winner.h has the rule. Costs of a pixel are copied to a line of uint16 or float32 (_line_cpu.h):
-the least is found there by vectors of 64 bytes, then its first place, then the least of the places
-that are not beside it. Native, because a loop over single costs takes several times as long.
+_winner.h has the rule. The costs of a pixel are copied to a line of uint16 or float32
+(_line_cpu.h). Vectors of 64 bytes find the smallest cost there, then its first place, then the
+smallest cost of all places that are not adjacent to it. The code is native, because a loop over
+single costs takes several times as long.
 """
 
 from functools import lru_cache
@@ -25,7 +26,7 @@ class Kind(NamedTuple):
     place: Any
     """An unsigned integer of the same size."""
     constants: dict[str, Any]
-    """What _line_cpu.h and _winner.h need."""
+    """The constants of _line_cpu.h and _winner.h."""
 
 
 INTEGER = Kind(
@@ -47,7 +48,7 @@ REAL = Kind(
 
 
 def padded(depth: int) -> int:
-    """Return how many costs the line of a pixel holds: whole vectors of each type."""
+    """Return the length of a pixel's line of costs: whole vectors of each type."""
     return -(-depth // 32) * 32
 
 

@@ -1,7 +1,8 @@
-"""Winner takes all on CUDA: some threads a pixel of the left image, tiles for the right.
+"""Winner takes all on CUDA: a group of threads per left pixel, a block per tile of right pixels.
 
-_winner.h has the rule. The threads of a pixel load its costs 16 bytes at a time, where these are
-aligned, and find the least cost and its rival by shuffles. Native, for these loads and shuffles.
+_winner.h has the rule. The threads of a pixel load its costs 16 bytes at a time if they are
+aligned, and find the smallest cost and its rival by shuffles. The code is native for these loads
+and shuffles.
 """
 
 from functools import lru_cache
@@ -20,15 +21,15 @@ BLOCK = 256  # threads of a block
 
 
 def _constants(scalar: Any) -> dict[str, Any]:
-    wide = "float" if scalar is wp.float32 else "int"
-    return {"TYPE": C_TYPES[scalar], "WIDE": wide, "BLOCK": BLOCK, **CURVES}
+    floats = scalar is wp.float32
+    wide, most = ("float", "__int_as_float(0x7f800000)") if floats else ("int", "0x7fffffff")
+    return {"TYPE": C_TYPES[scalar], "WIDE": wide, "MOST": most, "BLOCK": BLOCK, **CURVES}
 
 
 @lru_cache
 def pick_kernel(scalar: Any, lanes: int, vector: int) -> wp.Kernel:
-    """Return the kernel for costs of one type, `lanes` threads a pixel, `vector` costs a load."""
-    most = "__int_as_float(0x7f800000)" if scalar is wp.float32 else "0x7fffffff"
-    constants = {**_constants(scalar), "MOST": most, "LANES": lanes, "VECTOR": vector}
+    """Return the kernel for one type, `lanes` threads per pixel and `vector` costs per load."""
+    constants = {**_constants(scalar), "LANES": lanes, "VECTOR": vector}
 
     @_native.kernel("_winners_cuda.cu", OPTIONS, **constants)
     def pick(
@@ -57,7 +58,7 @@ def pick_right_kernel(scalar: Any) -> wp.Kernel:
 
 
 def pick(costs: wp.array, rule: Rule, winners: Winners) -> None:
-    """Find the least cost of each pixel, the disparity between the pixels, and how sure it is."""
+    """Find the smallest cost of each pixel, its sub-pixel disparity, and the confidence."""
     depth = costs.shape[2]
     vector = 16 // wp.types.type_size_in_bytes(costs.dtype)
     if depth % vector != 0 or costs.ptr % 16 != 0:
@@ -74,7 +75,7 @@ def pick(costs: wp.array, rule: Rule, winners: Winners) -> None:
 
 
 def pick_right(costs: wp.array, first: int, index: wp.array) -> None:
-    """Find the least cost of each pixel of the right image, on the diagonals of the volume."""
+    """Find the smallest cost of each right pixel, on the diagonals of the volume."""
     height, width = index.shape
     threads = height * -(-width // BLOCK) * BLOCK
     launch(pick_right_kernel(costs.dtype), threads, [costs, first], [index])

@@ -1,10 +1,10 @@
-"""Depth, points and point clouds of disparities, in Warp.
+"""Depth, points and point clouds from disparities, in Warp.
 
     depth = focal baseline / (disparity + doffs),   point = (a, b, c) / w with (a, b, c, w) = Q (x,
     y, d, 1)
 
-as cv2.reprojectImageTo3D has it. On CUDA a thread takes a pixel, on the CPU a slab of rows; a cloud
-is collected by a thread for each part of a row.
+as in cv2.reprojectImageTo3D. On CUDA a thread takes a pixel, on the CPU a slab of rows. One thread
+per part of a row collects a cloud.
 """
 
 import warp as wp
@@ -17,9 +17,9 @@ from . import _depth_cuda as cuda
 
 
 def depth(disparity: wp.array, scale: float, doffs: float, depth: wp.array) -> None:
-    """Divide `scale` by the disparity and `doffs`: infinite at 0, NaN below and where not finite.
+    """Compute ``scale / (disparity + doffs)``.
 
-    On CUDA one thread a pixel, on the CPU one a slab of rows.
+    The result is infinite for a sum of 0, and NaN for a sum that is negative or not finite.
     """
     if disparity.device.is_cuda:
         flat = (disparity.size,)
@@ -32,8 +32,7 @@ def depth(disparity: wp.array, scale: float, doffs: float, depth: wp.array) -> N
 def points(disparity: wp.array, q: wp.array, points: wp.array) -> None:
     """Map (x, y, disparity, 1) by the matrix `q` and divide by the last coordinate.
 
-    NaN where the disparity is not finite or that coordinate is 0. On CUDA one thread a pixel, on
-    the CPU one a slab of rows.
+    NaN where the disparity is not finite or that coordinate is 0.
     """
     if disparity.device.is_cuda:
         launch(cuda.points, disparity.size, [disparity, q], [points])
@@ -43,10 +42,10 @@ def points(disparity: wp.array, q: wp.array, points: wp.array) -> None:
 
 
 def count_points(points: wp.array, mask: wp.array, counts: wp.array) -> None:
-    """Count the finite points of each part of a row where `mask` is not 0; one thread a part.
+    """Count the finite points of each part of a row where `mask` is not 0; one thread per part.
 
-    The shape of `counts` says into how many parts, of one width, a row is cut. A mask of shape
-    (1, 1) stands for all pixels.
+    The shape of `counts` gives the number of parts, of equal width, of a row. A mask of shape
+    (1, 1) means all pixels.
     """
     launch(clouds.count_points, counts.shape, [points, mask], [counts])
 
@@ -59,8 +58,8 @@ def gather_points(
     cloud: wp.array,
     colors: wp.array,
 ) -> None:
-    """Copy the points that `count_points` counts, and their colours, from `starts` of a part on.
+    """Copy the points that `count_points` counts, and their colours; `starts` gives their places.
 
-    An image of one channel gives grey. One thread a part.
+    An image of one channel gives grey. One thread per part.
     """
     launch(clouds.gather_points, starts.shape, [points, mask, image, starts], [cloud, colors])

@@ -1,8 +1,9 @@
 """Matching by windows without a volume of costs, in Warp.
 
-The costs are those of costs/windows.py, the winners those of winners.py. On the CPU a thread sums a
-row at a time and picks its winners; on CUDA a block takes a tile of columns where that fits into
-shared memory, which needs descriptors of at most 32 bits, else a strip of rows is stored.
+The costs are those of costs/windows.py, the winners those of winners.py. On the CPU a thread sums
+one row at a time and picks its winners. On CUDA a block takes a tile of columns if it fits into
+shared memory, which needs descriptors of at most 32 bits; otherwise the costs of a strip of rows
+are stored.
 """
 
 import warp as wp
@@ -32,7 +33,7 @@ def match_windows(
     winners: Winners,
     right_index: wp.array,
 ) -> None:
-    """Do `window_costs`, `pick` and `pick_right` a part at a time; sums must be below 65535."""
+    """Do `window_costs`, `pick` and `pick_right` part by part; sums must be below 65535."""
     height, width, channels = left.shape
     windows = windows_of(rule.first, octets, radius_y, radius_x)
     if left.device.is_cuda:

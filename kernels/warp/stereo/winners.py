@@ -1,9 +1,9 @@
 """The winner among the costs of a pixel, in Warp.
 
-The disparity of the least cost, with a fraction by the costs beside it (D. Scharstein and R.
-Szeliski, IJCV 47, 2002), and its confidence, the peak ratio (X. Hu and P. Mordohai, IEEE PAMI
-34(11), 2012): _winner.h has the equations. On the CPU a thread takes a slab of rows, on CUDA some
-threads a pixel.
+The winner is the disparity with the smallest cost; the neighbouring costs give its sub-pixel part
+(D. Scharstein and R. Szeliski, IJCV 47, 2002). The confidence is the peak ratio (X. Hu and P.
+Mordohai, IEEE PAMI 34(11), 2012). _winner.h has the equations. On the CPU a thread takes a slab of
+rows, on CUDA a group of threads takes a pixel.
 """
 
 import warp as wp
@@ -33,14 +33,14 @@ def _largest(
 
 
 def largest(costs: wp.array, most: wp.array) -> None:
-    """Find the largest cost of each pixel; one thread a pixel on CUDA."""
+    """Find the largest cost of each pixel; one thread per pixel on CUDA."""
     pixels, depth = most.size, costs.shape[2]
     flat = view(costs, wp.uint16, (pixels, depth))
     launch_each(_largest, pixels, costs.size, [flat], [view(most, wp.int32, (pixels,))])
 
 
 def pick(costs: wp.array, rule: Rule, winners: Winners) -> None:
-    """Find the least cost of each pixel, the disparity between the pixels, and how sure it is."""
+    """Find the smallest cost of each pixel, its sub-pixel disparity, and the confidence."""
     if winners.index.device.is_cuda:
         cuda.pick(costs, rule, winners)
         return
@@ -58,7 +58,7 @@ def pick(costs: wp.array, rule: Rule, winners: Winners) -> None:
 
 
 def pick_right(costs: wp.array, first: int, index: wp.array) -> None:
-    """Find the least cost of each pixel of the right image, on the diagonals of the volume."""
+    """Find the smallest cost of each right pixel, on the diagonals of the volume."""
     height, width, depth = costs.shape
     if index.device.is_cuda:
         cuda.pick_right(costs, first, index)

@@ -3,7 +3,7 @@
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product
@@ -34,7 +34,8 @@ def _prepare(
         if src.shape[2] > 1:
             v = product(GRAY[0], v, zero) + product(GRAY[1], src[y, x, 1], zero)
             v = v + product(GRAY[2], src[y, x, 2], zero)
-        dst[y, x] = v * scale
+        v = v * scale
+        dst[y, x] = v if ti.abs(v) <= MOST_GRAY else 0.0  # NaN as well
 
 
 @primitive

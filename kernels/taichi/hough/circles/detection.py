@@ -1,8 +1,8 @@
-"""From edge points to circles in Taichi: one thread a point, or a point and a circle.
+"""From edge points to circles in Taichi: one thread per point, or per point and circle.
 
-Each edge point has a line: its place between the pixels, and the direction of its gradient. Lines
-vote for centres, in cells; points near a centre vote for radii; and the points near a circle give
-the sums of a least-squares fit.
+Each edge point has a line, given by its sub-pixel position and the direction of its gradient. Lines
+vote for centres, in cells. Points near a centre vote for radii. The points near a circle give the
+sums of a least-squares fit.
 """
 
 import numpy as np
@@ -38,14 +38,14 @@ def _shrink(
 
 @primitive
 def shrink(src: np.ndarray, factor: int, dst: np.ndarray) -> None:
-    """Average squares of `factor` pixels a side of a uint8 or float32 image."""
+    """Average squares of `factor` x `factor` pixels of a uint8 or float32 image."""
     share = np.float32(1) / np.float32(factor * factor)
     _shrink(src, factor, share, dst)
 
 
 @ti.func
 def _length(dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, zero: ti.i32) -> ti.f32:
-    """Length of the gradient, 0 outside the image."""
+    """Return the length of the gradient, 0 outside the image."""
     square = 0.0
     if 0 <= y < dy.shape[0] and 0 <= x < dy.shape[1]:
         square = product(dx[y, x], dx[y, x], zero) + product(dy[y, x], dy[y, x], zero)
@@ -72,7 +72,7 @@ def _aim(
         here = _length(dy, dx, y, x, zero)
         behind = _length(dy, dx, y + steep, x + flat, zero)
         offset = 0.0
-        if here > before and here >= behind:  # the top of the parabola through the three
+        if here > before and here >= behind:  # move to the maximum of a parabola through the three
             offset = quotient(0.5 * (before - behind), (before - 2.0 * here) + behind, zero)
         lines[0, i] = y + (offset if steep == 1 else 0.0)
         lines[1, i] = x + (0.0 if steep == 1 else offset)
@@ -82,7 +82,7 @@ def _aim(
 
 @primitive
 def aim(dy: np.ndarray, dx: np.ndarray, pixels: np.ndarray, lines: np.ndarray) -> None:
-    """Write row and column of the edge at each of N pixels, and its direction's sine and cosine."""
+    """Write row, column, sine and cosine of direction of the sub-pixel edge at each of N pixels."""
     _aim(dy, dx, pixels, 0, lines)
 
 
@@ -111,7 +111,7 @@ def _vote_centers(
                 row = (y + side * k * dy) >> ti.static(LINE_ONE.bit_length() - 1)
                 column = (x + side * k * dx) >> ti.static(LINE_ONE.bit_length() - 1)
                 if 0 <= row < votes.shape[0] and 0 <= column < votes.shape[1]:
-                    ti.atomic_add(votes[row, column], 1.0)  # exact: no order can show
+                    ti.atomic_add(votes[row, column], 1.0)  # exact in any order
 
 
 @primitive
@@ -124,7 +124,7 @@ def vote_centers(
     last_side: int,
     votes: np.ndarray,
 ) -> None:
-    """Count in each cell the lines that reach it after `low` to `high` steps; write all votes."""
+    """Count in each cell the lines that reach it after `low` to `high` steps; fill all votes."""
     _vote_centers(lines, low, high, scale, first_side, last_side, 0, votes)
 
 
@@ -140,7 +140,7 @@ def _seen(
     last_side: ti.i32,
     zero: ti.i32,
 ) -> ti.f32:
-    """Distance of point `i`, if it aims at the centre; else -1."""
+    """Return the distance of point `i` from the centre if it aims at the centre; else -1."""
     dy = lines[0, i] - cy
     dx = lines[1, i] - cx
     d = root(product(dy, dy, zero) + product(dx, dx, zero), zero)
@@ -189,7 +189,7 @@ def vote_radii(
     aim: Aim,
     histograms: np.ndarray,
 ) -> None:
-    """Count, by distance, the points that aim at each centre; write all histograms."""
+    """Count, by distance, the points that aim at each centre; fill all histograms."""
     _vote_radii(lines, centers, least, most, per_bin, *aim, 0, histograms)
 
 
@@ -253,5 +253,5 @@ def support(
     sums: np.ndarray,
     arcs: np.ndarray,
 ) -> None:
-    """Add up what a least-squares fit needs of the points near each circle, and count its arcs."""
+    """Compute the sums of a least-squares fit for each circle, and count points by arc."""
     _support(lines, circles, band, *aim, 0, sums, arcs)

@@ -1,7 +1,7 @@
-"""Peaks among the votes for circles, in Taichi: one thread a row.
+"""Peaks among the votes for circles, in Taichi: one thread per row.
 
-A peak is above the limit of its plane, and in a window round it nothing is larger, or equal and
-before it. Each row counts its peaks, and then lists them from its place on.
+A peak is above the limit of its plane. In a window around it, no value is larger, and no equal
+value precedes it. Each row counts its peaks; a prefix sum gives the place where it lists them.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ def _row_maxima(
 
 @primitive
 def row_maxima(votes: np.ndarray, tops: np.ndarray) -> None:
-    """Find the largest of each row of each plane; one thread a row."""
+    """Find the largest value of each row of each plane; one thread per row."""
     _row_maxima(votes, tops)
 
 
@@ -38,7 +38,7 @@ def row_maxima(votes: np.ndarray, tops: np.ndarray) -> None:
 def _is_peak(
     votes: ti.template(), plane: ti.i32, y: ti.i32, x: ti.i32, down: ti.i32, along: ti.i32
 ) -> ti.i32:
-    """Whether none within the distances is larger, nor equal and before."""
+    """Tell whether no value in the window is larger, and no equal value precedes."""
     v = votes[plane, y, x]
     peak = 1
     for j in range(ti.max(y - down, 0), ti.min(y + down + 1, votes.shape[1])):
@@ -72,7 +72,7 @@ def _count_peaks(
 def count_peaks(
     votes: np.ndarray, limits: np.ndarray, down: int, along: int, counts: np.ndarray
 ) -> None:
-    """Count the peaks of each row; one thread a row."""
+    """Count the peaks of each row; one thread per row."""
     _count_peaks(votes, limits, down, along, counts)
 
 
@@ -110,5 +110,5 @@ def gather_peaks(
     places: np.ndarray,
     values: np.ndarray,
 ) -> None:
-    """List plane, row, column and votes of the peaks of each row; one thread a row."""
+    """List plane, row, column and votes of the peaks of each row; one thread per row."""
     _gather_peaks(votes, limits, down, along, starts, places, values)

@@ -1,6 +1,6 @@
-"""Votes for circles in Taichi: one thread a set pixel, which adds to what it votes for.
+"""Votes for circles in Taichi: one thread per set pixel, which adds its votes by atomics.
 
-A pixel votes for all centres from which a circle goes through it, or for those along its gradient
+A pixel votes for the centres of all circles through it, or only for those along its gradient
 (Kimme, Ballard and Sklansky, "Finding circles by an array of accumulators", CACM 1975).
 """
 
@@ -94,13 +94,13 @@ def _share(
 
 
 def _counts(votes: np.ndarray) -> np.ndarray:
-    """Return where to count: in the result itself, unless that is for shares."""
+    """Return the array for counts: the result itself, unless the result holds shares."""
     return scratch(votes.shape, np.int32) if votes.dtype == np.float32 else votes
 
 
 @primitive
 def vote_rings(mask: np.ndarray, rings: Rings, reach: int, votes: np.ndarray) -> None:
-    """Cast a vote for each offset of each ring from each set pixel; one thread a pixel."""
+    """Cast a vote for each offset of each ring from each set pixel; one thread per pixel."""
     counts = _counts(votes)
     _vote_rings(mask, rings.offsets, rings.starts, counts)
     if counts is not votes:
@@ -117,7 +117,7 @@ def vote_directed(
     tolerance: int,
     votes: np.ndarray,
 ) -> None:
-    """Cast the votes that lie along the gradient; one thread a point."""
+    """Cast the votes along the gradient; one thread per point."""
     counts = _counts(votes)
     radii, offsets, codes, offset_starts = rings
     _vote_directed(

@@ -1,6 +1,6 @@
-"""Votes for ellipses in Taichi: one thread a pair of points.
+"""Votes for ellipses in Taichi: one thread per pair of points.
 
-A pair is taken for the ends of a major axis, and every third point votes for a minor semi-axis (Xie
+A pair is taken as the ends of a major axis, and every third point votes for a minor semi-axis (Xie
 and Ji, "A new efficient ellipse detection method", ICPR 2002).
 """
 
@@ -15,7 +15,7 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 
-_MEMORY = 1 << 24  # counts in all histograms at once
+_MEMORY = 1 << 24  # counts in the histograms that are filled at a time
 
 
 @ti.func
@@ -27,7 +27,7 @@ def _dot(ay: ti.f32, by: ti.f32, ax: ti.f32, bx: ti.f32, zero: ti.i32) -> ti.f32
 def _points_along(
     points: ti.template(), i: ti.i32, ey: ti.f32, ex: ti.f32, limit: ti.f32, zero: ti.i32
 ) -> ti.i32:
-    """Whether the direction of a point is that of (ey, ex) or its opposite, within `limit`."""
+    """Tell whether a point's direction is that of (ey, ex) or its opposite, within `limit`."""
     cross = product(points[2, i], ex, zero) - product(points[3, i], ey, zero)
     return product(cross, cross, zero) <= limit
 
@@ -44,7 +44,7 @@ def _bin(
     turn: ti.f32,
     zero: ti.i32,
 ) -> ti.i32:
-    """Return the bin that point `k` votes for, or -1; p, q and the square are as in Warp's."""
+    """Return the bin that point `k` votes for, or -1; the arithmetic is that of the Warp set."""
     found = -1
     ey = points[0, j] - points[0, i]
     ex = points[1, j] - points[1, i]

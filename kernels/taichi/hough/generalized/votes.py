@@ -1,9 +1,10 @@
-"""The generalised Hough transform in Taichi: one thread a slice and an entry.
+"""The generalised Hough transform in Taichi: one thread per slice and entry.
 
 An entry of the table is a vector v from a boundary point to the centre, and the direction of the
-gradient there. Turned by t and scaled by s, each edge point p of that direction, turned too, votes
-for the centre p + s R(t) v (Ballard, "Generalizing the Hough transform to detect arbitrary shapes",
-Pattern Recognition 13(2), 1981). A slice is the votes of one rotation and one scale.
+gradient there. For a rotation t and a scale s, each edge point p whose direction is that of the
+entry, rotated by t, votes for the centre p + s R(t) v (Ballard, "Generalizing the Hough transform
+to detect arbitrary shapes", Pattern Recognition 13(2), 1981). A slice holds the votes of one
+rotation and one scale.
 """
 
 import numpy as np
@@ -51,13 +52,13 @@ def _code_directions(
 
 @primitive
 def code_directions(points: np.ndarray, dy: np.ndarray, dx: np.ndarray, codes: np.ndarray) -> None:
-    """Code the direction of the gradient at each point; one thread per point."""
+    """Compute the direction code of the gradient at each point; one thread per point."""
     _code_directions(points, dy, dx, 0, codes)
 
 
 @ti.func
 def _scaled(turned: ti.i64, scale: ti.i32) -> ti.i32:
-    """Return a turned vector's component in whole pixels, halves rounded up."""
+    """Return a rotated vector's component, scaled, in whole pixels; halves are rounded up."""
     return (ti.cast(turned, ti.i32) * scale + (1 << (_ONE_BITS - 1))) >> _ONE_BITS
 
 
@@ -139,7 +140,7 @@ def search(
     cells: Cells,
     keys: np.ndarray,
 ) -> None:
-    """Find the four cells of most votes in each tile of each slice; one thread per tile."""
+    """Find the 2 x 2 cells with most votes in each tile of each slice; one thread per tile."""
     rows, columns = (((n - 1) >> cells.shift) + 1 for n in cells[:2])
     votes = scratch((slices.turns.shape[0], slices.scales.shape[0], rows, columns), np.int32)
     _vote(*voters, *entries, *slices, tolerance, *cells, votes)

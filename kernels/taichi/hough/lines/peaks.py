@@ -1,7 +1,8 @@
-"""Maxima of an accumulator of lines, in Taichi: one thread an element.
+"""Maxima of an accumulator of lines, in Taichi: one thread per element.
 
-A maximum is above a threshold, and in a window round it nothing is larger, or equal and before it.
-The window may run on past the last angle: half a turn on, rho changes its sign.
+A maximum is above a threshold. In a window around it, no value is larger, and no equal value
+precedes it. The window may continue past the last angle, at the first: after half a turn, rho
+changes its sign.
 """
 
 import numpy as np
@@ -31,7 +32,7 @@ def _local_maxima(
                 middle = bin
                 if wraps != 0 and (t < 0 or t >= values.shape[1]):
                     t += values.shape[1] if t < 0 else -values.shape[1]
-                    middle = values.shape[0] - 1 - bin  # half a turn on, rho changes its sign
+                    middle = values.shape[0] - 1 - bin  # after half a turn, rho changes its sign
                 if 0 <= t < values.shape[1]:
                     low = ti.max(middle - min_distance, 0)
                     high = ti.min(middle + min_distance, values.shape[0] - 1)
@@ -51,5 +52,5 @@ def local_maxima(
     wraps: bool,
     mask: np.ndarray,
 ) -> None:
-    """Mark what is above the threshold and the first largest in its window; one thread each."""
+    """Mark values above the threshold that are the first largest in their window."""
     _local_maxima(values, float(threshold), min_distance, min_angle, int(wraps), mask)

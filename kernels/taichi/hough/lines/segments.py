@@ -1,4 +1,4 @@
-"""Which line a point belongs to, in Taichi: one thread a point.
+"""The line that a point belongs to, in Taichi: one thread per point.
 
 A point (y, x) is on a line if ``|x cos + y sin - rho|`` is at most a distance and its direction is
 within a tolerance of the line's.
@@ -54,7 +54,7 @@ def claim(
     tolerance: int,
     labels: np.ndarray,
 ) -> None:
-    """Label every point with the first line, behind `after`, that it is on, or their number.
+    """Label every point with the first line after `after` that it is on, or the number of lines.
 
     `lines` has rows of cosines, sines and distances, (3, K).
     """

@@ -1,4 +1,4 @@
-"""Votes for lines in Taichi: one thread a point, which adds to what it votes for.
+"""Votes for lines in Taichi: one thread per point, which adds its votes by atomics.
 
 A point (y, x) votes at angle t for the bin of rho = x cos t + y sin t (Duda and Hart, "Use of the
 Hough transformation to detect lines and curves in pictures", CACM 1972). Rho is in fixed point.
@@ -35,7 +35,7 @@ def _take(
 def _bin(
     y: ti.i32, x: ti.i32, cosine: ti.i32, sine: ti.i32, offset: ti.i64, shift: ti.i32
 ) -> ti.i32:
-    """Return rho in bins: fixed point, rounded to the nearest by the half that `offset` has."""
+    """Return rho in bins, from fixed point; `offset` includes a half, so this rounds."""
     rho = ti.cast(x, ti.i64) * cosine + ti.cast(y, ti.i64) * sine + offset
     return ti.cast(rho >> ti.cast(shift, ti.i64), ti.i32)
 
@@ -115,7 +115,7 @@ def _vote_directed(
 
 @primitive
 def take(points: np.ndarray, starts: np.ndarray, values: np.ndarray, taken: np.ndarray) -> None:
-    """Look the value of every point up; one thread a point."""
+    """Look up the value at every point; one thread per point."""
     _take(points, starts, values, taken)
 
 
@@ -127,9 +127,9 @@ def vote(
     weights: np.ndarray | None,
     votes: np.ndarray,
 ) -> None:
-    """Let every point vote at all angles, by 1 or its weight; one thread a point."""
+    """Count the votes of all points at all angles, by 1 or their weight; one thread per point."""
     _clear(votes)
-    given = starts if weights is None else weights  # an array of the same type
+    given = starts if weights is None else weights  # without weights, any array of the same type
     _vote(points, starts, *tables, int(weights is not None), given, votes)
 
 
@@ -142,7 +142,7 @@ def vote_directed(
     weights: np.ndarray | None,
     votes: np.ndarray,
 ) -> None:
-    """Let every point vote at the angles of its direction code; one thread a point."""
+    """Count the votes of all points at the angles of their direction; one thread per point."""
     directions = scratch((points.shape[0],), np.int32)
     _code(points, starts, windows.orientation, 0, directions)
     _clear(votes)

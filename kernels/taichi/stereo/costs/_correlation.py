@@ -1,4 +1,4 @@
-"""Zero-mean normalised cross-correlation: from sums over windows, all in float64.
+"""Zero-mean normalised cross-correlation from sums over windows, in float64.
 
 With n pixels in a window, and sums S over it, the correlation of the windows l and r is
 
@@ -107,7 +107,7 @@ def correlate_windows(
     radius_x: int,
     costs: np.ndarray,
 ) -> None:
-    """Fill the costs, a strip of rows at a time; one thread per cost."""
+    """Fill the costs, one strip of rows at a time; one thread per cost."""
     height, width, depth = costs.shape
     wide = width + 2 * radius_x
     n = float((2 * radius_y + 1) * (2 * radius_x + 1))

@@ -1,6 +1,6 @@
 """Sums of matching costs over windows: down the columns first, then along the rows.
 
-In strips of rows, so that the sums between the two passes stay small.
+The work is done in strips of rows, so that the sums between the two passes stay small.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from cvkern.kernels.taichi._rounding import product
 
 any_3 = ti.types.ndarray(ndim=3)  # u8, u16, i32, f32 or u64
 
-_STRIP_SUMS = 1 << 24  # sums of a strip
+_STRIP_SUMS = 1 << 24  # number of sums of a strip
 
 
 @ti.func
@@ -23,7 +23,7 @@ def inside(i: ti.i32, n: ti.i32) -> ti.i32:
 
 @ti.func
 def ones(word: ti.u64) -> ti.i32:
-    """Count the bits that are set, in pairs, in fours, in bytes, and these by a product."""
+    """Count the set bits: per pair, per four, per byte; a product adds the bytes."""
     w = word
     w -= (w >> ti.u64(1)) & ti.u64(0x5555555555555555)
     w = (w & ti.u64(0x3333333333333333)) + ((w >> ti.u64(2)) & ti.u64(0x3333333333333333))
@@ -33,7 +33,7 @@ def ones(word: ti.u64) -> ti.i32:
 
 @ti.func
 def _half(total: ti.template(), floats: ti.template()):
-    """Halve a sum of two values, rounding that of integers down."""
+    """Return half of a sum of two values; integers are rounded down."""
     half = total
     if ti.static(floats):
         half = total * 0.5
@@ -44,7 +44,7 @@ def _half(total: ti.template(), floats: ti.template()):
 
 @ti.func
 def _range(image: ti.template(), y: ti.i32, x: ti.i32, c: ti.i32, floats: ti.template()):
-    """Return a value, and the least and the largest between it and half way to its neighbours."""
+    """Return a value, and the smallest and largest value within half a pixel of it."""
     last = image.shape[1]
     here = image[y, inside(x, last), c] + 0  # bytes become int32
     before = _half(image[y, inside(x - 1, last), c] + here, floats)
@@ -63,7 +63,7 @@ def _dissimilarity(
     c: ti.i32,
     floats: ti.template(),
 ):
-    """Return what Birchfield and Tomasi measure of two values."""
+    """Return Birchfield and Tomasi's measure of two values."""
     a, a_low, a_high = _range(left, y, x, c, floats)
     b, b_low, b_high = _range(right, y, partner, c, floats)
     one = ti.max(ti.max(a, b_high) - b_high, ti.max(a, b_low) - a)
@@ -157,5 +157,5 @@ def sum_windows(
 
 
 def strip_rows(height: int, columns: int) -> int:
-    """Return how many rows of so many sums a strip has."""
+    """Return the number of rows of a strip, for rows with `columns` sums."""
     return max(1, min(height, _STRIP_SUMS // columns))

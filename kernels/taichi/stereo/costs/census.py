@@ -50,7 +50,7 @@ def census(
     symmetric: bool,
     bits: np.ndarray,
 ) -> None:
-    """Census transform of uint8 or float32 (H, W, C), one bit a comparison; a thread an element."""
+    """Compute the census of uint8 or float32 (H, W, C); one thread per element."""
     _census(image, radius_y, radius_x, spacing, int(symmetric), bits)
 
 
@@ -72,5 +72,5 @@ def _hamming(
 
 @primitive
 def hamming(left: np.ndarray, right: np.ndarray, first: int, costs: np.ndarray) -> None:
-    """Bits that differ, for each pixel and each disparity from `first` on; a thread each."""
+    """Count differing bits, for each pixel and each disparity from `first` on; one thread each."""
     _hamming(left, right, first, costs)

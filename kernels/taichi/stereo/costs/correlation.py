@@ -16,5 +16,5 @@ def correlation(
     radius_x: int,
     costs: np.ndarray,
 ) -> None:
-    """One less the correlation of windows, each channel's mean apart; one thread per cost."""
+    """Compute 1 minus the correlation of windows, with a mean per channel; one thread per cost."""
     correlate_windows(left, right, first, radius_y, radius_x, costs)

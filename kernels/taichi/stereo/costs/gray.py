@@ -1,4 +1,4 @@
-"""What stereo matching sees of its images, in Taichi."""
+"""Grey values of 8 bits, which stereo matching compares, in Taichi."""
 
 import numpy as np
 import taichi as ti
@@ -12,10 +12,10 @@ u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
 @ti.func
 def _byte(value: ti.f32, scale: ti.f32, zero: ti.i32) -> ti.i32:
-    """Return the nearest number that a byte holds; 0 for NaN."""
+    """Return the nearest integer in [0, 255]; 0 for NaN."""
     v = product(value, scale, zero)
     byte = 0
-    # NaN is told by its bits: on CUDA the compiler takes it for impossible.
+    # Detect NaN by its bits, because the CUDA compiler assumes that there is none.
     if (ti.bit_cast(v, ti.i32) & 0x7FFFFFFF) <= 0x7F800000:
         if v >= 255.0:
             byte = 255
@@ -43,9 +43,9 @@ def _gray_bytes(
 
 @primitive
 def gray_bytes(image: np.ndarray, scale: float, gray: np.ndarray) -> None:
-    """Turn an image of 1, or of 3 or more channels, into grey values of 8 bits.
+    """Convert an image of 1, or of 3 or more channels, to grey values of 8 bits.
 
-    uint8 is taken as it is; float32 times `scale`, rounded, and limited to what a byte holds. Of
-    channels the first three count, as red, green and blue. One thread per pixel.
+    uint8 values are used unchanged. float32 values are multiplied by `scale`, rounded, and clipped
+    to [0, 255]. The first three channels are red, green and blue. One thread per pixel.
     """
     _gray_bytes(image, 1.0 if image.dtype == np.uint8 else scale, 0, gray)

@@ -20,6 +20,6 @@ def window_costs(
 ) -> None:
     """Sum a cost over windows of (H, W, C), down and along; one thread per sum.
 
-    Pixels are uint8, float32, or uint64 whose bits CENSUS compares: those above the octets are 0.
+    Pixels are uint8, float32, or, for CENSUS, uint64; its bits above the octets are 0.
     """
     sum_windows(left, right, first, cost, radius_y, radius_x, 0, costs)

@@ -1,12 +1,12 @@
 """Semi-global aggregation of matching costs, in Taichi.
 
-With q the pixel before p on a path, C the costs and m the least L(q), the cost of the cheapest path
-to p at disparity d is
+Let q be the pixel before p on a path, C the costs, and m the smallest L(q). Then the cost of the
+cheapest path to p at disparity d is
 
     L(p, d) = C(p, d) + min(L(q, d), L(q, d - 1) + P1, L(q, d + 1) + P1, m + P2) - m
 
-and the sum over the paths from all sides is what is asked for (H. Hirschmueller, IEEE PAMI 30(2),
-2008, equations 13 and 14). One thread walks a path; one direction after the other.
+and the result is the sum over the paths from all directions (H. Hirschmueller, IEEE PAMI 30(2),
+2008, equations 13 and 14). One thread walks one path; directions follow one after the other.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ u16_3 = ti.types.ndarray(dtype=ti.u16, ndim=3)
 
 @ti.func
 def _start(c: ti.i32, dy: ti.i32, dx: ti.i32, height: ti.i32, width: ti.i32) -> ti.math.ivec2:
-    """Return where the path number `c` of direction (dy, dx) enters the image."""
+    """Return the pixel at which path number `c` of direction (dy, dx) enters the image."""
     rows = ti.min(ti.abs(dy), height)  # paths begin in this many rows of one edge ...
     columns = ti.min(ti.abs(dx), width)  # ... and in this many columns of another
     y = 0
@@ -133,15 +133,15 @@ def aggregate(
 ) -> None:
     """Sum the costs of the cheapest paths to each pixel; one thread per path.
 
-    A guide of shape (1, 1) stands for none.
+    A guide of shape (1, 1) means that there is none.
     """
     _aggregate(costs, guide, penalties, paths, top, sums)
 
 
 def aggregation_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
-    """Return how many bytes to allow for the work, besides the costs and the sums.
+    """Return the bytes to allow for the work, in addition to the costs and the sums.
 
-    As the Warp set has it, so that both cut an image into the same strips of rows.
+    The result is that of the Warp set, so that both cut an image into the same strips of rows.
     """
     padded = -(-depth // 32) * 32
     if device == "cpu":

@@ -2,7 +2,8 @@
 
 The cost of a match is CENSUS_WEIGHT times the Hamming distance of two census transforms of 5 x 5
 pixels, plus the difference of the grey values, shifted right by DIFFERENCE_SHIFT, but at most
-DIFFERENCE_LIMIT. Costs and sums are stored as volumes: aggregation.py, then ../winners.py.
+DIFFERENCE_LIMIT. Costs and sums are stored as volumes: aggregation.py sums the costs, then
+../winners.py picks the winners. One thread per cost.
 """
 
 import numpy as np
@@ -64,7 +65,7 @@ def match(
     winners: Winners,
     right_index: np.ndarray,
 ) -> None:
-    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right`.
+    """Call `match_costs`, `aggregate` guided by the left image, `pick` and `pick_right`.
 
     There are `count` disparities; the winners are those of the rows from `top` on.
     """
@@ -77,9 +78,9 @@ def match(
 
 
 def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
-    """Return how many bytes to allow for a whole match, costs and sums included.
+    """Return the bytes to allow for a whole match, costs and sums included.
 
-    As the Warp set has it, so that both cut an image into the same strips of rows.
+    The result is that of the Warp set, so that both cut an image into the same strips of rows.
     """
     padded = -(-depth // 32) * 32
     right = height * (4 * (width + padded) + 4 * (width + 2 * padded))

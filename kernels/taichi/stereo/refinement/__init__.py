@@ -1,1 +1,1 @@
-"""Refinement of disparity maps, in Taichi; NaN stands for no disparity."""
+"""Refinement of disparity maps, in Taichi; NaN means that there is no disparity."""

@@ -1,7 +1,7 @@
-"""The check of a disparity map by that of the right image, in Taichi.
+"""The check of a disparity map against that of the right image, in Taichi.
 
 A disparity d of pixel (y, x) is kept where abs(d - right[y, x - floor(d + 0.5)]) is at most the
-tolerance; one thread a pixel.
+tolerance. One thread per pixel.
 """
 
 import numpy as np
@@ -48,9 +48,9 @@ def _left_right(
 def left_right(
     disparity: np.ndarray, right: np.ndarray, first: int, tolerance: float, checked: np.ndarray
 ) -> None:
-    """Keep the disparities that the right image shares; one thread per pixel.
+    """Keep the disparities with which the right image agrees; one thread per pixel.
 
-    `right` is float32 disparities, or int32 indices that count from `first` on and are negative
-    where there is none.
+    `right` holds float32 disparities, or int32 indices of disparities that begin at `first`,
+    negative where there is none.
     """
     _left_right(disparity, right, first, right.dtype == np.int32, tolerance, checked)

@@ -1,7 +1,7 @@
-"""Gaps of a disparity map are filled from the background side, in Taichi.
+"""Filling of gaps of a disparity map from the background, in Taichi.
 
-A gap takes the smaller of the two disparities that bound it along its row: only the left camera
-sees the part of the background that it shows. One thread a row.
+A gap takes the smaller of the two disparities that bound it along its row, because it shows
+background that only the left camera sees. One thread per row.
 """
 
 import numpy as np
@@ -36,7 +36,7 @@ def _fill(
             valid[y, x] = ti.cast(here, ti.u8)
             filled[y, x] = nearest
         found[y] = ti.cast(begin < width, ti.i32)
-        behind = 0  # whether there is one behind x
+        behind = 0  # whether there is a disparity behind x
         for i in range(width):
             x = width - 1 - i
             if valid[y, x] == 1:
@@ -53,7 +53,7 @@ def _find_sources(
     # outputs
     found: i32_1,  # 1 for rows with a disparity; then the row to fill from, or -1
 ):
-    for _ in range(1):  # one thread: a row needs what the one before has found
+    for _ in range(1):  # one thread, because a row needs the result of the row before
         height = found.shape[0]
         first = height
         for i in range(height):
@@ -84,10 +84,10 @@ def _fill_empty_rows(
 
 @primitive
 def fill(disparity: np.ndarray, filled: np.ndarray, valid: np.ndarray) -> None:
-    """Fill gaps with the smaller of the disparities to the left and right; tell where none was.
+    """Fill gaps with the smaller of the disparities to the left and right; mark valid pixels.
 
-    A row without any is that of the nearest row above that has some, else below. One thread per
-    row.
+    A row without disparities is copied from the nearest row above that has one, or else below. One
+    thread per row.
     """
     found = scratch((disparity.shape[0],), np.int32)
     _fill(disparity, filled, valid, found)

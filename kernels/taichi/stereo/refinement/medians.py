@@ -1,8 +1,9 @@
 """The weighted median of disparities, guided by an image, in Taichi.
 
-Along the rows, and then of that down the columns. A pixel of the window weighs max(1, contrast -
-g), where g is the difference of the guide's values there and in the middle; the smallest value is
-taken that, with all smaller and equal ones, has at least half of the weight. One thread a pixel.
+The median runs along the rows, and then down the columns of the result. A pixel of the window has
+the weight max(1, contrast - g), where g is the difference of the guide's values there and in the
+middle. The median is the smallest value that, with all smaller and equal values, has at least half
+of the weight. One thread per pixel.
 """
 
 import numpy as np
@@ -55,7 +56,9 @@ def _median(
                         if other <= value:
                             below += weight
                 if 2 * below >= total and (exists == 0 or value < best):
-                    best = value + 0.0  # no -0
+                    best = value
+                    if value == 0.0:  # no -0; Taichi would leave out the sum with 0
+                        best = 0.0
                     exists = 1
         smooth[y, x] = best if exists == 1 else none()
 
@@ -64,10 +67,10 @@ def _median(
 def guided_median(
     disparity: np.ndarray, guide: np.ndarray, radius: int, contrast: int, smooth: np.ndarray
 ) -> None:
-    """Weighted median along the rows, then of that down the columns; one thread per pixel.
+    """Apply the weighted median along the rows, then down the columns; one thread per pixel.
 
-    A pixel that differs by g from the middle one in the guide weighs ``max(1, contrast - g)``. The
-    image is continued by its nearest pixel.
+    A pixel that differs by g from the middle one in the guide has the weight
+    ``max(1, contrast - g)``. Outside the image, the nearest pixel is repeated.
     """
     across = scratch(smooth.shape, np.float32)
     _median(disparity, guide, radius, contrast, 0, 1, across)
@@ -75,5 +78,5 @@ def guided_median(
 
 
 def max_radius() -> int:
-    """Return the largest radius that there is room for."""
+    """Return the largest radius that the kernels support."""
     return 15

@@ -1,8 +1,8 @@
-"""Small regions of disparities are removed, in Taichi.
+"""Removal of small regions of disparities, in Taichi.
 
-Neighbours, by their sides, are of one region where they differ by at most `difference`. Pixel i of
-the raster has label i, and a parent that is never larger: trees of labels are united, and their
-tops count the pixels. One thread a pixel.
+Two pixels that share a side belong to one region if they differ by at most `difference`. Regions
+are found by union-find: pixel i of the raster has label i, and a parent that is never larger. Trees
+of labels are joined, and their roots count the pixels. One thread per pixel.
 """
 
 import numpy as np
@@ -83,7 +83,7 @@ def _keep(
 def remove_speckles(
     disparity: np.ndarray, min_size: int, difference: float, kept: np.ndarray
 ) -> None:
-    """Keep the regions of at least `min_size` pixels, whose neighbours differ by `difference`.
+    """Keep the regions of at least `min_size` pixels; neighbours differ by at most `difference`.
 
     By union-find; one thread per pixel.
     """

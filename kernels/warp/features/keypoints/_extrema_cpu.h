@@ -99,7 +99,7 @@ void halve_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     for (int x = 0; x < width; ++x) to[x] = from[2 * x];
 }
 
-// needs RED, GREEN, BLUE
+// needs RED, GREEN, BLUE, MOST_GRAY
 // Grey values of a row, times `scale`.
 void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
@@ -111,6 +111,8 @@ void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> d
     else
         for (int x = 0; x < width; ++x, from += channels)
             to[x] = (RED * from[0] + GREEN * from[1] + BLUE * from[2]) * scale;
+    // NaN as well.
+    for (int x = 0; x < width; ++x) to[x] = __builtin_fabsf(to[x]) <= MOST_GRAY ? to[x] : 0.0f;
 }
 
 int first_one(int word) { return __builtin_ctz((unsigned)word); }

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -31,7 +31,9 @@ def halve_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
 
 
 @_native.func_native(
-    FILE, **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)}
+    FILE,
+    MOST_GRAY=f"{MOST_GRAY}f",
+    **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
 )
 def gray_row(row: int, src: wp.array3d[float], scale: float, dst: wp.array2d[float]): ...
 

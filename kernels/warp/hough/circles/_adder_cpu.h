@@ -1,4 +1,4 @@
-// Sums of 512 pixels at once, a bit each: a full adder takes three bits to two.
+// Sums of 512 pixels at once, a bit each: a full adder reduces three bits to two.
 struct Adder {
     typedef unsigned long long Bits __attribute__((vector_size(64)));
 

@@ -1,6 +1,6 @@
 // needs SCALAR
-// Rows of a slab are rows of the result: the mean of squares of `factor` pixels a side, of which the
-// rows are added up first, and then the columns.
+// Means of squares of `factor` x `factor` pixels. The rows of a slab are rows of the result. The
+// rows of a square are added first, then its columns.
 void shrink(int slab, int first, int last, wp::array_t<SCALAR> src, int factor,
             wp::array_t<float> lines, wp::array_t<float> dst) {
     const int columns = dst.shape[1], width = src.shape[1], used = columns * factor;
@@ -21,8 +21,8 @@ void shrink(int slab, int first, int last, wp::array_t<SCALAR> src, int factor,
 }
 
 // needs LINE_ONE LINE_BITS
-// Rows of a slab are points. Their lines are walked cell by cell in fixed point; each slab has an
-// accumulator of its own. Sides are 1, along the gradient, and -1, against it.
+// Votes for centres. The rows of a slab are points; their lines are walked cell by cell in fixed
+// point. Each slab has its own accumulator. Side 1 is along the gradient, -1 against it.
 void vote_centers(int slab, int first, int last, wp::array_t<float> lines, int low, int high,
                   float scale, int first_side, int last_side, wp::array_t<int> votes) {
 #pragma clang fp contract(off)

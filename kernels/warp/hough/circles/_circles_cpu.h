@@ -1,6 +1,7 @@
 #include "_seen_cpu.h"
 
-// A histogram of the distances of the points that aim at each centre; rows of a slab are centres.
+// A histogram of the distances of the points that aim at each centre; the rows of a slab are
+// centres.
 void vote_radii(int slab, int first, int last, wp::array_t<float> lines, wp::array_t<float> centers,
                 float least, float most, float per_bin, Sight sight, wp::array_t<int> histograms) {
 #pragma clang fp contract(off)
@@ -22,8 +23,9 @@ void vote_radii(int slab, int first, int last, wp::array_t<float> lines, wp::arr
 }
 
 // needs ARCS NORMAL_ONE FINE_ONE
-// With normal n and distance e from the circle, the sums of ny ny, ny nx, nx nx, ny, nx, 1, e ny,
-// e nx and e over the points that aim at each circle's centre; rows of a slab are circles.
+// The sums of a least-squares fit. With n the normal of the circle and e the distance of a point
+// from it, these are the sums of ny ny, ny nx, nx nx, ny, nx, 1, e ny, e nx and e over the points
+// that aim at the circle's centre. The rows of a slab are circles.
 void support(int slab, int first, int last, wp::array_t<float> lines, wp::array_t<float> circles,
              float band, Sight sight, wp::array_t<wp::int64> sums, wp::array_t<int> arcs) {
 #pragma clang fp contract(off)

@@ -1,7 +1,8 @@
-"""From edge points to circles on the CPU: one thread a slab of rows, points, centres or circles.
+"""From edge points to circles on the CPU: one thread per slab of rows, points, centres or circles.
 
-The points that are near a centre are found 64 at a time, as vector code; an accumulator of centres
-belongs to a slab of points, and the accumulators are added up.
+Each edge point has a line along its gradient; detection.py describes the steps. The points near a
+centre are found 64 at a time, as vector code. Each slab of points has its own accumulator of
+centres, and the accumulators are added.
 """
 
 from typing import Any
@@ -16,7 +17,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.struct
 class Sight:
-    """Which points see a centre; see `codes.hough.Aim`."""
+    """The condition for a point to support a centre; see `codes.hough.Aim`."""
 
     slack: float
     slope: float

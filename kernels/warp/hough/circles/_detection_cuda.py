@@ -1,4 +1,8 @@
-"""From edge points to circles on CUDA, one thread a point, or a point and a circle."""
+"""From edge points to circles on CUDA: one thread per point, or per point and circle.
+
+Lines vote for centres, points near a centre vote for radii, and the points near a circle give the
+sums of a least-squares fit; detection.py describes the steps.
+"""
 
 from typing import Any
 
@@ -89,7 +93,7 @@ def vote_centers(
             column = (x + side * k * dx) >> BITS
             if row < 0 or column < 0 or row >= votes.shape[0] or column >= votes.shape[1]:
                 break
-            wp.atomic_add(votes, row, column, 1.0)  # exact below 2^24: no order can show
+            wp.atomic_add(votes, row, column, 1.0)  # exact below 2^24, in any order
 
 
 @wp.func
@@ -103,7 +107,7 @@ def seen(
     first_side: int,
     last_side: int,
 ) -> float:
-    """Distance of point `i`, if it aims at the centre; else -1."""
+    """Return the distance of point `i` from the centre if it aims at the centre; else -1."""
     dy = lines[0, i] - cy
     dx = lines[1, i] - cx
     d = wp.sqrt(dy * dy + dx * dx)

@@ -1,6 +1,6 @@
 // needs DIRECTIONS DIRECTION_FACTOR
-// Rows of a slab are rows of the accumulators, one ring after another. They are set to 0; then each
-// point that is near enough casts the votes that fall into them.
+// The rows of a slab are rows of the accumulators, ring after ring. They are set to 0; then each
+// point that is near enough casts its votes that fall into these rows.
 void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::array_t<int> starts,
                    wp::array_t<float> orientation, wp::array_t<int> directions, int tolerance,
                    Circles rings, bool shares, wp::array_t<int> votes) {
@@ -36,8 +36,9 @@ void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::a
                 continue;
             }
             for (int side = 0; side < 2; ++side) {
-                // The offsets stand in the order of their directions: those within the tolerance
-                // begin at the first that is not before it, and may run on past the end.
+                // The offsets are sorted by direction. Those within the tolerance begin at the
+                // first offset that is not below `least`, and may continue past the end at the
+                // beginning.
                 const int least = (code + side * (DIRECTIONS / 2) - tolerance) & (DIRECTIONS - 1);
                 int low = begin, high = end;
                 while (low < high) {

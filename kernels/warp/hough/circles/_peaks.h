@@ -1,13 +1,14 @@
-// The peaks of one row of votes, from left to right. A peak is above the limit, at least all votes
-// within `down` rows and `along` columns of its plane, and above those of them that come before it.
+// The peaks of one row of votes, from left to right. A peak is above the limit. Within `down` rows
+// and `along` columns of its plane, it is at least every vote, and above every vote that precedes
+// it.
 struct Peaks {
     const float* votes;  // the first vote of the row
     int y, height, width, down, along;
     float limit;
-    int begin, count, next_one;  // 64 columns, the number of them, and the next to be looked at
+    int begin, count, next_one;  // first of 64 columns, number of columns, and the next to test
     unsigned char large[64];     // whether a column is a candidate
 
-    // Few votes are as large as the four next to them: only those are looked at closer.
+    // Few votes are as large as their four neighbours; only these are tested further.
     bool find_large() {
         const float *v = votes + begin, *above = y > 0 ? v - width : v;
         const float* below = y + 1 < height ? v + width : v;

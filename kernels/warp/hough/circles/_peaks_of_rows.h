@@ -1,6 +1,6 @@
 #include "_peaks.h"
 
-// How many peaks a row has.
+// Count the peaks of a row.
 void count_in_row(wp::array_t<float> votes, int row, wp::array_t<float> limits, int down, int along,
                   wp::array_t<int> counts) {
     const int width = votes.shape[2], height = votes.shape[1], plane = row / height;
@@ -17,7 +17,7 @@ void count_in_row(wp::array_t<float> votes, int row, wp::array_t<float> limits, 
     counts.data[row] = number;
 }
 
-// Plane, row and column, and votes, of the peaks of a row, from its place in the list on.
+// List plane, row, column and votes of the peaks of a row, beginning at its place in the list.
 void gather_in_row(wp::array_t<float> votes, int row, wp::array_t<float> limits, int down,
                    int along, wp::array_t<int> starts, wp::array_t<int> places,
                    wp::array_t<float> values) {

@@ -1,14 +1,14 @@
-// The edge points that may belong to a circle: at a distance in [least, most] from the centre, and
-// with the centre near their line. They are tested 64 at a time, as vector code.
+// The edge points that may belong to a circle: their distance from the centre is in [least, most],
+// and their line passes near the centre. They are tested 64 at a time, as vector code.
 struct Seen {
-    const float *row, *column, *down, *along;  // where the points are, and their directions
+    const float *row, *column, *down, *along;  // positions of the points, and their directions
     float cy, cx, least, most, slack, slope;
-    bool forward, backward;   // whether a point may look along its gradient, or against it
-    int begin, stop, number;  // the points that `next` has tested, and where to end
-    unsigned char seen[64];   // whether each of them counts
+    bool forward, backward;   // whether a centre may be along a point's gradient, or against it
+    int begin, stop, number;  // the points that `next` has tested, and the end of all points
+    unsigned char seen[64];   // whether each tested point counts
     float far[64];            // its distance from the centre
 
-    // Points stand in the order of their pixels: their rows rise, but for half a pixel.
+    // Points are in the order of their pixels, so their rows ascend, except by half a pixel.
     Seen(const float* lines, int count, float cy, float cx, float least, float most, float slack,
          float slope, int first_side, int last_side)
         : row(lines),
@@ -39,7 +39,7 @@ struct Seen {
         return low;
     }
 
-    // Test the next points of which some count; tell whether there are any.
+    // Test points until some of them count; tell whether there are any.
     bool next() {
         for (begin += number; begin < stop; begin += number) {
             number = stop - begin < 64 ? stop - begin : 64;

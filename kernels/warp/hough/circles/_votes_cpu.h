@@ -1,8 +1,8 @@
 #include "_adder_cpu.h"
 
-// Rows of a slab are rows of the accumulators, one ring after another. A vote for every pixel of a
-// ring is a sum of the mask moved by the ring's offsets, of which there are eight or a multiple of
-// them, one an octant. Bit p of the counts of 512 pixels is `sums[p]`.
+// The rows of a slab are rows of the accumulators, ring after ring. The votes of a ring are a sum
+// of copies of the mask, moved by the ring's offsets. The number of offsets is a multiple of eight,
+// one per octant. Bit p of the counts of 512 pixels is `sums[p]`.
 void vote_rings(int slab, int first, int last, wp::array_t<wp::uint8> bits,
                 wp::array_t<wp::int64> places, wp::array_t<int> starts, bool shares,
                 wp::array_t<int> votes) {

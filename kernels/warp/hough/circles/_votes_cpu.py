@@ -1,10 +1,10 @@
-"""Votes for circles on the CPU, one thread a slab of rows of the accumulator.
+"""Votes for circles on the CPU, one thread per slab of rows of the accumulator.
 
-A vote for every pixel of a ring is a sum, over the ring, of the mask moved by the ring's offsets.
-Masks are sums of bits, so 512 pixels are added at once: the count of each is a column of bits over
-a few vectors, and a full adder takes three bits to two (a population count after Harley and Seal).
-The cost does not grow with the number of set pixels, and no two threads write the same vote. Along
-the gradient, where a point has few votes, they are added one by one.
+The votes of a ring are a sum of copies of the mask, moved by the ring's offsets. A mask has one bit
+per pixel, so 512 pixels are added at once: the count of a pixel is a column of bits over a few
+vectors, and a full adder reduces three bits to two (a population count after Harley and Seal). The
+cost does not grow with the number of set pixels, and no two threads write the same vote. Along the
+gradient, a point has few votes, and these are added one by one.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from cvkern.kernels.warp.hough._points_cpu import HIGHEST, LOWER
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LANES = 512  # pixels added at once
-TOGETHER = wp.constant(wp.uint64(0x0102040810204080))  # a factor that moves 8 bits into one byte
+TOGETHER = wp.constant(wp.uint64(0x0102040810204080))  # factor that collects 8 bits in one byte
 
 
 @wp.struct
@@ -51,7 +51,7 @@ def pack(
     bits: wp.array3d[wp.uint8],  # (8, H + 2 top, pitch)
     words: wp.array3d[wp.uint64],  # (8, H + 2 top, pitch / 8): the same
 ):
-    # Copy s of the mask holds its bits s further down: any eight pixels are a byte of one of them.
+    # Copy s of the mask is shifted by s bits, so any eight pixels are a byte of one of the copies.
     pitch = words.shape[2]
     whole = mask.shape[1] // 8 * 8
     for row in range(first, last):
@@ -88,7 +88,7 @@ def place(
     # outputs
     places: wp.array[wp.int64],  # (N,)
 ):
-    """Where the bits moved by an offset begin, in bytes."""
+    """Return the byte at which the bits moved by an offset begin."""
     for i in range(offsets.shape[0]):
         column = left + offsets[i, 1]
         row = (column % 8) * bits.shape[1] + top + offsets[i, 0]

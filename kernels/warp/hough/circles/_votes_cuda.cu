@@ -1,5 +1,5 @@
 // needs BLOCK
-// One thread a pixel, one warp a word of 32 pixels.
+// One thread per pixel, one warp per word of 32 pixels.
 void pack(wp::array_t<wp::uint8> mask, int top, int left, wp::array_t<wp::uint32> bits) {
     const int pitch = bits.shape[1], i = blockIdx.x * BLOCK + threadIdx.x;
     const int row = i / (32 * pitch), y = row - top, x = i - row * 32 * pitch - left;
@@ -10,9 +10,9 @@ void pack(wp::array_t<wp::uint8> mask, int top, int left, wp::array_t<wp::uint32
 }
 
 // needs BLOCK
-// A thread has two rows of a word of 32 pixels, of one ring, whose offsets are eight or a multiple
-// of them. Bit p of the counts of row r is `sums[r][p]`. The counts of a warp's words change hands
-// in shared memory: each thread has 32 pixels of one word, and writes one pixel of each of 32 words.
+// A thread has a word of 32 pixels in two rows of one ring. The number of the ring's offsets is a
+// multiple of eight. Bit p of the counts of row r is `sums[r][p]`. The threads of a warp exchange
+// their counts in shared memory: each has 32 pixels of one word, and writes one pixel of 32 words.
 void vote_rings(wp::array_t<wp::uint32> bits, wp::array_t<wp::uint32> places,
                 wp::array_t<int> starts, bool shares, wp::array_t<int> votes) {
     const int columns = votes.shape[2], rows = votes.shape[1], pitch = bits.shape[1];

@@ -1,8 +1,8 @@
 """Votes for circles on CUDA.
 
-As on the CPU the votes of a ring are sums of moved masks, a bit a pixel: a thread adds 32 pixels at
-once, in two rows, and full adders take three bits to two. Along the gradient, where a point has few
-votes, they are added one by one, a point a thread.
+As on the CPU, the votes of a ring are sums of moved masks with one bit per pixel. A thread adds 32
+pixels at once, in two rows; full adders reduce three bits to two. Along the gradient, a point has
+few votes, and these are added one by one, one thread per point.
 """
 
 import warp as wp
@@ -38,7 +38,7 @@ def place(
     # outputs
     places: wp.array[wp.uint32],  # (N,)
 ):
-    """Where the words moved by an offset begin: 27 bits for the word, 5 for the bit in it."""
+    """Return the place at which the words moved by an offset begin: 27 bits word, 5 bits bit."""
     i = wp.tid()
     column = left + offsets[i, 1]
     word = (top + offsets[i, 0]) * bits.shape[1] + column // 32
@@ -66,7 +66,7 @@ def clear(
 
 @wp.func
 def vote(votes: wp.array3d[int], ring: int, y: int, x: int):
-    """Add one vote, if inside."""
+    """Add one vote, if it is inside."""
     if y >= 0 and x >= 0 and y < votes.shape[1] and x < votes.shape[2]:
         wp.atomic_add(votes, ring, y, x, 1)
 
@@ -85,7 +85,7 @@ def vote_directed(
     # outputs
     votes: wp.array3d[int],  # (R, H + 2 pad, W + 2 pad)
 ):
-    # One thread a point; the host does not know how many there are.
+    # One thread per point; the host does not know the number of points.
     i = wp.tid()
     if i >= starts[starts.shape[0] - 1]:
         return
@@ -104,7 +104,7 @@ def vote_directed(
             size = offset_starts[ring + 1] - begin
             for side in range(2):
                 least = (code + side * HALF_TURN - tolerance) & LAST
-                low = int(0)  # becomes the first offset whose code is not before `least`
+                low = int(0)  # becomes the first offset whose code is not below `least`
                 high = size
                 while low < high:
                     middle = (low + high) // 2

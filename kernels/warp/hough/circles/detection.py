@@ -1,8 +1,9 @@
 """From edge points to circles, in Warp.
 
-Each edge point has a line: its place between the pixels, and the direction of its gradient. Lines
-vote for centres, in cells; points near a centre vote for radii; and the points near a circle give
-the sums of a least-squares fit.
+Each edge point has a line, given by its sub-pixel position and the direction of its gradient. Lines
+vote for centres, in cells. Points near a centre vote for radii. The points near a circle give the
+sums of a least-squares fit. On the CPU a thread takes a slab of points, centres or circles; on CUDA
+it takes a point.
 """
 
 import warp as wp
@@ -20,7 +21,7 @@ from cvkern.kernels.warp._launch import (
 from . import _detection_cpu as cpu
 from . import _detection_cuda as cuda
 
-_SLAB_POINTS = 1 << 12  # for fewer, an accumulator more costs more than a thread gains
+_SLAB_POINTS = 1 << 12  # with fewer points, another accumulator costs more than its thread gains
 _SLAB_TESTS = 1 << 18
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
@@ -28,7 +29,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid
 
 @wp.func
 def _length(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
-    """Length of the gradient, 0 outside the image."""
+    """Return the length of the gradient, 0 outside the image."""
     if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
         return 0.0
     return wp.sqrt(dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x])
@@ -45,8 +46,8 @@ def _aim(
     # outputs
     lines: wp.array2d[float],  # (4, N)
 ):
-    # Between the pixels, the edge is at the top of the parabola through the lengths of the gradient
-    # along the axis that it is nearest to.
+    # The sub-pixel edge is at the maximum of the parabola through three lengths of the gradient,
+    # along the axis nearest to the gradient.
     for i in range(first + wp.tid(), last, stride):
         y = pixels[i, 0]
         x = pixels[i, 1]
@@ -65,7 +66,7 @@ def _aim(
 
 
 def shrink(src: wp.array, factor: int, dst: wp.array) -> None:
-    """Average squares of `factor` pixels a side of a uint8 or float32 image."""
+    """Average squares of `factor` x `factor` pixels of a uint8 or float32 image."""
     if src.device.is_cuda:
         launch(cuda.shrinks[src.dtype], dst.size, [src, factor], [dst])
         return
@@ -76,7 +77,7 @@ def shrink(src: wp.array, factor: int, dst: wp.array) -> None:
 
 
 def aim(dy: wp.array, dx: wp.array, pixels: wp.array, lines: wp.array) -> None:
-    """Write row and column of the edge at each of N pixels, and its direction's sine and cosine."""
+    """Write row, column, sine and cosine of direction of the sub-pixel edge at each of N pixels."""
     count = lines.shape[1]
     launch_each(_aim, count, count, [dy, dx, pixels], [lines])
 
@@ -90,10 +91,10 @@ def vote_centers(
     last_side: int,
     votes: wp.array,
 ) -> None:
-    """Count in each cell the lines that reach it after `low` to `high` steps; write all votes.
+    """Count in each cell the lines that reach it after `low` to `high` steps; fill all votes.
 
-    `scale` is 2^15 over the side of a cell. Sides are 1, along the gradient, and -1, from the
-    first down to the last.
+    `scale` is 2^15 divided by the side of a cell. Side 1 is along the gradient, -1 against it; the
+    sides run from the first down to the last.
     """
     inputs = [lines, low, high, scale, first_side, last_side]
     if lines.device.is_cuda:
@@ -116,9 +117,9 @@ def vote_radii(
     aim: Aim,
     histograms: wp.array,
 ) -> None:
-    """Count, by distance, the points that aim at each centre; write all histograms.
+    """Count, by distance, the points that aim at each centre; fill all histograms.
 
-    A point at a distance in [least, most] counts, if it aims at the centre.
+    A point counts if its distance is in [least, most] and it aims at the centre.
     """
     inputs = [lines, centers, least, most, per_bin]
     if lines.device.is_cuda:
@@ -138,10 +139,10 @@ def support(
     sums: wp.array,
     arcs: wp.array,
 ) -> None:
-    """Add up what a least-squares fit needs of the points near each circle, and count its arcs.
+    """Compute the sums of a least-squares fit for each circle, and count points by arc.
 
-    With normal n in 2^-14 and distance e from the circle in 2^-10, the sums are those of ny ny,
-    ny nx, nx nx, ny, nx, 1, e ny, e nx and e.
+    The sums are those of ny ny, ny nx, nx nx, ny, nx, 1, e ny, e nx and e, where n is the normal in
+    units of 2^-14 and e the distance from the circle in units of 2^-10.
     """
     inputs = [lines, circles, band]
     if lines.device.is_cuda:

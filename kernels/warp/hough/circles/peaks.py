@@ -1,7 +1,8 @@
-"""Peaks among the votes for circles, in Warp: a slab of rows a thread on the CPU, one on CUDA.
+"""Peaks among the votes for circles, in Warp: a thread takes a slab of rows (CPU) or a row (CUDA).
 
-Each row counts its peaks; the host adds the counts up; each row then lists its peaks from its place
-in the list on.
+A peak is above the limit of its plane. In a window around it, no value is larger, and no equal
+value precedes it. Each row counts its peaks, the host computes the prefix sum of the counts, and
+then each row lists its peaks at its place.
 """
 
 from typing import Any
@@ -38,7 +39,7 @@ def gather_in_row(
     places: wp.array2d[int],
     values: wp.array[float],
 ):
-    """List the peaks of a row, from its place in `starts` on."""
+    """List the peaks of a row, beginning at its place in `starts`."""
 
 
 @wp.kernel
@@ -66,7 +67,7 @@ def _row_maxima_of_lanes(
     # outputs
     tops: wp.array[float],  # (P H,)
 ):
-    behind = lanes.shape[1] - 1  # where the last vector of a row begins
+    behind = lanes.shape[1] - 1  # begin of the last vector of a row
     for row in range(first, last):
         top = lanes[row, 0]
         for x in range(WIDE, behind + WIDE, WIDE):
@@ -109,7 +110,7 @@ def _gather_peaks(
 
 
 def row_maxima(votes: wp.array, tops: wp.array) -> None:
-    """Find the largest of each row of each plane."""
+    """Find the largest value of each row of each plane."""
     rows, width = votes.shape[0] * votes.shape[1], votes.shape[2]
     flat = view(votes, wp.float32, (rows, width))
     if votes.device.is_cuda or width < WIDE:
@@ -120,7 +121,7 @@ def row_maxima(votes: wp.array, tops: wp.array) -> None:
 
 
 def count_peaks(votes: wp.array, limits: wp.array, down: int, along: int, counts: wp.array) -> None:
-    """Count the peaks of each row: above the limit of their plane, and largest around."""
+    """Count the peaks of each row."""
     _by_rows(_count_peaks, votes, [limits, down, along], [counts])
 
 
@@ -133,7 +134,7 @@ def gather_peaks(
     places: wp.array,
     values: wp.array,
 ) -> None:
-    """List plane, row, column and votes of the peaks of each row, from its place in `starts` on."""
+    """List plane, row, column and votes of the peaks of each row, at its place in `starts`."""
     _by_rows(_gather_peaks, votes, [limits, down, along, starts], [places, values])
 
 

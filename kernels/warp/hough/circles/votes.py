@@ -1,6 +1,6 @@
-"""Votes for circles, in Warp: one thread a slab of rows of the accumulator, or of its words.
+"""Votes for circles, in Warp: a thread takes a slab of rows of the accumulator, or words of a row.
 
-A pixel votes for all centres from which a circle goes through it, or for those along its gradient
+A pixel votes for the centres of all circles through it, or only for those along its gradient
 (Kimme, Ballard and Sklansky, "Finding circles by an array of accumulators", CACM 1975).
 """
 
@@ -13,11 +13,11 @@ from cvkern.kernels.warp.hough._points_cpu import words
 from . import _votes_cpu as cpu
 from . import _votes_cuda as cuda
 
-_SLABS = 4  # slabs a thread: rows of small rings are done sooner
+_SLABS = 4  # slabs per thread, because rows of small rings take less time
 
 
 def vote_rings(mask: wp.array, rings: Rings, reach: int, votes: wp.array) -> None:
-    """Cast a vote for each offset of each ring from each set pixel; write all votes.
+    """Cast a vote for each offset of each ring from each set pixel; fill all votes.
 
     `votes`, (R, H + 2 pad, W + 2 pad), are int32, or float32 for shares of the ring.
     """
@@ -65,10 +65,11 @@ def vote_directed(
     tolerance: int,
     votes: wp.array,
 ) -> None:
-    """Cast the votes of `vote_rings` that lie along the gradient; write all votes.
+    """Cast the votes of `vote_rings` that lie along the gradient; fill all votes.
 
-    Without a tolerance (-1) a point votes for the two pixels a radius away along its direction,
-    else for the offsets whose direction codes lie within the tolerance of its own, on both sides.
+    Without a tolerance (-1) a point votes for the two pixels at one radius along its direction.
+    Otherwise it votes, on both sides, for the offsets whose direction codes differ from its own by
+    at most the tolerance.
     """
     shares, votes = _integers(votes)
     if votes.device.is_cuda:
@@ -87,7 +88,7 @@ def vote_directed(
 
 
 def _integers(votes: wp.array) -> tuple[bool, wp.array]:
-    """Tell whether shares are asked for, and view the memory as integers."""
+    """Tell whether the votes are shares, and view their memory as integers."""
     return votes.dtype is wp.float32, view(votes, wp.int32, votes.shape)
 
 

@@ -1,4 +1,4 @@
-"""What an ellipse may be, as kernels of both devices take it."""
+"""The bounds of an ellipse, as a structure for the kernels of both devices."""
 
 from typing import Any
 

@@ -1,11 +1,12 @@
-// What a third point says about an ellipse whose major axis is known, for either device.
+// The minor semi-axis of an ellipse from its major axis and a third point, for both devices.
 //
-// With 2 a the axis from one point to another, e their difference, and 2 p the third point's place
-// from the centre, P = 2 p . e and Q = 2 p x e are 4 a times its coordinates along the axes. From
-// x^2 / a^2 + y^2 / b^2 = 1 the square of the minor semi-axis is
-//     b^2 = (4 a^2) Q^2 / (4 (4 a^2 - P) (4 a^2 + P)),
-// This is the formula of Xie and Ji without its angle. The normal there is b^2 P e + a^2 Q e', with
-// e' square to e. Only sums of two products are rounded twice: the same on every device.
+// Let e be the difference of the two end points, 2 a its length, and 2 p twice the third point's
+// position relative to the centre. P = 2 p . e and Q = 2 p x e are 4 a times its coordinates along
+// the axes. From x^2 / a^2 + y^2 / b^2 = 1 the square of the minor semi-axis is
+//     b^2 = (4 a^2) Q^2 / (4 (4 a^2 - P) (4 a^2 + P)).
+// This is the formula of Xie and Ji (ICPR 2002) without its angle. The normal at the third point is
+// b^2 P e + a^2 Q e', with e' normal to e. Products are rounded before they are added, so the
+// results are the same on every device.
 struct Axis {
     float ey, ex, my, mx, whole;  // the difference, the sum and the squared distance of the two
 
@@ -16,7 +17,8 @@ struct Axis {
         whole = ey * ey + ex * ex;
     }
 
-    // Whether a direction is that of (gy, gx), or its opposite, within a sine whose square is turn.
+    // Tell whether a direction is that of (gy, gx), or its opposite; `turn` is the squared sine of
+    // the tolerance.
     static CUDA_CALLABLE bool aligned(float ny, float nx, float gy, float gx, float square,
                                       float turn) {
 #pragma clang fp contract(off)
@@ -24,7 +26,7 @@ struct Axis {
         return cross * cross <= turn * square;
     }
 
-    // The square of the minor semi-axis, or -1 for a point that counts for none.
+    // Return the square of the minor semi-axis, or -1 for a point that does not vote.
     CUDA_CALLABLE float minor(float y, float x, float ny, float nx, float narrow, float wide,
                               bool directed, float turn) const {
 #pragma clang fp contract(off)

@@ -1,7 +1,7 @@
 #include "_third_point.h"
 
-// Rows of a slab are first points; each has a pair with every point before it. The bins of 64 third
-// points are computed as vector code; those that count for none share the last bin.
+// The rows of a slab are first points; each makes a pair with every point before it. The bins of 64
+// third points are computed as vector code; points that do not vote share the last bin.
 void vote_pairs(int slab, int first, int last, wp::array_t<float> points, Bounds bounds,
                 wp::array_t<int> histograms, wp::array_t<int> votes, wp::array_t<int> axes) {
 #pragma clang fp contract(off)

@@ -1,8 +1,8 @@
-"""Votes for ellipses on the CPU, one thread a slab of first points.
+"""Votes for ellipses on the CPU, one thread per slab of first points.
 
-A pair of points is taken for the ends of a major axis, and every third point votes for a minor
-semi-axis (Xie and Ji, "A new efficient ellipse detection method", ICPR 2002). The equation stands
-in _third_point.h.
+A pair of points is taken as the ends of a major axis, and every third point votes for a minor
+semi-axis (Xie and Ji, "A new efficient ellipse detection method", ICPR 2002). _third_point.h has
+the equation.
 """
 
 import warp as wp

@@ -1,7 +1,7 @@
 #include "_third_point.h"
 
 // needs BLOCK MAX_BINS
-// One block a pair of points, its histogram in shared memory.
+// One block per pair of points, with its histogram in shared memory.
 void vote_pairs(int first, wp::array_t<float> points, Bounds bounds, int bins,
                 wp::array_t<int> votes, wp::array_t<int> axes) {
     __shared__ int histogram[MAX_BINS + 1];
@@ -33,7 +33,8 @@ void vote_pairs(int first, wp::array_t<float> points, Bounds bounds, int bins,
             atomicAdd(histogram + (int)(wp::sqrt(square) * bounds.per_bin + 0.5f), 1);
     }
     __syncthreads();
-    // The most votes, of equals the least bin: the largest of votes over bins from the end.
+    // Find the bin with most votes, the smallest of equal ones: the largest key of votes in the
+    // high bits, and the bin counted from the end in the low bits.
     long long best = 0;
     for (int b = threadIdx.x; b < bins; b += BLOCK) {
         const long long here = (long long)histogram[b] << 32 | (MAX_BINS - b);

@@ -1,7 +1,7 @@
-"""Votes for ellipses on CUDA, one block a pair of points, its histogram in shared memory.
+"""Votes for ellipses on CUDA, one block per pair of points, with its histogram in shared memory.
 
-As on the CPU, a pair of points is taken for the ends of a major axis, and every third point, a
-thread each, votes for a minor semi-axis.
+As on the CPU, a pair of points is taken as the ends of a major axis, and every third point votes
+for a minor semi-axis, one thread per third point.
 """
 
 import warp as wp
@@ -14,7 +14,7 @@ from ._bounds import Bounds
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BLOCK = 256  # threads of a block; Warp's own
-PAIRS = 1 << 22  # pairs of one launch: their threads are counted in 32 bits
+PAIRS = 1 << 22  # most pairs of one launch, because threads are numbered with 32 bits
 
 
 @_native.kernel("_votes_cuda.cu", BLOCK=BLOCK, MAX_BINS=MAX_BINS)

@@ -1,4 +1,8 @@
-"""Votes for ellipses, in Warp."""
+"""Votes for ellipses, in Warp: a thread takes a slab of points (CPU), a block takes a pair (CUDA).
+
+A pair of points is taken as the ends of a major axis, and every third point votes for a minor
+semi-axis; _third_point.h has the equation and its source.
+"""
 
 import warp as wp
 
@@ -9,7 +13,7 @@ from . import _votes_cpu as cpu
 from . import _votes_cuda as cuda
 from ._bounds import bounds_of
 
-_SLABS = 16  # slabs a thread: the later of two points has more before it
+_SLABS = 16  # slabs per thread, because later points have more points before them
 _SLAB_TRIPLES = 1 << 20  # triples of points that are worth a second thread
 
 
@@ -18,8 +22,8 @@ def vote_pairs(
 ) -> None:
     """Find, for each pair of points, the minor semi-axis that most third points agree on.
 
-    `points` are rows, columns, and sines and cosines of directions, (4, N). `votes` and `axes`, the
-    bin, are (N, N), and 0 but for pairs whose second point comes before the first.
+    `points` are rows, columns, and sines and cosines of directions, (4, N). `votes` and `axes` (the
+    bins) are (N, N), and 0 except for pairs whose second point precedes the first.
     """
     count = points.shape[1]
     given = bounds_of(bounds)

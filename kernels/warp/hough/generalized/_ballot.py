@@ -1,4 +1,4 @@
-"""What is voted for, as kernels of both devices take it."""
+"""The inputs of the votes, as a structure for the kernels of both devices."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import warp as wp
 
 from cvkern.kernels.codes.hough import SCALE_ONE, TURN_ONE, TURNED_ONE, VECTOR_ONE
 
-# Bits that a turned vector has too many, and a scaled one beyond whole pixels.
+# Bits by which a rotated vector is shifted to its unit, and a scaled vector to whole pixels.
 TURNED_BITS = (TURN_ONE * VECTOR_ONE // TURNED_ONE).bit_length() - 1
 SCALED_BITS = (TURNED_ONE * SCALE_ONE).bit_length() - 1
 
@@ -28,7 +28,7 @@ class Ballot:
 
 
 def ballot_of(voters: Any, entries: Any, slices: Any, tolerance: int, cells: Any) -> Any:
-    """Return the structure of what a primitive is given."""
+    """Return the structure of a primitive's inputs."""
     made = Ballot()
     made.points, made.starts = voters
     made.vectors, made.directions = entries

@@ -1,7 +1,7 @@
 // needs LANES SCALED_BITS
-// Vote for one slice into the slab's cells. Cells beyond the last column and the last row stay 0;
-// LANES behind them take the votes that fall outside, one each, as a cell that all of them hit would
-// make them wait for each other. Where the votes of LANES points fall is vector code, into a list.
+// Vote for one slice, into the slab's cells. Cells after the last column and the last row stay 0.
+// After them, LANES cells take the votes that fall outside, one cell per lane, because votes for
+// one cell would wait for each other. Vector code lists the cells of the votes of LANES points.
 void vote_slice(int slab, int scale, Ballot ballot, wp::array_t<int> windows,
                 wp::array_t<wp::uint16> cells) {
     const int shift = ballot.shift, rows = ((ballot.height - 1) >> shift) + 1;
@@ -38,8 +38,8 @@ void vote_slice(int slab, int scale, Ballot ballot, wp::array_t<int> windows,
 }
 
 // needs TILE
-// Add up the four cells that meet at each corner, or a peak between cells would be lost. The key of a
-// tile is its largest sum, with the place of the first corner that has it in the lower bits.
+// Add the four cells that meet at each corner, so that a peak between cells is not lost. The key of
+// a tile is its largest sum, with the place of the first corner that has it in the lower bits.
 void find_peaks(int slab, int slice, Ballot ballot, wp::array_t<wp::uint16> cells,
                 wp::array_t<int> keys) {
     const int rows = ((ballot.height - 1) >> ballot.shift) + 1;

@@ -1,10 +1,10 @@
-"""The generalised Hough transform on the CPU: one thread a slab of slices, a slice at a time.
+"""The generalised Hough transform on the CPU: one thread per slab of slices, slice by slice.
 
 An entry of the table is a vector v from a boundary point to the centre, and the direction of the
-gradient there. Turned by t and scaled by s, each edge point p of that direction, turned too, votes
-for the centre p + s R(t) v (Ballard, "Generalizing the Hough transform to detect arbitrary shapes",
-Pattern Recognition 13(2), 1981). The accumulator of a slice, one rotation and one scale, stays in
-the cache.
+gradient there. For a rotation t and a scale s, each edge point p whose direction is that of the
+entry, rotated by t, votes for the centre p + s R(t) v (Ballard, "Generalizing the Hough transform
+to detect arbitrary shapes", Pattern Recognition 13(2), 1981). A slice is one rotation and one
+scale; its accumulator stays in the cache.
 """
 
 import warp as wp
@@ -16,7 +16,7 @@ from ._ballot import SCALED_BITS, TURNED_BITS, Ballot
 
 wp.set_module_options({"enable_backward": False})
 
-LANES = 16  # points are read this many at a time, beyond the end of a window too
+LANES = 16  # points that are read at a time, even beyond the end of a window
 LAST = wp.constant(DIRECTIONS - 1)
 HALF = wp.constant(wp.int64(1 << (TURNED_BITS - 1)))
 BITS = wp.constant(wp.int64(TURNED_BITS))
@@ -41,12 +41,12 @@ def find_peaks(
     cells: wp.array2d[wp.uint16],
     keys: wp.array[int],
 ):
-    """Find the four cells of most votes in each tile of a slice."""
+    """Find the 2 x 2 cells with most votes in each tile of a slice."""
 
 
 @wp.func
 def turn_entries(slab: int, rotation: int, ballot: Ballot, windows: wp.array2d[int]):
-    """Write, for each entry, which points may vote with it, and its turned vector."""
+    """Write, for each entry, the range of points that vote with it, and its rotated vector."""
     code = ballot.turns[rotation, 0]
     cosine = wp.int64(ballot.turns[rotation, 1])
     sine = wp.int64(ballot.turns[rotation, 2])

@@ -1,9 +1,9 @@
 // needs BLOCK WORDS DIRECTIONS TURNED_BITS SCALED_BITS TILE PEAKS
-// A block has a slice, or a rectangle of `deep` by `wide` cells of it, multiples of TILE, two cells
-// a word of shared memory. A row and a column more are counted, as the sums of its last cells reach
-// there; another column makes each row begin with a word. A warp takes 32 entries, one a lane,
-// finds their windows, and goes through them one by one, a point a lane. Then it takes tiles, a lane
-// the two cells of a word, or writes all votes.
+// A block has a slice, or a rectangle of it, of `deep` by `wide` cells, which are multiples of
+// TILE. A word of shared memory holds two cells. One more row and column are counted, because the
+// sums of the last cells need them; another column makes each row begin with a word. A warp takes
+// 32 entries, one per lane, and finds their windows. It goes through the windows one by one, one
+// lane per point. Then it takes tiles, one lane per word of two cells, or writes all votes.
 void search(Ballot ballot, int deep, int wide, wp::array_t<int> found) {
     __shared__ unsigned int cell[WORDS];
     const int height = ballot.height, width = ballot.width, shift = ballot.shift;
@@ -73,7 +73,7 @@ void search(Ballot ballot, int deep, int wide, wp::array_t<int> found) {
         const int tile_row = top / TILE + row, tile_column = left / TILE + column;
         if (row >= deep / TILE || tile_row >= below) break;
         if (tile_column >= across) continue;
-        // The sums need the words beside and below.
+        // The sums need the words to the right and below.
         const unsigned int* here = cell + ((row * TILE + line) * pitch + column * TILE) / 2 + word;
         const unsigned int* under = here + pitch / 2;
         const int first = (here[0] & 0xffff) + (under[0] & 0xffff);

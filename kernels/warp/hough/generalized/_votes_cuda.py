@@ -1,8 +1,7 @@
-"""The generalised Hough transform on CUDA: a block has a slice, or a rectangle of it, to itself.
+"""The generalised Hough transform on CUDA: one block per slice, or per rectangle of a slice.
 
-As on the CPU, an edge point p votes with an entry of vector v for the centre p + s R(t) v. The
-accumulator of a slice, one rotation and one scale, is in shared memory; its peaks are found before
-anything is written out.
+As on the CPU, an edge point p votes with an entry of vector v for the centre p + s R(t) v. A slice
+is one rotation and one scale. Its accumulator is in shared memory, and its peaks are found there.
 """
 
 import warp as wp
@@ -15,7 +14,7 @@ from ._ballot import SCALED_BITS, TURNED_BITS, Ballot
 wp.set_module_options({"enable_backward": False})
 
 BLOCK = 256  # threads of a block; Warp's own
-WORDS = 11904  # words of shared memory: with Warp's own 1 KB below the 48 KB that a block may have
+WORDS = 11904  # words of shared memory; with Warp's own 1 KB, less than the 48 KB of a block
 CELLS = 2 * WORDS
 assert TILE * TILE == 2 * 32, "a lane takes two cells of a tile"
 
@@ -30,7 +29,7 @@ def rectangle(rows: int, columns: int) -> tuple[int, int, int]:
             number = -(-rows // deep) * -(-columns // wide)
             if best is None or number < best[2]:
                 best = deep, wide, number
-            elif wide < 64:  # narrower ones are no fewer
+            elif wide < 64:  # narrower rectangles do not reduce their number
                 break
     assert best is not None
     return best

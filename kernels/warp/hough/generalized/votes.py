@@ -1,7 +1,8 @@
 """The generalised Hough transform, in Warp.
 
-A slice is the accumulator of one rotation and one scale. On the CPU a thread takes slice after
-slice; on CUDA a block has a slice, or a part of one, in shared memory.
+A slice is the accumulator of one rotation and one scale; _votes_cpu.py has the rule of the votes
+and its source. On the CPU a thread takes slice after slice; on CUDA a block has a slice, or a part
+of one, in shared memory.
 """
 
 import math
@@ -38,7 +39,7 @@ def _code_directions(
 
 
 def code_directions(points: wp.array, dy: wp.array, dx: wp.array, codes: wp.array) -> None:
-    """Code the direction of the gradient at each point; a slab of points a thread, or one."""
+    """Compute the direction code of each point; a thread takes a slab of points, or one point."""
     launch_each(_code_directions, codes.size, codes.size, [points, dy, dx], [codes])
 
 
@@ -50,7 +51,7 @@ def search(
     cells: Cells,
     keys: wp.array,
 ) -> None:
-    """Find the four cells of most votes in each tile of each slice."""
+    """Find the 2 x 2 cells with most votes in each tile of each slice."""
     _vote(voters, entries, slices, tolerance, cells, True, keys)
 
 

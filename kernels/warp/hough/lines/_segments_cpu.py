@@ -1,8 +1,8 @@
-"""Which line a point belongs to, on the CPU: one thread a slab of blocks of 64 points.
+"""The line that a point belongs to, on the CPU: one thread per slab of blocks of 64 points.
 
 A point (y, x) is on a line if ``|x cos + y sin - rho|`` is at most a distance and its direction is
-within a tolerance of the line's. The 64 points of a block are tried on one line after the other, as
-vector code without branches.
+within a tolerance of the line's. The 64 points of a block are tested against one line after the
+other, as vector code without branches.
 """
 
 import warp as wp

@@ -1,4 +1,8 @@
-"""Which line a point belongs to, on CUDA: one thread a point, which stops at its first line."""
+"""The line that a point belongs to, on CUDA: one thread per point, which stops at its first line.
+
+A point (y, x) is on a line if ``|x cos + y sin - rho|`` is at most a distance and its direction is
+within a tolerance of the line's.
+"""
 
 import warp as wp
 

@@ -1,7 +1,8 @@
 // needs ANGLES GROUP POINTS WEIGHTED
-// Rows of a slab are groups of ANGLES angles. Bins of POINTS points are computed as vector code for
-// ANGLES angles at a time; the votes of one angle often fall into one bin in a row, and would wait
-// for each other. Histograms of GROUP angles are written together: a cache line a bin.
+// The rows of a slab are groups of ANGLES angles. Vector code computes the bins of POINTS points
+// for ANGLES angles at a time, because successive votes of one angle often fall into the same bin
+// and would wait for each other. Histograms of GROUP angles are written together, one cache line
+// per bin.
 void vote(int slab, int first, int last, wp::array_t<int> points, wp::array_t<int> starts,
           wp::array_t<int> cosine, wp::array_t<int> sine, wp::array_t<wp::int64> offset, int shift,
           wp::array_t<int> weights, wp::array_t<int> lines, wp::array_t<int> votes) {
@@ -44,7 +45,7 @@ void vote(int slab, int first, int last, wp::array_t<int> points, wp::array_t<in
 }
 
 // needs WEIGHTED
-// Rows of a slab are angles. A point has few votes: each goes straight where it belongs.
+// The rows of a slab are angles. A point has few votes, so each is added directly to its bin.
 void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::array_t<int> starts,
                    wp::array_t<int> windows, wp::array_t<int> cosine, wp::array_t<int> sine,
                    wp::array_t<wp::int64> offset, int shift, wp::array_t<int> weights,
@@ -57,7 +58,7 @@ void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::a
         const int begin = windows.data[2 * i], end = begin + windows.data[2 * i + 1];
         const long long y = points.data[2 * i], x = points.data[2 * i + 1];
         const int vote = WEIGHTED ? weights.data[i] : 1;
-        for (int turn = 0; turn <= (end > angles); ++turn) {  // the window goes on from angle 0
+        for (int turn = 0; turn <= (end > angles); ++turn) {  // the window may continue at angle 0
             const int base = turn * (int)angles;
             const int from = begin - base > first ? begin - base : first;
             const int to = end - base < last ? end - base : last;

@@ -1,4 +1,4 @@
-"""Votes for lines on the CPU: one thread a slab of angles, each with histograms of its own.
+"""Votes for lines on the CPU: one thread per slab of angles, each with its own histograms.
 
 A point (y, x) votes at angle t for the bin of rho = x cos t + y sin t (Duda and Hart, "Use of the
 Hough transformation to detect lines and curves in pictures", CACM 1972). Rho is in fixed point:

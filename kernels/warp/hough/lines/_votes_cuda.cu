@@ -1,6 +1,6 @@
 // needs SIZE WEIGHTED
-// A block has one angle, a share of the points, and the SIZE bins from `low` on in shared memory.
-// A thread takes four points at a time, two by one load of 16 bytes.
+// A block has one angle, a share of the points, and SIZE bins, beginning at `low`, in shared
+// memory. A thread takes four points at a time; a load of 16 bytes brings two of them.
 void vote(wp::array_t<int> points, wp::array_t<int> starts, wp::array_t<int> cosine,
           wp::array_t<int> sine, wp::array_t<wp::int64> offset, int shift, int parts,
           wp::array_t<int> weights, wp::array_t<int> shares) {
@@ -44,8 +44,8 @@ void vote(wp::array_t<int> points, wp::array_t<int> starts, wp::array_t<int> cos
 }
 
 // needs TILE
-// A block adds up the shares of a square of TILE by TILE votes, and turns it to have the angles
-// along the rows; its warps take a row of it each.
+// A block adds the shares of a square of TILE by TILE votes, and transposes it, so that the angles
+// are along the rows. Each of its warps takes a row of the square.
 void add_up(wp::array_t<int> shares, wp::array_t<int> votes) {
     __shared__ int square[TILE][TILE + 1];
     const int angles = votes.shape[1], bins = votes.shape[0];

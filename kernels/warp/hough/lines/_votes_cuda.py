@@ -1,9 +1,9 @@
 """Votes for lines on CUDA: a block has one angle, a share of the points, and its own histogram.
 
 A point (y, x) votes at angle t for the bin of rho = x cos t + y sin t, in fixed point as on the
-CPU. The histogram lies in shared memory; where that is too small for all bins of rho, a block has a
-part of them. The histograms are then added up, and turned to have the angles along the rows. With
-directions a point has few votes, which a thread adds one by one.
+CPU. The histogram is in shared memory; if this is too small for all bins of rho, a block has a part
+of them. The histograms are then added, and transposed so that the angles are along the rows. With
+directions, a point has few votes, which a thread adds one by one.
 """
 
 import warp as wp
@@ -13,8 +13,8 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BLOCK = 256  # threads of a block; Warp's own
-TILE = 32  # bins, and angles, of a square that is turned; the lanes of a warp
-SMALL, LARGE = 6016, 12032  # bins of a histogram: 24 and 48 KB, less 1 KB that CUDA keeps
+TILE = 32  # bins and angles of a square that is transposed; the lanes of a warp
+SMALL, LARGE = 6016, 12032  # bins of a histogram: 24 and 48 KB, minus 1 KB that CUDA reserves
 
 
 def _vote(size: int, weighted: bool) -> wp.Kernel:
@@ -75,7 +75,7 @@ def vote_directed(
     # outputs
     votes: wp.array2d[int],  # (R, T)
 ):
-    # One thread a point, or every so many points, as the host may not know how many there are.
+    # A thread takes points at a constant stride, because the host may not know their number.
     i = wp.tid()
     while i < starts[starts.shape[0] - 1]:
         y = wp.int64(points[i, 0])

@@ -1,7 +1,8 @@
-"""Maxima of an accumulator of lines, in Warp: one thread a slab of rows, or one an element.
+"""Maxima of an accumulator of lines, in Warp: one thread per slab of rows, or per element on CUDA.
 
-A maximum is above a threshold, and in a window round it nothing is larger, or equal and before it.
-The window may run on past the last angle: half a turn on, rho changes its sign.
+A maximum is above a threshold. In a window around it, no value is larger, and no equal value
+precedes it. The window may continue past the last angle, at the first: after half a turn, rho
+changes its sign.
 """
 
 from typing import Any
@@ -25,7 +26,7 @@ def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
         min_angle: int,
         wraps: bool,
     ) -> bool:
-        """Tell whether nothing in the window is larger, or equal and before the element."""
+        """Tell whether no value in the window is larger, and no equal value precedes."""
         bins = values.shape[0]
         angles = values.shape[1]
         here = values[bin, angle]
@@ -97,7 +98,7 @@ def local_maxima(
     wraps: bool,
     mask: wp.array,
 ) -> None:
-    """Mark what is above the threshold and the first largest in its window."""
+    """Mark values above the threshold that are the first largest in their window."""
     of_rows, of_elements = _maxima_of[values.dtype]
     limit = int(threshold) if values.dtype is wp.int32 else float(threshold)
     inputs = [values, limit, min_distance, min_angle, wraps]

@@ -1,4 +1,4 @@
-"""Which line a point belongs to, in Warp."""
+"""The line that a point belongs to, in Warp: a thread takes a slab of points (CPU), or a point."""
 
 import warp as wp
 
@@ -19,10 +19,9 @@ def claim(
     tolerance: int,
     labels: wp.array,
 ) -> None:
-    """Label every point with the first line, behind `after`, that it is on, or their number.
+    """Label every point with the first line after `after` that it is on, or the number of lines.
 
-    `lines` has rows of cosines, sines and distances, (3, K). One thread a slab of points, or one a
-    point.
+    `lines` has rows of cosines, sines and distances, (3, K).
     """
     number = points.shape[0]
     inputs = [points, codes, after, lines, directions, distance, tolerance]

@@ -1,6 +1,8 @@
 """Votes for lines, in Warp.
 
-On the CPU a slab of angles has histograms of its own; on CUDA a block has one in shared memory.
+A point (y, x) votes at angle t for the bin of rho = x cos t + y sin t; _votes_cpu.py has the
+source. On the CPU each slab of angles has its own histograms; on CUDA a block has one in shared
+memory.
 """
 
 import warp as wp
@@ -15,8 +17,8 @@ from . import _votes_cuda as cuda
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 HALF_TURN = wp.constant(DIRECTIONS // 2 - 1)
-_THREADS = 1 << 16  # threads of CUDA at most, where the host may not know how many points there are
-_SHARES = 360  # blocks at work in all: fewer leave an H200 idle, more take longer to be added up
+_THREADS = 1 << 16  # most CUDA threads, if the host does not know the number of points
+_SHARES = 360  # number of blocks; fewer leave an H200 idle, more take longer to add
 
 
 @wp.kernel
@@ -53,7 +55,7 @@ def _find_windows(
 
 
 def take(points: wp.array, starts: wp.array, values: wp.array, taken: wp.array) -> None:
-    """Look the value of every point up; one thread in all, or each with every so many points."""
+    """Look up the value at every point; one thread on the CPU, a strided loop on CUDA."""
     threads = _threads(points)
     launch(_take, threads, [points, starts, values, threads], [taken])
 
@@ -65,10 +67,10 @@ def vote(
     weights: wp.array | None,
     votes: wp.array,
 ) -> None:
-    """Let every point vote at all angles, by 1 or its weight; `votes` is overwritten."""
+    """Count the votes of all points at all angles, by 1 or their weight; fill `votes`."""
     bins, angles = votes.shape
     weighted = weights is not None
-    given = weights if weighted else starts  # an array of the same type, which is not read
+    given = weights if weighted else starts  # without weights, any array of the same type
     if votes.device.is_cuda:
         size = cuda.SMALL if bins <= cuda.SMALL else cuda.LARGE
         parts = -(-bins // size)
@@ -98,7 +100,7 @@ def vote_directed(
     weights: wp.array | None,
     votes: wp.array,
 ) -> None:
-    """Let every point vote at the angles of its direction code; `votes` is overwritten."""
+    """Count the votes of all points at the angles of their direction; fill `votes`."""
     threads = _threads(points)
     found = scratch("lines.windows", tuple(points.shape), wp.int32, votes.device)
     launch(_find_windows, threads, [starts, *windows, threads], [found])

@@ -1,7 +1,7 @@
 // needs TYPE
-// Comparison n of a pixel goes into byte n / 8 of 64 values at once; the bytes are joined behind.
-// Rows of the image stand in lines, continued on both sides by their outermost pixels: row v in
-// line v modulo the height of the window, so that from row to row one line is new.
+// Comparison n is computed for 64 pixels at once, into byte n / 8; the bytes are joined at the end.
+// Lines hold the rows of the image, extended on both sides by their outermost pixels. Row v is in
+// line v modulo the height of the window, so each row needs one new line.
 void census(int slab, int first, int last, wp::array_t<TYPE> image, int radius_y, int radius_x,
             int spacing, int symmetric, wp::array_t<TYPE> lines, wp::array_t<wp::uint64> bits) {
     const int height = image.shape[0], step = image.shape[2], columns = image.shape[1] * step;

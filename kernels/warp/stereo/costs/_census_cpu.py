@@ -1,6 +1,7 @@
-"""The census transform on the CPU: one thread a slab of rows, 64 pixels at once.
+"""The census transform on the CPU: one thread per slab of rows, 64 pixels at once.
 
-Native, because a comparison of 64 bytes, and the bit that it gives, are a few instructions.
+census.py describes the transform. The code is native, because a comparison of 64 bytes takes only a
+few instructions.
 """
 
 from functools import lru_cache

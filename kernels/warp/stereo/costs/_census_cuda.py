@@ -1,7 +1,7 @@
-"""Census and Hamming distance on CUDA: a thread a pixel, and threads along the disparities.
+"""Census and Hamming distance on CUDA: one thread per pixel, and threads along the disparities.
 
-Native: most pixels skip the borders' arithmetic, and the distances of a tile are stored as they
-come.
+census.py describes the transform. The code is native, so that most pixels skip the arithmetic of
+borders, and the distances of a tile are stored in order.
 """
 
 from functools import lru_cache
@@ -15,12 +15,12 @@ from cvkern.kernels.warp._launch import launch
 from ._windows_cpu import C_TYPES, OPTIONS
 
 _BLOCK = 256
-_TILE = 16  # pixels whose distances a block counts
+_TILE = 16  # pixels whose distances a block computes
 
 
 @lru_cache
 def census_kernel(scalar: Any) -> wp.Kernel:
-    """Return the kernel for values of one type, which is compiled when it is first used."""
+    """Return the kernel for values of one type; it is compiled at the first use."""
 
     @_native.kernel("_census_cuda.cu", OPTIONS, TYPE=C_TYPES[scalar], BLOCK=_BLOCK)
     def census(

@@ -1,7 +1,7 @@
 #include "_sums_cpu.h"
 
-// The sums and scales of windows of the right image stand in `moments`, in the order of the
-// disparities of a pixel: as the lines of the row, but each place is the middle of a window.
+// `moments` holds the sums and scales of windows of the right image in the order of a pixel's
+// disparities, as the lines of the row do; each place is the middle of a window.
 void correlation(int slab, int first, int last, wp::array_t<ELEMENT> left,
                  wp::array_t<ELEMENT> right, Windows windows, Moments of_left, Moments of_right,
                  wp::array_t<PIXEL> lines, wp::array_t<SUM> columns, wp::array_t<double> moments,

@@ -1,7 +1,7 @@
-"""Zero-mean normalised cross-correlation on the CPU: the sums of _sums_cpu.h, of products.
+"""Zero-mean normalised cross-correlation on the CPU, from sums of products (_sums_cpu.h).
 
-correlation.py has the equation. Native for the same reason as the sums are: 16 or 32 disparities at
-once.
+correlation.py has the equation. One thread per slab of rows. The code is native for the same reason
+as the sums: it computes 16 or 32 disparities at once.
 """
 
 from functools import lru_cache

@@ -2,8 +2,8 @@
 
 // needs COST, SAD, SSD, CENSUS, ZNCC, BIRCHFIELD_TOMASI, PIXEL, VALUE, SUM, KEPT
 // needs FLOATS, UNROLL, DOWN, BLOCK
-// The sums down DOWN rows of one column and one disparity a thread, in a strip of rows from `top`
-// on.
+// The sums down the columns, in a strip of rows that begins at `top`. One thread computes DOWN rows
+// of one column and one disparity.
 void sum_down(wp::array_t<PIXEL> left, wp::array_t<PIXEL> right, Windows windows, int top,
               wp::array_t<KEPT> sums) {
     const int height = left.shape[0], width = left.shape[1], channels = left.shape[2];
@@ -58,7 +58,7 @@ void sum_down(wp::array_t<PIXEL> left, wp::array_t<PIXEL> right, Windows windows
     KEPT* to = sums.data + (size_t)begin * columns + i;
     SUM down = sum_of(top + begin);
     *to = down;
-// Loads through __ldg wait for no store, so that those of several rounds are on their way.
+// Loads through __ldg do not wait for stores, so the loads of several rounds overlap.
 #pragma unroll UNROLL
     for (int y = top + begin + 1; y < top + end; ++y) {
         if (FLOATS || radius_y == 0)

@@ -1,9 +1,9 @@
 """Sums and scales of windows for the cross-correlation, on both devices.
 
-A thread takes a value: first the sums down the columns, then those along the rows. The scale of a
-window is 1 / sqrt(n S(l l) - S(l)^2), summed over the channels, and 0 where that is rounding.
-Float64 holds the sums of bytes exactly; those of floats are made from the top down and from left to
-right.
+A thread computes one value: first the sums down the columns, then the sums along the rows. The
+scale of a window is 1 / sqrt(n S(l l) - S(l)^2), summed over the channels, and 0 if this variance
+is only rounding error. Float64 holds sums of bytes exactly; floats are summed from top to bottom
+and from left to right.
 """
 
 from functools import lru_cache

@@ -1,6 +1,6 @@
-// Hand the sums along a run of ALONG columns of one disparity to ``emit(total, row, x, k)``, from
-// the sums down the columns of a strip of rows. Sums of integers run; those of floats are made
-// anew.
+// Call ``emit(total, row, x, k)`` with the sums along a run of ALONG columns of one disparity, from
+// the sums down the columns of a strip of rows. Integers have running sums; floats are summed again
+// for each pixel.
 // needs KEPT, SUM, FLOATS, UNROLL, ALONG, BLOCK
 const auto sum_run = [](const KEPT* sums, int wide, int width, int depth, int radius_x,
                         const auto& emit) {

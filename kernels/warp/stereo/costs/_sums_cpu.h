@@ -1,11 +1,11 @@
-// Sums of matching costs over windows, LANES disparities in a vector, a row of the image at a time.
+// Sums of matching costs over windows, LANES disparities in a vector, row by row of the image.
 //
-// COST is one of SAD, SSD, BIRCHFIELD_TOMASI, CENSUS and ZNCC, whose sums are of products. PIXEL is
-// the type of a value, SUM that of a sum; ELEMENT is what the images hold: PIXEL, or words of 8
-// octets, where each of the first `octets` is a channel of its own.
+// COST is one of SAD, SSD, BIRCHFIELD_TOMASI, CENSUS and ZNCC (sums of products). PIXEL is the type
+// of a value, SUM the type of a sum. ELEMENT is the type of an image element: PIXEL, or a word of 8
+// octets, where each of the first `octets` is a separate channel.
 // needs COST, SAD, SSD, BIRCHFIELD_TOMASI, CENSUS, ZNCC, PIXEL, ELEMENT, SUM, LANES, FLOATS
 #if COST == BIRCHFIELD_TOMASI
-#define PLANES 3  // lines of values, of the least and of the largest near each
+#define PLANES 3  // lines of values, and of the smallest and largest value near each
 #else
 #define PLANES 1
 #endif
@@ -17,13 +17,13 @@ struct WindowRow {
 
     const ELEMENT *left, *right;
     int height, width, stride, octets, start, count, radius_y, radius_x;
-    PIXEL* lines;  // the lines of two rows, of this thread
-    SUM* columns;  // the sums down the columns, of this thread
+    PIXEL* lines;  // this thread's lines of two rows
+    SUM* columns;  // this thread's sums down the columns
 
     int channels() const { return stride * octets; }
     int range() const { return (count + LANES - 1) / LANES * LANES; }
     int wide() const { return width + 2 * radius_x; }
-    // One place more on each side, for the neighbours of the outermost.
+    // One more place on each side, for the neighbours of the outermost pixels.
     int left_pitch() const { return wide() + 2; }
     int right_pitch() const { return wide() + range() + 2; }
     size_t right_lines() const { return (size_t)PLANES * channels() * left_pitch(); }
@@ -37,7 +37,7 @@ struct WindowRow {
 #endif
     }
 
-    // A line of one row, continued on both sides by its outermost pixels: place i has column
+    // Fill a line with one row, extended on both sides by its outermost pixels: place i has column
     // x + step i.
     void put(PIXEL* to, int length, const ELEMENT* from, int octet, int x, int step) const {
         // Places `first` to `last` are in the image.
@@ -59,7 +59,7 @@ struct WindowRow {
             for (int i = first; i < last; ++i) to[i] = value(from[x - i], octet);
         }
         if (PLANES == 1) return;
-        // The least and the largest value between a pixel and half way to its neighbours.
+        // The smallest and the largest value within half a pixel of a pixel.
         PIXEL* const low = to + (size_t)channels() * length;
         PIXEL* const high = low + (size_t)channels() * length;
         low[0] = low[length - 1] = high[0] = high[length - 1] = 0;
@@ -72,9 +72,9 @@ struct WindowRow {
         }
     }
 
-    // The lines of a row of both images: of each channel the values, then, where the cost asks for
-    // them, the least and the largest. Lines of the right image are reversed, so that the partners
-    // of a pixel stand in the order of their disparities.
+    // Fill the lines of a row of both images: for each channel the values, then, if the cost needs
+    // them, the smallest and largest ones. Lines of the right image are reversed, so that the
+    // partners of a pixel are in the order of their disparities.
     void put_row(int row, int place) const {
         row = row < 0 ? 0 : row < height ? row : height - 1;
         PIXEL* const to = lines + place * row_lines();
@@ -87,8 +87,8 @@ struct WindowRow {
         }
     }
 
-    // The costs of LANES disparities: `l` is a value of the left image, `r` its first partner; the
-    // lines of the next channels are `left_step` and `right_step` away.
+    // Return the costs of LANES disparities. `l` is a value of the left image, `r` its first
+    // partner; the lines of the next channels are `left_step` and `right_step` away.
     __attribute__((always_inline)) static sums costs(const PIXEL* l, const PIXEL* r, int count_of,
                                                      size_t left_step, size_t right_step) {
         sums total = {};
@@ -105,7 +105,7 @@ struct WindowRow {
             total += __builtin_convertvector(a, sums) * __builtin_convertvector(b, sums);
 #elif COST == CENSUS
             bytes += __builtin_elementwise_popcount(a ^ b);
-            if (c % 16 < 15 && c < count_of - 1) continue;  // they hold 16 times 8 bits
+            if (c % 16 < 15 && c < count_of - 1) continue;  // bytes hold 16 sums of 8 bits
             total += __builtin_convertvector(bytes, sums);
             bytes = (pixels){};
 #else
@@ -128,11 +128,11 @@ struct WindowRow {
 };
 #undef PLANES
 
-// Hand each sum of row y to ``emit(total, x, chunk)``: x is the last column of its window, counted
-// from the first of the lines; its disparities begin at `chunk`. The sums down the columns are kept
-// from one row to the next, where one row of costs comes and one goes, and so are the sums along
-// the row. Sums of floats are made anew: each column from its top down, then the columns from left
-// to right.
+// Call ``emit(total, x, chunk)`` with each sum of row y. x is the last column of its window,
+// counted from the begin of the lines; its disparities begin at `chunk`. Integers have running
+// sums: from one row to the next, one row of costs is added and one subtracted, and likewise along
+// the row. Floats are summed again: each column from top to bottom, then the columns from left to
+// right.
 const auto sum_windows = [](const WindowRow& row, int y, bool restart,
                             const auto& emit) __attribute__((always_inline)) {
     typedef WindowRow::sums sums;
@@ -140,7 +140,7 @@ const auto sum_windows = [](const WindowRow& row, int y, bool restart,
     const int channels = row.channels();
     const size_t left_step = row.left_pitch(), right_step = row.right_pitch();
     SUM* const columns = row.columns;
-    // Where the lines of the row that comes begin, and those of the row that goes.
+    // The begin of the lines of the row that is added, and of the row that is subtracted.
     const PIXEL* const left_new = row.lines + 1;
     const PIXEL* const right_new = row.lines + row.right_lines() + wide;
     const PIXEL* const left_old = left_new + row.row_lines();

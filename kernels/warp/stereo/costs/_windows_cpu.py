@@ -1,7 +1,7 @@
-"""Matching costs summed over windows on the CPU, one thread a slab of rows.
+"""Matching costs summed over windows on the CPU, one thread per slab of rows.
 
-_sums_cpu.h has the costs and the order of the sums. Native, because a vector holds 16 to 64
-disparities of a pixel: bytes are compared as bytes, and only their sums are wider.
+_sums_cpu.h has the costs and the order of the sums. The code is native, because a vector holds 16
+to 64 disparities of a pixel: bytes are compared as bytes, and only their sums are wider.
 """
 
 from functools import lru_cache
@@ -24,16 +24,16 @@ C_TYPES = {
     wp.float64: "double",
     wp.uint64: "unsigned long long",
 }
-# Disparities at once, by the type of sums.
+# Number of disparities in a vector, by the type of the sums.
 LANES_OF = {wp.uint16: 64, wp.int32: 32, wp.float32: 32, wp.float64: 16}
 
 
 @wp.struct
 class Windows:
-    """What is summed where."""
+    """The windows and disparities of the sums."""
 
     first: int  # disparity of the first costs
-    octets: int  # octets of a word that hold bits; 1 for numbers
+    octets: int  # used octets of a word of bits; 1 for numbers
     radius_y: int
     radius_x: int
 
@@ -48,19 +48,19 @@ def windows_of(first: int, octets: int, radius_y: int, radius_x: int) -> Windows
 
 
 def sums_dtype(pixel: Any, out: Any) -> Any:
-    """Return the type of sums that hold what `out` holds."""
+    """Return the type of the sums for costs of type `out`."""
     if pixel is wp.float32:
         return wp.float32
     return wp.int32 if out is wp.float32 else wp.uint16
 
 
 def values_dtype(pixel: Any) -> Any:
-    """Return the type of the values that are compared: of words, an octet at a time."""
+    """Return the type of the values that are compared; words are compared by octets."""
     return wp.float32 if pixel is wp.float32 else wp.uint8
 
 
 def padded(count: int, sums: Any) -> int:
-    """Return `count` disparities in whole vectors."""
+    """Return `count` disparities, rounded up to whole vectors."""
     return -(-count // LANES_OF[sums]) * LANES_OF[sums]
 
 
@@ -79,7 +79,7 @@ def slab_scratch(
 
 
 def constants(cost: int, pixel: Any, sums: Any) -> dict[str, Any]:
-    """Return what _sums_cpu.h needs."""
+    """Return the constants of _sums_cpu.h."""
     return {
         "COST": int(cost),
         **{code.name: int(code) for code in Cost if code != Cost.CENSUS_SYMMETRIC},

@@ -1,9 +1,10 @@
 """Matching costs summed over windows on CUDA: down the columns, then along the rows.
 
-A strip of rows at a time, so that the sums between the two passes stay in the cache. A thread walks
-down some rows, or along some columns, of one disparity; the disparities of a pixel are neighbouring
-threads. Sums of integers run; those of floats are made anew, in the order of _sums_cpu.h. Native,
-for loads through the read-only cache that do not wait for stores.
+The work is done in strips of rows, so that the sums between the two passes stay in the cache. A
+thread walks down some rows, or along some columns, of one disparity; neighbouring threads have the
+disparities of a pixel. Integers have running sums; floats are summed again for each pixel, in the
+order of _sums_cpu.h. The code is native for loads through the read-only cache, which do not wait
+for stores.
 """
 
 from collections.abc import Iterator
@@ -20,12 +21,12 @@ from ._moments import Moments
 from ._windows_cpu import C_TYPES, OPTIONS, Windows, windows_of
 
 _BLOCK = 256
-_DOWN, _ALONG = 16, 64  # sums that one thread makes
-_STRIP_BYTES = 24 << 20  # half the second cache of the largest GPUs
+_DOWN, _ALONG = 16, 64  # sums that one thread computes
+_STRIP_BYTES = 24 << 20  # half the second-level cache of the largest GPUs
 
 
 def _constants(kept: Any) -> dict[str, Any]:
-    """Return what is known of sums that are kept in one type."""
+    """Return the constants for sums that are stored in one type."""
     floats = kept in (wp.float32, wp.float64)
     return {
         "KEPT": C_TYPES[kept],
@@ -38,7 +39,7 @@ def _constants(kept: Any) -> dict[str, Any]:
 
 @lru_cache
 def sum_down(cost: int, pixel: Any, kept: Any) -> wp.Kernel:
-    """Return the kernel of a cost, which is compiled when it is first used."""
+    """Return the kernel of a cost; it is compiled at the first use."""
     value = "int" if pixel is wp.uint8 else C_TYPES[pixel]
     needs = {
         **_constants(kept),
@@ -108,7 +109,7 @@ def window_costs(
     *,
     begin: int = 0,
 ) -> None:
-    """Fill the costs of the rows from `begin` on."""
+    """Fill the costs, strip by strip."""
     kept = _kept(cost, left.dtype, costs.dtype)
     windows = windows_of(first, 1, radius_y, radius_x)
     for top, sums in _strips(costs, radius_x, kept):
@@ -130,7 +131,7 @@ def correlation(
 
 
 def _kept(cost: int, pixel: Any, out: Any) -> Any:
-    """Return the type in which sums of columns are kept."""
+    """Return the type in which sums of columns are stored."""
     if pixel is wp.float32:
         return wp.float64 if cost == Cost.ZNCC else wp.float32
     return wp.int32 if out is wp.float32 else wp.uint16
@@ -157,5 +158,5 @@ def _launch_along(kernel: wp.Kernel, inputs: list[Any], sums: wp.array, costs: w
 
 
 def _threads(count: int) -> int:
-    """Return the threads of the blocks that `count` threads fill."""
+    """Return `count` threads, rounded up to whole blocks."""
     return -(-count // _BLOCK) * _BLOCK

@@ -4,8 +4,9 @@ With n pixels in a window, and sums S over it, the correlation of the windows l 
 
     (n S(l r) - S(l) S(r)) / sqrt((n S(l l) - S(l)^2) (n S(r r) - S(r)^2))
 
-where each of the three differences is summed over the channels. The sums of each image come first
-(_moments.py), then those of products, as in windows.py. All is float64 beyond the sums of integers.
+where each of the three differences is summed over the channels. The sums of each image are computed
+first (_moments.py), then the sums of products, as in windows.py. Everything but sums of integers is
+float64.
 """
 
 import warp as wp
@@ -22,7 +23,7 @@ from ._moments import moments
 def correlation(
     left: wp.array, right: wp.array, first: int, radius_y: int, radius_x: int, costs: wp.array
 ) -> None:
-    """One less the correlation of windows of uint8 or float32 (H, W, C), each channel's mean apart.
+    """Compute 1 minus the correlation of windows of uint8 or float32 (H, W, C), a mean per channel.
 
     Sums of products of uint8 must fit into int32.
     """

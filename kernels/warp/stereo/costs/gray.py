@@ -1,9 +1,9 @@
-"""What stereo matching sees of its images, in Warp: grey values of 8 bits.
+"""Grey values of 8 bits, which stereo matching compares, in Warp.
 
     grey = (77 red + 150 green + 29 blue + 128) >> 8
 
-the luma of ITU-R BT.601 in integers, of bytes; one thread a pixel on CUDA, a run of pixels on the
-CPU.
+This is the luma of ITU-R BT.601 in integers, from bytes. One thread per pixel on CUDA, per run of
+pixels on the CPU.
 """
 
 from typing import Any
@@ -18,13 +18,13 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def _itself(value: wp.uint8, scale: float) -> int:
-    """Return a byte as it is."""
+    """Return a byte unchanged."""
     return int(value)
 
 
 @wp.func
 def _nearest(value: float, scale: float) -> int:
-    """Return the nearest number that a byte holds; 0 for NaN."""
+    """Return the nearest integer in [0, 255]; 0 for NaN."""
     v = value * scale
     byte = int(0)
     if v >= 255.0:
@@ -65,10 +65,10 @@ _KERNELS = {
 
 
 def gray_bytes(image: wp.array, scale: float, gray: wp.array) -> None:
-    """Turn an image of 1, or of 3 or more channels, into grey values of 8 bits.
+    """Convert an image of 1, or of 3 or more channels, to grey values of 8 bits.
 
-    uint8 is taken as it is; float32 times `scale`, rounded, and limited to what a byte holds. Of
-    channels the first three count, as red, green and blue.
+    uint8 values are used unchanged. float32 values are multiplied by `scale`, rounded, and clipped
+    to [0, 255]. The first three channels are red, green and blue.
     """
     pixels = gray.size
     flat = view(image, image.dtype, (pixels, image.shape[2]))

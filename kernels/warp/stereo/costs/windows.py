@@ -1,10 +1,10 @@
 """Costs summed over windows, in Warp.
 
-The cost of pixel (y, x) and disparity d is the sum over a window, and over the channels, of how
-much the left image at (v, u) and the right one at (v, u - d) differ: abs(a - b), (a - b)^2, the
-dissimilarity of S. Birchfield and C. Tomasi (IEEE PAMI 20(4), 1998), or the bits of a census that
-differ. On the CPU a thread takes a slab of rows and keeps the sums down its columns; on CUDA a
-first kernel sums down, a second one along, a thread for several sums of one disparity.
+The cost of pixel (y, x) and disparity d is a sum over a window and over the channels. It adds the
+difference of the left image at (v, u) and the right image at (v, u - d): abs(a - b), (a - b)^2, the
+dissimilarity of S. Birchfield and C. Tomasi (IEEE PAMI 20(4), 1998), or the number of differing
+bits of a census. On the CPU a thread takes a slab of rows and keeps the sums down its columns. On
+CUDA a first kernel sums down, a second one along; a thread computes several sums of one disparity.
 """
 
 import warp as wp
@@ -25,10 +25,10 @@ def window_costs(
     radius_x: int,
     costs: wp.array,
 ) -> None:
-    """Sum a cost over windows of (H, W, C), for each disparity from `first` on.
+    """Sum a cost over windows of (H, W, C), for each disparity, beginning at `first`.
 
-    Pixels are uint8 or float32 with 1 octet, or uint64 for CENSUS with bits in the lowest octets
-    only. Sums of integers must fit into uint8 or uint16 costs, or into int32 for float32 ones.
+    Pixels are uint8 or float32 with 1 octet, or, for CENSUS, uint64 with bits only in the lowest
+    octets. Sums of integers must fit into uint8 or uint16 costs, or into int32 for float32 costs.
     """
     if left.device.is_cuda:
         cuda.window_costs(left, right, first, cost, radius_y, radius_x, costs)

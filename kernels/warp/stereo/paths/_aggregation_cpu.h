@@ -24,8 +24,8 @@ void sweep(int slab, int first, int last, wp::array_t<TYPE> volume, wp::array_t<
                    sums.shape[0],
                    Sweep::BEGIN};
     while (sweep.next()) {
-        // The costs of the row, as uint16. What is needed soon is called from memory on the way:
-        // the sums of these pixels, where there are any, and the costs one row ahead.
+        // The costs of the row, as uint16. Meanwhile, prefetch the memory that is needed next: the
+        // sums of these pixels, if there are any, and the costs of the next row.
         for (int j = sweep.begin; j < sweep.end; ++j) {
             const int x = sweep.x(j);
             const TYPE* from = volume.data + ((size_t)sweep.y() * columns + x) * depth;

@@ -1,6 +1,6 @@
 """Semi-global aggregation of stored costs on the CPU: the sweeps of _steps_cpu.py.
 
-The first sweep stores its sums, later ones add theirs.
+aggregation.py has the equation. The first sweep stores its sums, later ones add theirs.
 """
 
 from functools import lru_cache

@@ -10,7 +10,7 @@ void collect(wp::array_t<COST_TYPE> costs, wp::array_t<PATH_TYPE> lines, int top
     const long long at = pixel * padded + d, from = at + (long long)top * costs.shape[1] * padded;
     unsigned total[8];
     Total::of_chunk(lines.data, pixels * padded, at, total);
-// Each path has left L - C.
+// Each path has stored L - C.
 #pragma unroll
     for (int j = 0; j < COST_BYTES; ++j) {
         const uint4 c = reinterpret_cast<const uint4*>(costs.data + from)[j];

@@ -1,7 +1,8 @@
 """Semi-global aggregation on CUDA: all paths in one launch, then their sums in another.
 
-The first leaves a volume per path (see _steps_cuda.py), the second adds them to the costs. The
-matcher does the second in shared memory, and picks the winners of both images there at once.
+aggregation.py has the equation. The first launch stores a volume per path (see _steps_cuda.py), the
+second adds these to the costs. The matcher sums in shared memory instead, and picks the winners of
+both images there.
 """
 
 from functools import lru_cache
@@ -32,7 +33,7 @@ wp.set_module_options(OPTIONS)
 
 @lru_cache
 def pad(cost_type: Any) -> wp.Kernel:
-    """Return the kernel that pads costs, with such as never win and change no neighbour's."""
+    """Return the kernel that pads costs with values that never win and affect no neighbour."""
     size = wp.types.type_size_in_bytes(cost_type)
     constants = {"COST_TYPE": C_TYPES[cost_type], "COST_BYTES": size, "FAR": FAR_COSTS[cost_type]}
 
@@ -48,7 +49,7 @@ def pad(cost_type: Any) -> wp.Kernel:
 
 @lru_cache
 def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
-    """Return the kernel that sums what `count` paths have left."""
+    """Return the kernel that sums the volumes of `count` paths."""
     constants = {
         "COST_TYPE": C_TYPES[cost_type],
         "COST_BYTES": wp.types.type_size_in_bytes(cost_type),
@@ -60,8 +61,8 @@ def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
         costs: wp.array3d[cost_type],  # (H, W, D rounded up)
         lines: wp.array4d[line_type],  # (count, h, W, D rounded up)
         top: int,
-        adds: bool,  # whether sums holds those of other paths
-        aligned: bool,  # whether rows of sums fall into aligned groups of 8
+        adds: bool,  # whether `sums` already holds those of other paths
+        aligned: bool,  # whether rows of sums consist of aligned groups of 8
         # outputs
         sums: wp.array3d[wp.uint16],  # (h, W, D), rows of the image from `top` on
     ): ...
@@ -70,7 +71,7 @@ def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
 
 
 def total_constants(line_type: Any, count: int) -> dict[str, Any]:
-    """Return what _total_cuda.h needs."""
+    """Return the constants of _total_cuda.h."""
     size = wp.types.type_size_in_bytes(line_type)
     return {"PATH_TYPE": C_TYPES[line_type], "PATH_BYTES": size, "COUNT": count}
 
@@ -101,7 +102,7 @@ def aggregate(
 
 
 def in_chunks(costs: wp.array) -> wp.array:
-    """Return `costs`, or a copy that is padded to whole chunks where they are not."""
+    """Return `costs`, or a copy padded to whole chunks if necessary."""
     height, width, depth = costs.shape
     padded = -(-depth // CHUNK) * CHUNK
     if padded == depth and costs.ptr % CHUNK == 0:
@@ -120,7 +121,7 @@ def walk_paths(
     top: int,
     lines: wp.array,
 ) -> None:
-    """Walk the paths that go by `steps`: L of the rows from `top` on if `whole`, else L - C."""
+    """Walk the paths with these `steps`; store L of the rows after `top` if `whole`, else L - C."""
     height, width, depth = costs.shape
     group, chunks = lanes(depth)
     full = depth == group * chunks * CHUNK
@@ -135,5 +136,5 @@ def walk_paths(
 
 
 def _chunk_threads(height: int, width: int, depth: int) -> int:
-    """Return how many threads take a chunk of a volume each: whole blocks."""
+    """Return the number of threads, in whole blocks, with one chunk of a volume per thread."""
     return -(-height * width * depth // CHUNK // BLOCK) * BLOCK

@@ -1,8 +1,9 @@
 // The cost of a match: WEIGHT times the Hamming distance of the census, three bytes, plus the
 // difference of the grey values, shifted right by SHIFT, but at most LIMIT.
 //
-// The right image is unfolded: each of its rows is LINES lines, one for each byte of the census and
-// one for the grey values, reversed, so that the partners of a left pixel are neighbours.
+// The right image is unfolded: each of its rows becomes LINES lines, one for each byte of the
+// census and one for the grey values. They are reversed, so that the partners of a left pixel are
+// adjacent.
 // needs SPAN, LINES, WEIGHT, SHIFT, LIMIT
 struct MatchCost {
     typedef unsigned char bytes __attribute__((vector_size(SPAN), aligned(1)));
@@ -21,7 +22,7 @@ struct MatchCost {
                 length};
     }
 
-    // The costs of SPAN disparities from d on.
+    // The costs of SPAN disparities, beginning at d.
     bytes at(int d) const {
         const unsigned char* const r = right + d;
         bytes distance = {};

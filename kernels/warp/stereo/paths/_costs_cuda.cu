@@ -1,6 +1,7 @@
 // needs BLOCK, SHIFT, WEIGHT, LIMIT, HALF, ALIGNED
-// A word is a pixel: the census above, 8 bits of grey below. The words of the right image for all
-// pairs of 16 pixels and 16 disparities are 31 neighbours; their grey values are taken in fours.
+// A word is a pixel: the census in the high bits, 8 bits of grey in the low bits. All pairs of 16
+// pixels and 16 disparities need 31 adjacent words of the right image; their grey values are
+// processed in fours.
 void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
                  wp::array_t<wp::uint8> costs) {
     const int height = costs.shape[0], width = costs.shape[1], padded = costs.shape[2];
@@ -21,7 +22,7 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
     for (int j = 1; j < 28; ++j) grey[j] = __byte_perm(grey[j - 1], word[j + 3], 0x2104);
 #pragma unroll
     for (int j = 0; j < 4; ++j) {
-        // What lies behind the last disparity costs 255, more than any that counts.
+        // Places after the last disparity cost 255, more than every real cost.
         const int behind = k + 4 * j + 4 - depth;
         none[j] = behind <= 0 ? 0 : behind >= 4 ? ~0u : ~0u << 8 * (4 - behind);
     }
@@ -52,7 +53,7 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
     }
 }
 // needs COST_TYPE, COST_BYTES, FAR, BLOCK
-// One chunk of 16 disparities a thread, from rows of any length to rows of whole chunks.
+// One thread per chunk of 16 disparities copies rows of any length to rows of whole chunks.
 void pad(wp::array_t<COST_TYPE> costs, wp::array_t<COST_TYPE> padded) {
     const unsigned i = blockIdx.x * BLOCK + threadIdx.x;
     const int depth = costs.shape[2], chunks = padded.shape[2] / 16, d = i % chunks * 16;

@@ -1,4 +1,7 @@
-"""The costs of the semi-global matcher on CUDA: 16 pixels by 16 disparities a thread."""
+"""The costs of the semi-global matcher on CUDA: 16 pixels by 16 disparities per thread.
+
+matching.py defines the cost.
+"""
 
 from functools import lru_cache
 
@@ -15,7 +18,7 @@ wp.set_module_options(OPTIONS)
 
 @lru_cache
 def match_costs_kernel(aligned: bool) -> wp.Kernel:
-    """Return the kernel for costs that fall into aligned chunks, or that do not."""
+    """Return the kernel for costs with or without aligned chunks."""
     constants = {
         "BLOCK": BLOCK,
         "SHIFT": DIFFERENCE_SHIFT,
@@ -52,7 +55,7 @@ def pack(
 
 
 def match_costs(left: View, right: View, first: int, depth: int, costs: wp.array) -> None:
-    """Fill a volume of `depth` disparities, or of more, with costs that never win, up to 16."""
+    """Fill a volume of at least `depth` disparities; further places, up to 16, never win."""
     height, width, padded = costs.shape
     words = scratch("match.words", (2, height, width), wp.uint32, costs.device)
     launch(pack, (height, width), [left.bits, right.bits, left.gray, right.gray], [words])

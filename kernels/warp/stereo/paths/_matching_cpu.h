@@ -20,7 +20,7 @@ void sweep(int slab, int first_slab, int last_slab, Pair pair, int count, Course
                    winners.index.shape[0],
                    Sweep::BEGIN};
     while (sweep.next()) {
-        // The costs of the row; its sums, where there are any, are called from memory on the way.
+        // The costs of the row; meanwhile, prefetch its sums, if there are any.
         for (int j = sweep.begin; j < sweep.end; ++j) {
             const int x = sweep.x(j), y = sweep.y();
             const size_t p = (size_t)y * columns + x;

@@ -1,9 +1,9 @@
 """Semi-global matching of two images on the CPU: costs, sums and winners in two sweeps.
 
-The sweeps are those of _steps_cpu.py, except that each makes the costs of a pixel when it comes
-there (_costs_cpu.h): that takes less time than to fetch them from memory. The last sweep adds its
-sums to those of the others, and picks the winners, left and right, while they are at hand: in a
-row, the blocks come in their order from the right, as the right image's winners need it
+The sweeps are those of _steps_cpu.py, except that each computes the costs of a pixel when it
+reaches the pixel (_costs_cpu.h), which takes less time than reading them from memory. The last
+sweep adds its sums to those of the others, and picks the winners of both images while the sums are
+in the cache. In a row, the blocks come from right to left, as the right image's winners need
 (_line_cpu.h).
 """
 
@@ -22,7 +22,7 @@ wp.set_module_options(OPTIONS)
 
 LINES = 4  # lines of bytes that a row of the right image is unfolded to
 _COST = {
-    "SPAN": 32,  # disparities that costs are made for at a time
+    "SPAN": 32,  # disparities whose costs are computed at a time
     "LINES": LINES,
     "WEIGHT": CENSUS_WEIGHT,
     "SHIFT": DIFFERENCE_SHIFT,
@@ -58,7 +58,7 @@ def unfold(
     # outputs
     unfolded: wp.array2d[wp.uint8],  # (LINES H, W + padded)
 ):
-    # Place n stands for column W - 1 - first - n, or the nearest one in the image.
+    # Place n holds column W - 1 - first - n, or the nearest column in the image.
     columns = gray.shape[1]
     for y in range(first_row, last_row):
         for n in range(unfolded.shape[1]):
@@ -119,7 +119,7 @@ def read_right(
 
 @lru_cache
 def sweep(paths: Paths, number: Number) -> wp.Kernel:
-    """Return the kernel for some paths, with L in numbers that C + P2 fit into."""
+    """Return the kernel for some paths, with L in numbers that can hold C + P2."""
     work_type = work_of(number)
     needs = {**INTEGER.constants, **constants(paths, number), **_COST}
 

@@ -18,7 +18,7 @@ void winners(wp::array_t<PATH_TYPE> lines, int depth, WinnerRule rule, WinnerArr
         const long long at = (row + begin + pixel) * padded + d;
         unsigned total[8];
         Total::of_chunk(lines.data, pixels * padded, at, total);
-// No sum is 0xffff, as paths * (C + P2) is a multiple of 4 below 2^16.
+// No sum is 0xffff, because paths * (C + P2) is a multiple of 4 below 2^16.
 #pragma unroll
         for (int j = 0; j < 8; ++j) {
             if (d + 2 * j >= depth) total[j] |= 0xffffu;
@@ -30,7 +30,7 @@ void winners(wp::array_t<PATH_TYPE> lines, int depth, WinnerRule rule, WinnerArr
     }
     __syncthreads();
 
-    // The left image. A key is a sum and its disparity, so that ties go to the smallest.
+    // The left image. A key is a sum and its disparity, so the smallest disparity wins a tie.
     {
         const int pixel = threadIdx.x / LANES, lane = threadIdx.x % LANES;
         const unsigned short* here = sums + pixel * PITCH;
@@ -64,7 +64,7 @@ void winners(wp::array_t<PATH_TYPE> lines, int depth, WinnerRule rule, WinnerArr
         }
     }
 
-    // The right image: disparity k of the pixel in column x is that of column x - first - k.
+    // The right image: disparity k of left column x belongs to right column x - first - k.
     for (int j = threadIdx.x; j < count + depth - 1; j += BLOCK) {
         const int x = begin - rule.first - (depth - 1) + j;
         if (x < 0 || x >= width) continue;

@@ -1,8 +1,8 @@
-"""Winners of both images on CUDA, straight from the volumes that paths leave.
+"""Winners of both images on CUDA, directly from the volumes of the paths.
 
-A block takes a tile of a row: it sums the paths of its pixels in shared memory, and picks their
-winners there. What the tile says about a pixel of the right image, some diagonal of it, goes into
-the minimum of (cost, disparity) that all tiles of the row find for that pixel.
+A block takes a tile of a row. It sums the paths of its pixels in shared memory, and picks their
+winners there. A diagonal of the tile belongs to one pixel of the right image. Its smallest (cost,
+disparity) takes part in an atomic minimum over all tiles of the row.
 """
 
 from functools import lru_cache
@@ -22,11 +22,11 @@ from ._steps_cuda import BLOCK, CHUNK, OPTIONS, PATHS
 
 wp.set_module_options(OPTIONS)
 
-MOST_DISPARITIES = 2048  # for which 8 pixels fit into shared memory
+MOST_DISPARITIES = 2048  # most disparities for which 8 pixels fit into shared memory
 
 
 def tile(depth: int) -> tuple[int, int]:
-    """Return for how many disparities there is shared memory, and for how many pixels."""
+    """Return the numbers of disparities and of pixels that fit into shared memory."""
     room = 64
     while room < depth:
         room *= 2
@@ -69,7 +69,7 @@ def match(
     found: Winners,
     right_index: wp.array,
 ) -> None:
-    """Match a pair; sums over more than eight paths, or of many disparities, go to memory."""
+    """Match a pair; sums of more than eight paths, or of many disparities, are stored in memory."""
     height, width = left.gray.shape
     rows, device = right_index.shape[0], right_index.device
     padded = -(-count // CHUNK) * CHUNK

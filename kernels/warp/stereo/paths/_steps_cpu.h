@@ -6,14 +6,14 @@
 #define PAUSE
 #endif
 
-// Tasks on a grid of `rows` x `columns`, each after its neighbours on the left and above, which CPU
-// threads share. A thread that has done a task goes on with the one below, and leaves the one on
-// the right, if it may begin, to whoever asks next: nobody waits while there is anything to do,
-// even where other work of the machine takes a thread off its core.
+// Tasks on a grid of `rows` x `columns`, shared by CPU threads. A task may begin when its
+// neighbours on the left and above are done. A thread that has done a task continues with the one
+// below, and leaves the one on the right, if it may begin, to the next thread that asks. So no
+// thread waits while there is work, even if the operating system takes a thread off its core.
 //
-// `shared` is STATE + 2 rows columns integers: a lock, the number of tasks that are left, the
-// number of those that may begin; then a stack of the latter; then for each task how many of its
-// neighbours it still waits for.
+// `shared` holds STATE + 2 rows columns integers: a lock, the number of tasks left, the number of
+// tasks that may begin; then a stack of the latter; then, for each task, the number of neighbours
+// that it still waits for.
 // needs STATE
 struct Tasks {
     int* shared;
@@ -28,7 +28,7 @@ struct Tasks {
     }
     void unlock() const { __atomic_store_n(shared, 0, __ATOMIC_RELEASE); }
 
-    // Begin anew: only the task in the corner may begin.
+    // Reset: only the task in the corner may begin.
     void plan() const {
         shared[0] = 0;
         *left() = rows * columns;
@@ -38,7 +38,7 @@ struct Tasks {
         *count() = 1;
     }
 
-    // A task that may begin, when there is one, or -1 when all are done.
+    // Wait for a task that may begin and return it, or -1 when all are done.
     int take() const {
         while (__atomic_load_n(left(), __ATOMIC_ACQUIRE) != 0) {
             if (__atomic_load_n(count(), __ATOMIC_RELAXED) > 0) {
@@ -52,7 +52,8 @@ struct Tasks {
         return -1;
     }
 
-    // Let begin what waits for `task`; the next task for the caller, or -1 when all are done.
+    // Release the tasks that wait for `task`; return the caller's next task, or -1 when all are
+    // done.
     int finish(int task) const {
         int next = -1;
         lock();
@@ -72,7 +73,7 @@ struct Tasks {
 
 #undef PAUSE
 
-// One thread's share of a sweep: the rows of its tasks, one after the other.
+// One thread's share of a sweep: the rows of its tasks, row by row.
 //
 // Pixels (i, j) are counted from the corner where the sweep begins; `step` is 1 for the first
 // corner of the image, -1 for the last. A task is STRIP rows of BLOCK diagonals u = j + LEAN i.
@@ -83,7 +84,7 @@ struct Sweep {
     int top, kept_rows;  // rows of the image whose sums are kept
     int task, i;
     int begin, end;  // the pixels of row i: j from `begin` to `end`
-    int row;         // the row of the sums, -1 where they are not kept
+    int row;         // the row of the sums, -1 if they are not kept
 
     bool next() {
         if (task == BEGIN) {
@@ -112,15 +113,16 @@ struct Sweep {
     int x(int j) const { return step > 0 ? j : columns - 1 - j; }
 };
 
-// The step along all paths of a sweep. With q the pixel before p on a path, and m the least L(q),
+// The step along all paths of a sweep. With q the pixel before p on a path, and m the smallest
+// L(q),
 //
 //     L(p, d) = C(p, d) + min(L(q, d), L(q, d - 1) + P1, L(q, d + 1) + P1, m + P2) - m
 //
-// (Hirschmueller 2008, equation 13). L of the last pixel of each chain of pixels along a path
-// stands in a slot, and is updated in place: a header, a cache line with m in its middle, then L
-// over the disparities. A chain begins with a slot of zeros, which makes L = C. Beside the
-// disparities, and in their padding, stands LARGEST: it stays, as additions saturate, and is never
-// chosen.
+// (Hirschmueller 2008, equation 13). A chain is a sequence of pixels along a path. A slot holds L
+// of the last pixel of a chain, and is updated in place. It has a header, which is a cache line
+// with m in its middle, then L for all disparities. A chain begins with a slot of zeros, which
+// gives L = C. LARGEST stands on both sides of the disparities and in their padding. It never
+// changes, because additions saturate, and it is never chosen.
 // needs NUMBER, VECTOR, HEADER, LARGEST, PATHS
 // needs DOWN_THE_ROWS, ALONG_THE_ROW, LOWER, UPPER
 struct Steps {
@@ -133,7 +135,7 @@ struct Steps {
     NUMBER* slots;
     int pitch, padded;
 
-    // Make the totals over the paths of the pixels of a row, from their costs.
+    // Compute the totals over the paths, for the pixels of a row, from their costs.
     void advance(const Sweep& sweep, const NUMBER* costs, unsigned short* totals) const {
         const int paths = PATHS, down[] = {DOWN_THE_ROWS}, along[] = {ALONG_THE_ROW};
         const int height = sweep.height, columns = sweep.columns, step = sweep.step, i = sweep.i;

@@ -1,16 +1,16 @@
 """Semi-global paths on the CPU: tasks of a few diagonals and rows, shared by all threads.
 
-A sweep over the image from its top left corner takes the paths that come from the left, from above
-and from both upper corners; a second one, from the bottom right corner, is the same with the image
-turned by half a turn. Number the diagonals of pixels (i, j), counted from the corner, by u = j + i:
-the pixel before one on these paths stands on diagonal u - 1 (left, above), u - 2 (upper left) or
-u (upper right), never on a later one. So a task of STRIP rows of BLOCK diagonals may begin when
-those on its left and above it are done, and many tasks may at a time. The paths in
-knight's moves are two more such sweeps, with u = j + 2 i.
+A sweep over the image from its top left corner computes the paths that come from the left, from
+above and from both upper corners. A second sweep, from the bottom right corner, is the same with
+the image rotated by half a turn. Count pixels (i, j) from the corner, and number the diagonals by
+u = j + i. The preceding pixel on these paths is on diagonal u - 1 (left, above), u - 2 (upper left)
+or u (upper right), never on a later one. So a task of STRIP rows of BLOCK diagonals may begin when
+the tasks to the left and above are done, and many tasks can run at a time. The paths in knight's
+moves are two more such sweeps, with u = j + 2 i.
 
 _steps_cpu.h has the tasks, and the equation of a step. The costs and sums of a row of a task, and
-its slots, stay in the processor's first two caches. Native, because a step is saturating arithmetic
-on vectors of 32 bytes, and because threads take their tasks by atomics.
+its slots, stay in the first two levels of cache. The code is native, because a step is saturating
+arithmetic on vectors of 32 bytes, and because threads take tasks by atomics.
 """
 
 from collections.abc import Iterable
@@ -32,14 +32,14 @@ BLOCK = 32  # diagonals of a task
 STRIP = 16  # rows of a task
 STATE = 16  # integers that the tasks share, before those of each task
 
-# Where a path goes, in rows and columns, in the sweep from the top left corner.
+# The steps of paths, in rows and columns, in the sweep from the top left corner.
 STRAIGHT = ((0, 1), (1, 0))
 DIAGONAL = ((1, 1), (1, -1))
 KNIGHT = ((1, 2), (1, -2), (2, 1), (2, -1))
 
 
 class Number(NamedTuple):
-    """The numbers that hold costs and L <= C + P2; a larger sum becomes the largest of them."""
+    """The type of costs and of L <= C + P2; larger sums saturate at its largest number."""
 
     scalar: Any
     c_type: str
@@ -56,7 +56,7 @@ WORD = Number(wp.uint16, "unsigned short", 16, 32, "0xffff")
 
 @wp.struct
 class Course:
-    """How a sweep goes: its penalties, its corner and its tasks."""
+    """The parameters of a sweep: its penalties, its corner and its tasks."""
 
     near: int
     far: wp.array[wp.uint16]  # (256,)
@@ -71,7 +71,7 @@ class Course:
 
 @lru_cache
 def work_of(number: Number) -> Any:
-    """Return the struct of what threads keep while they sweep."""
+    """Return the struct of the threads' working memory."""
     scalar = number.scalar
 
     @wp.struct
@@ -84,7 +84,7 @@ def work_of(number: Number) -> Any:
 
 
 def constants(paths: Paths, number: Number) -> dict[str, Any]:
-    """Return what _steps_cpu.h needs."""
+    """Return the constants of _steps_cpu.h."""
     n = number.vector
     return {
         "NUMBER": number.c_type,
@@ -104,12 +104,12 @@ def constants(paths: Paths, number: Number) -> dict[str, Any]:
 
 
 def _lean(paths: Paths) -> int:
-    """Return by how many columns a block moves to the left from row to row."""
+    """Return the number of columns by which a block moves to the left per row."""
     return max(-along for _, along in paths)
 
 
 def sweeps(paths: int) -> list[tuple[Paths, int]]:
-    """Return the sweeps of an aggregation: their paths, and from which corner they come."""
+    """Return the sweeps of an aggregation: their paths, and the corner where each begins."""
     sides = STRAIGHT if paths == 4 else STRAIGHT + DIAGONAL
     groups = (sides, KNIGHT) if paths == 16 else (sides,)
     return [(group, step) for group in groups for step in (1, -1)]
@@ -126,7 +126,7 @@ def _prepare(
     slots: wp.array2d[wp.uint64],  # (chains + 1, words of a slot)
     tasks: wp.array[int],  # (STATE + 2 strips blocks,)
 ):
-    # Every chain begins with zeros, and with a number never chosen on both sides of them.
+    # Every chain begins with zeros; on both sides of them is a number that is never chosen.
     for chain in range(slots.shape[0]):
         for n in range(slots.shape[1]):
             slots[chain, n] = wp.uint64(0)
@@ -146,12 +146,12 @@ def _prepare(
 def begin(
     paths: Paths, number: Number, shape: tuple[int, int, int], device: wp.Device
 ) -> tuple[wp.array, tuple[int, int, wp.array]]:
-    """Return what a sweep over (H, W, D) begins with: its slots; its grid of tasks, and these."""
+    """Return the initial state of a sweep over (H, W, D): its slots, grid of tasks, and tasks."""
     height, width, depth = shape
     strips = -(-height // STRIP)
     blocks = -(-(width + _lean(paths) * (height - 1)) // BLOCK)
     chains = sum(down * (width - 1) + abs(along) * (height - 1) + 1 for down, along in paths)
-    # Behind the last slot, the header of one more: it ends the last one's disparities.
+    # After the last slot there is one more header, which ends the last slot's disparities.
     pitch = number.header + padded(depth)
     slots = scratch("semi_global.slots", (chains + 1, pitch), number.scalar, device)
     tasks = scratch("semi_global.tasks", (STATE + 2 * strips * blocks,), wp.int32, device)
@@ -164,7 +164,7 @@ def begin(
 
 
 def lines(count: int, depth: int, number: Number, device: wp.Device) -> tuple[wp.array, wp.array]:
-    """Return the costs and the sums of the pixels that each of `count` slabs is at."""
+    """Return memory for the costs and the sums of the current pixels of each of `count` slabs."""
     shape = (count, BLOCK * padded(depth))
     return (
         scratch("semi_global.costs", shape, number.scalar, device),
@@ -175,7 +175,7 @@ def lines(count: int, depth: int, number: Number, device: wp.Device) -> tuple[wp
 def course_of(
     penalties: Penalties, step: int, place: tuple[bool, bool], top: int, tasks: Any
 ) -> Course:
-    """Return the struct of a sweep; `place` tells whether others come before it, and after it."""
+    """Return the struct of a sweep; `place` tells whether other sweeps precede or follow it."""
     course = Course()
     course.near, course.far, course.step, course.top = penalties.near, penalties.far, step, top
     course.add, course.last = place[0], not place[1]

@@ -3,13 +3,13 @@
 void walk(wp::array_t<COST_TYPE> costs, wp::array_t<wp::uint8> guide, int p1,
           wp::array_t<wp::uint16> p2, int top, wp::array_t<PATH_TYPE> lines) {
     const signed char steps[COUNT][2] = STEPS;
-    const int sets[SETS][2] = BOUNDS;  // sets of paths with the same dy: the first, and how many
+    const int sets[SETS][2] = BOUNDS;  // sets of directions with equal dy: first one, and number
     const unsigned ALL = 0xffffffffu, FIRST = 0x80000000u;
     const int QUADS = 4 * CHUNKS, LOADS = CHUNKS * COST_BYTES, GROUPS = BLOCK / GROUP;
     const int lane = threadIdx.x % GROUP;
     const int height = costs.shape[0], width = costs.shape[1], depth = costs.shape[2];
 
-    // The paths of a set take blocks by turns.
+    // The directions of a set take blocks in turns.
     int block = blockIdx.x, path = 0, dy = 0, dx = 0, count = 0;
     for (int set = 0; set < SETS; ++set) {
         dy = steps[sets[set][0]][0];
@@ -23,19 +23,19 @@ void walk(wp::array_t<COST_TYPE> costs, wp::array_t<wp::uint8> guide, int p1,
         block -= blocks;
     }
     dx = steps[path][1];
-    // Threads without a path of their own do the last one as well.
+    // Threads without their own path repeat the last one.
     const int number = min(block * GROUPS + threadIdx.x / GROUP, count - 1);
     int y = dy == 0 ? number : number / width, x = dy == 0 ? 0 : number % width;
     const int length = dy == 0 ? width : (height - 1) / abs(dy) + 1;
     if (dy < 0) y = height - 1 - y;
     if (dy == 0 && dx < 0) x = width - 1;
 
-    // Where the next pixel to load is, and whether it is the first of a path (bit 31).
+    // The place of the next pixel to load, and whether it is the first of a path (bit 31).
     unsigned place = y * width + x, first = FIRST;
     const int stride = dy * width + dx;
     const int back = (dx < 0 ? -1 : 1) * ((abs(dx) + width - 1) / width) * width;
 
-    // What a step beyond the next neighbour costs, and one to it: P2 - P1 and P1, twice.
+    // The penalties, each twice in a word: P2 - P1 for larger steps, and P1 for neighbours.
     __shared__ unsigned table[256];
     for (int i = threadIdx.x; i < 256; i += BLOCK) table[i] = (p2.data[i] - p1) * 0x10001u;
     __syncthreads();
@@ -52,8 +52,8 @@ void walk(wp::array_t<COST_TYPE> costs, wp::array_t<wp::uint8> guide, int p1,
 #pragma unroll
     for (int j = 0; j < CHUNKS; ++j) has[j] = FULL || (lane * CHUNKS + j) * 16 < depth;
 
-    // A queue of the next pixels: what is loaded is used AHEAD pixels later. What is walked behind
-    // the end of a path is nowhere in the image, or, of a row, the same again.
+    // A queue of the next pixels: a loaded pixel is used AHEAD pixels later. Beyond the end of a
+    // path, the walk leaves the image, or, along a row, repeats the same pixels.
     uint4 queue[AHEAD][LOADS];
     unsigned places[AHEAD];
     int grey[AHEAD];
@@ -104,7 +104,7 @@ void walk(wp::array_t<COST_TYPE> costs, wp::array_t<wp::uint8> guide, int p1,
                     COST_BYTES == 1 ? __byte_perm(a, 0, 0x4341) : __byte_perm(a, b, 0x7632);
             }
             const unsigned at = places[k] & ~FIRST;
-            // The first pixel of a path has L = C: nothing before it is cheaper than a free step.
+            // The first pixel of a path has L = C, because no pixel precedes it.
             const unsigned both = places[k] & FIRST ? 0 : ALL;
             const unsigned near_now = near & both, far_now = far & both;
             if (ADAPTIVE) far = table[abs(grey[(k + 1) % AHEAD] - grey[k])];

@@ -1,12 +1,13 @@
-"""The paths of semi-global matching on CUDA: a group of threads walks one, 16 disparities a thread.
+"""The paths of semi-global matching on CUDA: one group of threads per path.
 
-All paths are walked in one launch, the longest first. A path that leaves the image at a side enters
-it again at the other, as a new one: so every column begins one path of each direction, all are of
-one length, and those that go up or down together read the same costs while a cache holds them.
+aggregation.py has the equation. A thread has 16 disparities. One launch walks all paths, the
+longest first. A path that leaves the image at one side enters it again at the other side, as a new
+path. So every column begins one path of each direction, and all paths have the same length. Paths
+that go up or down together read the same costs while these are in a cache.
 
 A thread keeps the costs of its disparities in pairs of 16 bits, which Hopper's instructions for
-dynamic programming take at once. What it leaves of path r is L_r, or L_r - C, which the recursion
-bounds by P2: mostly one byte. Disparities are padded to a multiple of 16.
+dynamic programming process together. The result of path r is L_r, or L_r - C. The recursion bounds
+L_r - C by P2, so mostly one byte is enough. Disparities are padded to a multiple of 16.
 """
 
 from functools import lru_cache
@@ -22,10 +23,11 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
 BLOCK = 256  # threads of a block
-WALK_BLOCK = 64  # those of paths: few, to spread the longest over all multiprocessors
+WALK_BLOCK = 64  # threads of a block of paths; few, so that the longest paths spread
 CHUNK = 16  # disparities that are loaded together, 16 or 32 bytes
 
-# How paths go, (dy, dx): along rows first, as those are the longest. 16 are taken 8 at a time.
+# Steps (dy, dx) of paths. Paths along rows are the longest, so they come first. 16 paths are
+# computed 8 at a time.
 PATHS = {
     4: (((0, 1), (0, -1), (1, 0), (-1, 0)),),
     8: (((0, 1), (0, -1), (1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1)),),
@@ -38,7 +40,7 @@ FAR_COSTS = {wp.uint8: 255, wp.uint16: 1 << 14}  # none is larger: 4 paths sum t
 
 
 def lanes(depth: int) -> tuple[int, int]:
-    """Return how many threads hold `depth` disparities, and how many chunks of 16 each."""
+    """Return the number of threads for `depth` disparities, and of chunks of 16 per thread."""
     chunks = -(-depth // CHUNK)
     group = 4
     while group < 32 and group < chunks:
@@ -63,12 +65,12 @@ def walk(
     adaptive: bool,
     whole: bool,
 ) -> wp.Kernel:
-    """Return the kernel that walks `steps`, by `group` threads of 16 `chunks` disparities.
+    """Return the kernel that walks `steps`, with `group` threads of 16 `chunks` disparities.
 
-    `full` says that all of them are there.
+    `full` means that the disparities fill all threads.
     """
     cost_bytes = wp.types.type_size_in_bytes(cost_type)
-    ahead = 8 if group <= 8 else 4  # with few threads a path, there are few to wait in turns
+    ahead = 8 if group <= 8 else 4  # with few threads per path, few others hide the latency
     sets = [len(list(paths)) for _, paths in groupby(steps, key=lambda step: step[0])]
     bounds = [f"{{{sum(sets[:i])}, {n}}}" for i, n in enumerate(sets)]
     constants = {
@@ -105,7 +107,7 @@ def walk(
 
 
 def walk_threads(height: int, width: int, depth: int, steps: Steps) -> int:
-    """Return how many threads walk: whole blocks for each direction."""
+    """Return the number of threads: whole blocks for each direction."""
     groups = WALK_BLOCK // lanes(depth)[0]
     counts = [min(abs(dy), height) * width if dy != 0 else height for dy, _ in steps]
     return sum(-(-count // groups) for count in counts) * WALK_BLOCK

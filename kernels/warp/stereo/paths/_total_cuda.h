@@ -1,5 +1,5 @@
-// Sums over the paths of 16 disparities, from `at` in each volume, two in a number: pairs (0, 1),
-// (2, 3) and so on. A pair of 16 bits never carries into the next: sums are below 65536.
+// Sums over the paths for 16 disparities, beginning at `at` in each volume. A number holds two
+// sums of 16 bits: pairs (0, 1), (2, 3) and so on. No carry occurs, because sums are below 65536.
 // needs PATH_TYPE, PATH_BYTES, COUNT
 struct Total {
     static void of_chunk(const PATH_TYPE* lines, long long volume, long long at, unsigned* total) {

@@ -1,13 +1,13 @@
 """Semi-global aggregation of matching costs, in Warp.
 
-With q the pixel before p on a path, C the costs and m the least L(q), the cost of the cheapest path
-to p at disparity d is
+Let q be the pixel before p on a path, C the costs, and m the smallest L(q). Then the cost of the
+cheapest path to p at disparity d is
 
     L(p, d) = C(p, d) + min(L(q, d), L(q, d - 1) + P1, L(q, d + 1) + P1, m + P2) - m
 
-and the sum over the paths from all sides is what is asked for (H. Hirschmueller, IEEE PAMI 30(2),
-2008, equations 13 and 14). On the CPU threads share tasks of a few rows and diagonals; on CUDA some
-threads walk each path.
+and the result is the sum over the paths from all directions (H. Hirschmueller, IEEE PAMI 30(2),
+2008, equations 13 and 14). On the CPU threads share tasks of a few rows and diagonals; on CUDA a
+group of threads walks each path.
 """
 
 import warp as wp
@@ -24,9 +24,9 @@ from . import _steps_cpu as steps
 def aggregate(
     costs: wp.array, guide: wp.array, penalties: Penalties, paths: int, top: int, sums: wp.array
 ) -> None:
-    """Sum the costs of the cheapest paths to each pixel and disparity, for the rows from `top` on.
+    """Sum the costs of the cheapest paths to each pixel and disparity; the sums begin at row `top`.
 
-    A guide of shape (1, 1) stands for none.
+    A guide of shape (1, 1) means that there is none.
     """
     if sums.device.is_cuda:
         cuda.aggregate(costs, guide, penalties, paths, top, sums)
@@ -45,7 +45,7 @@ def aggregate(
 
 
 def aggregation_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
-    """Return at most how many bytes the work takes besides the costs and the sums."""
+    """Return a bound on the bytes of the work, in addition to the costs and the sums."""
     reach = padded(depth)
     if device == "cpu":
         return 2 * 6 * (height + width) * (reach + 32)

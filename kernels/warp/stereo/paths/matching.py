@@ -3,9 +3,9 @@
 The cost of a match is CENSUS_WEIGHT times the Hamming distance of two census transforms of 5 x 5
 pixels, plus the difference of the grey values, shifted right by DIFFERENCE_SHIFT, but at most
 DIFFERENCE_LIMIT. Its sums over paths are those of aggregation.py with the left image as guide, and
-the winners are those of ../winners.py. On the CPU two sweeps make the costs as they go, and the
-second picks the winners; on CUDA the costs are stored as bytes, and a tile of pixels sums its paths
-in shared memory.
+the winners are those of ../winners.py. On the CPU two sweeps compute the costs on the way, and the
+second sweep picks the winners. On CUDA the costs are stored as bytes, and each tile of pixels sums
+its paths in shared memory.
 """
 
 import warp as wp
@@ -44,7 +44,7 @@ def match(
     winners: Winners,
     right_index: wp.array,
 ) -> None:
-    """Do `match_costs`, `aggregate` along the left image, `pick` and `pick_right` in one.
+    """Do `match_costs`, `aggregate` guided by the left image, `pick` and `pick_right` together.
 
     There are `count` disparities; the winners are those of the rows from `top` on.
     """
@@ -78,7 +78,7 @@ def match(
 
 
 def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:
-    """Return at most how many bytes the work of a whole match takes, costs and sums included."""
+    """Return a bound on the bytes of a whole match, costs and sums included."""
     reach = padded(depth)
     right = height * (4 * (width + reach) + 4 * (width + 2 * reach))
     volumes = 2 if device == "cpu" else 3
@@ -87,7 +87,7 @@ def matching_bytes(device: str, height: int, width: int, depth: int, paths: int,
 
 
 def _unfold(view: View, first: int, depth: int, count: int) -> wp.array:
-    """Lay out the right image for _costs_cpu.h."""
+    """Unfold the right image for _costs_cpu.h."""
     height, width = view.gray.shape
     shape = (cpu.LINES * height, width + padded(depth))
     unfolded = scratch("match.unfolded", shape, wp.uint8, view.gray.device)

@@ -1,1 +1,1 @@
-"""Refinement of disparity maps, in Warp; NaN stands for no disparity."""
+"""Refinement of disparity maps, in Warp; NaN means that there is no disparity."""

@@ -1,5 +1,5 @@
-// A warp takes a row, 32 pixels at a time: forth with the disparity before a gap, and back with
-// that behind it.
+// A warp takes a row, 32 pixels at a time: forward with the disparity before a gap, then backward
+// with the disparity after it.
 void fill_rows(wp::array_t<float> disparity, wp::array_t<float> filled,
                wp::array_t<wp::uint8> valid, wp::array_t<int> found) {
     const unsigned ALL = 0xffffffffu;

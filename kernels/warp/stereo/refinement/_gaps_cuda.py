@@ -1,6 +1,6 @@
-"""Gaps on CUDA: a warp takes a row, and knows by ballots where the disparities around a gap are.
+"""Gaps on CUDA: a warp takes a row, and finds the disparities around a gap by ballots.
 
-Native, for these ballots and shuffles.
+gaps.py has the rule. The code is native for these ballots and shuffles.
 """
 
 import warp as wp

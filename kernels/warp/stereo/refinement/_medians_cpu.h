@@ -1,5 +1,5 @@
-// The weighted median of each pixel of a row: values[i] and grays[i] are the rows that the pixels
-// of the window stand in, at the pixel's own column.
+// The weighted median of each pixel of a row. values[i] and grays[i] point to the rows of the
+// window's pixels, at the pixel's own column.
 // needs MOST
 const auto medians_of_row = [](const float** values, const unsigned char** grays, int radius,
                                int contrast, int columns, float* to) {

@@ -1,6 +1,7 @@
-"""Weighted medians on the CPU: one thread a slab of rows, 16 pixels at once.
+"""Weighted medians on the CPU: one thread per slab of rows, 16 pixels at once.
 
-Native, because the pairs of the window are compared in vectors of 16 pixels.
+medians.py has the rule. The code is native, because the pairs of values of a window are compared in
+vectors of 16 pixels.
 """
 
 import warp as wp

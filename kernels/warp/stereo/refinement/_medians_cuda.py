@@ -1,6 +1,7 @@
-"""Weighted medians on CUDA: one thread a pixel, with all of its window in registers.
+"""Weighted medians on CUDA: one thread per pixel, with its whole window in registers.
 
-Native, because the loops over a window of up to 31 must be unrolled for that.
+medians.py has the rule. The code is native, because registers need unrolled loops over windows of
+up to 31 pixels.
 """
 
 from functools import lru_cache

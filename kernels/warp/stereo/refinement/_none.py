@@ -1,4 +1,4 @@
-"""NaN, by the same bits on every device."""
+"""NaN with the same bits on every device."""
 
 import warp as wp
 
@@ -8,5 +8,5 @@ NAN_BITS = wp.constant(0x7FC00000)
 
 @wp.func
 def none() -> float:
-    """Return the NaN that stands for no disparity."""
+    """Return the NaN that means no disparity."""
     return wp.cast(NAN_BITS, float)

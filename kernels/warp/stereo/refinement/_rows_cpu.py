@@ -1,6 +1,7 @@
-"""The check from the right image, and the filling of gaps, on the CPU: one thread a slab of rows.
+"""The check against the right image, and the filling of gaps, on the CPU: a thread per slab.
 
-Native, because rows without branches become vector code.
+agreement.py and gaps.py have the rules. The code is native, because rows without branches become
+vector code.
 """
 
 from typing import Any

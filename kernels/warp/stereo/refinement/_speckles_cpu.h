@@ -1,5 +1,5 @@
-// A run is what is connected within a row; its label is its first pixel. Runs hang below others of
-// their region, and the top one has the size of all.
+// A run is a connected part of a row; its label is its first pixel. Runs form trees within their
+// region, and the root of a tree holds the size of the region.
 struct Regions {
     const float* disparity;
     int columns;

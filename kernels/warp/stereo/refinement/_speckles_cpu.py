@@ -1,7 +1,7 @@
-"""Speckles on the CPU: runs within the rows, joined from row to row; one thread a slab of rows.
+"""Speckles on the CPU: runs within rows, joined from row to row; one thread per slab of rows.
 
-The seams between the slabs are joined afterwards, by one thread. Native: the loops of plain Warp,
-which multiplies by the strides of an array at each access, took several times as long.
+One thread joins the seams between the slabs afterwards. The code is native, because plain Warp
+multiplies by an array's strides at each access, and its loops took several times as long.
 """
 
 import warp as wp

@@ -1,4 +1,4 @@
-// The first pixel of the run that this one is in, within the pixels of its warp.
+// Return the first pixel of this pixel's run, among the pixels of its warp.
 int start_of_run(int pixel, int pixels, bool begins) {
     const int lane = threadIdx.x % 32, rest = pixels - (pixel - lane);
     const unsigned mask = 0xffffffffu >> (rest < 32 ? 32 - rest : 0);

@@ -1,6 +1,7 @@
 """Speckles on CUDA: a tree of labels for each region, as in edges/_masks_cuda.py.
 
-One thread a pixel. Threads of a warp know by a ballot where their run begins: native, for that.
+One thread per pixel. The threads of a warp find the begin of their run by a ballot, which needs
+native code.
 """
 
 import warp as wp
@@ -15,7 +16,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def joined(disparity: wp.array2d[float], y: int, x: int, dy: int, dx: int, most: float) -> bool:
-    """Tell whether a pixel and the one at (dy, dx) from it, inside, are of one region."""
+    """Tell whether a pixel and the one at offset (dy, dx), if inside, belong to one region."""
     return wp.abs(disparity[y, x] - disparity[y + dy, x + dx]) <= most
 
 
@@ -56,11 +57,11 @@ def merge(
     before = bool(False)
     if x > 0:
         before = joined(disparity, y, x, 0, -1, difference)
-    if before and i % 32 == 0:  # a run goes on from the pixels of another warp
+    if before and i % 32 == 0:  # the run continues from the pixels of another warp
         unite(parents, i, i - 1)
     if y > 0:
         if joined(disparity, y, x, -1, 0, difference):
-            # Where the pixels before are joined in the same way, their thread does it.
+            # If the preceding pixels are joined in the same way, their thread joins the runs.
             done = bool(False)
             if before:
                 done = joined(disparity, y, x - 1, -1, 0, difference) and joined(
@@ -77,8 +78,8 @@ def count(
     parents: wp.array[int],  # (H W,)
     sizes: wp.array[int],  # (H W,)
 ):
-    # Nothing is counted beyond what tells a region from a speckle: large ones would have all
-    # threads wait for one number.
+    # Stop counting when a region is no speckle any more; otherwise all threads of a large region
+    # would wait for one number.
     top = root(parents, wp.tid())
     if sizes[top] < min_size:
         wp.atomic_add(sizes, top, 1)
@@ -97,7 +98,7 @@ def keep(
     width = disparity.shape[1]
     y = i // width
     x = i - y * width
-    # Not every label has been hung below its root itself: threads of `count` overtake each other.
+    # The parent of a label may not be its root, because threads of `count` run concurrently.
     top = parents[i]
     while top != parents[top]:
         top = parents[top]

@@ -1,7 +1,7 @@
-"""The check of a disparity map by that of the right image, in Warp.
+"""The check of a disparity map against that of the right image, in Warp.
 
 A disparity d of pixel (y, x) is kept where abs(d - right[y, x - floor(d + 0.5)]) is at most the
-tolerance; one thread a pixel on CUDA, a slab of rows on the CPU.
+tolerance. One thread per pixel on CUDA, per slab of rows on the CPU.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @wp.func
 def _itself(value: float, first: int) -> float:
-    """Return a disparity."""
+    """Return a disparity unchanged."""
     return value
 
 
@@ -65,10 +65,10 @@ _KERNELS = {
 def left_right(
     disparity: wp.array, right: wp.array, first: int, tolerance: float, checked: wp.array
 ) -> None:
-    """Keep the disparities that the right image shares.
+    """Keep the disparities with which the right image agrees.
 
-    `right` is float32 disparities, or int32 indices that count from `first` on and are negative
-    where there is none.
+    `right` holds float32 disparities, or int32 indices of disparities that begin at `first`,
+    negative where there is none.
     """
     options = [disparity, right, first, tolerance]
     if checked.device.is_cuda:

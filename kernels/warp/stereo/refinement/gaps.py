@@ -1,8 +1,8 @@
-"""Gaps of a disparity map are filled from the background side, in Warp.
+"""Filling of gaps of a disparity map from the background, in Warp.
 
-A gap takes the smaller of the two disparities that bound it along its row: only the left camera
-sees the part of the background that it shows. On the CPU a thread takes a slab of rows, on CUDA a
-warp takes a row.
+A gap takes the smaller of the two disparities that bound it along its row, because it shows
+background that only the left camera sees. On the CPU a thread takes a slab of rows, on CUDA a warp
+takes a row.
 """
 
 import warp as wp
@@ -21,7 +21,7 @@ def _find_sources(
     # outputs
     found: wp.array[int],  # (H,): 1 for rows with a disparity; then the row to fill from, or -1
 ):
-    # One thread: a row needs what the one before has found.
+    # One thread, because a row needs the result of the row before.
     height = found.shape[0]
     first = int(0)
     while first < height and found[first] == 0:
@@ -53,9 +53,9 @@ def _fill_empty_rows(
 
 
 def fill(disparity: wp.array, filled: wp.array, valid: wp.array) -> None:
-    """Fill gaps with the smaller of the disparities to the left and right; tell where none was.
+    """Fill gaps with the smaller of the disparities to the left and right; mark valid pixels.
 
-    A row without any is that of the nearest row above that has some, else below.
+    A row without disparities is copied from the nearest row above that has one, or else below.
     """
     height, lanes = filled.shape[0], 1
     found = scratch("fill.found", (height,), wp.int32, filled.device)

@@ -1,11 +1,11 @@
 """The weighted median of disparities, guided by an image, in Warp.
 
-Along the rows, and then of that down the columns. A pixel of the window weighs max(1, contrast -
-g), where g is the difference of the guide's values there and in the middle. Of the values in
-ascending order, equal ones in the order of their places, the first is taken whose weight and that
-of all before it is at least half of the whole: each pair of values is compared once. On the CPU a
-thread takes a slab of rows and 16 pixels at once, on CUDA a pixel, with the window in its
-registers.
+The median runs along the rows, and then down the columns of the result. A pixel of the window has
+the weight max(1, contrast - g), where g is the difference of the guide's values there and in the
+middle. Values are in ascending order, equal ones in the order of their places. The median is the
+first value at which the sum of the weights reaches half of the total. Each pair of values is
+compared once. On the CPU a thread takes a slab of rows, 16 pixels at once; on CUDA it takes a
+pixel, with the window in its registers.
 """
 
 import warp as wp
@@ -19,10 +19,10 @@ from . import _medians_cuda as cuda
 def guided_median(
     disparity: wp.array, guide: wp.array, radius: int, contrast: int, smooth: wp.array
 ) -> None:
-    """Weighted median along the rows, then of that down the columns.
+    """Apply the weighted median along the rows, then down the columns.
 
-    A pixel that differs by g from the middle one in the guide weighs ``max(1, contrast - g)``. The
-    image is continued by its nearest pixel.
+    A pixel that differs by g from the middle one in the guide has the weight
+    ``max(1, contrast - g)``. Outside the image, the nearest pixel is repeated.
     """
     height, width = smooth.shape
     across = scratch("guided_median.across", (height, width), wp.float32, smooth.device)
@@ -41,5 +41,5 @@ def guided_median(
 
 
 def max_radius() -> int:
-    """Return the largest radius that there is room for."""
+    """Return the largest radius that the kernels support."""
     return cpu.MAX_RADIUS

@@ -1,8 +1,9 @@
-"""Small regions of disparities are removed, in Warp.
+"""Removal of small regions of disparities, in Warp.
 
-Neighbours, by their sides, are of one region where they differ by at most `difference`. Regions are
-found by union-find: every pixel has a label, labels hang below others of their region, and the top
-of each such tree has the region's size.
+Two pixels that share a side belong to one region if they differ by at most `difference`. Regions
+are found by union-find: labels form trees within their region, and the root of a tree holds the
+size of the region. On the CPU labels belong to runs of pixels and a thread takes a slab of rows; on
+CUDA a thread takes a pixel.
 """
 
 import warp as wp
@@ -14,7 +15,7 @@ from . import _speckles_cuda as cuda
 
 
 def remove_speckles(disparity: wp.array, min_size: int, difference: float, kept: wp.array) -> None:
-    """Keep the regions of at least `min_size` pixels, whose neighbours differ by `difference`."""
+    """Keep the regions of at least `min_size` pixels; neighbours differ by at most `difference`."""
     size, device = kept.size, kept.device
     parents = scratch("speckles.parents", (size,), wp.int32, device)
     sizes = scratch("speckles.sizes", (size,), wp.int32, device)
