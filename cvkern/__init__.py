@@ -8,12 +8,14 @@ if _TYPE_CHECKING:
     from cvkern import clouds, images, radiance  # noqa: F401
     from cvkern._capture import capture  # noqa: F401
     from cvkern._runtime import devices, release_memory, use  # noqa: F401
+    from cvkern.color import *
     from cvkern.edges import *
     from cvkern.features import *
     from cvkern.filters import *
     from cvkern.geometry import *
     from cvkern.hough import *
     from cvkern.panorama import *
+    from cvkern.raw import *
     from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
@@ -24,46 +26,64 @@ if _TYPE_CHECKING:
 _NAMES = {
     "_capture": ("capture",),
     "_runtime": ("devices", "release_memory", "use"),
+    "color": (
+        "Spectrum", "adapt_colors", "adaptation_matrix", "color_chart", "convert_color",
+        "deltaE_ciede2000", "estimate_illuminant", "metamer", "metameric_difference",
+        "spectrum_to_xyz", "standard_light", "standard_observer", "white_balance",
+    ),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
     "features": (
         "Features", "corner_harris", "corner_peaks", "corner_shi_tomasi", "corner_subpix",
         "match_descriptors", "match_images", "orb", "sift",
     ),
     "filters": (
-        "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median", "scharr",
-        "sobel",
+        "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median",
+        "scharr", "sobel",
     ),
     "geometry": (
-        "Calibration", "Camera", "RecoveredPose", "RobustFit", "RobustFits", "StereoCalibration",
-        "calibrate_camera", "calibrate_stereo", "chessboard_points", "detect_chessboard",
-        "epipolar_lines", "epipoles", "essential_from_fundamental", "find_affine",
-        "find_fundamental", "find_fundamentals", "find_homographies", "find_homography",
-        "find_similarity", "fit_affine", "fit_fundamental", "fit_homography", "fit_similarity",
-        "project_points", "read_calibration", "recover_pose", "sampson_distance", "triangulate",
-        "undistort_points", "write_calibration",
+        "Calibration", "Camera", "FoundPose", "PlanePose", "Planes", "RecoveredPose",
+        "Rectification", "RectifiedPair", "RectifyingMaps", "RobustFit", "RobustFits",
+        "StereoCalibration", "calibrate_camera", "calibrate_stereo", "chessboard_points",
+        "detect_chessboard", "epipolar_lines", "epipoles", "essential_from_fundamental",
+        "find_affine", "find_essential", "find_essentials", "find_fundamental",
+        "find_fundamentals", "find_homographies", "find_homography", "find_planes",
+        "find_pose", "find_similarity", "fit_affine", "fit_fundamental", "fit_homography",
+        "fit_similarity", "pose_from_homography", "project_points", "read_calibration",
+        "recover_pose", "rectify_stereo", "rectify_uncalibrated", "sampson_distance",
+        "triangulate", "undistort", "undistort_points", "write_calibration",
     ),
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
         "HoughLineSlope", "LineBins", "LineFit", "RTable", "Shapes", "detect_circles",
         "detect_ellipses", "detect_lines", "detect_segments", "find_shape", "fit_line",
-        "generalized_hough", "generalized_hough_votes", "hough_circle", "hough_circle_peaks",
-        "hough_ellipse", "hough_line", "hough_line_peaks", "hough_line_segments",
-        "hough_line_slope", "r_table", "suggest_line_bins",
+        "generalized_hough", "generalized_hough_votes", "hough_circle",
+        "hough_circle_peaks", "hough_ellipse", "hough_line", "hough_line_peaks",
+        "hough_line_segments", "hough_line_slope", "r_table", "suggest_line_bins",
     ),
     "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
+    "raw": (
+        "Alignment", "align_exposures", "demosaic", "develop", "estimate_response",
+        "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
+    ),
     "shading": (
-        "LambertianGradient", "Mesh", "lambertian", "lambertian_backward", "mesh_from_depth",
-        "normals_from_depth",
+        "LambertianGradient", "Mesh", "PhotometricStereo",
+        "ShapeFromShading", "estimate_lights",
+        "integrate_normals", "lambertian", "lambertian_backward", "lights_from_sphere",
+        "mesh_from_depth", "normals_from_depth", "photometric_stereo",
+        "shape_from_shading",
     ),
     "stereo": (
-        "PointCloud", "StereoMatcher", "StereoResult", "Winner", "aggregate_semi_global",
-        "disparity_to_depth", "fill_disparity", "guided_median", "left_right_check",
-        "point_cloud", "points_from_disparity", "remove_speckles", "reprojection_matrix",
-        "stereo_cost", "stereo_match", "winner_take_all",
+        "DepthFrame", "PairReconstruction", "PointCloud", "StereoMatcher", "StereoResult",
+        "Winner", "aggregate_semi_global", "disparity_to_depth", "fill_disparity",
+        "guided_median", "left_right_check", "point_cloud", "points_from_disparity",
+        "reconstruct_pair", "remove_speckles", "reprojection_matrix", "stereo_cost",
+        "stereo_match", "winner_take_all",
     ),
     "structured_light": (
-        "GrayCode", "LaserLines", "PhaseShift", "decode_gray_code", "decode_phase_shift",
-        "detect_laser_lines", "gray_code_patterns", "phase_shift_patterns", "unwrap_phase",
+        "GrayCode", "LaserLines", "PhaseShift", "Scan", "calibrate_projector",
+        "decode_gray_code", "decode_phase_shift", "detect_laser_lines", "fit_laser_plane",
+        "gray_code_patterns", "make_scan", "phase_shift_patterns", "triangulate_columns",
+        "triangulate_lines", "unwrap_phase",
     ),
     "transform": (
         "RemapGradient", "pyramid_gaussian", "pyramid_laplacian", "rectify_plane", "remap",

@@ -19,7 +19,7 @@ E = TypeVar("E", bound=IntEnum)
 MAX_ELEMENTS = 2**29
 MAX_SIDE = 2**16  # pixels along one side of an image whose points vote
 MAX_DISPARITIES = 2**15
-_FLOAT32_MAX = float(np.finfo(np.float32).max)
+FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def check_image(
@@ -27,7 +27,7 @@ def check_image(
 ) -> Any:
     """Return `image` as an array of real values; check its rank, and that no axis is empty."""
     library = _arrays.library(image, name)
-    image = _as_array(image, library, name)
+    image = as_array(image, name)
     dtype = library.dtype(image)
     if dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {dtype}")
@@ -44,9 +44,9 @@ def check_image(
     return image
 
 
-def _as_array(values: Any, library: _arrays.Library, name: str) -> Any:
+def as_array(values: Any, name: str) -> Any:
     """Convert lists, buffers and data frames by NumPy; return arrays unchanged."""
-    if library is not _arrays.NUMPY or type(values) is np.ndarray:
+    if _arrays.library(values, name) is not _arrays.NUMPY or type(values) is np.ndarray:
         return values
     try:
         return np.asarray(values)
@@ -74,13 +74,18 @@ def _brief(value: Any) -> str:
     return said if len(said) <= 80 else f"{said[:77]}..."
 
 
-def check_sides(shape: Any, name: str) -> tuple[int, int]:
-    """Return height and width, each small enough for the voting kernels."""
+def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
+    """Return the items of a sequence; `rule` says what they should be."""
     try:
-        given = tuple(shape)
-    except TypeError:
-        raise TypeError(f"{name} must be a height and a width, got {shape!r}") from None
-    sides = tuple(check_integer(n, name, 1, MAX_SIDE) for n in given)
+        return tuple(values)
+    except Exception:  # whatever another library says of being asked for its values
+        raise TypeError(f"{name} must be {rule}, got {_brief(values)}") from None
+
+
+def check_sides(shape: Any, name: str, least: int = 1) -> tuple[int, int]:
+    """Return height and width, each small enough for the voting kernels."""
+    given = as_items(shape, name, "a height and a width")
+    sides = tuple(check_integer(n, name, least, MAX_SIDE) for n in given)
     if len(sides) != 2:
         raise ValueError(f"{name} must be a height and a width, got {len(sides)} numbers")
     return sides
@@ -107,7 +112,7 @@ def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
     """Return `values` as an array of `shape`, that of the mask or the points; None stays None."""
     if values is None:
         return None
-    values = _as_array(values, _arrays.library(values, name), name)
+    values = as_array(values, name)
     if tuple(values.shape) != tuple(shape):
         raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
     return check_image(values, ndim=(1, 2), name=name) if len(values) else values
@@ -149,7 +154,7 @@ def check_choice(value: str, choices: Sequence[str], name: str) -> str:
 def check_number(value: Any, name: str, *, low: float = -math.inf, finite: bool = True) -> float:
     """Return `value` as a float of at least `low`, by default finite in float32."""
     number = value if type(value) is float else _as_float(value, name)
-    if math.isnan(number) or number < low or (finite and abs(number) > _FLOAT32_MAX):
+    if math.isnan(number) or number < low or (finite and abs(number) > FLOAT32_MAX):
         rule = "finite" if low == -math.inf else f">= {low:g}" + (" and finite" if finite else "")
         raise ValueError(f"{name} must be {rule}, got {_shown(value)}")
     return number
@@ -184,12 +189,18 @@ def _shown(value: Any) -> str:
 def check_integer(value: Any, name: str, low: int, high: int) -> int:
     """Return `value` as an int in [low, high]."""
     try:
-        number = operator.index(value)
+        number = int(operator.index(value))  # True is 1
     except TypeError:
         raise TypeError(f"{name} must be an integer, got {value!r}") from None
     if not low <= number <= high:
         raise ValueError(f"{name} must be in [{low}, {high}], got {_shown(value)}")
     return number
+
+
+def check_instance(value: Any, kind: type, name: str) -> None:
+    """Refuse what is no instance of a class."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
 
 
 def check_flag(value: Any, name: str) -> bool:
@@ -208,7 +219,7 @@ def check_pair(value: Any, name: str) -> tuple[Any, Any]:
             return value, value
     except ValueError:  # two arrays of different shapes
         pass
-    values = tuple(value)
+    values = as_items(value, name, "one number or two")
     if len(values) != 2:
         raise ValueError(f"{name} must be one number or two, got {len(values)}")
     return values[0], values[1]
@@ -241,7 +252,7 @@ def check_out(out: Any, image: Any, dtype: Any) -> None:
     if out is None:
         return
     library = _arrays.library(out)
-    if library is not _arrays.library(image) or isinstance(out, (list, tuple)):
+    if library is not _arrays.library(image) or not hasattr(out, "shape"):
         raise TypeError(f"out must be an array like the image, got {type(out).__name__}")
     if not library.writable:
         raise TypeError(f"out must be an array that can be written to, got {type(out).__name__}")

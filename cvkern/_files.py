@@ -7,6 +7,7 @@ import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 
 def check_target(path: str | os.PathLike[str]) -> Path:
@@ -21,7 +22,7 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     ValueError
         If `path` exists and is not a regular file.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(as_path(path)))
     if not target.parent.is_dir():
         raise FileNotFoundError(f"path must lie in a folder that exists, got {os.fspath(path)!r}")
     if target.exists() and not target.is_file():
@@ -29,6 +30,15 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     if not os.access(target.parent, os.W_OK):
         raise PermissionError(f"path must lie in a folder to write to, got {os.fspath(path)!r}")
     return target
+
+
+def as_path(path: Any, name: str = "path") -> Path:
+    """Return `path` as one."""
+    try:
+        return Path(path)
+    except TypeError:
+        got = type(path).__name__
+        raise TypeError(f"{name} must be a string or a path, got {got}") from None
 
 
 @contextmanager

@@ -3,6 +3,10 @@ class Folder:
     def __init__(self, package: str) -> None: ...
     class clouds:
         from cvkern.kernels.warp.clouds import turntables as turntables
+    class color:
+        from cvkern.kernels.warp.color import differences as differences
+        from cvkern.kernels.warp.color import spaces as spaces
+        from cvkern.kernels.warp.color import spectra as spectra
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import quantiles as quantiles
@@ -23,6 +27,7 @@ class Folder:
     class geometry:
         from cvkern.kernels.warp.geometry import chessboards as chessboards
         from cvkern.kernels.warp.geometry import robust as robust
+        from cvkern.kernels.warp.geometry import undistortion as undistortion
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:
@@ -64,9 +69,21 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
+    class raw:
+        from cvkern.kernels.warp.raw import exposures as exposures
+        class demosaicing:
+            from cvkern.kernels.warp.raw.demosaicing import linear as linear
+            from cvkern.kernels.warp.raw.demosaicing import menon as menon
+            from cvkern.kernels.warp.raw.demosaicing import planes as planes
+            from cvkern.kernels.warp.raw.demosaicing import residual as residual
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
+        from cvkern.kernels.warp.shading import photometry as photometry
+        from cvkern.kernels.warp.shading import recovery as recovery
         from cvkern.kernels.warp.shading import rendering as rendering
+        class integration:
+            from cvkern.kernels.warp.shading.integration import equations as equations
+            from cvkern.kernels.warp.shading.integration import multigrid as multigrid
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows
@@ -88,6 +105,7 @@ class Folder:
         from cvkern.kernels.warp.structured_light import gray_code as gray_code
         from cvkern.kernels.warp.structured_light import laser as laser
         from cvkern.kernels.warp.structured_light import phase as phase
+        from cvkern.kernels.warp.structured_light import triangulation as triangulation
     class transform:
         from cvkern.kernels.warp.transform import projective as projective
         from cvkern.kernels.warp.transform import pyramids as pyramids

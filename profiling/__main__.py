@@ -39,6 +39,8 @@ def main(command: list[str] | None = None) -> int:
         )
         console.print(f"copy {bandwidth / 1e9:.0f} GB/s, seed {seed}")
         whole = record.surroundings(args.device, command)
+        if args.json and not args.toy and record.is_dirty(whole["commit"]):
+            return _refuse(f"--json must record a commit, got {whole['commit']}: commit first")
         whole["device"]["copy_gb_per_s"] = bandwidth / 1e9
         whole |= {"backend": args.backend, "toy": args.toy, "seed": str(seed)}
         results, failures = [], []

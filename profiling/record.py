@@ -54,7 +54,13 @@ def surroundings(device: str, command: list[str]) -> dict[str, Any]:
 
 
 def write_json(path: Path, result: dict[str, Any]) -> None:
-    """Write `result` to `path`, or leave what was there."""
+    """Write `result` to `path`, or leave what was there.
+
+    Refuse results of code that no commit holds, which nobody could measure again; toy sizes are
+    not results.
+    """
+    if is_dirty(result.get("commit", "")) and "--toy" not in result.get("command", "").split():
+        raise ValueError(f"the tree must be a commit to record a result, got {result['commit']}")
     write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
 
 
@@ -79,6 +85,11 @@ def _without_paths(command: list[str]) -> list[str]:
             kept.append(word)
         skip = word == "--json"
     return [word for word in kept if word != "--json"]
+
+
+def is_dirty(commit: str) -> bool:
+    """Return whether a tree had changes that no commit holds."""
+    return commit.endswith("-dirty")
 
 
 def _commit() -> str:

@@ -76,9 +76,7 @@ CALLS = {
         cvkern.radiance.Composite(x[:3, :3], x[:3, 0], None, x[:3, 2]), *_samples(x)
     ),
 }
-# What has an exponential or a logarithm in it agrees to rounding only, and what is made of it.
-ROUNDED = {"subpixel_edges", "detect_lines", "detect_segments",
-           *(name for name in CALLS if name.startswith("radiance."))}  # fmt: skip
+ROUNDED = {name for name in CALLS if name.startswith("radiance.")}  # equal to rounding only
 
 DTYPES = ["bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64",
           "float16", "float32", "float64"]  # fmt: skip

@@ -1,6 +1,8 @@
 """What all tests share: the kernel sets, and property tests that draw the same examples always."""
 
+import inspect
 import os
+import re
 import signal
 
 import numpy as np
@@ -29,6 +31,25 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 settings.load_profile("cvkern")
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--arrays",
+        action="store_true",
+        help="run only the tests that name PyTorch or JAX",
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--arrays"):
+        pages = {"test_readme.py", "test_coming_from.py"}  # examples for users of any library
+        items[:] = [
+            item
+            for item in items
+            if item.path.name in pages
+            or re.search("torch|jax", item.name + inspect.getsource(item.function))
+        ]
 
 
 @pytest.fixture(params=KERNEL_SETS)

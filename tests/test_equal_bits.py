@@ -134,20 +134,6 @@ def test_a_photograph(name):
     assert all(a.any() for a in results)
 
 
-def test_subpixel_edges_are_equal_but_for_the_logarithm():
-    """The same points; offsets within what two logarithms, each right to a few units, allow."""
-    camera = skimage.data.camera()[:200, :300]
-    answers = []
-    for name in KERNEL_SETS:
-        with cvkern.use(backend=name):
-            answers.append(cvkern.subpixel_edges(camera, 1.5, 16, 32))
-    first, second = answers
-    assert len(first.points) == len(second.points) > 500
-    np.testing.assert_allclose(first.points, second.points, rtol=0, atol=1e-3)
-    np.testing.assert_array_equal(first.orientation, second.orientation)
-    np.testing.assert_array_equal(first.strength, second.strength)
-
-
 @pytest.mark.parametrize("name", ["gaussian", "gradient", "median", "canny"])
 def test_the_same_bits_from_run_to_run(name, backend):
     image = skimage.data.camera()

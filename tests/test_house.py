@@ -47,7 +47,6 @@ def hold(found, left, law):
 
 
 LEFT_LONG_FILES = {
-    "tests/app/test_cli.py",
     "tests/radiance/fields/test_layers.py",
     "tests/radiance/test_rendering.py",
 }
@@ -80,10 +79,7 @@ COMMANDS = "cvkern/app/commands/"  # the options of a command are its parameters
 # Taichi's kernels cannot take structures of arrays but by packs that cost 0.7 ms a launch on CUDA
 # (measured on an H200, Taichi 1.7). This one, of both passes, has 20 arrays.
 TAICHI_ARRAYS = {"kernels/taichi/radiance/fields/voxel/_march.py"}
-LEFT_SIGNATURES = {
-    "kernels/warp/geometry/_robust_cpu.py",
-    "kernels/taichi/geometry/robust.py",
-} | TAICHI_ARRAYS
+LEFT_SIGNATURES = TAICHI_ARRAYS
 
 
 def parameters(path, function):

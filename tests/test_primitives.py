@@ -253,9 +253,8 @@ def test_subpixel_edges(kernels, shape):
     got, orientation, strength = kernels(
         "edges.subpixel.gather_edges", dy, dx, mask, starts, out=out
     )
-    # Each logarithm within two units in the last place, then the sum with the coordinate.
     error = np.abs(got - points).max(1, initial=0)
-    assert np.all(error <= 2**-22 * magnified + 2**-24 * max(shape))
+    assert np.all(error <= 2**-24 * (magnified + max(shape)))  # the offset, then the sum
     y, x = pixels.T
     np.testing.assert_array_equal(strength, np.sqrt(dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]))
     np.testing.assert_array_equal(orientation, gradients_reference.orientation(dy[y, x], dx[y, x]))

@@ -205,6 +205,17 @@ def test_program_says_what_failed(tmp_path, monkeypatch, capsys):
     assert "not timed" in capsys.readouterr().out
 
 
+def test_only_what_a_commit_holds_is_recorded(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(record, "_commit", lambda: "abcdef123456-dirty")
+    monkeypatch.setattr(program.clock, "copy_bandwidth", lambda *a: 1e9)
+    path = tmp_path / "result.json"
+    assert program.main(["--case", "box", "--json", str(path)]) == 2
+    assert "abcdef123456-dirty" in " ".join(capsys.readouterr().err.split())
+    with pytest.raises(ValueError, match="abcdef123456-dirty"):
+        record.write_json(path, {"commit": "abcdef123456-dirty", "command": "python -m profiling"})
+    assert not path.exists()
+
+
 def test_a_result_that_cannot_be_written_leaves_the_old_one(tmp_path):
     path = tmp_path / "result.json"
     path.write_text("old")

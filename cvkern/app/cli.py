@@ -13,12 +13,18 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.app.commands.calibrate import calibrate
 from cvkern.app.commands.circles import circles
+from cvkern.app.commands.develop import develop
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
+from cvkern.app.commands.hdr import hdr
 from cvkern.app.commands.lines import lines
 from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
+from cvkern.app.commands.pair import pair
+from cvkern.app.commands.panorama import panorama
+from cvkern.app.commands.scan import scan
 from cvkern.app.commands.stereo import stereo
 
 app = typer.Typer(
@@ -74,7 +80,13 @@ app.command()(lines)
 app.command()(circles)
 app.command()(find)
 app.command()(match)
+app.command()(pair)
+app.command()(panorama)
+app.command()(calibrate)
 app.command()(stereo)
+app.command()(scan)
+app.command()(develop)
+app.command()(hdr)
 app.add_typer(nerf, name="nerf")
 
 

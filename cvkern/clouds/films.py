@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_positive
-from cvkern._files import check_target, replacing
+from cvkern._checks import as_array, check_positive
+from cvkern._files import as_path, check_target, replacing
 
 
 def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 20.0) -> None:
@@ -49,7 +48,7 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     ...     Path(folder, "blink.gif").read_bytes()[:6]
     b'GIF89a'
     """
-    movie = np.asarray(frames)
+    movie = np.asarray(as_array(frames, "frames"))
     if movie.ndim != 4 or movie.shape[3] != 3 or movie.size == 0 or movie.dtype != np.uint8:
         raise ValueError(
             f"frames must be uint8 of shape (F, H, W, 3), got {movie.dtype} of shape {movie.shape}"
@@ -58,7 +57,7 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     import imageio.v3 as iio
 
     with replacing(path) as beside:
-        if Path(path).suffix.lower() == ".gif":
+        if as_path(path).suffix.lower() == ".gif":
             options = {"plugin": "pillow", "duration": round(1e3 / fps), "loop": 0}
             # Encode in memory, because imageio would write the file again after an error.
             beside.write_bytes(iio.imwrite("<bytes>", movie, extension=".gif", **options))
@@ -71,7 +70,7 @@ def check_animation(path: str | os.PathLike[str], shape: tuple[int, ...], fps: A
 
     The errors are those of :func:`write_animation`.
     """
-    suffix = Path(path).suffix.lower()
+    suffix = as_path(path).suffix.lower()
     if suffix not in (".gif", ".mp4"):
         raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
     check_target(path)

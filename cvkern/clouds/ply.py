@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cvkern._checks import check_dtype, check_image
-from cvkern._files import replacing
+from cvkern._files import as_path, replacing
 from cvkern._runtime import runtime
 
 PLACE = tuple((name, "<f4", "float") for name in ("x", "y", "z"))
@@ -48,7 +47,7 @@ def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> 
     ...     Path(folder, "one.ply").stat().st_size
     190
     """
-    if Path(path).suffix.lower() != ".ply":
+    if as_path(path).suffix.lower() != ".ply":
         raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")
     places, tints = check_cloud(points, colors)
     fields = PLACE if tints is None else PLACE + TINT

@@ -232,7 +232,7 @@ def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> N
     slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
     bare = options.rule == Thinning.SECTORS and options.around.mask is None
     find_slopes(rt, image, options.sigma, options.operator, options.around, bare, *slopes)
-    y, x = (np.nan_to_num(rt.to_numpy(a).astype(np.float64)) for a in slopes)
+    y, x = (np.nan_to_num(rt.to_numpy(a), posinf=0, neginf=0).astype(np.float64) for a in slopes)
     most = float((np.hypot(y, x) if options.norm == Norm.L2 else np.abs(y) + np.abs(x)).max())
     if 0 < most < thresholds.high:
         warnings.warn(

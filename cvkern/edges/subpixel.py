@@ -67,7 +67,8 @@ def subpixel_edges(
     -----
     The position is exact for a straight step under Gaussian blur, at every angle. The edge of a
     disc of radius r is found about ``sigma^2 / (2 r)`` too far inside, as with every method that
-    looks for the steepest slope of a blurred image.
+    looks for the steepest slope of a blurred image. A gradient longer than 1.8e19, whose square
+    float32 cannot hold, is not an edge.
 
     References
     ----------

@@ -19,6 +19,12 @@ def best(
     """
     if count is None or count >= len(responses):
         return np.arange(len(responses))
+    if not spread and count:
+        least = np.partition(responses, -count)[-count]
+        kept = responses > least
+        equal = np.flatnonzero(responses == least)
+        kept[equal[: count - np.count_nonzero(kept)]] = True
+        return np.flatnonzero(kept)
     order = np.argsort(-responses, kind="stable")
     if spread and count:
         side = max(1.0, np.sqrt(4.0 * shape[0] * shape[1] / count))

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_image, check_integer, check_number
+from cvkern._arrays import library
+from cvkern._checks import check_flag, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin
 from cvkern.features.keypoints import Features, as_host, prepared, white_of
 from cvkern.filters.linear import gaussian_taps
-from cvkern.kernels.codes.features import DISC, PAIRS, TURNS, WORD
-from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.codes.features import BLUR, DISC, PAIRS, TURNS, WORD
 from cvkern.transform.resampling import resample
 
 EDGE = 19  # pixels at the border without points: the disc, and 7 x 7 pixels with their neighbours
@@ -42,6 +42,7 @@ def orb(
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
         Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
         Keep so many, shared out among the levels by their areas; 500 by default. None: all.
     mask : array of shape (H, W), optional
@@ -105,6 +106,8 @@ def orb(
     >>> found.points.shape, found.descriptors.shape
     ((4, 2), (4, 32))
     """
+    spread = check_flag(spread, "spread")
+    upright = check_flag(upright, "upright")
     image = check_image(image, ndim=(2, 3))
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):
@@ -132,8 +135,9 @@ def orb(
     if max_keypoints is not None:
         ends = np.floor(np.cumsum(areas) / areas.sum() * max_keypoints + 0.5).astype(int)
         quotas = np.diff(np.r_[0, ends]).tolist()
-    before = rt.scratch("orb.level0", shape[:2], np.uint8)
-    rt.features.binary.round_values(prepared(rt, image, white / 255.0), before)
+    before = _bytes(rt, image, white)
+    pairs, taps = rt.constant(pattern()), rt.constant(gaussian_taps(SMOOTHING, 0, BLUR / SMOOTHING))
+    limit = min(int(threshold * 255), 255)
     found = []
     for n, (side, quota) in enumerate(zip(sides, quotas, strict=True)):
         level = before
@@ -141,15 +145,36 @@ def orb(
             level = rt.scratch(f"orb.level{n}", side, np.uint8)
             old, new = (1, *sides[n - 1], 1), (1, *side, 1)
             resample(rt, before.reshape(old), old, "antialiased", level.reshape(new), new)
-        limit = min(int(threshold * 255), 255)
         scale = (shape[0] / side[0], shape[1] / side[1])
-        found.append(_level(rt, level, side, scale, limit, quota, spread, upright, host))
+        cells, measures = _corners(rt, level, side, scale, limit, quota, spread, host)
+        found.append((cells, measures, *_described(rt, level, cells, taps, pairs, upright)))
         before = level
-    parts = [np.concatenate(p) for p in zip(*found, strict=True)]
+    cells, measures, angles, descriptors = (np.concatenate(p) for p in zip(*found, strict=True))
+    scales = np.array(shape[:2]) / np.array(sides)
+    scales = np.repeat(scales, [len(f[0]) for f in found], axis=0)
+    # Sums of 49 products of Sobel derivatives of bytes, of at most 1020 each.
+    full = 25.0 * (49 * 1020.0**2) ** 2
+    parts = (
+        _on_image(cells, scales),
+        np.sqrt(scales[:, 0] * scales[:, 1]).astype(np.float32),
+        angles,
+        (measures / full).astype(np.float32),
+        descriptors,
+    )
     return Features(*(rt.give(np.ascontiguousarray(p)) for p in parts))
 
 
-def _level(
+def _bytes(rt: Runtime, image: Any, white: float) -> Any:
+    """Return the grey of an image, white as 255, rounded: a kernel array."""
+    shape = tuple(image.shape)
+    if len(shape) == 2 and white == 255.0 and library(image).dtype(image) == np.uint8:
+        return rt.adopt(image, np.uint8)
+    rounded = rt.scratch("orb.level0", shape[:2], np.uint8)
+    rt.features.binary.round_values(prepared(rt, image, white / 255.0), rounded)
+    return rounded
+
+
+def _corners(
     rt: Runtime,
     level: Any,
     side: tuple[int, int],
@@ -157,68 +182,57 @@ def _level(
     threshold: int,
     quota: int | None,
     spread: bool,
-    upright: bool,
     mask: np.ndarray | None,
-) -> tuple[np.ndarray, ...]:
-    """Return points, scales, orientations, responses and descriptors of one size of the image."""
-    kernels, listing = rt.features.binary, rt.features.keypoints.extrema
-    none = (np.empty((0, 2), np.float32), *(np.empty(0, np.float32) for _ in range(3)),
-            np.empty((0, PAIRS // 8), np.uint8))  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pixels of the best corners of one size of the image, and their measures."""
+    none = np.empty((0, 2), np.int32), np.empty(0, np.int64)
     height, width = side
     if min(side) <= 2 * EDGE:
         return none
-    scores = rt.scratch("orb.scores", side, np.uint8)
-    kernels.score_corners(level, threshold, EDGE, scores)
+    kernels = rt.features.binary
     words = rt.scratch("orb.words", (1, height, -(-width // WORD)), np.int32)
-    kernels.mark_corners(scores, words)
     counts = rt.scratch("orb.counts", (height,), np.int32)
-    listing.count_marks(words, counts)
+    kernels.mark_corners(level, threshold, EDGE, words, counts)
     ends = np.cumsum(rt.to_numpy(counts), dtype=np.int64)
     total = int(ends[-1])
     if not total:
         return none
     starts = rt.send("orb.starts", np.r_[0, ends[:-1]].astype(np.int32))
     places = rt.scratch("orb.places", (total,), np.int32)
-    listing.list_marks(words, starts, width, places)
-    cells = np.stack(np.divmod(rt.to_numpy(places), width), axis=1)
-    points = ((cells + 0.5) * scale - 0.5).astype(np.float32)
-    kept = np.arange(total)
+    measures = rt.scratch("orb.measures", (total,), np.int64)
+    kernels.list_corners(level, words, starts, places, measures)
+    places, measures = rt.to_numpy(places), rt.to_numpy(measures)
     if mask is not None:
-        near = np.floor(points.astype(np.float64) + 0.5).astype(np.int64)
+        points = _on_image(_cells(places, width), scale).astype(np.float64)
+        near = np.floor(points + 0.5).astype(np.int64)
         row, column = (near[:, i].clip(0, mask.shape[i] - 1) for i in (0, 1))
         kept = np.flatnonzero(mask[row, column])
-        if not len(kept):
-            return none
-    measures = rt.scratch("orb.measures", (len(kept),), np.int64)
-    chosen = np.ascontiguousarray(cells[kept], np.int32)
-    kernels.weigh_corners(level, rt.send("orb.cells", chosen), measures)
-    measures = np.array(rt.to_numpy(measures))
-    strongest = best(measures, chosen, side, quota, spread)
-    if not len(strongest):
-        return none
-    kept, chosen, measures = kept[strongest], chosen[strongest], measures[strongest]
-    planes = (1, height, width)
-    smooth = rt.scratch("orb.smooth", planes)
-    real = rt.scratch("orb.real", planes)
-    kernels.widen_values(level, real.reshape(side))
-    taps = rt.constant(gaussian_taps(SMOOTHING, 0, 1.5))
-    rt.filters.linear.correlate_separable(real, taps, taps, 1, Border.MIRROR, 0.0, smooth)
-    angles = rt.scratch("orb.angles", (len(kept),))
-    descriptors = rt.scratch("orb.descriptors", (len(kept), PAIRS // 8), np.uint8)
-    kernels.describe_corners(
-        level, smooth.reshape(side), rt.send("orb.cells", chosen), rt.constant(pattern()),
-        int(upright), angles, descriptors,
-    )  # fmt: skip
-    size = np.float32(math.sqrt(scale[0] * scale[1]))
-    # Sums of 49 products of Sobel derivatives of bytes, of at most 1020 each.
-    full = 25.0 * (49 * 1020.0**2) ** 2
-    return (
-        points[kept],
-        np.full(len(kept), size),
-        np.array(rt.to_numpy(angles)),
-        (measures / full).astype(np.float32),
-        np.array(rt.to_numpy(descriptors)),
-    )
+        places, measures = places[kept], measures[kept]
+    kept = best(measures, _cells(places, width) if spread else places, side, quota, spread)
+    return _cells(places[kept], width), measures[kept]
+
+
+def _described(
+    rt: Runtime, level: Any, cells: np.ndarray, taps: Any, pairs: Any, upright: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions and the bits of corners of one size of the image."""
+    angles = rt.scratch("orb.angles", (len(cells),))
+    descriptors = rt.scratch("orb.descriptors", (len(cells), PAIRS // 8), np.uint8)
+    if len(cells):
+        rt.features.binary.describe_corners(
+            level, taps, rt.send("orb.cells", cells), pairs, int(upright), angles, descriptors
+        )
+    return np.array(rt.to_numpy(angles)), np.array(rt.to_numpy(descriptors))
+
+
+def _cells(places: np.ndarray, width: int) -> np.ndarray:
+    """Return the rows and columns of places: (N, 2), int32."""
+    return np.stack(np.divmod(places, np.int32(width)), axis=1)
+
+
+def _on_image(cells: np.ndarray, scale: Any) -> np.ndarray:
+    """Return where the centres of pixels of a level lie in the image."""
+    return ((cells + 0.5) * scale - 0.5).astype(np.float32)
 
 
 @lru_cache(maxsize=1)

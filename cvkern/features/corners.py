@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_code, check_image, check_integer, check_number
+from cvkern._checks import (
+    as_array,
+    check_choice,
+    check_code,
+    check_image,
+    check_integer,
+    check_number,
+)
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.filters.linear import frozen_taps, gaussian_taps
 from cvkern.kernels.codes.features import Corner
@@ -303,7 +310,7 @@ def corner_subpix(image: Any, corners: Any, window_size: int = 11, alpha: float 
     alpha = check_number(alpha, "alpha")
     if not 0.5 < alpha < 1:
         raise ValueError(f"alpha must be above 0.5 and below 1, got {alpha:g}")
-    points = corners if hasattr(corners, "shape") else np.asarray(corners)
+    points = as_array(corners, "corners")
     if len(points.shape) != 2 or points.shape[1] != 2:
         raise ValueError(f"corners must have shape (N, 2), got {tuple(points.shape)}")
     rt = runtime(image, points)
@@ -311,6 +318,8 @@ def corner_subpix(image: Any, corners: Any, window_size: int = 11, alpha: float 
     if not points.shape[0]:
         return rt.release(result)
     if library(points).dtype(points).kind == "f" and isinstance(points, np.ndarray):
+        if not (np.abs(points) < 2**31).all():
+            raise ValueError("corners must be finite and below 2^31, got some that are not")
         points = np.trunc(points)
     freedom = size * size - 2
     stats = importlib.import_module("scipy.stats")

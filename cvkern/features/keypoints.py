@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number, check_positive
+from cvkern._checks import check_flag, check_image, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin, exp2
@@ -22,7 +22,6 @@ from cvkern.kernels.codes.features import (
     REACH,
     WORD,
 )
-from cvkern.kernels.codes.filters import Border
 
 # Sigma that a photograph is taken to have, in pixels. Lowe has 0.5; with less, more points of sharp
 # photographs are found again (measured on graffiti and dogman: 430 against 370 of 1000).
@@ -79,6 +78,7 @@ def sift(
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
         Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
         Keep so many: those of the greatest response, of equal ones the first.
     mask : array of shape (H, W), optional
@@ -150,6 +150,10 @@ def sift(
     >>> found.points.round(1)[0], found.descriptors.shape[1]
     (array([30., 22.], dtype=float32), 128)
     """
+    spread = check_flag(spread, "spread")
+    root = check_flag(root, "root")
+    upright = check_flag(upright, "upright")
+    double = check_flag(double, "double")
     image = check_image(image, ndim=(2, 3))
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):
@@ -261,8 +265,7 @@ def _scale_space(
 
 def _smooth(rt: Runtime, src: Any, sigma: float, dst: Any) -> None:
     taps = rt.constant(gaussian_taps(sigma, 0, TRUNCATE))
-    one, other = (a.reshape((1, *a.shape)) for a in (src, dst))
-    rt.filters.linear.correlate_separable(one, taps, taps, 1, Border.MIRROR, 0.0, other)
+    rt.features.keypoints.extrema.smooth(src, taps, dst)
 
 
 def _extrema(

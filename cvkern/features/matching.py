@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_integer, check_number
+from cvkern._checks import as_array, as_items, check_choice, check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.features import BLOCK_ROWS, MOST_BYTES
 
@@ -68,6 +68,7 @@ def match_descriptors(
     array([[0, 1],
            [1, 0]], dtype=int32)
     """
+    cross_check = check_flag(cross_check, "cross_check")
     rt, arrays = _check([a, b], max_ratio, metric, ("a", "b"))
     pairs = np.array([[0, 1]])
     return _matches(rt, arrays, pairs, max_ratio, cross_check, metric)[0]
@@ -114,6 +115,8 @@ def match_images(
     >>> [found.tolist() for found in cvkern.match_images(heap)]
     [[[0, 0]], [[0, 0]], [[1, 0]]]
     """
+    cross_check = check_flag(cross_check, "cross_check")
+    features = as_items(features, "features", "a sequence of features or descriptors")
     descriptors = [getattr(f, "descriptors", f) for f in features]
     names = tuple(f"features[{i}]" for i in range(len(descriptors)))
     rt, arrays = _check(descriptors, max_ratio, metric, names)
@@ -121,9 +124,12 @@ def match_images(
     if pairs is None:
         table = np.stack(np.triu_indices(count, 1), axis=1)
     else:
-        table = np.asarray(pairs).reshape(-1, 2)
+        table = np.asarray(as_array(pairs, "pairs"))
         if table.size and table.dtype.kind not in "iu":
             raise TypeError(f"pairs must be integers, got {table.dtype}")
+        if table.size and (table.ndim != 2 or table.shape[1] != 2):
+            raise ValueError(f"pairs must have shape (N, 2), got {table.shape}")
+        table = table.reshape(-1, 2)
         if table.size and (
             table.min() < 0 or table.max() >= count or (table[:, 0] == table[:, 1]).any()
         ):
@@ -139,7 +145,7 @@ def _check(
     ratio = check_number(max_ratio, "max_ratio")
     if not 0 < ratio <= 1:
         raise ValueError(f"max_ratio must be in (0, 1], got {ratio:g}")
-    arrays = [d if hasattr(d, "shape") else np.asarray(d) for d in descriptors]
+    arrays = [as_array(d, name) for d, name in zip(descriptors, names, strict=True)]
     for array, name in zip(arrays, names, strict=True):
         if len(array.shape) != 2:
             raise ValueError(f"{name} must be 2-D, got shape {tuple(array.shape)}")
@@ -150,7 +156,7 @@ def _check(
             raise ValueError(
                 f"{name} must have {arrays[0].shape[1]} bytes a row, got {array.shape[1]}"
             )
-        check_integer(array.shape[1], "the bytes of a descriptor", 1, MOST_BYTES)
+        check_integer(array.shape[1], f"the bytes of {name}", 1, MOST_BYTES)
     check_integer(sum(a.shape[0] for a in arrays), "the number of descriptors", 0, MAX_ROWS)
     return runtime(*arrays), arrays
 

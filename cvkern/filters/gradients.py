@@ -218,7 +218,7 @@ def _weighted(value: float, taps: np.ndarray) -> float:
 
 
 def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
-    if axis not in (None, 0, 1):
+    if axis is not None and (not isinstance(axis, (int, np.integer)) or axis not in (0, 1)):
         raise ValueError(f"axis must be 0, 1 or None, got {axis!r}")
     image = check_image(image)
     border = check_code(mode, Border, "mode")

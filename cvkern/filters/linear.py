@@ -104,6 +104,7 @@ def gaussian_taps(sigma: float, order: int = 0, truncate: float = 4.0) -> np.nda
     """
     if sigma <= NO_SIGMA:
         return frozen_taps([1.0])
+    check_radius(truncate * sigma)
     radius = int(truncate * sigma + 0.5)
     x = np.arange(-radius, radius + 1, dtype=np.float64)
     density = np.exp(-0.5 * (x / sigma) ** 2)

@@ -12,6 +12,7 @@ from cvkern.geometry.epipolar import (
     fit_fundamental,
     sampson_distance,
 )
+from cvkern.geometry.essential import find_essential, find_essentials
 from cvkern.geometry.fitting import fit_affine, fit_homography, fit_similarity
 from cvkern.geometry.maps import (
     find_affine,
@@ -19,8 +20,13 @@ from cvkern.geometry.maps import (
     find_homography,
     find_similarity,
 )
+from cvkern.geometry.planes import Planes, find_planes
+from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_homography
+from cvkern.geometry.rectification import Rectification, RectifiedPair, rectify_stereo
 from cvkern.geometry.robust import RobustFit, RobustFits
 from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.geometry.uncalibrated import RectifyingMaps, rectify_uncalibrated
+from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.views import (
     RecoveredPose,
     essential_from_fundamental,
@@ -31,7 +37,13 @@ from cvkern.geometry.views import (
 __all__ = [
     "Calibration",
     "Camera",
+    "FoundPose",
+    "PlanePose",
+    "Planes",
     "RecoveredPose",
+    "Rectification",
+    "RectifiedPair",
+    "RectifyingMaps",
     "RobustFit",
     "RobustFits",
     "StereoCalibration",
@@ -43,20 +55,28 @@ __all__ = [
     "epipoles",
     "essential_from_fundamental",
     "find_affine",
+    "find_essential",
+    "find_essentials",
     "find_fundamental",
     "find_fundamentals",
     "find_homographies",
     "find_homography",
+    "find_planes",
+    "find_pose",
     "find_similarity",
     "fit_affine",
     "fit_fundamental",
     "fit_homography",
     "fit_similarity",
+    "pose_from_homography",
     "project_points",
     "read_calibration",
     "recover_pose",
+    "rectify_stereo",
+    "rectify_uncalibrated",
     "sampson_distance",
     "triangulate",
+    "undistort",
     "undistort_points",
     "write_calibration",
 ]

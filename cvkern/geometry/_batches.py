@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._checks import as_items, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.geometry._points import check_pairs, on_host
 from cvkern.geometry.robust import Batch, RobustFits, Search
@@ -36,12 +36,21 @@ class Batched(NamedTuple):
 
 def check_batch(pairs: Sequence[tuple[Any, Any]]) -> Batched:
     """Return the points of a batch, each pair as many in the one image as in the other."""
-    checked = [check_pairs(a, b) for a, b in pairs]
+    rule = "pairs of two lists of points"
+    both = [as_items(pair, "pairs", rule) for pair in as_items(pairs, "pairs", rule)]
+    if any(len(pair) != 2 for pair in both):
+        raise ValueError(f"pairs must be {rule}, got one of another length")
+    checked = [check_pairs(a, b) for a, b in both]
     if not checked:
         raise ValueError("pairs must not be empty, got none")
+    return batch_of(checked, "points0")
+
+
+def batch_of(checked: list[tuple[Any, Any]], name: str) -> Batched:
+    """Take points that are as many in the one list as in the other to the host."""
     for a, _ in checked:
         if len(a) > MAX_MATCHES:
-            raise ValueError(f"points0 must be at most {MAX_MATCHES}, got {len(a)}")
+            raise ValueError(f"{name} must be at most {MAX_MATCHES}, got {len(a)}")
     offsets = np.cumsum([0] + [len(a) for a, _ in checked], dtype=np.int64)
     rt = runtime(*(points for pair in checked for points in pair))
     return Batched(rt, [(on_host(rt, a), on_host(rt, b)) for a, b in checked], offsets)

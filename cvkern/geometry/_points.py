@@ -7,31 +7,41 @@ from typing import Any
 import numpy as np
 
 from cvkern import _arrays
-from cvkern._checks import check_beside, check_image
+from cvkern._checks import FLOAT32_MAX, as_items, check_beside, check_image
 from cvkern._runtime import Runtime, runtime
 
 
 def check_points(points: Any, name: str, columns: int = 2) -> Any:
     """Return `points` as an array of real numbers of shape (N, columns); N may be 0."""
     if not hasattr(points, "shape"):
-        try:
-            points = np.asarray(points, None if len(points) else np.float64)
-        except ValueError as error:
-            raise ValueError(f"{name} must be rectangular, got rows that differ: {error}") from None
-        if not len(points):
-            points = points.reshape(0, columns)
+        rows = as_items(points, name, f"points of {columns} numbers")
+        if not rows:
+            points = np.empty((0, columns))
+        else:
+            try:
+                points = np.asarray(points)
+            except ValueError as error:
+                got = f"rows that differ: {error}"
+                raise ValueError(f"{name} must be rectangular, got {got}") from None
     shape = tuple(points.shape)
     if len(shape) != 2 or shape[1] != columns:
         raise ValueError(f"{name} must have shape (N, {columns}), got {shape}")
     return check_image(points, name=name) if shape[0] else points
 
 
-def check_pairs(points0: Any, points1: Any, columns: int = 2) -> tuple[Any, Any]:
+def check_pairs(
+    points0: Any,
+    points1: Any,
+    columns: int = 2,
+    names: tuple[str, str] = ("points0", "points1"),
+) -> tuple[Any, Any]:
     """Return matched points of two images (or of a scene and an image), as many of the one."""
-    points0 = check_points(points0, "points0", columns)
-    points1 = check_points(points1, "points1")
+    points0 = check_points(points0, names[0], columns)
+    points1 = check_points(points1, names[1])
     if len(points0) != len(points1):
-        raise ValueError(f"points1 must be as many as points0, {len(points0)}, got {len(points1)}")
+        raise ValueError(
+            f"{names[1]} must be as many as {names[0]}, {len(points0)}, got {len(points1)}"
+        )
     return points0, points1
 
 
@@ -59,8 +69,8 @@ def finite_pairs(
     a, b = on_host(rt, points0), on_host(rt, points1)
     w = np.ones(len(a)) if weights is None else on_host(rt, weights)
     for values, name in ((a, "points0"), (b, "points1")):
-        if not np.isfinite(values).all():
-            raise ValueError(f"{name} must be finite, got some that are not")
+        if not (np.abs(values) <= FLOAT32_MAX).all():
+            raise ValueError(f"{name} must be finite in float32, got some that are not")
     wrong = w[~(np.isfinite(w) & (w >= 0))]
     if len(wrong):
         raise ValueError(f"weights must be >= 0 and finite, got {wrong[0]:g}")

@@ -54,7 +54,8 @@ def write_calibration(
     Notes
     -----
     In YAML one camera is `camera_matrix` and `distortion_coefficients`, as OpenCV's samples have
-    it, and two are `M1`, `D1`, `M2`, `D2`, `R`, `T`.
+    it, and two are `M1`, `D1`, `M2`, `D2`, `R`, `T`, with the size of the second one's images as
+    `image_width2` and `image_height2`.
 
     Examples
     --------
@@ -85,6 +86,8 @@ def write_calibration(
         matrix, distortion = names.split()
         values[matrix], values[distortion] = camera.matrix, camera.distortion[None]
     if isinstance(calibration, StereoCalibration):
+        rows, columns = calibration.right.shape
+        values |= {"image_width2": columns, "image_height2": rows}
         values |= {"R": calibration.rotation, "T": calibration.translation[:, None]}
     values["avg_reprojection_error"] = float(calibration.rms)
     values["standard_deviations"] = calibration.deviations[None]
@@ -220,8 +223,12 @@ def _calibration(
     rms = values.get("avg_reprojection_error")
     rms = math.nan if rms is None else float(rms)
     if "M1" in values:
+        other = shape
+        if "image_height2" in values and "image_width2" in values:
+            other = _side(values["image_height2"]), _side(values["image_width2"])
         left, right = (
-            Camera(_array(values, f"M{n}", (3, 3)), _array(values, f"D{n}"), shape) for n in (1, 2)
+            Camera(_array(values, f"M{n}", (3, 3)), _array(values, f"D{n}"), sides)
+            for n, sides in ((1, shape), (2, other))
         )
         turn, shift = check_pose(_array(values, "R", (3, 3)), _array(values, "T", (3,)))
         if not np.any(shift):

@@ -291,8 +291,8 @@ def epipolar_lines(matrix: Any, points: Any, image: int = 0) -> np.ndarray:
     points = check_points(points, "points")
     p = xy(on_host(runtime(points), points))
     f = f.T if check_integer(image, "image", 0, 1) else f
-    lines = np.c_[p, np.ones(len(p))] @ f.T
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):  # points may be anywhere
+        lines = np.c_[p, np.ones(len(p))] @ f.T
         lines /= np.hypot(lines[:, 0], lines[:, 1])[:, None]
     lines[~np.isfinite(lines).all(axis=1)] = np.nan
     return lines
@@ -367,7 +367,7 @@ def sampson_distance(matrix: Any, points0: Any, points1: Any) -> np.ndarray:
     points0, points1 = check_pairs(points0, points1)
     rt = runtime(points0, points1)
     a, b = (np.c_[xy(on_host(rt, p)), np.ones(len(p))] for p in (points0, points1))
-    right, left = a @ f.T, b @ f
-    under = (right[:, :2] ** 2).sum(axis=1) + (left[:, :2] ** 2).sum(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):  # points may be anywhere
+        right, left = a @ f.T, b @ f
+        under = (right[:, :2] ** 2).sum(axis=1) + (left[:, :2] ** 2).sum(axis=1)
         return np.abs((b * right).sum(axis=1)) / np.sqrt(under)

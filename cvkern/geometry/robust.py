@@ -20,6 +20,8 @@ from cvkern.kernels.codes.geometry import (
     MAX_MATCHES,
     NO_COST,
     SAMPLE,
+    Draw,
+    Given,
     Model,
 )
 
@@ -29,7 +31,8 @@ CANDIDATES = 2  # models of a round that are refined
 _INDEX = np.uint64(MAX_MATCHES - 1)
 # Squares of the thresholds of the steps of least squares, over the square of the caller's.
 COARSE = np.array([9.0, 4.0, 2.0, 2.0], np.float32)
-FINE = np.array([2.0] * 4, np.float32)
+FINE = np.array([2.0] * 4, np.float32)  # maps, whose inliers weigh alike
+LAST = np.array([3.0] * 6, np.float32)  # other models, whose far matches weigh less
 # Samples without outliers that are wanted: noise spoils some of them.
 SPARE = 2.0
 # The search ends when a model of so many times the inliers would have been found.
@@ -74,7 +77,8 @@ class Batch(NamedTuple):
     """The matches of several pairs, as kernels take them."""
 
     matches: np.ndarray
-    """x0, y0, x1, y1, within [-1, 1], (4, M) float32; a pair begins at a multiple of `LANES`."""
+    """x0, y0, x1, y1, and z0 of scenes, within [-1, 1], (4 or 5, M) float32; a pair begins at a
+    multiple of `LANES`."""
     spans: np.ndarray
     """First and number of the matches of each pair, (P, 2) int32."""
     places: np.ndarray
@@ -83,53 +87,62 @@ class Batch(NamedTuple):
     """The matrices that scale the points of either image, (2, P, 3, 3) float64."""
     sides: np.ndarray
     """Width and height of the box of the scaled points of the second image, (P, 2) float64."""
+    deep: np.ndarray
+    """By what the scaled z0 of scenes is moved, (P,) float64."""
 
 
 def gather(pairs: Sequence[tuple[np.ndarray, np.ndarray]], *, alike: bool = False) -> Batch:
     """Scale the matches of each pair, in the order of a hash of their coordinates, equal ones once.
 
-    Points are (row, column). Any order of the same matches gives the same batch, and its first
-    matches are as good as drawn by lot. The centre and the scale (a power of two, of both images
-    if `alike`) are those of the points' box, which no order rounds otherwise.
+    Points are (row, column), or in the first list (x, y, z) of a scene. Any order of the same
+    matches gives the same batch, and its first matches are as good as drawn by lot. The centre and
+    the scale (a power of two, of both images if `alike`) are those of the points' box, which no
+    order rounds otherwise.
     """
     lists = [_sorted(_columns(a, b)) for a, b in pairs]
     counts = np.array([values.shape[1] for values, _ in lists], np.int64)
     rooms = -(-counts // LANES) * LANES
     starts = np.cumsum(rooms) - rooms
-    matches = np.zeros((4, max(int(rooms.sum()), LANES)), np.float32)
+    rows = len(lists[0][0])
+    second = np.arange(rows) // 2 == 1  # x1, y1
+    matches = np.zeros((rows, max(int(rooms.sum()), LANES)), np.float32)
     to_unit = np.zeros((2, len(pairs), 3, 3))
-    to_unit[:, :, 2, 2] = 1
-    sides = np.zeros((len(pairs), 2))
+    to_unit[:, :, (0, 1, 2), (0, 1, 2)] = 1
+    sides, deep = np.zeros((len(pairs), 2)), np.zeros(len(pairs))
     places = []
     for i, (values, place) in enumerate(lists):
         places.append(np.where(place >= 0, place + starts[i], -1))
         if not counts[i]:
-            to_unit[:, i] = np.eye(3)
             continue
         low, high = values.min(axis=1), values.max(axis=1)
-        half = ((high - low) / 2).reshape(2, 2).max(axis=1)
+        half = (high - low) / 2
+        half = np.where(second, half[second].max(), half[~second].max())
         half[:] = half.max() if alike else half
-        scale = np.ldexp(1.0, -np.frexp(np.where(half > 0, half, 1.0))[1]).repeat(2)
+        scale = np.ldexp(1.0, -np.frexp(np.where(half > 0, half, 1.0))[1])
         shift = scale * (low + high) / 2
         matches[:, starts[i] : starts[i] + counts[i]] = values * scale[:, None] - shift[:, None]
-        to_unit[:, i, (0, 1), (0, 1)] = scale.reshape(2, 2)
-        to_unit[:, i, :2, 2] = -shift.reshape(2, 2)
-        sides[i] = ((high - low) * scale)[2:]
+        to_unit[:, i, (0, 1), (0, 1)] = scale[:4].reshape(2, 2)
+        to_unit[:, i, :2, 2] = -shift[:4].reshape(2, 2)
+        sides[i] = ((high - low) * scale)[2:4]
+        deep[i] = -shift[4] if rows == 5 else 0
     spans = np.stack((starts, counts), 1).astype(np.int32)
-    return Batch(matches, spans, np.concatenate(places), to_unit, sides)
+    return Batch(matches, spans, np.concatenate(places), to_unit, sides, deep)
 
 
 def _columns(points0: np.ndarray, points1: np.ndarray) -> np.ndarray:
-    """Return x0, y0, x1, y1, (4, N) float64."""
-    values = np.empty((4, len(points0)))
-    values[0], values[1] = points0[:, 1], points0[:, 0]
-    values[2], values[3] = points1[:, 1], points1[:, 0]
+    """Return x0, y0, x1, y1, (4, N) float64, and z0 as a fifth row of a scene."""
+    values = np.empty((2 + points0.shape[1], len(points0)))
+    if points0.shape[1] == 3:
+        values[[0, 1, 4]] = points0.T
+    else:
+        values[:2] = points0.T[::-1]
+    values[2:4] = points1.T[::-1]
     values += 0.0  # one zero, not two
     return values
 
 
 def _sorted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return finite matches (4, K) by their hash, and where each of (4, N) is among them, or -1.
+    """Return finite matches (R, K) by their hash, and where each of (R, N) is among them, or -1.
 
     Two different matches of one hash, of 46 bits, are in the order in which they came.
     """
@@ -176,15 +189,16 @@ class Found(NamedTuple):
 class Explorer:
     """The matches of a batch where kernels find them, and the search among them."""
 
-    def __init__(self, rt: Runtime, batch: Batch, options: Search):
+    def __init__(self, rt: Runtime, batch: Batch, options: Search, known: np.ndarray | None = None):
         self.rt, self.batch, self.options = rt, batch, options
         self.counts = batch.spans[:, 1].astype(np.int64)
         scales = batch.to_unit[1, :, 0, 0]
         self.squares = ((options.threshold * scales) ** 2).astype(np.float32)
-        self._given = (
+        self._given = Given(
             rt.send("robust.matches", batch.matches),
             rt.send("robust.spans", batch.spans),
             rt.send("robust.squares", self.squares),
+            rt.send("robust.known", np.zeros((1, 9)) if known is None else known),
         )
 
     def explore(
@@ -201,11 +215,10 @@ class Explorer:
         best, trials = np.zeros((number, 9)), np.zeros(number, np.int64)
         costs = np.full(number, NO_COST, np.int64)
         rough, supports = costs.copy(), trials.copy()
-        usable = self.counts >= size
+        usable, given = self.counts >= size, self._given
         if planes is not None:
             usable &= np.isfinite(planes).all(axis=1)
-        given = np.zeros((number if planes is not None else 1, 9)) if planes is None else planes
-        plane = rt.send("robust.planes", np.ascontiguousarray(given))
+            given = given._replace(known=rt.send("robust.planes", np.ascontiguousarray(planes)))
         active = np.flatnonzero(usable).astype(np.int32)
         done, room = 0, FIRST
         last = min(self.options.max_trials, most or self.options.max_trials)
@@ -214,8 +227,8 @@ class Explorer:
             pairs = rt.send("robust.pairs", active)
             found = rt.scratch("robust.models", (len(active), room // GROUP, 9))
             found_costs = rt.scratch("robust.costs", found.shape[:2], np.int32)
-            seed = self.options.seed
-            kernels.propose(*self._given, plane, pairs, int(model), seed, done, found, found_costs)
+            draw = Draw(int(model), self.options.seed, done)
+            kernels.propose(given, pairs, draw, found, found_costs)
             least = rt.to_numpy(found_costs).min(axis=1)
             promising = least < rough[active]
             rough[active] = np.minimum(rough[active], least)
@@ -244,11 +257,13 @@ class Explorer:
         everyone = np.arange(len(count), dtype=np.int32)
         chosen = rt.scratch("robust.chosen", (len(count), 1, 9), np.float64)
         rt.write(chosen, found.models[:, None])
-        models, cost, support = self._refined(model, chosen, everyone, FINE)
+        models, cost, support = self._refined(
+            model, chosen, everyone, FINE if model <= Model.HOMOGRAPHY else LAST
+        )
         none = ~self.significant(model, support[:, 0], found.trials)
         inliers = rt.scratch("robust.inliers", (self.batch.matches.shape[1],), np.uint8)
         last = rt.send("robust.last", np.ascontiguousarray(models[:, 0]))
-        rt.geometry.robust.mark(*self._given, int(model), last, inliers)
+        rt.geometry.robust.mark(self._given, int(model), last, inliers)
         marks = np.array(rt.to_numpy(inliers))
         matrices = models.reshape(-1, 3, 3).copy()
         matrices[none] = np.nan
@@ -261,23 +276,23 @@ class Explorer:
         square = self.squares.astype(np.float64)
         sides = self.batch.sides + 2 * np.sqrt(square)[:, None]
         area = np.prod(sides, axis=1)
-        if model == Model.FUNDAMENTAL:  # a band along a line
+        if model in (Model.FUNDAMENTAL, Model.ESSENTIAL):  # a band along a line
             near = 2 * np.sqrt(square) * np.hypot(*sides.T)
         else:
             near = math.pi * square
-        chance = np.minimum(near / area, 1.0)
-        return _significant(supports, self.counts, trials, chance, SAMPLE[model])
+        chance = np.divide(near, area, out=np.ones_like(area), where=area > near)
+        return _significant(supports, self.counts, trials, chance, model)
 
     def _refined(
         self, model: Model, chosen: Any, pairs: np.ndarray, schedule: np.ndarray
-    ) -> list[np.ndarray]:
-        rt, shape = self.rt, chosen.shape[:2]
-        cost = rt.scratch("robust.refined", shape, np.int32)
-        support = rt.scratch("robust.supports", shape, np.int32)
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        rt = self.rt
+        scores = rt.scratch("robust.scores", (*chosen.shape[:2], 2), np.int32)
         to = rt.send("robust.refined_pairs", pairs)
         steps = rt.constant(schedule)
-        rt.geometry.robust.refine(*self._given, to, int(model), steps, chosen, cost, support)
-        return [rt.to_numpy(a) for a in (chosen, cost, support)]
+        rt.geometry.robust.refine(self._given, to, int(model), steps, chosen, scores)
+        told = rt.to_numpy(scores)
+        return rt.to_numpy(chosen), told[..., 0], told[..., 1]
 
 
 def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:
@@ -287,7 +302,7 @@ def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:
 
 
 def _significant(
-    support: np.ndarray, count: np.ndarray, trials: np.ndarray, chance: np.ndarray, size: int
+    support: np.ndarray, count: np.ndarray, trials: np.ndarray, chance: np.ndarray, model: Model
 ) -> np.ndarray:
     """Tell where so many inliers are no accident.
 
@@ -298,10 +313,11 @@ def _significant(
     def log(x: np.ndarray) -> np.ndarray:  # the logarithm of (x - 1)!
         return np.array([math.lgamma(value) for value in x])
 
+    size = SAMPLE[model]
     n, k = count.astype(np.float64), support.astype(np.float64)
     subsets = log(n + 1) - log(k + 1) - log(n - k + 1)
     with np.errstate(divide="ignore"):
         accidents = subsets + np.log(np.maximum(trials, 1)) + (k - size) * np.log(chance)
-    # Seven matches leave up to three fundamental matrices.
-    least = size if size < SAMPLE[Model.FUNDAMENTAL] else size + 1
-    return (support >= least) & ((accidents < 0) | (support == count))
+    # Samples of these leave several models.
+    several = model in (Model.FUNDAMENTAL, Model.ESSENTIAL, Model.POSE)
+    return (support >= size + several) & ((accidents < 0) | (support == count))

@@ -63,6 +63,7 @@ def calibrate_stereo(
     right_points: Sequence[Any],
     shape: tuple[int, int],
     *,
+    right_shape: tuple[int, int] | None = None,
     left: Camera | None = None,
     right: Camera | None = None,
     fixed: Sequence[str] = (),
@@ -77,7 +78,9 @@ def calibrate_stereo(
     left_points, right_points : sequence of V arrays of shape (N, 2)
         Row and column of these points in the images of the first and of the second camera.
     shape : (int, int)
-        Rows and columns of the images of both.
+        Rows and columns of the images of both, or of the first camera's.
+    right_shape : (int, int), optional
+        Rows and columns of the images of the second camera, where they have another size.
     left, right : Camera, optional
         Where to begin; by default what :func:`calibrate_camera` finds of each alone.
     fixed : sequence of str, default ()
@@ -127,7 +130,8 @@ def calibrate_stereo(
     >>> found.translation.round(3) + 0
     array([-1.,  0.,  0.])
     """
-    shape = check_shape(shape)
+    shapes = [check_shape(shape)]
+    shapes.append(shapes[0] if right_shape is None else check_shape(right_shape))
     boards, lefts = check_views(object_points, left_points, "left_points")
     again, rights = check_views(object_points, right_points, "right_points")
     if len(again) != len(boards):
@@ -137,7 +141,7 @@ def calibrate_stereo(
     fixed_names, keep = free_of(fixed), check_flag(fix_cameras, "fix_cameras")
     check_enough(boards, fixed_names)
     numbers, poses = [], []
-    for camera, places in ((left, lefts), (right, rights)):
+    for camera, places, shape in zip((left, right), (lefts, rights), shapes, strict=True):
         if camera is not None:
             check_lens(camera)
         given, stood = begun(boards, places, shape, camera)
@@ -183,7 +187,7 @@ def calibrate_stereo(
     free = np.concatenate((cameras, cameras, np.ones(6, bool)))
     found = adjust(evaluate, _moved, begin, poses[0], both, free)
     return StereoCalibration(
-        camera_of(found.shared[:9], shape), camera_of(found.shared[9:18], shape),
+        camera_of(found.shared[:9], shapes[0]), camera_of(found.shared[9:18], shapes[1]),
         found.shared[18:27].reshape(3, 3), found.shared[27:], rms_of(found.residuals.off),
         *found.poses, found.deviations,
     )  # fmt: skip

@@ -8,8 +8,9 @@ import numpy as np
 
 from cvkern._checks import check_image
 from cvkern._runtime import runtime
-from cvkern.geometry._matrices import check_matrix
+from cvkern.geometry._matrices import check_camera, check_matrix
 from cvkern.geometry._points import check_pairs, on_host, xy
+from cvkern.geometry.essential import equalised
 
 STEPS = 10  # Gauss-Newton steps: noise of some pixels needs four
 
@@ -56,8 +57,7 @@ def essential_from_fundamental(matrix: Any, K0: Any, K1: Any) -> np.ndarray:
     [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
     """
     f = check_matrix(matrix, (3, 3), "matrix")
-    u, _, vt = np.linalg.svd(check_camera(K1, "K1").T @ f @ check_camera(K0, "K0"))
-    return u[:, :2] @ vt[:2]
+    return equalised(check_camera(K1, "K1").T @ f @ check_camera(K0, "K0"))
 
 
 def recover_pose(E: Any, points0: Any, points1: Any, K0: Any, K1: Any) -> RecoveredPose:
@@ -112,10 +112,12 @@ def recover_pose(E: Any, points0: Any, points1: Any, K0: Any, K1: Any) -> Recove
     e = check_matrix(E, (3, 3), "E")
     points0, points1 = check_pairs(points0, points1)
     rt = runtime(points0, points1)
-    a, b = (
-        np.c_[xy(on_host(rt, p)), np.ones(len(p))] @ np.linalg.inv(check_camera(k, name)).T
-        for p, k, name in ((points0, K0, "K0"), (points1, K1, "K1"))
-    )
+    inverse = [np.linalg.inv(check_camera(k, name)) for k, name in ((K0, "K0"), (K1, "K1"))]
+    with np.errstate(all="ignore"):  # points may be anywhere
+        a, b = (
+            np.c_[xy(on_host(rt, p)), np.ones(len(p))] @ to_ray.T
+            for p, to_ray in zip((points0, points1), inverse, strict=True)
+        )
     u, _, vt = np.linalg.svd(e)
     u, vt = u * np.sign(np.linalg.det(u)), vt * np.sign(np.linalg.det(vt))
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -134,11 +136,11 @@ def recover_pose(E: Any, points0: Any, points1: Any, K0: Any, K1: Any) -> Recove
 
 def _in_front(a: np.ndarray, b: np.ndarray, rotation: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Tell which rays (x, y, 1) meet in front: z1 b = z0 R a + t, in least squares of z0, z1."""
-    c = a @ rotation.T
-    cc, cb, bb = (c * c).sum(1), (c * b).sum(1), (b * b).sum(1)
-    ct, bt = c @ t, b @ t
-    # The determinant of the equations is not negative.
-    with np.errstate(invalid="ignore"):
+    with np.errstate(all="ignore"):  # rays may have any slope
+        c = a @ rotation.T
+        cc, cb, bb = (c * c).sum(1), (c * b).sum(1), (b * b).sum(1)
+        ct, bt = c @ t, b @ t
+        # The determinant of the equations is not negative.
         return (cb * bt - bb * ct > 0) & (cc * bt - cb * ct > 0)
 
 
@@ -232,11 +234,3 @@ def _refined(p: np.ndarray, seen: np.ndarray, known: np.ndarray, x: np.ndarray) 
             q = np.where(better[None, :, None], q2, q)
             gap = np.where(better[None, :, None], gap2, gap)
     return x
-
-
-def check_camera(K: Any, name: str) -> np.ndarray:
-    """Return a camera matrix that has an inverse."""
-    camera = check_matrix(K, (3, 3), name)
-    if np.linalg.matrix_rank(camera) < 3:
-        raise ValueError(f"{name} must have an inverse, got a matrix of rank below 3")
-    return camera

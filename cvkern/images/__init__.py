@@ -6,13 +6,20 @@ pixel centres are integers.
 
 from cvkern.images._colormaps import COLORMAPS
 from cvkern.images.colors import apply_colormap, luma
-from cvkern.images.drawing import draw_circles, draw_lines, draw_points, overlay_mask
+from cvkern.images.drawing import (
+    draw_circles,
+    draw_epipolar_lines,
+    draw_lines,
+    draw_points,
+    overlay_mask,
+)
 from cvkern.images.files import read_image, write_image
 
 __all__ = [
     "COLORMAPS",
     "apply_colormap",
     "draw_circles",
+    "draw_epipolar_lines",
     "draw_lines",
     "draw_points",
     "luma",

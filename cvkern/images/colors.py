@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._checks import check_number
+from cvkern._checks import check_choice, check_number
 from cvkern.images._colormaps import COLORMAPS, STEPS, table
 from cvkern.images._overlay import check_color, check_numbers
 
@@ -48,7 +48,8 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     red, green, blue = (
         np.float32(w) * c for w, c in zip(LUMA, channels[:3].astype(np.float32), strict=True)
     )
-    return red + green + blue
+    with np.errstate(all="ignore"):  # infinite values may cancel
+        return red + green + blue
 
 
 def apply_colormap(
@@ -87,8 +88,7 @@ def apply_colormap(
     array = check_numbers(values, "values")
     if array.ndim != 2:
         raise ValueError(f"values must be 2-D, got shape {array.shape}")
-    if name not in COLORMAPS:
-        raise ValueError(f"name must be one of {COLORMAPS}, got {name!r}")
+    check_choice(name, COLORMAPS, "name")
     array = array.astype(np.float64)
     finite = array[np.isfinite(array)]
     cyclic = name == "cyclic"
@@ -101,7 +101,8 @@ def apply_colormap(
         raise ValueError(f"vmin must be finite and <= vmax, got {low} and {high}")
     missing = np.isnan(array) | (np.isinf(array) if cyclic else False)
     # A range of width 0 has only the first colour.
-    t = (np.where(missing, low, array) - low) / ((high - low) or 1.0)
+    with np.errstate(over="ignore"):
+        t = (np.where(missing, low, array) - low) / ((high - low) or 1.0)
     index = np.floor(t * STEPS) % STEPS if cyclic else np.round(t.clip(0.0, 1.0) * (STEPS - 1))
     colours = table(name)[index.astype(np.intp)]
     colours[missing] = check_color(nan, "nan")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._files import replacing
+from cvkern._checks import check_flag
+from cvkern._files import as_path, replacing
 from cvkern.images import _formats
 from cvkern.images._overlay import check_numbers
 
@@ -37,7 +37,8 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
     ValueError
         If `path` is not an image, is damaged, or holds an unsupported kind of pixel.
     """
-    file = Path(path)
+    orient = check_flag(orient, "orient")
+    file = as_path(path)
     if not file.exists():
         raise FileNotFoundError(f"path must be a file that exists, got {str(file)!r}")
     if not file.is_file():
@@ -70,13 +71,14 @@ def write_image(path: str | os.PathLike[str], image: ArrayLike) -> None:
         If the format is unknown or cannot hold such an image without loss.
     """
     array = check_numbers(image, "image")
-    suffix = Path(path).suffix.lower()
+    suffix = as_path(path).suffix.lower()
     if suffix not in _formats.KEPT:
         raise ValueError(f"path must end in one of {tuple(_formats.KEPT)}, got {str(path)!r}")
     if array.dtype == bool:
         array = array * np.uint8(255)
     elif array.dtype.kind == "f":
-        array = array.astype(np.float32)
+        with np.errstate(over="ignore"):  # infinite then
+            array = array.astype(np.float32)
     dtypes, channels = _formats.KEPT[suffix]
     if array.dtype.name not in dtypes:
         raise ValueError(f"image must be {' or '.join(dtypes)} for {suffix}, got {array.dtype}")

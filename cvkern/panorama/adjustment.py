@@ -21,7 +21,7 @@ from cvkern.panorama.registration import Link
 MOST_POINTS = 200  # matches of a pair that are adjusted
 HUBER = 2.0  # pixels of the small images from which on a residual counts linearly
 STEPS = 40
-ENOUGH = 1e-7  # relative decrease of the cost that ends the steps
+ENOUGH = 1e-6  # relative decrease of the cost that ends the steps
 NEAREST = 1e-4  # least depth of a point in front of a camera
 BEHIND = 1e3  # pixels: the residual of a point behind a camera
 FOCAL_SPREAD = 0.1  # standard deviation of the logarithms of focal lengths about their mean
@@ -29,50 +29,53 @@ WEAK = 1e-9  # weight of what keeps the equations solvable
 
 
 class Observations(NamedTuple):
-    """Matches of directed pairs, one pair after the other."""
+    """Matches of directed pairs, L of them, of at most m matches each."""
 
     pairs: np.ndarray
     """From which image to which, (L, 2)."""
-    bounds: np.ndarray
-    """The matches of pair l are those from bounds[l] to bounds[l + 1]."""
     points: np.ndarray
-    """(M, 3): x, y, 1 in the first image."""
+    """(L, m, 3): x, y, 1 in the first image."""
     targets: np.ndarray
-    """(M, 2): x, y in the second image."""
+    """(L, m, 2): x, y in the second image."""
+    there: np.ndarray
+    """(L, m) bool: which of them exist."""
     scales: np.ndarray
-    """(M,): pixels of the small second image in a unit."""
+    """(L,): pixels of the small second image in a unit."""
 
 
-def observe(links: Sequence[Link], middles: np.ndarray, unit: float, factors: np.ndarray) -> Any:
-    """Return the matches of links, in both directions; `middles` (N, 2) are x and y."""
-    pairs, points, targets, scales, bounds = [], [], [], [], [0]
-    for link in links:
-        step = max(1, -(-len(link.points0) // MOST_POINTS))
-        ends = [
-            (link.first, (link.points0[::step] - middles[link.first]) / unit),
-            (link.second, (link.points1[::step] - middles[link.second]) / unit),
-        ]
-        for (i, a), (j, b) in (ends, ends[::-1]):
-            pairs.append((i, j))
-            points.append(np.c_[a, np.ones(len(a))])
-            targets.append(b)
-            scales.append(np.full(len(a), unit * factors[j].mean()))
-            bounds.append(bounds[-1] + len(a))
-    return Observations(
-        np.array(pairs), np.array(bounds), np.concatenate(points), np.concatenate(targets),
-        np.concatenate(scales),
-    )  # fmt: skip
+def observe(
+    links: Sequence[Link],
+    middles: np.ndarray,
+    unit: float,
+    factors: np.ndarray,
+    most: int = MOST_POINTS,
+) -> Observations:
+    """Return matches of links, in both directions; `middles` (N, 2) are x and y."""
+    count = 2 * len(links)
+    longest = max(min(len(link.points0), most) for link in links)
+    pairs = np.zeros((count, 2), int)
+    points, targets = np.zeros((count, longest, 3)), np.zeros((count, longest, 2))
+    there = np.zeros((count, longest), bool)
+    points[..., 2] = 1
+    for n, link in enumerate(links):
+        # Evenly spread among all, which are in the order of their scales.
+        chosen = np.linspace(0, len(link.points0) - 1, min(len(link.points0), most)).astype(int)
+        a = (link.points0[chosen] - middles[link.first]) / unit
+        b = (link.points1[chosen] - middles[link.second]) / unit
+        for way, (i, p, j, q) in enumerate(
+            ((link.first, a, link.second, b), (link.second, b, link.first, a))
+        ):
+            place = 2 * n + way
+            pairs[place] = i, j
+            points[place, : len(p), :2], targets[place, : len(q)] = p, q
+            there[place, : len(p)] = True
+    return Observations(pairs, points, targets, there, unit * factors[pairs[:, 1]].mean(axis=1))
 
 
 def part(seen: Observations, members: np.ndarray) -> Observations:
     """Return the pairs within `members`, (N,) bool."""
-    kept = np.flatnonzero(members[seen.pairs].all(axis=1))
-    counts = np.diff(seen.bounds)[kept]
-    chosen = np.concatenate([np.arange(*seen.bounds[k : k + 2]) for k in kept])
-    bounds = np.r_[0, np.cumsum(counts)]
-    return Observations(
-        seen.pairs[kept], bounds, seen.points[chosen], seen.targets[chosen], seen.scales[chosen]
-    )
+    kept = members[seen.pairs].all(axis=1)
+    return Observations(*(array[kept] for array in seen))
 
 
 class Rotations:
@@ -177,25 +180,30 @@ def turn(vectors: np.ndarray) -> np.ndarray:
 
 
 def residuals(seen: Observations, matrices: np.ndarray) -> np.ndarray:
-    """Return the residuals (M, 2), pixels of the small images."""
-    return _seen_at(seen, matrices)[0]
+    """Return the residuals (M, 2) of all matches, pixels of the small images."""
+    return _seen_at(seen, matrices)[0][seen.there]
+
+
+def medians(seen: Observations, matrices: np.ndarray) -> np.ndarray:
+    """Return the median of the residuals of each pair, (L,)."""
+    off = np.linalg.norm(_seen_at(seen, matrices)[0], axis=2)
+    return np.nanmedian(np.where(seen.there, off, np.nan), axis=1)
 
 
 def _seen_at(seen: Observations, matrices: np.ndarray) -> tuple[np.ndarray, ...]:
     i, j = seen.pairs.T
     across = matrices[j] @ np.linalg.inv(matrices)[i]
-    number = np.repeat(np.arange(len(i)), np.diff(seen.bounds))
-    there = np.einsum("mab,mb->ma", across[number], seen.points)
-    front = there[:, 2] > NEAREST
-    depth = np.where(front, there[:, 2], 1.0)
-    place = there[:, :2] / depth[:, None]
-    off = (place - seen.targets) * seen.scales[:, None]
+    there = seen.points @ across.swapaxes(1, 2)
+    front = there[..., 2] > NEAREST
+    depth = np.where(front, there[..., 2], 1.0)
+    place = there[..., :2] / depth[..., None]
+    off = (place - seen.targets) * seen.scales[:, None, None]
     off[~front] = BEHIND
     return off, across, there, place, depth, front
 
 
 def cost_of(off: np.ndarray, huber: float) -> float:
-    """Return Huber's cost of residuals."""
+    """Return Huber's cost of residuals (M, 2)."""
     length = np.hypot(*off.T)
     return float(np.where(length < huber, length**2 / 2, huber * (length - huber / 2)).sum())
 
@@ -241,30 +249,30 @@ def _normal(seen: Observations, model: Any, huber: float) -> tuple[np.ndarray, n
     matrices, made = model.matrices(), model.generators()
     count, size = made.shape[:2]
     off, across, there, place, depth, front = _seen_at(seen, matrices)
-    length = np.hypot(*off.T)
-    weight = np.where(length < huber, 1.0, huber / np.maximum(length, 1e-300)) * front
-    factor = seen.scales / depth
-    _, curvature = model.prior()[1:]
-    normal = np.zeros((count, size, count, size))
-    gradient = model.prior()[1].copy()
-    for k in range(count):
-        normal[k, range(size), k, range(size)] += curvature[k]
-    for n, (i, j) in enumerate(seen.pairs):
-        here = slice(seen.bounds[n], seen.bounds[n + 1])
-        moves = np.concatenate(  # of X by the parameters of either image, (2 p, m, 3)
-            (
-                -seen.points[here] @ (across[n] @ made[i]).swapaxes(1, 2),
-                there[here] @ made[j].swapaxes(1, 2),
-            )
-        )
-        slopes = moves[..., :2] - moves[..., 2:] * place[here]
-        slopes *= factor[here][:, None]
-        weighed = (slopes * weight[here][:, None]).reshape(2 * size, -1)
-        square = weighed @ slopes.reshape(2 * size, -1).T
-        slope = weighed @ off[here].ravel()
-        for a, image in enumerate((i, j)):
-            gradient[image] += slope[a * size : (a + 1) * size]
-            for b, other in enumerate((i, j)):
-                block = square[a * size : (a + 1) * size, b * size : (b + 1) * size]
-                normal[image, :, other] += block
-    return normal.reshape(count * size, -1), gradient.ravel()
+    length = np.linalg.norm(off, axis=2)
+    weight = np.where(length < huber, 1.0, huber / np.maximum(length, 1e-300))
+    weight *= front & seen.there
+    i, j = seen.pairs.T
+    # Derivatives of X by the parameters of either image, (L, 2 p, 3, m).
+    number, most = seen.there.shape
+    first = (across[:, None] @ made[i]).reshape(number, 3 * size, 3) @ -seen.points.swapaxes(1, 2)
+    second = made[j].reshape(number, 3 * size, 3) @ there.swapaxes(1, 2)
+    moves = np.concatenate((first, second), axis=1).reshape(number, 2 * size, 3, most)
+    slopes = moves[:, :, :2] - moves[:, :, 2:] * place.swapaxes(1, 2)[:, None]
+    slopes *= (seen.scales[:, None] / depth)[:, None, None]
+    weighed = (slopes * weight[:, None, None]).reshape(number, 2 * size, 2 * most)
+    slopes = slopes.reshape(number, 2 * size, 2 * most)
+    squares = weighed @ slopes.swapaxes(1, 2)
+    pulls = (weighed @ off.swapaxes(1, 2).reshape(number, 2 * most, 1))[..., 0]
+    _, gradient, curvature = model.prior()
+    normal, gradient = np.zeros((count, count, size, size)), gradient.copy()
+    for n in range(number):
+        for a, image in enumerate((i[n], j[n])):
+            rows = slice(a * size, (a + 1) * size)
+            gradient[image] += pulls[n, rows]
+            normal[image, i[n]] += squares[n, rows, :size]
+            normal[image, j[n]] += squares[n, rows, size:]
+    diagonal = np.arange(count)[:, None], np.arange(count)[:, None]
+    own = np.arange(size)
+    normal[(*diagonal, own, own)] += curvature
+    return normal.swapaxes(1, 2).reshape(count * size, -1), gradient.ravel()

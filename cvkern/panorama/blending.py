@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.panorama.seams import Seams, draw
+from cvkern.kernels.codes.panorama import Part
+from cvkern.panorama.seams import Seams
 from cvkern.panorama.surfaces import Canvas
+from cvkern.panorama.warping import draw
 
-TILES = {"cpu": 1536, "cuda": 4096}  # pixels of a side, without what surrounds a tile
+TILES = {"cpu": 2048, "cuda": 4096}  # pixels of a side, without what surrounds a tile
 SURROUND = 3  # times the pixel of the coarsest band, round a tile
 REACH = 2  # the same, round the part of an image that is shown
 NOWHERE = (2**30, 2**30, -1, -1)
@@ -52,16 +54,27 @@ def blend(
     for number, (row, column) in enumerate(tiles):
         say(number / len(tiles))
         rows, columns = min(side, canvas.height - row), min(side, canvas.width - column)
-        height, width = (-(-n // unit) * unit + 2 * halo for n in (rows, columns))
-        tile = _Tile(rt, canvas, seams, given, row - halo, column - halo, height, width)
-        totals = tile.filled()
-        rt.panorama.blending.finish(
-            totals, tile.labels, halo, halo, given.high, row, column, rows, columns, image, mask
-        )
+        top, height = _with_halo(row, rows, halo, unit, canvas.height)
+        # Columns of a closed canvas go on over its ends.
+        left, width = _with_halo(column, columns, halo, unit, 0 if canvas.closed else canvas.width)
+        tile = _Tile(rt, canvas, seams, given, top, left, height, width)
+        part = Part(row - top, column - left, row, column, rows, columns)
+        rt.panorama.blending.finish(tile.filled(), tile.labels, given.high, part, image, mask)
+
+
+def _with_halo(first: int, count: int, halo: int, unit: int, size: int) -> tuple[int, int]:
+    """Return the first row of a tile with what surrounds it, and a multiple of `unit` rows.
+
+    Nothing surrounds it beyond the canvas, of `size` rows unless that is 0.
+    """
+    begin, end = first - halo, first + count + halo
+    if size:
+        begin, end = max(begin, 0), min(end, size)
+    return begin, -(-(end - begin) // unit) * unit
 
 
 class _Tile:
-    """A part of the canvas and what surrounds it, which may lie outside."""
+    """A part of the canvas and what surrounds it."""
 
     def __init__(
         self,

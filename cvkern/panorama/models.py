@@ -14,6 +14,7 @@ from cvkern.panorama.adjustment import (
     Planes,
     Rotations,
     adjust,
+    medians,
     observe,
     part,
     residuals,
@@ -24,6 +25,7 @@ from cvkern.panorama.registration import Link, connected
 FOCALS = np.geomspace(0.3, 30.0, 60)  # first estimates that are tried, in longest sides
 FARTHEST_FOCAL = 12.0  # longest sides; a camera with more sees no perspective
 MOST = 0.85  # share of the matches by which models are compared: the rest may be of wrong pairs
+CONTRADICTED = 1.25  # times the residual that given focal lengths may leave
 HORIZON = 0.1  # least depth of a corner of an image of a plane, in that of the middle
 WIDE = math.cos(math.radians(35))  # cameras that turn by more are not taken for sheets
 GIVEN_SPREAD = 0.05  # standard deviation of the logarithms of focal lengths that are given
@@ -36,7 +38,8 @@ FAR_WORSE = 3.0  # rotations that leave so many times the residual of homographi
 WORST = 5.0  # pixels of the small images: what leaves more is not adjusted
 WRONG = 4.0  # a pair with so many times the median residual of all is wrong, and above WORST
 EARLY = 20.0  # Huber's threshold while images are added
-AT_ONCE = 1.3  # factor by which the set grows between adjustments
+FEW_POINTS = 40  # matches of a pair that are adjusted while images are added
+AT_ONCE = 1.6  # factor by which the set grows between adjustments
 
 
 class Alignment(NamedTuple):
@@ -88,9 +91,15 @@ def _fitted(
     maps = _unit_maps(links, middles, unit)
     parents, order = spanning_tree(count, links)
     seen = observe(links, middles, unit, factors)
-    turning = _turned(seen, maps, parents, order, count, given)
-    plausible = turning.focals.max() <= FARTHEST_FOCAL
+    few = observe(links, middles, unit, factors, FEW_POINTS)
+    turning = _turned((few, seen), maps, parents, order, count, None)
     left = _left(seen, turning)
+    if given is not None:
+        told = _turned((few, seen), maps, parents, order, count, given)
+        # Estimates that the matches contradict are of cropped pictures, or of other cameras.
+        if _left(seen, told) <= CONTRADICTED * left:
+            turning, left = told, _left(seen, told)
+    plausible = turning.focals.max() <= FARTHEST_FOCAL
     ahead = turning.rotations[:, 2]
     if plausible and left <= SMALL and (ahead @ ahead.T).min() < WIDE:
         return "rotation", turning, parents, left
@@ -139,12 +148,10 @@ def _without_wrong(
 ) -> list[Link]:
     """Leave out pairs that contradict all others, if what remains is connected."""
     seen = observe(links, middles, unit, factors)
-    off = np.hypot(*residuals(seen, found[1].matrices()).T)
-    # Of each link the direction from its first image.
-    ends = zip(seen.bounds[:-1:2], seen.bounds[1::2], strict=True)
-    medians = np.array([np.median(off[a:b]) for a, b in ends])
-    limit = max(WORST, WRONG * float(np.median(medians)))
-    kept = [link for link, median in zip(links, medians, strict=True) if median <= limit]
+    # Each link has two directions; the one from its first image counts.
+    off = medians(seen, found[1].matrices())[::2]
+    limit = max(WORST, WRONG * float(np.median(off)))
+    kept = [link for link, median in zip(links, off, strict=True) if median <= limit]
     joined = connected(len(middles), [(link.first, link.second) for link in kept])
     return kept if len(joined) == 1 else list(links)
 
@@ -211,14 +218,14 @@ def first_focal(maps: dict[tuple[int, int], np.ndarray]) -> float:
 
 
 def _turned(
-    seen: Observations,
+    seen: tuple[Observations, Observations],
     maps: dict[tuple[int, int], np.ndarray],
     parents: np.ndarray,
     order: list[int],
     count: int,
     given: np.ndarray | None,
 ) -> Rotations:
-    """Fit rotations: images are added from the centre of the tree outwards."""
+    """Fit rotations: images are added from the centre of the tree outwards, by a few matches."""
     known = np.zeros(count, bool) if given is None else np.isfinite(given)
     start = first_focal(maps)
     if given is not None and known.any():
@@ -243,8 +250,9 @@ def _turned(
         if number >= max(grown * AT_ONCE, grown + 1) or number == count:
             grown = number
             fixed[there], fixed[order[0], :3] = False, True
-            model = adjust(part(seen, there), model, fixed, EARLY, steps=10)
-    return adjust(seen, model, fixed, adjustment.HUBER)
+            model = adjust(part(seen[0], there), model, fixed, EARLY, steps=6)
+    model = adjust(seen[0], model, fixed, adjustment.HUBER)
+    return adjust(seen[1], model, fixed, adjustment.HUBER)
 
 
 def _flat(

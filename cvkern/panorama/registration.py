@@ -10,7 +10,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_image
-from cvkern._runtime import runtime
+from cvkern._runtime import Runtime, runtime
 from cvkern.features.keypoints import Features, as_host, sift
 from cvkern.features.matching import match_images
 from cvkern.geometry.maps import find_homographies
@@ -21,6 +21,9 @@ KEYPOINTS = 2000  # points of an image
 MAX_RATIO = 0.75  # nearest distance over the second nearest
 THRESHOLD = 3.0  # pixels, of the images that are compared
 LEAST_MATCHES = 8
+# Of more images than `MANY_IMAGES`, the `STRONG` best keypoints are matched between all pairs, and
+# all keypoints of an image with those of its `PARTNERS` and of the images that have it as theirs.
+MANY_IMAGES, STRONG, PARTNERS = 18, 500, 12
 # Brown and Lowe, equation 13: a match is right by chance with 0.1 and between images of one
 # scene with 0.6, and a pair must be 1000 times likelier than chance.
 ALPHA, BETA = 8.0, 0.3
@@ -111,7 +114,7 @@ def link_images(heap: Heap, say: Progress) -> list[Link]:
     if count < 2:
         return []
     say(count, 2 * count, "Matching")
-    pairs = np.stack(np.triu_indices(count, 1), axis=1)
+    pairs = _likely_pairs(rt, found)
     matches = [as_host(rt, m) for m in match_images(found, pairs, max_ratio=MAX_RATIO)]
     points = [as_host(rt, f.points).astype(np.float64) for f in found]
     kept = [k for k, m in enumerate(matches) if len(m) >= LEAST_MATCHES]
@@ -131,6 +134,30 @@ def link_images(heap: Heap, say: Progress) -> list[Link]:
         link = _accepted(heap, i, j, fits.matrices[n], given[n], inliers)
         links += [link] if link else []
     return links
+
+
+def _likely_pairs(rt: Runtime, found: list[Features]) -> np.ndarray:
+    """Return the pairs (P, 2), i < j, that are worth to be matched with all keypoints.
+
+    Of many images, each with the others that it has most matches with among strong keypoints.
+    """
+    count = len(found)
+    pairs = np.stack(np.triu_indices(count, 1), axis=1)
+    if count <= MANY_IMAGES:
+        return pairs
+    strong = []
+    for features in found:
+        order = np.argsort(-as_host(rt, features.responses), kind="stable")[:STRONG]
+        strong.append(as_host(rt, features.descriptors)[np.sort(order)])
+    matches = match_images([rt.give(d) for d in strong], pairs, max_ratio=MAX_RATIO)
+    numbers = np.zeros((count, count), int)
+    numbers[pairs[:, 0], pairs[:, 1]] = [len(m) for m in matches]
+    numbers += numbers.T
+    nearest = np.argsort(-numbers, axis=1, kind="stable")[:, :PARTNERS]
+    likely = np.zeros((count, count), bool)
+    likely[np.arange(count)[:, None], nearest] = True
+    likely = (likely | likely.T) & (numbers > 0)
+    return pairs[likely[pairs[:, 0], pairs[:, 1]]]
 
 
 def _keypoints(image: Any, white: float) -> Any:

@@ -7,19 +7,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._runtime import Runtime
 from cvkern.panorama.surfaces import Canvas
-from cvkern.transform.resampling import resize
+from cvkern.panorama.warping import draw, shrunk
 
 SEAM_PIXELS = 250_000  # size of the canvas on which seams are looked for
 SHARPNESS = 20.0  # images that differ by 1/20 of white make a step half as costly
-MARGIN = 0.5  # of the weight: an image is its own surely where it exceeds the others so much
+MARGIN = 0.5  # An image surely owns pixels where its weight exceeds the others by so much.
 GAIN_SPREAD = 3.0  # standard deviation of the logarithms of gains
 NOISE = 0.04  # standard deviation of the mean colours of an overlap, in parts of white
 DARK, BRIGHT = 0.02, 0.98  # in parts of white: what is beyond says little of the exposure
 GAIN_SAMPLES = 4000  # pixels of an overlap that are compared
 LEAST_SAMPLES = 20
+DENSITY = 2  # step between the rows and columns that tell what becomes too bright
+WHITEST = 0.98  # share of the pixels, of those not white before, that gains must not make white
+DIMMEST = 0.6  # least factor of all gains
 ENDS = 4096  # rounds of growth, which need about one for every 16 pixels of a side
 
 
@@ -57,7 +59,7 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     for n in range(count):
         left, top = map(int, coarse.rects[n, :2])
         draw(
-            rt, *_shrunk(sources, n, coarse, canvas), ones,
+            rt, *shrunk(sources.images[n], sources.factors[n], n, coarse, canvas), ones,
             coarse.columns(left, width), coarse.rows(top, height), values[n], weights[n],
         )  # fmt: skip
     rects = rt.send("panorama.rects", coarse.rects.astype(np.int32))
@@ -85,61 +87,12 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     return Seams(labels, gains, coarse)
 
 
-def draw(
-    rt: Runtime,
-    image: Any,
-    matrix: np.ndarray,
-    gains: Any,
-    columns: np.ndarray,
-    rows: np.ndarray,
-    values: Any,
-    weights: Any,
-) -> None:
-    """Draw an image on a part of a surface."""
-    byte = library(image).dtype(image) == np.uint8
-    shape = (*image.shape[:2], image.shape[2] if len(image.shape) == 3 else 1)
-    rt.panorama.warping.project(
-        rt.adopt(image, np.uint8 if byte else np.float32, shape=shape),
-        rt.send("panorama.matrix", matrix.reshape(1, 9)),
-        rt.send("panorama.columns", columns), rt.send("panorama.rows", rows),
-        gains, values, weights,
-    )  # fmt: skip
-
-
-def _shrunk(sources: Sources, n: int, coarse: Canvas, canvas: Canvas) -> tuple[Any, np.ndarray]:
-    """Return an image about as fine as the coarse canvas, and its matrix there."""
-    image, factors = sources.images[n], sources.factors[n]
-    finer = factors.mean() * _enlargement(canvas, n) * coarse.step / canvas.step
-    if finer > 1.5:
-        sides = tuple(max(1, round(side / finer)) for side in image.shape[:2])
-        axis = -1 if len(image.shape) == 3 else None
-        byte = library(image).dtype(image) == np.uint8
-        dtype = np.uint8 if byte else np.float32
-        old = image.shape[:2]
-        image = resize(image, sides, channel_axis=axis, dtype=dtype)
-        factors = factors * (sides[1] / old[1], sides[0] / old[0])
-    x, y = factors
-    small = np.array([[x, 0, 0.5 * x - 0.5], [0, y, 0.5 * y - 0.5], [0, 0, 1]])
-    return image, small @ canvas.matrices[n]
-
-
-def _enlargement(canvas: Canvas, n: int) -> float:
-    """Return how many pixels of an image one of the canvas is, in the middle of the image."""
-    x, y = (int(v) for v in (canvas.rects[n, :2] + canvas.rects[n, 2:]) // 2)
-    (a, b), (p, q) = canvas.columns(x, 2).T, canvas.rows(y, 2).T
-    rays = np.array([[a[j] * p[i], q[i], b[j] * p[i]] for i, j in ((0, 0), (0, 1), (1, 0))])
-    there = rays @ canvas.matrices[n].T
-    places = there[:, :2] / there[:, 2:]
-    area = abs(np.linalg.det(places[1:] - places[0]))
-    return float(np.sqrt(area)) if np.isfinite(area) and area > 0 else 1.0
-
-
 def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float) -> np.ndarray:
     """Return the gains (N, C) that make overlaps alike, after Brown and Lowe, section 6.
 
     Their logarithms have the least sum of squared differences of the logarithms of the mean
     colours, each as heavy as the overlap is large and bright, and a little of their own squares:
-    their mean is 0.
+    their mean is 0. All are lowered alike if they would make white what was not.
     """
     count, channels = values.shape[:2]
     normal = np.tile(np.eye(count) / GAIN_SPREAD**2, (channels, 1, 1))
@@ -159,7 +112,19 @@ def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: f
                 normal[:, j, i] -= weight
                 right[:, i] += wanted
                 right[:, j] -= wanted
-    return np.exp(np.linalg.solve(normal, right[..., None])[..., 0].T).astype(np.float32)
+    gains = np.exp(np.linalg.solve(normal, right[..., None])[..., 0].T)
+    return (gains * _dimming(values[..., ::DENSITY, ::DENSITY], weights, gains, white)).astype(
+        np.float32
+    )
+
+
+def _dimming(values: np.ndarray, weights: np.ndarray, gains: np.ndarray, white: float) -> float:
+    """Return a factor, at most 1, by which what is not white in the images stays so."""
+    there = (weights[..., ::DENSITY, ::DENSITY] > 0) & (values.max(axis=1) < BRIGHT * white)
+    lit = (values * gains[..., None, None]).max(axis=1)[there] / white
+    if not lit.size:
+        return 1.0
+    return float(np.clip(1 / max(np.quantile(lit, WHITEST), 1e-6), DIMMEST, 1.0))
 
 
 def _overlap(

@@ -137,8 +137,8 @@ def stitch(
         the smallest is about 12 pixels wide.
     focal_lengths : array of shape (N,), optional
         Of the images, in their pixels, if they are known to about 5 percent; NaN for those that
-        are not. They are refined.
-    max_pixels : int, default 100,000,000
+        are not. They are refined, and not used where the matches contradict them.
+    max_pixels : int, default 100000000
         A larger panorama is refused before anything is drawn.
     data_range : float, optional
         What white is; for integers the largest number of the dtype by default, else 1.
@@ -292,14 +292,16 @@ def _drawn(rt: Runtime, heap: Heap, plan: Plan, options: Options, say: Any) -> P
     if options.crop:
         host = mask if isinstance(mask, np.ndarray) else rt.to_numpy(rt.adopt(mask, bool))
         top, left, bottom, right = largest_rectangle(np.asarray(host) != 0)
-        image, mask = image[top:bottom, left:right], mask[top:bottom, left:right]
+        of = library(image)
+        image, mask = (of.contiguous(a[top:bottom, left:right], of.dtype(a)) for a in (image, mask))
         origin = origin @ np.array([[1, 0, left], [0, 1, top], [0, 0, 1]])
     flat = canvas.surface == "plane"
     count = len(members)
     none = np.full((count, 3, 3), np.nan)
     placed = matrices @ origin
     return Panorama(
-        image, mask, members, alignment.model, canvas.surface, canvas.closed and not options.crop,
+        image, mask, members, alignment.model, canvas.surface,
+        canvas.closed and image.shape[1] == canvas.width,
         alignment.focals if alignment.focals is not None else np.full(count, np.nan),
         canvas.rotations if canvas.rotations is not None else none,
         placed / placed[:, 2:, 2:] if flat else none, seams.gains, alignment.residual,

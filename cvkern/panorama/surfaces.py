@@ -231,7 +231,7 @@ def _round(views: list[Outline], surface: str, step: float) -> Canvas:
         gaps.append((begins[i] - covered, covered, begins[i]))
         covered = max(covered, ends[i])
     widest, gap_from, gap_to = max(gaps)
-    closed = widest <= 2 * step
+    closed = bool(widest <= 2 * step)
     middle = views[0].centre if closed else (gap_from + gap_to) / 2 + math.pi
     width = round(turn / step)
     if closed:

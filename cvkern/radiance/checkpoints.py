@@ -7,12 +7,13 @@ import math
 import os
 import zipfile
 import zlib
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from cvkern._files import check_target, replacing
+from cvkern._files import as_path, check_target, replacing
 
 FORMAT, VERSION = "cvkern radiance field", 3
 HEADER = "header"
@@ -23,7 +24,8 @@ MOST_HEADER, MOST_BYTES = 2**20, 2**36
 # Exceptions of reading if bytes are missing or wrong. It is a RuntimeError if the bytes say that an
 # array is encrypted, or packed by a method that zipfile does not know.
 DAMAGED = (
-    AttributeError, EOFError, KeyError, OSError, RuntimeError, TypeError, ValueError,
+    AttributeError, EOFError, IndexError, KeyError, OSError, OverflowError, RuntimeError,
+    TypeError, ValueError,
     zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
@@ -42,8 +44,41 @@ def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str
                 np.lib.format.write_array(file, array, allow_pickle=False)
 
 
-def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Return the header and the arrays of a model.
+class Stored(Mapping[str, np.ndarray]):
+    """The arrays of a model that is open: each is read when it is asked for, and not kept."""
+
+    def __init__(self, file: Any, headers: dict[str, tuple[tuple[int, ...], np.dtype]], group=""):
+        self._file, self._headers, self._group = file, headers, group
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._file[self._group + name]
+
+    def __contains__(self, name: object) -> bool:
+        return f"{self._group}{name}" in self._headers  # Mapping's own would read the array
+
+    def __iter__(self) -> Iterator[str]:
+        return (n.removeprefix(self._group) for n in self._headers if n.startswith(self._group))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an array that is not read yet."""
+        return self._headers[self._group + name][0]
+
+    def part(self, group: str) -> Stored:
+        """Return the arrays of one group, without its name."""
+        return Stored(self._file, self._headers, f"{group}.")
+
+
+def shape_of(arrays: Mapping[str, np.ndarray], name: str) -> tuple[int, ...]:
+    """Return the shape of an array, without reading it where it is still in its file."""
+    return arrays.shape(name) if isinstance(arrays, Stored) else arrays[name].shape
+
+
+@contextmanager
+def opened(path: str | os.PathLike[str]) -> Iterator[tuple[dict[str, Any], Stored]]:
+    """Yield the header and the arrays of a model.
 
     Raises
     ------
@@ -52,8 +87,9 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
     ValueError
         If it is not a model, is incomplete or damaged, or has another version.
     """
-    name = os.fspath(path)
-    if not Path(path).is_file():
+    file = as_path(path)
+    name = os.fspath(file)
+    if not file.is_file():
         raise FileNotFoundError(f"path must be a file that exists, got {name!r}")
     try:
         with open(path, "rb") as stream:
@@ -64,28 +100,31 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, np.nda
         raise ValueError(f"path must be a whole model, got {name!r}: {error}") from error
     try:
         with open(path, "rb") as stream:
-            _survey(stream)
+            headers = _survey(stream)
             with np.load(stream, allow_pickle=False) as file:
-                arrays = {key: file[key] for key in file.files}
-        header = json.loads(arrays.pop(HEADER).tobytes())
-        made, version = header["format"], header["version"]
+                header = json.loads(file[HEADER].tobytes())
+                _check_version(header["format"], header["version"])
+                yield header, Stored(file, headers)
     except DAMAGED as error:
         reason = " ".join(str(error).split()) or type(error).__name__
+        reason = f"no {reason}" if isinstance(error, KeyError) else reason
         raise ValueError(f"path must be a whole model, got {name!r}: {reason}") from error
+
+
+def _check_version(made: Any, version: Any) -> None:
     if made != FORMAT or version != VERSION:
         raise ValueError(
-            f"path must hold a {FORMAT} of version {VERSION}, got {made!r} of version {version!r} "
-            f"in {name!r}"
+            f"it must be a {FORMAT} of version {VERSION}, got {made!r} of version {version!r}"
         )
-    return header, arrays
 
 
-def _survey(stream: Any) -> None:
-    """Refuse unknown entries, and entries of a wrong size, before any is read.
+def _survey(stream: Any) -> dict[str, tuple[tuple[int, ...], np.dtype]]:
+    """Return shape and dtype of each entry, before any is read.
 
-    A packed entry may claim far more bytes than the file holds.
+    Refuse unknown entries, and entries of a wrong size. A packed entry may claim far more bytes
+    than the file holds.
     """
-    total = 0
+    total, found = 0, {}
     with zipfile.ZipFile(stream) as archive:
         for entry in archive.infolist():
             key = entry.filename.removesuffix(".npy")
@@ -104,15 +143,17 @@ def _survey(stream: Any) -> None:
                         f"{entry.file_size - file.tell()}"
                     )
             total += size
+            found[key] = shape, dtype
             if key == HEADER and size > MOST_HEADER:
                 raise ValueError(f"its header must have at most {MOST_HEADER} bytes, got {size}")
     if total > MOST_BYTES:
         raise ValueError(f"its arrays must have at most {MOST_BYTES} bytes in all, got {total}")
     stream.seek(0)
+    return found
 
 
 def check_path(path: str | os.PathLike[str]) -> None:
     """Refuse a path that a model cannot be written to, before there is a model to lose."""
-    if Path(path).suffix.lower() != ".npz":
+    if as_path(path).suffix.lower() != ".npz":
         raise ValueError(f"path must end in .npz, got {os.fspath(path)!r}")
     check_target(path)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import device, library
-from cvkern._checks import check_beside, check_number
+from cvkern._checks import as_array, check_beside, check_flag, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.radiance import Seen
 
@@ -109,6 +109,7 @@ def composite_rays(
     >>> seen.opacity
     array([0.75, 0.  ], dtype=float32)
     """
+    check = check_flag(check, "check")
     samples = _samples(density, color, distances, spans)
     stop = check_number(stop, "stop", low=0)
     rt = runtime(*samples)
@@ -176,6 +177,7 @@ def composite_rays_backward(
     >>> composite_rays_backward(opaque, *samples).density
     array([0.25, 0.25], dtype=float32)
     """
+    check = check_flag(check, "check")
     samples = _samples(density, color, distances, spans)
     stop = check_number(stop, "stop", low=0)
     incoming = _incoming(gradients, len(samples.spans))
@@ -209,13 +211,13 @@ class _Samples(NamedTuple):
 
 def _samples(density: Any, color: Any, distances: Any, spans: Any) -> _Samples:
     """Return the arguments as arrays, with their shapes checked."""
-    density, spans = (a if hasattr(a, "shape") else np.asarray(a) for a in (density, spans))
+    density, spans = as_array(density, "density"), as_array(spans, "spans")
     if len(density.shape) != 1:
         raise ValueError(f"density must be 1-D, got shape {tuple(density.shape)}")
     count = len(density)
     density = check_beside(density, (count,), "density")
-    color = check_beside(color, (count, 3), "color")
-    distances = check_beside(distances, (count, 2), "distances")
+    color = check_beside(as_array(color, "color"), (count, 3), "color")
+    distances = check_beside(as_array(distances, "distances"), (count, 2), "distances")
     if len(spans.shape) != 2 or spans.shape[1] != 2:
         raise ValueError(f"spans must have shape (R, 2), got {tuple(spans.shape)}")
     dtype = library(spans).dtype(spans)

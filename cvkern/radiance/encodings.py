@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_accumulator, check_image, check_integer
+from cvkern._checks import check_accumulator, check_flag, check_image, check_integer
 from cvkern._runtime import runtime
 
 __all__ = ["positional_encoding", "spherical_harmonics"]
@@ -66,6 +66,7 @@ def positional_encoding(points: Any, frequencies: int = 10, *, include_input: bo
     >>> float(x), float(sine), abs(float(cosine)) < 1e-6
     (0.5, 1.0, True)
     """
+    include_input = check_flag(include_input, "include_input")
     points = check_image(points, ndim=RANKS, name="points")
     frequencies = check_integer(frequencies, "frequencies", 1, MOST_FREQUENCIES)
     *head, size = points.shape

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import March, Rays, Seen, Space, Views
+from cvkern.radiance.checkpoints import shape_of
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 
 CELLS = 128  # cells of the occupancy grid along a side, in each level
@@ -269,7 +271,7 @@ class SampledField(Field):
         return {"occupancy.density": self.rt.to_numpy(self.density).copy(),
                 "occupancy.bits": self.rt.to_numpy(self.bits).copy()}  # fmt: skip
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         self.rt.write(self.density, taken(state, "occupancy.density", self.density.shape))
         self.rt.write(self.bits, taken(state, "occupancy.bits", self.bits.shape, np.uint32))
@@ -290,14 +292,14 @@ def check_batch(settings: Any) -> None:
 
 
 def taken(
-    state: dict[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
+    state: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
 ) -> np.ndarray:
-    """Return an array of a state, with its name, shape and dtype checked."""
+    """Return an array of a state; check its name, shape and dtype before it is read."""
     if name not in state:
         raise ValueError(f"state must have {name!r}, got {tuple(state)}")
+    if shape_of(state, name) != tuple(shape):
+        raise ValueError(f"{name} must have shape {tuple(shape)}, got {shape_of(state, name)}")
     found = state[name]
-    if found.shape != tuple(shape):
-        raise ValueError(f"{name} must have shape {tuple(shape)}, got {found.shape}")
     if found.dtype != dtype:
         raise ValueError(f"{name} must be {np.dtype(dtype)}, got {found.dtype}")
     return found

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_image, check_positive
+from cvkern._checks import FLOAT32_MAX, check_image, check_positive
 
 __all__ = ["psnr", "ssim"]
 
@@ -34,8 +34,8 @@ def psnr(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     TypeError
         If a picture does not hold real numbers.
     ValueError
-        If the shapes differ, a picture is empty or has another rank, or `data_range` is not
-        positive.
+        If the shapes differ, a value is not finite, a picture is empty or has another rank, or
+        `data_range` is not positive.
 
     Examples
     --------
@@ -47,7 +47,8 @@ def psnr(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     found, wanted = _pair(image, truth)
     top = check_positive(data_range, "data_range")
     error = float(((found - wanted) ** 2).mean())
-    return float("inf") if error == 0 else float(10 * np.log10(top**2 / error))
+    with np.errstate(divide="ignore"):  # equal pictures
+        return float(20 * np.log10(top) - 10 * np.log10(error))
 
 
 def ssim(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
@@ -71,8 +72,8 @@ def ssim(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     TypeError
         If a picture does not hold real numbers.
     ValueError
-        If the shapes differ, a picture is smaller than the window or has another rank, or
-        `data_range` is not positive.
+        If the shapes differ, a value is not finite, a picture is smaller than the window or has
+        another rank, or `data_range` is not positive.
 
     References
     ----------
@@ -114,6 +115,9 @@ def _pair(image: Any, truth: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return both pictures in float64."""
     found = np.asarray(check_image(image, ndim=(2, 3)), np.float64)
     wanted = np.asarray(check_image(truth, ndim=(2, 3), name="truth"), np.float64)
+    for name, values in (("image", found), ("truth", wanted)):
+        if not (np.abs(values) <= FLOAT32_MAX).all():
+            raise ValueError(f"{name} must be finite in float32, got values that are not")
     if found.shape != wanted.shape:
         raise ValueError(f"image must have the shape of truth, {wanted.shape}, got {found.shape}")
     return found, wanted

@@ -22,6 +22,7 @@ from cvkern.radiance.scenes.photographs import Bounds
 
 __all__ = ["Mark", "Model", "load_model"]
 
+MOST_VIEWS, MOST_MARKS = 2**20, 2**24  # rows that a file may have
 FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField)}
 
 
@@ -165,17 +166,13 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         If there is no such file.
     ValueError
         If it is not a model, is incomplete or damaged, or has another version; if the shapes of its
-        arrays do not match its settings; or if the device does not exist here.
+        arrays do not match its settings; or if the device does not exist here. Shapes are checked
+        before an array is read, so a file takes no more memory than its settings ask for, and
+        2^20 views and 2^24 marks.
     """
-    header, arrays = checkpoints.read(path)
     runtime()  # report a missing device first, because it is not a fault of the file
-    try:
+    with checkpoints.opened(path) as (header, arrays):
         return _from(header, arrays)
-    except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
-        reason = f"no {error}" if isinstance(error, KeyError) else str(error)
-        raise ValueError(
-            f"path must be a whole model, got {os.fspath(path)!r}: {reason}"
-        ) from error
 
 
 def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
@@ -183,30 +180,36 @@ def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
     return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
 
 
-def _from(header: dict[str, Any], arrays: dict[str, np.ndarray]) -> Model:
+def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
+    """Make a model; each array is read once its shape is known to be what the settings imply."""
     check_choice(header["field"], tuple(FIELDS), "field")
     settings = FIELDS[header["field"]](**_tuples(header["settings"]))
     b = header["bounds"]
     x, y, z = map(float, b["center"])
     bounds = Bounds((x, y, z), float(b["half"]), bool(b["unbounded"]))
     frame = Frame(bounds, *(float(header[name]) for name in ("near", "far", "pixel")))
-    lenses = (arrays[f"cameras.{part}"] for part in ("poses", "intrinsics", "distortion"))
-    poses, intrinsics, distortion = lenses
+    count = arrays.shape("cameras.poses")[0]
+    if count > MOST_VIEWS:
+        raise ValueError(f"cameras.poses must be at most {MOST_VIEWS}, got {count}")
+    poses, intrinsics, distortion = (
+        taken(arrays, f"cameras.{part}", (count, *shape), np.float64)
+        for part, shape in (("poses", (3, 4)), ("intrinsics", (4,)), ("distortion", (5,)))
+    )
     views = cameras(poses, intrinsics, *header["size"], distortion=distortion)
     check_positive(bounds.half, "half")
     check_code(header["background"], Background, "background")
     training = Training(**header["training"])
-    marks = taken(arrays, "marks", (len(arrays["marks"]), len(Mark._fields)), np.float64)
+    count = arrays.shape("marks")[0]
+    if count > MOST_MARKS:
+        raise ValueError(f"marks must be at most {MOST_MARKS}, got {count}")
+    marks = taken(arrays, "marks", (count, len(Mark._fields)), np.float64)
     training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in marks]
     behind = taken(arrays, "behind", (3,))
     made = settings.build(runtime(), frame, int(header["seed"]))
     check_integer(training.step, "step", 0, 2**31 - 1)
     check_integer(training.rays, "rays", 0, made.rays)  # more would exceed the kernels' arrays
-    made.restore(_part(arrays, "state."))
-    extra = _part(arrays, "extra.")
+    made.restore(arrays.part("state"))
+    given = arrays.part("extra")
+    extra = {name: taken(given, name, (3,)) for name in given}  # a colour, and its optimizer's
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
                  int(header["seed"]), training, extra)  # fmt: skip
-
-
-def _part(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
-    return {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_positive
+from cvkern._checks import FLOAT32_MAX, as_numbers, check_instance, check_integer, check_positive
 from cvkern.geometry.camera import bent, straightened
+
+MOST_SIDE = 2**15  # pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,13 +117,13 @@ def cameras(
     >>> len(cameras(np.eye(4)[None], [50, 50, 31.5, 23.5], 64, 48))
     1
     """
-    poses = np.asarray(poses, np.float64)
+    poses = as_numbers(poses, "poses")
     if poses.ndim != 3 or poses.shape[1:] not in ((3, 4), (4, 4)) or not len(poses):
         raise ValueError(f"poses must have shape (N, 3, 4) with N >= 1, got {poses.shape}")
     poses = poses[:, :3]
     count = len(poses)
-    width = check_integer(width, "width", 1, 2**15)
-    height = check_integer(height, "height", 1, 2**15)
+    width = check_integer(width, "width", 1, MOST_SIDE)
+    height = check_integer(height, "height", 1, MOST_SIDE)
     lens = _one_each(intrinsics, count, 4, "intrinsics")
     bent = _one_each(distortion, count, 5, "distortion")
     if not (lens[:, :2] > 0).all():
@@ -141,7 +143,7 @@ def cameras(
 
 def _one_each(values: Any, count: int, size: int, name: str) -> np.ndarray:
     """Return `values`, one row for each of `count` views."""
-    values = np.asarray(values, np.float64)
+    values = as_numbers(values, name)
     if values.ndim > 2 or (values.ndim and values.shape[-1] != size):
         raise ValueError(f"{name} must have shape ({size},) or (N, {size}), got {values.shape}")
     if values.ndim == 2 and len(values) != count:
@@ -170,9 +172,19 @@ def look_at(eyes: Any, targets: Any, up: Any = (0.0, 0.0, 1.0)) -> np.ndarray:
     ValueError
         If an eye is at its target, or looks along `up`, or the shapes do not match.
     """
-    eyes, targets = np.broadcast_arrays(np.atleast_2d(eyes), np.atleast_2d(targets))
-    forward = np.asarray(targets - eyes, np.float64)
-    right = np.cross(forward, np.asarray(up, np.float64))
+    up = as_numbers(up, "up")
+    places = [np.atleast_2d(as_numbers(a, n)) for a, n in ((eyes, "eyes"), (targets, "targets"))]
+    shapes = [place.shape for place in places]
+    if up.shape != (3,) or any(len(s) != 2 or s[1] != 3 or not s[0] for s in shapes):
+        got = f"{shapes[0]}, {shapes[1]} and {up.shape}"
+        raise ValueError(f"eyes and targets must have shape (N, 3), and up (3,), got {got}")
+    if shapes[0][0] != shapes[1][0] and 1 not in (shapes[0][0], shapes[1][0]):
+        raise ValueError(f"targets must be as many as eyes, {shapes[0][0]}, got {shapes[1][0]}")
+    if not all((np.abs(place) <= FLOAT32_MAX).all() for place in (*places, up)):
+        raise ValueError("eyes, targets and up must be finite in float32, got others")
+    eyes, targets = np.broadcast_arrays(*places)
+    forward = targets - eyes
+    right = np.cross(forward, up)
     length = np.linalg.norm(right, axis=1, keepdims=True)
     if not (length > 1e-9 * np.linalg.norm(forward, axis=1, keepdims=True)).all():
         raise ValueError("eyes must be apart from their targets, and not look along up")
@@ -202,15 +214,17 @@ def pixel_rays(cameras: Cameras, view: int, pixels: Any) -> tuple[np.ndarray, np
     ValueError
         If there is no such view, or `pixels` have another shape.
     """
+    check_instance(cameras, Cameras, "cameras")
     view = check_integer(view, "view", 0, len(cameras) - 1)
     pixels = _rows(pixels, 2, "pixels")
     fx, fy, cx, cy = cameras.intrinsics[view]
     shown = np.stack(((pixels[:, 1] - cx) / fx, (pixels[:, 0] - cy) / fy), axis=1)
-    straight = straightened(shown, cameras.distortion[view])
-    ahead = np.concatenate((straight, np.ones((len(straight), 1))), axis=1)
     pose = cameras.poses[view]
-    directions = ahead @ pose[:, :3].T
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    with np.errstate(all="ignore"):  # pixels may be anywhere
+        straight = straightened(shown, cameras.distortion[view])
+        ahead = np.concatenate((straight, np.ones((len(straight), 1))), axis=1)
+        directions = ahead @ pose[:, :3].T
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return np.broadcast_to(pose[:, 3], directions.shape), directions
 
 
@@ -234,17 +248,21 @@ def project(cameras: Cameras, view: int, points: Any) -> np.ndarray:
     ValueError
         If there is no such view, or `points` have another shape.
     """
-    pose = cameras.poses[check_integer(view, "view", 0, len(cameras) - 1)]
-    seen = (_rows(points, 3, "points") - pose[:, 3]) @ pose[:, :3]
-    depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
-    shown = bent(seen[:, :2] / depth, cameras.distortion[view])
+    check_instance(cameras, Cameras, "cameras")
+    view = check_integer(view, "view", 0, len(cameras) - 1)
+    pose = cameras.poses[view]
+    points = _rows(points, 3, "points")
     fx, fy, cx, cy = cameras.intrinsics[view]
+    with np.errstate(all="ignore"):  # points may be anywhere, and nowhere
+        seen = (points - pose[:, 3]) @ pose[:, :3]
+        depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
+        shown = bent(seen[:, :2] / depth, cameras.distortion[view])
     return np.stack((fy * shown[:, 1] + cy, fx * shown[:, 0] + cx), axis=1)
 
 
 def _rows(values: Any, size: int, name: str) -> np.ndarray:
     """Return `values` as (N, size) float64."""
-    found = np.asarray(values, np.float64)
+    found = as_numbers(values, name)
     if found.ndim != 2 or found.shape[1] != size:
         raise ValueError(f"{name} must have shape (N, {size}), got {found.shape}")
     return found

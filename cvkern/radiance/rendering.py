@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_positive
+from cvkern._checks import check_flag, check_instance, check_integer, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import CameraSet
 from cvkern.radiance.fields.field import Field, Frame, View
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
-from cvkern.radiance.pinhole import Cameras, cameras, look_at
+from cvkern.radiance.pinhole import MOST_SIDE, Cameras, cameras, look_at
 from cvkern.radiance.scenes.photographs import Scene, focus_of
 
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
@@ -79,6 +79,8 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
     >>> render(model, scene.cameras, view=3).color.shape
     (16, 16, 3)
     """
+    check_instance(model, Model, "model")
+    check_instance(cameras, Cameras, "cameras")
     view = check_integer(view, "view", 0, len(cameras) - 1)
     behind = model.behind if background is None else check_behind(background)
     return Renderer(model.field, model.rt)(cameras, view, behind)
@@ -146,6 +148,8 @@ def render_path(
         If `path` ends otherwise, height and width do not suit it, `fps` or the background is out of
         its range, or a camera is more than 32768 half-sides of the scene's cube from its middle.
     """
+    check_instance(model, Model, "model")
+    check_instance(cameras, Cameras, "cameras")
     from cvkern.clouds.films import check_animation, write_animation
 
     check_animation(path, (len(cameras), cameras.height, cameras.width, 3), fps)
@@ -198,8 +202,12 @@ def orbit_cameras(views: Cameras, frames: int = 60, *, factor: float = 1.0) -> C
     ValueError
         If either is out of its range.
     """
+    check_instance(views, Cameras, "views")
     count = check_integer(frames, "frames", 1, 2**12)
     sized = views.scaled(check_positive(factor, "factor"))
+    if max(sized.width, sized.height) > MOST_SIDE:
+        sides = f"{sized.height} x {sized.width}"
+        raise ValueError(f"factor must give at most {MOST_SIDE} pixels a side, got {sides}")
     poses = views.poses
     middle = focus_of(poses)
     up = -poses[:, :, 1].mean(axis=0)
@@ -264,6 +272,9 @@ def evaluate(
         If there is no such view, or its camera is more than 32768 half-sides of the scene's cube
         from its middle.
     """
+    test = check_flag(test, "test")
+    check_instance(model, Model, "model")
+    check_instance(scene, Scene, "scene")
     if views is None:
         views = np.flatnonzero(scene.test == test)
     chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]

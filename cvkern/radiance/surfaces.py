@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_positive
-from cvkern._files import replacing
+from cvkern._checks import check_instance, check_integer, check_positive
+from cvkern._files import as_path, replacing
 from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays
@@ -69,6 +68,9 @@ def point_cloud(
         If there is no such view, or its camera is more than 32768 half-sides of the scene's cube
         from its middle.
     """
+    check_instance(model, Model, "model")
+    if cameras is not None:
+        check_instance(cameras, Cameras, "cameras")
     cameras = model.cameras if cameras is None else cameras
     if views is None:
         views = range(0, len(cameras), max(1, len(cameras) // 12))
@@ -119,6 +121,7 @@ def mesh(
     ValueError
         If a parameter is out of its range, or the density nowhere crosses the value.
     """
+    check_instance(model, Model, "model")
     cells = check_integer(resolution, "resolution", 8, 1024)
     density = check_positive(density, "density")
     if pieces is not None:
@@ -228,7 +231,8 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
     ...     Path(folder, "one.ply").stat().st_size
     287
     """
-    if Path(path).suffix.lower() != ".ply":
+    check_instance(surface, Mesh, "surface")
+    if as_path(path).suffix.lower() != ".ply":
         raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")
     place = [(name, "<f4") for name in ("x", "y", "z")]
     tint = [(name, "u1") for name in ("red", "green", "blue")]

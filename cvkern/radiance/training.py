@@ -16,7 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_choice, check_code, check_integer, check_number, check_positive
+from cvkern._checks import (
+    check_choice,
+    check_code,
+    check_flag,
+    check_instance,
+    check_integer,
+    check_number,
+    check_positive,
+)
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints
@@ -157,13 +165,15 @@ def fit(
     >>> fit(scene, small, steps=2).training.step
     2
     """
+    deterministic = check_flag(deterministic, "deterministic")
+    resume = check_flag(resume, "resume")
+    progress = check_flag(progress, "progress")
     refuse_capture("fit")
     if isinstance(field, str):
         check_choice(field, tuple(KINDS), "field")
     elif field is not None and not isinstance(field, tuple(KINDS.values())):
         raise TypeError(f"field must be settings such as HashField(), or a name, got {field!r}")
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene must be a Scene, got {type(scene).__name__}")
+    check_instance(scene, Scene, "scene")
     if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
         raise ValueError(
             f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "

@@ -8,8 +8,9 @@ from cvkern.stereo.depth import (
     points_from_disparity,
     reprojection_matrix,
 )
-from cvkern.stereo.matching import StereoMatcher, StereoResult, stereo_match
+from cvkern.stereo.matching import DepthFrame, StereoMatcher, StereoResult, stereo_match
 from cvkern.stereo.paths import aggregate_semi_global
+from cvkern.stereo.reconstruction import PairReconstruction, reconstruct_pair
 from cvkern.stereo.refinement import (
     fill_disparity,
     guided_median,
@@ -19,6 +20,8 @@ from cvkern.stereo.refinement import (
 from cvkern.stereo.winners import Winner, winner_take_all
 
 __all__ = [
+    "DepthFrame",
+    "PairReconstruction",
     "PointCloud",
     "StereoMatcher",
     "StereoResult",
@@ -30,6 +33,7 @@ __all__ = [
     "left_right_check",
     "point_cloud",
     "points_from_disparity",
+    "reconstruct_pair",
     "remove_speckles",
     "reprojection_matrix",
     "stereo_cost",

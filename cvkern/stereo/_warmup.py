@@ -10,6 +10,9 @@ import numpy as np
 from cvkern import stereo
 from cvkern.app.warmup import pictures
 
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = ("reconstruct_pair", "reprojection_matrix")
+
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function, and for every dtype with its own kernels."""

@@ -98,7 +98,8 @@ def stereo_cost(
     -----
     The time does not grow with the area of the window. Integer costs have running sums, down the
     columns and along the rows; float32 costs are summed down and along separately. Every bit is
-    the same on every device and kernel set.
+    the same on every device and kernel set, except for ZNCC and the measure of Birchfield and
+    Tomasi near values that are not finite.
 
     References
     ----------

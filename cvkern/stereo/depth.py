@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import MAX_ELEMENTS, check_dtype, check_image, check_number, check_positive
+from cvkern._checks import (
+    MAX_ELEMENTS,
+    as_array,
+    check_dtype,
+    check_image,
+    check_number,
+    check_positive,
+)
 from cvkern._runtime import runtime
 
 PART = 64  # pixels of a row whose points one thread collects
@@ -237,7 +244,7 @@ def _check_disparity(disparity: Any) -> Any:
 
 
 def _matrix(q: Any) -> np.ndarray:
-    matrix = np.asarray(q)
+    matrix = np.asarray(as_array(q, "q"))
     if matrix.shape != (4, 4) or matrix.dtype.kind not in "iuf":
         raise ValueError(
             f"q must be a 4 x 4 matrix of numbers, got {matrix.dtype} of shape {matrix.shape}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,10 @@ from cvkern._arrays import device, library
 from cvkern._capture import capture
 from cvkern._checks import check_image
 from cvkern._runtime import pinned, runtime
+from cvkern.geometry.rectification import Rectification, rectify_stereo
+from cvkern.geometry.stereo_calibration import StereoCalibration
 from cvkern.stereo._plan import plan_of, white
+from cvkern.stereo.depth import disparity_to_depth
 
 
 class StereoResult(NamedTuple):
@@ -24,6 +28,22 @@ class StereoResult(NamedTuple):
     confidence: Any
     """1 minus the winner's cost over the cost of its best rival, for valid and other pixels;
     (H, W) float32."""
+
+
+class DepthFrame(NamedTuple):
+    """What is known of each pixel of the rectified left image."""
+
+    disparity: Any
+    """Pixels, (H, W) float32; filled where it is not valid."""
+    valid: Any
+    """Whether the disparity was found, and not filled; (H, W) bool."""
+    confidence: Any
+    """As in :class:`StereoResult`, (H, W) float32."""
+    depth: Any
+    """Distance along the optical axis in the unit of the calibration, (H, W) float32; infinite
+    where the disparity is 0."""
+    image: Any
+    """The rectified left image, of the shape of the frames."""
 
 
 def stereo_match(
@@ -204,10 +224,63 @@ class StereoMatcher:
         call.apply_defaults()
         plan_of(runtime(blank), self.shape, call.arguments)
         self._options = call.arguments
+        self._match: Callable[..., Any] = stereo_match
         self._open = True
         self._frames: _Frames | None = None
+        self.rectification: Rectification | None = None
 
-    def __call__(self, left: Any, right: Any) -> StereoResult:
+    @classmethod
+    def from_calibration(
+        cls,
+        calibration: StereoCalibration,
+        disparities: tuple[int, int] = (0, 64),
+        *,
+        keep: str = "valid",
+        zoom: float = 1.0,
+        **options: Any,
+    ) -> StereoMatcher:
+        """Return a matcher of raw frames: it rectifies, matches, and finds depths.
+
+        Parameters
+        ----------
+        calibration : StereoCalibration
+            Of :func:`calibrate_stereo` or :func:`read_calibration`.
+        disparities : (int, int), default (0, 64)
+            As in :func:`stereo_match`, of the rectified images.
+        keep, zoom
+            As in :func:`rectify_stereo`. With 'valid' no pixel is matched that a camera did not
+            see.
+        **options
+            The other options of :func:`stereo_match`; frames in colour have `channel_axis` -1 and
+            three channels.
+
+        Returns
+        -------
+        StereoMatcher
+            Called with two raw frames it gives a :class:`DepthFrame`; `rectification` says how
+            they are rectified. With Warp on CUDA all of a frame is one launch of a CUDA graph.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As :func:`rectify_stereo` and :func:`stereo_match`.
+        """
+        found = rectify_stereo(calibration, keep=keep, zoom=zoom)
+        sample, focal, baseline = found.sampler(), found.focal, found.baseline
+
+        def match(left: Any, right: Any, *args: Any, **rest: Any) -> DepthFrame:
+            pair = sample(left, right)
+            result = stereo_match(*pair, *args, **rest)
+            depth = disparity_to_depth(result.disparity, focal, baseline)
+            return DepthFrame(*result, depth, pair.left)
+
+        channels = () if options.get("channel_axis") is None else (3,)
+        matcher = cls((*calibration.left.shape, *channels), disparities, **options)
+        matcher._match = match
+        matcher.rectification = found
+        return matcher
+
+    def __call__(self, left: Any, right: Any) -> Any:
         """Match a pair.
 
         Parameters
@@ -217,9 +290,10 @@ class StereoMatcher:
 
         Returns
         -------
-        StereoResult
-            On the CPU, and on a GPU if the library's arrays can be written to, these are the same
-            arrays for every pair: copy them to keep a result.
+        StereoResult or DepthFrame
+            The second of a matcher that :meth:`from_calibration` made. On the CPU, and on a GPU if
+            the library's arrays can be written to, these are the same arrays each time: copy what
+            is to be kept.
 
         Raises
         ------
@@ -236,7 +310,7 @@ class StereoMatcher:
             if tuple(image.shape) != self.shape:
                 raise ValueError(f"{name} must have shape {self.shape}, got {tuple(image.shape)}")
         if self._frames is None:
-            self._frames = _Frames(left, right, self._options)
+            self._frames = _Frames(left, right, self._match, self._options)
         return self._frames.match(left, right)
 
     def close(self) -> None:
@@ -253,7 +327,7 @@ class StereoMatcher:
 class _Frames:
     """Two images in persistent memory, and the captured call that matches them."""
 
-    def __init__(self, left: Any, right: Any, options: dict[str, Any]):
+    def __init__(self, left: Any, right: Any, match: Callable[..., Any], options: dict[str, Any]):
         self._choice = pinned()
         self._rt = rt = runtime(left, right)
         self._library, self._place = library(left), device(left)
@@ -268,9 +342,9 @@ class _Frames:
         self._load(left, right)
         range_ = white(options["data_range"], dtype)
         given = {**options, "left": self._images[0], "right": self._images[1]}
-        self._replay = capture(stereo_match, **{**given, "data_range": range_})
+        self._replay = capture(match, **{**given, "data_range": range_})
 
-    def match(self, left: Any, right: Any) -> StereoResult:
+    def match(self, left: Any, right: Any) -> Any:
         for name, image in (("left", left), ("right", right)):
             given = library(image)
             if given is not self._library or given.dtype(image) != self._dtype:
@@ -282,7 +356,7 @@ class _Frames:
                 raise ValueError(f"{name} must be on {self._place}, got {device(image)}")
         self._load(left, right)
         result = self._replay()
-        return result if self._own else StereoResult(*map(self._copied, result))
+        return result if self._own else type(result)(*map(self._copied, result))
 
     def _load(self, left: Any, right: Any) -> None:
         """Copy a pair into the memory that the captured call reads."""

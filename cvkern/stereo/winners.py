@@ -38,7 +38,7 @@ def winner_take_all(
     ----------
     costs : array of shape (H, W, D)
         Any real dtype. uint8 and uint16 are compared as integers, others as float32. A float32
-        cost may be infinite, and NaN never wins.
+        cost may be infinite, and NaN counts as infinite.
     first : int, default 0
         The disparity of ``costs[..., 0]``.
     subpixel : bool or {'parabola', 'equiangular'}, default True

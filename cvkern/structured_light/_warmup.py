@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from cvkern import structured_light
 from cvkern.structured_light import (
     decode_gray_code,
     decode_phase_shift,
@@ -15,6 +16,9 @@ from cvkern.structured_light import (
     phase_shift_patterns,
     unwrap_phase,
 )
+
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = ("calibrate_projector", "fit_laser_plane", "triangulate_lines")
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
@@ -31,4 +35,9 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "decode_phase_shift", partial(decode_phase_shift, fringes.astype(dtype), shape)
     yield "gray_code_patterns", partial(gray_code_patterns, shape)
     yield "phase_shift_patterns", partial(phase_shift_patterns, shape)
+    scan = structured_light.make_scan("phase_shift", shape, shape)
+    yield "make_scan", partial(structured_light.make_scan, "laser", shape, shape, frames=1)
+    for axis in ("columns", "rows"):
+        places = partial(structured_light.triangulate_columns, axis=axis)
+        yield "triangulate_columns", partial(places, np.zeros(shape), scan.calibration)
     yield "unwrap_phase", partial(unwrap_phase, np.zeros(shape))

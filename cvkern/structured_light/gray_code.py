@@ -11,11 +11,10 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_image, check_number, check_sides
 from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern.structured_light._frames import carried_as, grid_step, stacked
 from cvkern.structured_light.patterns import AXES, check_axes, code_bits
 
-CARRIED = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
 MARGIN = 2.5  # standard deviations of the noise that a pair must differ by
-SAMPLED = 128  # pixels along a side of the grid that tells the noise
 ROUNDING = 12**-0.5  # standard deviation of rounding to integers
 
 
@@ -109,7 +108,7 @@ def decode_gray_code(
             raise ValueError(f"{name} must have the shape of an image, {seen}, got {light.shape}")
     rt = runtime(images, *lights)
     dtype = library(images).dtype(images)
-    carried = dtype if dtype in CARRIED else np.dtype(np.float32)
+    carried = carried_as(dtype)
     frames = rt.adopt(images, carried)
     if margin is None:
         margin = MARGIN * _noise(rt, frames, counts, integral=dtype.kind in "biu")
@@ -137,20 +136,6 @@ def decode_gray_code(
     return GrayCode(released.get("columns"), released.get("rows"), rt.release(valid))
 
 
-def stacked(images: Any) -> Any:
-    """Return the stack of images, or one made of a sequence of them."""
-    if isinstance(images, (list, tuple)):
-        if any(not isinstance(image, np.ndarray) for image in images):
-            raise TypeError(
-                "images must be one array of shape (K, H, W), or a list of NumPy arrays"
-            )
-        if len({image.shape for image in images}) > 1:
-            shapes = sorted({image.shape for image in images})
-            raise ValueError(f"images must have one shape, got {', '.join(map(str, shapes))}")
-        images = np.stack(images) if images else np.zeros((0, 0, 0))
-    return check_image(images, ndim=(3,), name="images")
-
-
 def _noise(rt: Runtime, frames: Any, counts: list[int], *, integral: bool) -> float:
     """Return the standard deviation of the noise of a frame, from sums of pairs that should be one.
 
@@ -160,7 +145,7 @@ def _noise(rt: Runtime, frames: Any, counts: list[int], *, integral: bool) -> fl
     """
     refuse_capture("decode_gray_code without a margin")
     height, width = frames.shape[1:]
-    step = max(1, min(height, width) // SAMPLED)
+    step = grid_step(height, width)
     samples = -(-height // step) * -(-width // step)
     found, begin = [], 0
     for count in counts:

@@ -9,9 +9,9 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_image, check_integer, check_number, check_positive
-from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern._runtime import refuse_capture, runtime
 from cvkern.filters.linear import gaussian_taps
-from cvkern.structured_light.gray_code import CARRIED
+from cvkern.structured_light._frames import carried_as, share_of_brightest
 
 METHODS = ("peak", "center_of_mass", "steger")
 SHARE = 0.2  # least strength of a line, as a share of that of the strongest
@@ -104,7 +104,7 @@ def detect_laser_lines(
     stack = (1, *frames.shape) if len(frames.shape) == 2 else tuple(frames.shape)
     shape = stack[0], stack[2 - axis]
     rt, dtype = runtime(frames), library(frames).dtype(frames)
-    seen = rt.adopt(frames, dtype if dtype in CARRIED else np.float32, stack)
+    seen = rt.adopt(frames, carried_as(dtype), stack)
     outer = shape[1:] if len(frames.shape) == 2 else shape
     result = LaserLines(rt.empty(outer), rt.empty(outer))
     positions, strengths = (rt.adopt(a, np.float32, shape) for a in result)
@@ -122,13 +122,6 @@ def detect_laser_lines(
         curve = 1 / (2 * sigma**2)
         laser.ridges(seen, axis, places, taps, 1 / bend, curve, positions, strengths)
     if threshold is None:
-        threshold = _threshold(rt, strengths)
+        threshold = share_of_brightest(rt.to_numpy(strengths), STRONGEST, SHARE)
     laser.select(strengths, threshold, positions)
     return LaserLines(*(rt.release(a) for a in result))
-
-
-def _threshold(rt: Runtime, strengths: Any) -> float:
-    """Return a share of the strength of the strongest places."""
-    values = np.sort(rt.to_numpy(strengths), axis=None)
-    values = values[np.isfinite(values)]
-    return SHARE * float(values[int(STRONGEST * (len(values) - 1))]) if len(values) else 0.0

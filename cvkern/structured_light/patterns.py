@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_choice, check_integer, check_positive, check_sides
+from cvkern._checks import (
+    as_items,
+    check_choice,
+    check_flag,
+    check_integer,
+    check_positive,
+    check_sides,
+)
 
 AXES = ("columns", "rows")
 
@@ -58,6 +65,7 @@ def gray_code_patterns(
     array([[0, 0, 1, 1],
            [0, 1, 1, 0]], dtype=uint8)
     """
+    lights = check_flag(lights, "lights")
     height, width = check_sides(shape, "shape")
     frames = []
     for axis in check_axes(axes):
@@ -152,7 +160,7 @@ def code_bits(count: int) -> int:
 
 def check_axes(axes: Any) -> tuple[str, ...]:
     """Return `axes` as a tuple of one or both names, none twice."""
-    axes = (axes,) if isinstance(axes, str) else tuple(axes)
+    axes = (axes,) if isinstance(axes, str) else as_items(axes, "axes", f"of {AXES}")
     for axis in axes:
         check_choice(axis, AXES, "axes")
     if len(set(axes)) != len(axes) or not axes:

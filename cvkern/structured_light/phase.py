@@ -11,7 +11,12 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_integer, check_number, check_sides
 from cvkern._runtime import Runtime, refuse_capture, runtime
-from cvkern.structured_light.gray_code import CARRIED, SAMPLED, stacked
+from cvkern.structured_light._frames import (
+    carried_as,
+    grid_step,
+    share_of_brightest,
+    stacked,
+)
 from cvkern.structured_light.patterns import AXES, check_axes, check_frequencies
 
 SHARE = 0.05  # modulation of a valid pixel, as a share of that of the brightest
@@ -67,7 +72,8 @@ def decode_phase_shift(
     -------
     PhaseShift
         Named tuple of `columns` and `rows` (H, W) float32, `valid` (H, W) bool, `phase` and
-        `modulation` (axes, H, W) float32. Equal in every bit on all devices.
+        `modulation` (axes, H, W) float32. Equal in every bit on all devices. A pixel one of whose
+        values is not finite is NaN, and not valid.
 
     Raises
     ------
@@ -114,7 +120,7 @@ def decode_phase_shift(
     seen = tuple(images.shape[1:])
     rt = runtime(images)
     dtype = library(images).dtype(images)
-    frames = rt.adopt(images, dtype if dtype in CARRIED else np.float32)
+    frames = rt.adopt(images, carried_as(dtype))
     turns = 2 * math.pi * np.arange(steps) / steps
     waves = rt.constant(np.stack([np.sin(turns), np.cos(turns)], axis=1).astype(np.float32))
     numbers = rt.constant(np.array(frequencies, np.float32))
@@ -143,14 +149,12 @@ def decode_phase_shift(
 
 
 def _threshold(rt: Runtime, modulations: list[Any]) -> float:
-    """Return a share of the modulation of the brightest pixels."""
+    """Return a share of the modulation of the brightest pixels, of the axis that has less."""
     refuse_capture("decode_phase_shift without a threshold")
-    least = np.inf
-    for plane in modulations:
-        values = rt.to_numpy(plane)
-        step = max(1, min(values.shape) // SAMPLED)
-        values = values[::step, ::step]
-        values = np.sort(values[np.isfinite(values)])
-        if len(values):
-            least = min(least, float(values[int(BRIGHTEST * (len(values) - 1))]))
-    return SHARE * least if np.isfinite(least) else 0.0
+    height, width = modulations[0].shape
+    step = grid_step(height, width)
+    shape = (len(modulations), -(-height // step), -(-width // step))
+    some = rt.scratch("phase.samples", shape)
+    for n, plane in enumerate(modulations):
+        rt.structured_light.phase.pick(plane, step, some[n])
+    return min(share_of_brightest(part, BRIGHTEST, SHARE) for part in rt.to_numpy(some))

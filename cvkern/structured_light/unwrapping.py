@@ -12,6 +12,7 @@ from cvkern._checks import check_image
 from cvkern._runtime import refuse_capture, runtime
 
 TURN = 2 * math.pi
+MOST_TURNS = 2**30  # from a pixel to the next, more than any phase in radians has
 
 
 def unwrap_phase(phase: Any, mask: Any = None) -> Any:
@@ -113,7 +114,10 @@ def _unwrapped(values: np.ndarray, there: np.ndarray) -> np.ndarray:
     order = order[1:]
     turns = np.zeros(count + 1, np.int64)
     inner = order[before[order] != root]
-    turns[inner] = np.rint((flat[before[inner]] - flat[inner]) / TURN)
+    between = np.rint((flat[before[inner]] - flat[inner]) / TURN)
+    if not (np.abs(between) < MOST_TURNS).all():
+        raise ValueError(f"phase must be in radians, got {np.abs(flat).max():g}")
+    turns[inner] = between
     # Sum along the way to the root, by jumps that double.
     parent = np.full(count + 1, root)
     parent[order] = before[order]

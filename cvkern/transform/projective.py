@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_integer, check_number
+from cvkern._checks import as_items, as_numbers, check_flag, check_number, check_sides
 from cvkern._runtime import runtime
 from cvkern.transform.sampling import check_sampled, layout, result_dtype, sampled, shaped
 
@@ -66,9 +66,9 @@ def warp_perspective(
     array([[0., 1., 2.]], dtype=float32)
     """
     inverse = _inverse(matrix)
-    image, axis, border, cval = check_sampled(image, order, mode, cval, channel_axis)
+    image, axis, order, border, cval = check_sampled(image, order, mode, cval, channel_axis)
     old = tuple(image.shape)
-    sides = layout(old, axis)[1:3] if shape is None else check_shape(shape)
+    sides = layout(old, axis)[1:3] if shape is None else check_sides(shape, "shape")
     rt = runtime(image)
     made = result_dtype(image, order, dtype)
     result = rt.empty(shaped(old, sides, axis), made)
@@ -130,11 +130,13 @@ def rotate(
     array([[2., 4.],
            [1., 3.]], dtype=float32)
     """
-    image, axis, _, _ = check_sampled(image, order, mode, cval, channel_axis)
+    resize = check_flag(resize, "resize")
+    image, axis, *_ = check_sampled(image, order, mode, cval, channel_axis)
     height, width = layout(tuple(image.shape), axis)[1:3]
     turn = math.radians(check_number(angle, "angle"))
     middle = np.array([(width - 1) / 2, (height - 1) / 2])
     if center is not None:
+        center = as_items(center, "center", "a row and a column")
         if len(center) != 2:
             raise ValueError(f"center must be a row and a column, got {len(center)} numbers")
         middle = np.array([check_number(c, "center") for c in reversed(center)])
@@ -203,10 +205,10 @@ def rectify_plane(
            [ 5.,  6.,  7.],
            [ 9., 10., 11.]], dtype=float32)
     """
-    points = np.asarray(corners, np.float64)
+    points = as_numbers(corners, "corners")
     if points.shape != (4, 2) or not np.isfinite(points).all():
         raise ValueError(f"corners must be (4, 2) finite numbers, got shape {points.shape}")
-    sides = check_shape(size, "size", 2)
+    sides = check_sides(size, "size", 2)
     y, x = sides[0] - 1.0, sides[1] - 1.0
     matrix = _four_points(points, np.array([[0, 0], [0, x], [y, x], [y, 0]]))
     return warp_perspective(
@@ -215,16 +217,8 @@ def rectify_plane(
     )  # fmt: skip
 
 
-def check_shape(shape: Any, name: str = "shape", least: int = 1) -> tuple[int, int]:
-    """Return a height and a width."""
-    sides = tuple(check_integer(n, name, least, MAX_SIDE) for n in shape)
-    if len(sides) != 2:
-        raise ValueError(f"{name} must be a height and a width, got {len(sides)} numbers")
-    return sides
-
-
 def _inverse(matrix: Any) -> np.ndarray:
-    numbers = np.asarray(matrix, np.float64)
+    numbers = as_numbers(matrix, "matrix")
     if numbers.shape != (3, 3) or not np.isfinite(numbers).all():
         raise ValueError(f"matrix must be (3, 3) finite numbers, got shape {numbers.shape}")
     largest = np.abs(numbers).max()

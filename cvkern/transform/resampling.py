@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_image
+from cvkern._checks import check_choice, check_flag, check_image, check_sides
 from cvkern._runtime import Runtime, runtime
-from cvkern.transform.projective import check_shape
 from cvkern.transform.sampling import check_sampled, layout, result_dtype, shaped
 
 METHODS = ("linear", "area")
@@ -69,9 +68,10 @@ def resize(
     >>> cvkern.resize([[0, 2, 4, 6]], (1, 2), method="area")
     array([[1., 5.]], dtype=float32)
     """
+    antialias = check_flag(antialias, "antialias")
     check_choice(method, METHODS, "method")
-    sides = check_shape(shape)
-    image, axis, _, _ = check_sampled(image, 1, "nearest", 0.0, channel_axis)
+    sides = check_sides(shape, "shape")
+    image, axis, *_ = check_sampled(image, 1, "nearest", 0.0, channel_axis)
     old = tuple(image.shape)
     rt = runtime(image)
     made = result_dtype(image, 1, dtype)
@@ -93,18 +93,11 @@ def resample(
     new: tuple[int, int, int, int],
 ) -> None:
     """Resize a kernel array (P, H, W, C), down the rows first, then along the columns."""
-    planes, height, width, channels = old
-    down, along = (
+    (tops, down), (starts, along) = (
         tuple(rt.constant(a) for a in weights_along(n, m, rule))
         for n, m in zip(old[1:3], new[1:3], strict=True)
     )
-    middle = rt.scratch("resize.middle", (planes, new[1], width * channels))
-    kernels = rt.transform.resampling
-    lines = src.reshape((planes, height, width * channels))
-    kernels.resample(lines, down[0], down[1], middle)
-    rows = planes * new[1]
-    lines, result = middle.reshape((rows, width, channels)), dst.reshape((rows, new[2], channels))
-    kernels.resample(lines, along[0], along[1], result)
+    rt.transform.resampling.resample(src.reshape(old), tops, down, starts, along, dst.reshape(new))
 
 
 @lru_cache(maxsize=64)
@@ -135,5 +128,5 @@ def weights_along(size: int, count: int, rule: str) -> tuple[np.ndarray, np.ndar
 
 def check_pyramid(image: Any, channel_axis: int | None) -> tuple[Any, int | None]:
     """Check an image of a pyramid."""
-    image, axis, _, _ = check_sampled(image, 1, "reflect", 0.0, channel_axis)
+    image, axis, *_ = check_sampled(image, 1, "reflect", 0.0, channel_axis)
     return check_image(image, ndim=(2, 3)), axis

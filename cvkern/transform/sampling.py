@@ -84,7 +84,7 @@ def remap(
     array([[2., 3.],
            [5., 6.]], dtype=float32)
     """
-    image, axis, border, cval = check_sampled(image, order, mode, cval, channel_axis)
+    image, axis, order, border, cval = check_sampled(image, order, mode, cval, channel_axis)
     coordinates = _check_coordinates(coordinates)
     rt = runtime(image, coordinates)
     made = result_dtype(image, order, dtype)
@@ -143,7 +143,7 @@ def remap_backward(
     >>> found.coordinates.ravel()
     array([0., 4.], dtype=float32)
     """
-    image, axis, border, _ = check_sampled(image, order, mode, 0.0, channel_axis)
+    image, axis, order, border, _ = check_sampled(image, order, mode, 0.0, channel_axis)
     coordinates = _check_coordinates(coordinates)
     wanted = shaped(tuple(image.shape), tuple(coordinates.shape[1:]), axis)
     grad = check_image(grad, ndim=(2, 3), name="grad")
@@ -169,15 +169,16 @@ def remap_backward(
 
 def check_sampled(
     image: Any, order: int, mode: str, cval: float, channel_axis: int | None
-) -> tuple[Any, int | None, Border, float]:
+) -> tuple[Any, int | None, int, Border, float]:
     """Check what every function that samples an image is given."""
     image = check_image(image, ndim=(2, 3))
     axis = check_channel_axis(image.shape, channel_axis)
     if axis == 1:
         raise ValueError(f"channel_axis must be the first or the last, got {channel_axis}")
-    if check_integer(order, "order", 0, 3) not in ORDERS:
+    order = check_integer(order, "order", 0, 3)
+    if order not in ORDERS:
         raise ValueError(f"order must be one of {ORDERS}, got {order}")
-    return image, axis, check_code(mode, Border, "mode"), check_number(cval, "cval")
+    return image, axis, order, check_code(mode, Border, "mode"), check_number(cval, "cval")
 
 
 def _check_coordinates(coordinates: Any) -> Any:
@@ -192,7 +193,10 @@ def result_dtype(image: Any, order: int, dtype: Any) -> np.dtype:
     if dtype is None:
         byte = order == 0 and library(image).dtype(image) == np.uint8
         return np.dtype(np.uint8 if byte else np.float32)
-    made = np.dtype(dtype)
+    try:
+        made = np.dtype(dtype)
+    except Exception:  # NumPy says of some that they are out of use
+        raise TypeError(f"dtype must be float32 or uint8, got {dtype!r}") from None
     if made not in (np.dtype(np.uint8), np.dtype(np.float32)):
         raise TypeError(f"dtype must be float32 or uint8, got {made}")
     return made

@@ -35,6 +35,7 @@ DESCRIPTOR_ONE = 512.0
 DECAY_TERMS = 7
 
 GRAY = (0.2125, 0.7154, 0.0721)  # Rec. 709, as skimage.color.rgb2gray
+MOST_GRAY = 1e15  # times white: the squares of what is beyond would pass float32
 
 
 def decay_factors() -> tuple[float, ...]:
@@ -53,6 +54,7 @@ MOST_BYTES = 4096  # largest size of a descriptor: squared distances stay below 
 CIRCLE = ((-3, 0), (-3, 1), (-2, 2), (-1, 3), (0, 3), (1, 3), (2, 2), (3, 1),
           (3, 0), (3, -1), (2, -2), (1, -3), (0, -3), (-1, -3), (-2, -2), (-3, -1))  # fmt: skip
 DISC = 15  # radius, pixels
+BLUR = 3  # radius of the Gaussian before pixels are compared
 TURNS = 64
 PAIRS = 256
 TURNS_PER_RADIAN = TURNS / (2 * math.pi)

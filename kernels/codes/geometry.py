@@ -1,6 +1,7 @@
 """Constants that decide bits: of robust fits, and of the corners of chessboards."""
 
 from enum import IntEnum
+from typing import Any, NamedTuple
 
 
 class Model(IntEnum):
@@ -11,9 +12,36 @@ class Model(IntEnum):
     HOMOGRAPHY = 2
     FUNDAMENTAL = 3
     PARALLAX = 4  # a fundamental matrix of a known plane and of two matches off it
+    ESSENTIAL = 5  # a fundamental matrix of two known cameras
+    POSE = 6  # a known camera before a scene: two rows of R, then t
 
 
-SAMPLE = (2, 3, 4, 7, 2)  # matches of a sample, by model
+class Given(NamedTuple):
+    """The matches of several pairs, where kernels find them."""
+
+    matches: Any
+    """x0, y0, x1, y1, and z0 of a scene, (4 or 5, M) float32."""
+    spans: Any
+    """First and number of the matches of each pair, (P, 2) int32."""
+    squares: Any
+    """The square of the threshold of each pair, (P,) float32."""
+    known: Any
+    """(P, K) float64, or of any size where a model needs none. PARALLAX: the homography of a plane.
+    ESSENTIAL: from points of either image to rays, and back, four matrices of 3 x 3. POSE: from
+    rays to points, and back."""
+
+
+class Draw(NamedTuple):
+    """Which samples are drawn."""
+
+    kind: int
+    """A `Model`."""
+    seed: int
+    first: int
+    """The first hypothesis."""
+
+
+SAMPLE = (2, 3, 4, 7, 2, 5, 3)  # matches of a sample, by model
 
 GROUP = 64  # hypotheses, of which the one with the least preview is scored on all matches
 PREVIEW = 64  # matches at most
@@ -25,8 +53,8 @@ NO_COST = (1 << 31) - 1  # no model
 # Twice the area of a triangle, over the square of half the picture: flatter ones fix no map.
 FLAT = 1e-4
 # Sums of a least-squares step: of maps 6 products of (x, y, 1) / w by 4 factors and 9 residuals,
-# of epipolar geometries 45 products of derivatives and 9 residuals.
-SUMS = (33, 33, 33, 54)
+# of epipolar geometries 45 products of derivatives and 9 residuals, of poses 21 and 6.
+SUMS = (33, 33, 33, 54, 54, 54, 27)
 
 # Chessboards.
 LUMA = (0.2125, 0.7154, 0.0721)  # weights of red, green, blue in a grey picture

@@ -12,6 +12,7 @@ from typing import Any
 
 import warp as wp
 
+from ._huge_pages import ask_for_huge_pages
 from ._internals import view_at
 from ._streams import current_stream
 
@@ -28,6 +29,8 @@ class _Block:
     def __init__(self, size: int, device: wp.Device):
         # Allocate words, because Warp counts the elements of an axis with 31 bits.
         self.memory = wp.empty(-(-size // 8), dtype=wp.uint64, device=device)
+        if not device.is_cuda:
+            ask_for_huge_pages(self.memory.ptr or 0, size)
         self.views: dict[Any, wp.array] = {}
         self.age = _age
         self.bytes_on_host = 0 if device.is_cuda else self.memory.capacity

@@ -2,9 +2,11 @@
 
 import sys
 
+import numpy as np
 import pytest
 
 from cvkern.app import cli
+from cvkern.images import write_image
 
 
 @pytest.fixture
@@ -19,3 +21,12 @@ def command(monkeypatch, capsys):
         return stop.value.code or 0, said.out, said.err
 
     return run
+
+
+@pytest.fixture
+def photo(tmp_path):
+    """Write a grey picture of a disc over a ramp."""
+    y, x = np.mgrid[:60, :70]
+    image = (40 + x + 100 * (np.hypot(y - 31.3, x - 33.8) < 18)).astype(np.uint8)
+    write_image(tmp_path / "photo.png", image)
+    return tmp_path / "photo.png"

@@ -122,7 +122,7 @@ def test_options_of_train(command, folder, tmp_path, monkeypatch):
         assert same(made, huber)
         assert not same(made, squared)
     assert made.background == "learnt"
-    code, _, _ = command("train", folder, "-o", file, "--seconds", 0.05)
+    code, _, _ = command("train", folder, "-o", file, "--seconds", 0.05, "--overwrite")
     assert code == 0
     assert load_model(file).training.seconds >= 0.05
 

@@ -73,7 +73,7 @@ def test_without_a_camera(command, pair, tmp_path):
     code, said, _ = command("stereo", *pair, "-o", out, "--max-disparity", 16)
     assert code == 0
     assert names(out) == PLAIN
-    assert "no depth: that needs --focal and --baseline" in said
+    assert "no depth: that needs --focal and --baseline, or --calibration" in said
 
 
 @pytest.mark.parametrize("options", [("--min-disparity", -2), ("--max-disparity", 300)])

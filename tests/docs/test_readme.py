@@ -27,7 +27,8 @@ def command(*arguments):
 
 
 @pytest.mark.parametrize(
-    ("name", "extra", "end"), [("tour", "demo", "cvkern tour"), ("tests", "test", "-m pytest")]
+    ("name", "extra", "end"),
+    [("tour", "demo", "cvkern tour"), ("tests", "test", "-m pytest -n 2 --dist loadfile")],
 )
 def test_commands(name, extra, end):
     said = command(name)

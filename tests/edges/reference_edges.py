@@ -64,9 +64,11 @@ def hysteresis(states):
 
 
 def subpixel_edges(dy, dx, mask):
-    """Accepted pixels (N, 2), their points (N, 2), and how much a point magnifies an error.
+    """Accepted pixels (N, 2), their points (N, 2), and the factor of 2^-24 that offsets may be off.
 
-    That is of a relative error of the logarithms: their size by their second difference.
+    With the logarithms p and q of the lengths before and after by the one here, the derivatives of
+    ``(p - q) / (2 (p + q))`` are below ``1 / |p + q|``. Either is off by 1 + 4 |p| times 2^-24, by
+    the rounding of the ratio and of the series.
     """
     m = np.pad(_measure(dy, dx, Norm.L2), 1)
     pixels, points, magnified = [], [], []
@@ -75,10 +77,10 @@ def subpixel_edges(dy, dx, mask):
         along_rows = abs(dy[y, x]) > abs(dx[y, x])
         before, here, after = (near[:, 1] if along_rows else near[1, :]).tolist()
         if 0 < before < here >= after > 0:
-            a, b, c = np.log(np.array([before, here, after], np.float64))
-            offset = 0.5 * (a - c) / (a - 2 * b + c)
+            p, q = np.log(np.array([before, after], np.float64) / here)
+            offset = 0.5 * (p - q) / (p + q)
             pixels.append((y, x))
             points.append((y + offset, x) if along_rows else (y, x + offset))
-            magnified.append((abs(a) + 2 * abs(b) + abs(c)) / abs(a - 2 * b + c))
+            magnified.append(2 / abs(p + q) + 4)
     n = len(pixels)
     return np.array(pixels, int).reshape(n, 2), np.array(points).reshape(n, 2), np.array(magnified)

@@ -1,83 +1,119 @@
 """Call functions at random, in processes that may crash or hang, and report what should not be.
 
-``python -m tests.fuzz --calls N --seed S``; ``--first I`` goes on from there, ``--only I`` makes
-one call.
+``python -m tests.fuzz --calls N --seed S`` makes the calls 0 to N - 1 of that seed; ``--first I``
+goes on from there, ``--only I`` makes one call. ``--workers W`` makes them in so many processes,
+and ``--minutes M`` ends after that time, whatever `--calls` says. ``--device cuda`` compares the
+sets there with Warp on the CPU.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import collections
 import os
-import subprocess
+import re
 import sys
-import tempfile
+import threading
 import time
-from pathlib import Path
+from typing import Any
 
-CHUNK = 400  # calls in one process
-PATIENCE = 120.0  # seconds for one call, compilation included
+from tests.fuzz.processes import Process
+
+CHUNK = 500  # calls that a process is given at a time
+EXAMPLES = 3  # faults of one kind that are printed
+
+
+class Work:
+    """The calls yet to be made, and what was found; shared by the threads of all processes."""
+
+    def __init__(self, given: argparse.Namespace):
+        self.given = given
+        self.next, self.last = given.first, given.first + given.calls
+        self.end = time.monotonic() + 60 * given.minutes if given.minutes else float("inf")
+        self.made = self.peak = 0
+        self.kinds: collections.Counter[str] = collections.Counter()
+        self.lock = threading.Lock()
+
+    def take(self) -> tuple[int, int] | None:
+        """Return the calls that a process makes next, from the one to the other."""
+        with self.lock:
+            if self.next >= self.last or time.monotonic() > self.end:
+                return None
+            size = min(CHUNK, max(1, self.given.calls // self.given.workers))
+            first, self.next = self.next, min(self.next + size, self.last)
+            return first, self.next
+
+    def report(self, fault: dict[str, Any]) -> None:
+        """Print a fault and the command that repeats it, unless it was seen often."""
+        where = re.sub(r"'[^']*'|\d+|got .*", "", fault["fault"].replace("\n", " "))[:90]
+        kind = f"{fault.get('name', 'the process')}: {where}"
+        device = "" if self.given.device == "cpu" else f" --device {self.given.device}"
+        with self.lock:
+            self.kinds[kind] += 1
+            if self.kinds[kind] <= EXAMPLES:
+                print(f"{fault.get('name', '')}({fault.get('arguments', '')})\n  {fault['fault']}")
+                once = f"--seed {self.given.seed} --only {fault['call']}{device}"
+                print(f"  python -m tests.fuzz {once}", flush=True)
+
+    def done(self, calls: int, peak: int) -> None:
+        """Count calls."""
+        with self.lock:
+            self.made += calls
+            self.peak = max(self.peak, peak)
+
+
+def serve(work: Work) -> None:
+    """Let one process after another make calls, until there are none left."""
+    process = Process(work.given.seed, work.given.device, threads(work.given.workers))
+    try:
+        while (chunk := work.take()) is not None:
+            first, stop = chunk
+            while first < stop:
+                begun, peak = process.make(first, stop, work.report)
+                work.done(begun - first, peak)
+                first = begun
+    finally:
+        process.close()
+
+
+def threads(workers: int) -> int:
+    """Return how many threads each process computes with."""
+    return max(1, (os.cpu_count() or 1) // workers)
 
 
 def main() -> int:
-    """Run the calls, and return how many of them were at fault, at most 1."""
+    """Run the calls, and return 1 where one was at fault."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("--calls", type=int, default=400)
+    parser.add_argument("--calls", type=int)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--minutes", type=float)
+    parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
     if given.only is not None:
         given.first, given.calls = given.only, 1
-    last, at, faults, made = given.first + given.calls, given.first, 0, 0
-    while at < last:
-        stop = min(at + CHUNK, last)
-        at, found, done = _chunk(given.seed, at, stop)
-        made += done
-        for fault in found:
-            faults += 1
-            print(json.dumps(fault), flush=True)
-    print(f"{made} calls from {given.first} on with seed {given.seed}, {faults} at fault")
-    return min(faults, 1)
-
-
-def _chunk(seed: int, first: int, stop: int) -> tuple[int, list[dict], int]:
-    """Make calls in one process; return where to go on, and what was wrong."""
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "log"
-        log.touch()
-        words = [
-            sys.executable,
-            "-m",
-            "tests.fuzz.worker",
-            str(seed),
-            str(first),
-            str(stop),
-            str(log),
-        ]
-        with (Path(folder) / "said").open("wb") as said:
-            process = subprocess.Popen(words, stdout=said, stderr=said)
-            at, since, size = first, time.monotonic(), -1
-            while process.poll() is None:
-                time.sleep(0.05)
-                grown = os.stat(log).st_size
-                if grown != size:
-                    size, since = grown, time.monotonic()
-                if time.monotonic() - since > PATIENCE:
-                    process.kill()
-                    process.wait()
-                    break
-        lines = [json.loads(line) for line in log.read_text().splitlines() if line.endswith("}")]
-        tail = (Path(folder) / "said").read_text(errors="replace")[-2000:]
-    begun = [line["begin"] for line in lines if "begin" in line]
-    at = begun[-1] if begun else first
-    faults = [line for line in lines if "fault" in line]
-    if any("end" in line for line in lines):
-        return stop, faults, stop - first
-    code = process.returncode
-    kind = "no answer in time" if code == -9 else f"the process ended with {code}: {tail}"
-    faults.append({"call": at, "seed": seed, "fault": kind})
-    return at + 1, faults, at + 1 - first
+    if given.calls is None:
+        given.calls = 2**31 if given.minutes else 400
+    work, since = Work(given), time.monotonic()
+    runners = [threading.Thread(target=serve, args=(work,)) for _ in range(given.workers)]
+    for runner in runners:
+        runner.start()
+    for runner in runners:
+        runner.join()
+    took = time.monotonic() - since
+    for kind, count in work.kinds.most_common():
+        print(f"{count:6} x {kind}")
+    rate = f"{work.made / took:.0f} a second, at most {work.peak >> 10} MiB a process"
+    if work.next < work.last:
+        rate += f"; --first {work.next} goes on"
+    print(rate)
+    print(
+        f"{work.made} calls from {given.first} on with seed {given.seed}, "
+        f"{sum(work.kinds.values())} at fault"
+    )
+    return min(sum(work.kinds.values()), 1)
 
 
 if __name__ == "__main__":

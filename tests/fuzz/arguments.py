@@ -10,6 +10,7 @@ import numpy as np
 
 import cvkern
 
+Maker = Callable[["Draw"], Any]
 MODES = ["reflect", "constant", "nearest", "mirror", "wrap"]
 DTYPES = [
     "bool",
@@ -73,6 +74,7 @@ class Draw(NamedTuple):
 
     rng: np.random.Generator
     shape: tuple[int, int]
+    salt: int = 0  # what arguments that belong together are drawn with
 
     def pick(self, values: Any) -> Any:
         """Return one of the values."""
@@ -83,11 +85,20 @@ class Draw(NamedTuple):
         return bool(self.rng.random() < share)
 
 
+class Call(NamedTuple):
+    """A function, makers of its arguments, and whether both kernel sets give the same bits."""
+
+    function: Callable[..., Any]
+    needed: dict[str, Maker]
+    options: dict[str, Maker]
+    equal: bool = True
+
+
 def begin(seed: int, index: int) -> Draw:
     """Return what the call of this number is drawn with."""
     rng = np.random.default_rng((seed, index))
     sides = [int(n) for n in rng.choice([1, 1, 2, 3, 5, 8, 17, 33, 40, 64, 70, 130], 2)]
-    return Draw(rng, (sides[0], sides[1]))
+    return Draw(rng, (sides[0], sides[1]), int(rng.integers(2**31)))
 
 
 def image(draw: Draw, shape: tuple[int, ...] | None = None) -> Any:
@@ -114,7 +125,7 @@ def image(draw: Draw, shape: tuple[int, ...] | None = None) -> Any:
             if dtype.itemsize > 2
             else values.astype(dtype)
         )
-        if draw.odd(0.15) and array.size:
+        if draw.odd(0.15) and array.size and array.ndim:
             array.reshape(-1)[rng.integers(array.size, size=3)] = draw.pick(
                 [np.nan, np.inf, -np.inf, -0.0]
             )
@@ -122,11 +133,12 @@ def image(draw: Draw, shape: tuple[int, ...] | None = None) -> Any:
         array = values > 0.5
     else:
         array = (values * min(np.iinfo(dtype).max, 2.0**62)).astype(dtype)
+    array = np.asarray(array)
     layout = draw.rng.random()
     if layout < 0.08:
         array = np.asfortranarray(array)
     elif layout < 0.14:
-        array = array[::-1]
+        array = array[::-1] if array.ndim else array
     elif layout < 0.18:
         array = np.repeat(array, 2, axis=-1)[..., ::2] if array.ndim else array
     elif layout < 0.22:
@@ -236,3 +248,59 @@ def disparity(draw: Draw) -> Any:
     found = draw.rng.integers(0, 9, draw.shape).astype(np.float32)
     found[draw.rng.random(draw.shape) < 0.2] = np.nan
     return found
+
+
+def channels(draw: Draw) -> Any:
+    """Return an image with channels, mostly the last axis."""
+    count = int(draw.pick([1, 2, 3, 3, 4]))
+    shape = (count, *draw.shape) if draw.odd(0.1) else (*draw.shape, count)
+    return image(draw, shape)
+
+
+def one_of(*makers: Maker) -> Maker:
+    """Return a maker that is one of several, at random."""
+    return lambda draw: draw.pick(makers)(draw)
+
+
+def place(draw: Draw) -> np.ndarray:
+    """Return an array that a result may fit into."""
+    shape = draw.shape if draw.odd(0.9) else draw.shape[::-1]
+    return np.zeros(shape, draw.pick(["float32", "float32", "uint8", "float64"]))
+
+
+def stack(draw: Draw) -> Any:
+    """Return votes of several circles."""
+    return draw.rng.random((int(draw.pick([1, 2])), *draw.shape)).astype(np.float32)
+
+
+def colour(draw: Draw) -> Any:
+    """Return a picture to draw on."""
+    shape = draw.pick([draw.shape, (*draw.shape, 3), (*draw.shape, 4)])
+    return draw.rng.integers(0, 256, shape).astype(np.uint8) if draw.odd(0.9) else image(draw)
+
+
+def disparities(draw: Draw) -> Any:
+    """Return a range that mostly fits the width."""
+    first = int(draw.rng.integers(-3, 3))
+    return first, first + int(draw.rng.integers(1, max(2, min(draw.shape[1], 33))))
+
+
+def dists(draw: Draw) -> Any:
+    """Return as many distances as the image has rows."""
+    return np.arange(draw.shape[0]) * 1.0
+
+
+def columns(draw: Draw) -> Any:
+    """Return as many angles as the image has columns."""
+    return np.linspace(-1.5, 1.5, draw.shape[1])
+
+
+BORDER: dict[str, Maker] = {"mode": one(*MODES), "cval": number(-5, 300)}
+EDGES: dict[str, Maker] = {
+    "sigma": number(0, 4),
+    "low_threshold": maybe(number(0, 1)),
+    "high_threshold": maybe(number(0, 300)),
+    "use_quantiles": one(False, False, True),
+}
+IMAGE: dict[str, Maker] = {"image": image}
+MASK: dict[str, Maker] = {"mask": mask}

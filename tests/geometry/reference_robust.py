@@ -100,6 +100,12 @@ def distances(f, matches):
     return (b * right).sum(1) / np.sqrt(under)
 
 
+def robust_cost(squares, limit):
+    """Sum the integral, up to each squared residual, of the weight (1 - x)^2 / (1 + 10 x)."""
+    x = np.minimum(squares / limit, 1.0)
+    return np.sum(x**2 / 20 - 0.21 * x + 0.121 * np.log1p(10 * x))
+
+
 def residuals(h, matches, kind=2):
     """Return squared distances in float32, in the order in which kernels compute them."""
     x, y, u, v = matches

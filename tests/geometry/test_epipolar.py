@@ -218,7 +218,7 @@ def test_refusals():
     for call in (cvkern.epipoles, lambda m: cvkern.epipolar_lines(m, a),
                  lambda m: cvkern.sampson_distance(m, a, b)):  # fmt: skip
         refused(ValueError, "matrix must have shape (3, 3), got (2, 3)", call, np.ones((2, 3)))
-        message = "matrix must be finite, got one that is not"
+        message = "matrix must be finite in float32, got one that is not"
         refused(ValueError, message, call, np.full((3, 3), np.inf))
     message = "image must be in [0, 1], got 2"
     refused(ValueError, message, cvkern.epipolar_lines, RECTIFIED, a, 2)

@@ -141,6 +141,8 @@ def test_refusals(name):
     refused(ValueError, "weights must have shape (4,), got (3,)", fit, SQUARE, SQUARE, [1] * 3)
     wrong = SQUARE.copy()
     wrong[1, 0] = np.nan
-    refused(ValueError, "points1 must be finite, got some that are not", fit, SQUARE, wrong)
+    refused(
+        ValueError, "points1 must be finite in float32, got some that are not", fit, SQUARE, wrong
+    )
     message = "points0 must hold real numbers, got dtype complex128"
     refused(TypeError, message, fit, SQUARE.astype(complex), SQUARE)

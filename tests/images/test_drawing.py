@@ -1,5 +1,6 @@
 """Grey, colour maps, and what is drawn where."""
 
+import cv2
 import numpy as np
 import pytest
 import skimage.color
@@ -133,6 +134,27 @@ def test_lines_lie_where_they_should(width):
         # 0.07 pixels for 1.5, by up to 0.5 for a line thinner than a pixel.
         off = np.dot(centroid(cover) - middle, [along[1], -along[0]]) / 20
         assert abs(off) < (0.5 if width < 1 else 0.08 if width % 1 else 0.03)
+
+
+def test_epipolar_lines_lie_where_they_should():
+    """Each is drawn as the segment between where OpenCV's line meets the borders."""
+    matrix = np.array([[0.0, -1e-4, 0.01], [2e-4, 0, -0.02], [-0.02, 0.015, 1]])
+    points = np.array([[10.0, 20], [35, 40], [60, 5]])
+    image = np.zeros((50, 70))
+    for side in (0, 1):
+        found = images.draw_epipolar_lines(image, matrix, points, side=side)
+        lines = cv2.computeCorrespondEpilines(points[:, None, ::-1].copy(), side + 1, matrix)[:, 0]
+        ends = []
+        for a, b, c in lines:
+            left, right = -5.0, 75.0
+            ends.append((-(c + a * left) / b, left, -(c + a * right) / b, right))
+        right = images.draw_lines(image, ends)
+        assert right.any()
+        assert np.abs(found.astype(int) - right).max() <= 16  # samples of a pixel's cover
+    nothing = images.draw_epipolar_lines(image, [[0, 0, 0], [0, 0, -1], [0, 1, 0]], [[90, 5]])
+    assert not nothing.any()
+    with pytest.raises(ValueError, match="side must be in"):
+        images.draw_epipolar_lines(image, matrix, points, side=2)
 
 
 def test_circles_lie_where_they_should():

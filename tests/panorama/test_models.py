@@ -73,6 +73,15 @@ def test_rotations_of_a_few_cameras(given):
     assert found.residual < 1
 
 
+def test_focal_lengths_that_the_matches_contradict_are_not_used():
+    rng = np.random.default_rng(7)
+    cameras = [camera(turned(16 * i, 3 * (-1) ** i), FOCAL) for i in range(5)]
+    links = links_of(cameras, [(i, i + 1) for i in range(4)], rng)
+    found = aligned(links, 5, np.full(5, 0.4 * FOCAL))
+    assert found.model == "rotation"
+    assert np.abs(np.asarray(found.focals) / FOCAL - 1).max() < 0.03
+
+
 SHEETS = {
     "affine": [
         np.array([[1, 0.02 * i, -150.0 * i], [-0.03 * i, 1, 60 * i], [0, 0, 1]]) for i in range(4)

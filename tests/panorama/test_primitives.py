@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.panorama import FAR, NOBODY, OUTSIDE
+from cvkern.kernels.codes.panorama import FAR, NOBODY, OUTSIDE, Part
 from tests.panorama import reference_panorama as reference
 from tests.primitives import F32, I32, U8, noise
 
@@ -97,7 +97,7 @@ def test_finish(kernels, dtype, high):
     values = noise(3, 9, 8) * 300
     labels = np.random.default_rng(2).integers(-1, 2, (9, 8)).astype(I32)
     image, mask = kernels(
-        "panorama.blending.finish", values, labels, 1, 2, high, 3, 1, 6, 5,
+        "panorama.blending.finish", values, labels, high, Part(1, 2, 3, 1, 6, 5),
         out=[np.full((10, 7, 3), 7, dtype), np.full((10, 7), 7, U8)],
     )  # fmt: skip
     part = np.moveaxis(values[:, 1:7, 2:7], 0, 2)

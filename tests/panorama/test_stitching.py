@@ -8,7 +8,7 @@ import scipy.ndimage as ndi
 from skimage import data
 
 import cvkern
-from cvkern.panorama import blending, stitching
+from cvkern.panorama import blending, registration, stitching
 from tests.panorama.scenes import angle_between, photograph, through, turned, wall
 
 SHAPE = 230, 300
@@ -133,6 +133,23 @@ def test_strangers_one_and_none(strangers):
     assert cvkern.recognize_panoramas(strangers[:1]) == ([[0]], [])
     flat = [np.zeros((40, 50), np.uint8)] * 3 + [np.zeros((1, 3), np.uint8)]
     assert cvkern.recognize_panoramas(flat) == ([[0], [1], [2], [3]], [])
+
+
+def test_of_many_images_only_likely_pairs_are_matched(sheet, strangers, monkeypatch):
+    heap = [strangers[0], sheet[2], sheet[0], strangers[1], sheet[1]]
+    matched = []
+
+    def match(features, pairs, **options):
+        matched.append(len(pairs))
+        return cvkern.match_images(features, pairs, **options)
+
+    expected = cvkern.recognize_panoramas(heap)
+    monkeypatch.setattr(registration, "match_images", match)
+    monkeypatch.setattr(registration, "MANY_IMAGES", 4)
+    monkeypatch.setattr(registration, "PARTNERS", 2)
+    assert cvkern.recognize_panoramas(heap).components == expected.components
+    assert matched[0] == 10
+    assert matched[1] < 10
 
 
 def test_duplicates(sheet):

@@ -28,7 +28,7 @@ def laid_out(rotations, surface="auto", scale=1.0, focal=FOCAL):
     return lay_out(found, np.tile(SIDE, (len(rotations), 1)), surface, scale)
 
 
-TILT = turned(25, 20, 12)  # of the axes that the cameras are given in
+TILT = turned(25, 20, 12)  # Rotation of the axes that the cameras are given in.
 
 
 @pytest.mark.parametrize(

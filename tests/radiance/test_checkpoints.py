@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.radiance import VoxelField, fit, load_model, make_scene, render
+from cvkern.radiance import VoxelField, checkpoints, fit, load_model, make_scene, render
 from cvkern.radiance.trainer import Trainer
 from tests.radiance.runs import FIELDS, TINY, interrupt, press_ctrl_c, same
 
@@ -289,3 +289,34 @@ def test_checkpoints_of_another_training(scene, tmp_path):
     assert load_model(file).training.step == 2
     fresh = fit(scene, TINY, steps=3, checkpoint=tmp_path / "new.npz", resume=True)
     assert fresh.training.step == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("state.table.values", "table.values must have shape"),
+        ("state.occupancy.bits", "occupancy.bits must have shape"),
+        ("cameras.poses", "cameras.poses must have shape"),
+        ("behind", "behind must have shape"),
+        ("marks", "marks must have shape"),
+        ("extra.more", "more must have shape"),
+    ],
+)
+def test_shapes_are_those_of_the_settings_before_anything_is_read(
+    model, tmp_path, monkeypatch, name, said
+):
+    """Zeros are packed a thousand times smaller: a small file would take any memory."""
+    source, target, asked = tmp_path / "model.npz", tmp_path / "other.npz", []
+    model.save(source)
+    rewritten(source, target, **{name: np.zeros((64, 99))})
+    take = checkpoints.Stored.__getitem__
+
+    def noted(stored, key):
+        asked.append(stored._group + key)
+        return take(stored, key)
+
+    monkeypatch.setattr(checkpoints.Stored, "__getitem__", noted)
+    with pytest.raises(ValueError, match=said):
+        load_model(target)
+    assert name not in asked
+    assert asked or name == "cameras.poses"

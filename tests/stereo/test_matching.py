@@ -198,6 +198,36 @@ def test_the_steps(backend, shape, disparities, paths, p1, p2):
     assert_same(got, (want, valid, winner.confidence))
 
 
+@pytest.mark.parametrize(("window", "subpixel", "uniqueness", "tolerance"), [
+    (5, "parabola", 0, 1.5), (3, "equiangular", 12, 0.5), (7, "none", 3, None),
+])  # fmt: skip
+def test_the_steps_by_windows(backend, window, subpixel, uniqueness, tolerance):
+    left, right = pair_of(np.full((17, 40), 4.5), seed=5, noise=12.0)
+    disparities = (-2, 9)
+    got = cvkern.stereo_match(
+        left, right, disparities, method="window", window=window, uniqueness=uniqueness,
+        subpixel=False if subpixel == "none" else subpixel, left_right=tolerance, speckle_size=4,
+        speckle_difference=0.75, smoothing=2,
+    )  # fmt: skip
+
+    costs = cost_reference.stereo_cost(
+        left[..., None], right[..., None], disparities, "census", (window // 2,) * 2, (2, 2), 2
+    )
+    _, found, _, confidence = paths_reference.pick(costs, disparities[0], subpixel, uniqueness)
+    assert np.isnan(found).any() == (uniqueness > 0)
+    if tolerance is not None:
+        index = paths_reference.pick_right(costs, disparities[0])
+        other = np.where(index < 0, np.nan, disparities[0] + index)
+        found = refinement.left_right(found, other, tolerance)
+    filled, valid = refinement.fill(refinement.remove_speckles(found, 4, 0.75))
+    assert 0 < valid.sum() < valid.size
+    want = refinement.guided_median(filled, left, 2, 40)
+    np.testing.assert_array_equal(got.valid, valid)
+    # The fit rounds three times in float32, the oracle once.
+    np.testing.assert_allclose(got.disparity, want, rtol=3e-7)
+    np.testing.assert_allclose(got.confidence, confidence, rtol=0, atol=2e-7)
+
+
 def test_steps_left_out(backend):
     left, right = pair_of(np.full((30, 70), 5.5), noise=8.0)
     plain = {"left_right": None, "speckle_size": 0, "smoothing": 0}

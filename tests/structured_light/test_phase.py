@@ -123,3 +123,10 @@ def test_errors(no_kernel_runs, message, arguments, options):
     with pytest.raises(ValueError) as info:  # noqa: PT011  (the whole message is compared)
         cvkern.decode_phase_shift(*arguments, **options)
     assert str(info.value) == message
+
+
+def test_every_so_many_pixels(kernels):
+    src = np.arange(77, dtype=np.float32).reshape(7, 11)
+    out = [((3, 4), np.float32)]
+    found = kernels("structured_light.phase.pick", src, 3, out=out)
+    np.testing.assert_array_equal(found, src[::3, ::3])

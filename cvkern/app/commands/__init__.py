@@ -15,6 +15,18 @@ Device = Annotated[
     str | None, typer.Option(help="Device: cpu, cuda or cuda:N.", show_default="cpu")
 ]
 
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace results that are there: tables, models, films.")
+]
+
+
+def check_new(path: Path | None, name: str, overwrite: bool, or_else: str = "") -> None:
+    """Refuse a file of results that is there already, unless it may be replaced."""
+    if path is not None and path.exists() and not overwrite:
+        raise ValueError(
+            f"{name} must be a new file, got {str(path)!r}: {or_else}--overwrite replaces it"
+        )
+
 
 def as_gray(image: np.ndarray) -> np.ndarray:
     """Return the grey values of an image from a file, rounded to the dtype of the file."""

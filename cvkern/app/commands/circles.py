@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 NAMES = ("row", "column", "radius", "support")
 COLOR = (255, 98, 41)
@@ -51,6 +51,7 @@ def circles(
     to_json: Annotated[
         Path | None, typer.Option("--json", help="JSON to write the circles to.")
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -65,6 +66,8 @@ def circles(
     names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     image = read_image(photo)
     with cvkern.use(backend=backend, device=device):
         found = cvkern.detect_circles(

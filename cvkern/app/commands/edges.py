@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 SIGMA = 1.5
 LOW, HIGH = "quantile 0.7 of the image's", "quantile 0.9 of the image's"
@@ -49,6 +49,7 @@ def edges(
         Path | None,
         typer.Option(help="CSV to write sub-pixel edges to: row, column, orientation, strength."),
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -69,6 +70,7 @@ def edges(
     names = [file.resolve() for file in (photo, output, subpixel) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(subpixel, "subpixel", overwrite)
     image = read_image(photo)
     gray = as_gray(image)
     with cvkern.use(backend=backend, device=device):

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 COLOR = (255, 98, 41)
 FRAME = (255, 214, 64)
@@ -38,6 +38,7 @@ def find(
     to_json: Annotated[
         Path | None, typer.Option("--json", help="JSON to write the poses to.")
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -53,6 +54,8 @@ def find(
     names = [file.resolve() for file in (template, scene, output, to_csv, to_json) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     low, high, step = scales
     if not (0 < low <= high and step > 0):
         raise ValueError(

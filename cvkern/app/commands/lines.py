@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 SEGMENT = ("row", "column", "to_row", "to_column")
 LINE = ("theta", "rho", "votes")
@@ -41,6 +41,7 @@ def lines(
     ] = None,
     to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
     to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -57,6 +58,8 @@ def lines(
     names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
     if len(set(names)) < len(names):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     image = read_image(photo)
     gray, thresholds = as_gray(image), (sigma, low_threshold, high_threshold)
     with cvkern.use(backend=backend, device=device):

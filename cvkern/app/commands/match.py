@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
 
 COLUMNS = ("row", "column", "to_row", "to_column")
 COLOR = (255, 98, 41)
@@ -30,6 +30,7 @@ def match(
     spread: Annotated[bool, typer.Option("--spread", help="Spread the points evenly.")] = False,
     to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
     to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -44,6 +45,8 @@ def match(
     names = [file.resolve() for file in (one, other, output, to_csv, to_json) if file]
     if len(set(names[2:])) < len(names[2:]) or set(names[2:]) & set(names[:2]):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_new(to_csv, "csv", overwrite)
+    check_new(to_json, "json", overwrite)
     if method not in ("sift", "orb"):
         raise ValueError(f"method must be one of ('sift', 'orb'), got {method!r}")
     images = [read_image(file) for file in (one, other)]

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.app.commands import Backend, Device, Overwrite, check_new, progress_bar
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -78,6 +78,7 @@ def train(
         typer.Option("--set", metavar="NAME=VALUE", help="A setting of the field; repeatable."),
     ] = None,
     shrink: Shrink = 1,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -87,6 +88,7 @@ def train(
     """
     from cvkern.radiance import fit
 
+    check_new(output, "output", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
             _within(_scene(scene, shrink, test_every), bounds, near, far),
@@ -136,6 +138,7 @@ def render(
     depth: Annotated[
         Path | None, typer.Option(help="Picture of the depths to write; bright means near.")
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -150,6 +153,7 @@ def render(
 
     if orbit and depth:
         raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
+    check_new(output if orbit else None, "output", overwrite)
     check_positive(size, "size")
     if depth and depth.resolve() == output.resolve():
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
@@ -220,6 +224,7 @@ def export(
     pieces: Annotated[
         int, typer.Option(help="Pieces of the mesh to keep, the largest first; 0 for all.")
     ] = 1,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -228,6 +233,7 @@ def export(
 
     if output.suffix.lower() not in (".ply", ".npz"):
         raise ValueError(f"output must end in .ply or .npz, got {str(output)!r}")
+    check_new(output, "output", overwrite)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
         if output.suffix.lower() == ".npz":

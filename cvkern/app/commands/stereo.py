@@ -27,8 +27,8 @@ RESULTS = ("disparity.png", "disparity-x256.png", "disparity.tif", "depth.tif", 
 
 
 def stereo(
-    left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image, rectified.")],
-    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image, rectified.")],
+    left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image.")],
+    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image.")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
     method: Annotated[str, typer.Option(help="semi-global or window.")] = "semi-global",
     min_disparity: Annotated[int, typer.Option(help="Smallest disparity, pixels.")] = 0,
@@ -47,13 +47,17 @@ def stereo(
     cy: Annotated[
         float | None, typer.Option(help="Row of the principal point.", show_default=CENTRE)
     ] = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Calibration of both cameras, for raw images."),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace existing results in DIR.")
     ] = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Match a rectified pair, and write disparity, depth, point cloud and a turn-table.
+    """Match a pair, and write disparity, depth, point cloud and a turn-table.
 
     DIR is created if missing. disparity.png shows every pixel in colour; bright means near.
     disparity-x256.png holds 256 times the disparity in 16 bits, and 0 where there is none; if 16
@@ -61,6 +65,9 @@ def stereo(
     baseline, the command also writes depth.tif (32-bit floats), cloud.ply and turntable.gif (and
     turntable.mp4 if imageio-ffmpeg is installed). Only disparity.png shows pixels that were filled
     in.
+
+    The images are a rectified pair. With --calibration, a file of cvkern calibrate or of OpenCV,
+    they are as the cameras took them, and depth is written as well.
     """
     from cvkern.images.files import read_image
 
@@ -68,6 +75,14 @@ def stereo(
         raise ValueError(f"focal must be given with baseline, got {focal} and {baseline}")
     if focal is None and (doffs, cx, cy) != (0.0, None, None):
         raise ValueError("doffs, cx and cy must go with focal and baseline, got neither of those")
+    rectify = None if calibration is None else _rectification(calibration)
+    if rectify is not None:
+        if (focal, doffs, cx, cy) != (None, 0.0, None, None):
+            raise ValueError(
+                "calibration must go without focal, baseline, doffs, cx and cy, got one of these"
+            )
+        focal, baseline = rectify.focal, rectify.baseline
+        cx, cy = rectify.matrix[:2, 2].tolist()
     camera = None if focal is None or baseline is None else (focal, baseline)
     if camera:
         cvkern.reprojection_matrix(*camera, cx or 0.0, cy or 0.0, doffs)  # checks the numbers
@@ -80,6 +95,9 @@ def stereo(
             "--overwrite replaces them"
         )
     views = [read_image(file) for file in (left, right)]
+    if rectify is not None:
+        with cvkern.use(backend=backend, device=device):
+            views = list(rectify(*views))
     color = all(view.ndim == 3 for view in views)
     one, other = (view[..., :3] if color else as_gray(view) for view in views)
     with cvkern.use(backend=backend, device=device):
@@ -104,7 +122,15 @@ def stereo(
         write(output / name)
         typer.echo(f"{output / name}: {said}")
     if not camera:
-        typer.echo("no depth: that needs --focal and --baseline")
+        typer.echo("no depth: that needs --focal and --baseline, or --calibration")
+
+
+def _rectification(file: Path) -> cvkern.Rectification:
+    """Return how the cameras of a file are rectified, without empty pixels."""
+    found = cvkern.read_calibration(file)
+    if not isinstance(found, cvkern.StereoCalibration):
+        raise ValueError(f"calibration must be of two cameras, got one in {str(file)!r}")
+    return cvkern.rectify_stereo(found, keep="valid")
 
 
 def _disparity(found: StereoResult, fits: bool) -> Writers:

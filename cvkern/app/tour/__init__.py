@@ -20,7 +20,19 @@ import numpy as np
 import cvkern
 from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
-from cvkern.app.tour import circles, edges, features, lines, page, radiance, shapes, stereo
+from cvkern.app.tour import (
+    circles,
+    edges,
+    features,
+    lines,
+    page,
+    pair,
+    panorama,
+    radiance,
+    scanning,
+    shapes,
+    stereo,
+)
 from cvkern.app.tour.clock import Clock
 from cvkern.app.tour.page import Chapter, Figure
 
@@ -32,7 +44,7 @@ FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
-    stereo.chapter, radiance.chapter,
+    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, radiance.chapter,
 )  # fmt: skip
 
 

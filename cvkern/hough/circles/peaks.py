@@ -46,7 +46,8 @@ def hough_circle_peaks(
     Parameters
     ----------
     hspaces : array of shape (R, H, W)
-        The result of :func:`hough_circle`.
+        The result of :func:`hough_circle`. It must not have NaN in it, which is checked on the CPU
+        alone.
     radii : sequence of R ints
         The radii that :func:`hough_circle` was given.
     min_xdistance, min_ydistance : int, default 1
@@ -103,13 +104,16 @@ def hough_circle_peaks(
         check_integer(min_xdistance, "min_xdistance", 1, MAX_RADIUS),
     )
     each, total = (
-        None if n == math.inf else check_integer(n, name, 1, MAX_ELEMENTS)
+        None if isinstance(n, float) and n == math.inf else check_integer(n, name, 1, MAX_ELEMENTS)
         for n, name in ((num_peaks, "num_peaks"), (total_num_peaks, "total_num_peaks"))
     )
     if threshold is not None:
         threshold = check_number(threshold, "threshold", low=0)
     rt = runtime(hspaces)
-    votes, places = local_maxima(rt, rt.adopt(hspaces), apart, threshold)
+    given = rt.adopt(hspaces)
+    if rt.device == "cpu" and np.isnan(rt.host_view(given)).any():
+        raise ValueError("hspaces must be votes, got some that are NaN")
+    votes, places = local_maxima(rt, given, apart, threshold)
     order = np.lexsort((*places.T[::-1], -votes))
     if each is not None:  # rank each peak within its own accumulator
         planes_of = places[order, 0]

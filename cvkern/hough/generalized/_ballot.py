@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import MAX_ELEMENTS, check_image, check_integer, check_number
+from cvkern._checks import MAX_ELEMENTS, as_numbers, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.hough.generalized._poses import Scene, apart, strongest
@@ -240,10 +240,7 @@ def _check_scales(scales: Any) -> np.ndarray:
 
 
 def _check_sequence(values: Any, name: str, low: float, high: float) -> np.ndarray:
-    try:
-        array = np.asarray(values, float)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be numbers, got {values!r}") from None
+    array = as_numbers(values, name)
     if array.ndim != 1 or not array.size:
         raise ValueError(f"{name} must be 1-D and not empty, got shape {array.shape}")
     wrong = array[~((array >= low) & (array <= high))]

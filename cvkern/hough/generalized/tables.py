@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_image
+from cvkern._checks import as_numbers, check_image
 from cvkern.hough.generalized._ballot import MAX_ANGLE, scene_of
 from cvkern.kernels.codes.hough import DIRECTIONS
 
@@ -115,7 +115,7 @@ def _check_reference(reference: Any, shape: tuple[int, ...]) -> np.ndarray:
     if reference is None:
         return (np.array(shape) - 1) / 2
     try:
-        centre = np.asarray(reference, float)
+        centre = as_numbers(reference, "reference")
     except (TypeError, ValueError):
         raise TypeError(f"reference must be numbers, got {reference!r}") from None
     if centre.shape != (2,) or not np.isfinite(centre).all():

@@ -8,7 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import as_numbers, check_flag, check_image, check_integer, check_number
+from cvkern._checks import (
+    FLOAT32_MAX,
+    as_numbers,
+    check_flag,
+    check_image,
+    check_integer,
+    check_number,
+)
 from cvkern._runtime import Runtime, runtime
 
 _DISTANCE, _ANGLE = 9, 10  # smallest number of bins between peaks, as in scikit-image
@@ -72,8 +79,8 @@ def hough_line_peaks(
     TypeError
         If `hspace` does not hold real numbers, or a size is not an integer.
     ValueError
-        If `hspace` is empty or not 2-D, `angles` or `dists` does not fit it, a size is negative,
-        or `threshold` is not a number.
+        If `hspace` is empty, not 2-D or has NaN in it, `angles` or `dists` does not fit it or is
+        not finite, a size is negative, or `threshold` is not a number.
 
     Notes
     -----
@@ -99,9 +106,12 @@ def hough_line_peaks(
     for axis, name, values in ((1, "angles", theta), (0, "dists", rho)):
         if values.shape != (hspace.shape[axis],):
             raise ValueError(f"{name} must have shape ({hspace.shape[axis]},), got {values.shape}")
+        if not (np.abs(values) <= FLOAT32_MAX).all():
+            raise ValueError(f"{name} must be finite in float32, got some that are not")
     min_distance = check_integer(min_distance, "min_distance", 0, hspace.shape[0] + _DISTANCE)
     min_angle = check_integer(min_angle, "min_angle", 0, hspace.shape[1] + _ANGLE)
-    most = math.inf if num_peaks == math.inf else check_integer(num_peaks, "num_peaks", 0, 2**31)
+    unbounded = isinstance(num_peaks, float) and num_peaks == math.inf
+    most = math.inf if unbounded else check_integer(num_peaks, "num_peaks", 0, 2**31)
     wraps = _spans_half_a_turn(theta)
     min_angle = min(min_angle, len(theta) // 2 if wraps else len(theta) - 1)
     refine = check_flag(refine, "refine")
@@ -111,6 +121,8 @@ def hough_line_peaks(
         raise ValueError(f"hspace must be votes that int32 holds, got {hspace.max()}")
     values = rt.adopt(hspace, np.int32 if whole else np.float32)
     host = rt.to_numpy(values)
+    if not whole and np.isnan(host).any():
+        raise ValueError("hspace must be votes, got some that are NaN")
     limit = 0.5 * float(host.max()) if threshold is None else check_number(threshold, "threshold")
     if whole:  # no vote lies beyond int32
         limit = math.floor(min(max(limit, -(2.0**31)), 2.0**31 - 1))

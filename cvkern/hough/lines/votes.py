@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import (
+    MAX_ELEMENTS,
     as_numbers,
     check_accumulator,
     check_beside,
@@ -320,7 +321,13 @@ def suggest_line_bins(
     size = check_sides(shape, "shape")
     width = _STANDS_OUT * check_positive(localisation, "localisation")
     longest = math.hypot(*size) if length is None else check_positive(length, "length")
-    number = max(2, math.ceil(math.pi * longest / (2 * width)))
+    wanted = math.pi * longest / (2 * width)
+    if wanted > MAX_ELEMENTS:
+        raise ValueError(
+            f"length must ask for at most {MAX_ELEMENTS} angles, got {longest:g} pixels for a "
+            f"localisation of {localisation:g}"
+        )
+    number = max(2, math.ceil(wanted))
     return LineBins(width, np.linspace(-math.pi / 2, math.pi / 2, number, endpoint=False))
 
 

@@ -7,6 +7,7 @@ cube is the origin. A :class:`Frame` maps the world to these coordinates.
 from __future__ import annotations
 
 import abc
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -145,7 +146,7 @@ class Field(abc.ABC):
         return {k: np.zeros_like(a) if k.endswith(needless) else a for k, a in state.items()}
 
     @abc.abstractmethod
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Restore the arrays that :meth:`state` returned.
 
         Raises

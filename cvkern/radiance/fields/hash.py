@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -198,7 +199,7 @@ class HashNetwork(SampledField):
             | self.layers.state("layers.", self.rt)
         )
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         super().restore(state)
         self.table.restore("table.", state, self.rt)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ class Parameters:
         arrays = {"values": self.values, "mean": self.mean, "square": self.square}
         return {prefix + name: rt.to_numpy(a).copy() for name, a in arrays.items()}
 
-    def restore(self, prefix: str, state: dict[str, np.ndarray], rt: Runtime) -> None:
+    def restore(self, prefix: str, state: Mapping[str, np.ndarray], rt: Runtime) -> None:
         """Restore the saved arrays."""
         self._write(taken(state, prefix + "values", self.values.shape), rt)
         rt.write(self.mean, taken(state, prefix + "mean", self.mean.shape))

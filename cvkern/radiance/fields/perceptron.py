@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -270,7 +271,7 @@ class MLPNetwork(SampledField):
         """See :meth:`Field.state`."""
         return super().state() | self.parameters.state("layers.", self.rt)
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         super().restore(state)
         self.parameters.restore("layers.", state, self.rt)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,7 @@ from cvkern.kernels.codes.radiance import (
     Seen,
     Space,
 )
+from cvkern.radiance.checkpoints import shape_of
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, flat
 from cvkern.radiance.march import STOP, taken
@@ -302,19 +304,21 @@ class VoxelGrid(Field):
         seen = maximum_filter(state["density"], 3).ravel()[state["nodes"]] > self.least
         return super().to_render({k: a if k == "density" else a[seen] for k, a in state.items()})
 
-    def restore(self, state: dict[str, np.ndarray]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
         sides = [(n + 1,) * 3 for n in self.settings.resolutions]
-        shape = state["density"].shape if "density" in state else sides[0]
+        shape = shape_of(state, "density") if "density" in state else sides[0]
         if shape not in sides:
             raise ValueError(f"density must have a shape of {sides}, got {shape}")
         self._open(sides.index(shape))
         self.rt.write(self.density, taken(state, "density", shape))
-        nodes = taken(state, "nodes", state["nodes"].shape if "nodes" in state else (), np.int32)
-        if nodes.ndim != 1 or (
-            nodes.size and not 0 <= nodes.min() <= nodes.max() < math.prod(shape)
-        ):
-            raise ValueError(f"nodes must be numbers of nodes, got shape {nodes.shape}")
+        most = math.prod(shape)
+        count = math.prod(shape_of(state, "nodes")) if "nodes" in state else 0
+        if count > most:
+            raise ValueError(f"nodes must be at most {most}, got {count}")
+        nodes = taken(state, "nodes", (count,), np.int32)
+        if count and not 0 <= nodes.min() <= nodes.max() < most:
+            raise ValueError(f"nodes must be numbers of nodes, got {nodes.min()} to {nodes.max()}")
         in_place = self.rt.device == "cpu"  # pages that are never written take no memory
         for name, array in self._arrays().items():
             values = self.rt.to_numpy(array) if in_place else np.zeros(array.shape, np.float32)

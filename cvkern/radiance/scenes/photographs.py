@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_dtype, check_integer
+from cvkern._checks import check_dtype, check_flag, check_integer
+from cvkern._files import as_path
 from cvkern.radiance.pinhole import Cameras
 
 ONE_WAY = 0.9  # length of the mean of unit vectors that lie within about 35 degrees
@@ -158,8 +159,9 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     A depth picture beside a photograph of a Blender scene shows a distance d as 255 (1 - d / 8),
     and empty space as 0.
     """
+    outside = check_flag(outside, "outside")
     test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
-    path = Path(path)
+    path = as_path(path)
     if not path.exists():
         raise FileNotFoundError(f"path must be a folder of posed photographs, got {str(path)!r}")
     folder = path if path.is_dir() else path.parent

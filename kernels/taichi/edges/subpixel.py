@@ -1,17 +1,17 @@
 """Sub-pixel edge points, in Taichi: one thread per row.
 
 Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
-parabola, and the edge is at the maximum of this parabola. With a, b and c the logarithms before, at
-and after a pixel, the maximum is at the offset ``(a - c) / (2 (a - 2 b + c))``.
+parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
+after a pixel less the one at it, the maximum is at the offset ``(p - q) / (2 (p + q))``.
 """
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.edges import Norm
+from cvkern.kernels.codes.edges import LEAST_MANTISSA, LEAST_RATIO, LN2, LOG, MANTISSA_BITS, Norm
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._polar import gradient_angle
-from cvkern.kernels.taichi._rounding import quotient, root
+from cvkern.kernels.taichi._rounding import product, quotient, root
 
 from .masks import _measure
 
@@ -19,6 +19,22 @@ f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+
+
+@ti.func
+def _log_of_ratio(a: ti.f32, b: ti.f32, zero: ti.i32) -> ti.f32:
+    """Logarithm of a / b: sums, products and quotients alone, so equal bits on every device."""
+    ratio = ti.max(quotient(a, b, zero), LEAST_RATIO)
+    bits = ti.bit_cast(ratio, ti.i32)
+    exponent = (bits - LEAST_MANTISSA) >> MANTISSA_BITS
+    m = ti.bit_cast(bits - (exponent << MANTISSA_BITS), ti.f32)
+    s = quotient(m - 1.0, m + 1.0, zero)
+    z = product(s, s, zero)
+    series = ti.cast(LOG[4], ti.f32)
+    for k in ti.static((3, 2, 1, 0)):
+        series = product(series, z, zero) + LOG[k]
+    whole = product(ti.cast(exponent, ti.f32), ti.cast(LN2, ti.f32), zero)
+    return product(2.0 * s, series, zero) + whole
 
 
 @ti.func
@@ -36,7 +52,8 @@ def _peak(dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, zero: ti.i
     here = _measure(dy, dx, y, x, Norm.L2, zero)
     after = _measure(dy, dx, y + sy, x + sx, Norm.L2, zero)
     peak = ti.Vector([0.0, 0.0, 0.0])
-    if before > 0.0 and after > 0.0 and here > before and here >= after:
+    bounded = here < ti.math.inf  # or its logarithm tells nothing
+    if before > 0.0 and after > 0.0 and here > before and here >= after and bounded:
         peak = ti.Vector([before, here, after])
     return peak
 
@@ -82,11 +99,9 @@ def _gather_edges(
             if mask[y, x] != 0:
                 peak = _peak(dy, dx, y, x, zero)
                 if peak[1] > 0.0:
-                    # The maximum of the Gaussian through the three: a parabola in logarithms.
-                    a = ti.log(peak[0])
-                    b = ti.log(peak[1])
-                    c = ti.log(peak[2])
-                    offset = quotient(0.5 * (a - c), (a - 2.0 * b) + c, zero)
+                    p = _log_of_ratio(peak[0], peak[1], zero)
+                    q = _log_of_ratio(peak[2], peak[1], zero)
+                    offset = quotient(0.5 * (p - q), p + q, zero)
                     along_rows = ti.abs(dy[y, x]) > ti.abs(dx[y, x])
                     points[n, 0] = y + (offset if along_rows else 0.0)
                     points[n, 1] = x + (0.0 if along_rows else offset)

@@ -4,14 +4,20 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes.features import CIRCLE, DISC, PAIRS, TURNS, TURNS_PER_RADIAN, WORD
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._polar import gradient_angle
 from cvkern.kernels.taichi._rounding import product
+from cvkern.kernels.taichi.filters.linear import correlate_separable
 
+from .keypoints.extrema import count_marks, list_marks
+
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 
@@ -32,26 +38,28 @@ def _round(
         dst[y, x] = ti.cast(ti.floor(ti.max(ti.min(src[y, x], 255.0), 0.0) + 0.5), ti.u8)
 
 
-@primitive
-def widen_values(src: np.ndarray, dst: np.ndarray) -> None:
-    """Values of bytes; one thread a pixel."""
-    _widen(src, dst)
-
-
 @ti.kernel
 def _widen(
     src: u8_2,
     # outputs
-    dst: f32_2,
+    dst: f32_3,  # (1, H, W)
 ):
-    for y, x in dst:
-        dst[y, x] = ti.cast(src[y, x], ti.f32)
+    for y, x in src:
+        dst[0, y, x] = ti.cast(src[y, x], ti.f32)
 
 
 @primitive
-def score_corners(src: np.ndarray, threshold: int, margin: int, scores: np.ndarray) -> None:
-    """Score FAST corners of 9 pixels of 16; one thread a pixel."""
+def mark_corners(
+    src: np.ndarray, threshold: int, margin: int, words: np.ndarray, counts: np.ndarray
+) -> None:
+    """Mark FAST corners of 9 pixels of 16 that score most of 3 x 3, of equal ones the first.
+
+    A bit a pixel, and their number in each row.
+    """
+    scores = scratch(src.shape, np.uint8)
     _score(src, threshold, margin, scores)
+    _mark(scores, words)
+    count_marks(words, counts)
 
 
 @ti.kernel
@@ -86,12 +94,6 @@ def _score(
         scores[y, x] = ti.cast(best, ti.u8)
 
 
-@primitive
-def mark_corners(scores: np.ndarray, words: np.ndarray) -> None:
-    """Mark scores that are the largest of 3 x 3, of equal ones the first; one bit a pixel."""
-    _mark(scores, words)
-
-
 @ti.func
 def _is_largest(scores: ti.template(), y: ti.i32, x: ti.i32) -> ti.i32:
     """Compare a score with the eight around it."""
@@ -124,9 +126,19 @@ def _mark(
 
 
 @primitive
-def weigh_corners(src: np.ndarray, points: np.ndarray, responses: np.ndarray) -> None:
-    """Harris' measure over 7 x 7 pixels, times 25, as an integer; one thread a point."""
-    _weigh(src, points, responses)
+def list_corners(
+    src: np.ndarray,
+    words: np.ndarray,
+    starts: np.ndarray,
+    places: np.ndarray,
+    responses: np.ndarray,
+) -> None:
+    """List the places (row times width plus column) of the bits, with Harris' measure of each.
+
+    It is that over 7 x 7 pixels, times 25, as an integer.
+    """
+    list_marks(words, starts, src.shape[1], places)
+    _weigh(src, places, responses)
 
 
 @ti.func
@@ -138,16 +150,18 @@ def _at(src: ti.template(), y: ti.i32, x: ti.i32) -> ti.i32:
 @ti.kernel
 def _weigh(
     src: u8_2,
-    points: i32_2,
+    places: i32_1,
     # outputs
     responses: i64_1,
 ):
     for n in responses:
+        row = places[n] // src.shape[1]
+        column = places[n] - row * src.shape[1]
         yy = 0
         xx = 0
         xy = 0
-        for y in range(points[n, 0] - 3, points[n, 0] + 4):
-            for x in range(points[n, 1] - 3, points[n, 1] + 4):
+        for y in range(row - 3, row + 4):
+            for x in range(column - 3, column + 4):
                 nw = _at(src, y - 1, x - 1)
                 ne = _at(src, y - 1, x + 1)
                 sw = _at(src, y + 1, x - 1)
@@ -165,21 +179,28 @@ def _weigh(
 @primitive
 def describe_corners(
     src: np.ndarray,
-    smooth: np.ndarray,
+    taps: np.ndarray,
     points: np.ndarray,
     pattern: np.ndarray,
     upright: int,
     angles: np.ndarray,
     descriptors: np.ndarray,
 ) -> None:
-    """Direction by the moments of a disc, bits by comparing pairs of pixels; a thread a point."""
+    """Direction by the moments of a disc, bits by comparing pairs of smoothed pixels.
+
+    A thread a point.
+    """
+    real = scratch((1, *src.shape), np.float32)
+    smooth = scratch((1, *src.shape), np.float32)
+    _widen(src, real)
+    correlate_separable(real, taps, taps, 1, int(Border.MIRROR), 0.0, smooth)
     _describe(src, smooth, points, pattern, upright, 0, angles, descriptors)
 
 
 @ti.kernel
 def _describe(
     src: u8_2,
-    smooth: f32_2,
+    smooth: f32_3,  # (1, H, W)
     points: i32_2,
     pattern: i32_3,  # (TURNS, PAIRS, 4): row, column, row, column
     upright: ti.i32,
@@ -210,8 +231,8 @@ def _describe(
             bits = 0
             for k in range(8):
                 p = 8 * b + k
-                one = smooth[cy + pattern[turn, p, 0], cx + pattern[turn, p, 1]]
-                other = smooth[cy + pattern[turn, p, 2], cx + pattern[turn, p, 3]]
+                one = smooth[0, cy + pattern[turn, p, 0], cx + pattern[turn, p, 1]]
+                other = smooth[0, cy + pattern[turn, p, 2], cx + pattern[turn, p, 3]]
                 if one < other:
                     bits = bits | (1 << k)
             descriptors[n, b] = ti.cast(bits, ti.u8)

@@ -1,36 +1,36 @@
 """Fundamental matrices in Taichi; the order of arithmetic is that of Warp's _epipolar.h.
 
-A thread has a page of memory: `work` (32, 12) float64 and `notes` (2, 12) int32, at `t`.
+A thread has a page of memory: `work` (rows, columns) float64 and `notes` (2, 12) int32, at `t`.
 """
 
 import taichi as ti
 
 from cvkern.kernels.taichi._rounding import product, quotient, wide_product
 
-f32x9 = ti.types.vector(9, ti.f32)
+f32x12 = ti.types.vector(12, ti.f32)
 f64x9 = ti.types.vector(9, ti.f64)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f64_2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
 f64_3 = ti.types.ndarray(dtype=ti.f64, ndim=3)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 
-PAGE, NOTES = (32, 12), (2, 12)
-# Rows of `work`: equations, two null vectors A and B, a polynomial and the same in 1 / t, its
-# roots, Sturm's chain, models.
-NULL, POLYNOMIAL, ROOTS, CHAIN, MODELS = 7, 9, 11, 12, 24
+PAGE, NOTES = (36, 12), (2, 12)
+# Rows of `work`: equations, null vectors, a polynomial and the same in 1 / t, its roots, Sturm's
+# chain, models.
+NULL, POLYNOMIAL, ROOTS, CHAIN, MODELS = 7, 11, 13, 14, 26
 NAMES, DEGREES = 0, 1  # rows of `notes`
 
 
 @ti.func
-def _null_space(work: f64_3, notes: i32_3, t: ti.i32, zero: ti.i32) -> ti.i32:
-    """Find null vectors of seven equations; tell whether there are just two."""
+def null_space(work: f64_3, notes: i32_3, t: ti.i32, r: ti.i32, zero: ti.i32) -> ti.i32:
+    """Find null vectors of r equations; tell whether there are just 9 - r."""
     fixed = 1
     for j in range(9):
         notes[t, NAMES, j] = j
-    for k in range(7):
+    for k in range(r):
         most = ti.cast(0.0, ti.f64)
         row, column = k, k
-        for i in range(k, 7):
+        for i in range(k, r):
             for j in range(k, 9):
                 if ti.abs(work[t, i, j]) > most:
                     most = ti.abs(work[t, i, j])
@@ -40,25 +40,25 @@ def _null_space(work: f64_3, notes: i32_3, t: ti.i32, zero: ti.i32) -> ti.i32:
         if fixed:
             for j in range(9):
                 work[t, k, j], work[t, row, j] = work[t, row, j], work[t, k, j]
-            for i in range(7):
+            for i in range(r):
                 work[t, i, k], work[t, i, column] = work[t, i, column], work[t, i, k]
             name = notes[t, NAMES, k]
             notes[t, NAMES, k] = notes[t, NAMES, column]
             notes[t, NAMES, column] = name
-            for i in range(7):
+            for i in range(r):
                 if i != k:
                     factor = work[t, i, k] / work[t, k, k]
                     for j in range(k + 1, 9):
                         work[t, i, j] = work[t, i, j] - wide_product(factor, work[t, k, j], zero)
     if fixed:
-        for n in range(7, 9):
-            for j in range(7, 9):
+        for n in range(r, 9):
+            for j in range(r, 9):
                 value = ti.cast(0.0, ti.f64)
                 if j == n:
                     value = 1.0
-                work[t, NULL + n - 7, notes[t, NAMES, j]] = value
-            for i in range(7):
-                work[t, NULL + n - 7, notes[t, NAMES, i]] = -work[t, i, n] / work[t, i, i]
+                work[t, NULL + n - r, notes[t, NAMES, j]] = value
+            for i in range(r):
+                work[t, NULL + n - r, notes[t, NAMES, i]] = -work[t, i, n] / work[t, i, i]
     return fixed
 
 
@@ -93,16 +93,21 @@ def _scale(work: f64_3, t: ti.i32, row: ti.i32, begin: ti.i32) -> ti.i32:
 
 
 @ti.func
+def _value(work: f64_3, t: ti.i32, row: ti.i32, degree: ti.i32, x: ti.f64, zero: ti.i32) -> ti.f64:
+    value = work[t, row, degree]
+    for back in range(degree):
+        value = wide_product(value, x, zero) + work[t, row, degree - 1 - back]
+    return value
+
+
+@ti.func
 def _changes(
     work: f64_3, notes: i32_3, t: ti.i32, length: ti.i32, x: ti.f64, zero: ti.i32
 ) -> ti.i32:
     """Count how often the signs of Sturm's chain change at x."""
     count, last = 0, 0
     for i in range(length):
-        degree = notes[t, DEGREES, i]
-        value = work[t, CHAIN + i, degree]
-        for back in range(degree):
-            value = wide_product(value, x, zero) + work[t, CHAIN + i, degree - 1 - back]
+        value = _value(work, t, CHAIN + i, notes[t, DEGREES, i], x, zero)
         sign = 0
         if value > 0.0:
             sign = 1
@@ -136,7 +141,7 @@ def _divide(work: f64_3, notes: i32_3, t: ti.i32, length: ti.i32, zero: ti.i32) 
 
 
 @ti.func
-def _roots(
+def roots(
     work: f64_3, notes: i32_3, t: ti.i32, row: ti.i32, degree: ti.i32, zero: ti.i32
 ) -> ti.i32:
     """Find real roots in (-1, 1] of a polynomial, by 48 bisections each."""
@@ -157,10 +162,27 @@ def _roots(
         before = _changes(work, notes, t, length, ti.f64(-1.0), zero)
         count = before - _changes(work, notes, t, length, ti.f64(1.0), zero)
         for n in range(count):
-            low, high = ti.f64(-1.0), ti.f64(1.0)
+            low, high, top = ti.f64(-1.0), ti.f64(1.0), ti.f64(0.0)
+            # The number of roots in (-1, low] and in (-1, high]: Sturm's chain is needed until a
+            # root is alone, then the polynomial's sign tells.
+            below, upto, alone = 0, count, 0
             for _ in range(48):
                 middle = (low + high) * 0.5
-                if before - _changes(work, notes, t, length, middle, zero) > n:
+                above = False
+                if alone == 0 and upto - below < 2:
+                    alone = 1
+                    top = _value(work, t, CHAIN, first, high, zero)
+                if alone == 0:
+                    now = before - _changes(work, notes, t, length, middle, zero)
+                    above = now > n
+                    if above:
+                        upto = now
+                    else:
+                        below = now
+                else:
+                    one = _value(work, t, CHAIN, first, middle, zero)
+                    above = (top > 0.0 and one >= 0.0) or (top < 0.0 and one <= 0.0)
+                if above:
                     high = middle
                 else:
                     low = middle
@@ -169,7 +191,8 @@ def _roots(
 
 
 @ti.func
-def _row(work: f64_3, t: ti.i32, row: ti.i32) -> f64x9:
+def row_of(work: f64_3, t: ti.i32, row: ti.i32) -> f64x9:
+    """Return nine numbers of a page."""
     values = f64x9(0.0)
     for k in ti.static(range(9)):
         values[k] = work[t, row, k]
@@ -180,8 +203,8 @@ def _row(work: f64_3, t: ti.i32, row: ti.i32) -> f64x9:
 def seven(work: f64_3, notes: i32_3, t: ti.i32, zero: ti.i32) -> ti.i32:
     """Solve for the matrices of seven matches, whose equations are in `work`, at most three."""
     count = 0
-    if _null_space(work, notes, t, zero):
-        a, b = _row(work, t, NULL), _row(work, t, NULL + 1)
+    if null_space(work, notes, t, 7, zero):
+        a, b = row_of(work, t, NULL), row_of(work, t, NULL + 1)
         c, d = cofactors(a, zero), cofactors(b, zero)
         p = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
         for k in ti.static(range(3)):
@@ -194,7 +217,7 @@ def seven(work: f64_3, notes: i32_3, t: ti.i32, zero: ti.i32) -> ti.i32:
             work[t, POLYNOMIAL, k] = p[k]
             work[t, POLYNOMIAL + 1, k] = p[3 - k]
         for side in range(2):
-            number = _roots(work, notes, t, POLYNOMIAL + side, 3, zero)
+            number = roots(work, notes, t, POLYNOMIAL + side, 3, zero)
             for n in range(number):
                 if count < 3:
                     root = work[t, ROOTS, n]
@@ -240,7 +263,7 @@ def parallax(
 
 
 @ti.func
-def sampson(h: f32x9, x: ti.f32, y: ti.f32, u: ti.f32, v: ti.f32, zero: ti.i32) -> ti.f32:
+def sampson(h: f32x12, x: ti.f32, y: ti.f32, u: ti.f32, v: ti.f32, zero: ti.i32) -> ti.f32:
     """Return the square of Sampson's distance."""
     a = (product(h[0], x, zero) + product(h[1], y, zero)) + h[2]
     b = (product(h[3], x, zero) + product(h[4], y, zero)) + h[5]
@@ -254,6 +277,29 @@ def sampson(h: f32x9, x: ti.f32, y: ti.f32, u: ti.f32, v: ti.f32, zero: ti.i32) 
 
 
 @ti.func
+def unit(work: f64_3, t: ti.i32, row: ti.i32) -> ti.i32:
+    """Scale a matrix to a largest element of 1; tell whether it has one."""
+    largest = ti.cast(0.0, ti.f64)
+    for i in range(9):
+        if ti.abs(work[t, row, i]) > largest:
+            largest = ti.abs(work[t, row, i])
+    found = 0
+    if largest > 0.0 and largest < ti.f64(1e300):
+        found = 1
+        for i in range(9):
+            work[t, row, i] = work[t, row, i] / largest
+    return found
+
+
+@ti.func
+def weight(square: ti.f64, limit: ti.f64, zero: ti.i32) -> ti.f64:
+    """Return Cauchy's weight, of a third of the limit's root, fading to 0 there."""
+    x = square / limit
+    rest = 1.0 - x
+    return wide_product(rest, rest, zero) / (1.0 + wide_product(10.0, x, zero))
+
+
+@ti.func
 def derive(h: f64x9, x: ti.f64, y: ti.f64, u: ti.f64, v: ti.f64, limit: ti.f64, zero: ti.i32):
     """Return whether a match counts, derivatives of its equation, its value and square weight."""
     a = (wide_product(h[0], x, zero) + wide_product(h[1], y, zero)) + h[2]
@@ -264,7 +310,7 @@ def derive(h: f64x9, x: ti.f64, y: ti.f64, u: ti.f64, v: ti.f64, limit: ti.f64, 
     n = (wide_product(a, u, zero) + wide_product(b, v, zero)) + c
     under = wide_product(a, a, zero) + wide_product(b, b, zero)
     w = 1.0 / (under + (wide_product(d, d, zero) + wide_product(e, e, zero)))
-    counts = wide_product(wide_product(n, n, zero), w, zero) < limit
+    square = wide_product(wide_product(n, n, zero), w, zero)
     s = wide_product(n, w, zero)
     p, q = u - wide_product(s, a, zero), v - wide_product(s, b, zero)
     f, g = wide_product(s, d, zero), wide_product(s, e, zero)
@@ -276,7 +322,7 @@ def derive(h: f64x9, x: ti.f64, y: ti.f64, u: ti.f64, v: ti.f64, limit: ti.f64, 
     t[4] = wide_product(q, y, zero) - wide_product(g, v, zero)
     t[5] = q
     t[6], t[7] = x - f, y - g
-    return counts, t, n, w
+    return square < limit, t, n, wide_product(w, weight(square, limit, zero), zero)
 
 
 @ti.func

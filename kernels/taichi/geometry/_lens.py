@@ -43,3 +43,15 @@ def straightened(lenses: ti.template(), view: ti.i32, row: ti.f32, column: ti.f3
         if not (ti.abs(x) < WIDEST and ti.abs(y) < WIDEST):
             x, y = want_x, want_y
     return vec2(x, y)
+
+
+@ti.func
+def bent(lenses: ti.template(), view: ti.i32, x: ti.f32, y: ti.f32) -> vec2:
+    """Return the row and column at which a point, for f = 1, is seen."""
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (lenses[view, 4] + r2 * (lenses[view, 5] + r2 * lenses[view, 8]))
+    p1 = lenses[view, 6]
+    p2 = lenses[view, 7]
+    u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
+    v = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
+    return vec2(lenses[view, 1] * v + lenses[view, 3], lenses[view, 0] * u + lenses[view, 2])

@@ -9,7 +9,9 @@ from cvkern.kernels.codes.geometry import LANES, Model
 from cvkern.kernels.taichi._rounding import wide_product
 
 from . import _epipolar as epipolar
-from ._scores import cost_of
+from . import _essential as essential
+from . import _pose as pose
+from ._scores import cost_of, prepared
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -17,11 +19,14 @@ f64_2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
 f64_3 = ti.types.ndarray(dtype=ti.f64, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 
 f32x9 = ti.types.vector(9, ti.f32)
 f64x9 = ti.types.vector(9, ti.f64)
+f64x12 = ti.types.vector(12, ti.f64)
 
-SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, _ = (int(m) for m in Model)
+SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, _, ESSENTIAL, POSE = (int(m) for m in Model)
+UNKNOWNS = (4, 6, 9, 9, 9, 6, 6)  # unknowns of a step, by model
 SINGULAR = 1e-13  # pivots below this share of the trace fix no model
 
 
@@ -30,6 +35,7 @@ def judge(
     matches: f32_2,
     spans: i32_2,
     squares: f32_1,
+    known: f64_2,
     pairs: i32_1,
     kind: ti.template(),
     trial: f64_2,
@@ -37,21 +43,22 @@ def judge(
     zero: ti.i32,
     # outputs
     models: f64_3,
-    costs: i32_2,
-    supports: i32_2,
+    scores: i32_3,
 ):
     """Keep the trial of each model unless it costs more than before by over a sixteenth."""
-    for a, rank in ti.ndrange(costs.shape[0], costs.shape[1]):
+    for a, rank in ti.ndrange(scores.shape[0], scores.shape[1]):
         pair = pairs[a]
-        item = a * costs.shape[1] + rank
-        h = f32x9(0.0)
+        item = a * scores.shape[1] + rank
+        model = f32x9(0.0)
         for i in ti.static(range(9)):
-            h[i] = ti.cast(trial[item, i], ti.f32)
+            model[i] = ti.cast(trial[item, i], ti.f32)
+        h = prepared(kind, model, known, pair, zero)
         start, count = spans[pair, 0], spans[pair, 1]
         cost, support = cost_of(kind, h, matches, start, count, squares[pair], zero)
-        if not again or cost <= costs[a, rank] + (costs[a, rank] >> 4):
-            costs[a, rank] = cost
-            supports[a, rank] = support
+        before = scores[a, rank, 0]
+        if not again or cost <= before + (before >> 4):
+            scores[a, rank, 0] = cost
+            scores[a, rank, 1] = support
             for i in range(9):
                 models[a, rank, i] = trial[item, i]
 
@@ -61,6 +68,7 @@ def add(
     matches: f32_2,
     spans: i32_2,
     squares: f32_1,
+    known: f64_2,
     pairs: i32_1,
     kind: ti.template(),
     per_pair: ti.i32,
@@ -84,7 +92,13 @@ def add(
             i = start + chunk * LANES + lane
             x, y = ti.cast(matches[0, i], ti.f64), ti.cast(matches[1, i], ti.f64)
             u, v = ti.cast(matches[2, i], ti.f64), ti.cast(matches[3, i], ti.f64)
-            if ti.static(kind == FUNDAMENTAL):
+            if ti.static(kind == POSE):
+                k = essential.camera(known, pair, 0)
+                point = ti.Vector([x, y, ti.cast(matches[4, i], ti.f64)])
+                counts, slopes, e, weight = pose.derive(h, k, point, u, v, limit, zero)
+                if counts:
+                    _add_pose(slopes, e, weight, item, lane, zero, sums)
+            elif ti.static(kind >= FUNDAMENTAL):
                 counts, t, n, w = epipolar.derive(h, x, y, u, v, limit, zero)
                 if counts:
                     k = 0
@@ -100,6 +114,27 @@ def add(
                         )
             else:
                 _add_map(h, x, y, u, v, limit, item, lane, zero, sums)
+
+
+@ti.func
+def _add_pose(
+    t: f64x12,
+    e: ti.template(),
+    weight: ti.f64,
+    item: ti.i32,
+    lane: ti.i32,
+    zero: ti.i32,
+    sums: f64_3,
+):
+    k = 0
+    for i in ti.static(range(6)):
+        one, two = wide_product(t[i], weight, zero), wide_product(t[6 + i], weight, zero)
+        for j in ti.static(range(i, 6)):
+            both = wide_product(one, t[j], zero) + wide_product(two, t[6 + j], zero)
+            sums[item, k, lane] = sums[item, k, lane] + both
+            k += 1
+        both = wide_product(one, e[0], zero) + wide_product(two, e[1], zero)
+        sums[item, 21 + i, lane] = sums[item, 21 + i, lane] + both
 
 
 @ti.func
@@ -165,17 +200,20 @@ def _normal(sums: f64_3, item: ti.i32, i: ti.i32, j: ti.i32) -> ti.f64:
 
 @ti.kernel
 def step(
+    known: f64_2,
+    pairs: i32_1,
     kind: ti.template(),
+    per_pair: ti.i32,
     least: ti.f64,
     zero: ti.i32,
     sums: f64_3,
-    equations: f64_3,  # scratch, (items, 10, 10): the last row is the solution
+    equations: f64_3,  # scratch, (items, 10 or more, 10): row 9 is the solution
     fixed: i32_1,
     # output
     trial: f64_2,
 ):
     """Solve for a Gauss-Newton step, and take it."""
-    n = ti.static((4, 6, 9, 9)[kind])
+    n = ti.static(UNKNOWNS[kind])
     for item in range(sums.shape[0]):
         for level in range(5):
             half = LANES >> (level + 1)
@@ -184,13 +222,13 @@ def step(
                     sums[item, k, lane] = sums[item, k, lane] + sums[item, k, lane + half]
         if ti.static(kind == SIMILARITY):
             _similarity_equations(sums, item, equations, zero)
-        elif ti.static(kind != FUNDAMENTAL):
+        elif ti.static(kind < FUNDAMENTAL):
             for i in range(n):
                 for j in range(n):
                     equations[item, i, j] = _normal(sums, item, i, j)
                 equations[item, i, 9] = _normal(sums, item, i, 9)
         trace = ti.cast(0.0, ti.f64)
-        if ti.static(kind != FUNDAMENTAL):
+        if ti.static(kind < FUNDAMENTAL):
             for i in range(n):
                 trace = trace + equations[item, i, i]
         if ti.static(kind == HOMOGRAPHY):  # the scale of H is free: the step is square to it
@@ -206,10 +244,20 @@ def step(
             trace = whole
             if not possible:
                 solvable = 0
+        pair = pairs[item // per_pair]
+        if ti.static(kind == ESSENTIAL):
+            trace = essential.equations(sums, known, pair, trial, item, equations, zero)
+        if ti.static(kind == POSE):
+            trace = pose.equations(sums, item, equations)
         if solvable:
             solvable = _eliminate(equations, item, n, wide_product(least, trace, zero), zero)
         if solvable:
-            _move(kind, equations, item, trial)
+            if ti.static(kind == ESSENTIAL):
+                solvable = essential.move(equations, item, trial, zero)
+            elif ti.static(kind == POSE):
+                solvable = pose.move(equations, item, trial, zero)
+            else:
+                _move(kind, equations, item, trial)
         fixed[item] = solvable
 
 

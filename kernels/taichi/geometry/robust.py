@@ -15,6 +15,8 @@ from cvkern.kernels.codes.geometry import (
     PREVIEW,
     SAMPLE,
     SUMS,
+    Draw,
+    Given,
     Model,
 )
 from cvkern.kernels.taichi._launch import primitive, scratch
@@ -22,9 +24,11 @@ from cvkern.kernels.taichi._random import random_index
 from cvkern.kernels.taichi._rounding import wide_product
 
 from . import _epipolar as epipolar
+from . import _essential as essential
 from . import _maps as maps
+from . import _pose as pose
 from . import _refinement as refinement
-from ._scores import cost_of, residual
+from ._scores import cost_of, prepared, residual
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -40,19 +44,21 @@ f32x9 = ti.types.vector(9, ti.f32)
 f64x8 = ti.types.vector(8, ti.f64)
 f64x9 = ti.types.vector(9, ti.f64)
 
-SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, PARALLAX = (int(m) for m in Model)
+i32x3 = ti.types.vector(3, ti.i32)
+
+SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, PARALLAX, ESSENTIAL, POSE = (int(m) for m in Model)
+SEVERAL = (FUNDAMENTAL, ESSENTIAL, POSE)  # a sample of these leaves several models
 
 
 @ti.func
 def _solve(
     kind: ti.template(),
     matches: f32_2,
-    start: ti.i32,
-    count: ti.i32,
+    span: ti.template(),
+    known: f64_2,
+    pair: ti.i32,
     seed: ti.i32,
     hypothesis: ti.i32,
-    flat: ti.f64,
-    plane: f64x9,
     thread: ti.i32,
     zero: ti.i32,
     work: f64_3,
@@ -62,22 +68,25 @@ def _solve(
     size = ti.static(SAMPLE[kind])
     picked = ti.Vector([-1] * 8)
     found = True
-    x, y, u, v = f64x8(0.0), f64x8(0.0), f64x8(0.0), f64x8(0.0)
+    x, y, u, v, z = f64x8(0.0), f64x8(0.0), f64x8(0.0), f64x8(0.0), f64x8(0.0)
     for s in range(size):
         fresh = False
         for n in range(DRAWS):
             if not fresh:
-                picked[s] = random_index(seed, 0, hypothesis, s + 8 * n, count)
+                picked[s] = random_index(seed, 0, hypothesis, s + 8 * n, span[1])
                 fresh = True
                 for r in range(s):
                     fresh = fresh and picked[r] != picked[s]
         found = found and fresh
-        i = start + picked[s]
+        i = span[0] + picked[s]
         x[s], y[s] = ti.cast(matches[0, i], ti.f64), ti.cast(matches[1, i], ti.f64)
         u[s], v[s] = ti.cast(matches[2, i], ti.f64), ti.cast(matches[3, i], ti.f64)
+        if ti.static(kind == POSE):
+            z[s] = ti.cast(matches[4, i], ti.f64)
     solved = False
     number = 0
     h = f64x9(0.0)
+    flat = ti.f64(FLAT)
     if ti.static(kind == FUNDAMENTAL):
         for s in range(7):
             row = ti.Vector([u[s], v[s]])
@@ -88,8 +97,15 @@ def _solve(
             work[thread, s, 6], work[thread, s, 7], work[thread, s, 8] = x[s], y[s], 1.0
         if found:
             number = epipolar.seven(work, notes, thread, zero)
+    elif ti.static(kind == ESSENTIAL):
+        if found:
+            number = essential.five(x, y, u, v, known, pair, work, notes, thread, zero)
+    elif ti.static(kind == POSE):
+        if found:
+            inverse = essential.camera(known, pair, 1)
+            number = pose.three(x, y, z, u, v, inverse, flat, work, notes, thread, zero)
     elif ti.static(kind == PARALLAX):
-        solved, h = epipolar.parallax(x, y, u, v, plane, zero)
+        solved, h = epipolar.parallax(x, y, u, v, essential.camera(known, pair, 0), zero)
     elif ti.static(kind == SIMILARITY):
         solved, h = maps.similarity(x, y, u, v, flat, zero)
     elif ti.static(kind == AFFINE):
@@ -106,13 +122,10 @@ def _propose(
     matches: f32_2,
     spans: i32_2,
     squares: f32_1,
-    planes: f64_2,
+    known: f64_2,
     pairs: i32_1,
     kind: ti.template(),
-    seed: ti.i32,
-    first: ti.i32,
-    flat: ti.f64,
-    zero: ti.i32,
+    draw: i32x3,  # the seed, the first hypothesis, and 0
     # scratch
     work: f64_3,
     notes: i32_3,
@@ -121,31 +134,29 @@ def _propose(
     costs: i32_2,
 ):
     for a, g in ti.ndrange(costs.shape[0], costs.shape[1]):
-        pair, thread = pairs[a], a * costs.shape[1] + g
+        pair, thread, zero = pairs[a], a * costs.shape[1] + g, draw[2]
         start, count, square = spans[pair, 0], spans[pair, 1], squares[pair]
-        plane = f64x9(0.0)
-        if ti.static(kind == PARALLAX):
-            for i in ti.static(range(9)):
-                plane[i] = planes[pair, i]
+        span = ti.Vector([start, count])
         best = f32x9(0.0)
         least = NO_COST
         for n in range(GROUP):
-            hypothesis = first + g * GROUP + n
+            hypothesis = draw[1] + g * GROUP + n
             number, model = _solve(
-                kind, matches, start, count, seed, hypothesis, flat, plane, thread, zero, work,
-                notes,
-            )  # fmt: skip
+                kind, matches, span, known, pair, draw[0], hypothesis, thread, zero, work, notes
+            )
             for m in range(number):
                 h = ti.cast(model, ti.f32)
-                if ti.static(kind == FUNDAMENTAL):
+                if ti.static(kind in SEVERAL):
                     for i in ti.static(range(9)):
                         h[i] = ti.cast(work[thread, epipolar.MODELS + m, i], ti.f32)
-                cost, _ = cost_of(kind, h, matches, start, ti.min(count, PREVIEW), square, zero)
+                f = prepared(kind, h, known, pair, zero)
+                cost, _ = cost_of(kind, f, matches, start, ti.min(count, PREVIEW), square, zero)
                 if cost < least:
                     least = cost
                     best = h
         if least < NO_COST:
-            least, _ = cost_of(kind, best, matches, start, count, square, zero)
+            f = prepared(kind, best, known, pair, zero)
+            least, _ = cost_of(kind, f, matches, start, count, square, zero)
         costs[a, g] = least
         for i in ti.static(range(9)):
             models[a, g, i] = best[i]
@@ -153,23 +164,15 @@ def _propose(
 
 @primitive
 def propose(
-    matches: np.ndarray,
-    spans: np.ndarray,
-    squares: np.ndarray,
-    planes: np.ndarray,
-    pairs: np.ndarray,
-    kind: int,
-    seed: int,
-    first: int,
-    models: np.ndarray,
-    costs: np.ndarray,
+    given: Given, pairs: np.ndarray, draw: Draw, models: np.ndarray, costs: np.ndarray
 ) -> None:
     """Score the best hypothesis of each group on all matches of a pair."""
-    threads = costs.shape[0] * costs.shape[1] if kind == FUNDAMENTAL else 1
-    work = scratch((threads, *epipolar.PAGE), np.float64)
+    threads = costs.shape[0] * costs.shape[1] if draw.kind in SEVERAL else 1
+    page = essential.PAGE if draw.kind == ESSENTIAL else epipolar.PAGE
+    work = scratch((threads, *page), np.float64)
     notes = scratch((threads, *epipolar.NOTES), np.int32)
-    given = matches, spans, squares, planes, pairs
-    _propose(*given, kind, seed, first, FLAT, 0, work, notes, models, costs)
+    drawn = ti.Vector([draw.seed, draw.first, 0])
+    _propose(*given, pairs, draw.kind, drawn, work, notes, models, costs)
 
 
 @ti.kernel
@@ -199,29 +202,31 @@ def choose(models: np.ndarray, costs: np.ndarray, rows: np.ndarray, chosen: np.n
 
 @primitive
 def refine(
-    matches: np.ndarray,
-    spans: np.ndarray,
-    squares: np.ndarray,
+    given: Given,
     pairs: np.ndarray,
     kind: int,
     schedule: np.ndarray,
     models: np.ndarray,
-    costs: np.ndarray,
-    supports: np.ndarray,
+    scores: np.ndarray,
 ) -> None:
     """Improve models (A, L, 9) float64 of `pairs` (A,) by steps of least squares over inliers."""
-    items, per_pair = costs.shape[0] * costs.shape[1], costs.shape[1]
+    items, per_pair = scores.shape[0] * scores.shape[1], scores.shape[1]
     trial = scratch((items, 9), np.float64)
     sums = scratch((items, SUMS[kind], LANES), np.float64)
-    equations = scratch((items, 10, 10), np.float64)
+    rows = essential.ROWS if kind == ESSENTIAL else 10
+    equations = scratch((items, rows, 10), np.float64)
     fixed = scratch((items,), np.int32)
-    given = matches, spans, squares, pairs
+    given_and_pairs = *given, pairs
     refinement.begin(models, fixed, trial)
-    refinement.judge(*given, kind, trial, 0, 0, models, costs, supports)
+    refinement.judge(*given_and_pairs, kind, trial, 0, 0, models, scores)
     for step in range(schedule.shape[0]):
-        refinement.add(*given, kind, per_pair, refinement.factor(schedule, step), trial, 0, sums)
-        refinement.step(kind, refinement.SINGULAR, 0, sums, equations, fixed, trial)
-    refinement.judge(*given, kind, trial, 1, 0, models, costs, supports)
+        limit = refinement.factor(schedule, step)
+        refinement.add(*given_and_pairs, kind, per_pair, limit, trial, 0, sums)
+        refinement.step(
+            given.known, pairs, kind, per_pair, refinement.SINGULAR, 0, sums, equations, fixed,
+            trial,
+        )  # fmt: skip
+    refinement.judge(*given_and_pairs, kind, trial, 1, 0, models, scores)
 
 
 @ti.kernel
@@ -229,27 +234,22 @@ def _mark(
     matches: f32_2,
     spans: i32_2,
     squares: f32_1,
+    known: f64_2,
     kind: ti.template(),
     models: f64_2,
     zero: ti.i32,
     inliers: u8_1,
 ):
     for pair in range(spans.shape[0]):
-        h = f32x9(0.0)
+        model = f32x9(0.0)
         for i in ti.static(range(9)):
-            h[i] = ti.cast(models[pair, i], ti.f32)
+            model[i] = ti.cast(models[pair, i], ti.f32)
+        h = prepared(kind, model, known, pair, zero)
         for i in range(spans[pair, 0], spans[pair, 0] + spans[pair, 1]):
             inliers[i] = ti.cast(residual(kind, h, matches, i, zero) < squares[pair], ti.u8)
 
 
 @primitive
-def mark(
-    matches: np.ndarray,
-    spans: np.ndarray,
-    squares: np.ndarray,
-    kind: int,
-    models: np.ndarray,
-    inliers: np.ndarray,
-) -> None:
+def mark(given: Given, kind: int, models: np.ndarray, inliers: np.ndarray) -> None:
     """Tell which matches are closer to the model (P, 9) of their pair than the threshold."""
-    _mark(matches, spans, squares, kind, models, 0, inliers)
+    _mark(*given, kind, models, 0, inliers)

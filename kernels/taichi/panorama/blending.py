@@ -9,7 +9,7 @@ were smoothed as often.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.panorama import BLEND_TAPS
+from cvkern.kernels.codes.panorama import BLEND_TAPS, Part
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product, quotient
 
@@ -57,22 +57,17 @@ def collapse(sums: np.ndarray, coarse: np.ndarray, last: int, values: np.ndarray
 def finish(
     values: np.ndarray,
     labels: np.ndarray,
-    top: int,
-    left: int,
     high: float,
-    row: int,
-    column: int,
-    rows: int,
-    columns: int,
+    part: Part,
     image: np.ndarray,
     mask: np.ndarray,
 ) -> None:
-    """Write a part of a tile, from (top, left) on, to an image from (row, column) on.
+    """Write a part of a tile to an image; one thread a pixel.
 
     Above 0 `high` is the largest value, and values are rounded. What nobody covers is 0.
     """
     byte = image.dtype == np.uint8
-    _finish(values, labels, top, left, high, row, column, rows, columns, byte, image, mask)
+    _finish(values, labels, high, *part, byte, image, mask)
 
 
 @ti.kernel
@@ -171,9 +166,9 @@ def _collapse(
 def _finish(
     values: f32_3,  # (C, h, w)
     labels: i32_2,  # (h, w)
+    high: ti.f32,
     top: ti.i32,
     left: ti.i32,
-    high: ti.f32,
     row: ti.i32,
     column: ti.i32,
     rows: ti.i32,

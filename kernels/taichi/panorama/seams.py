@@ -68,8 +68,8 @@ def seed(
 def grow(costs: np.ndarray, rects: np.ndarray, distances: np.ndarray, changed: np.ndarray) -> None:
     """Shorten distances by those of the eight neighbours and the cost of a step.
 
-    Set `changed` to 1 if any is shorter now: whoever calls goes on until none is. A thread takes a
-    pixel; what it sees of its neighbours may be old or new, as distances only fall.
+    Set `changed` to 1 if more may become shorter: whoever calls goes on until none does. A thread
+    takes a pixel; what it sees of its neighbours may be old or new, as distances only fall.
     """
     for _ in range(ROUNDS):
         _grow(costs, rects, distances, changed)

@@ -38,6 +38,15 @@ def largest(costs: np.ndarray, most: np.ndarray) -> None:
     _largest(costs, most)
 
 
+@ti.func
+def _cost(value: ti.template()) -> ti.f32:
+    """Return a cost as float32; infinite for NaN."""
+    c = ti.cast(value, ti.f32)
+    if not c < ti.math.inf:
+        c = ti.math.inf
+    return c
+
+
 @ti.kernel
 def _pick(
     costs: any_3,  # (H, W, D)
@@ -57,18 +66,22 @@ def _pick(
         best = ti.math.inf
         k = 0
         for d in range(depth):
-            c = ti.cast(costs[y, x, d], ti.f32)
+            c = _cost(costs[y, x, d])
             if c < best:
                 best = c
                 k = d
         second = ti.math.inf
         for d in range(depth):
             if ti.abs(d - k) > 1:
-                second = ti.min(second, ti.cast(costs[y, x, d], ti.f32))
+                second = ti.min(second, _cost(costs[y, x, d]))
         cost[y, x] = best
         certain = 0.0
         if second > best:
-            certain = ti.min(ti.max(1.0 - quotient(best, second, zero), 0.0), 1.0)
+            share = 1.0 - quotient(best, second, zero)
+            if best == -ti.math.inf:  # the share has no bound
+                certain = 1.0
+            elif share > 0.0:  # not where it is NaN
+                certain = ti.min(share, 1.0)
         confidence[y, x] = certain
         if uniqueness > 0 and second * (100.0 - uniqueness) < best * 100.0:
             index[y, x] = -1
@@ -76,8 +89,8 @@ def _pick(
         else:
             offset = 0.0
             if subpixel != Subpixel.NONE and 0 < k < depth - 1:
-                a = ti.cast(costs[y, x, k - 1], ti.f32) - best
-                b = ti.cast(costs[y, x, k + 1], ti.f32) - best
+                a = _cost(costs[y, x, k - 1]) - best
+                b = _cost(costs[y, x, k + 1]) - best
                 n = a - b
                 m = a + b if subpixel == Subpixel.PARABOLA else ti.max(a, b)
                 if 0.0 < m < ti.math.inf and ti.abs(n) < ti.math.inf:
@@ -105,7 +118,7 @@ def _pick_right(
         for d in range(costs.shape[2]):
             left = x + first + d
             if 0 <= left < costs.shape[1]:
-                c = ti.cast(costs[y, left, d], ti.f32)
+                c = _cost(costs[y, left, d])
                 if k < 0 or c < best:
                     best = c
                     k = d

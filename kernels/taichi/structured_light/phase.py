@@ -43,6 +43,7 @@ def _decode(
         t = 0.0
         angle = 0.0
         least = ti.cast(ti.math.inf, ti.f32)
+        seen = 1
         for j in range(frequencies.shape[0]):
             s = 0.0
             c = 0.0
@@ -52,9 +53,11 @@ def _decode(
                 c += product(value, waves[n, 1], zero)
             angle = gradient_angle(s, c, zero)
             length = root(squared_magnitude(s, c, zero), zero)
-            least = ti.min(
-                least, quotient(product(2.0, length, zero), ti.cast(steps, ti.f32), zero)
-            )
+            modulation = quotient(product(2.0, length, zero), ti.cast(steps, ti.f32), zero)
+            if not length < ti.math.inf:  # NaN as well
+                seen = 0
+            if modulation < least:
+                least = modulation
             p = product(angle, ti.cast(TURN, ti.f32), zero)
             f = frequencies[j]
             k = 0.0
@@ -68,9 +71,10 @@ def _decode(
         f = frequencies[0]
         u = product(f, t, zero)
         t = quotient(u - ti.floor(u), f, zero)
-        places[y, x] = product(t, ti.cast(size, ti.f32), zero) - 0.5
-        phases[y, x] = angle
-        modulations[y, x] = least
+        nowhere = ti.bit_cast(0x7FC00000, ti.f32)  # NaN, with these bits everywhere
+        places[y, x] = product(t, ti.cast(size, ti.f32), zero) - 0.5 if seen == 1 else nowhere
+        phases[y, x] = angle if seen == 1 else nowhere
+        modulations[y, x] = least if seen == 1 else nowhere
 
 
 @primitive
@@ -107,3 +111,20 @@ def _accept(
 def accept(columns: np.ndarray, rows: np.ndarray, threshold: float, valid: np.ndarray) -> None:
     """Mark the pixels whose modulation of both axes is above the threshold; one thread a pixel."""
     _accept(columns, rows, threshold, valid)
+
+
+@ti.kernel
+def _pick(
+    src: f32_2,
+    step: ti.i32,
+    # outputs
+    dst: f32_2,
+):
+    for i, j in dst:
+        dst[i, j] = src[step * i, step * j]
+
+
+@primitive
+def pick(src: np.ndarray, step: int, dst: np.ndarray) -> None:
+    """Take every `step`-th pixel along both sides; one thread a pixel of the result."""
+    _pick(src, step, dst)

@@ -158,7 +158,7 @@ def sample(
     along = weights(x, order, zero)
     top = first_tap(y, order)
     left = first_tap(x, order)
-    total = 0.0
+    total = ti.cast(zero, ti.f32)  # not a constant, which Taichi would leave out: 0 + -0 is 0
     if ti.static(order == 0):
         i = tap_index(top, src.shape[1], border)
         j = tap_index(left, src.shape[2], border)
@@ -166,7 +166,7 @@ def sample(
     else:
         for a in ti.static(range(order + 1)):
             i = tap_index(top + a, src.shape[1], border)
-            line = 0.0
+            line = ti.cast(zero, ti.f32)
             for b in ti.static(range(order + 1)):
                 j = tap_index(left + b, src.shape[2], border)
                 line = line + product(along[b], ti.cast(src[p, i, j, c], ti.f32), zero)
@@ -176,5 +176,8 @@ def sample(
 
 @ti.func
 def stored(v: ti.f32) -> ti.f32:
-    """Return what a byte holds of a value: rounded and cut off."""
-    return ti.floor(ti.max(ti.min(v, 255.0), 0.0) + 0.5)
+    """Return what a byte holds of a value: rounded and cut off, 0 for NaN."""
+    held = 0.0
+    if v > 0.0:
+        held = ti.floor(ti.min(v, 255.0) + 0.5)
+    return held

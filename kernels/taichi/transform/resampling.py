@@ -1,9 +1,9 @@
-"""Resizing along one axis at a time, in Taichi."""
+"""Resizing down the rows and then along the columns, in Taichi."""
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product
 
 from ._taps import stored
@@ -14,9 +14,25 @@ any_3 = ti.types.ndarray(ndim=3)  # u8 or f32
 
 
 @primitive
-def resample(src: np.ndarray, starts: np.ndarray, weights: np.ndarray, dst: np.ndarray) -> None:
-    """Weigh the pixels of each line from its start on, for each pixel; one thread an element."""
-    _resample(src, starts, weights, dst.dtype == np.uint8, 0, dst)
+def resample(
+    src: np.ndarray,
+    tops: np.ndarray,
+    down: np.ndarray,
+    starts: np.ndarray,
+    along: np.ndarray,
+    dst: np.ndarray,
+) -> None:
+    """Weigh the pixels of a column from the top of each row on, then those of each row alike.
+
+    One thread an element and pass.
+    """
+    planes, height, width, channels = src.shape
+    tall, wide = dst.shape[1:3]
+    middle = scratch((planes, tall, width * channels), np.float32)
+    _resample(src.reshape(planes, height, -1), tops, down, False, 0, middle)
+    lines = middle.reshape(planes * tall, width, channels)
+    result = dst.reshape(planes * tall, wide, channels)
+    _resample(lines, starts, along, dst.dtype == np.uint8, 0, result)
 
 
 @ti.kernel
@@ -30,7 +46,7 @@ def _resample(
     dst: any_3,  # (outer, m, inner)
 ):
     for o, k, i in ti.ndrange(dst.shape[0], dst.shape[1], dst.shape[2]):
-        total = 0.0
+        total = ti.cast(zero, ti.f32)  # not a constant: 0 + -0 is 0
         for t in range(weights.shape[1]):
             if weights[k, t] != 0.0:
                 v = ti.cast(src[o, starts[k] + t, i], ti.f32)

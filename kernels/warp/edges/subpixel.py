@@ -1,17 +1,37 @@
 """Sub-pixel edge points, in Warp: one thread per row.
 
 Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
-parabola, and the edge is at the maximum of this parabola. With a, b and c the logarithms before, at
-and after a pixel, the maximum is at the offset ``(a - c) / (2 (a - 2 b + c))``. There are two
-passes: the points of each row are counted, and then listed at the row's place.
+parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
+after a pixel less the one at it, the maximum is at the offset ``(p - q) / (2 (p + q))``. There are
+two passes: the points of each row are counted, and then listed at the row's place.
 """
 
 import warp as wp
 
+from cvkern.kernels.codes.edges import LEAST_MANTISSA, LEAST_RATIO, LN2, LOG, MANTISSA_BITS
 from cvkern.kernels.warp._angles import atan2
 from cvkern.kernels.warp._launch import launch
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+L0, L1, L2, L3, L4 = (wp.constant(c) for c in LOG)
+SMALLEST = wp.constant(LEAST_RATIO)
+HALF_ROOT = wp.constant(LEAST_MANTISSA)
+SHIFT = wp.constant(MANTISSA_BITS)
+LOG_2 = wp.constant(LN2)
+
+
+@wp.func
+def _log_of_ratio(a: float, b: float) -> float:
+    """Logarithm of a / b: sums, products and quotients alone, so equal bits on every device."""
+    ratio = wp.max(a / b, SMALLEST)
+    bits = wp.cast(ratio, wp.int32)
+    exponent = (bits - HALF_ROOT) >> SHIFT
+    m = wp.cast(bits - (exponent << SHIFT), wp.float32)
+    s = (m - 1.0) / (m + 1.0)
+    z = s * s
+    series = (((L4 * z + L3) * z + L2) * z + L1) * z + L0
+    return 2.0 * s * series + float(exponent) * LOG_2
 
 
 @wp.func
@@ -37,7 +57,7 @@ def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.v
 @wp.func
 def _is_peak(m: wp.vec3) -> bool:
     """Tell whether a parabola through the logarithms of `m` has its maximum near the middle."""
-    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0
+    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0 and m[1] < wp.inf
 
 
 @wp.kernel
@@ -74,10 +94,9 @@ def _gather_edges(
         if mask[y, x] != wp.uint8(0):
             m = _three(dy, dx, y, x)
             if _is_peak(m):
-                a = wp.log(m[0])
-                b = wp.log(m[1])
-                c = wp.log(m[2])
-                offset = 0.5 * (a - c) / (a - 2.0 * b + c)
+                p = _log_of_ratio(m[0], m[1])
+                q = _log_of_ratio(m[2], m[1])
+                offset = 0.5 * (p - q) / (p + q)
                 down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1.0, 0.0)
                 points[i, 0] = float(y) + down * offset
                 points[i, 1] = float(x) + (1.0 - down) * offset

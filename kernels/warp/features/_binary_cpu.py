@@ -1,7 +1,8 @@
-"""FAST corners on the CPU, row by row."""
+"""FAST corners and binary descriptors on the CPU, row by row and point by point."""
 
 import warp as wp
 
+from cvkern.kernels.codes import features as codes
 from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -10,25 +11,52 @@ FILE = "_binary_cpu.h"
 
 
 @_native.func_native(FILE)
-def score_row(
-    row: int,
+def mark_rows(
+    slab: int,
+    first: int,
+    last: int,
     src: wp.array2d[wp.uint8],
     threshold: int,
     margin: int,
-    scores: wp.array2d[wp.uint8],
+    lines: wp.array2d[wp.uint8],
+    words: wp.array3d[int],
+    counts: wp.array[int],
 ): ...
 
 
 @_native.func_native(FILE)
-def mark_row(row: int, scores: wp.array2d[wp.uint8], words: wp.array3d[int]): ...
+def list_row(
+    row: int,
+    src: wp.array2d[wp.uint8],
+    words: wp.array3d[int],
+    starts: wp.array[int],
+    places: wp.array[int],
+    responses: wp.array[wp.int64],
+): ...
+
+
+@_native.func_native(
+    FILE,
+    DISC=codes.DISC,
+    BLUR=codes.BLUR,
+    PAIRS=codes.PAIRS,
+    TURNS=codes.TURNS,
+    TURNS_PER_RADIAN=f"{codes.TURNS_PER_RADIAN!r}f",
+)
+def describe_one(
+    k: int,
+    src: wp.array2d[wp.uint8],
+    taps: wp.array[float],
+    points: wp.array2d[int],
+    pattern: wp.array3d[int],
+    upright: int,
+    angles: wp.array[float],
+    descriptors: wp.array2d[wp.uint8],
+): ...
 
 
 @_native.func_native(FILE)
 def round_row(row: int, src: wp.array2d[float], dst: wp.array2d[wp.uint8]): ...
-
-
-@_native.func_native(FILE)
-def widen_row(row: int, src: wp.array2d[wp.uint8], dst: wp.array2d[float]): ...
 
 
 @wp.kernel
@@ -45,41 +73,51 @@ def round_values(
 
 
 @wp.kernel
-def widen_values(
-    slab: int,
-    first: int,
-    last: int,
-    src: wp.array2d[wp.uint8],
-    # outputs
-    dst: wp.array2d[float],
-):
-    for row in range(first, last):
-        widen_row(row, src, dst)
-
-
-@wp.kernel
-def score(
+def mark(
     slab: int,
     first: int,
     last: int,
     src: wp.array2d[wp.uint8],
     threshold: int,
     margin: int,
+    # scratch
+    lines: wp.array2d[wp.uint8],  # (3 slabs, W and 64 on both sides)
     # outputs
-    scores: wp.array2d[wp.uint8],
+    words: wp.array3d[int],  # (1, H, ceil(W / 32))
+    counts: wp.array[int],
 ):
-    for row in range(first, last):
-        score_row(row, src, threshold, margin, scores)
+    mark_rows(slab, first, last, src, threshold, margin, lines, words, counts)
 
 
 @wp.kernel
-def mark(
+def gather(
     slab: int,
     first: int,
     last: int,
-    scores: wp.array2d[wp.uint8],
-    # outputs
+    src: wp.array2d[wp.uint8],
     words: wp.array3d[int],
+    starts: wp.array[int],
+    # outputs
+    places: wp.array[int],
+    responses: wp.array[wp.int64],
 ):
     for row in range(first, last):
-        mark_row(row, scores, words)
+        list_row(row, src, words, starts, places, responses)
+
+
+@wp.kernel
+def describe(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array2d[wp.uint8],
+    taps: wp.array[float],
+    points: wp.array2d[int],
+    pattern: wp.array3d[int],  # (TURNS, PAIRS, 4): row, column, row, column
+    upright: int,
+    # outputs
+    angles: wp.array[float],
+    descriptors: wp.array2d[wp.uint8],
+):
+    for k in range(first, last):
+        describe_one(k, src, taps, points, pattern, upright, angles, descriptors)

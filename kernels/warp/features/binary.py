@@ -3,12 +3,15 @@
 import warp as wp
 
 from cvkern.kernels.codes.features import DISC, PAIRS, TURNS, TURNS_PER_RADIAN
+from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.warp._angles import atan2
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._zeros import clear
+from cvkern.kernels.warp.filters.linear import correlate_separable
 
 from . import _binary_cpu as cpu
 from . import _binary_cuda as cuda
+from .keypoints.extrema import count_marks, list_marks
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -16,6 +19,7 @@ RADIUS = wp.constant(DISC)
 STEPS = wp.constant(TURNS)
 PER_RADIAN = wp.constant(TURNS_PER_RADIAN)
 BYTES = wp.constant(PAIRS // 8)
+SCORES = 64  # pixels whose scores the CPU finds at once
 
 
 def round_values(src: wp.array, dst: wp.array) -> None:
@@ -26,51 +30,69 @@ def round_values(src: wp.array, dst: wp.array) -> None:
     launch_slabs(cpu.round_values, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
-def widen_values(src: wp.array, dst: wp.array) -> None:
-    """Values of bytes; one thread a pixel."""
-    if dst.device.is_cuda:
-        launch(cuda.widen_values, dst.shape, [src], [dst])
-        return
-    launch_slabs(cpu.widen_values, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+def mark_corners(
+    src: wp.array, threshold: int, margin: int, words: wp.array, counts: wp.array
+) -> None:
+    """Mark FAST corners of 9 pixels of 16 that score most of 3 x 3, of equal ones the first.
 
-
-def score_corners(src: wp.array, threshold: int, margin: int, scores: wp.array) -> None:
-    """Score FAST corners of 9 pixels of 16; one thread a pixel."""
-    height = src.shape[0]
+    A bit a pixel, and their number in each row.
+    """
+    height, width = src.shape
     if src.device.is_cuda:
+        scores = scratch("corners.scores", src.shape, wp.uint8, src.device)
         launch(cuda.score, src.shape, [src, threshold, margin], [scores])
-        return
-    launch_slabs(cpu.score, height, slabs(height, src.size), [src, threshold, margin], [scores])
-
-
-def mark_corners(scores: wp.array, words: wp.array) -> None:
-    """Mark scores that are the largest of 3 x 3, of equal ones the first; one bit a pixel."""
-    height = scores.shape[0]
-    if scores.device.is_cuda:
         clear(words)
-        launch(cuda.mark, scores.shape, [scores], [words])
+        launch(cuda.mark, src.shape, [scores], [words])
+        count_marks(words, counts)
         return
-    launch_slabs(cpu.mark, height, slabs(height, scores.size), [scores], [words])
+    parts = slabs(height, src.size)
+    pitch = (-(-width // SCORES) + 2) * SCORES
+    lines = scratch("corners.lines", (3 * parts, pitch), wp.uint8, src.device)
+    launch_slabs(cpu.mark, height, parts, [src, threshold, margin, lines], [words, counts])
 
 
-def weigh_corners(src: wp.array, points: wp.array, responses: wp.array) -> None:
-    """Harris' measure over 7 x 7 pixels, times 25, as an integer; one thread a point."""
-    count = points.shape[0]
-    launch_each(_weigh, count, 500 * count, [src, points], [responses])
+def list_corners(
+    src: wp.array, words: wp.array, starts: wp.array, places: wp.array, responses: wp.array
+) -> None:
+    """List the places (row times width plus column) of the bits, with Harris' measure of each.
+
+    It is that over 7 x 7 pixels, times 25, as an integer.
+    """
+    count = places.shape[0]
+    if src.device.is_cuda:
+        list_marks(words, starts, src.shape[1], places)
+        launch_each(_weigh, count, 500 * count, [src, places], [responses])
+        return
+    height = src.shape[0]
+    parts = slabs(height, 100 * count)
+    launch_slabs(cpu.gather, height, parts, [src, words, starts], [places, responses])
 
 
 def describe_corners(
     src: wp.array,
-    smooth: wp.array,
+    taps: wp.array,
     points: wp.array,
     pattern: wp.array,
     upright: int,
     angles: wp.array,
     descriptors: wp.array,
 ) -> None:
-    """Direction by the moments of a disc, bits by comparing pairs of pixels; a thread a point."""
+    """Direction by the moments of a disc, bits by comparing pairs of smoothed pixels.
+
+    A thread a point. The image is smoothed by `taps`; on the CPU the windows of the points are.
+    """
     count = points.shape[0]
-    inputs = [src, smooth, points, pattern, upright]
+    if not src.device.is_cuda:
+        inputs = [src, taps, points, pattern, upright]
+        launch_slabs(cpu.describe, count, slabs(count, 4000 * count), inputs, [angles, descriptors])
+        return
+    planes = (1, *src.shape)
+    real, smooth = (
+        scratch(f"corners.{name}", planes, wp.float32, src.device) for name in ("real", "smooth")
+    )
+    launch(cuda.widen_values, src.shape, [src], [view(real, wp.float32, src.shape)])
+    correlate_separable(real, taps, taps, 1, int(Border.MIRROR), 0.0, smooth)
+    inputs = [src, view(smooth, wp.float32, src.shape), points, pattern, upright]
     launch_each(_describe, count, 1000 * count, inputs, [angles, descriptors])
 
 
@@ -80,16 +102,18 @@ def _weigh(
     first: int,
     last: int,
     src: wp.array2d[wp.uint8],
-    points: wp.array2d[int],
+    places: wp.array[int],
     # outputs
     responses: wp.array[wp.int64],
 ):
     for n in range(first + wp.tid(), last, stride):
+        row = places[n] // src.shape[1]
+        column = places[n] - row * src.shape[1]
         yy = int(0)
         xx = int(0)
         xy = int(0)
-        for y in range(points[n, 0] - 3, points[n, 0] + 4):
-            for x in range(points[n, 1] - 3, points[n, 1] + 4):
+        for y in range(row - 3, row + 4):
+            for x in range(column - 3, column + 4):
                 nw = int(src[y - 1, x - 1])
                 ne = int(src[y - 1, x + 1])
                 sw = int(src[y + 1, x - 1])

@@ -2,6 +2,35 @@
 
 // Fundamental matrices for either device; Taichi's _epipolar.py has the same order of arithmetic.
 struct Epipolar {
+    // Solve A d = b, n unknowns, positive definite; rows of 10 numbers, the last is b's.
+    static bool eliminate(double* a, int n, double least, double* d) {
+        for (int k = 0; k < n; ++k) {
+            const double* row = a + 10 * k;
+            if (!(row[k] > least)) return false;
+            for (int i = k + 1; i < n; ++i) {
+                double* below = a + 10 * i;
+                const double factor = below[k] / row[k];
+                for (int j = k + 1; j < n; ++j) below[j] = below[j] - factor * row[j];
+                below[9] = below[9] - factor * row[9];
+            }
+        }
+        for (int k = n - 1; k >= 0; --k) {
+            double sum = a[10 * k + 9];
+            for (int j = k + 1; j < n; ++j) sum = sum - a[10 * k + j] * d[j];
+            d[k] = sum / a[10 * k + k];
+        }
+        return true;
+    }
+
+    // Scale a matrix to a largest element of 1; false where there is none.
+    static bool unit(double* h) {
+        double largest = 0.0;
+        for (int i = 0; i < 9; ++i) largest = wp::abs(h[i]) > largest ? wp::abs(h[i]) : largest;
+        if (!(largest > 0.0 && largest < 1e300)) return false;
+        for (int i = 0; i < 9; ++i) h[i] = h[i] / largest;
+        return true;
+    }
+
     // Null vectors of r equations in nine unknowns, by Gauss-Jordan elimination with the largest
     // pivot, of equals the first by row and column; false below a least pivot.
     static bool null_space(double* m, int r, double* vectors) {
@@ -57,14 +86,18 @@ struct Epipolar {
         return degree;
     }
 
+    static double value(const double* p, int degree, double t) {
+        double value = p[degree];
+        for (int k = degree - 1; k >= 0; --k) value = value * t + p[k];
+        return value;
+    }
+
     // How often the signs of Sturm's chain change at t.
     static int changes(const double* chain, const int* degrees, int length, double t) {
         int count = 0, last = 0;
         for (int i = 0; i < length; ++i) {
-            const double* p = chain + 12 * i;
-            double value = p[degrees[i]];
-            for (int k = degrees[i] - 1; k >= 0; --k) value = value * t + p[k];
-            const int sign = value > 0.0 ? 1 : value < 0.0 ? -1 : 0;
+            const double at = value(chain + 12 * i, degrees[i], t);
+            const int sign = at > 0.0 ? 1 : at < 0.0 ? -1 : 0;
             if (sign != 0) {
                 if (last != 0 && sign != last) ++count;
                 last = sign;
@@ -74,6 +107,7 @@ struct Epipolar {
     }
 
     // Real roots in (-1, 1], by 48 bisections each; p has up to 12 coefficients, lowest first.
+    // Sturm's chain is needed until a root is alone: then the polynomial's sign tells.
     static int roots(const double* p, int degree, double* found) {
         double chain[144];
         int degrees[12];
@@ -101,9 +135,25 @@ struct Epipolar {
         const int count = before - changes(chain, degrees, length, 1.0);
         for (int n = 0; n < count; ++n) {
             double low = -1.0, high = 1.0;
+            int below = 0, upto = count;  // the number of roots in (-1, low] and in (-1, high]
+            double top = 0.0;             // the polynomial at the high end, once the root is alone
+            bool alone = false;
             for (int step = 0; step < 48; ++step) {
                 const double middle = (low + high) * 0.5;
-                if (before - changes(chain, degrees, length, middle) > n)
+                bool above;
+                if (!alone && upto - below < 2) alone = true, top = value(chain, degrees[0], high);
+                if (!alone) {
+                    const int now = before - changes(chain, degrees, length, middle);
+                    above = now > n;
+                    if (above)
+                        upto = now;
+                    else
+                        below = now;
+                } else {
+                    const double one = value(chain, degrees[0], middle);
+                    above = top > 0.0 ? one >= 0.0 : (top < 0.0) & (one <= 0.0);
+                }
+                if (above)
                     high = middle;
                 else
                     low = middle;
@@ -180,6 +230,12 @@ struct Epipolar {
         return n * n / ((a * a + b * b) + (d * d + e * e));
     }
 
+    // The weight of a squared residual: Cauchy's, of a third of the limit's root, fading to 0 there.
+    static double weight(double square, double limit) {
+        const double x = square / limit, rest = 1.0 - x;
+        return rest * rest / (1.0 + 10.0 * x);
+    }
+
     // What one match gives: the derivatives t of its equation, to be weighed by the square w, and
     // its value n; false where it is beyond the limit.
     static bool derive(const double* h, double x, double y, double u, double v, double limit,
@@ -189,12 +245,13 @@ struct Epipolar {
         const double d = (h[0] * u + h[3] * v) + h[6], e = (h[1] * u + h[4] * v) + h[7];
         n = (a * u + b * v) + c;
         w = 1.0 / ((a * a + b * b) + (d * d + e * e));
-        const bool counts = n * n * w < limit;
+        const double square = n * n * w;
         const double s = n * w, p = u - s * a, q = v - s * b, f = s * d, g = s * e;
         t[0] = p * x - f * u, t[1] = p * y - g * u, t[2] = p;
         t[3] = q * x - f * v, t[4] = q * y - g * v, t[5] = q;
         t[6] = x - f, t[7] = y - g, t[8] = 1.0;
-        return counts;
+        w = w * weight(square, limit);
+        return square < limit;
     }
 
     // Normal equations of a step, rows of 10 numbers, from the sums of products t t and t n: the

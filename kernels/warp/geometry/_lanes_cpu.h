@@ -6,17 +6,24 @@ struct Lanes {
     enum { COUNT = 32, SUMS = 54, ONE = 4096 };
 
     // The cost of a model over matches in fixed point, and the number of its inliers.
-    static int cost(int kind, const float* f, const float* x, size_t pitch, int count, float square,
-                    int& support) {
-        const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
+    static int cost(int kind, const float* f, const double* known, const float* x, size_t pitch,
+                    int count, float square, int& support) {
+        const float *y = x + pitch, *u = y + pitch, *v = u + pitch, *z = v + pitch;
         const float scale = ONE / square;
-        float h[9];
-        for (int i = 0; i < 9; ++i) h[i] = f[i];
+        float h[12];
+        Robust::prepare(kind, f, known, h);
         int cost = 0, inside = 0;
         if (kind < Robust::FUNDAMENTAL) {
 #pragma clang loop vectorize(assume_safety)
             for (int i = 0; i < count; ++i) {
                 const float r = Robust::transfer(h, x[i], y[i], u[i], v[i]);
+                cost += r < square ? (int)(r * scale + 0.5f) : ONE;
+                inside += r < square;
+            }
+        } else if (kind == Robust::POSE) {
+#pragma clang loop vectorize(assume_safety)
+            for (int i = 0; i < count; ++i) {
+                const float r = Pose::residual(h, x[i], y[i], z[i], u[i], v[i]);
                 cost += r < square ? (int)(r * scale + 0.5f) : ONE;
                 inside += r < square;
             }
@@ -98,16 +105,44 @@ struct Lanes {
         }
     }
 
+    // The same for points of a scene.
+    static void add_pose(const double* h, const double* camera, const float* x, size_t pitch,
+                         int left, double limit, double* sums) {
+        const float *y = x + pitch, *u = y + pitch, *v = u + pitch, *z = v + pitch;
+        double t[12][COUNT], e[2][COUNT], p[12], weight[COUNT], one[COUNT], two[COUNT];
+        Pose::project(h, camera, p);
+        for (int l = 0; l < COUNT; ++l) {
+            double slope[12], gap[2], w;
+            const bool near =
+                Pose::derive(h, p, camera, x[l], y[l], z[l], u[l], v[l], limit, slope, gap, w);
+            const bool counts = (l < left) & near;
+            weight[l] = counts ? w : 0.0;
+            for (int i = 0; i < 12; ++i) t[i][l] = counts ? slope[i] : 0.0;
+            for (int i = 0; i < 2; ++i) e[i][l] = counts ? gap[i] : 0.0;
+        }
+        double* sum = sums;
+        for (int i = 0; i < 6; ++i) {
+            for (int l = 0; l < COUNT; ++l)
+                one[l] = t[i][l] * weight[l], two[l] = t[6 + i][l] * weight[l];
+            for (int j = i; j < 6; ++j, sum += COUNT)
+                for (int l = 0; l < COUNT; ++l) sum[l] += one[l] * t[j][l] + two[l] * t[6 + j][l];
+            double* right = sums + (21 + i) * COUNT;
+            for (int l = 0; l < COUNT; ++l) right[l] += one[l] * e[0][l] + two[l] * e[1][l];
+        }
+    }
+
     // Steps of least squares from a model, each over the matches below a limit of its own.
-    static void improve(int kind, const float* x, size_t pitch, int count, float square,
-                        const float* schedule, int steps, double* h) {
-        const int number = kind == Robust::FUNDAMENTAL ? 54 : 33;
+    static void improve(int kind, const double* known, const float* x, size_t pitch, int count,
+                        float square, const float* schedule, int steps, double* h) {
+        const int number = kind == Robust::POSE ? 27 : kind >= Robust::FUNDAMENTAL ? 54 : 33;
         for (int s = 0; s < steps; ++s) {
             const double limit = (double)square * (double)schedule[s];
             double sums[SUMS * COUNT], total[SUMS];
             for (int i = 0; i < number * COUNT; ++i) sums[i] = 0.0;
             for (int base = 0; base < count; base += COUNT) {
-                if (kind == Robust::FUNDAMENTAL)
+                if (kind == Robust::POSE)
+                    add_pose(h, known, x + base, pitch, count - base, limit, sums);
+                else if (kind >= Robust::FUNDAMENTAL)
                     add_epipolar(h, x + base, pitch, count - base, limit, sums);
                 else
                     add(h, x + base, pitch, count - base, limit, sums);
@@ -117,7 +152,7 @@ struct Lanes {
                     for (int l = 0; l < half; ++l)
                         sums[i * COUNT + l] += sums[i * COUNT + l + half];
             for (int i = 0; i < number; ++i) total[i] = sums[i * COUNT];
-            if (!Robust::step(kind, total, h)) return;
+            if (!Robust::step(kind, total, known, h)) return;
         }
     }
 };

@@ -1,10 +1,10 @@
-#include "_epipolar.h"
+#include "_pose.h"
 #pragma once
 
 // Samples, minimal solvers and least-squares steps of robust fits, for either device. Arithmetic
 // is in the order written, with no fused multiply-add; Taichi's robust.py has the same order.
 struct Robust {
-    enum Model { SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, PARALLAX };
+    enum Model { SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, PARALLAX, ESSENTIAL, POSE };
 
     static unsigned mix(unsigned x) {  // kernels/warp/_random.py
         const unsigned state = x * 747796405u + 2891336453u;
@@ -99,29 +99,46 @@ struct Robust {
         return true;
     }
 
-    // The models of one hypothesis, for matches x0, y0, x1, y1 that lie `pitch` apart; their
-    // number. PARALLAX takes the homography of a plane as given.
+    // The models of one hypothesis, at most ten; their number. Matches x0, y0, x1, y1, and z0 of a
+    // scene, lie `pitch` apart. `known` is the homography of a plane, or cameras.
     static int solve(int kind, const float* matches, size_t pitch, int count, int seed,
-                     int hypothesis, double flat, const double* plane, double* models) {
+                     int hypothesis, double flat, const double* known, double* models) {
         int picked[8];
-        const int sizes[5] = {2, 3, 4, 7, 2};
+        const int sizes[7] = {2, 3, 4, 7, 2, 5, 3};
         const int size = sizes[kind];
         if (!sample(seed, hypothesis, count, size, picked)) return 0;
-        double x[8], y[8], u[8], v[8];
+        double x[8], y[8], u[8], v[8], z[8];
         for (int i = 0; i < size; ++i) {
             const float* match = matches + picked[i];
             x[i] = match[0], y[i] = match[pitch], u[i] = match[2 * pitch], v[i] = match[3 * pitch];
+            if (kind == POSE) z[i] = match[4 * pitch];
         }
         if (kind == FUNDAMENTAL) return Epipolar::seven(x, y, u, v, models);
-        if (kind == PARALLAX) return Epipolar::parallax(x, y, u, v, plane, models);
+        if (kind == PARALLAX) return Epipolar::parallax(x, y, u, v, known, models);
+        if (kind == ESSENTIAL) return Essential::five(x, y, u, v, known, models);
+        if (kind == POSE) return Pose::three(x, y, z, u, v, known, flat, models);
         if (kind == SIMILARITY) return similarity(x, y, u, v, flat, models);
         return kind == AFFINE ? affine(x, y, u, v, flat, models)
                               : homography(x, y, u, v, flat, models);
     }
 
+    // What residuals are taken from: nine numbers of a matrix, or twelve of a projection.
+    static void prepare(int kind, const float* model, const double* known, float* f) {
+        if (kind != POSE) {
+            for (int i = 0; i < 9; ++i) f[i] = model[i];
+            return;
+        }
+        double h[9], p[12];
+        for (int i = 0; i < 9; ++i) h[i] = model[i];
+        Pose::project(h, known, p);
+        for (int i = 0; i < 12; ++i) f[i] = (float)p[i];
+    }
+
     // The squared residual of a match.
-    static float residual(int kind, const float* h, float x, float y, float u, float v) {
-        return kind < FUNDAMENTAL ? transfer(h, x, y, u, v) : Epipolar::sampson(h, x, y, u, v);
+    static float residual(int kind, const float* f, const float* match, size_t pitch) {
+        const float x = match[0], y = match[pitch], u = match[2 * pitch], v = match[3 * pitch];
+        if (kind == POSE) return Pose::residual(f, x, y, match[4 * pitch], u, v);
+        return kind < FUNDAMENTAL ? transfer(f, x, y, u, v) : Epipolar::sampson(f, x, y, u, v);
     }
 
     // The squared distance of H (x, y) from (u, v).
@@ -132,36 +149,18 @@ struct Robust {
         return dx * dx + dy * dy;
     }
 
-    // Solve A d = b, n unknowns, positive definite; rows of 10 numbers, the last is b's.
-    static bool eliminate(double* a, int n, double least, double* d) {
-        for (int k = 0; k < n; ++k) {
-            const double* row = a + 10 * k;
-            if (!(row[k] > least)) return false;
-            for (int i = k + 1; i < n; ++i) {
-                double* below = a + 10 * i;
-                const double factor = below[k] / row[k];
-                for (int j = k + 1; j < n; ++j) below[j] = below[j] - factor * row[j];
-                below[9] = below[9] - factor * row[9];
-            }
-        }
-        for (int k = n - 1; k >= 0; --k) {
-            double sum = a[10 * k + 9];
-            for (int j = k + 1; j < n; ++j) sum = sum - a[10 * k + j] * d[j];
-            d[k] = sum / a[10 * k + k];
-        }
-        return true;
-    }
-
     // One Gauss-Newton step from the sums over all matches; false where they fix no model.
-    static bool step(int kind, const double* sums, double* h) {
+    static bool step(int kind, const double* sums, const double* known, double* h) {
+        if (kind == ESSENTIAL) return Essential::step(sums, known, h);
+        if (kind == POSE) return Pose::step(sums, h);
         // Normal equations of all nine elements: blocks of 3 x 3 by rows of H.
         double full[90], a[90], d[9];
         if (kind == FUNDAMENTAL) {
             double whole;
             if (!Epipolar::equations(sums, h, a, whole)) return false;
-            if (!eliminate(a, 9, 1e-13 * whole, d)) return false;
+            if (!Epipolar::eliminate(a, 9, 1e-13 * whole, d)) return false;
             for (int i = 0; i < 9; ++i) h[i] = h[i] + d[i];
-            unit(h);
+            Epipolar::unit(h);
             return true;
         }
         const int place[9] = {0, 1, 2, 1, 3, 4, 2, 4, 5};
@@ -201,28 +200,34 @@ struct Robust {
         if (kind == HOMOGRAPHY)  // the scale of H is free: the step is square to it
             for (int i = 0; i < 9; ++i)
                 for (int j = 0; j < 9; ++j) a[10 * i + j] = a[10 * i + j] + trace * h[i] * h[j];
-        if (!eliminate(a, n, 1e-13 * trace, d)) return false;
+        if (!Epipolar::eliminate(a, n, 1e-13 * trace, d)) return false;
         if (kind == SIMILARITY) {
             h[0] = h[0] + d[0], h[4] = h[0], h[3] = h[3] + d[1], h[1] = -h[3];
             h[2] = h[2] + d[2], h[5] = h[5] + d[3];
         } else {
             for (int i = 0; i < n; ++i) h[i] = h[i] + d[i];
         }
-        if (kind == HOMOGRAPHY) unit(h);
+        if (kind == HOMOGRAPHY) Epipolar::unit(h);
         return true;
     }
 
-    // Scale H to a largest element of 1.
-    static void unit(double* h) {
-        double largest = 0.0;
-        for (int i = 0; i < 9; ++i) largest = wp::abs(h[i]) > largest ? wp::abs(h[i]) : largest;
-        for (int i = 0; i < 9; ++i) h[i] = h[i] / largest;
-    }
-
     // Add what one match gives to the sums of a step; it counts below the limit.
-    static void add(int kind, const double* h, double x, double y, double u, double v, double limit,
-                    double* sums) {
-        if (kind == FUNDAMENTAL) {
+    static void add(int kind, const double* h, const double* known, const float* match,
+                    size_t pitch, double limit, double* sums) {
+        const double x = match[0], y = match[pitch], u = match[2 * pitch], v = match[3 * pitch];
+        if (kind == POSE) {
+            double p[12], t[12], e[2], w;
+            Pose::project(h, known, p);
+            if (!Pose::derive(h, p, known, x, y, match[4 * pitch], u, v, limit, t, e, w)) return;
+            int k = 0;
+            for (int i = 0; i < 6; ++i) {
+                const double one = t[i] * w, two = t[6 + i] * w;
+                for (int j = i; j < 6; ++j, ++k) sums[k] += one * t[j] + two * t[6 + j];
+                sums[21 + i] += one * e[0] + two * e[1];
+            }
+            return;
+        }
+        if (kind >= FUNDAMENTAL) {
             double t[9], n, w;
             if (!Epipolar::derive(h, x, y, u, v, limit, t, n, w)) return;
             int k = 0;

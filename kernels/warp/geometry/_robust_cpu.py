@@ -27,7 +27,7 @@ def best_of_group(
     start: int,
     count: int,
     square: float,
-    planes: wp.array2d[wp.float64],
+    known: wp.array2d[wp.float64],
     pair: int,
     at: int,
     models: wp.array3d[float],
@@ -42,11 +42,12 @@ def improve(
     start: int,
     count: int,
     square: float,
+    known: wp.array2d[wp.float64],
+    pair: int,
     schedule: wp.array[float],
     at: int,
     models: wp.array3d[wp.float64],
-    costs: wp.array2d[int],
-    supports: wp.array2d[int],
+    scores: wp.array3d[int],
 ): ...
 
 
@@ -57,6 +58,7 @@ def mark_pair(
     start: int,
     count: int,
     square: float,
+    known: wp.array2d[wp.float64],
     at: int,
     models: wp.array2d[wp.float64],
     inliers: wp.array[wp.uint8],
@@ -71,11 +73,9 @@ def propose(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
-    planes: wp.array2d[wp.float64],
+    known: wp.array2d[wp.float64],
     pairs: wp.array[int],
-    kind: int,
-    seed: int,
-    first: int,
+    draw: wp.vec3i,
     # outputs
     models: wp.array3d[float],
     costs: wp.array2d[int],
@@ -84,8 +84,8 @@ def propose(
     for i in range(begin + wp.tid(), end, stride):
         pair = pairs[i // groups]
         best_of_group(
-            kind, seed, first + (i % groups) * wp.static(GROUP), matches, spans[pair, 0],
-            spans[pair, 1], squares[pair], planes, pair, i, models, costs,
+            draw[0], draw[1], draw[2] + (i % groups) * wp.static(GROUP), matches,
+            spans[pair, 0], spans[pair, 1], squares[pair], known, pair, i, models, costs,
         )  # fmt: skip
 
 
@@ -97,19 +97,19 @@ def refine(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
+    known: wp.array2d[wp.float64],
     pairs: wp.array[int],
     kind: int,
     schedule: wp.array[float],
     # outputs
     models: wp.array3d[wp.float64],
-    costs: wp.array2d[int],
-    supports: wp.array2d[int],
+    scores: wp.array3d[int],
 ):
     for i in range(begin + wp.tid(), end, stride):
-        pair = pairs[i // costs.shape[1]]
+        pair = pairs[i // scores.shape[1]]
         improve(
-            kind, matches, spans[pair, 0], spans[pair, 1], squares[pair], schedule, i, models,
-            costs, supports,
+            kind, matches, spans[pair, 0], spans[pair, 1], squares[pair], known, pair, schedule, i,
+            models, scores,
         )  # fmt: skip
 
 
@@ -121,10 +121,11 @@ def mark(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
+    known: wp.array2d[wp.float64],
     kind: int,
     models: wp.array2d[wp.float64],
     # output
     inliers: wp.array[wp.uint8],
 ):
     for i in range(begin + wp.tid(), end, stride):
-        mark_pair(kind, matches, spans[i, 0], spans[i, 1], squares[i], i, models, inliers)
+        mark_pair(kind, matches, spans[i, 0], spans[i, 1], squares[i], known, i, models, inliers)

@@ -31,11 +31,9 @@ def propose(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
-    planes: wp.array2d[wp.float64],
+    known: wp.array2d[wp.float64],
     pairs: wp.array[int],
-    kind: int,
-    seed: int,
-    first: int,
+    draw: wp.vec3i,
     models: wp.array3d[float],
     costs: wp.array2d[int],
 ): ...
@@ -46,12 +44,12 @@ def refine(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
+    known: wp.array2d[wp.float64],
     pairs: wp.array[int],
     kind: int,
     schedule: wp.array[float],
     models: wp.array3d[wp.float64],
-    costs: wp.array2d[int],
-    supports: wp.array2d[int],
+    scores: wp.array3d[int],
 ): ...
 
 
@@ -60,6 +58,7 @@ def mark(
     matches: wp.array2d[float],
     spans: wp.array2d[int],
     squares: wp.array[float],
+    known: wp.array2d[wp.float64],
     kind: int,
     models: wp.array2d[wp.float64],
     inliers: wp.array[wp.uint8],

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from cvkern.kernels.codes.geometry import GROUP
+from cvkern.kernels.codes.geometry import GROUP, Draw, Given
 from cvkern.kernels.warp._launch import launch, launch_each
 
 from . import _robust_choice as choice
@@ -13,27 +13,14 @@ from . import _robust_cuda as cuda
 _HYPOTHESIS, _STEP = 256, 64
 
 
-def propose(
-    matches: wp.array,
-    spans: wp.array,
-    squares: wp.array,
-    planes: wp.array,
-    pairs: wp.array,
-    kind: int,
-    seed: int,
-    first: int,
-    models: wp.array,
-    costs: wp.array,
-) -> None:
+def propose(given: Given, pairs: wp.array, draw: Draw, models: wp.array, costs: wp.array) -> None:
     """Score the best hypothesis of each group on all matches of a pair.
 
-    `matches` are x0, y0, x1, y1, (4, M) float32; `spans` (P, 2) first and number of those of a
-    pair, `squares` (P,) float32 of its threshold, `planes` (P, 9) float64 of a homography for a
-    model that starts from one, `pairs` (A,) int32 those to work on. Hypothesis `first` + 64 g is
-    the first one of group g. `models` are (A, G, 9) float32, `costs` (A, G) int32, `NO_COST` where
-    all samples of a group are degenerate.
+    `pairs` (A,) int32 are those to work on. Hypothesis `draw.first` + 64 g is the first one of
+    group g. `models` are (A, G, 9) float32, `costs` (A, G) int32, `NO_COST` where all samples of a
+    group are degenerate.
     """
-    inputs = [matches, spans, squares, planes, pairs, kind, seed, first]
+    inputs = [*given, pairs, wp.vec3i(*draw)]
     count = costs.shape[0] * costs.shape[1]
     if costs.device.is_cuda:
         launch(cuda.propose, cuda.threads(count), inputs, [models, costs], cuda.BLOCK)
@@ -49,43 +36,28 @@ def choose(models: wp.array, costs: wp.array, rows: wp.array, chosen: wp.array) 
 
 
 def refine(
-    matches: wp.array,
-    spans: wp.array,
-    squares: wp.array,
-    pairs: wp.array,
-    kind: int,
-    schedule: wp.array,
-    models: wp.array,
-    costs: wp.array,
-    supports: wp.array,
+    given: Given, pairs: wp.array, kind: int, schedule: wp.array, models: wp.array, scores: wp.array
 ) -> None:
     """Improve models (A, L, 9) float64 of `pairs` (A,) by steps of least squares over inliers.
 
-    Step s takes the matches whose squared residual r is below c = `schedule[s]` times the square of
-    the threshold, with the weight (1 - r / c)^2. `costs` and `supports` (A, L) int32 are those
-    of the result.
+    Step s takes the matches whose squared residual is below `schedule[s]` times the square of the
+    threshold; of maps all alike, else with weights that fall to 0 there. `scores` (A, L, 2) int32
+    are the cost and the number of inliers of the result.
     """
-    inputs = [matches, spans, squares, pairs, kind, schedule]
-    count = costs.shape[0] * costs.shape[1]
-    outputs = [models, costs, supports]
-    if costs.device.is_cuda:
-        launch(cuda.refine, cuda.threads(count), inputs, outputs, cuda.BLOCK)
+    inputs = [*given, pairs, kind, schedule]
+    count = scores.shape[0] * scores.shape[1]
+    if scores.device.is_cuda:
+        launch(cuda.refine, cuda.threads(count), inputs, [models, scores], cuda.BLOCK)
     else:
-        mean = matches.shape[1] // max(spans.shape[0], 1)
-        launch_each(cpu.refine, count, count * mean * _STEP, inputs, outputs)
+        mean = given.matches.shape[1] // max(given.spans.shape[0], 1)
+        launch_each(cpu.refine, count, count * mean * _STEP, inputs, [models, scores])
 
 
-def mark(
-    matches: wp.array,
-    spans: wp.array,
-    squares: wp.array,
-    kind: int,
-    models: wp.array,
-    inliers: wp.array,
-) -> None:
+def mark(given: Given, kind: int, models: wp.array, inliers: wp.array) -> None:
     """Tell which matches are closer to the model (P, 9) of their pair than the threshold."""
-    inputs = [matches, spans, squares, kind, models]
+    inputs = [*given, kind, models]
+    count = given.spans.shape[0]
     if inliers.device.is_cuda:
-        launch(cuda.mark, cuda.threads(spans.shape[0]), inputs, [inliers], cuda.BLOCK)
+        launch(cuda.mark, cuda.threads(count), inputs, [inliers], cuda.BLOCK)
     else:
-        launch_each(cpu.mark, spans.shape[0], matches.shape[1], inputs, [inliers])
+        launch_each(cpu.mark, count, given.matches.shape[1], inputs, [inliers])

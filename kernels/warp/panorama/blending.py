@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.codes.panorama import BLEND_TAPS
+from cvkern.kernels.codes.panorama import BLEND_TAPS, Part
 from cvkern.kernels.warp._launch import launch_each
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -49,23 +49,31 @@ def collapse(sums: wp.array, coarse: wp.array, last: int, values: wp.array) -> N
 def finish(
     values: wp.array,
     labels: wp.array,
-    top: int,
-    left: int,
     high: float,
-    row: int,
-    column: int,
-    rows: int,
-    columns: int,
+    part: Part,
     image: wp.array,
     mask: wp.array,
 ) -> None:
-    """Write a part of a tile, from (top, left) on, to an image from (row, column) on.
+    """Write a part of a tile to an image; one thread a pixel.
 
     Above 0 `high` is the largest value, and values are rounded. What nobody covers is 0.
     """
-    inputs = [values, labels, top, left, high, row, column, columns]
-    count = rows * columns
+    moved = Places()
+    moved.top, moved.left, moved.row, moved.column, _, moved.columns = part
+    inputs = [values, labels, high, moved]
+    count = part.rows * part.columns
     launch_each(finish_kernel(image.dtype), count, count * 4, inputs, [image, mask])
+
+
+@wp.struct
+class Places:
+    """Where a part of a tile begins, in the tile and in the image; see `codes.panorama.Part`."""
+
+    top: int
+    left: int
+    row: int
+    column: int
+    columns: int
 
 
 @wp.func
@@ -196,27 +204,23 @@ def finish_kernel(scalar: Any) -> wp.Kernel:
         last: int,
         values: wp.array3d[float],  # (C, h, w)
         labels: wp.array2d[int],  # (h, w)
-        top: int,
-        left: int,
         high: float,
-        row: int,
-        column: int,
-        columns: int,
+        part: Places,
         # outputs
         image: wp.array3d[scalar],  # (H, W, C)
         mask: wp.array2d[wp.uint8],  # (H, W)
     ):
         for item in range(first + wp.tid(), last, stride):
-            i = item // columns
-            j = item - i * columns
-            there = labels[top + i, left + j] >= 0
-            mask[row + i, column + j] = wp.where(there, wp.uint8(1), wp.uint8(0))
+            i = item // part.columns
+            j = item - i * part.columns
+            there = labels[part.top + i, part.left + j] >= 0
+            mask[part.row + i, part.column + j] = wp.where(there, wp.uint8(1), wp.uint8(0))
             for c in range(image.shape[2]):
                 value = float(0.0)
                 if there:
-                    value = values[c, top + i, left + j]
+                    value = values[c, part.top + i, part.left + j]
                     if high > 0.0:
                         value = wp.floor(wp.clamp(value, 0.0, high) + 0.5)
-                image[row + i, column + j, c] = scalar(value)
+                image[part.row + i, part.column + j, c] = scalar(value)
 
     return finish_pixels

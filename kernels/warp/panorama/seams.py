@@ -61,8 +61,8 @@ def seed(
 def grow(costs: wp.array, rects: wp.array, distances: wp.array, changed: wp.array) -> None:
     """Shorten distances by those of the eight neighbours and the cost of a step.
 
-    Set `changed` to 1 if any is shorter now: whoever calls goes on until none is. On the CPU a
-    thread takes an image and sweeps over it, on CUDA it takes a pixel.
+    Set `changed` to 1 if more may become shorter: whoever calls goes on until none does. On the CPU
+    a thread takes an image and sweeps over it until nothing changes, on CUDA it takes a pixel.
     """
     if distances.device.is_cuda:
         for _ in range(ROUNDS):
@@ -230,6 +230,21 @@ def _grow(
             changed[0] = 1
 
 
+@wp.func
+def beside(
+    distances: wp.array3d[int], n: int, i: int, j: int, s: int, t: int, best: int, step: int
+) -> int:
+    """Return the lesser of a distance and that by way of the neighbour (i + s, j + t)."""
+    u = i + s
+    v = j + t
+    if u < 0 or v < 0 or u >= distances.shape[1] or v >= distances.shape[2]:
+        return best
+    there = distances[n, u, v]
+    if there < 0:
+        return best
+    return wp.min(best, there + step)
+
+
 @wp.kernel
 def _sweep(
     slab: int,
@@ -244,17 +259,29 @@ def _sweep(
     for n in range(first, last):
         height = rects[n, 3] - rects[n, 1]
         width = rects[n, 2] - rects[n, 0]
-        for item in range(2 * height * width):
-            k = wp.where(item < height * width, item, 2 * height * width - 1 - item)
-            i = k // width
-            j = k - i * width
-            old = distances[n, i, j]
-            if old > 0:
-                cost = costs[i + rects[n, 1], wrapped(j + rects[n, 0], costs.shape[1])]
-                new = shortest(distances, n, i, j, cost)
-                if new < old:
-                    distances[n, i, j] = new
-                    changed[0] = 1
+        count = height * width
+        again = int(1)
+        while again > 0:
+            shorter = int(0)
+            for item in range(2 * count):
+                # Down and to the right first, by the neighbours before; then back, by those after.
+                k = wp.where(item < count, item, 2 * count - 1 - item)
+                side = wp.where(item < count, -1, 1)
+                i = k // width
+                j = k - i * width
+                old = distances[n, i, j]
+                if old > 0:
+                    cost = costs[i + rects[n, 1], wrapped(j + rects[n, 0], costs.shape[1])]
+                    straight = int(STRAIGHT) * cost
+                    slanted = int(SLANTED) * cost
+                    new = beside(distances, n, i, j, 0, side, old, straight)
+                    new = beside(distances, n, i, j, side, 0, new, straight)
+                    new = beside(distances, n, i, j, side, -1, new, slanted)
+                    new = beside(distances, n, i, j, side, 1, new, slanted)
+                    if new < old:
+                        distances[n, i, j] = new
+                        shorter += 1
+            again = shorter
 
 
 @wp.kernel

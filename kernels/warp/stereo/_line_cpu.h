@@ -39,7 +39,8 @@ struct Line {
         const bool alone = k < 2 && k > depth - 3, inner = k > 0 && k < depth - 1;
         const WIDE before = inner ? (WIDE)line[k - 1] - (WIDE)c : (WIDE)0;
         const WIDE after = inner ? (WIDE)line[k + 1] - (WIDE)c : (WIDE)0;
-        return {k, (WIDE)c, (WIDE)__builtin_reduce_min(other), alone, inner, before, after};
+        // The cost is read where it stands: 0 and -0 are equal, and the first is meant.
+        return {k, (WIDE)line[k], (WIDE)__builtin_reduce_min(other), alone, inner, before, after};
     }
 };
 

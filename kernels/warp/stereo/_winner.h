@@ -1,9 +1,16 @@
 // The winner among the costs of a pixel: one rule for every device and every way to store costs.
 //
+<<<<<<< HEAD
 // Let c be the smallest cost, at index k; the first of equal costs wins. Let r, the rival, be the
 // smallest cost more than one index away. The winner is unique unless r (100 - uniqueness) < 100 c,
 // and its confidence is 1 - c / r, limited to [0, 1]. Let a and b be the costs before and after k,
 // minus c. Then the disparity is
+=======
+// Let c be the least cost, at place k; of equal costs the first wins. Let r be the least cost more
+// than one place away, the rival. The winner is unique unless r (100 - uniqueness) < 100 c, and its
+// confidence is 1 - c / r, limited to 0 to 1: 0 where that is NaN, 1 where c is infinitely low. With a and b, the costs before and after k less c,
+// the disparity is
+>>>>>>> main
 //
 //     first + k + (a - b) / (2 (a + b))      by a parabola
 //     first + k + (a - b) / (2 max(a, b))    by two lines of opposite slope
@@ -39,12 +46,14 @@ struct Winner {
     void store(int first, int subpixel, int uniqueness, int* to_index, float* to_disparity,
                float* to_cost, float* to_confidence) const {
         const float least = cost, second = alone ? of_bits(0x7f800000u) : (float)rival;
-        const float margin = second > least ? 1.0f - least / second : 0.0f;
+        // The share of an infinitely good cost has no bound.
+        const float share = least > -of_bits(0x7f800000u) ? 1.0f - least / second : 1.0f;
+        const float margin = second > least ? share : 0.0f;
         const bool rivalled = !alone && rival * (WIDE)(100 - uniqueness) < cost * (WIDE)100;
         const bool unique = uniqueness == 0 || !rivalled;
         *to_index = unique ? place : -1;
         *to_disparity = unique ? (float)(first + place) + offset(subpixel) : of_bits(0x7fc00000u);
         *to_cost = least;
-        *to_confidence = margin < 0.0f ? 0.0f : margin > 1.0f ? 1.0f : margin;
+        *to_confidence = margin > 1.0f ? 1.0f : margin > 0.0f ? margin : 0.0f;
     }
 };

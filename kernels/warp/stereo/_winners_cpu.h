@@ -1,6 +1,7 @@
 #include "_line_cpu.h"
 
 // needs TYPE
+// A cost that is NaN counts as infinite.
 void pick(int slab, int first_row, int last_row, wp::array_t<TYPE> costs, WinnerRule rule,
           wp::array_t<COST> lines, WinnerArrays winners) {
     const int columns = costs.shape[1], depth = costs.shape[2], padded = lines.shape[1];
@@ -10,7 +11,7 @@ void pick(int slab, int first_row, int last_row, wp::array_t<TYPE> costs, Winner
     for (size_t p = (size_t)first_row * columns; p < end; ++p) {
         const TYPE* from = costs.data + p * depth;
 #pragma clang loop vectorize(assume_safety)
-        for (int d = 0; d < depth; ++d) line[d] = from[d];
+        for (int d = 0; d < depth; ++d) line[d] = from[d] < (COST)MOST ? from[d] : (COST)MOST;
         Line::winner(line, depth, padded)
             .store(rule.first, rule.subpixel, rule.uniqueness, winners.index.data + p,
                    winners.disparity.data + p, winners.cost.data + p, winners.confidence.data + p);
@@ -31,7 +32,7 @@ void pick_right(int slab, int first_row, int last_row, wp::array_t<TYPE> costs, 
         for (int x = columns - 1; x >= 0; --x) {
             const TYPE* from = costs.data + ((size_t)y * columns + x) * depth;
 #pragma clang loop vectorize(assume_safety)
-            for (int d = 0; d < depth; ++d) line[d] = from[d];
+            for (int d = 0; d < depth; ++d) line[d] = from[d] < (COST)MOST ? from[d] : (COST)MOST;
             row.take(line, x, first, depth);
         }
         row.read(depth, index.data + (size_t)y * columns);

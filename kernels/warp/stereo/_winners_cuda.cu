@@ -50,8 +50,10 @@ void pick(wp::array_t<TYPE> costs, WinnerRule rule, WinnerArrays winners) {
     for (int o = LANES / 2; o > 0; o >>= 1) second = min(second, __shfl_xor_sync(ALL, second, o));
     if (lane != 0 || number >= pixels) return;
     const bool inner = k > 0 && k < depth - 1;
-    const WIDE a = inner ? (WIDE)here[k - 1] - best : (WIDE)0;
-    const WIDE b = inner ? (WIDE)here[k + 1] - best : (WIDE)0;
+    // A cost that is NaN counts as infinite.
+    const WIDE before = inner && here[k - 1] < most ? (WIDE)here[k - 1] : most;
+    const WIDE after = inner && here[k + 1] < most ? (WIDE)here[k + 1] : most;
+    const WIDE a = inner ? before - best : (WIDE)0, b = inner ? after - best : (WIDE)0;
     const bool alone = k < 2 && k > depth - 3;
     const Winner winner = {k, best, second, alone, inner, a, b};
     winner.store(rule.first, rule.subpixel, rule.uniqueness, winners.index.data + pixel,
@@ -59,9 +61,15 @@ void pick(wp::array_t<TYPE> costs, WinnerRule rule, WinnerArrays winners) {
                  winners.confidence.data + pixel);
 }
 
+<<<<<<< HEAD
 // needs TYPE, BLOCK
 // A block takes a tile of BLOCK right pixels, in steps of 32 disparities. A step needs the costs of
 // BLOCK + 32 columns of the left image, which are loaded row by row into shared memory.
+=======
+// needs TYPE, MOST, BLOCK
+// A block takes a tile of BLOCK right pixels, in steps of 32 disparities: what a step needs lies in
+// as many more columns of the left image, and is loaded by rows into shared memory.
+>>>>>>> main
 void pick_right(wp::array_t<TYPE> costs, int first, wp::array_t<int> index) {
     const int width = costs.shape[1], depth = costs.shape[2];
     const int tiles = (width + BLOCK - 1) / BLOCK;
@@ -82,7 +90,8 @@ void pick_right(wp::array_t<TYPE> costs, int first, wp::array_t<int> index) {
         for (int j = 0; j < 32; ++j) {
             const int x = begin + threadIdx.x + first + base + j;
             if (x >= 0 && x < width && base + j < depth) {
-                const TYPE c = tile[threadIdx.x + j][j];
+                const TYPE given = tile[threadIdx.x + j][j];
+                const TYPE c = given < (TYPE)MOST ? given : (TYPE)MOST;  // NaN as well
                 if (k < 0 || c < best) {
                     best = c;
                     k = base + j;

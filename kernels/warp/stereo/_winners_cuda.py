@@ -21,15 +21,15 @@ BLOCK = 256  # threads of a block
 
 
 def _constants(scalar: Any) -> dict[str, Any]:
-    wide = "float" if scalar is wp.float32 else "int"
-    return {"TYPE": C_TYPES[scalar], "WIDE": wide, "BLOCK": BLOCK, **CURVES}
+    floats = scalar is wp.float32
+    wide, most = ("float", "__int_as_float(0x7f800000)") if floats else ("int", "0x7fffffff")
+    return {"TYPE": C_TYPES[scalar], "WIDE": wide, "MOST": most, "BLOCK": BLOCK, **CURVES}
 
 
 @lru_cache
 def pick_kernel(scalar: Any, lanes: int, vector: int) -> wp.Kernel:
     """Return the kernel for one type, `lanes` threads per pixel and `vector` costs per load."""
-    most = "__int_as_float(0x7f800000)" if scalar is wp.float32 else "0x7fffffff"
-    constants = {**_constants(scalar), "MOST": most, "LANES": lanes, "VECTOR": vector}
+    constants = {**_constants(scalar), "LANES": lanes, "VECTOR": vector}
 
     @_native.kernel("_winners_cuda.cu", OPTIONS, **constants)
     def pick(

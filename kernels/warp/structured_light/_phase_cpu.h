@@ -51,8 +51,11 @@ void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float>
                 r = c[i] < 0.0f ? PI - r : r;
                 r = s[i] < 0.0f ? -r : r;
                 angle[i] = r;
-                const float modulation = 2.0f * __builtin_sqrtf(c[i] * c[i] + s[i] * s[i]) / number;
-                least[i] = least[i] < modulation ? least[i] : modulation;
+                const float length = __builtin_sqrtf(c[i] * c[i] + s[i] * s[i]);
+                const float bounded = length < __builtin_inff() ? length : __builtin_nanf("");
+                const float modulation = 2.0f * bounded / number;
+                // NaN stays.
+                least[i] = least[i] != least[i] || least[i] <= modulation ? least[i] : modulation;
                 const float p = r * TURN;
                 const float near = __builtin_floorf(f * place[i] - p + 0.5f);
                 const float k = first ? (p < 0.0f ? 1.0f : 0.0f) : near;
@@ -64,9 +67,10 @@ void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float>
             // Noise may have moved a place across the end of the first period.
             const float u = lowest * place[i];
             place[i] = (u - __builtin_floorf(u)) / lowest;
-            places.data[here + i] = place[i] * whole - 0.5f;
-            phases.data[here + i] = angle[i];
-            modulations.data[here + i] = least[i];
+            const bool seen = least[i] < __builtin_inff();
+            places.data[here + i] = seen ? place[i] * whole - 0.5f : __builtin_nanf("");
+            phases.data[here + i] = seen ? angle[i] : __builtin_nanf("");
+            modulations.data[here + i] = seen ? least[i] : __builtin_nanf("");
         }
     }
 }

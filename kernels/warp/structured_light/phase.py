@@ -56,6 +56,27 @@ def accept(columns: wp.array, rows: wp.array, threshold: float, valid: wp.array)
     launch_each(_accept, valid.size, valid.size, [columns, rows, threshold], [valid])
 
 
+def pick(src: wp.array, step: int, dst: wp.array) -> None:
+    """Take every `step`-th pixel along both sides; one thread a pixel of the result."""
+    launch_each(_pick, dst.size, dst.size, [src, step], [dst])
+
+
+@wp.kernel
+def _pick(
+    stride: int,
+    first: int,
+    last: int,
+    src: wp.array2d[float],
+    step: int,
+    # outputs
+    dst: wp.array2d[float],
+):
+    for item in range(first + wp.tid(), last, stride):
+        i = item // dst.shape[1]
+        j = item - i * dst.shape[1]
+        dst[i, j] = src[step * i, step * j]
+
+
 @wp.kernel
 def _accept(
     stride: int,
@@ -133,6 +154,7 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
         t = float(0.0)
         angle = float(0.0)
         least = float(wp.inf)
+        seen = int(1)
         f = float(1.0)
         for j in range(frequencies.shape[0]):
             s = float(0.0)
@@ -142,7 +164,12 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
                 s += value * waves[n, 0]
                 c += value * waves[n, 1]
             angle = atan2(s, c)
-            least = wp.min(least, 2.0 * wp.sqrt(c * c + s * s) / float(steps))
+            length = wp.sqrt(c * c + s * s)
+            if not (length < wp.inf):  # NaN as well
+                seen = int(0)
+            modulation = 2.0 * length / float(steps)
+            if modulation < least:
+                least = modulation
             p = angle * TURN
             f = frequencies[j]
             k = wp.floor(f * t - p + 0.5)
@@ -153,8 +180,9 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
         f = frequencies[0]
         u = f * t
         t = (u - wp.floor(u)) / f
-        places[y, x] = t * float(size) - 0.5
-        phases[y, x] = angle
-        modulations[y, x] = least
+        nowhere = wp.float32(wp.nan)
+        places[y, x] = wp.where(seen == 1, t * float(size) - 0.5, nowhere)
+        phases[y, x] = wp.where(seen == 1, angle, nowhere)
+        modulations[y, x] = wp.where(seen == 1, least, nowhere)
 
     return decode_pixel

@@ -132,12 +132,17 @@ def taps(order: int) -> tuple[Any, Any, Any, Any, Any]:
 
 @lru_cache
 def stored(result: Any) -> Any:
-    """Return the function that makes of a float what an array of `result` holds: rounded, cut."""
+    """Return the function that makes of a float what an array of `result` holds.
+
+    A byte holds it rounded and cut off, and 0 for NaN.
+    """
 
     @wp.func
     def store(v: float) -> result:
         if wp.static(result is wp.uint8):
-            return result(int(wp.clamp(v, 0.0, 255.0) + 0.5))
+            if v > 0.0:
+                return result(int(wp.min(v, 255.0) + 0.5))
+            return result(0)
         return result(v)
 
     return store

@@ -5,11 +5,14 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs
 
 from ._taps import AWAY, mapped, sampler, stored, taps
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
+FEW = (1, 3, 4)  # channels for which the CPU has a kernel of its own
 
 
 def warp_perspective(
@@ -21,7 +24,17 @@ def warp_perspective(
     margin: int,
     dst: wp.array,
 ) -> None:
-    """Sample an image where `inverse` takes the pixels of the result; one thread a pixel."""
+    """Sample an image where `inverse` takes the pixels of the result; one thread a pixel.
+
+    On the CPU, vectors of pixels where it is linear.
+    """
+    channels, rows = src.shape[3], dst.shape[1]
+    if order == 1 and channels in FEW and not dst.device.is_cuda:
+        parts = slabs(rows, dst.size)
+        left = scratch("projective.left", (parts, dst.shape[2]), wp.int32, dst.device)
+        kernel = warp_kernel_cpu(src.dtype, dst.dtype, channels)
+        launch_slabs(kernel, rows, parts, [src, inverse, border, cval, left], [dst])
+        return
     kernel = warp_kernel(src.dtype, dst.dtype, order)
     count = dst.shape[1] * dst.shape[2]
     launch_each(kernel, count, dst.size, [src, inverse, border, cval, margin], [dst])
@@ -30,9 +43,7 @@ def warp_perspective(
 @lru_cache
 def warp_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
     """Make the kernel that samples arrays of `scalar`."""
-    _, _, indices, weights, _ = taps(order)
-    sample = sampler(scalar, order)
-    store = stored(result)
+    pixel = warp_pixel(scalar, result, order)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def warp_pixels(
@@ -48,29 +59,97 @@ def warp_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
         dst: wp.array4d[result],  # (P, H', W', C)
     ):
         width = dst.shape[2]
-        outside = store(cval)
         for item in range(first + wp.tid(), last, stride):
             i = item // width
-            j = item - i * width
-            u = wp.float64(j)
-            v = wp.float64(i)
-            w = inverse[6] * u + inverse[7] * v + inverse[8]
-            shift = wp.float64(margin)
-            px = (inverse[0] * u + inverse[1] * v + inverse[2]) / w + shift
-            py = (inverse[3] * u + inverse[4] * v + inverse[5]) / w + shift
-            y = mapped(py, src.shape[1], border)[0]
-            x = mapped(px, src.shape[2], border)[0]
-            if y == wp.float64(AWAY) or x == wp.float64(AWAY):
-                for p in range(dst.shape[0]):
-                    for c in range(dst.shape[3]):
-                        dst[p, i, j, c] = outside
-            else:
-                rows = indices(y, src.shape[1], border)
-                columns = indices(x, src.shape[2], border)
-                down = weights(y)
-                along = weights(x)
-                for p in range(dst.shape[0]):
-                    for c in range(dst.shape[3]):
-                        dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+            pixel(src, inverse, border, cval, margin, i, item - i * width, dst)
 
     return warp_pixels
+
+
+@lru_cache
+def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
+    """Make the linear kernel of the CPU, for few channels: 16 pixels of a row at a time.
+
+    Plain Warp finds each pixel alone, and forms no vectors.
+    """
+    pixel = warp_pixel(scalar, result, 1)
+
+    @_native.func_native("_projective_cpu.h", ROUNDED=int(result is wp.uint8), CHANNELS=channels)
+    def warp_row(
+        row: int,
+        slab: int,
+        src: wp.array4d[scalar],
+        inverse: wp.array[wp.float64],
+        constant: int,
+        cval: float,
+        left: wp.array2d[int],
+        dst: wp.array4d[result],
+    ) -> int: ...
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def warp_rows(
+        slab: int,
+        first: int,
+        last: int,
+        src: wp.array4d[scalar],  # (P, H, W, C)
+        inverse: wp.array[wp.float64],  # (9,), acts on (x, y, 1) of the result
+        border: int,
+        cval: float,
+        # scratch
+        left: wp.array2d[int],  # (slabs, W')
+        # outputs
+        dst: wp.array4d[result],  # (P, H', W', C)
+    ):
+        constant = int(0)
+        if border == int(Border.CONSTANT):
+            constant = int(1)
+        for row in range(first, last):
+            count = warp_row(row, slab, src, inverse, constant, cval, left, dst)
+            for k in range(count):
+                pixel(src, inverse, border, cval, 0, row, left[slab, k], dst)
+
+    return warp_rows
+
+
+@lru_cache
+def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
+    """Make the function that finds a pixel of the result."""
+    _, _, indices, weights, _ = taps(order)
+    sample = sampler(scalar, order)
+    store = stored(result)
+
+    @wp.func
+    def pixel(
+        src: wp.array4d[scalar],
+        inverse: wp.array[wp.float64],
+        border: int,
+        cval: float,
+        margin: int,
+        i: int,
+        j: int,
+        # outputs
+        dst: wp.array4d[result],
+    ):
+        u = wp.float64(j)
+        v = wp.float64(i)
+        w = inverse[6] * u + inverse[7] * v + inverse[8]
+        shift = wp.float64(margin)
+        px = (inverse[0] * u + inverse[1] * v + inverse[2]) / w + shift
+        py = (inverse[3] * u + inverse[4] * v + inverse[5]) / w + shift
+        y = mapped(py, src.shape[1], border)[0]
+        x = mapped(px, src.shape[2], border)[0]
+        if y == wp.float64(AWAY) or x == wp.float64(AWAY):
+            outside = store(cval)
+            for p in range(dst.shape[0]):
+                for c in range(dst.shape[3]):
+                    dst[p, i, j, c] = outside
+        else:
+            rows = indices(y, src.shape[1], border)
+            columns = indices(x, src.shape[2], border)
+            down = weights(y)
+            along = weights(x)
+            for p in range(dst.shape[0]):
+                for c in range(dst.shape[3]):
+                    dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+
+    return pixel

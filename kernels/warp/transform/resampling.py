@@ -1,4 +1,4 @@
-"""Resizing along one axis at a time, in Warp."""
+"""Resizing down the rows and then along the columns, in Warp."""
 
 from functools import lru_cache
 from typing import Any
@@ -6,24 +6,45 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs, view
 
 from ._taps import stored
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-FEW = 16  # elements side by side, from which on they are worth a loop of their own
+ROWS = 16  # rows of the result that the CPU makes together
 
 
-def resample(src: wp.array, starts: wp.array, weights: wp.array, dst: wp.array) -> None:
-    """Weigh the pixels of each line from its start on, for each pixel; one thread an element."""
-    count = dst.shape[0] * dst.shape[1]
+def resample(
+    src: wp.array,
+    tops: wp.array,
+    down: wp.array,
+    starts: wp.array,
+    along: wp.array,
+    dst: wp.array,
+) -> None:
+    """Weigh the pixels of a column from the top of each row on, then those of each row alike.
+
+    One thread an element and pass; on the CPU both passes are done together, over vectors.
+    """
+    planes, height, width, channels = src.shape
+    tall, wide = dst.shape[1:3]
     if not dst.device.is_cuda:
-        whole = dst.shape[2] < FEW
-        count = dst.shape[0] if whole else count
-        parts = slabs(count, dst.size * weights.shape[1])
-        kernel = resample_lines_cpu(src.dtype, dst.dtype, whole)
-        launch_slabs(kernel, count, parts, [src, starts, weights], [dst])
+        groups = planes * -(-tall // ROWS)
+        parts = slabs(groups, dst.size * along.shape[1])
+        inputs = [src, tops, down, starts, along]
+        launch_slabs(resample_kernel_cpu(src.dtype, dst.dtype), groups, parts, inputs, [dst])
         return
+    inner = width * channels
+    lines = view(src, src.dtype, (planes, height, inner))
+    middle = scratch("resample.middle", (planes, tall, inner), wp.float32, dst.device)
+    _resample_along(lines, tops, down, middle)
+    lines = view(middle, wp.float32, (planes * tall, width, channels))
+    _resample_along(lines, starts, along, view(dst, dst.dtype, (planes * tall, wide, channels)))
+
+
+def _resample_along(src: wp.array, starts: wp.array, weights: wp.array, dst: wp.array) -> None:
+    """Weigh the pixels of each line from its start on, for each pixel."""
+    count = dst.shape[0] * dst.shape[1]
     launch_each(resample_kernel(src.dtype, dst.dtype), count, dst.size * weights.shape[1],
                 [src, starts, weights], [dst])  # fmt: skip
 
@@ -60,49 +81,38 @@ def resample_kernel(scalar: Any, result: Any) -> wp.Kernel:
 
 
 @lru_cache
-def resample_lines_cpu(scalar: Any, result: Any, whole: bool) -> wp.Kernel:
-    """Make the same kernel for the CPU: of whole lines, or of elements that lie side by side.
+def resample_kernel_cpu(scalar: Any, result: Any) -> wp.Kernel:
+    """Make the kernel of both passes for the CPU.
 
-    Plain Warp takes about ten times as long: it indexes each element, and forms no vectors.
+    Plain Warp takes many times as long: it indexes each element, and forms no vectors.
     """
     native = _native.func_native("_resampling_cpu.h", ROUNDED=int(result is wp.uint8))
 
     @native
-    def resample_line(
-        o: int,
-        src: wp.array3d[scalar],
+    def resample_rows(
+        group: int,
+        src: wp.array4d[scalar],
+        tops: wp.array[int],
+        down: wp.array2d[float],
         starts: wp.array[int],
-        weights: wp.array2d[float],
-        dst: wp.array3d[result],
-    ): ...
-
-    @native
-    def resample_element(
-        o: int,
-        k: int,
-        src: wp.array3d[scalar],
-        starts: wp.array[int],
-        weights: wp.array2d[float],
-        dst: wp.array3d[result],
+        along: wp.array2d[float],
+        dst: wp.array4d[result],
     ): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
-    def resample_rows(
+    def resample_groups(
         slab: int,
         first: int,
         last: int,
-        src: wp.array3d[scalar],
-        starts: wp.array[int],
-        weights: wp.array2d[float],
+        src: wp.array4d[scalar],  # (P, H, W, C)
+        tops: wp.array[int],  # (H',)
+        down: wp.array2d[float],  # (H', T)
+        starts: wp.array[int],  # (W',)
+        along: wp.array2d[float],  # (W', T')
         # outputs
-        dst: wp.array3d[result],
+        dst: wp.array4d[result],  # (P, H', W', C)
     ):
-        m = dst.shape[1]
-        for item in range(first, last):
-            if wp.static(whole):
-                resample_line(item, src, starts, weights, dst)
-            else:
-                o = item // m
-                resample_element(o, item - o * m, src, starts, weights, dst)
+        for group in range(first, last):
+            resample_rows(group, src, tops, down, starts, along, dst)
 
-    return resample_rows
+    return resample_groups

@@ -1,4 +1,4 @@
-"""Fundamental matrices between matches with outliers: a batch of pairs."""
+"""Fundamental and essential matrices between matches with outliers: a batch of pairs."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import cvkern
 from profiling.case import TOY, Case, Peer, Shape, Work
 
 CAMERA = np.array([[800.0, 0, 500], [0, 800, 375], [0, 0, 1]])
+INVERSE = np.linalg.inv(CAMERA)
 WIDTH, HEIGHT = 1000, 750
 PAIRS, OUTLIERS = 20, 0.5
 THRESHOLD, NOISE = 1.0, 0.3  # pixels
@@ -59,6 +60,11 @@ def _batch(a: Any, b: Any, judged: Any) -> Arrays:
     return _distances(fits.matrices, judged)
 
 
+def _essentials(a: Any, b: Any, judged: Any) -> Arrays:
+    fits = cvkern.find_essentials(list(zip(a, b, strict=True)), CAMERA, CAMERA, THRESHOLD)
+    return _distances([INVERSE.T @ e @ INVERSE for e in fits.matrices], judged)
+
+
 def _peer(find: Any) -> Any:
     def call(module: Any, a: np.ndarray, b: np.ndarray, judged: np.ndarray) -> Arrays:
         x, y = (np.ascontiguousarray(p[..., ::-1]) for p in (a, b))
@@ -79,27 +85,61 @@ def _degensac(pydegensac: Any, a: np.ndarray, b: np.ndarray) -> Any:
     return pydegensac.findFundamentalMatrix(a, b, THRESHOLD)[0]
 
 
-CASES = (
-    Case(
-        name="fundamentals_50",
-        title="20 fundamental matrices, 1000 matches, 50 % outliers",
+def _magsac_essential(cv2: Any, a: np.ndarray, b: np.ndarray) -> Any:
+    return (
+        INVERSE.T
+        @ cv2.findEssentialMat(a, b, CAMERA, cv2.USAC_MAGSAC, 0.999, THRESHOLD)[0]
+        @ INVERSE
+    )
+
+
+def _poselib_essential(poselib: Any, a: np.ndarray, b: np.ndarray) -> Any:
+    camera = {"model": "PINHOLE", "width": WIDTH, "height": HEIGHT,
+              "params": [CAMERA[0, 0], CAMERA[1, 1], CAMERA[0, 2], CAMERA[1, 2]]}  # fmt: skip
+    options = {"max_epipolar_error": THRESHOLD}
+    pose, _ = poselib.estimate_relative_pose(a, b, camera, camera, options)
+    return INVERSE.T @ np.cross(np.eye(3), -pose.t) @ pose.R @ INVERSE
+
+
+def _case(name: str, title: str, call: Any, peers: tuple[Peer, ...]) -> Case:
+    return Case(
+        name=name,
+        title=title,
         image=_inputs,
-        call=_batch,
+        call=call,
         oracle=lambda a, b, judged: (np.zeros(len(a)),),
         oracle_name="exact points of the scenes",
         difference=lambda ours, right: float(np.abs(ours[0] - right[0]).max()),
         tolerance=LIMIT,
         bytes_per_pixel=1,
         operations_per_pixel=0,
-        peers=(
-            Peer("OpenCV, MAGSAC", "cv2", _peer(_magsac)),
-            Peer("PoseLib", "poselib", _peer(_poselib)),
-            Peer("pydegensac", "pydegensac", _peer(_degensac)),
-        ),
+        peers=peers,
         captures=False,
         work=Work("pairs", lambda a, b, judged: float(len(a))),
         sizes=("VGA",),  # points know no size
         most_inputs=2,
         margin=0,
+    )
+
+
+CASES = (
+    _case(
+        "fundamentals_50",
+        "20 fundamental matrices, 1000 matches, 50 % outliers",
+        _batch,
+        (
+            Peer("OpenCV, MAGSAC", "cv2", _peer(_magsac)),
+            Peer("PoseLib", "poselib", _peer(_poselib)),
+            Peer("pydegensac", "pydegensac", _peer(_degensac)),
+        ),
+    ),
+    _case(
+        "essentials_50",
+        "20 essential matrices, 1000 matches, 50 % outliers",
+        _essentials,
+        (
+            Peer("OpenCV, MAGSAC", "cv2", _peer(_magsac_essential)),
+            Peer("PoseLib", "poselib", _peer(_poselib_essential)),
+        ),
     ),
 )

@@ -73,8 +73,18 @@ def _votes(scene: np.ndarray, template: np.ndarray) -> float:
     return float(mask.sum()) * entries * len(SCALES)
 
 
-def _guil(cv2: Any, scene: np.ndarray, template: np.ndarray) -> Arrays:
+def _guil(dp: float) -> Any:
+    """Return a call of OpenCV's with an accumulator `dp` times coarser than the image."""
+
+    def call(cv2: Any, scene: np.ndarray, template: np.ndarray) -> Arrays:
+        return _guil_found(cv2, scene, template, dp)
+
+    return call
+
+
+def _guil_found(cv2: Any, scene: np.ndarray, template: np.ndarray, dp: float) -> Arrays:
     hough = cv2.createGeneralizedHoughGuil()
+    hough.setDp(dp)
     hough.setCannyLowThresh(LOW)
     hough.setCannyHighThresh(HIGH)
     hough.setMinScale(float(SCALES[0]))
@@ -102,7 +112,13 @@ CASES = (
         tolerance=1.0,
         bytes_per_pixel=1,
         operations_per_pixel=0,
-        peers=(Peer("OpenCV, Guil", "cv2", _guil),),
+        # Cells of 4 pixels are what `cvkern.find_shape` begins with. Whatever `dp` is, Guil pairs
+        # all points of the template, where ours takes at most 500 of them.
+        peers=(
+            Peer("OpenCV, Guil", "cv2", _guil(1)),
+            Peer("OpenCV, Guil, dp 2", "cv2", _guil(2), note="cells of 2 pixels"),
+            Peer("OpenCV, Guil, dp 4", "cv2", _guil(4), note="cells of 4 pixels, as ours"),
+        ),
         captures=False,
         work=Work("votes", _votes),
         sizes=("VGA",),  # the time of Guil grows with the square of the pixels

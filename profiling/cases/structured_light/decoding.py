@@ -57,7 +57,63 @@ def _decode_phase(frames: Any) -> Any:
     ).columns
 
 
+def _scanner(shape: Shape) -> cvkern.StereoCalibration:
+    """Return a camera of a shape, and a projector as large to its left."""
+    height, width = shape
+    matrix = np.diag([1.2 * width, 1.2 * width, 1])
+    matrix[:2, 2] = (width - 1) / 2, (height - 1) / 2
+    camera = cvkern.Camera(matrix, (-0.1, 0.02), shape)
+    turns, shifts = np.zeros((0, 3, 3)), np.zeros((0, 3))
+    shift = np.array([1.5, 0, 0])
+    return cvkern.StereoCalibration(
+        camera, camera, np.eye(3), shift, 0.0, turns, shifts, np.zeros(24)
+    )
+
+
+def _hill(shape: Shape, rng: np.random.Generator) -> np.ndarray:
+    """Return the columns of that projector that light a hill."""
+    scanner = _scanner(shape)
+    points = _points(shape).reshape(-1, 3)
+    lit = cvkern.project_points(points, scanner.right, scanner.rotation, scanner.translation)
+    return lit[:, 1].reshape(shape).astype(np.float32)
+
+
+def _points(shape: Shape) -> np.ndarray:
+    """Return the points of the hill that pixels see."""
+    y, x = np.indices(shape, np.float64)
+    places = np.stack((y.ravel(), x.ravel()), axis=1)
+    rays = cvkern.undistort_points(places, _scanner(shape).left, np.eye(3))[:, ::-1]
+    depth = 8 + np.sin(4 * rays[:, 0]) * np.cos(3 * rays[:, 1])
+    return (depth[:, None] * np.column_stack((rays, np.ones(len(rays))))).reshape(*shape, 3)
+
+
+def _cloud(columns: Any) -> Any:
+    return cvkern.triangulate_columns(columns, _scanner(tuple(columns.shape)))
+
+
+def _farthest(ours: tuple[np.ndarray, ...], right: tuple[np.ndarray, ...]) -> float:
+    """The largest relative distance of a point that the projector lights."""
+    known = np.isfinite(ours[0]).all(axis=2)
+    gaps = np.linalg.norm(ours[0] - right[0], axis=2)[known] / right[0][known][:, 2]
+    return float(gaps.max()) if known.mean() > 0.5 else np.inf
+
+
 CASES = (
+    Case(
+        name="triangulate_columns",
+        title="Points in space of a projector's columns",
+        image=_hill,
+        call=_cloud,
+        oracle=lambda columns: _points(columns.shape),
+        oracle_name="the hill that the columns are of",
+        difference=_farthest,
+        tolerance=1e-3,  # columns of 2000 are rounded by 6e-5, of which 300 are the hill's depth
+        bytes_per_pixel=4 + 12,
+        operations_per_pixel=400,
+        work=Work("points", lambda columns: columns.size),
+        sizes=("1080p",),
+        margin=0,
+    ),
     Case(
         name="decode_gray_code",
         title="Gray code of the columns, uint8",

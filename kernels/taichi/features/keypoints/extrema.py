@@ -3,9 +3,11 @@
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
+from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product
+from cvkern.kernels.taichi.filters.linear import correlate_separable
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
@@ -32,7 +34,8 @@ def _prepare(
         if src.shape[2] > 1:
             v = product(GRAY[0], v, zero) + product(GRAY[1], src[y, x, 1], zero)
             v = v + product(GRAY[2], src[y, x, 2], zero)
-        dst[y, x] = v * scale
+        v = v * scale
+        dst[y, x] = v if ti.abs(v) <= MOST_GRAY else 0.0  # NaN as well
 
 
 @primitive
@@ -58,6 +61,14 @@ def _double(
             right = ti.min(x + 1, src.shape[1] - 1)
         left = 0.5 * (src[y, x] + src[below, x])
         dst[v, u] = 0.5 * (left + 0.5 * (src[y, right] + src[below, right]))
+
+
+@primitive
+def smooth(src: np.ndarray, taps: np.ndarray, dst: np.ndarray) -> None:
+    """Correlate down the rows, then along the columns, mirrored; one thread a pixel and pass."""
+    planes = (1, *src.shape)
+    border = int(Border.MIRROR)
+    correlate_separable(src.reshape(planes), taps, taps, 1, border, 0.0, dst.reshape(planes))
 
 
 @primitive

@@ -56,7 +56,9 @@ def _median(
                         if other <= value:
                             below += weight
                 if 2 * below >= total and (exists == 0 or value < best):
-                    best = value + 0.0  # no -0
+                    best = value
+                    if value == 0.0:  # no -0; Taichi would leave out the sum with 0
+                        best = 0.0
                     exists = 1
         smooth[y, x] = best if exists == 1 else none()
 

@@ -10,33 +10,42 @@ void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
     const int cy = cell[1], cx = cell[2], radius = cell[3];
     const float* image = levels.data + (size_t)cell[0] * height * width;
     const float spread = spreads.data[k];
-    float gain[2 * REACH + 1], lengths[2 * REACH + 1], bins[2 * REACH + 1];
+    enum { N = 16 };
+    float gain[2 * REACH + 1 + N] = {0};
     for (int i = 0; i <= radius; ++i) {
         gain[radius + i] = Alike::decay((float)(i * i) * spread);
         gain[radius - i] = gain[radius + i];
     }
-    int sums[BINS] = {0};
+    // Neighbours, which often share a bin, are added to different sums: none waits for another.
+    int parts[2][BINS] = {{0}};
     const int left = cx - radius < 1 ? 1 : cx - radius;
     const int right = cx + radius > width - 2 ? width - 2 : cx + radius;
     for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
-        const float* p = image + (size_t)y * width;
+        const float* const p = image + (size_t)y * width;
         const float down = gain[y - cy + radius];
-        const float* along = gain + radius - cx;
+        const float* const along = gain + radius - cx;
+        // What is read beyond the row lies in the next row, or level, which there is.
+        for (int begin = left; begin <= right; begin += N) {
+            int lengths[N], bins[N];
+            __builtin_prefetch(p + begin + 4 * (size_t)width);
 #pragma clang loop vectorize(assume_safety)
-        for (int x = left; x <= right; ++x) {
-            const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
-            float length = __builtin_sqrtf(dx * dx + dy * dy);
-            length = length < LONGEST ? length : LONGEST;
-            float bin = Alike::angle(dy, dx) * BINS_PER_RADIAN + 0.5f;
-            bin = bin < 0.0f ? bin + (float)BINS : bin;
-            lengths[x - left] = length * (down * along[x]) * one + 0.5f;
-            bins[x - left] = bin;
-        }
-        for (int x = 0; x <= right - left; ++x) {
-            const int bin = (int)bins[x];
-            sums[bin >= BINS ? bin - BINS : bin] += (int)lengths[x];
+            for (int k = 0; k < N; ++k) {
+                const int x = begin + k;
+                const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
+                float length = __builtin_sqrtf(dx * dx + dy * dy);
+                length = length < LONGEST ? length : LONGEST;
+                float bin = Alike::angle(dy, dx) * BINS_PER_RADIAN + 0.5f;
+                bin = bin < 0.0f ? bin + (float)BINS : bin;
+                const int b = (int)bin;
+                lengths[k] = x <= right ? (int)(length * (down * along[x]) * one + 0.5f) : 0;
+                bins[k] = x <= right ? (b >= BINS ? b - BINS : b) : 0;
+            }
+#pragma unroll
+            for (int k = 0; k < N; ++k) parts[k % 2][bins[k]] += lengths[k];
         }
     }
+    int sums[BINS];
+    for (int b = 0; b < BINS; ++b) sums[b] = parts[0][b] + parts[1][b];
     long long smooth[BINS], most = 0;
     for (int b = 0; b < BINS; ++b) {
         const long long near = (long long)sums[(b + 1) % BINS] + sums[(b + BINS - 1) % BINS];
@@ -74,17 +83,20 @@ void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
     const float* image = levels.data + (size_t)cell[0] * height * width;
     const float* turn = turns.data + 4 * (size_t)k;
     const float cosine = turn[0], sine = turn[1], angle = turn[2], spread = turn[3];
-    float gain[2 * REACH + 1];
+    enum { N = 16, ROW = CELLS + 1, OUTSIDE = ROW * ROW * DIRECTIONS };
+    float gain[2 * REACH + 1 + N] = {0};
     for (int i = 0; i <= radius; ++i) {
         gain[radius + i] = Alike::decay((float)(i * i) * spread);
         gain[radius - i] = gain[radius + i];
     }
-    // Both directions that share a contribution in one sum: the next one's in the upper half. No
-    // lower half overflows, as all are positive.
+    // What a pixel gives to the four cells about it lies side by side, that of two neighbouring
+    // directions in one sum: the next one's in the upper half. No lower half overflows, as all are
+    // positive. Neighbours, which often share a place, are added to different sums: none waits.
     typedef unsigned long long both;
-    both sums[(CELLS + 2) * (CELLS + 2) * DIRECTIONS] = {0};
-    both parts[4][2 * REACH + 1];
-    int places[2 * REACH + 1];
+    typedef both quad __attribute__((vector_size(32)));
+    typedef int lanes __attribute__((vector_size(4 * N)));
+    quad sums[2][OUTSIDE + 1];
+    __builtin_memset(sums, 0, sizeof sums);
     for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
         const float i = (float)(y - cy), down = gain[y - cy + radius];
         const float row0 = i * cosine, column0 = i * sine;
@@ -104,50 +116,82 @@ void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
         int left = cx + (int)first, right = cx + (int)last;
         left = left < 1 ? 1 : left;
         right = right > width - 2 ? width - 2 : right;
-        const float* p = image + (size_t)y * width;
-        const float* along = gain + radius - cx;
+        const float* const p = image + (size_t)y * width;
+        const float* const along = gain + radius - cx;
+        // What is read beyond the row lies in the next row, or level, which there is.
+        for (int begin = left; begin <= right; begin += N) {
+            int places[N], parts[8][N];
+            __builtin_prefetch(p + begin + 4 * (size_t)width);
 #pragma clang loop vectorize(assume_safety)
-        for (int x = left; x <= right; ++x) {
-            const float j = (float)(x - cx);
-            const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
-            float length = __builtin_sqrtf(dx * dx + dy * dy);
-            length = length < LONGEST ? length : LONGEST;
-            float bin = (Alike::angle(dy, dx) - angle) * DIRECTIONS_PER_RADIAN;
-            bin = bin < 0.0f ? bin + (float)DIRECTIONS : bin;
-            bin = bin >= (float)DIRECTIONS ? bin - (float)DIRECTIONS : bin;
-            const float v = length * (down * along[x]) * one;
-            const float r = (row0 - j * sine) + 1.5f, c = (column0 + j * cosine) + 1.5f;
-            const bool inside = r > -1.0f && r < (float)CELLS && c > -1.0f && c < (float)CELLS;
-            const int r0 = inside ? (int)(r + 1.0f) : 0, c0 = inside ? (int)(c + 1.0f) : 0;
-            const int o0 = (int)bin;
-            const float fr = (r + 1.0f) - (float)r0, fc = (c + 1.0f) - (float)c0;
-            const float fd = bin - (float)o0;
-            const float v1 = v * fr, v0 = v - v1, v11 = v1 * fc, v01 = v0 * fc;
-            const float v10 = v1 - v11, v00 = v0 - v01;
-            const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
-            places[x - left] = inside ? (r0 * (CELLS + 2) + c0) * DIRECTIONS + o0 : -1;
-            parts[0][x - left] =
-                (both)(int)(w00 + 0.5f) << 32 | (unsigned)(int)((v00 - w00) + 0.5f);
-            parts[1][x - left] =
-                (both)(int)(w01 + 0.5f) << 32 | (unsigned)(int)((v01 - w01) + 0.5f);
-            parts[2][x - left] =
-                (both)(int)(w10 + 0.5f) << 32 | (unsigned)(int)((v10 - w10) + 0.5f);
-            parts[3][x - left] =
-                (both)(int)(w11 + 0.5f) << 32 | (unsigned)(int)((v11 - w11) + 0.5f);
+            for (int k = 0; k < N; ++k) {
+                const int x = begin + k;
+                const float j = (float)(x - cx);
+                const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
+                float length = __builtin_sqrtf(dx * dx + dy * dy);
+                length = length < LONGEST ? length : LONGEST;
+                float bin = (Alike::angle(dy, dx) - angle) * DIRECTIONS_PER_RADIAN;
+                bin = bin < 0.0f ? bin + (float)DIRECTIONS : bin;
+                bin = bin >= (float)DIRECTIONS ? bin - (float)DIRECTIONS : bin;
+                const float v = length * (down * along[x]) * one;
+                const float r = (row0 - j * sine) + 1.5f, c = (column0 + j * cosine) + 1.5f;
+                const bool inside = (r > -1.0f) & (r < (float)CELLS) & (c > -1.0f) &
+                                    (c < (float)CELLS) & (x <= right);
+                const int r0 = inside ? (int)(r + 1.0f) : 0, c0 = inside ? (int)(c + 1.0f) : 0;
+                const int o0 = (int)bin;
+                const float fr = (r + 1.0f) - (float)r0, fc = (c + 1.0f) - (float)c0;
+                const float fd = bin - (float)o0;
+                const float v1 = v * fr, v0 = v - v1, v11 = v1 * fc, v01 = v0 * fc;
+                const float v10 = v1 - v11, v00 = v0 - v01;
+                const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
+                places[k] = inside ? (r0 * ROW + c0) * DIRECTIONS + o0 : OUTSIDE;
+                parts[0][k] = (int)((v00 - w00) + 0.5f);
+                parts[1][k] = (int)(w00 + 0.5f);
+                parts[2][k] = (int)((v01 - w01) + 0.5f);
+                parts[3][k] = (int)(w01 + 0.5f);
+                parts[4][k] = (int)((v10 - w10) + 0.5f);
+                parts[5][k] = (int)(w10 + 0.5f);
+                parts[6][k] = (int)((v11 - w11) + 0.5f);
+                parts[7][k] = (int)(w11 + 0.5f);
+            }
+            // Interleaving rows i and i + 4 three times brings the 8 parts of a pixel together.
+            lanes rows[8];
+            __builtin_memcpy(rows, parts, sizeof rows);
+#pragma unroll
+            for (int times = 0; times < 3; ++times) {
+                lanes turned[8];
+#pragma unroll
+                for (int i = 0; i < 4; ++i) {
+                    const lanes a = rows[i], b = rows[i + 4];
+                    turned[2 * i] = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20,
+                                                            5, 21, 6, 22, 7, 23);
+                    turned[2 * i + 1] = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27,
+                                                                12, 28, 13, 29, 14, 30, 15, 31);
+                }
+#pragma unroll
+                for (int i = 0; i < 8; ++i) rows[i] = turned[i];
+            }
+            quad given[N];
+            __builtin_memcpy(given, rows, sizeof given);
+#pragma unroll
+            for (int k = 0; k < N; ++k) sums[k % 2][places[k]] += given[k];
         }
-        for (int x = 0; x <= right - left; ++x) {
-            if (places[x] < 0) continue;
-            both* at = sums + places[x];
-            at[0] += parts[0][x];
-            at[DIRECTIONS] += parts[1][x];
-            at[(CELLS + 2) * DIRECTIONS] += parts[2][x];
-            at[(CELLS + 3) * DIRECTIONS] += parts[3][x];
+    }
+    // A cell has been given something from the four places about it.
+    both cells[CELLS * CELLS * DIRECTIONS];
+    for (int n = 0; n < CELLS * CELLS * DIRECTIONS; ++n) {
+        const int o = n % DIRECTIONS, c = n / DIRECTIONS % CELLS, r = n / DIRECTIONS / CELLS;
+        const int at = (r * ROW + c) * DIRECTIONS + o;
+        cells[n] = 0;
+#pragma unroll
+        for (int i = 0; i < 4; ++i) {
+            const int from = at + (i / 2 * ROW + i % 2) * DIRECTIONS;
+            cells[n] += sums[0][from][3 - i] + sums[1][from][3 - i];
         }
     }
     double found[CELLS * CELLS * DIRECTIONS], squares = 0.0;
     for (int n = 0; n < CELLS * CELLS * DIRECTIONS; ++n) {
         const int o = n % DIRECTIONS, c = n / DIRECTIONS % CELLS, r = n / DIRECTIONS / CELLS;
-        const both* bin = sums + ((r + 1) * (CELLS + 2) + c + 1) * DIRECTIONS;
+        const both* bin = cells + (r * CELLS + c) * DIRECTIONS;
         const int shared = (int)(bin[(o + DIRECTIONS - 1) % DIRECTIONS] >> 32);
         found[n] = (double)((int)(unsigned)bin[o] + shared);
         squares += found[n] * found[n];

@@ -17,71 +17,71 @@ void double_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     out[2 * width - 1] = last;
 }
 
-// Mark the extrema of a row of every inner level: a bit for each pixel.
-void mark_row(int row, int slab, wp::array_t<float> levels, float threshold, int margin,
-              wp::array_t<float> lines, wp::array_t<int> words) {
+// Mark the extrema of a row of every inner level: a bit for each pixel. Pixels drop out at the first
+// neighbours that exceed them, those of their own level first, and 32 pixels are left at once.
+void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
+              wp::array_t<int> words) {
 #pragma clang fp contract(off)
+    enum { N = 32 };
+    typedef float lanes __attribute__((vector_size(4 * N)));
+    typedef unsigned whole __attribute__((vector_size(4 * N)));
+    typedef bool flags __attribute__((ext_vector_type(N)));
     const int count = levels.shape[0] - 1, height = levels.shape[1], width = levels.shape[2];
     const int stored = words.shape[2];
     const size_t plane = (size_t)height * width;
-    for (int s = 0; s < count - 2; ++s)
-        for (int k = 0; k < stored; ++k) words.data[((size_t)s * height + row) * stored + k] = 0;
-    if (row < margin || row >= height - margin) return;
-    // Each difference of two levels: its maxima and minima of 3 x 3 pixels.
-    float* line = lines.data + (size_t)slab * lines.shape[1];
-    float* __restrict__ high = line;
-    float* __restrict__ low = line + width;
-    float* tops = line + 2 * (size_t)width;
-    for (int l = 0; l < count; ++l) {
-        const float* a = levels.data + l * plane + (size_t)row * width;
-        const float* b = a + plane;
-        const float *a0 = a - width, *a2 = a + width, *b0 = b - width, *b2 = b + width;
-#pragma clang loop vectorize(assume_safety)
-        for (int x = 0; x < width; ++x) {
-            const float u = b0[x] - a0[x], v = b[x] - a[x], w = b2[x] - a2[x];
-            const float m = u > v ? u : v, n = u < v ? u : v;
-            high[x] = m > w ? m : w;
-            low[x] = n < w ? n : w;
-        }
-        float* __restrict__ top = tops + (size_t)(2 * l) * width;
-        float* __restrict__ bottom = top + width;
-#pragma clang loop vectorize(assume_safety)
-        for (int x = 1; x < width - 1; ++x) {
-            const float m = high[x - 1] > high[x] ? high[x - 1] : high[x];
-            const float n = low[x - 1] < low[x] ? low[x - 1] : low[x];
-            top[x] = m > high[x + 1] ? m : high[x + 1];
-            bottom[x] = n < low[x + 1] ? n : low[x + 1];
-        }
-    }
-    unsigned char* __restrict__ marks = (unsigned char*)line;  // the first line is free by now
+    const bool none = row < margin || row >= height - margin;
     for (int s = 1; s < count - 1; ++s) {
-        const float* a = levels.data + s * plane + (size_t)row * width;
-        const float* b = a + plane;
-        const float* t = tops + (size_t)(2 * s - 2) * width;
-        const size_t w2 = 2 * (size_t)width;
-        const float *t0 = t, *t1 = t + w2, *t2 = t + 2 * w2;
-        const float *l0 = t + width, *l1 = l0 + w2, *l2 = l1 + w2;
-#pragma clang loop vectorize(assume_safety)
-        for (int x = 1; x < width - 1; ++x) {
-            const float v = b[x] - a[x];
-            const int above = (v > threshold) & (v >= t0[x]) & (v >= t1[x]) & (v >= t2[x]);
-            const int below = (v < -threshold) & (v <= l0[x]) & (v <= l1[x]) & (v <= l2[x]);
-            marks[x] = above | below;
-        }
-        int* out = words.data + ((size_t)(s - 1) * height + row) * stored;
-        int x = margin;
-        while (x < width - margin) {
-            unsigned long long eight;
-            if (x + 8 <= width - margin) {
-                __builtin_memcpy(&eight, marks + x, 8);
-                if (!eight) {
-                    x += 8;
-                    continue;
-                }
+        int* const out = words.data + ((size_t)(s - 1) * height + row) * stored;
+        const float* const line = levels.data + s * plane + (size_t)row * width;
+        for (int k = 0; k < stored; ++k) {
+            out[k] = 0;
+            const int left = k * N < margin ? margin : k * N;
+            const int right = (k + 1) * N < width - margin ? (k + 1) * N : width - margin;
+            if (none || left >= right) continue;
+            // What is read beyond the row lies in the next one, which there is.
+            const float* const a = line + k * N;
+            // What the row after the next one reads: of the first level all, later what is new.
+            for (long l = s == 1 ? -1 : 2; l <= 2; ++l) {
+                __builtin_prefetch(a + l * (long)plane + 2 * width);
+                __builtin_prefetch(a + l * (long)plane + 2 * width + 16);
             }
-            const int end = x + 8 < width - margin ? x + 8 : width - margin;
-            for (; x < end; ++x)
-                if (marks[x]) out[x >> 5] |= (int)(1u << (x & 31));
+            const auto difference = [&](long at) {
+                lanes low, high;
+                __builtin_memcpy(&low, a + at, sizeof low);
+                __builtin_memcpy(&high, a + at + plane, sizeof high);
+                return high - low;
+            };
+            const lanes v = difference(0);
+            // With their signs turned, minima are maxima.
+            const whole sign = (whole)v & 0x80000000u;
+            const lanes top = (lanes)((whole)v ^ sign);
+            const auto exceeded = [&](long at) {
+                return (whole)(top >= (lanes)((whole)difference(at) ^ sign));
+            };
+            const auto any = [](whole found) {
+                const flags set = __builtin_convertvector(found, flags);
+                unsigned word;
+                __builtin_memcpy(&word, &set, sizeof word);
+                return word;
+            };
+            whole found = (whole)(top > threshold);
+            if (!any(found)) continue;
+            found &= exceeded(-1) & exceeded(1);
+            if (!any(found)) continue;
+            const long w = width, p = (long)plane;
+            found &= exceeded(-w) & exceeded(w);
+            if (!any(found)) continue;
+            found &= exceeded(-w - 1) & exceeded(-w + 1) & exceeded(w - 1) & exceeded(w + 1);
+            if (!any(found)) continue;
+            found &= exceeded(-p) & exceeded(p);
+            if (!any(found)) continue;
+#pragma unroll
+            for (int i = -1; i <= 1; ++i)
+#pragma unroll
+                for (int j = -1; j <= 1; ++j)
+                    if (i || j) found &= exceeded(i * w + j - p) & exceeded(i * w + j + p);
+            const unsigned behind = right - k * N < N ? 1u << (right - k * N) : 0u;
+            out[k] = (int)(any(found) & (behind - 1u) & ~0u << (left - k * N));
         }
     }
 }
@@ -101,7 +101,7 @@ void halve_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     for (int x = 0; x < dst.shape[1]; ++x) to[x] = from[2 * x];
 }
 
-// needs RED, GREEN, BLUE
+// needs RED, GREEN, BLUE, MOST_GRAY
 // Grey values of a row, times `scale`.
 void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
@@ -113,6 +113,8 @@ void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> d
     else
         for (int x = 0; x < width; ++x, from += channels)
             to[x] = (RED * from[0] + GREEN * from[1] + BLUE * from[2]) * scale;
+    // NaN as well.
+    for (int x = 0; x < width; ++x) to[x] = __builtin_fabsf(to[x]) <= MOST_GRAY ? to[x] : 0.0f;
 }
 
 int first_one(int word) { return __builtin_ctz((unsigned)word); }

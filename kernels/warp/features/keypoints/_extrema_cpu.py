@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -18,11 +18,9 @@ def double_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
 @_native.func_native(FILE)
 def mark_row(
     row: int,
-    slab: int,
     levels: wp.array3d[float],
     threshold: float,
     margin: int,
-    lines: wp.array2d[float],
     words: wp.array3d[int],
 ): ...
 
@@ -36,7 +34,9 @@ def halve_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
 
 
 @_native.func_native(
-    FILE, **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)}
+    FILE,
+    MOST_GRAY=f"{MOST_GRAY}f",
+    **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
 )
 def gray_row(row: int, src: wp.array3d[float], scale: float, dst: wp.array2d[float]): ...
 
@@ -93,13 +93,11 @@ def mark(
     levels: wp.array3d[float],  # (L, H, W)
     threshold: float,
     margin: int,
-    # scratch
-    lines: wp.array2d[float],  # (slabs, 2 L W)
     # outputs
     words: wp.array3d[int],  # (L - 3, H, ceil(W / 32))
 ):
     for row in range(first, last):
-        mark_row(row, slab, levels, threshold, margin, lines, words)
+        mark_row(row, levels, threshold, margin, words)
 
 
 @wp.kernel

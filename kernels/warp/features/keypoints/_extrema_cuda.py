@@ -2,11 +2,12 @@
 
 import warp as wp
 
-from cvkern.kernels.codes.features import GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BITS = wp.constant(WORD)
+BRIGHTEST = wp.constant(MOST_GRAY)
 RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
 
 
@@ -21,7 +22,10 @@ def gray(
     v = src[y, x, 0]
     if src.shape[2] > 1:
         v = RED * v + GREEN * src[y, x, 1] + BLUE * src[y, x, 2]
-    dst[y, x] = v * scale
+    v = v * scale
+    if not (wp.abs(v) <= BRIGHTEST):  # NaN as well
+        v = 0.0
+    dst[y, x] = v
 
 
 @wp.kernel

@@ -2,11 +2,16 @@
 
 import warp as wp
 
+from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._zeros import clear
+from cvkern.kernels.warp.filters.linear import correlate_separable
 
 from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
+from ._smoothing_cpu import smooth_rows
+
+LINE = 16  # floats of a line of the cache
 
 
 def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
@@ -25,6 +30,19 @@ def double(src: wp.array, dst: wp.array) -> None:
     launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
+def smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
+    """Correlate down the rows, then along the columns, mirrored; on the CPU over two rows."""
+    height, width = src.shape
+    if dst.device.is_cuda:
+        one, other = (view(a, wp.float32, (1, height, width)) for a in (src, dst))
+        correlate_separable(one, taps, taps, 1, int(Border.MIRROR), 0.0, other)
+        return
+    parts = slabs(height, src.size)
+    margin = -(-taps.shape[0] // (2 * LINE)) * LINE
+    lines = scratch("keypoints.rows", (2 * parts, width + 2 * margin), wp.float32, dst.device)
+    launch_slabs(smooth_rows, height, parts, [src, taps, margin, lines], [dst])
+
+
 def halve(src: wp.array, dst: wp.array) -> None:
     """Every second pixel of every second row; one thread a pixel."""
     if dst.device.is_cuda:
@@ -41,8 +59,7 @@ def mark_extrema(levels: wp.array, threshold: float, margin: int, words: wp.arra
         launch(cuda.mark, (count - 3, height, width), [levels, threshold, margin], [words])
         return
     parts = slabs(height, levels.size)
-    lines = scratch("keypoints.lines", (parts, 2 * count * width), wp.float32, levels.device)
-    launch_slabs(cpu.mark, height, parts, [levels, threshold, margin, lines], [words])
+    launch_slabs(cpu.mark, height, parts, [levels, threshold, margin], [words])
 
 
 def count_marks(words: wp.array, counts: wp.array) -> None:

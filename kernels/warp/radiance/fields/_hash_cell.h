@@ -4,10 +4,10 @@
 // corner's number tell on which sides of the cell it is.
 struct HashCell {
     int i, j, k;
-    float fi, fj, fk;  // from the lower corner, in cells
+    float fi, fj, fk;  // offsets from the lower corner, in cells
 
-    // Find the cell of a position from 0 to 1; one at 1 is in the last cell. To cut is to round
-    // down.
+    // Find the cell of a position from 0 to 1; a position at 1 is in the last cell.
+    // Truncation rounds down.
     HashCell(const float* at, int cells) {
 #pragma clang fp contract(fast)
         const float n = (float)cells;

@@ -1,0 +1,90 @@
+"""``cvkern hdr``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import cvkern
+from cvkern.app.commands import Backend, Device
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+TIMES = "exposure_seconds.json"
+
+
+def hdr(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the exposures.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    seconds: Annotated[
+        str | None,
+        typer.Option(
+            help="Times in the order of the names, as 1/60,1/15,1/4.",
+            show_default=f"{TIMES} in the folder",
+        ),
+    ] = None,
+    tone: Annotated[
+        str, typer.Option(help="reinhard, reinhard_local, bilateral, or fuse for no radiance.")
+    ] = "reinhard_local",
+    align: Annotated[bool, typer.Option("--align", help="Align the exposures first.")] = False,
+    radiance: Annotated[
+        Path | None, typer.Option(help="NumPy file to write the radiance to.")
+    ] = None,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Merge exposures of a scene, and show all of it in one picture.
+
+    With `--tone fuse` no times are needed.
+    """
+    from cvkern.images.files import read_image, write_image
+
+    if not folder.is_dir():
+        raise ValueError(f"FOLDER must be a folder, got {str(folder)!r}")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    if len(paths) < 2:
+        raise ValueError(f"FOLDER must have at least 2 images, got {len(paths)}")
+    if tone == "fuse" and radiance:
+        raise ValueError("radiance must go with another tone than 'fuse'")
+    images = [np.asarray(read_image(path)) for path in paths]
+    images = [image[..., :3] if image.ndim == 3 else image for image in images]
+    with cvkern.use(backend=backend, device=device):
+        if align:
+            images = cvkern.align_exposures(images).images
+        if tone == "fuse":
+            picture = cvkern.fuse_exposures(images)
+            shown = np.rint(picture * 255).astype(np.uint8)
+        else:
+            times = _times(seconds, folder, paths)
+            merged = cvkern.merge_exposures(images, times)
+            linear = cvkern.tone_map(merged, tone)
+            colours = linear if linear.ndim == 3 else np.stack([linear] * 3, axis=-1)
+            shown = cvkern.convert_color(colours, "rgb", "srgb", dtype="uint8")
+            if radiance:
+                from cvkern._files import replacing
+
+                with replacing(radiance) as beside, beside.open("wb") as file:
+                    np.save(file, merged)
+    write_image(output, shown)
+    typer.echo(f"{output}: {len(paths)} exposures of {shown.shape[0]} x {shown.shape[1]}")
+
+
+def _times(seconds: str | None, folder: Path, paths: list[Path]) -> list[float]:
+    """Return the time of each image, as told or as a file in the folder has them."""
+    if seconds is None:
+        file = folder / TIMES
+        if not file.is_file():
+            raise ValueError(f"seconds must be given, or {TIMES} be in the folder, got neither")
+        table = json.loads(file.read_text(encoding="utf-8"))
+        missing = [path.name for path in paths if path.name not in table]
+        if missing:
+            raise ValueError(f"{TIMES} must have a time for each image, got none for {missing[0]}")
+        return [float(table[path.name]) for path in paths]
+    try:
+        parts = [part.split("/") for part in seconds.split(",")]
+        return [float(p[0]) / float(p[1]) if len(p) == 2 else float(p[0]) for p in parts]
+    except (ValueError, ZeroDivisionError):
+        raise ValueError(f"seconds must be numbers or fractions, got {seconds!r}") from None

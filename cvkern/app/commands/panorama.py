@@ -1,0 +1,133 @@
+"""``cvkern panorama``."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+import cvkern
+from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.panorama.stitching import MAX_PIXELS
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+WRITTEN = re.compile(r"panorama-\d+\.(png|tif)")
+REPORT = "report.json"
+
+
+def panorama(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of photographs.")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    surface: Annotated[str, typer.Option(help="auto, plane, cylinder or sphere.")] = "auto",
+    scale: Annotated[
+        float, typer.Option(help="Pixels of a panorama in one of a photograph.")
+    ] = 1.0,
+    crop: Annotated[
+        bool, typer.Option("--crop", help="Cut to the largest rectangle without gaps.")
+    ] = False,
+    compensate: Annotated[
+        bool, typer.Option(help="Make the exposures of the photographs alike.")
+    ] = True,
+    focal: Annotated[
+        float | None,
+        typer.Option(help="Focal length of all, pixels.", show_default="EXIF, where there is one"),
+    ] = None,
+    max_pixels: Annotated[int, typer.Option(help="Largest panorama.")] = MAX_PIXELS,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the panoramas that DIR has.")
+    ] = False,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Make every panorama of a folder of photographs, whatever their order.
+
+    DIR is made if missing. Each panorama is panorama-N.png, the one of most photographs first
+    (.tif for photographs of floats); report.json has which photographs show the same, the
+    strangers, and of each panorama its members, model, surface, focal lengths in pixels, rotations,
+    gains and the residual of its matches. Photographs are turned as their EXIF orientation asks.
+    """
+    from cvkern._files import write_text
+    from cvkern.images._exif import focal_length
+    from cvkern.images.files import read_image, write_image
+
+    if not folder.is_dir():
+        raise ValueError(f"folder must be a folder that exists, got {str(folder)!r}")
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"output must be a folder, got the file {str(output)!r}")
+    old = [p for p in output.glob("*") if WRITTEN.fullmatch(p.name) or p.name == REPORT]
+    if old and not overwrite:
+        raise ValueError(
+            f"output must have no panoramas yet, got {str(min(old))!r}: --overwrite replaces them"
+        )
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+    files = [p for p in files if p not in old]
+    if not files:
+        raise ValueError(f"folder must have images, got none in {str(folder)!r}")
+    with cvkern.use(backend=backend, device=device), progress_bar() as bar:
+        task = bar.add_task("Reading", total=len(files))
+        images, lengths = [], []
+        for file in files:
+            images.append(read_image(file))
+            found = focal if focal is not None else focal_length(file, images[-1].shape)
+            lengths.append(math.nan if found is None else found)
+            bar.advance(task)
+        known = None if np.isnan(lengths).all() else lengths
+        made = cvkern.stitch(
+            images, surface=surface, scale=scale, crop=crop, compensate=compensate,
+            focal_lengths=known, max_pixels=max_pixels,
+            progress=lambda done, total, text: bar.update(
+                task, completed=done, total=total, description=text
+            ),
+        )  # fmt: skip
+    output.mkdir(parents=True, exist_ok=True)
+    names = [file.name for file in files]
+    entries, written = [], []
+    for number, one in enumerate(made, 1):
+        real = one.image.dtype.kind == "f"
+        written.append(output / f"panorama-{number}.{'tif' if real else 'png'}")
+        write_image(written[-1], one.image)
+        entries.append(_entry(one, names, written[-1].name))
+        typer.echo(f"{written[-1]}: {len(one.members)} photographs, {_size(one)}, {one.surface}")
+    together = {i for one in made for i in one.members}
+    strangers = [name for i, name in enumerate(names) if i not in together]
+    report = {
+        "photographs": names,
+        "pairs": [[names[i], names[j]] for one in made for i, j in one.pairs],
+        "strangers": strangers,
+        "panoramas": entries,
+    }
+    write_text(output / REPORT, json.dumps(report, indent=1) + "\n")
+    for stale in {*old} - {*written, output / REPORT}:
+        stale.unlink()
+    typer.echo(f"{output / REPORT}: {len(made)} panoramas, {len(strangers)} strangers")
+
+
+def _size(one: Any) -> str:
+    return f"{one.image.shape[1]} x {one.image.shape[0]} pixels"
+
+
+def _entry(one: Any, names: list[str], file: str) -> dict[str, Any]:
+    """Return what the report has of a panorama; what it has no number for is null."""
+
+    def numbers(array: np.ndarray) -> Any:
+        return None if np.isnan(array).any() else array.astype(np.float64).round(9).tolist()
+
+    return {
+        "file": file,
+        "width": one.image.shape[1],
+        "height": one.image.shape[0],
+        "members": [names[i] for i in one.members],
+        "model": one.model,
+        "surface": one.surface,
+        "closed": one.closed,
+        "focal_lengths": numbers(one.focal_lengths),
+        "rotations": numbers(one.rotations),
+        "matrices": numbers(one.matrices),
+        "gains": numbers(one.gains),
+        "residual": round(one.residual, 6),
+    }

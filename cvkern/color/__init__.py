@@ -1,0 +1,30 @@
+"""Colour: spectra, observers, spaces, metamers, adaptation, and the colour of the light."""
+
+from cvkern.color.adaptation import adapt_colors, adaptation_matrix
+from cvkern.color.constancy import estimate_illuminant, white_balance
+from cvkern.color.differences import deltaE_ciede2000
+from cvkern.color.metamers import metamer, metameric_difference
+from cvkern.color.spaces import convert_color
+from cvkern.color.spectra import (
+    Spectrum,
+    color_chart,
+    spectrum_to_xyz,
+    standard_light,
+    standard_observer,
+)
+
+__all__ = [
+    "Spectrum",
+    "adapt_colors",
+    "adaptation_matrix",
+    "color_chart",
+    "convert_color",
+    "deltaE_ciede2000",
+    "estimate_illuminant",
+    "metamer",
+    "metameric_difference",
+    "spectrum_to_xyz",
+    "standard_light",
+    "standard_observer",
+    "white_balance",
+]

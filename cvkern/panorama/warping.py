@@ -1,0 +1,62 @@
+"""Images drawn on the surface of a panorama."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._runtime import Runtime
+from cvkern.panorama.surfaces import Canvas
+from cvkern.transform.resampling import resize
+
+
+def draw(
+    rt: Runtime,
+    image: Any,
+    matrix: np.ndarray,
+    gains: Any,
+    columns: np.ndarray,
+    rows: np.ndarray,
+    values: Any,
+    weights: Any,
+) -> None:
+    """Draw an image on a part of a surface."""
+    byte = library(image).dtype(image) == np.uint8
+    shape = (*image.shape[:2], image.shape[2] if len(image.shape) == 3 else 1)
+    rt.panorama.warping.project(
+        rt.adopt(image, np.uint8 if byte else np.float32, shape=shape),
+        rt.send("panorama.matrix", matrix.reshape(1, 9)),
+        rt.send("panorama.columns", columns), rt.send("panorama.rows", rows),
+        gains, values, weights,
+    )  # fmt: skip
+
+
+def shrunk(
+    image: Any, factors: np.ndarray, n: int, coarse: Canvas, canvas: Canvas
+) -> tuple[Any, np.ndarray]:
+    """Return an image about as fine as the coarse canvas, and its matrix there."""
+    finer = factors.mean() * _enlargement(canvas, n) * coarse.step / canvas.step
+    if finer > 1.5:
+        sides = tuple(max(1, round(side / finer)) for side in image.shape[:2])
+        axis = -1 if len(image.shape) == 3 else None
+        byte = library(image).dtype(image) == np.uint8
+        dtype = np.uint8 if byte else np.float32
+        old = image.shape[:2]
+        image = resize(image, sides, channel_axis=axis, dtype=dtype)
+        factors = factors * (sides[1] / old[1], sides[0] / old[0])
+    x, y = factors
+    small = np.array([[x, 0, 0.5 * x - 0.5], [0, y, 0.5 * y - 0.5], [0, 0, 1]])
+    return image, small @ canvas.matrices[n]
+
+
+def _enlargement(canvas: Canvas, n: int) -> float:
+    """Return how many pixels of an image one of the canvas is, in the middle of the image."""
+    x, y = (int(v) for v in (canvas.rects[n, :2] + canvas.rects[n, 2:]) // 2)
+    (a, b), (p, q) = canvas.columns(x, 2).T, canvas.rows(y, 2).T
+    rays = np.array([[a[j] * p[i], q[i], b[j] * p[i]] for i, j in ((0, 0), (0, 1), (1, 0))])
+    there = rays @ canvas.matrices[n].T
+    places = there[:, :2] / there[:, 2:]
+    area = abs(np.linalg.det(places[1:] - places[0]))
+    return float(np.sqrt(area)) if np.isfinite(area) and area > 0 else 1.0

@@ -1,0 +1,140 @@
+"""From the samples of a Bayer filter to three colours at each pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_choice, check_image
+from cvkern._runtime import Runtime, runtime
+from cvkern.kernels.codes.raw import MARGIN, Linear, Menon, Step
+from cvkern.raw.mosaics import red_place
+
+CARRIED = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
+METHODS = ("bilinear", "malvar", "menon", "residual")
+STRIP = {"cpu": 256, "cuda": 4096}  # rows that are worked on at once: even
+
+
+def demosaic(raw: Any, pattern: str = "RGGB", method: str = "residual") -> Any:
+    """Interpolate the two colours that each pixel behind a Bayer filter misses.
+
+    Parameters
+    ----------
+    raw : array of shape (H, W)
+        Samples, at least 2 x 2, uint8, uint16 or floating.
+    pattern : {'RGGB', 'BGGR', 'GRBG', 'GBRG'}, default 'RGGB'
+        Colours of the cell of 2 x 2 pixels at the top left, row by row.
+    method : {'residual', 'menon', 'malvar', 'bilinear'}, default 'residual'
+        How: by the local relation between colours, by the smoother direction, by fixed filters of
+        5 x 5 samples, or by means of neighbours. Each is faster, and further from the truth, than
+        the one before it.
+
+    Returns
+    -------
+    array of shape (H, W, 3)
+        Red, green and blue, of the dtype of `raw`. Measured samples are kept, but for the last pass
+        of 'menon'. Integers are rounded half up and limited to the dtype; floats are not limited.
+        Equal in every bit on all devices, but for float16 and float64, which are worked on in
+        float32.
+
+    Raises
+    ------
+    TypeError
+        If `raw` is neither uint8, uint16 nor floating.
+    ValueError
+        If `raw` is not 2-D, has a side of one pixel, or an option is not one of those above.
+
+    See Also
+    --------
+    mosaic : The way back.
+
+    Notes
+    -----
+    'residual' is cvkern's own. Along rows and columns, and in windows around each pixel, it fits
+    a line between green and the other colour, takes from the line what it explains, and
+    interpolates the rest, as residual interpolation does [3]_. It differs in three ways. The slope
+    has a prior of 1, which counts as much as the line leaves unexplained: where colours are hardly
+    related by what was seen, their edges are taken to be the same. Differences between colours are
+    smoothed by how much of their change the texture explains. And the two directions are weighted
+    by how little these differences change. All of it scales with the values. Borders are mirrored.
+
+    References
+    ----------
+    .. [1] H. S. Malvar, L. He and R. Cutler, "High-quality linear interpolation for demosaicing of
+       Bayer-patterned color images", ICASSP 2004.
+    .. [2] D. Menon, S. Andriani and G. Calvagno, "Demosaicing with directional filtering and a
+       posteriori decision", IEEE Transactions on Image Processing 16, 2007.
+    .. [3] D. Kiku, Y. Monno, M. Tanaka and M. Okutomi, "Beyond color difference: residual
+       interpolation for color image demosaicking", IEEE Transactions on Image Processing 25, 2016.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> grey = np.full((4, 6), 7, np.uint8)
+    >>> cvkern.demosaic(grey)[1, 2]
+    array([7, 7, 7], dtype=uint8)
+    """
+    raw = check_image(raw, name="raw")
+    place = red_place(pattern)
+    method = check_choice(method, METHODS, "method")
+    dtype = library(raw).dtype(raw)
+    if dtype not in CARRIED and dtype.kind != "f":
+        raise TypeError(f"raw must be uint8, uint16 or floating, got {dtype}")
+    if min(raw.shape) < 2:
+        raise ValueError(f"raw must have sides of at least 2 pixels, got {tuple(raw.shape)}")
+    rt = runtime(raw)
+    carried = dtype if dtype in CARRIED else np.dtype(np.float32)
+    samples = rt.adopt(raw, carried)
+    result = rt.empty((*raw.shape, 3), carried)
+    colours = rt.adopt(result, carried)
+    if method in ("bilinear", "malvar"):
+        code = int(Linear[method.upper()])
+        rt.raw.demosaicing.linear.interpolate(samples, *place, code, colours)
+    else:
+        fill, count = {"menon": (_menon, 5), "residual": (_residual, 10)}[method]
+        _by_strips(rt, samples, place, fill, count, colours)
+    found = rt.release(result)
+    return found if carried == dtype else library(found).contiguous(found, dtype)
+
+
+def _by_strips(
+    rt: Runtime,
+    samples: Any,
+    place: tuple[int, int],
+    fill: Callable[[Runtime, tuple[int, int], Any], tuple[int, int, int]],
+    count: int,
+    colours: Any,
+) -> None:
+    """Fill planes of a strip after the other, and put its colours into the result."""
+    height, width = samples.shape
+    most = STRIP[rt.device.partition(":")[0]]
+    for top in range(0, height, most):
+        rows = min(most, height - top)
+        shape = (count, rows + 2 * MARGIN, width + 2 * MARGIN)
+        planes = rt.scratch("demosaic.planes", shape)
+        rt.raw.demosaicing.planes.extend(samples, top, planes)
+        found = fill(rt, place, planes)
+        rt.raw.demosaicing.planes.join(planes, *found, top, rows, colours)
+
+
+def _menon(rt: Runtime, place: tuple[int, int], planes: Any) -> tuple[int, int, int]:
+    """Return which planes are red, green and blue. Each step reaches further than the last."""
+    margins = (2, 6, 7, 8, 9, 10, 11)
+    for step, margin in zip(Menon, margins, strict=True):
+        rt.raw.demosaicing.menon.menon(int(step), *place, margin, planes)
+    return 1, 3, 2
+
+
+def _residual(rt: Runtime, place: tuple[int, int], planes: Any) -> tuple[int, int, int]:
+    """Return which planes are red, green and blue."""
+    kernels = rt.raw.demosaicing.residual
+    kernels.directions(*place, planes)
+    kernels.green(*place, planes)
+    for plane, (row, column) in ((1, place), (2, (1 - place[0], 1 - place[1]))):
+        for step in Step:
+            kernels.chroma(int(step), row, column, plane, planes)
+    return 1, 3, 2

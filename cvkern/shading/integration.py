@@ -1,0 +1,235 @@
+"""Depth from normals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_choice, check_image, check_integer, check_number, check_positive
+from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern.kernels.codes.shading import CHUNKS
+
+METHODS = ("poisson", "bilateral")
+FLATTEST = 0.01  # least z of a unit normal whose slope is taken as it is
+COARSEST = 16  # pixels of the coarsest level, at most, unless it is a line
+SETTLED = 8  # sweeps there and back that solve it
+OFTEN = 4  # steps between looks at how far there is to go
+MOST_STEPS = 400
+LEAST_GAIN = 1e-4  # share of the energy below which weights are not found anew
+
+
+def integrate_normals(
+    normals: Any,
+    mask: Any = None,
+    *,
+    method: str = "poisson",
+    sharpness: float = 2.0,
+    tolerance: float = 1e-05,
+    iterations: int = 100,
+) -> Any:
+    """Integrate normals to depth.
+
+    Parameters
+    ----------
+    normals : array of shape (H, W, 3)
+        (x right, y up, z towards the camera), of any length. Any real dtype. What is not finite or
+        faces away from the camera is outside.
+    mask : array of shape (H, W), optional
+        Where the surface is: not 0. By default wherever normals are.
+    method : {'poisson', 'bilateral'}, default 'poisson'
+        `poisson` takes the surface for continuous within the mask. `bilateral` lets it jump.
+    sharpness : float, default 2.0
+        Of `bilateral`: how decidedly a pixel joins the nearer of two neighbours, per square pixel.
+    tolerance : float, default 1e-05
+        Of the solution, as a share of the depth's size in the equations' own norm; in (0, 1).
+    iterations : int, default 100
+        Of `bilateral`: how often weights are found anew, at most. It ends sooner where the energy
+        falls by less than a ten-thousandth.
+
+    Returns
+    -------
+    array of shape (H, W), float32
+        Depth in pixels, growing away from the camera, NaN outside. Each connected part (by rows
+        and columns) is found up to a constant: its mean is 0. Of the library and on the device of
+        `normals`.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or a number is not one.
+    ValueError
+        If a shape is another, `mask` is 0 wherever normals are, `method` is unknown, or a number
+        is out of range.
+
+    See Also
+    --------
+    photometric_stereo : Normals from images.
+    mesh_from_depth : Triangles for the depth.
+    normals_from_depth : The way back.
+
+    Notes
+    -----
+    Neighbours differ by the mean of their slopes, ``z_b - z_a = (p_a + p_b) / 2``, by least
+    squares. `bilateral` has for each pixel an equation on either side of it, ``n_z (z_b - z_a) =
+    n_x``, and gives the side that differs less the larger share, again and again [1]_:
+    ``1 / (1 + exp(-k (d_-^2 - d_+^2)))``. Equations are solved in float64 by conjugate gradients,
+    preconditioned by a multigrid cycle in float32.
+
+    Slopes steeper than 100 count as 100.
+
+    References
+    ----------
+    .. [1] X. Cao, H. Santo, B. Shi, F. Okura and Y. Matsushita, "Bilateral normal integration",
+       ECCV 2022.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> normals = np.full((2, 3, 3), [-0.6, 0, 0.8])  # a plane that faces left
+    >>> cvkern.integrate_normals(normals).round(3)
+    array([[ 0.75,  0.  , -0.75],
+           [ 0.75,  0.  , -0.75]], dtype=float32)
+    """
+    normals = check_image(normals, ndim=(3,), name="normals")
+    if normals.shape[2] != 3:
+        raise ValueError(f"normals must have shape (H, W, 3), got {tuple(normals.shape)}")
+    method = check_choice(method, METHODS, "method")
+    sharpness = check_positive(sharpness, "sharpness")
+    tolerance = check_number(tolerance, "tolerance")
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance must be in (0, 1), got {tolerance:g}")
+    iterations = check_integer(iterations, "iterations", 1, 10000)
+    shape = tuple(normals.shape[:2])
+    if mask is not None and tuple(check_image(mask, name="mask").shape) != shape:
+        raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
+    refuse_capture("integrate_normals")
+    rt = runtime(normals)
+    if mask is None:
+        given = rt.send("shading.mask", np.ones(shape, np.uint8))
+    else:
+        own = rt.to_numpy(rt.adopt(mask, library(mask).dtype(mask)))
+        given = rt.send("shading.mask", (own != 0).astype(np.uint8))
+    inside, slope = (
+        rt.scratch("relief.inside", shape, np.uint8),
+        rt.scratch("relief.slope", (3, *shape)),
+    )
+    kernels = rt.shading.integration.equations
+    kernels.slopes(rt.adopt(normals), given, FLATTEST, inside, slope)
+    there = rt.to_numpy(inside) != 0
+    if not there.any():
+        raise ValueError("mask must not be 0 wherever normals are, got nothing to integrate")
+    solver = Solver(rt, inside, shape)
+    none = rt.scratch("relief.none", (0, 1, 1))
+    kernels.join(inside, slope, none, solver.weights, solver.rises)
+    solver.solve(tolerance)
+    if method == "bilateral":
+        shares = rt.scratch("relief.shares", (2, *shape))
+        before = np.inf
+        for _ in range(iterations):
+            kernels.sides(solver.z, inside, slope, sharpness, shares)
+            kernels.join(inside, slope, shares, solver.weights, solver.rises)
+            energy = solver.misfit(slope, shares)
+            if energy >= (1 - LEAST_GAIN) * before:
+                break
+            before = energy
+            solver.solve(max(tolerance, 1e-3))
+    parts, means = _parts(rt, solver.z, there)
+    result = rt.empty(shape)
+    kernels.finish(solver.z, parts, means, rt.adopt(result))
+    return rt.release(result)
+
+
+def _parts(rt: Runtime, z: Any, there: np.ndarray) -> tuple[Any, Any]:
+    """Return the numbers of connected parts from 1 on, 0 outside, and the mean depth of each."""
+    from scipy.ndimage import label
+
+    numbers, count = label(there)  # pyright: ignore[reportGeneralTypeIssues]
+    values = rt.to_numpy(z)
+    sizes = np.bincount(numbers.ravel(), minlength=count + 1)
+    means = np.bincount(numbers.ravel(), values.ravel(), count + 1) / np.maximum(sizes, 1)
+    parts = rt.send("relief.parts", np.ascontiguousarray(numbers, np.int32))
+    return parts, rt.send("relief.means", means)
+
+
+class Solver:
+    """Equations of edges between pixels, and levels of blocks of them."""
+
+    def __init__(self, rt: Runtime, inside: Any, shape: tuple[int, int]):
+        self.rt = rt
+        self.z, self.r, self.p, self.q = (
+            rt.scratch(f"relief.{name}", shape, np.float64) for name in "zrpq"
+        )
+        rt.clear(self.z)
+        # What is left times its smoothed self, a direction times its product, the first one before.
+        self.sums = rt.scratch("relief.sums", (3,), np.float64)
+        self.partial = rt.scratch("relief.partial", (CHUNKS,), np.float64)
+        self.rises = rt.scratch("relief.rises", (2, *shape))
+        self.none = rt.scratch("relief.none", (0, 1, 1))
+        self.levels = [(rt.scratch("relief.weights", (2, *shape)), inside, *self._fields(0, shape))]
+        while np.prod(shape) > COARSEST and max(shape) > 2:
+            shape = (shape[0] + 1) // 2, (shape[1] + 1) // 2
+            n = len(self.levels)
+            self.levels.append(
+                (
+                    rt.scratch(f"relief.weights{n}", (2, *shape)),
+                    rt.scratch(f"relief.inside{n}", shape, np.uint8),
+                    *self._fields(n, shape),
+                )
+            )
+        self.weights = self.levels[0][0]
+
+    def misfit(self, slope: Any, shares: Any) -> float:
+        """Return the energy of z under shares of the sides of each pixel."""
+        rows = self.rt.scratch("relief.rows", (self.z.shape[0],), np.float64)
+        self.rt.shading.integration.equations.weigh_misfit(
+            self.z, self.levels[0][1], slope, shares, rows
+        )
+        return float(self.rt.to_numpy(rows).sum())
+
+    def _fields(self, n: int, shape: tuple[int, int]) -> tuple[Any, Any]:
+        return self.rt.scratch(f"relief.b{n}", shape), self.rt.scratch(f"relief.x{n}", shape)
+
+    def solve(self, tolerance: float) -> int:
+        """Go on from z to the solution; return after how many steps."""
+        kernels, weights = self.rt.shading.integration.multigrid, self.weights
+        pull = self.rt.shading.integration.equations.pull
+        for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
+            kernels.coarsen(fine[0], fine[1], coarse[0], coarse[1])
+        self.rt.write(self.sums, np.zeros(3))
+        pull(weights, self.rises, self.z, 1.0, self.r)
+        first = None
+        for step in range(MOST_STEPS):
+            smoothed = self._cycle()
+            kernels.weigh_rest(self.r, smoothed, self.partial, self.sums)
+            if step % OFTEN == 0:
+                left = float(self.rt.to_numpy(self.sums)[0])
+                first = left if first is None else first
+                if not left > tolerance**2 * first:
+                    return step
+            kernels.turn(smoothed, self.sums, self.p)
+            pull(weights, self.none, self.p, -1.0, self.q)
+            kernels.weigh_step(self.p, self.q, self.partial, self.sums)
+            kernels.advance(self.p, self.q, self.sums, self.z, self.r)
+        return MOST_STEPS
+
+    def _cycle(self) -> Any:
+        """Return what one multigrid cycle makes of what is left."""
+        kernels, levels = self.rt.shading.integration.multigrid, self.levels
+        kernels.begin(self.r, levels[0][2], levels[0][3])
+        for n, (weights, _, b, x) in enumerate(levels[:-1]):
+            if n:
+                self.rt.clear(x)
+            kernels.smooth(weights, b, 0, x)
+            kernels.smooth(weights, b, 1, x)
+            kernels.restrict(weights, b, x, levels[n + 1][2])
+        weights, _, b, x = levels[-1]
+        kernels.settle(weights, b, SETTLED, x)
+        for n in range(len(levels) - 2, -1, -1):
+            weights, _, b, x = levels[n]
+            kernels.prolong(levels[n + 1][3], x)
+            kernels.smooth(weights, b, 1, x)
+            kernels.smooth(weights, b, 0, x)
+        return levels[0][3]

@@ -1,0 +1,289 @@
+"""Lights from images: of a chrome sphere, or of the surface itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_choice, check_image
+from cvkern.shading.photometry import check_images
+
+HIGHLIGHT = 0.9  # share of the brightest value from which a pixel is of the highlight
+MOST_PIXELS = 40000  # sampled for lights that nobody has measured
+DARK = 0.02  # share of a pixel's mean below which it is in shadow
+SMOOTHED = (0.0, 1.0, 2.0, 4.0)  # pixels; the first that is clear, else the clearest
+CLEAR = 0.2  # ratio of the least two strengths of integrability
+MOST_ALIKE = 0.5  # ratio from which nothing is told
+FILLS = 10  # rounds in which shadows are filled by the model
+
+
+def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
+    """Find the directions of distant lights from images of a chrome sphere.
+
+    Parameters
+    ----------
+    images : array of shape (K, H, W)
+        An image for each light, of any real dtype. NumPy also takes a sequence of K images.
+    mask : array of shape (H, W)
+        Where the sphere is, whole and round: not 0.
+
+    Returns
+    -------
+    ndarray of shape (K, 3), float64
+        Unit vectors towards the lights: x right, y up, z towards the camera.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers.
+    ValueError
+        If a shape is another, `mask` is 0 everywhere, or an image shows no light on the sphere.
+
+    See Also
+    --------
+    photometric_stereo : What the lights are for.
+    estimate_lights : Lights without a sphere.
+
+    Notes
+    -----
+    The sphere's middle and radius are those of a disc with the mask's centre of mass and area. The
+    highlight is the centre of what has 90 % of the brightest value; there the normal halves the
+    angle between the light and the camera, which is far away: ``l = 2 (n . v) n - v``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> y, x = np.indices((41, 41)) - 20
+    >>> shiny = np.stack([(abs(x - 10) < 2) & (abs(y) < 2)] * 3)
+    >>> light = cvkern.lights_from_sphere(shiny, x**2 + y**2 < 400)[0]
+    >>> print(f"{light[0]:.1f} {light[2]:.1f}")
+    0.9 0.5
+    """
+    images = check_image(
+        np.stack(list(images)) if isinstance(images, (list, tuple)) else images,
+        ndim=(3,), name="images",
+    )  # fmt: skip
+    shape = tuple(images.shape[1:])
+    inside = np.asarray(check_image(mask, name="mask")) != 0
+    if inside.shape != shape:
+        raise ValueError(f"mask must have shape {shape}, got {inside.shape}")
+    if not inside.any():
+        raise ValueError("mask must not be 0 everywhere, got such a mask")
+    rows, columns = np.nonzero(inside)
+    middle, radius = (rows.mean(), columns.mean()), np.sqrt(len(rows) / np.pi)
+    lights = []
+    for k, image in enumerate(np.asarray(images, np.float64)):
+        values = np.where(np.isfinite(image), image, 0)[rows, columns]
+        if not values.max() > 0:
+            raise ValueError(f"images must show a light on the sphere, got none in image {k}")
+        bright = values >= HIGHLIGHT * values.max()
+        x = (columns[bright].mean() - middle[1]) / radius
+        y = (middle[0] - rows[bright].mean()) / radius
+        n = np.array([x, y, np.sqrt(max(1 - x * x - y * y, 0.0))])
+        n /= np.linalg.norm(n)
+        lights.append(2 * n[2] * n - np.array([0, 0, 1]))
+    return np.array(lights)
+
+
+def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> np.ndarray:
+    """Find the lights from images of one matt surface alone.
+
+    Parameters
+    ----------
+    images : array of shape (K, H, W)
+        At least four, linear in light, of a surface that bends. Any real dtype. NumPy also takes a
+        sequence of K images.
+    mask : array of shape (H, W), optional
+        Where the surface is: not 0. By default everywhere.
+    equal : {'lights', 'albedo'}, default 'lights'
+        What is taken to be the same everywhere: the strength of the lights, or the albedo.
+
+    Returns
+    -------
+    ndarray of shape (K, 3), float64
+        Vectors towards the lights, with a mean strength of 1: x right, y up, z towards the camera.
+
+    Raises
+    ------
+    TypeError
+        If `images` does not hold real numbers.
+    ValueError
+        If there are fewer than four images, a shape is another, `mask` is 0 everywhere, the images
+        have no three independent lights, do not tell them, or `equal` is unknown.
+
+    See Also
+    --------
+    photometric_stereo : What the lights are for.
+
+    Notes
+    -----
+    Images of a matt surface have rank 3, and their factors are lights and normals but for a 3 x 3
+    matrix. That neighbouring normals belong to one surface leaves of it the bas-relief ambiguity:
+    two slants and a flattening [1]_ [2]_. Where all lights are equally strong, or the albedo is the
+    same everywhere, that resolves it; where neither holds, depth comes out slanted or flattened.
+    Whether the surface bulges or is hollow no image tells: it is taken to bulge. Noise and gloss
+    may hide what joins neighbours, and a plane has nothing to join: such images are refused.
+
+    References
+    ----------
+    .. [1] P. Belhumeur, D. Kriegman and A. Yuille, "The bas-relief ambiguity", IJCV 35(1), 1999.
+    .. [2] A. Yuille and D. Snow, "Shape and albedo from multiple images using integrability",
+       CVPR 1997.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> y, x = np.indices((40, 40)) - 19.5
+    >>> true = [[0, 0, 1], [0.6, 0, 0.8], [-0.6, 0, 0.8], [0, -0.6, 0.8], [0, 0.6, 0.8]]
+    >>> images = cvkern.lambertian((x**2 + y**2) / 60, true)
+    >>> light = cvkern.estimate_lights(images)[1]
+    >>> print(f"{light[0]:.1f} {light[2]:.1f}")
+    0.6 0.8
+    """
+    equal = check_choice(equal, ("lights", "albedo"), "equal")
+    images = check_images(images)
+    if images.shape[0] < 4:
+        raise ValueError(f"images must be at least 4, got {images.shape[0]}")
+    values = np.asarray(images, np.float64)
+    shape = values.shape[1:]
+    inside = np.ones(shape, bool) if mask is None else np.asarray(mask) != 0
+    if inside.shape != shape:
+        raise ValueError(f"mask must have shape {shape}, got {inside.shape}")
+    if not inside.any():
+        raise ValueError("mask must not be 0 everywhere, got such a mask")
+    inside &= np.isfinite(values).all(axis=0) & (values.max(axis=0) > 0)
+    lights, normals = _factors(values, inside)
+    lights, normals, seen = _integrable(lights, normals, inside)
+    own = equal == "lights"
+    change = _equal_lights(lights) if own else _equal_albedo(normals[:, seen].T)
+    # Normals are changed by the matrix, lights by its inverse transposed.
+    normals = np.tensordot(change, normals, 1)
+    lights = lights @ np.linalg.inv(change)
+    rows, columns = np.nonzero(seen)
+    outward = normals[0][seen] * (columns - columns.mean()) - normals[1][seen] * (
+        rows - rows.mean()
+    )
+    if outward.sum() < 0:  # hollow
+        lights = lights * [-1, -1, 1]
+    return lights / np.linalg.norm(lights, axis=1).mean()
+
+
+def _factors(values: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return lights (K, 3) and normals (3, H, W) but for a matrix; shadows take no part."""
+    pixels = values[:, inside]
+    step = max(1, pixels.shape[1] // MOST_PIXELS)
+    sample = pixels[:, ::step]
+    dark = sample < DARK * sample.mean(axis=0)
+    filled = sample.copy()
+    lights = np.zeros((len(values), 3))
+    for _ in range(FILLS):
+        strengths, vectors = np.linalg.eigh(filled @ filled.T)
+        if not strengths[-3] > 1e-9 * strengths[-1]:
+            raise ValueError("images must have three independent lights, got fewer")
+        lights = vectors[:, -3:]
+        model = lights @ (lights.T @ filled)
+        filled[dark] = np.minimum(model, 0)[dark]
+    # Each pixel by the images that light it.
+    dark = (pixels < DARK * pixels.mean(axis=0)).astype(float)
+    lit = 1 - dark + 1e-6
+    products = np.einsum("ki,kj->kij", lights, lights).reshape(len(lights), 9)
+    matrices = (lit.T @ products).reshape(-1, 3, 3)
+    right = (lit * pixels).T @ lights
+    normals = np.full((3, *inside.shape), np.nan)
+    normals[:, inside] = np.linalg.solve(matrices, right[..., None])[..., 0].T
+    return lights, normals
+
+
+def _integrable(
+    lights: np.ndarray, normals: np.ndarray, inside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return lights and normals of a surface, up to the bas-relief ambiguity, and where they are.
+
+    With rows a1, a2, a3 of the matrix, ``(a3 x a1) . (b x b_y) = (a3 x a2) . (b x b_x)``.
+    """
+    least, vectors, seen = np.inf, np.eye(6), inside
+    for sigma in SMOOTHED:
+        rows, there = _integrability(normals, sigma)
+        if len(rows) < 6:
+            raise ValueError("mask must have pixels with neighbours, got too few")
+        sizes, found = np.linalg.eigh(rows.T @ rows)
+        if sizes[0] < least * sizes[1]:
+            least, vectors, seen = max(sizes[0], 0.0) / sizes[1], found, there
+        if least < CLEAR:
+            break
+    if not least < MOST_ALIKE:
+        raise ValueError(
+            "images must be of a matt surface whose bends tell the lights, got noise, gloss or "
+            "a surface that does not"
+        )
+    c1, c2 = vectors[:3, 0], vectors[3:, 0]
+    a3 = np.cross(c1, c2)
+    a3 /= np.linalg.norm(a3)
+    change = np.stack([np.cross(c1, a3), np.cross(c2, a3), a3])
+    change[2] *= np.linalg.norm(change[0])
+    normals = np.tensordot(change, normals, 1)
+    if np.median(normals[2][seen]) < 0:
+        normals, change = normals * np.array([1, 1, -1])[:, None, None], change * [[1], [1], [-1]]
+    return lights @ np.linalg.inv(change), normals, seen
+
+
+def _integrability(normals: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the equations of smoothed normals, six terms in each, and where there are such."""
+    from scipy.ndimage import gaussian_filter
+
+    there = np.asarray(np.isfinite(normals).all(axis=0))
+    share = gaussian_filter(there.astype(float), sigma) + 1e-30
+    normals = np.stack([gaussian_filter(np.where(there, n, 0), sigma) / share for n in normals])
+    normals[:, ~there] = np.nan
+    across, up = np.gradient(normals, axis=2), -np.gradient(normals, axis=1)
+    seen = np.asarray(np.isfinite(across).all(axis=0) & np.isfinite(up).all(axis=0))
+    b, bx, by = normals[:, seen].T, across[:, seen].T, up[:, seen].T
+    scale = np.linalg.norm(b, axis=1, keepdims=True) ** 2 + 1e-30
+    rows = np.hstack([np.cross(b, by), -np.cross(b, bx)]) / scale
+    size = np.linalg.norm(rows, axis=1)
+    return rows[size <= 5 * np.median(size) + 1e-30], seen  # edges bend most
+
+
+def _relief(parameters: np.ndarray) -> np.ndarray:
+    """Return the matrix on normals of two slants and the logarithm of a flattening."""
+    slant, tilt, scale = parameters
+    return np.array([[1, 0, slant], [0, 1, tilt], [0, 0, np.exp(scale)]])
+
+
+def _equal_lights(lights: np.ndarray) -> np.ndarray:
+    """Return the matrix on normals under which all lights are equally strong."""
+
+    def apart(parameters: np.ndarray) -> np.ndarray:
+        lengths = np.linalg.norm(lights @ np.linalg.inv(_relief(parameters)), axis=1)
+        return lengths / lengths.mean() - 1
+
+    return _best(apart)
+
+
+def _equal_albedo(normals: np.ndarray) -> np.ndarray:
+    """Return the matrix on normals under which all are equally long, but for a few."""
+    sample = normals[:: max(1, len(normals) // 4000)]
+
+    def apart(parameters: np.ndarray) -> np.ndarray:
+        lengths = np.linalg.norm(sample @ _relief(parameters).T, axis=1)
+        return lengths / np.median(lengths) - 1
+
+    return _best(apart)
+
+
+def _best(apart: Any) -> np.ndarray:
+    """Return the matrix of least residuals among several starts."""
+    from scipy.optimize import least_squares
+
+    best, least = np.zeros(3), np.inf
+    for slant in (-1.0, 0.0, 1.0):
+        for tilt in (-1.0, 0.0, 1.0):
+            for scale in (-1.5, 0.0, 1.5):
+                start = np.array([slant, tilt, scale])
+                found = least_squares(apart, start, loss="soft_l1", f_scale=0.1, max_nfev=60)
+                if found.cost < least:
+                    best, least = found.x, found.cost
+    return _relief(best)

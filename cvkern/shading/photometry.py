@@ -1,0 +1,189 @@
+"""Photometric stereo: normals and albedo from images under several lights."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import as_numbers, check_choice, check_flag, check_image, check_positive
+from cvkern._runtime import Runtime, runtime
+from cvkern.kernels.codes.shading import MOST_LIGHTS, Photometric, Weighing
+from cvkern.shading.integration import integrate_normals
+
+METHODS = tuple(code.name.lower() for code in Photometric)
+# Windows of ranks, as shares: what is darker or brighter takes no part.
+WINDOWS = {
+    Photometric.TRIMMED: ((0.3, 0.9),),
+    Photometric.CONSENSUS: tuple((a, b) for a in (0.0, 0.3, 0.6) for b in (0.8, 1.0)),
+}
+SWEEPS = {Photometric.L1: 20, Photometric.SPARSE_BAYES: 50, Photometric.CONSENSUS: 3}
+FLATTEST = 1e-3  # least singular value of light directions, as a share of the largest
+ROUNDS = 8  # turns of depth and normals under near lights
+
+
+class PhotometricStereo(NamedTuple):
+    """What images under several lights tell of a surface."""
+
+    normals: Any
+    """Unit normals (x right, y up, z towards the camera), (H, W, 3) float32; NaN where none."""
+    albedo: Any
+    """Length of the solution: the image of a light of strength 1 from in front, (H, W) float32."""
+    residual: Any
+    """Root of the mean square of image less model, (H, W) float32, in values of the images."""
+
+
+def photometric_stereo(
+    images: Any,
+    lights: Any,
+    *,
+    method: str = "consensus",
+    mask: Any = None,
+    saturation: float | None = None,
+    near: bool = False,
+) -> PhotometricStereo:
+    """Find the normals of a surface from images under several lights.
+
+    Parameters
+    ----------
+    images : array of shape (K, H, W)
+        At least three, linear in light, from one place. Any real dtype; computed in float32.
+        NumPy also takes a sequence of K images.
+    lights : array of shape (K, 3), or (K, 4) with `near`
+        Vectors towards distant lights, as long as each is strong, in the axes of normals: x right,
+        y up, z towards the camera. With `near`, their places, and their strengths.
+    method : {'consensus', 'least_squares', 'trimmed', 'l1', 'sparse_bayes'}
+        `consensus`, the default, averages robust solutions of six windows of brightness, each by
+        how well it tells the normal. `least_squares` suits a matt surface without shadows.
+        `trimmed` takes the images of ranks 30 % to 90 % of each pixel, `l1` the least sum of
+        absolute residuals, `sparse_bayes` noise in few images.
+    mask : array of shape (H, W), optional
+        Where the surface is: not 0. By default everywhere.
+    saturation : float, optional
+        Values from here on take no part.
+    near : bool, default False
+        Lights are at places in pixels: pixel (r, c) is at x = c, y = -r, and the mean depth of
+        each connected part is z = 0. Depth is integrated from the normals, and these are found
+        again, 8 times.
+
+    Returns
+    -------
+    PhotometricStereo
+        Named tuple of `normals` (H, W, 3), `albedo` and `residual` (H, W), float32, of the library
+        of `images`. Normals are NaN, and the others 0, outside of the mask, where fewer than
+        three values take part, and where all are 0 or less. With `least_squares` alone and no
+        `saturation`, so is a pixel with a value that is not finite; else such values take no part.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or `near` is not a bool.
+    ValueError
+        If there are fewer than three images, lights lie in one plane or are not finite, a shape is
+        another, `mask` is 0 everywhere, or `method` is unknown.
+
+    See Also
+    --------
+    lights_from_sphere : Lights from images of a chrome sphere.
+    estimate_lights : Lights from the images themselves.
+    integrate_normals : Depth from the normals.
+
+    Notes
+    -----
+    Axes here are those of normals, the one exception to the library's: y goes up.
+
+    Least squares have the same bits with both kernel sets. The other methods compute in float64,
+    and agree to the rounding of their float32 results.
+
+    References
+    ----------
+    .. [1] R. J. Woodham, "Photometric method for determining surface orientation from multiple
+       images", Optical Engineering 19(1), 1980.
+    .. [2] S. Ikehata, D. Wipf, Y. Matsushita and K. Aizawa, "Robust photometric stereo using
+       sparse regression", CVPR 2012.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> lights = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8], [-0.6, 0, 0.8]])
+    >>> normals = np.full((2, 2, 3), [0.0, 0.28, 0.96])
+    >>> images = cvkern.lambertian(normals, lights, albedo=0.5)
+    >>> found = cvkern.photometric_stereo(images, lights)
+    >>> found.normals[0, 0].round(2), found.albedo[0, 0].round(2)
+    (array([0.  , 0.28, 0.96], dtype=float32), np.float32(0.5))
+    """
+    code = Photometric[check_choice(method, METHODS, "method").upper()]
+    near = check_flag(near, "near")
+    images = check_images(images)
+    given = check_lamps(lights, images.shape[0], near)
+    limit = np.inf if saturation is None else check_positive(saturation, "saturation")
+    shape = tuple(images.shape[1:])
+    rt = runtime(images)
+    inside = kernel_mask(rt, mask, shape)
+    seen = rt.adopt(images)
+    found = PhotometricStereo(rt.empty((*shape, 3)), rt.empty(shape), rt.empty(shape))
+    outputs = [rt.adopt(a) for a in found]
+    lamps = rt.constant(given.astype(np.float32))
+    photometry = rt.shading.photometry
+    if code is Photometric.LEAST_SQUARES and limit == np.inf and not near:
+        inverse = rt.constant(np.linalg.pinv(given[:, :3]).astype(np.float32))
+        photometry.solve(seen, inverse, lamps, inside, *outputs)
+        return PhotometricStereo(*(rt.release(a) for a in found))
+    ranks = rt.scratch("shading.ranks", tuple(images.shape), np.uint16)
+    photometry.rank(seen, inside, float(limit), ranks)
+    windows = rt.constant(np.array(WINDOWS.get(code, ((0, 1),)), np.float32))
+    weighing = Weighing(int(code), SWEEPS.get(code, 0))
+    depth = rt.scratch("shading.far", (0, 1), np.float32)
+    for n in range(ROUNDS if near else 1):
+        if near:
+            depth = _near_depth(rt, outputs[0] if n else None, inside, shape)
+        photometry.weigh(seen, ranks, lamps, depth, windows, weighing, *outputs)
+    return PhotometricStereo(*(rt.release(a) for a in found))
+
+
+def _near_depth(rt: Runtime, normals: Any, inside: Any, shape: tuple[int, int]) -> Any:
+    """Return depth for kernels: of the normals, or a plane before there are any."""
+    if normals is None:
+        return rt.send("shading.near", np.zeros(shape, np.float32))
+    depth = integrate_normals(rt.to_numpy(normals), mask=rt.to_numpy(inside))
+    return rt.send("shading.near", np.asarray(depth, np.float32))
+
+
+def check_images(images: Any) -> Any:
+    """Return images under several lights as one array (K, H, W)."""
+    if isinstance(images, (list, tuple)):
+        images = np.stack([np.asarray(image) for image in images]) if len(images) else np.empty(0)
+    images = check_image(images, ndim=(3,), name="images")
+    if not 3 <= images.shape[0] <= MOST_LIGHTS:
+        raise ValueError(f"images must be 3 to {MOST_LIGHTS}, got {images.shape[0]}")
+    return images
+
+
+def check_lamps(lights: Any, count: int, near: bool) -> np.ndarray:
+    """Return lights as (K, 4) float64: a vector or a place, and a strength."""
+    given = as_numbers(lights, "lights")
+    wide = (3, 4) if near else (3,)
+    if given.ndim != 2 or given.shape[0] != count or given.shape[1] not in wide:
+        want = f"({count}, 3)" + (f" or ({count}, 4)" if near else "")
+        raise ValueError(f"lights must have shape {want}, got {given.shape}")
+    if not np.isfinite(given).all():
+        raise ValueError("lights must be finite, got others")
+    vectors = given[:, :3] / np.maximum(np.linalg.norm(given[:, :3], axis=1), 1e-300)[:, None]
+    values = np.linalg.svd(vectors, compute_uv=False)
+    if not near and values[2] < FLATTEST * values[0]:
+        raise ValueError("lights must not lie in one plane through the origin, got such lights")
+    return np.hstack([given, np.ones((count, 1))]) if given.shape[1] == 3 else given
+
+
+def kernel_mask(rt: Runtime, mask: Any, shape: tuple[int, int]) -> Any:
+    """Return a mask for kernels, uint8 of 0 and 1; it must not be 0 everywhere."""
+    if mask is None:
+        return rt.send("shading.mask", np.ones(shape, np.uint8))
+    if tuple(check_image(mask, name="mask").shape) != shape:
+        raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
+    inside = rt.to_numpy(rt.adopt(mask, library(mask).dtype(mask))) != 0
+    if not inside.any():
+        raise ValueError("mask must not be 0 everywhere, got such a mask")
+    return rt.send("shading.mask", inside.astype(np.uint8))

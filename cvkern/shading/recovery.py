@@ -1,0 +1,248 @@
+"""Shape from shading: normals and depth from one image of a matt surface."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import as_numbers, check_image, check_integer
+from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern.shading.integration import Solver
+from cvkern.shading.rendering import check_albedo
+
+SOFT = 2.0  # pixels by which a mask is smoothed to tell which way its border faces
+LIKELY = 0.2  # most difference between the brightness of a silhouette and of a pixel at a border
+FLAT = 0.05  # least z of a normal whose slope is taken as it is
+FIRST, INNER = 300, 10  # sweeps before depth is integrated, and then between
+TOLERANCE = 1e-3
+
+
+class ShapeFromShading(NamedTuple):
+    """What one image tells of a surface."""
+
+    normals: Any
+    """Unit normals (x right, y up, z towards the camera), (H, W, 3) float32; NaN outside."""
+    depth: Any
+    """Depth in pixels, growing away from the camera, of mean 0, (H, W) float32; NaN outside."""
+
+
+def shape_from_shading(
+    image: Any,
+    light: Any,
+    *,
+    mask: Any = None,
+    boundary: Any = None,
+    albedo: Any = 1.0,
+    rounds: int = 60,
+) -> ShapeFromShading:
+    """Find the shape of a matt surface from one image under a known light.
+
+    Parameters
+    ----------
+    image : array of shape (H, W)
+        Linear in light, of any real dtype.
+    light : array of shape (3,)
+        Vector towards the light, as long as it is strong: x right, y up, z towards the camera.
+    mask : array of shape (H, W), optional
+        Where the surface is: not 0. By default where the image is above 0, with its holes filled.
+    boundary : array of shape (H, W, 3), optional
+        Normals that are known, NaN elsewhere. By default those of the silhouette: along the mask's
+        border within the image, they lie across the view. Pixels at the border whose brightness is
+        another by more than 0.2 are of a cut, not of a silhouette, and stay free.
+    albedo : float or array of shape (H, W), default 1.0
+        Share of the light that the surface sends back; it must be known.
+    rounds : int, default 60
+        How often depth is integrated to guide the normals.
+
+    Returns
+    -------
+    ShapeFromShading
+        Named tuple of `normals` (H, W, 3) and `depth` (H, W), float32, of the library of `image`.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or `rounds` is no integer.
+    ValueError
+        If a shape is another, the light does not come from the camera's side, an array is not
+        finite where it must be, `mask` is 0 everywhere, or no normal is known at its border: one
+        image alone does not tell hills from hollows.
+
+    See Also
+    --------
+    photometric_stereo : Normals from three images or more, without these assumptions.
+
+    Notes
+    -----
+    Axes here are those of normals, the one exception to the library's: y goes up.
+
+    The normal of each pixel stays on the cone that its brightness allows, and follows its
+    neighbours there [1]_; known normals at the border say where they begin. In turns with that, the
+    normals are integrated, and those of the depth guide them, so that they are those of a surface.
+    The method fails where its assumptions do: an albedo that varies, cast shadows, light from
+    several sides, and bodies that are hollow, for the silhouette of these is that of a hill.
+
+    References
+    ----------
+    .. [1] P. L. Worthington and E. R. Hancock, "New constraints on data-closeness and needle map
+       consistency for shape-from-shading", IEEE PAMI 21(12), 1999.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> y, x = np.indices((21, 21)) - 10
+    >>> height = np.sqrt(np.maximum(81.0 - x**2 - y**2, 0)) / 9  # a sphere's brightness
+    >>> found = cvkern.shape_from_shading(height, [0, 0, 1])
+    >>> found.normals[10, 5, ::2].round(1)
+    array([-0.6,  0.8], dtype=float32)
+    """
+    image = check_image(image)
+    shape = tuple(image.shape)
+    vector = as_numbers(light, "light")
+    strength = float(np.linalg.norm(vector)) if vector.shape == (3,) else 0.0
+    if vector.shape != (3,) or not np.isfinite(strength):
+        raise ValueError(f"light must be three finite numbers, got {vector.tolist()}")
+    if not vector[2] > 0:
+        raise ValueError(f"light must have z > 0, from the camera's side, got {vector.tolist()}")
+    check_albedo(albedo, shape)
+    rounds = check_integer(rounds, "rounds", 0, 10000)
+    refuse_capture("shape_from_shading")
+    rt = runtime(image)
+    toward = vector / strength
+    values = rt.to_numpy(rt.adopt(image)) / (np.asarray(albedo, np.float64) * strength + 1e-30)
+    inside = _inside(mask, values, shape)
+    if not np.isfinite(values[inside]).all():
+        raise ValueError("image must be finite within the mask, got others")
+    shown = np.where(inside, np.clip(values, 0, 1), 0)
+    if boundary is None:
+        known, fixed = _silhouette(inside, shown, toward)
+    else:
+        known = as_numbers(check_image(boundary, ndim=(3,), name="boundary"), "boundary")
+        if known.shape != (*shape, 3):
+            raise ValueError(f"boundary must have shape {(*shape, 3)}, got {known.shape}")
+        fixed = np.isfinite(known).all(axis=-1) & inside
+        known = known / np.maximum(np.linalg.norm(known, axis=-1, keepdims=True), 1e-30)
+    if not fixed.any():
+        raise ValueError(
+            "boundary must tell a normal at least, got none: the mask has no silhouette as bright "
+            "as one"
+        )
+    normals = _spread(np.where(fixed[..., None], known, 0), fixed, inside)
+    state = inside.astype(np.uint8) + (inside & ~fixed)
+    return _recover(rt, normals, shown, state, toward, rounds)
+
+
+def _recover(
+    rt: Runtime, normals: np.ndarray, shown: np.ndarray, state: np.ndarray, toward: np.ndarray,
+    rounds: int,
+) -> ShapeFromShading:  # fmt: skip
+    """Return the shape to which sweeps come from the given normals, in turns with integration."""
+    shape = shown.shape
+    fields = [rt.scratch(f"sfs.{n}", (*shape, 3)) for n in range(2)]
+    rt.write(fields[0], normals.astype(np.float32))
+    image = rt.send("sfs.image", shown.astype(np.float32))
+    states = rt.send("sfs.state", state)
+    guide = rt.send("sfs.guide", np.full((*shape, 3), np.nan, np.float32))
+    light = (float(toward[0]), float(toward[1]), float(toward[2]))
+    sweep = rt.shading.recovery.sweep
+
+    def sweeps(count: int) -> None:
+        for _ in range(count):
+            sweep(fields[0], image, states, guide, light, fields[1])
+            fields.reverse()
+
+    sweeps(FIRST)
+    # Each pixel has the same share of the differences to either side, weighted by its z.
+    equations = rt.shading.integration.equations
+    inside = rt.scratch("relief.inside", shape, np.uint8)
+    slope = rt.scratch("relief.slope", (3, *shape))
+    shares = rt.send("relief.shares", np.full((2, *shape), 0.5, np.float32))
+    depth = rt.scratch("sfs.depth", shape)
+    parts = rt.send("relief.parts", (state > 0).astype(np.int32))
+    solver = None
+    for turn in range(rounds + 1):
+        equations.slopes(fields[0], states, FLAT, inside, slope)
+        solver = solver or Solver(rt, inside, shape)
+        equations.join(inside, slope, shares, solver.weights, solver.rises)
+        solver.solve(TOLERANCE)
+        own = rt.to_numpy(solver.z)[state > 0].mean()
+        equations.finish(solver.z, parts, rt.send("relief.means", np.array([0.0, own])), depth)
+        if turn < rounds:
+            rt.shading.rendering.normals(depth, guide)
+            sweeps(INNER)
+    found = rt.to_numpy(fields[0]).copy()
+    found[state == 0] = np.nan
+    return ShapeFromShading(rt.give(found), rt.give(rt.to_numpy(depth).copy()))
+
+
+def _inside(mask: Any, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return where the surface is: as told, or where the image is bright, with holes filled."""
+    from scipy.ndimage import binary_fill_holes
+
+    if mask is None:
+        inside = np.asarray(binary_fill_holes(values > 0))
+    else:
+        inside = np.asarray(check_image(mask, name="mask")) != 0
+    if inside.shape != shape:
+        raise ValueError(f"mask must have shape {shape}, got {inside.shape}")
+    if not inside.any():
+        raise ValueError("mask must not be 0 everywhere, got such a mask")
+    return inside
+
+
+def _silhouette(
+    inside: np.ndarray, shown: np.ndarray, light: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return normals at the mask's border within the image, and where these are a silhouette's.
+
+    They face away from the surface; how far they lean to the camera their brightness tells.
+    """
+    from scipy.ndimage import binary_erosion, gaussian_filter
+
+    soft = gaussian_filter(inside.astype(np.float64), SOFT, mode="nearest")
+    down, across = np.gradient(soft)
+    away = np.stack([-across, down, 0 * across], axis=-1)
+    away /= np.linalg.norm(away, axis=-1, keepdims=True) + 1e-30
+    border = inside & ~np.asarray(binary_erosion(inside, border_value=1))
+    flat = away @ light
+    border &= np.abs(shown - np.maximum(flat, 0)) < LIKELY
+    # The angle t from the camera's axis has flat sin t + light_z cos t = shown.
+    size, middle = np.hypot(flat, light[2]), np.arctan2(flat, light[2])
+    apart = np.arccos(np.clip(shown / np.maximum(size, 1e-9), -1, 1))
+    one, other = middle + apart, middle - apart
+    nearer = np.where(np.abs(one - np.pi / 2) < np.abs(other - np.pi / 2), one, other)
+    angle = np.where(shown > 0, np.clip(nearer, np.pi / 4, np.pi / 2), np.pi / 2)
+    known = np.sin(angle)[..., None] * away
+    known[..., 2] = np.cos(angle)
+    return known, border
+
+
+def _spread(known: np.ndarray, fixed: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Return normals whose x and y are harmonic between those that are known."""
+    import scipy.sparse as sparse
+    from scipy.sparse.linalg import spsolve
+
+    numbers = np.where(inside, np.cumsum(inside).reshape(inside.shape) - 1, -1)
+    pairs = []
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        both = inside[a] & inside[b]
+        pairs.append(np.stack([numbers[a][both], numbers[b][both]]))
+    first, second = np.concatenate(pairs, axis=1)
+    count = int(inside.sum())
+    joined = sparse.coo_matrix((np.ones(len(first)), (first, second)), shape=(count, count))
+    joined = (joined + joined.T).tocsr()
+    free = np.logical_not(fixed[inside])
+    held = fixed[inside]
+    degrees = sparse.diags(np.asarray(joined.sum(axis=1)).ravel() + 1e-9)
+    matrix = (degrees - joined).tocsr()
+    values = known[inside]
+    if free.any():
+        right = -(matrix[free][:, held] @ values[held, :2])
+        values[free, :2] = np.asarray(spsolve(matrix[free][:, free].tocsc(), right))
+    flat = (values[:, :2] ** 2).sum(axis=1)
+    values[free, 2] = np.sqrt(np.maximum(1 - flat, 0))[free]
+    normals = np.zeros(known.shape)
+    normals[inside] = values
+    return normals

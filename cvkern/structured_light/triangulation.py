@@ -1,0 +1,353 @@
+"""From what a projector or a laser lights to points in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import as_numbers, check_choice, check_image, check_integer
+from cvkern._runtime import runtime
+from cvkern.geometry._matrices import check_matrix
+from cvkern.geometry._points import check_points, on_host, xy
+from cvkern.geometry.calibration import numbers_of
+from cvkern.geometry.camera import Camera, check_lens, rays_of, turned
+from cvkern.geometry.fitting import fit_homography
+from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.structured_light.patterns import AXES
+
+NEARBY = 15  # pixels about a corner whose codes tell where the projector lights it
+LEAST_KNOWN = 20  # of these that must be known
+FLATTEST = 1e-3  # sine of the angle between a ray and the laser's plane
+
+
+def triangulate_columns(
+    columns: Any, calibration: StereoCalibration, valid: Any = None, *, axis: str = "columns"
+) -> Any:
+    """Return the point in space that each pixel of a camera sees under a projector.
+
+    Parameters
+    ----------
+    columns : array of shape (H, W)
+        Column of the projector that lights each pixel, of :func:`decode_gray_code` or
+        :func:`decode_phase_shift`; NaN or below -0.5 where it is not known.
+    calibration : StereoCalibration
+        The camera, and the projector as the second one, of :func:`calibrate_projector`.
+    valid : array of shape (H, W), optional
+        Pixels to use are not 0.
+    axis : {'columns', 'rows'}, default 'columns'
+        What `columns` are: rows serve where the projector stands above or below the camera.
+
+    Returns
+    -------
+    array of shape (H, W, 3), float32
+        (X, Y, Z) before the camera, in the unit of the calibration: x right, y down, z forward.
+        NaN where nothing is known, or ray and plane meet behind the camera or the projector.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or `calibration` is none.
+    ValueError
+        If `columns` has not the shape of the camera, `valid` another than `columns`, or `axis` is
+        another.
+
+    See Also
+    --------
+    triangulate_lines : The same of laser lines.
+
+    Notes
+    -----
+    A column of a projector lights a plane, and the ray of the pixel meets it in one point. Where
+    the projector has a lens, the column is a curve: the point tells where along it, and so the
+    plane, in four rounds.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> scan = cvkern.make_scan("phase_shift", (24, 32))
+    >>> found = cvkern.decode_phase_shift(scan.frames, scan.calibration.right.shape)
+    >>> points = cvkern.triangulate_columns(found.columns, scan.calibration, found.valid)
+    >>> points.shape
+    (24, 32, 3)
+    """
+    check_pair(calibration)
+    columns = check_image(columns, name="columns")
+    number = AXES.index(check_choice(axis, AXES, "axis"))
+    shape = tuple(columns.shape)
+    if shape != calibration.left.shape:
+        raise ValueError(
+            f"columns must have the shape of the camera, {calibration.left.shape}, got {shape}"
+        )
+    if valid is not None:
+        valid = check_image(valid, name="valid")
+        if tuple(valid.shape) != shape:
+            raise ValueError(f"valid must have shape {shape}, got {tuple(valid.shape)}")
+    rt = runtime(columns, *([] if valid is None else [valid]))
+    lenses = np.stack([numbers_of(c) for c in (calibration.left, calibration.right)])
+    pose = np.concatenate((calibration.rotation.ravel(), calibration.translation))
+    result = rt.empty((*shape, 3))
+    every = np.ones((1, 1), np.uint8)
+    mask = rt.constant(every) if valid is None else rt.adopt(valid, np.uint8)
+    rt.structured_light.triangulation.intersect(
+        rt.adopt(columns), mask, rt.constant(lenses.astype(np.float32)),
+        rt.constant(pose.astype(np.float32)), number, rt.adopt(result),
+    )  # fmt: skip
+    return rt.release(result)
+
+
+def check_pair(calibration: Any) -> None:
+    """Refuse what is no calibration of a camera and a projector."""
+    if not isinstance(calibration, StereoCalibration):
+        said = type(calibration).__name__
+        raise TypeError(f"calibration must be a StereoCalibration, got {said}")
+
+
+def calibrate_projector(
+    object_points: Any,
+    image_points: Sequence[Any],
+    decoded: Sequence[Any],
+    shape: tuple[int, int],
+    projector_shape: tuple[int, int],
+    *,
+    camera: Camera | None = None,
+    fixed: Sequence[str] = (),
+) -> StereoCalibration:
+    """Find a projector, and how it stands beside a camera, from views of a board that it lights.
+
+    Parameters
+    ----------
+    object_points : array of shape (N, 3), or a sequence of V such arrays
+        As in :func:`calibrate_camera`.
+    image_points : sequence of V arrays of shape (N, 2)
+        Row and column of these points in the camera's images.
+    decoded : sequence of V results
+        What each view saw of the projector: of :func:`decode_gray_code` or
+        :func:`decode_phase_shift`, with columns and rows.
+    shape, projector_shape : (int, int)
+        Rows and columns of the camera's images and of the projector.
+    camera : Camera, optional
+        The camera, if it is known: then it stays.
+    fixed : sequence of str, default ()
+        What stays in both, as in :func:`calibrate_camera`.
+
+    Returns
+    -------
+    StereoCalibration
+        The camera as `left`, the projector as `right`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`calibrate_stereo`; also if a view has too few known pixels about a point.
+
+    Notes
+    -----
+    A projector is a camera run backwards: where it would see a point of the board is what the
+    codes about that point say, by a homography of the known pixels up to 15 away [1]_.
+
+    References
+    ----------
+    .. [1] D. Moreno and G. Taubin, "Simple, accurate, and robust projector-camera calibration",
+       3DIMPVT 2012.
+
+    Examples
+    --------
+    With `photographs` of a board in several poses under the patterns of
+    :func:`gray_code_patterns`, each a stack of K images::
+
+        decoded = [cvkern.decode_gray_code(stack[:-2], (768, 1024), *stack[-2:])
+                   for stack in photographs]
+        corners = [cvkern.detect_chessboard(stack[-2], (7, 9)) for stack in photographs]
+        board = cvkern.chessboard_points((7, 9), 75.0)
+        found = cvkern.calibrate_projector(board, corners, decoded, (1024, 1280), (768, 1024))
+    """
+    if len(decoded) != len(image_points):
+        raise ValueError(
+            f"decoded must be of as many views as image_points, {len(image_points)}, "
+            f"got {len(decoded)}"
+        )
+    lit = [
+        _lit(points, found, n)
+        for n, (points, found) in enumerate(zip(image_points, decoded, strict=True))
+    ]
+    return calibrate_stereo(
+        object_points, image_points, lit, shape, right_shape=projector_shape, left=camera,
+        fixed=fixed,
+    )  # fmt: skip
+
+
+def _lit(points: Any, found: Any, number: int) -> np.ndarray:
+    """Return row and column of the projector that light points of an image."""
+    points = check_points(points, f"image_points[{number}]")
+    corners = on_host(runtime(points), points)
+    if found.columns is None or found.rows is None:
+        raise ValueError(f"decoded[{number}] must have columns and rows, got one of them")
+    columns, rows, valid = (np.asarray(a) for a in (found.columns, found.rows, found.valid))
+    lit = []
+    for corner in corners:
+        low = np.maximum(np.round(corner).astype(int) - NEARBY, 0)
+        part = np.s_[low[0] : low[0] + 2 * NEARBY + 1, low[1] : low[1] + 2 * NEARBY + 1]
+        near = np.argwhere(valid[part] != 0)
+        if len(near) < LEAST_KNOWN:
+            raise ValueError(
+                f"decoded[{number}] must have {LEAST_KNOWN} valid pixels within {NEARBY} of "
+                f"{corner.round(1).tolist()}, got {len(near)}"
+            )
+        codes = np.stack((rows[part], columns[part]), axis=2)[near[:, 0], near[:, 1]]
+        matrix = fit_homography(near + low - corner, codes)
+        lit.append(matrix[1::-1, 2] / matrix[2, 2])
+    return np.array(lit)
+
+
+def fit_laser_plane(
+    lines: Sequence[Any], camera: Camera, rotations: Any, translations: Any
+) -> np.ndarray:
+    """Return the plane of a laser from its lines on a board in several poses.
+
+    Parameters
+    ----------
+    lines : sequence of V arrays of shape (N, 2)
+        Row and column of the line in each view; rows with NaN are left out.
+    camera : Camera
+        What took the views.
+    rotations, translations : array of shape (V, 3, 3), array of shape (V, 3)
+        Poses of the board, X = R W + t with the board at Z = 0: those of
+        :func:`calibrate_camera`.
+
+    Returns
+    -------
+    numpy.ndarray of shape (4,), float64
+        (a, b, c, d) with a X + b Y + c Z = d before the camera; (a, b, c) has length 1, and d >= 0.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or `camera` is none.
+    ValueError
+        If shapes do not go together, or the points lie on one line: give boards in two poses.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> camera = cvkern.Camera([[100, 0, 50], [0, 100, 40], [0, 0, 1]], shape=(80, 100))
+    >>> line = np.stack((np.arange(80.0), np.full(80, 50.0)), axis=1)  # straight ahead, X = 0
+    >>> poses = np.stack([np.eye(3)] * 2), [(0, 0, 5.0), (0, 0, 7.0)]
+    >>> cvkern.fit_laser_plane([line, line], camera, *poses).round(6) + 0
+    array([1., 0., 0., 0.])
+    """
+    camera = check_lens(camera)
+    turns = check_matrix(rotations, (-1, 3, 3), "rotations")
+    shifts = check_matrix(translations, (-1, 3), "translations")
+    if not len(lines) == len(turns) == len(shifts):
+        raise ValueError(
+            f"rotations and translations must be of as many views as lines, {len(lines)}, "
+            f"got {len(turns)} and {len(shifts)}"
+        )
+    parts = []
+    for n, (line, turn, shift) in enumerate(zip(lines, turns, shifts, strict=True)):
+        line = check_points(line, f"lines[{n}]")
+        places = on_host(runtime(line), line)
+        rays = rays_of(xy(places[np.isfinite(places).all(axis=1)]), camera)
+        normal = turn[:, 2]
+        found = rays * (normal @ shift / (rays @ normal))[:, None]
+        parts.append(found[np.isfinite(found).all(axis=1)])
+    points = np.concatenate(parts)
+    if len(points) < 3:
+        raise ValueError(f"lines must have 3 points at least, got {len(points)}")
+    middle = points.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(points - middle, full_matrices=False)
+    if not sizes[1] > FLATTEST * sizes[0]:
+        raise ValueError("lines must not lie on one line in space, got a board in one pose")
+    normal = axes[2]
+    away = float(normal @ middle)
+    sign = (
+        1.0
+        if away > 1e-12 or (abs(away) <= 1e-12 and normal[np.abs(normal).argmax()] > 0)
+        else -1.0
+    )
+    return sign * np.append(normal, away)
+
+
+def triangulate_lines(
+    positions: Any,
+    camera: Camera,
+    plane: Any,
+    *,
+    axis: int = 0,
+    angles: Any = None,
+    pivot: Any = None,
+    spindle: Any = (0.0, -1.0, 0.0),
+) -> Any:
+    """Return the points in space of laser lines.
+
+    Parameters
+    ----------
+    positions : array of shape (lines,) or (N, lines)
+        Places of the line in each column (`axis` 0) or row (1) of one frame or of a stack, of
+        :func:`detect_laser_lines`; NaN where there is none.
+    camera : Camera
+        What took the frames.
+    plane : array of shape (4,)
+        (a, b, c, d) of :func:`fit_laser_plane`.
+    axis : {0, 1}, default 0
+        As :func:`detect_laser_lines` was told.
+    angles : array of shape (N,), optional
+        By how much a turn-table had turned the object in each frame, radians, about `spindle` as a
+        right-handed screw: points are turned back.
+    pivot : array of shape (3,), optional
+        A point on the axis of the turn-table, before the camera; needed with `angles`.
+    spindle : array of shape (3,), default (0, -1, 0)
+        Direction of that axis.
+
+    Returns
+    -------
+    array of shape (lines, 3) or (N, lines, 3), float32
+        (X, Y, Z) before the camera, in the unit of the plane; NaN where there is no line.
+
+    Raises
+    ------
+    TypeError
+        If an array does not hold real numbers, or `camera` is none.
+    ValueError
+        If a shape is another, or `angles` and `pivot` are not given together.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> camera = cvkern.Camera([[100, 0, 1], [0, 100, 0], [0, 0, 1]], shape=(9, 3))
+    >>> cvkern.triangulate_lines([2.0, 2.0, 4.0], camera, (0, 1, 0, 0.5))[:, 2]
+    array([25. , 25. , 12.5], dtype=float32)
+    """
+    positions = check_image(positions, ndim=(1, 2), name="positions")
+    camera = check_lens(camera)
+    axis = check_integer(axis, "axis", 0, 1)
+    flat = check_matrix(plane, (4,), "plane")
+    if (angles is None) != (pivot is None):
+        raise ValueError("angles and pivot must be given together, got one of them")
+    shape = tuple(positions.shape)
+    if shape[-1] != camera.shape[1 - axis]:
+        raise ValueError(
+            f"positions must have {camera.shape[1 - axis]} lines for axis {axis}, got {shape[-1]}"
+        )
+    rt = runtime(positions)
+    places = on_host(rt, positions).reshape(-1, shape[-1])
+    lines = np.broadcast_to(np.arange(shape[-1], dtype=np.float64), places.shape)
+    seen = (lines, places) if axis == 0 else (places, lines)
+    rays = rays_of(np.stack([a.ravel() for a in seen], axis=1), camera)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = flat[3] / (rays @ flat[:3])
+        away = np.where((away > 0) & np.isfinite(away), away, np.nan)
+    points = (rays * away[:, None]).reshape(*places.shape, 3)
+    if angles is not None:
+        turns = as_numbers(angles, "angles").ravel()
+        if len(turns) != len(points):
+            raise ValueError(f"angles must be of {len(points)} frames, got {len(turns)}")
+        center = as_numbers(pivot, "pivot").reshape(3)
+        along = as_numbers(spindle, "spindle").reshape(3)
+        along = along / np.linalg.norm(along)
+        back = np.stack([turned(-angle * along) for angle in turns])
+        points = np.einsum("nij,nlj->nli", back, points - center) + center
+    return rt.give(points.reshape(*shape, 3).astype(np.float32))

@@ -1,0 +1,18 @@
+"""Codes of colours that the API and the kernel sets share."""
+
+from enum import IntEnum
+
+
+class Form(IntEnum):
+    """How three numbers tell a colour, beside a matrix."""
+
+    LINEAR = 0
+    SRGB = 1  # the curve of IEC 61966-2-1
+    LAB = 2
+    LCH = 3
+
+
+# The curves of sRGB and CIE L*a*b*.
+SRGB_LOW, SRGB_SLOPE, SRGB_SHIFT, SRGB_SCALE, SRGB_POWER = 0.0031308, 12.92, 0.055, 1.055, 2.4
+LAB_LOW, LAB_SLOPE, LAB_SHIFT = 216 / 24389, 24389 / 27 / 116, 16 / 116
+BINS = 4096  # bins of linear values, each with at most one step of 8-bit sRGB

@@ -1,0 +1,40 @@
+"""Codes of raw pictures that the API and the kernel sets share."""
+
+from enum import IntEnum
+
+
+class Linear(IntEnum):
+    """Demosaicing by fixed filters."""
+
+    BILINEAR = 0
+    MALVAR = 1
+
+
+class Menon(IntEnum):
+    """Steps of Menon's demosaicing, in their order."""
+
+    DIFFERENCES = 0  # green less own colour, along rows and columns
+    GREEN = 1  # the direction whose differences change less
+    AT_GREEN = 2  # red and blue where green was measured
+    AT_CHROMA = 3  # red where blue was measured, and blue where red was
+    REFINE_GREEN = 4
+    REFINE_AT_GREEN = 5
+    REFINE_AT_CHROMA = 6
+
+
+class Step(IntEnum):
+    """Steps of the residual interpolation of red or blue, in their order."""
+
+    DEVIATIONS = 0  # from the means of windows, at the samples
+    WINDOWS = 1  # the line of each window, and its weight
+    TENTATIVE = 2  # the mean line at each pixel
+    RESIDUAL = 3  # what the lines leave at the samples, interpolated
+
+
+MARGIN = 36  # pixels by which planes are extended: even, so that colours stay where they are
+# Residual interpolation: what the slope's prior weighs along rows and columns, and in windows.
+PRIOR, WINDOW_PRIOR = 1.0, 0.3
+FLOOR = 0.5 / 128**2  # variance that is always there, as a share of the squared means of both
+SMOOTH = 0.2  # how much texture speaks for smooth differences of colours
+FLAT = 1e-6  # change of these differences that does not count, as a share of the squared sample
+TINY = 1e-30

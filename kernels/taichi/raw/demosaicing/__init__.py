@@ -1,0 +1,1 @@
+"""Demosaicing, in Taichi."""

@@ -1,0 +1,115 @@
+// The steps that interpolate red or blue beside green, whose samples are at (row, column) of cells.
+// Planes: samples, results in 1 and 2, green in 3, then what the steps hand on.
+#include "_fit.h"
+
+// needs PART, PRIOR, DEVIATIONS, WINDOWS, TENTATIVE
+void _chroma(int row, int left, int right, int step, int margin, int own_row, int own_column,
+             int result, wp::array_t<float> planes) {
+#pragma clang fp contract(off)
+    const int y = row + margin, s = planes.shape[2];
+    const size_t plane = (size_t)planes.shape[1] * s;
+    const float* p = planes.data + (size_t)y * s;
+    const float* g = p + 3 * plane;
+    float* u = planes.data + 4 * plane + (size_t)y * s;
+    float *v = u + plane, *w = v + plane, *tentative = w + 3 * plane;
+    const bool here = (y & 1) == own_row;
+    left += margin;
+    right += margin;
+    if (step == DEVIATIONS) {
+        if (!here) return;
+        const float ninth = 1.0f / 9.0f;
+        const auto mean = [=](const float* x) {
+            float columns[3];
+            for (int k = 0; k < 3; ++k)
+                columns[k] = (x[2 * k - 2 - 2 * s] + x[2 * k - 2]) + x[2 * k - 2 + 2 * s];
+            return ((columns[0] + columns[1]) + columns[2]) * ninth;
+        };
+        for (int x = left + ((left & 1) != own_column); x < right; x += 2) {
+            u[x] = p[x] - mean(p + x);
+            v[x] = g[x] - mean(g + x);
+        }
+    } else if (step == WINDOWS) {
+        enum { COLUMNS = PART / 2 + 5, SUMS = 8 };
+        float sums[SUMS][COLUMNS];
+        const int rows = here ? 3 : 4, top = here ? -2 : -3;
+        for (int begin = left; begin < right; begin += PART) {
+            const int count = right - begin < PART ? right - begin : PART;
+            const int first = begin - 3 + (((begin - 3) & 1) != own_column);
+            const int columns = (begin + count + 3 - first) / 2 + 1;
+            for (int k = 0; k < SUMS; ++k)
+                for (int j = 0; j < columns; ++j) sums[k][j] = 0.0f;
+            for (int r = 0; r < rows; ++r) {
+                const long long at = (long long)(top + 2 * r) * s + first;
+#pragma clang loop vectorize(assume_safety)
+                for (int j = 0; j < columns; ++j) {
+                    const float a = p[at + 2 * j], b = g[at + 2 * j];
+                    const float c = u[at + 2 * j], d = v[at + 2 * j];
+                    sums[0][j] += a;
+                    sums[1][j] += b;
+                    sums[2][j] += c * d;
+                    sums[3][j] += d * d;
+                    sums[4][j] += c * c;
+                    sums[5][j] += a * a;
+                    sums[6][j] += a * b;
+                    sums[7][j] += b * b;
+                }
+            }
+            for (int parity = 0; parity < 2; ++parity) {
+                // Pixels on columns of samples see three of them, those between see four.
+                const bool on = parity == 0;
+                const float share = 1.0f / (float)(rows * (on ? 3 : 4));
+                const int x0 = begin + (((begin & 1) == own_column) != on);
+                const int before = ((on ? x0 - 2 : x0 - 3) - first) / 2;
+#pragma clang loop vectorize(assume_safety)
+                for (int j = 0; j < (begin + count - x0 + 1) / 2; ++j) {
+                    float m[SUMS];
+                    for (int k = 0; k < SUMS; ++k) {
+                        const float* c = sums[k] + before + j;
+                        const float three = (c[0] + c[1]) + c[2];
+                        m[k] = (on ? three : three + c[3]) * share;
+                    }
+                    const Fit fit(m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], (float)PRIOR);
+                    const int x = x0 + 2 * j;
+                    w[x] = fit.w;
+                    w[x + plane] = fit.wa;
+                    w[x + 2 * plane] = fit.wb;
+                }
+            }
+        }
+    } else if (step == TENTATIVE) {
+        float sums[3][PART + 6];
+        for (int begin = left; begin < right; begin += PART) {
+            const int count = right - begin < PART ? right - begin : PART;
+            for (int k = 0; k < 3; ++k) {
+                const float* from = w + k * plane + begin - 3;
+#pragma clang loop vectorize(assume_safety)
+                for (int i = 0; i < count + 6; ++i) {
+                    const float a = (from[i - 3 * s] + from[i - 2 * s]) + from[i - s];
+                    const float b = (a + from[i]) + from[i + s];
+                    sums[k][i] = (b + from[i + 2 * s]) + from[i + 3 * s];
+                }
+            }
+            const auto sum = [](const float* x) {
+                return (((((x[0] + x[1]) + x[2]) + x[3]) + x[4]) + x[5]) + x[6];
+            };
+#pragma clang loop vectorize(assume_safety)
+            for (int i = 0; i < count; ++i)
+                tentative[begin + i] =
+                    (sum(sums[1] + i) * g[begin + i] + sum(sums[2] + i)) / sum(sums[0] + i);
+        }
+    } else {
+        float* to = planes.data + result * plane + (size_t)y * s;
+        const float* t = tentative;
+        const auto rest = [=](int x) { return p[x] - t[x]; };
+        for (int x = left; x < right; ++x) {
+            const bool on = (x & 1) == own_column;
+            if (here)
+                to[x] = on ? p[x] : t[x] + 0.5f * (rest(x - 1) + rest(x + 1));
+            else if (on)
+                to[x] = t[x] + 0.5f * (rest(x - s) + rest(x + s));
+            else
+                to[x] = t[x] + 0.25f * ((rest(x - s - 1) + rest(x - s + 1)) +
+                                        (rest(x + s - 1) + rest(x + s + 1)));
+        }
+    }
+}

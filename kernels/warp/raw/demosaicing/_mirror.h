@@ -1,0 +1,10 @@
+#pragma once
+// Places beyond a border, mirrored at the last element, which is not repeated.
+struct Mirror {
+    // The place within n that place i is the mirror image of.
+    static CUDA_CALLABLE int at(int i, int n) {
+        const int period = 2 * n - 2;
+        i = (i < 0 ? -i : i) % period;
+        return i < n ? i : period - i;
+    }
+};

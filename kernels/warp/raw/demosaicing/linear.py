@@ -1,0 +1,39 @@
+"""Demosaicing by fixed filters, in Warp: 128 pixels at once on the CPU, two a thread on CUDA.
+
+The Taichi set states the filters.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes.raw import Linear
+from cvkern.kernels.warp._spans import Spans, spans
+from cvkern.kernels.warp.raw.demosaicing._types import constants
+
+
+def interpolate(
+    raw: wp.array, red_row: int, red_column: int, method: int, colours: wp.array
+) -> None:
+    """Fill in the two colours that each pixel misses; red is at (red_row, red_column)."""
+    height, width = raw.shape
+    inputs = [raw, red_row, red_column, method]
+    _kernels(raw.dtype).launch(height, width, 3 * raw.size, inputs, [colours])
+
+
+@lru_cache
+def _kernels(scalar: Any) -> Spans:
+    @spans("_linear.h", 2, MALVAR=int(Linear.MALVAR), **constants(scalar))
+    def interpolate(
+        row: int,
+        left: int,
+        right: int,
+        raw: wp.array2d[scalar],
+        red_row: int,
+        red_column: int,
+        method: int,
+        colours: wp.array3d[scalar],
+    ): ...
+
+    return interpolate

@@ -1,0 +1,84 @@
+"""Residual interpolation on extended planes, in Warp; the Taichi set has the equations.
+
+Lines are worked on eight at a time on the CPU, and 32 pixels of one by a thread on CUDA.
+"""
+
+import warp as wp
+
+from cvkern.kernels.codes import raw as codes
+from cvkern.kernels.codes.raw import Step
+from cvkern.kernels.warp._spans import spans
+
+LANES = 8  # lines at once on the CPU
+REACH = 20  # pixels along a line, on either side, that a difference depends on
+BORDER = 26  # pixels at the border whose green is not found
+MARGINS = {Step.DEVIATIONS: 28, Step.WINDOWS: 31, Step.TENTATIVE: 34, Step.RESIDUAL: 35}
+_FIT = {"FLOOR": f"{codes.FLOOR!r}f", "TINY": f"{codes.TINY!r}f"}
+_SMOOTH = {name: f"{getattr(codes, name)!r}f" for name in ("SMOOTH", "FLAT", "TINY")}
+
+
+def directions(red_row: int, red_column: int, planes: wp.array) -> None:
+    """Find the differences between green and the other colour, by rows and by columns."""
+    _, height, width = planes.shape
+    lanes = 1 if planes.device.is_cuda else LANES
+    for vertical, (lines, length) in enumerate(((height, width), (width, height))):
+        work = 20 * height * width
+        inputs = [vertical, red_row, red_column]
+        _differences.launch(-(-lines // lanes), length - 2 * REACH, work, inputs, [planes])
+
+
+def green(red_row: int, red_column: int, planes: wp.array) -> None:
+    """Find green from the differences of both directions."""
+    rows, columns = planes.shape[1] - 2 * BORDER, planes.shape[2] - 2 * BORDER
+    _green.launch(rows, columns, 20 * rows * columns, [red_row, red_column], [planes])
+
+
+def chroma(step: int, row: int, column: int, result: int, planes: wp.array) -> None:
+    """Do a step towards the colour whose samples are at (row, column) of each cell."""
+    margin = MARGINS[Step(step)]
+    rows, columns = planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin
+    inputs = [step, margin, row, column, result]
+    _chroma.launch(rows, columns, 10 * rows * columns, inputs, [planes])
+
+
+@spans("_differences.h", 32, LANES=(LANES, 1), REACH=REACH, PRIOR=f"{codes.PRIOR!r}f", **_FIT)
+def _differences(
+    row: int,
+    left: int,
+    right: int,
+    vertical: int,
+    red_row: int,
+    red_column: int,
+    planes: wp.array3d[float],
+): ...
+
+
+@spans("_green.h", 2, BORDER=BORDER, **_SMOOTH)
+def _green(
+    row: int,
+    left: int,
+    right: int,
+    red_row: int,
+    red_column: int,
+    planes: wp.array3d[float],
+): ...
+
+
+@spans(
+    "_chroma.h",
+    2,
+    PRIOR=f"{codes.WINDOW_PRIOR!r}f",
+    **{s.name: int(s) for s in list(Step)[:3]},
+    **_FIT,
+)
+def _chroma(
+    row: int,
+    left: int,
+    right: int,
+    step: int,
+    margin: int,
+    own_row: int,
+    own_column: int,
+    result: int,
+    planes: wp.array3d[float],
+): ...

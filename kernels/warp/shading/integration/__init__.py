@@ -1,0 +1,1 @@
+"""Depth from normals, in Warp."""

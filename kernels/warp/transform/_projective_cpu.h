@@ -1,0 +1,142 @@
+// needs ROUNDED, CHANNELS
+// A row of an image seen through a homography, linearly: `inverse` takes (x, y, 1) of the result to
+// the image. Returns how many pixels it lists in `left`, for others to find: those on the last rows
+// or the last column, and, unless all beyond the image is `cval`, those beyond. So nothing is read
+// behind the image, though more than two pixels are read at once.
+int warp_row(int row, int slab, wp::array_t<float> src, wp::array_t<double> inverse, int constant,
+             float cval, wp::array_t<int> left, wp::array_t<float> dst) {
+#pragma clang fp contract(off)
+    enum { N = 16, PART = 128, C = CHANNELS, INSIDE = 1, LEFT = 2, AWAY = 4 };
+    typedef __typeof__(*src.data) source;
+    typedef __typeof__(*dst.data) result;
+    typedef source taken __attribute__((vector_size(2 * N * sizeof(source))));
+    typedef source taken4 __attribute__((vector_size(4 * sizeof(source))));
+    typedef result given __attribute__((vector_size(N * sizeof(result))));
+    typedef result given4 __attribute__((vector_size(4 * sizeof(result))));
+    typedef float lanes __attribute__((vector_size(N * sizeof(float))));
+    typedef float lanes4 __attribute__((vector_size(4 * sizeof(float))));
+    typedef int whole __attribute__((vector_size(N * sizeof(int))));
+    typedef int whole4 __attribute__((vector_size(4 * sizeof(int))));
+    const auto clipped = [](auto v) {
+        v = v > 0.0f ? v : 0.0f;
+        return (v < 255.0f ? v : 255.0f) + 0.5f;
+    };
+    const int planes = dst.shape[0], tall = dst.shape[1], wide = dst.shape[2];
+    const int height = src.shape[1], width = src.shape[2], pitch = width * C;
+    const double* const m = inverse.data;
+    const double last_x = width - 1, last_y = height - 1, v = row;
+    const bool affine = m[6] == 0.0 && m[7] == 0.0 && m[8] == 1.0;
+    const result outside = (result)(ROUNDED ? (float)(int)clipped((lanes4){} + cval)[0] : cval);
+    int* const list = left.data + (size_t)slab * wide;
+    int listed = 0;
+    for (int start = 0; start < wide; start += PART) {
+        // First all places, then all samples: their divisions and loads do not wait for another.
+        const int size = wide - start < PART ? wide - start : PART;
+        double xs[PART], ys[PART];
+        int at[PART], state[PART], there[PART / N], other[PART / N];
+        float fx[PART], fy[PART];
+        for (int k = 0; k < PART; ++k) {
+            const double u = start + k;
+            xs[k] = m[0] * u + m[1] * v + m[2];
+            ys[k] = m[3] * u + m[4] * v + m[5];
+        }
+        for (int k = 0; k < PART && !affine; ++k) {  // to divide by 1 changes nothing
+            const double w = m[6] * (double)(start + k) + m[7] * v + m[8];
+            xs[k] /= w;
+            ys[k] /= w;
+        }
+        for (int b = 0; b < PART / N; ++b) {
+            there[b] = other[b] = 0;
+#pragma clang loop vectorize(assume_safety)
+            for (int k = N * b; k < N * (b + 1); ++k) {
+                const double x = xs[k], y = ys[k];
+                const bool good = (x >= 0.0) & (x < last_x) & (y >= 0.0) & (y < last_y - 1.0);
+                const int i = good ? (int)y : 0, j = good ? (int)x : 0;
+                fx[k] = (float)(x - (double)j);
+                fy[k] = (float)(y - (double)i);
+                at[k] = i * pitch + j * C;
+                state[k] = good ? INSIDE : LEFT;
+                there[b] |= state[k] & INSIDE;
+                other[b] |= state[k] & LEFT;
+            }
+            for (int k = N * b; other[b] && k < N * (b + 1); ++k) {
+                const bool within =
+                    (xs[k] >= 0.0) & (xs[k] <= last_x) & (ys[k] >= 0.0) & (ys[k] <= last_y);
+                if (constant && !within) state[k] = AWAY;
+                if (state[k] == LEFT && k < size) list[listed++] = start + k;
+            }
+        }
+        for (int p = 0; p < planes; ++p) {
+            const source* const from = src.data + (size_t)p * height * pitch;
+            result* const to = dst.data + (((size_t)p * tall + row) * wide + start) * C;
+            result found[PART * C + 4];
+            for (int b = 0; b < PART / N && N * b < size; ++b) {
+                if (!there[b]) continue;
+                if (C == 1) {
+                    source pairs[2][2 * N];
+#pragma unroll
+                    for (int k = 0; k < N; ++k) {
+                        const source* const q = from + at[N * b + k];
+                        __builtin_memcpy(&pairs[0][2 * k], q, 2 * sizeof(source));
+                        __builtin_memcpy(&pairs[1][2 * k], q + pitch, 2 * sizeof(source));
+                    }
+                    lanes x, y, lines[2];
+                    __builtin_memcpy(&x, fx + N * b, sizeof x);
+                    __builtin_memcpy(&y, fy + N * b, sizeof y);
+#pragma unroll
+                    for (int i = 0; i < 2; ++i) {
+                        taken both;
+                        __builtin_memcpy(&both, pairs[i], sizeof both);
+                        const auto west = __builtin_shufflevector(
+                            both, both, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+                        const auto east = __builtin_shufflevector(
+                            both, both, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+                        lines[i] = (1.0f - x) * __builtin_convertvector(west, lanes) +
+                                   x * __builtin_convertvector(east, lanes);
+                    }
+                    const lanes sum = (1.0f - y) * lines[0] + y * lines[1];
+                    given made;
+                    if (ROUNDED)
+                        made = __builtin_convertvector(__builtin_convertvector(clipped(sum), whole),
+                                                       given);
+                    else
+                        made = __builtin_convertvector(sum, given);
+                    __builtin_memcpy(found + N * b, &made, sizeof made);
+                    continue;
+                }
+#pragma clang loop unroll_count(4)
+                for (int k = N * b; k < N * (b + 1); ++k) {
+                    const source* const q = from + at[k];
+                    const float x = fx[k], y = fy[k];
+                    taken4 corners[4];
+                    __builtin_memcpy(&corners[0], q, sizeof corners[0]);
+                    __builtin_memcpy(&corners[1], q + C, sizeof corners[0]);
+                    __builtin_memcpy(&corners[2], q + pitch, sizeof corners[0]);
+                    __builtin_memcpy(&corners[3], q + pitch + C, sizeof corners[0]);
+                    const lanes4 top = (1.0f - x) * __builtin_convertvector(corners[0], lanes4) +
+                                       x * __builtin_convertvector(corners[1], lanes4);
+                    const lanes4 low = (1.0f - x) * __builtin_convertvector(corners[2], lanes4) +
+                                       x * __builtin_convertvector(corners[3], lanes4);
+                    const lanes4 sum = (1.0f - y) * top + y * low;
+                    given4 made;
+                    if (ROUNDED)
+                        made = __builtin_convertvector(
+                            __builtin_convertvector(clipped(sum), whole4), given4);
+                    else
+                        made = __builtin_convertvector(sum, given4);
+                    __builtin_memcpy(found + k * C, &made, sizeof made);
+                }
+            }
+            for (int b = 0; b < PART / N && N * b < size; ++b)
+                if (other[b])
+                    for (int k = N * b; k < N * (b + 1); ++k)
+                        if (state[k] == AWAY)
+                            for (int c = 0; c < C; ++c) found[k * C + c] = outside;
+            if (size == PART)
+                __builtin_memcpy(to, found, PART * C * sizeof(result));
+            else
+                for (int i = 0; i < size * C; ++i) to[i] = found[i];
+        }
+    }
+    return listed;
+}

@@ -1,0 +1,103 @@
+"""From images to normals, and from normals to depth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.fft
+
+import cvkern
+from profiling.case import Case, Shape, Work
+from profiling.cases.shading.rendering import most_apart
+
+COUNT = 96  # images
+NOISE = 0.01
+
+
+def _lights() -> np.ndarray:
+    turns = 2.4 * np.arange(COUNT)  # the golden angle, about
+    slants = 0.9 * np.sqrt((np.arange(COUNT) + 0.5) / COUNT)
+    vectors = np.stack([slants * np.cos(turns), slants * np.sin(turns), np.ones(COUNT)], axis=1)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _depth(shape: Shape) -> np.ndarray:
+    y, x = np.indices(shape) / 16.0
+    return 6 * np.sin(x) * np.cos(y)
+
+
+def _images(shape: Shape, rng: np.random.Generator) -> np.ndarray:
+    images = cvkern.lambertian(_depth(shape), _lights())
+    return images + rng.normal(0, NOISE, images.shape).astype(np.float32)
+
+
+def _normals(shape: Shape, rng: np.random.Generator) -> np.ndarray:
+    normals = np.asarray(cvkern.normals_from_depth(_depth(shape)))
+    return normals + rng.normal(0, NOISE, normals.shape).astype(np.float32)
+
+
+def _least_squares(images: np.ndarray) -> np.ndarray:
+    flat = images.reshape(COUNT, -1).astype(np.float64)
+    s = np.linalg.lstsq(_lights(), flat, rcond=None)[0]
+    return (s / np.linalg.norm(s, axis=0)).T.reshape(*images.shape[1:], 3)
+
+
+def _poisson(normals: np.ndarray) -> np.ndarray:
+    """Solve the equations in a rectangle by cosine transforms, which have its own cosines."""
+    n = normals.astype(np.float64)
+    p, q = n[..., 0] / n[..., 2], -n[..., 1] / n[..., 2]
+    across, down = (p[:, 1:] + p[:, :-1]) / 2, (q[1:] + q[:-1]) / 2
+    right = np.zeros(p.shape)
+    right[:, 1:] += across
+    right[:, :-1] -= across
+    right[1:] += down
+    right[:-1] -= down
+    height, width = p.shape
+    y, x = np.arange(height)[:, None], np.arange(width)
+    share = 4 - 2 * np.cos(np.pi * y / height) - 2 * np.cos(np.pi * x / width)
+    share[0, 0] = 1
+    found = scipy.fft.dctn(right, type=2) / share
+    found[0, 0] = 0
+    return np.asarray(scipy.fft.idctn(found, type=2))
+
+
+def _stereo(method: str) -> Any:
+    lights = _lights()
+    return lambda images: cvkern.photometric_stereo(images, lights, method=method).normals
+
+
+CASES = (
+    Case(
+        name="photometric_stereo",
+        title="Normals from 96 images by least squares, float32",
+        image=_images,
+        call=_stereo("least_squares"),
+        oracle=_least_squares,
+        oracle_name="NumPy in float64",
+        difference=most_apart,
+        tolerance=1e-5,  # 96 products of float32 by an inverse of entries below 0.1
+        bytes_per_pixel=4 * COUNT + 1 + 20,
+        operations_per_pixel=15 * COUNT,
+        work=Work("pixels", lambda images: images.shape[1] * images.shape[2]),
+        sizes=("1024x440",),
+        most_inputs=2,
+        margin=0,
+    ),
+    Case(
+        name="integrate_normals",
+        title="Depth from normals in a rectangle, float32",
+        image=_normals,
+        call=cvkern.integrate_normals,
+        oracle=_poisson,
+        oracle_name="cosine transforms of SciPy",
+        difference=most_apart,
+        tolerance=2e-3,  # pixels: depth is found to 1e-5 of the energy's norm
+        bytes_per_pixel=12 + 4,
+        operations_per_pixel=8 * 120,
+        captures=False,
+        work=Work("pixels", lambda normals: normals.shape[0] * normals.shape[1]),
+        sizes=("1024x440",),
+        margin=0,
+    ),
+)

@@ -1,0 +1,96 @@
+"""``cvkern panorama``: what it writes, says and refuses."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from cvkern.images import read_image, write_image
+from cvkern.images._exif import focal_length
+from tests.panorama.scenes import photograph, turned, wall
+
+FOCAL = 210.0
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory):
+    """Make three photographs of a panorama, one of them on its side, a stranger and a text."""
+    folder = tmp_path_factory.mktemp("photographs")
+    picture = wall(FOCAL, 330)
+    views = [photograph(picture, FOCAL, turned(25 * i, 1), FOCAL, (170, 240)) for i in range(3)]
+    for i, view in enumerate(views):
+        exif = Image.Exif()
+        if i == 1:  # stored on its side: to be turned by 90 degrees clockwise
+            exif[0x0112] = 6
+            view = np.rot90(view)
+        exif.get_ifd(0x8769)[0xA405] = round(FOCAL / np.hypot(170, 240) * np.hypot(36, 24))
+        Image.fromarray(np.ascontiguousarray(view)).save(
+            folder / f"{'cab'[i]}.jpg", exif=exif, quality=95
+        )
+    stranger = photograph(picture, FOCAL, turned(180), FOCAL, (170, 240))
+    write_image(folder / "stranger.png", stranger)
+    (folder / "notes.txt").write_text("no photograph")
+    return folder
+
+
+def test_panorama(command, photographs, tmp_path):
+    code, out, _ = command("panorama", photographs, "-o", tmp_path / "out")
+    assert code == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["photographs"] == ["a.jpg", "b.jpg", "c.jpg", "stranger.png"]
+    assert report["strangers"] == ["stranger.png"]
+    (entry,) = report["panoramas"]
+    assert entry["members"] == ["a.jpg", "b.jpg", "c.jpg"]
+    assert ["a.jpg", "c.jpg"] in report["pairs"]
+    assert np.abs(np.array(entry["focal_lengths"]) / FOCAL - 1).max() < 0.02
+    image = read_image(tmp_path / "out" / entry["file"])
+    assert image.shape == (entry["height"], entry["width"])
+    assert f"{entry['width']} x {entry['height']} pixels" in out
+    assert "1 panoramas, 1 strangers" in out
+
+    code, _, error = command("panorama", photographs, "-o", tmp_path / "out")
+    assert code == 2
+    assert "--overwrite replaces them" in error
+    stale = tmp_path / "out" / "panorama-7.png"
+    write_image(stale, image)
+    code, _, _ = command(
+        "panorama", photographs, "-o", tmp_path / "out", "--overwrite", "--scale", "0.5", "--crop"
+    )
+    assert code == 0
+    assert not stale.exists()
+    assert read_image(tmp_path / "out" / "panorama-1.png").shape[1] < 0.6 * image.shape[1]
+
+
+def test_what_is_refused_writes_nothing(command, photographs, tmp_path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    for arguments, said in (
+        ((tmp_path / "none", "-o", tmp_path / "o"), "folder must be a folder that exists"),
+        ((empty, "-o", tmp_path / "o"), "folder must have images, got none"),
+        ((photographs, "-o", photographs / "a.jpg"), "output must be a folder, got the file"),
+        (
+            (photographs, "-o", tmp_path / "o", "--max-pixels", "9000"),
+            "max_pixels must be at least",
+        ),
+    ):
+        code, _, error = command("panorama", *arguments)
+        assert code == 2
+        assert said in error
+    assert not (tmp_path / "o").exists()
+
+
+def test_focal_length(photographs, tmp_path):
+    told = focal_length(photographs / "a.jpg", (170, 240))
+    assert told is not None
+    assert told == pytest.approx(FOCAL, rel=0.02)
+    assert focal_length(photographs / "a.jpg", (85, 120)) == pytest.approx(told / 2)
+    assert focal_length(photographs / "stranger.png", (170, 240)) is None
+    assert focal_length(photographs / "notes.txt", (170, 240)) is None
+    exif = Image.Exif()
+    lens = exif.get_ifd(0x8769)
+    # 50 mm, 100 pixels in a centimetre, of a picture of 3000 x 2000 pixels.
+    lens[0x920A], lens[0xA20E], lens[0xA210], lens[0xA002], lens[0xA003] = 50, 100, 3, 3000, 2000
+    Image.new("L", (30, 20)).save(tmp_path / "lens.jpg", exif=exif)
+    assert focal_length(tmp_path / "lens.jpg", (20, 30)) == pytest.approx(50 * 10 / 100)
+    assert focal_length(tmp_path / "lens.jpg", (20, 20)) is None

@@ -1,0 +1,63 @@
+"""Point clouds: their films and files."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import cvkern.clouds
+from tests.fuzz.arguments import Call, Draw, image, maybe, number, one
+
+
+def cloud(draw: Draw) -> Any:
+    """Return points before a camera, some behind it, some nowhere."""
+    found = draw.rng.normal(0, 1, (int(draw.pick([0, 1, 2, 30])), 3)) + np.array([0, 0, 4])
+    found *= draw.pick([1, 1, 1e-20, 1e20])
+    if draw.odd(0.1) and len(found):
+        found[0, 0] = draw.pick([np.nan, np.inf])
+    return found.astype(draw.pick(["f4", "f8"]))
+
+
+def colors(draw: Draw) -> Any:
+    """Return as many colours as points, mostly."""
+    return draw.rng.integers(0, 256, (int(draw.pick([0, 1, 2, 30, 30])), 3)).astype(np.uint8)
+
+
+def film(draw: Draw) -> Any:
+    """Return frames."""
+    return image(draw, (int(draw.pick([1, 2])), *(min(n, 20) for n in draw.shape), 3))
+
+
+def ply(points: Any, colors: Any = None) -> bytes:
+    """Return the file that points make."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.ply"
+        cvkern.clouds.write_ply(path, points, colors)
+        return path.read_bytes()
+
+
+def animation(frames: Any, fps: Any = 20.0) -> int:
+    """Return how many bytes a film has."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.gif"
+        cvkern.clouds.write_animation(path, frames, fps=fps)
+        return len(path.read_bytes())
+
+
+CALLS: dict[str, Call] = {
+    "clouds.turntable": Call(
+        cvkern.clouds.turntable,
+        {"points": cloud, "colors": colors, "shape": one((9, 12), (1, 1), (20, 3), (0, 4))},
+        {
+            "frames": one(1, 2, 3),
+            "swing": number(1, 180),
+            "point_size": maybe(number(0.1, 9)),
+            "background": one((16, 17, 20), (0, 0), (300, 0, 0)),
+        },
+    ),
+    "clouds.write_ply": Call(ply, {"points": cloud}, {"colors": colors}),
+    "clouds.write_animation": Call(animation, {"frames": film}, {"fps": one(20.0, 1, 0, 1e9)}),
+}

@@ -1,0 +1,22 @@
+"""Edges: pixels and points."""
+
+from __future__ import annotations
+
+import cvkern
+from tests.fuzz.arguments import BORDER, EDGES, IMAGE, MASK, Call, one
+
+CALLS: dict[str, Call] = {
+    "canny": Call(
+        cvkern.canny,
+        IMAGE,
+        {
+            **EDGES,
+            **BORDER,
+            **MASK,
+            "operator": one("gaussian", "sobel", "scharr"),
+            "suppression": one("interpolated", "sectors"),
+            "norm": one("l1", "l2"),
+        },
+    ),
+    "subpixel_edges": Call(cvkern.subpixel_edges, IMAGE, {**EDGES, **BORDER}, equal=False),
+}

@@ -1,0 +1,56 @@
+"""Filters: images with and without channels, and where results go."""
+
+from __future__ import annotations
+
+import cvkern
+from tests.fuzz.arguments import (
+    BORDER,
+    IMAGE,
+    Call,
+    Maker,
+    channels,
+    number,
+    one,
+    pair,
+    place,
+    several,
+    whole,
+)
+
+SIGMAS: dict[str, Maker] = {
+    "sigma": pair(number(0, 8)),
+    "order": pair(whole(0, 3)),
+    "truncate": number(0, 6),
+}
+OUT: dict[str, Maker] = {"out": place}
+DEEP: dict[str, Maker] = {"image": channels, "channel_axis": one(-1, 2, 2, 0)}
+AXIS: dict[str, Maker] = {"axis": one(None, 0, 1, 2, -1)}
+
+CALLS: dict[str, Call] = {
+    "gaussian": Call(
+        cvkern.gaussian,
+        IMAGE,
+        {
+            **BORDER,
+            **SIGMAS,
+            **OUT,
+        },
+    ),
+    "box": Call(cvkern.box, IMAGE, {**BORDER, **OUT, "radius": pair(whole(0, 30))}),
+    "correlate_separable": Call(
+        cvkern.correlate_separable,
+        {**IMAGE, "taps": several(number(-2, 2), 1, 7)},
+        {**BORDER, **OUT},
+    ),
+    "median": Call(cvkern.median, IMAGE, {**BORDER, **OUT, "radius": whole(0, 8)}),
+    "sobel": Call(cvkern.sobel, IMAGE, {**BORDER, **AXIS}),
+    "scharr": Call(cvkern.scharr, IMAGE, {**BORDER, **AXIS}),
+    "gradient": Call(
+        cvkern.gradient,
+        IMAGE,
+        {**BORDER, "sigma": number(0, 5), "operator": one("gaussian", "sobel", "scharr")},
+    ),
+    "gaussian of channels": Call(cvkern.gaussian, DEEP, {**BORDER, **SIGMAS}),
+    "box of channels": Call(cvkern.box, DEEP, {**BORDER, "radius": pair(whole(0, 30))}),
+    "median of channels": Call(cvkern.median, DEEP, {**BORDER, "radius": whole(0, 8)}),
+}

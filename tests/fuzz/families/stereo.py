@@ -1,0 +1,120 @@
+"""Dense stereo: its steps, and what is made of disparities."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import cvkern
+from tests.fuzz.arguments import (
+    Call,
+    channels,
+    colour,
+    costs,
+    disparities,
+    disparity,
+    image,
+    mask,
+    maybe,
+    number,
+    one,
+    whole,
+)
+
+Q = np.array([[1, 0, 0, -20], [0, 1, 0, -10], [0, 0, 0, 700], [0, 0, 8.0, 0]])
+
+CALLS: dict[str, Call] = {
+    "stereo_cost": Call(
+        cvkern.stereo_cost,
+        {"left": image, "right": image, "disparities": disparities},
+        {
+            "cost": one("census", "sad", "ssd", "zncc", "birchfield_tomasi", "birchfield-tomasi"),
+            "window": maybe(one(1, 3, 5, (3, 7), 4)),
+            "neighborhood": one((7, 9), 5, (3, 3), (9, 9)),
+            "spacing": whole(1, 3),
+        },
+    ),
+    "aggregate_semi_global": Call(
+        cvkern.aggregate_semi_global,
+        {"costs": costs, "p1": whole(0, 40), "p2": whole(0, 90)},
+        {
+            "paths": one(4, 8, 16, 5),
+            "contrast": number(0.5, 50),
+            "largest_cost": maybe(whole(1, 99)),
+            "guide": maybe(image),
+            "max_bytes": maybe(whole(1, 2**20)),
+        },
+    ),
+    "winner_take_all": Call(
+        cvkern.winner_take_all,
+        {"costs": costs},
+        {
+            "first": whole(-9, 9),
+            "subpixel": one(True, False, "equiangular", "parabola"),
+            "uniqueness": whole(0, 99),
+        },
+    ),
+    "stereo_match": Call(
+        cvkern.stereo_match,
+        {"left": image, "right": image, "disparities": disparities},
+        {
+            "method": one("semi-global", "window"),
+            "paths": one(4, 8),
+            "window": one(3, 11, 4),
+            "p1": whole(0, 40),
+            "p2": whole(0, 99),
+            "contrast": number(1, 40),
+            "subpixel": one(True, False, "equiangular"),
+            "uniqueness": whole(0, 50),
+            "left_right": maybe(number(0, 3)),
+            "speckle_size": whole(0, 30),
+            "smoothing": whole(0, 7),
+            "data_range": maybe(number(1, 300)),
+            "speckle_difference": number(0, 5),
+            "max_bytes": maybe(whole(1, 2**20)),
+        },
+    ),
+    "left_right_check": Call(
+        cvkern.left_right_check,
+        {"disparity": disparity, "right": disparity},
+        {"tolerance": number(0, 3)},
+    ),
+    "remove_speckles": Call(
+        cvkern.remove_speckles,
+        {"disparity": disparity},
+        {"min_size": whole(0, 50), "difference": number(0, 5)},
+    ),
+    "fill_disparity": Call(cvkern.fill_disparity, {"disparity": disparity}, {}),
+    "guided_median": Call(
+        cvkern.guided_median,
+        {"disparity": disparity, "guide": image},
+        {"radius": whole(0, 8), "contrast": whole(1, 99)},
+    ),
+    "disparity_to_depth": Call(
+        cvkern.disparity_to_depth,
+        {"disparity": disparity, "focal": number(1, 900), "baseline": number(0.01, 3)},
+        {"doffs": number(-9, 9)},
+    ),
+    "points_from_disparity": Call(
+        cvkern.points_from_disparity, {"disparity": disparity, "q": lambda draw: Q}, {}
+    ),
+    "stereo_cost of colours": Call(
+        cvkern.stereo_cost,
+        {"left": channels, "right": channels, "disparities": disparities},
+        {"channel_axis": one(-1, 0, None), "cost": one("sad", "census")},
+    ),
+    "point_cloud": Call(
+        cvkern.point_cloud,
+        {"disparity": disparity, "q": lambda draw: Q, "image": colour},
+        {"valid": mask},
+    ),
+    "reprojection_matrix": Call(
+        cvkern.reprojection_matrix,
+        {
+            "focal": number(1, 99),
+            "baseline": number(0.1, 2),
+            "cx": number(0, 9),
+            "cy": number(0, 9),
+        },
+        {"doffs": number(-9, 9)},
+    ),
+}

@@ -1,0 +1,93 @@
+"""A process that makes calls, and is replaced when it dies or no longer answers."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from typing import Any
+
+PATIENCE = 180.0  # seconds for one call, compilation included
+WORKER = ["-m", "tests.fuzz.worker"]
+
+
+class Process:
+    """A worker of the fuzzer, started when it is first needed."""
+
+    def __init__(self, seed: int, device: str, threads: int):
+        self._seed, self._device, self._threads = seed, device, threads
+        self._process: subprocess.Popen[str] | None = None
+
+    def _start(self) -> subprocess.Popen[str]:
+        self._said = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
+        reads, writes = os.pipe()
+        process = subprocess.Popen(
+            [sys.executable, *WORKER, str(self._seed), self._device, str(writes)],
+            stdin=subprocess.PIPE,
+            stdout=self._said,
+            stderr=self._said,
+            pass_fds=[writes],
+            text=True,
+            env={**os.environ, "CVKERN_NUM_THREADS": str(self._threads)},
+        )
+        os.close(writes)
+        self._log, self._rest = reads, b""
+        return process
+
+    def make(
+        self, first: int, stop: int, report: Callable[[dict[str, Any]], None]
+    ) -> tuple[int, int]:
+        """Make calls; return the number of the next one, and the most memory held, in KiB."""
+        if self._process is None:
+            self._process = self._start()
+        process, begun, fault = self._process, first, {}
+        with contextlib.suppress(BrokenPipeError):
+            print(first, stop, file=process.stdin, flush=True)
+        while (lines := self._lines()) is not None:
+            for line in lines:
+                if "begin" in line:
+                    begun = line["begin"]
+                elif "end" in line:
+                    return stop, line["peak"]
+                else:
+                    report(line)
+        late = process.poll() is None and not self._ended
+        self.close()
+        code = process.returncode
+        end = f"the process ended with {code} after calls from {first} on: {self.said}"
+        fault = {"call": begun, "fault": "no answer in time" if late else end}
+        report(fault)
+        return begun + 1, 0
+
+    def _lines(self) -> list[dict[str, Any]] | None:
+        """Wait for whole lines; None at the end, or when there are none for too long."""
+        self._ended = False
+        if not select.select([self._log], [], [], PATIENCE)[0]:
+            return None
+        got = os.read(self._log, 1 << 16)
+        self._ended = not got
+        *whole, self._rest = (self._rest + got).split(b"\n")
+        return [json.loads(line) for line in whole] if got else None
+
+    def close(self) -> None:
+        """End the process."""
+        if self._process is None:
+            return
+        process, self._process = self._process, None
+        os.close(self._log)
+        with contextlib.suppress(BrokenPipeError):
+            if process.stdin is not None:
+                process.stdin.close()
+        try:
+            process.wait(2)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        self._said.seek(0)
+        self.said = self._said.read()[-2000:]
+        self._said.close()

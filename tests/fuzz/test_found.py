@@ -1,0 +1,173 @@
+"""What random calls found (``python -m tests.fuzz``), each once: refused, or equal in every bit."""
+
+# pyright: reportArgumentType=false
+
+import numpy as np
+import pytest
+
+import cvkern
+import cvkern.clouds
+import cvkern.images
+from cvkern import radiance
+from cvkern._runtime import KERNEL_SETS
+from tests.calls import TABLE
+
+SQUARE = np.array([[0.0, 0], [0, 9], [9, 9], [9, 0]])
+PAIR = np.arange(18.0).reshape(9, 2)
+VIEWS = radiance.cameras(np.eye(4)[None], [50, 50, 8, 6], 17, 13)
+BYTES = np.zeros((2, 32), np.uint8)
+IMAGE = np.zeros((4, 5))
+
+REFUSED = {
+    "center": lambda: cvkern.rotate(IMAGE, 3, center=2.0),
+    "shape": lambda: cvkern.resize(IMAGE, 0.5),
+    "size": lambda: cvkern.rectify_plane(IMAGE, SQUARE, None),
+    "corners": lambda: cvkern.rectify_plane(IMAGE, "abc", (3, 3)),
+    "matrix": lambda: cvkern.warp_perspective(IMAGE, np.eye(3) * 1j),
+    "dtype": lambda: cvkern.remap(IMAGE, np.zeros((2, 1, 1)), dtype=range(3)),
+    "antialias": lambda: cvkern.resize(IMAGE, (2, 2), antialias=[]),
+    "sigma": lambda: cvkern.corner_harris(IMAGE, sigma=1e300),
+    "out": lambda: cvkern.gaussian(IMAGE, out=3.5),
+    "axis": lambda: cvkern.sobel(IMAGE, axis=np.zeros(2)),
+    "num_peaks": lambda: cvkern.hough_line_peaks(IMAGE, np.arange(5), np.arange(4), num_peaks=[]),
+    "mask": lambda: cvkern.images.overlay_mask(BYTES, [1, [2]]),
+    "axes": lambda: cvkern.gray_code_patterns((4, 4), axes=0.5),
+    "lights": lambda: cvkern.gray_code_patterns((4, 4), lights=[]),
+    "phase": lambda: cvkern.unwrap_phase([[1e30, -1e30]]),
+    "points0": lambda: cvkern.fit_affine(3.5, PAIR),
+    "points1": lambda: cvkern.find_affine(PAIR, None),
+    "pairs": lambda: cvkern.find_homographies([PAIR, 3]),
+    "pairs must": lambda: cvkern.match_images([BYTES, BYTES], [0, 1, 0]),
+    "features": lambda: cvkern.match_images(2.0),
+    "cross_check": lambda: cvkern.match_descriptors(BYTES, BYTES, cross_check=np.zeros(2)),
+    "upright": lambda: cvkern.sift(IMAGE, upright=[]),
+    "corners must": lambda: cvkern.corner_subpix(IMAGE, [[np.nan, 1]]),
+    "reference": lambda: cvkern.r_table(IMAGE, reference=2 + 0j),
+    "scales": lambda: cvkern.generalized_hough(IMAGE, TABLE, scales=2 + 0j),
+    "length": lambda: cvkern.suggest_line_bins((8, 8), localisation=1e-30, length=1e30),
+    "dists": lambda: cvkern.hough_line_peaks(IMAGE, np.arange(5), [0, 1, 2, np.inf]),
+    "hspace": lambda: cvkern.hough_line_peaks(IMAGE * np.nan, np.arange(5), np.arange(4)),
+    "hspaces": lambda: cvkern.hough_circle_peaks(IMAGE[None] * np.nan, [3]),
+    "q": lambda: cvkern.points_from_disparity(IMAGE, [1, [2]]),
+    "frames": lambda: cvkern.clouds.write_animation("a.gif", [1, [2]]),
+    "path": lambda: cvkern.images.write_image(3.5, IMAGE),
+    "name": lambda: cvkern.images.apply_colormap(IMAGE, np.zeros(2)),
+    "cameras": lambda: radiance.project(None, 0, PAIR),
+    "views": lambda: radiance.orbit_cameras(3),
+    "factor": lambda: radiance.orbit_cameras(VIEWS, factor=2.0**31),
+    "eyes": lambda: radiance.look_at([], [0, 0, 1]),
+    "poses": lambda: radiance.cameras(["x"], [1, 1, 0, 0], 3, 3),
+    "model": lambda: radiance.mesh(None),
+    "scene": lambda: radiance.fit(None),
+    "surface": lambda: radiance.write_mesh("a.ply", None),
+    "truth": lambda: radiance.psnr(IMAGE, IMAGE + np.inf),
+    "distances": lambda: radiance.composite_rays(np.ones(2), np.ones((2, 3)), None, [[0, 2]]),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refusals_name_their_argument(name):
+    with pytest.raises((ValueError, TypeError), match=rf"\b{name.split()[0]}\b"):
+        REFUSED[name]()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: cvkern.epipolar_lines(np.eye(3), [[1e200, 1e300], [np.inf, 0]]),
+        lambda: cvkern.sampson_distance(np.eye(3), PAIR * 1e200, PAIR),
+        lambda: cvkern.find_similarity([[0.0, 0]] * 3, [[0.0, 0]] * 3, threshold=1e-38),
+        lambda: radiance.project(VIEWS, False, np.full((1, 3), np.inf)),
+        lambda: radiance.pixel_rays(VIEWS, 0, [[np.inf, 0]]),
+        lambda: radiance.psnr([[1e-30]], [[0]]),
+        lambda: cvkern.images.luma(np.array([[[np.inf, -np.inf, 0]]], "f4")),
+        lambda: cvkern.images.apply_colormap([[0, 14]], vmax=1e-320),
+        lambda: cvkern.remap_backward([[1.0]], IMAGE, np.ones((2, 1, 1)), np.int64(3)),
+        lambda: cvkern.subpixel_edges(np.array([[0, 3e38, -3e38, 1e30, 5]] * 5, "f4"), 0.6, 1, 2),
+    ],
+)
+def test_nothing_is_raised_or_warned_of(call):
+    call()
+
+
+def spoilt(*shape, seed=0, share=0.2, kinds=(np.nan, np.inf, -np.inf, -0.0)):
+    """Return noise with values that are not finite in it."""
+    rng = np.random.default_rng(seed)
+    values = rng.random(shape).astype(np.float32)
+    where = rng.random(shape) < share
+    values[where] = rng.choice(kinds, where.sum())
+    return values
+
+
+FRINGES = cvkern.phase_shift_patterns((16, 31)).astype(np.float32)
+
+
+def holes(seed):
+    """Return values for the frames, some of them not finite."""
+    return spoilt(*FRINGES.shape, seed=seed, share=0.02)
+
+
+EQUAL = {
+    "winner_take_all": lambda s: cvkern.winner_take_all(spoilt(9, 17, 33, seed=s)),
+    "winner_take_all of zeros": lambda s: cvkern.winner_take_all(
+        spoilt(3, 5, 33, seed=s, share=1, kinds=(0.0, -0.0, -np.inf, np.nan))
+    ),
+    "sift": lambda s: cvkern.sift(spoilt(48, 70, seed=s, share=0.01)),
+    "sift of large values": lambda s: cvkern.sift(spoilt(48, 70, seed=s) * np.float32(1e30)),
+    "decode_phase_shift": lambda s: cvkern.decode_phase_shift(
+        np.where(np.isfinite(holes(s)), FRINGES, holes(s)), (16, 31)
+    )[:3],
+    "resize": lambda s: cvkern.resize(spoilt(9, 7, seed=s), (5, 8), dtype="uint8"),
+    "remap of zeros": lambda s: cvkern.warp_perspective([[-0.0]], np.eye(3), (3, 3), mode="mirror"),
+    "median": lambda s: cvkern.median(spoilt(9, 9, seed=s), 1),
+    "gradient": lambda s: cvkern.gradient(spoilt(9, 9, seed=s, share=0.05)),
+    "guided_median": lambda s: cvkern.guided_median(
+        spoilt(9, 9, seed=s, kinds=(np.nan, 0.0, -0.0)), np.zeros((9, 9), np.uint8), 2
+    ),
+}
+
+
+@pytest.mark.parametrize("name", EQUAL)
+def test_values_that_are_not_finite_give_equal_bits(name):
+    for seed in range(3):
+        answers = []
+        for backend in KERNEL_SETS:
+            with cvkern.use(backend=backend):
+                got = EQUAL[name](seed)
+            answers.append(got if isinstance(got, tuple) else (got,))
+        for a, b in zip(*answers, strict=True):
+            np.testing.assert_array_equal(a, b)
+            if a.dtype.kind == "f":
+                np.testing.assert_array_equal(np.signbit(a[a == 0]), np.signbit(b[b == 0]))
+
+
+def test_nan_is_an_infinite_cost():
+    costs = np.array([[[np.nan, 5, 1, np.nan, 9], [np.nan, np.nan, np.nan, np.nan, np.nan]]], "f4")
+    winner = cvkern.winner_take_all(costs)
+    np.testing.assert_array_equal(winner.disparity, [[2, 0]])  # no fit beside an infinite cost
+    np.testing.assert_array_equal(winner.cost, [[1, np.inf]])
+    np.testing.assert_allclose(winner.confidence, [[1 - 1 / 9, 0]], rtol=1e-6)
+
+
+def test_a_byte_holds_0_for_nan(backend):
+    found = cvkern.remap([[np.nan, np.inf, -np.inf, 254.5]], [[[0] * 4], [[0, 1, 2, 3]]], 0,
+                         dtype="uint8")  # fmt: skip
+    assert found.tolist() == [[0, 255, 0, 255]]
+
+
+def test_keypoints_do_not_see_what_is_not_finite(backend):
+    image = np.random.default_rng(3).random((48, 70)).astype(np.float32)
+    holes = image.copy()
+    holes[20:22, 30] = np.nan, -np.inf
+    image[20:22, 30] = 0
+    for a, b in zip(cvkern.sift(image), cvkern.sift(holes), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_place_one_of_whose_frames_is_nan_is_not_valid(backend):
+    frames = FRINGES.copy()
+    frames[5, 3, 4] = np.nan
+    found = cvkern.decode_phase_shift(frames, (16, 31))
+    assert not found.valid[3, 4]
+    assert np.isnan(found.columns[3, 4])
+    assert found.valid.sum() == found.valid.size - 1

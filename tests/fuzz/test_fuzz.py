@@ -1,0 +1,86 @@
+"""The fuzzer itself: that it calls all there is, sees what is wrong, and finds nothing today."""
+
+import inspect
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import cvkern
+from tests.fuzz import processes, worker
+from tests.fuzz.arguments import Call, begin
+from tests.fuzz.families import CALLS, NOT_CALLED, draw_call
+
+FAMILIES = ("edges", "features", "filters", "hough", "stereo", "transform")
+
+
+def test_every_function_is_called():
+    wanted = {
+        name
+        for family in FAMILIES
+        for name in cvkern._NAMES[family]
+        if not isinstance(getattr(cvkern, name), type)
+    }
+    assert wanted - NOT_CALLED <= {name.partition(" ")[0] for name in CALLS}
+
+
+def test_options_are_those_of_the_function():
+    """An option by another name would only ever be refused."""
+    for name, call in CALLS.items():
+        parameters = inspect.signature(call.function).parameters
+        if all(p.kind != p.VAR_KEYWORD for p in parameters.values()):
+            assert {*call.needed, *call.options} <= set(parameters), name
+
+
+def test_a_call_is_known_by_its_seed_and_number():
+    for index in range(30):
+        (name, first), (again, second) = (draw_call(begin(5, index)) for _ in range(2))
+        assert name == again
+        assert worker.shown(first) == worker.shown(second)
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        (lambda image: image.tolist()[99], "IndexError"),
+        (lambda image: image.nothing, "AttributeError"),
+        (lambda image: np.zeros(3) if cvkern._runtime._choice()[0] == "warp" else -np.zeros(3),
+         "differs in 3"),
+        (lambda image: image.fill(7), "the input image was written to"),
+        (lambda image: image.astype("datetime64") + {}, "the message names no argument"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_seen(monkeypatch, function, said):
+    monkeypatch.setitem(worker.CALLS, "wrong", Call(function, {}, {}))
+    assert said in worker.fault_of("wrong", {"image": np.ones((4, 5))})
+
+
+def test_a_small_budget_finds_nothing():
+    """A few hundred calls; CONTRIBUTING.md says how to make more."""
+    words = [sys.executable, "-m", "tests.fuzz", "--calls", "300", "--seed", "1"]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.endswith("300 calls from 0 on with seed 1, 0 at fault\n")
+
+
+def test_a_process_that_dies_or_hangs_is_replaced(monkeypatch):
+    """What goes on is the call behind the one that was at work."""
+    work = "import os, sys, time; log = os.fdopen(int(sys.argv[3]), 'w', buffering=1)\n"
+    script = work + (
+        "for line in sys.stdin:\n"
+        "    for n in range(*map(int, line.split())):\n"
+        "        print('{\"begin\": %d}' % n, file=log)\n"
+        "        if n == 2: os.abort()\n"
+        "        if n == 4: time.sleep(60)\n"
+        '    print(\'{"end": 6, "peak": 7}\', file=log)\n'
+    )
+    monkeypatch.setattr(processes, "PATIENCE", 2.0)
+    monkeypatch.setattr(processes, "WORKER", ["-c", script])
+    process, faults, at = processes.Process(0, "cpu", 1), [], 0
+    while at < 6:
+        at, _ = process.make(at, 6, faults.append)
+    process.close()
+    assert [fault["call"] for fault in faults] == [2, 4]
+    assert "ended with -6" in faults[0]["fault"]
+    assert faults[1]["fault"] == "no answer in time"

@@ -1,0 +1,37 @@
+"""The CUDA kernels of raw pictures compile, though they are made when they are first used."""
+
+from pathlib import Path
+
+import pytest
+import warp as wp
+
+import cvkern.kernels.warp as kernels
+from cvkern.kernels.warp.raw import exposures
+from cvkern.kernels.warp.raw.demosaicing import linear, menon, planes, residual
+
+MADE = {
+    "menon": lambda: menon._menon,
+    "differences": lambda: residual._differences,
+    "green": lambda: residual._green,
+    "chroma": lambda: residual._chroma,
+    "linear u8": lambda: linear._kernels(wp.uint8),
+    "linear f32": lambda: linear._kernels(wp.float32),
+    "extend u16": lambda: planes._extend(wp.uint16),
+    "join u8": lambda: planes._join(wp.uint8),
+}
+
+
+def test_merging_compiles_for_hopper(tmp_path):
+    """Its powers and logarithms are CUDA's own, and fuse."""
+    kernels.start("cpu", None)
+    kernel = exposures._kernel(wp.uint8)
+    (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path, use_ptx=True)
+    assert ".target sm_90" in Path(ptx).read_text()
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_compiles_for_hopper(name, tmp_path):
+    kernels.start("cpu", None)
+    kernel = MADE[name]().cuda()
+    (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path, use_ptx=True)
+    assert "fma.rn.f32" not in Path(ptx).read_text()

@@ -1,0 +1,255 @@
+"""Photometric stereo against NumPy, on known surfaces, and where nothing can be told."""
+
+import numpy as np
+import pytest
+
+import cvkern
+from tests.shading import data
+from tests.shading import reference_photometry as reference
+
+F32, U8, U16 = np.float32, np.uint8, np.uint16
+METHODS = ["trimmed", "l1", "sparse_bayes", "consensus"]
+
+
+def lamps(count, seed=0):
+    rng = np.random.default_rng(seed)
+    lights = np.hstack([rng.uniform(-0.7, 0.7, (count, 2)), np.ones((count, 1))])
+    return lights / np.linalg.norm(lights, axis=1, keepdims=True)
+
+
+def scene(shape=(7, 11), count=14, seed=2):
+    """Return images of random normals with shadows, highlights and noise."""
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(0, 0.5, (*shape, 3)) + np.array([0, 0, 1])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    lights = lamps(count)
+    images = cvkern.lambertian(normals, lights, albedo=0.3 + rng.random(shape))
+    images += rng.normal(0, 0.01, images.shape).astype(F32)
+    images[rng.random(images.shape) < 0.1] *= F32(1.8)
+    return np.maximum(images, 0), lights, normals
+
+
+def test_ranks(kernels):
+    images = scene()[0].round(1)
+    images[3, 2, 4], images[5, 2, 5], images[6, 2, 6] = np.nan, np.inf, -np.inf
+    mask = np.ones(images.shape[1:], U8)
+    mask[5:, 3:] = 0
+    got = kernels("shading.photometry.rank", images, mask, 0.8, out=[(images.shape, U16)])
+    assert (got[:, mask == 0] == 65535).all()
+    got, images = got[:, :5], images[:, :5]
+    part = np.isfinite(images) & (images < F32(0.8))
+    for y, x in np.ndindex(*images.shape[1:]):
+        own = images[:, y, x]
+        want = reference.ranks(own, float(F32(0.8)))
+        np.testing.assert_array_equal(got[:, y, x], np.where(want < 0, 65535, want))
+    assert (got[~part] == 65535).all()
+
+
+def test_least_squares(backend):
+    images, lights, _ = scene((9, 70), 5)
+    found = cvkern.photometric_stereo(images, lights, method="least_squares")
+    s = np.linalg.lstsq(lights, images.reshape(5, -1).astype(float), rcond=None)[0]
+    albedo = np.linalg.norm(s, axis=0)
+    off = images.reshape(5, -1) - np.maximum(lights @ s, 0)
+    # Five products of float32 and the inverse, whose entries are below 2.
+    np.testing.assert_allclose(found.albedo.ravel(), albedo, atol=2e-6)
+    np.testing.assert_allclose(found.normals.reshape(-1, 3), (s / albedo).T, atol=2e-5)
+    np.testing.assert_allclose(found.residual.ravel(), np.sqrt((off**2).mean(axis=0)), atol=2e-6)
+
+
+def test_least_squares_have_the_same_bits(all_kernels):
+    images, lights, _ = scene((6, 300), 5)
+    images[0, 0, 0] = np.nan
+    wide = np.hstack([lights, np.ones((5, 1))]).astype(F32)
+    results = [
+        kernels(
+            "shading.photometry.solve", images, np.linalg.pinv(lights).astype(F32), wide,
+            np.ones((6, 300), U8), out=[((6, 300, 3), F32), ((6, 300), F32), ((6, 300), F32)],
+        )
+        for kernels in all_kernels
+    ]  # fmt: skip
+    for a, b in zip(*results, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rules(backend, method):
+    """The same as NumPy's, a pixel at a time; a rest of a group of pixels, too."""
+    images, lights, _ = scene()
+    images[4, 1, 1] = np.nan
+    found = cvkern.photometric_stereo(images, lights, method=method, saturation=1.4)
+    for y, x in np.ndindex(*images.shape[1:]):
+        own = images[:, y, x].astype(float)
+        normal, albedo, residual = reference.pixel(own, lights.astype(F32), method, 1.4)
+        # Both are float64, but sums in another order are weighed by their inverse; results and
+        # the variances of sparse Bayes are float32.
+        tolerance = 2e-3 if method == "sparse_bayes" else 2e-5
+        np.testing.assert_allclose(found.normals[y, x], normal, atol=tolerance)
+        assert found.albedo[y, x] == pytest.approx(albedo, abs=tolerance)
+        assert found.residual[y, x] == pytest.approx(residual, abs=tolerance)
+
+
+@pytest.mark.parametrize("method", ["least_squares", *METHODS])
+def test_a_matt_surface_is_found_as_it_is(backend, method):
+    y, x = np.indices((24, 24)) - 11.5
+    normals = cvkern.normals_from_depth((x**2 + y**2) / 60)
+    lights = lamps(12) * np.linspace(0.5, 2, 12)[:, None]
+    images = cvkern.lambertian(normals, lights, albedo=0.7, shadows="none")
+    assert images.min() > 0
+    found = cvkern.photometric_stereo(images, lights, method=method)
+    assert data.apart(found.normals, normals, np.ones((24, 24), bool)) < 0.02
+    # Three images may outweigh the others in L1, where rounding looks like an outlier.
+    np.testing.assert_allclose(found.albedo, 0.7, rtol=1e-3 if method == "l1" else 1e-4)
+    assert found.residual.max() < (1e-3 if method == "l1" else 1e-5)
+
+
+def test_real_and_rendered_surfaces(backend):
+    """The default is at most what the best of other methods is on each, and so on a third."""
+    images, lights, mask, normals = data.ball()
+    for method, most in (("least_squares", 4.62), ("trimmed", 2.41), ("consensus", 2.1)):
+        found = cvkern.photometric_stereo(images, lights, mask=mask, method=method)
+        assert data.apart(found.normals, normals, mask) < most
+    images, lights, mask, normals = data.bunny()
+    for method, most in (("least_squares", 4.11), ("trimmed", 2.61), ("consensus", 2.7)):
+        found = cvkern.photometric_stereo(images, lights, mask=mask, method=method)
+        assert data.apart(found.normals, normals, mask) < most
+    lights = cvkern.lights_from_sphere(*data.sphere("chrome"))
+    images, mask = data.sphere("gray")
+    found = cvkern.photometric_stereo(images, lights, mask=mask)
+    assert data.apart(found.normals, data.round_normals(mask), mask) < 5.8
+
+
+def test_lights_near_by(backend):
+    """A cap under four lamps close to it; far lights of the same places are wrong by degrees."""
+    y, x = np.indices((33, 41))
+    depth = ((x - 20.0) ** 2 + (y - 16.0) ** 2) / 80
+    depth -= depth.mean()
+    normals = cvkern.normals_from_depth(depth)
+    rng = np.random.default_rng(0)
+    places = np.array([[20, -16, 0]]) + [
+        [60 * np.cos(t), 60 * np.sin(t), 50 + 10 * rng.random()] for t in np.arange(6) + 0.1
+    ]
+    strengths = 3000 + 1000 * rng.random(6)
+    images = []
+    for place, strength in zip(places, strengths, strict=True):
+        to = place - np.stack([x, -y, -depth], axis=-1)
+        cosines = (to * normals).sum(axis=-1)
+        images.append(0.5 * strength * np.maximum(cosines, 0) / np.linalg.norm(to, axis=-1) ** 3)
+    lights = np.hstack([places, strengths[:, None]])
+    everywhere = np.ones(depth.shape, bool)
+    found = cvkern.photometric_stereo(images, lights, near=True)
+    assert data.apart(found.normals, normals, everywhere) < 0.5
+    np.testing.assert_allclose(found.albedo, 0.5, rtol=0.03)
+    far = cvkern.photometric_stereo(images, places - [[20, -16, 0]])
+    assert data.apart(far.normals, normals, everywhere) > 3
+
+
+def test_where_nothing_can_be_told(backend):
+    lights = lamps(5)
+    images = cvkern.lambertian(np.full((4, 6, 3), [0, 0, 1.0]), lights)
+    images[:, 0] = 0  # black
+    images[:, 1] = 9  # saturated
+    images[:3, 2] = np.nan
+    images[:2, 3, :3] = np.nan
+    for method in ("consensus", "least_squares"):
+        found = cvkern.photometric_stereo(images, lights, method=method, saturation=9)
+        assert np.isnan(found.normals[:3]).all()
+        assert (found.albedo[:3] == 0).all()
+        assert (found.residual[:3] == 0).all()
+        np.testing.assert_allclose(found.normals[3], [[0, 0, 1]] * 6, atol=1e-4)
+    found = cvkern.photometric_stereo(images, lights, method="least_squares")
+    assert np.isnan(found.normals[0]).all()
+    assert np.isnan(found.normals[3, :3]).all()
+    assert np.isfinite(found.normals[3, 3:]).all()
+    mask = np.zeros((4, 6))
+    mask[3, 4] = 1
+    found = cvkern.photometric_stereo(images, lights, mask=mask)
+    assert np.isfinite(found.normals).all(axis=-1).sum() == 1
+
+
+def test_lights_of_a_mirror():
+    """A sphere of which each pixel shows the lights around the direction that it mirrors."""
+    y, x = np.indices((81, 91))
+    nx, ny = (x - 47) / 30, (39 - y) / 30
+    mask = nx**2 + ny**2 <= 1
+    n = np.stack([nx, ny, np.sqrt(np.maximum(1 - nx**2 - ny**2, 0))], axis=-1)
+    seen = 2 * n[..., 2:] * n - [0, 0, 1]
+    lights = lamps(6, seed=3)
+    images = np.exp(200 * (np.einsum("yxc,kc->kyx", seen, lights) - 1)) * mask
+    found = cvkern.lights_from_sphere(images, mask)
+    # The middle of a highlight's pixels is within half a pixel, which turns the mirrored ray by
+    # twice that over the radius.
+    assert np.degrees(np.arccos((found * lights).sum(axis=1))).max() < np.degrees(1 / 30) + 0.5
+
+
+def between(found, true):
+    """Return the angles between vectors, in degrees."""
+    sizes = np.linalg.norm(found, axis=1) * np.linalg.norm(true, axis=1)
+    return np.degrees(np.arccos(np.clip((found * true).sum(axis=1) / sizes, -1, 1)))
+
+
+@pytest.mark.parametrize("equal", ["lights", "albedo"])
+def test_lights_of_nobody(backend, equal):
+    y, x = np.indices((40, 40)) - 19.5
+    depth = (x**2 + 1.5 * y**2) / 80 + 2 * np.sin(x / 4) * np.cos(y / 5)
+    true = lamps(6) if equal == "lights" else lamps(6) * np.linspace(0.7, 1.4, 6)[:, None]
+    albedo = np.where((x > 0) & (equal == "lights"), 0.5, 0.9)
+    images = cvkern.lambertian(depth, true, albedo=albedo)
+    found = cvkern.estimate_lights(images, equal=equal)
+    assert between(found, true).max() < 1.5
+    sizes = np.linalg.norm(found, axis=1) / np.linalg.norm(true, axis=1)
+    np.testing.assert_allclose(sizes, sizes.mean(), rtol=0.03)
+    rng = np.random.default_rng(0)
+    noisy = images + rng.normal(0, 0.01, images.shape)
+    found = cvkern.estimate_lights(noisy, equal=equal)
+    assert between(found, true).max() < 6
+    with pytest.raises(ValueError, match="got noise, gloss or a surface that does not"):
+        cvkern.estimate_lights(images + rng.normal(0, 0.3, images.shape), equal=equal)
+
+
+def test_lights_of_nobody_on_real_and_rendered_surfaces():
+    for images, true, mask, _ in (data.ball(), data.bunny()):
+        found = cvkern.estimate_lights(images, mask=mask)
+        assert between(found, true).mean() < 8
+
+
+IMAGES, LIGHTS = np.ones((4, 3, 5)), lamps(4)
+FLAT = np.array([[0, 0, 1], [1, 0, 1], [-1, 0, 1], [0.5, 0, 2]])
+
+
+@pytest.mark.parametrize(
+    ("message", "images", "lights", "options"),
+    [
+        ("images must be 3 to 1024, got 1", IMAGES[:1], LIGHTS[:1], {}),
+        ("lights must have shape (4, 3), got (3, 3)", IMAGES, LIGHTS[:3], {}),
+        ("lights must be finite, got others", IMAGES, LIGHTS * np.nan, {}),
+        ("lights must not lie in one plane through the origin, got such lights", IMAGES, FLAT, {}),
+        ("lights must have shape (4, 3) or (4, 4), got (4, 2)", IMAGES, LIGHTS[:, :2],
+         {"near": True}),
+        ("mask must not be 0 everywhere, got such a mask", IMAGES, LIGHTS,
+         {"mask": np.zeros((3, 5))}),
+        ("mask must have shape (3, 5), got (5, 3)", IMAGES, LIGHTS, {"mask": np.ones((5, 3))}),
+        ("saturation must be > 0, got 0", IMAGES, LIGHTS, {"saturation": 0}),
+    ],
+)  # fmt: skip
+def test_errors(no_kernel_runs, message, images, lights, options):
+    with pytest.raises(ValueError) as info:  # noqa: PT011  (the whole message is compared)
+        cvkern.photometric_stereo(images, lights, **options)
+    assert str(info.value) == message
+
+
+@pytest.mark.parametrize(
+    ("message", "function", "arguments"),
+    [
+        ("images must show a light on the sphere, got none in image 2", "lights_from_sphere",
+         (IMAGES * np.array([1, 1, 0, 1])[:, None, None], np.ones((3, 5)))),
+        ("mask must not be 0 everywhere, got such a mask", "lights_from_sphere",
+         (IMAGES, np.zeros((3, 5)))),
+        ("images must be at least 4, got 3", "estimate_lights", (IMAGES[:3],)),
+        ("images must have three independent lights, got fewer", "estimate_lights", (IMAGES,)),
+    ],
+)  # fmt: skip
+def test_errors_of_lights(message, function, arguments):
+    with pytest.raises(ValueError) as info:  # noqa: PT011  (the whole message is compared)
+        getattr(cvkern, function)(*arguments)
+    assert str(info.value) == message
