@@ -61,15 +61,9 @@ void pick(wp::array_t<TYPE> costs, WinnerRule rule, WinnerArrays winners) {
                  winners.confidence.data + pixel);
 }
 
-<<<<<<< HEAD
-// needs TYPE, BLOCK
+// needs TYPE, MOST, BLOCK
 // A block takes a tile of BLOCK right pixels, in steps of 32 disparities. A step needs the costs of
 // BLOCK + 32 columns of the left image, which are loaded row by row into shared memory.
-=======
-// needs TYPE, MOST, BLOCK
-// A block takes a tile of BLOCK right pixels, in steps of 32 disparities: what a step needs lies in
-// as many more columns of the left image, and is loaded by rows into shared memory.
->>>>>>> main
 void pick_right(wp::array_t<TYPE> costs, int first, wp::array_t<int> index) {
     const int width = costs.shape[1], depth = costs.shape[2];
     const int tiles = (width + BLOCK - 1) / BLOCK;
