@@ -66,10 +66,9 @@ _NAMES = {
         "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
     ),
     "shading": (
-        "LambertianGradient", "Mesh", "PhotometricStereo",
-        "ShapeFromShading", "estimate_lights",
-        "integrate_normals", "lambertian", "lambertian_backward", "lights_from_sphere",
-        "mesh_from_depth", "normals_from_depth", "photometric_stereo",
+        "LambertianGradient", "Mesh", "PhotometricStereo", "ShapeFromShading",
+        "estimate_lights", "integrate_normals", "lambertian", "lambertian_backward",
+        "lights_from_sphere", "mesh_from_depth", "normals_from_depth", "photometric_stereo",
         "shape_from_shading",
     ),
     "stereo": (

@@ -249,15 +249,18 @@ def _scale_space(
     before = CAMERA_BLUR / step
     octaves: list[_Octave] = []
     sigmas = sigma * 2.0 ** (np.arange(levels + 3) / levels)
+    steps = [math.sqrt(sigmas[i + 1] ** 2 - sigmas[i] ** 2) for i in range(levels + 2)]
     while not octaves or min(height, width) >= SMALLEST:
         stack = rt.scratch(f"sift.octave{len(octaves)}", (levels + 3, height, width))
+        level = stack[0]
         if octaves:
-            kernels.halve(octaves[-1].levels[levels], stack[0])
+            kernels.halve(octaves[-1].levels[levels], level)
         else:
-            _smooth(rt, first, math.sqrt(sigma**2 - before**2), stack[0])
-        for i in range(1, levels + 3):
-            extra = math.sqrt(sigmas[i] ** 2 - sigmas[i - 1] ** 2)
-            _smooth(rt, stack[i - 1], extra, stack[i])
+            _smooth(rt, first, math.sqrt(sigma**2 - before**2), level)
+        for i, extra in enumerate(steps):
+            smoother = stack[i + 1]
+            _smooth(rt, level, extra, smoother)
+            level = smoother
         octaves.append(_Octave(stack, step))
         height, width, step = height // 2, width // 2, 2 * step
     return octaves
@@ -282,8 +285,8 @@ def _extrema(
     for o, octave in enumerate(octaves):
         count, height, width = octave.levels.shape
         words = rt.scratch(f"sift.words{o}", (count - 3, height, -(-width // WORD)), np.int32)
-        kernels.extrema.mark_extrema(octave.levels, threshold, MARGIN, words)
-        kernels.extrema.count_marks(words, counts[first_row[o] : first_row[o + 1]])
+        mine = counts[first_row[o] : first_row[o + 1]]
+        kernels.extrema.mark_extrema(octave.levels, threshold, MARGIN, words, mine)
         marks.append(words)
     ends = np.cumsum(rt.to_numpy(counts), dtype=np.int64)
     bounds = np.r_[0, ends[np.array(first_row[1:]) - 1]].tolist()

@@ -1,11 +1,14 @@
 """The memory that calls leave to later ones: given back when asked, and never above a cap."""
 
 import gc
+import re
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 
 import cvkern
 from cvkern.kernels.warp import _scratch
@@ -36,6 +39,22 @@ def test_scratch_is_given_back():
     cvkern.release_memory()
     assert kept() == 0
     np.testing.assert_array_equal(cvkern.canny(image), want)
+
+
+@pytest.mark.skipif(
+    not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="needs huge pages of Linux"
+)
+def test_large_scratch_asks_for_huge_pages():
+    block = _scratch.scratch("test.huge", (16 << 20,), wp.uint8, wp.get_device("cpu"))
+    inside = False
+    for line in Path("/proc/self/smaps").read_text().splitlines():
+        if found := re.match(r"([0-9a-f]+)-([0-9a-f]+) ", line):
+            begin, end = (int(n, 16) for n in found.groups())
+            inside = begin <= block.ptr + (8 << 20) < end
+        elif inside and line.startswith("VmFlags:"):
+            assert "hg" in line.split()
+            return
+    pytest.fail("the memory of the block must be mapped")
 
 
 def test_that_of_other_threads_too():

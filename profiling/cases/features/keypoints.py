@@ -24,6 +24,7 @@ def _photograph(shape: Shape, rng: np.random.Generator) -> np.ndarray:
 
 def _of_opencv(cv2: Any, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     found, values = cv2.SIFT_create().detectAndCompute(image, None)
+    values = np.empty((0, 128), np.float32) if values is None else values
     return np.array([p.pt[::-1] for p in found], np.float32).reshape(-1, 2), values
 
 
@@ -40,7 +41,56 @@ def _strays(ours: tuple[np.ndarray, ...], right: tuple[np.ndarray, ...]) -> floa
     return float((scipy.spatial.KDTree(many).query(few)[0] > CLOSE).mean())
 
 
+EDGE = 19  # pixels at the border where ORB has no points
+
+
+def _orb(image: np.ndarray) -> np.ndarray:
+    """Corners of the first of eight sizes; all are found and described."""
+    found = cvkern.orb(image, 500, fast_threshold=20 / 255)
+    return found.points[found.scales == 1]
+
+
+def _orb_of_opencv(cv2: Any, image: np.ndarray) -> np.ndarray:
+    found, _ = cv2.ORB_create(500).detectAndCompute(image, None)
+    return np.reshape(cv2.KeyPoint_convert(found), (-1, 2))[:, ::-1]
+
+
+def _fast_of_opencv(image: np.ndarray) -> np.ndarray:
+    """All pixels that are corners: of neighbours that are alike, OpenCV would keep none."""
+    cv2: Any = importlib.import_module("cv2")
+    found = cv2.FastFeatureDetector_create(20, False).detect(image)
+    points = np.array([p.pt[::-1] for p in found], np.float32).reshape(-1, 2)
+    inner = (points >= EDGE) & (points < np.array(image.shape) - EDGE)
+    return points[inner.all(axis=1)]
+
+
+def _no_corners(ours: tuple[np.ndarray, ...], right: tuple[np.ndarray, ...]) -> float:
+    """Share of the points that are no corners."""
+    (a,), (b,) = ours, right
+    corners = set(map(tuple, b.tolist()))
+    if not len(a):
+        return float(len(b) > 0)
+    return float(np.mean([tuple(p) not in corners for p in a.tolist()]))
+
+
 CASES = (
+    Case(
+        name="orb",
+        title="ORB of a photograph, 500 points of 8 sizes, uint8",
+        image=photograph_uint8,
+        call=_orb,
+        oracle=_fast_of_opencv,
+        oracle_name="cv2.FastFeatureDetector",
+        difference=_no_corners,
+        tolerance=0.0,
+        bytes_per_pixel=1,
+        operations_per_pixel=0,
+        captures=False,
+        peers=(Peer("OpenCV", "cv2", _orb_of_opencv, note="points of all sizes"),),
+        sizes=("1080p",),
+        most_inputs=2,
+        margin=0,
+    ),
     Case(
         name="sift",
         title="SIFT of a photograph, doubled base, all points, uint8",

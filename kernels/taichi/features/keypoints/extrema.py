@@ -88,9 +88,15 @@ def _halve(
 
 
 @primitive
-def mark_extrema(levels: np.ndarray, threshold: float, margin: int, words: np.ndarray) -> None:
-    """Mark pixels whose difference of levels is extreme among 26 neighbours; one bit a pixel."""
+def mark_extrema(
+    levels: np.ndarray, threshold: float, margin: int, words: np.ndarray, counts: np.ndarray
+) -> None:
+    """Mark pixels whose difference of levels is extreme among 26 neighbours.
+
+    A bit a pixel, and their number in each row.
+    """
     _mark(levels, threshold, margin, words)
+    _count(words, counts)
 
 
 @ti.func

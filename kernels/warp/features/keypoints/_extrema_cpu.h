@@ -17,10 +17,11 @@ void double_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     out[2 * width - 1] = last;
 }
 
-// Mark the extrema of a row of every inner level: a bit for each pixel. Pixels drop out at the first
+// Mark the extrema of a row of every inner level: a bit for each pixel, and their
+// number. Pixels drop out at the first
 // neighbours that exceed them, those of their own level first, and 32 pixels are left at once.
 void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
-              wp::array_t<int> words) {
+              wp::array_t<int> words, wp::array_t<int> counts) {
 #pragma clang fp contract(off)
     enum { N = 32 };
     typedef float lanes __attribute__((vector_size(4 * N)));
@@ -33,6 +34,7 @@ void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
     for (int s = 1; s < count - 1; ++s) {
         int* const out = words.data + ((size_t)(s - 1) * height + row) * stored;
         const float* const line = levels.data + s * plane + (size_t)row * width;
+        int total = 0;
         for (int k = 0; k < stored; ++k) {
             out[k] = 0;
             const int left = k * N < margin ? margin : k * N;
@@ -82,23 +84,19 @@ void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
                     if (i || j) found &= exceeded(i * w + j - p) & exceeded(i * w + j + p);
             const unsigned behind = right - k * N < N ? 1u << (right - k * N) : 0u;
             out[k] = (int)(any(found) & (behind - 1u) & ~0u << (left - k * N));
+            total += __builtin_popcount((unsigned)out[k]);
         }
+        counts.data[(s - 1) * height + row] = total;
     }
-}
-
-// Bits that are set in a row of words.
-int ones_of_row(int row, wp::array_t<int> words) {
-    const int* from = words.data + (size_t)row * words.shape[1];
-    int total = 0;
-    for (int k = 0; k < words.shape[1]; ++k) total += __builtin_popcount((unsigned)from[k]);
-    return total;
 }
 
 // Every second pixel of a row.
 void halve_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     const float* from = src.data + 2 * (size_t)row * src.shape[1];
     float* to = dst.data + (size_t)row * dst.shape[1];
-    for (int x = 0; x < dst.shape[1]; ++x) to[x] = from[2 * x];
+    const int width = dst.shape[1];
+#pragma clang loop vectorize(assume_safety)
+    for (int x = 0; x < width; ++x) to[x] = from[2 * x];
 }
 
 // needs RED, GREEN, BLUE, MOST_GRAY

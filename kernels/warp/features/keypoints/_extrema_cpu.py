@@ -22,11 +22,8 @@ def mark_row(
     threshold: float,
     margin: int,
     words: wp.array3d[int],
+    counts: wp.array[int],
 ): ...
-
-
-@_native.func_native(FILE)
-def ones_of_row(row: int, words: wp.array2d[int]) -> int: ...
 
 
 @_native.func_native(FILE)
@@ -95,22 +92,10 @@ def mark(
     margin: int,
     # outputs
     words: wp.array3d[int],  # (L - 3, H, ceil(W / 32))
-):
-    for row in range(first, last):
-        mark_row(row, levels, threshold, margin, words)
-
-
-@wp.kernel
-def count(
-    slab: int,
-    first: int,
-    last: int,
-    words: wp.array2d[int],  # (rows, K)
-    # outputs
     counts: wp.array[int],
 ):
     for row in range(first, last):
-        counts[row] = ones_of_row(row, words)
+        mark_row(row, levels, threshold, margin, words, counts)
 
 
 @wp.kernel

@@ -51,24 +51,27 @@ def halve(src: wp.array, dst: wp.array) -> None:
     launch_slabs(cpu.halve, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
-def mark_extrema(levels: wp.array, threshold: float, margin: int, words: wp.array) -> None:
-    """Mark pixels whose difference of levels is extreme among 26 neighbours; one bit a pixel."""
+def mark_extrema(
+    levels: wp.array, threshold: float, margin: int, words: wp.array, counts: wp.array
+) -> None:
+    """Mark pixels whose difference of levels is extreme among 26 neighbours.
+
+    A bit a pixel, and their number in each row.
+    """
     count, height, width = levels.shape
     if levels.device.is_cuda:
         clear(words)
         launch(cuda.mark, (count - 3, height, width), [levels, threshold, margin], [words])
+        count_marks(words, counts)
         return
     parts = slabs(height, levels.size)
-    launch_slabs(cpu.mark, height, parts, [levels, threshold, margin], [words])
+    launch_slabs(cpu.mark, height, parts, [levels, threshold, margin], [words, counts])
 
 
 def count_marks(words: wp.array, counts: wp.array) -> None:
-    """Count the bits of each row; one thread a row."""
+    """Count the bits of each row, on CUDA, where they were not counted when they were set."""
     rows = _rows(words)
-    if words.device.is_cuda:
-        launch(cuda.count, rows.shape[0], [rows], [counts])
-        return
-    launch_slabs(cpu.count, rows.shape[0], slabs(rows.shape[0], 32 * rows.size), [rows], [counts])
+    launch(cuda.count, rows.shape[0], [rows], [counts])
 
 
 def list_marks(words: wp.array, starts: wp.array, width: int, places: wp.array) -> None:
