@@ -1,4 +1,4 @@
-"""Compiled kernels on a disk that is full, broken or for reading only."""
+"""Compiled kernels on a disk that is full, broken or read-only."""
 
 import os
 import subprocess
