@@ -18,7 +18,7 @@ from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_ster
 from cvkern.structured_light.patterns import AXES
 
 NEARBY = 15  # pixels about a corner whose codes tell where the projector lights it
-LEAST_KNOWN = 20  # of these that must be known
+LEAST_KNOWN = 20  # number of these that must be known
 FLATTEST = 1e-3  # sine of the angle between a ray and the laser's plane
 
 
