@@ -136,6 +136,16 @@ def test_what_is_no_such_board():
     assert cvkern.detect_chessboard(np.zeros((5, 400), U8), (3, 4)) is None
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_values_that_are_no_numbers(value):
+    picture, truth = render(SHAPE, SMALL)
+    picture = (picture / 255).astype(F32)  # photographs from 0 to 1 do as well
+    picture[:5] = value
+    found = cvkern.detect_chessboard(picture, SHAPE)
+    np.testing.assert_allclose(found, truth, rtol=0, atol=0.1)
+    assert cvkern.detect_chessboard(np.full((50, 60), value), SHAPE) is None
+
+
 def test_of_two_boards_it_is_the_larger():
     small, _ = render(SHAPE, View(size=(110, 130)), square=12)
     large, truth = render(SHAPE, SMALL)
