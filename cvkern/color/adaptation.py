@@ -55,9 +55,9 @@ def adaptation_matrix(source: Any, target: Any, method: str = "bradford") -> np.
     --------
     >>> import cvkern
     >>> cvkern.adaptation_matrix("D65", "D50").round(4)
-    array([[ 1.0479,  0.0229, -0.0502],
+    array([[ 1.0478,  0.0229, -0.0501],
            [ 0.0296,  0.9905, -0.0171],
-           [-0.0092,  0.0151,  0.7517]])
+           [-0.0092,  0.015 ,  0.7521]])
     """
     check_choice(method, tuple(RESPONSES), "method")
     to = np.array(RESPONSES[method])

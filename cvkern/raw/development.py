@@ -152,10 +152,10 @@ def fit_color_matrix(measured: Any, wanted: Any) -> np.ndarray:
     --------
     >>> import numpy as np
     >>> import cvkern
-    >>> cvkern.fit_color_matrix(np.eye(3), np.eye(3)).round(6)
-    array([[1., 0., 0.],
-           [0., 1., 0.],
-           [0., 0., 1.]])
+    >>> true = np.array([[1.5, -0.3, -0.2], [-0.2, 1.4, -0.2], [0.1, -0.6, 1.5]])
+    >>> measured = np.eye(3)
+    >>> bool(np.allclose(cvkern.fit_color_matrix(measured, measured @ true.T), true))
+    True
     """
     measured, wanted = as_numbers(measured, "measured"), as_numbers(wanted, "wanted")
     if measured.ndim != 2 or measured.shape[1] != 3 or len(measured) < 3:
