@@ -13,7 +13,7 @@ from cvkern._runtime import runtime
 from cvkern.color.spaces import apply_matrix
 
 MOST = 2**18  # pixels that estimates are made of; larger images are averaged by blocks
-SATURATED = 0.98  # of the largest value: no channel of a pixel may reach it
+SATURATED = 0.98  # share of the largest value, which no channel of a pixel may reach
 GREY_SHARE, EXTREME_SHARE, WHITE_RANK = 0.01, 0.035, 99.0
 CONTRAST = 1e-4  # least local contrast of a grey pixel, as a share of the largest value
 

@@ -21,7 +21,7 @@ KEYPOINTS = 2000  # points of an image
 MAX_RATIO = 0.75  # nearest distance over the second nearest
 THRESHOLD = 3.0  # pixels, of the images that are compared
 LEAST_MATCHES = 8
-# Of more images than `MANY_IMAGES`, the `STRONG` best keypoints are matched between all pairs, and
+# Above `MANY_IMAGES` images, the `STRONG` best keypoints are matched between all pairs, and
 # all keypoints of an image with those of its `PARTNERS` and of the images that have it as theirs.
 MANY_IMAGES, STRONG, PARTNERS = 18, 500, 12
 # Brown and Lowe, equation 13: a match is right by chance with 0.1 and between images of one

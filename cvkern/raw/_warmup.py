@@ -19,6 +19,9 @@ from cvkern.raw import (
 )
 from cvkern.raw.demosaicing import METHODS
 
+# Functions that run on the host, or on kernels that the calls below compile.
+NO_KERNELS = ("fit_color_matrix",)
+
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function and every dtype that has own kernels."""

@@ -15,7 +15,7 @@ from cvkern.raw.mosaics import red_place
 from cvkern.raw.tone import METHODS, tone_map
 
 HIGHLIGHTS = ("clip", "rebuild")
-CLIPPED = 0.99  # of the white level
+CLIPPED = 0.99  # share of the white level
 
 
 def develop(

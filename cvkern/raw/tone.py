@@ -10,7 +10,7 @@ from cvkern._checks import check_choice, check_image, check_positive
 from cvkern._runtime import runtime
 
 METHODS = ("reinhard", "reinhard_local", "bilateral")
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear sRGB
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # weights of linear sRGB
 EDGE, SHARPNESS, SCALES = 0.05, 8.0, 8  # Reinhard's: difference of scales, phi, and their number
 RANGE = 0.4  # standard deviation in log10 of the bilateral filter
 

@@ -1,4 +1,4 @@
-"""Results that are there are replaced only when that is asked for."""
+"""Existing results are replaced only on request."""
 
 import pytest
 
@@ -7,7 +7,8 @@ COMMANDS = {
     "edges": ["edges", "photo.png", "-o", "out.png", "--subpixel", "kept.csv",
               "--operator", "gaussian"],
     "lines": ["lines", "photo.png", "-o", "out.png", "--csv", "kept.csv"],
-    "circles": ["circles", "photo.png", "-o", "out.png", "--radius", "9", "20", "--json", "kept.csv"],
+    "circles": ["circles", "photo.png", "-o", "out.png", "--radius", "9", "20",
+                "--json", "kept.csv"],
     "find": ["find", "photo.png", "photo2.png", "-o", "out.png", "--csv", "kept.csv"],
     "match": ["match", "photo.png", "photo2.png", "-o", "out.png", "--csv", "kept.csv"],
     "nerf train": ["nerf", "train", "shapes", "-o", "kept.npz"],

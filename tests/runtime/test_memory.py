@@ -1,4 +1,4 @@
-"""The memory that calls leave to later ones: given back when asked, and never above a cap."""
+"""The memory that calls keep for later ones: freed on request, and never above a limit."""
 
 import gc
 import re
