@@ -41,16 +41,16 @@ def orb(
     Parameters
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
-        Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Any real dtype. Colours become the grey ``0.2125 R + 0.7154 G + 0.0721 B``.
         Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
         Keep so many, shared out among the levels by their areas; 500 by default. None: all.
     mask : array of shape (H, W), optional
-        Points whose nearest pixel is 0 here are left out before the best are chosen.
+        Points whose nearest pixel is 0 here are removed before the best are selected.
     spread : bool, default False
         Spread the points of a level over it, by first taking the best of every square of a grid.
     upright : bool, default False
-        Leave orientations at 0, for cameras that are not turned.
+        Set orientations to 0, for cameras that are always upright.
     levels : int, default 8
         Sizes of the image in which corners are looked for.
     downscale : float, default 1.2
@@ -59,7 +59,7 @@ def orb(
         How much brighter, or darker, 9 neighbours of the 16 pixels of a circle must be than its
         middle, in parts of `data_range`.
     data_range : float, optional
-        What white is; for integers the largest number of the dtype by default, else 1.
+        The value of white. By default the largest number of an integer dtype, else 1.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def orb(
     TypeError
         If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or has another shape, `mask` is not of its shape, or an option is out
+        If `image` is empty or has a wrong shape, `mask` is not of its shape, or an option is out
         of its range.
 
     Notes

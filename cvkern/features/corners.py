@@ -52,7 +52,7 @@ def corner_harris(
     sigma : float, default 1.0
         Of the Gaussian that weighs the products of derivatives, in pixels.
     mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'constant'
-        What lies outside the image, as in :func:`gaussian`.
+        Extension of the image, as in :func:`gaussian`.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant'.
 

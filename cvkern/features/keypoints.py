@@ -77,12 +77,12 @@ def sift(
     Parameters
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
-        Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Any real dtype. Colours become the grey ``0.2125 R + 0.7154 G + 0.0721 B``.
         Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
         Keep so many: those of the greatest response, of equal ones the first.
     mask : array of shape (H, W), optional
-        Points whose nearest pixel is 0 here are left out before the best are chosen.
+        Points whose nearest pixel is 0 here are removed before the best are selected.
     spread : bool, default False
         With `max_keypoints`: spread the points over the image, by first taking the best of every
         square of a grid.
@@ -90,7 +90,7 @@ def sift(
         RootSIFT: the square roots of descriptors whose sum is 1, so that the Euclidean distance
         is Hellinger's. False: SIFT.
     upright : bool, default False
-        Leave orientations at 0, for cameras that are not turned.
+        Set orientations to 0, for cameras that are always upright.
     double : bool, default True
         Begin with the image at twice its size. About four times the time and points.
     levels : int, default 3
@@ -102,7 +102,7 @@ def sift(
     sigma : float, default 1.6
         Of the first level of an octave, in its pixels; above 0.2 (0.4 with `double`), at most 4.
     data_range : float, optional
-        What white is; for integers the largest number of the dtype by default, else 1.
+        The value of white. By default the largest number of an integer dtype, else 1.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def sift(
     TypeError
         If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or has another shape, `mask` is not of its shape, or an option is out
+        If `image` is empty or has a wrong shape, `mask` is not of its shape, or an option is out
         of its range.
 
     Notes

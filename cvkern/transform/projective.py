@@ -48,9 +48,9 @@ def warp_perspective(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+        If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of another rank, `matrix` is not (3, 3), finite and invertible,
+        If `image` is empty or of a wrong rank, `matrix` is not (3, 3), finite and invertible,
         `shape` is not of two sides of at most 65536, or an option is unknown.
 
     Notes
@@ -114,9 +114,9 @@ def rotate(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+        If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of another rank, `angle` or `center` is not finite, or an option
+        If `image` is empty or of a wrong rank, `angle` or `center` is not finite, or an option
         is unknown.
 
     Notes
@@ -190,9 +190,9 @@ def rectify_plane(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+        If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of another rank, `corners` are not four points of which no three
+        If `image` is empty or of a wrong rank, `corners` are not four points of which no three
         lie on a line, `size` is not of two sides from 2 to 65536, or an option is unknown.
 
     Examples

@@ -49,7 +49,7 @@ def pyramid_gaussian(
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If `image` is empty or of another rank, `max_layer` is below -1, `downscale` is not above
+        If `image` is empty or of a wrong rank, `max_layer` is below -1, `downscale` is not above
         1, `sigma` is negative, or `mode` is unknown.
 
     Notes

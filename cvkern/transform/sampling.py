@@ -43,7 +43,7 @@ def remap(
     order : {0, 1, 3}, default 1
         Nearest pixel, linear, or the cubic spline through all pixels.
     mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'constant'
-        What lies outside the image, named as in :mod:`scipy.ndimage`.
+        Extension of the image, named as in :mod:`scipy.ndimage`.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant'. In any mode, it is the value at
         coordinates that are not numbers or as large as 1e9.
@@ -63,7 +63,7 @@ def remap(
     TypeError
         If `image` or `coordinates` do not hold real numbers, or `dtype` is another.
     ValueError
-        If an array is empty or of another shape, `order` or `mode` is unknown, or `cval` is not
+        If an array is empty or of a wrong shape, `order` or `mode` is unknown, or `cval` is not
         finite.
 
     Notes
@@ -126,7 +126,7 @@ def remap_backward(
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If an array is empty or of another shape, or `order` or `mode` is unknown.
+        If an array is empty or of a wrong shape, or `order` or `mode` is unknown.
 
     Notes
     -----

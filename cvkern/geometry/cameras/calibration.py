@@ -133,7 +133,7 @@ def calibrate_camera(
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
         If shapes do not go together, points are not finite, a board is not flat or has fewer than
         four points, `fixed` has another name, or the points do not tell what is not fixed.

@@ -49,7 +49,7 @@ def write_calibration(
 
     See Also
     --------
-    read_calibration : The other way round.
+    read_calibration : The inverse.
 
     Notes
     -----

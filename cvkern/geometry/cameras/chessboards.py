@@ -48,7 +48,7 @@ def detect_chessboard(image: Any, shape: tuple[int, int]) -> Any:
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If `image` is empty or has another rank, or `shape` is not two integers of at least 2.
+        If `image` is empty or has a wrong rank, or `shape` is not two integers of at least 2.
 
     See Also
     --------

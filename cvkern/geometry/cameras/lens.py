@@ -45,8 +45,8 @@ class Camera:
     TypeError
         If a number is not real.
     ValueError
-        If a shape is another, a number is not finite, a focal length is not positive, or the matrix
-        has a skew.
+        If a shape does not match, a number is not finite, a focal length is not positive, or the
+        matrix has a skew.
 
     Notes
     -----
@@ -145,9 +145,9 @@ def project_points(
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If a shape is another, or a pose is not finite or no rotation.
+        If a shape does not match, or a pose is not finite or no rotation.
 
     See Also
     --------
@@ -189,7 +189,7 @@ def undistort_points(points: Any, camera: Camera, matrix: Any = None, rotation: 
     points : array of shape (N, 2)
         Row and column in images of `camera`; fractions are allowed.
     camera : Camera
-        What took the image.
+        The camera of the image.
     matrix : array of shape (3, 3), optional
         Camera matrix, or first three columns of a projection, of the camera without a lens. By
         default that of `camera`.
@@ -205,13 +205,13 @@ def undistort_points(points: Any, camera: Camera, matrix: Any = None, rotation: 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If a shape is another, or a matrix is not finite.
+        If a shape does not match, or a matrix is not finite.
 
     See Also
     --------
-    project_points : The other way round.
+    project_points : The inverse.
 
     Notes
     -----

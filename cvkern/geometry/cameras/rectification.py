@@ -79,7 +79,7 @@ class Rectification(NamedTuple):
         left, right : array of shape (H, W) or (H, W, C)
             What the cameras took, as in :func:`undistort`.
         cval : float, default 0.0
-            What pixels have that a camera did not see.
+            Value of pixels that a camera did not see.
 
         Returns
         -------

@@ -39,19 +39,19 @@ def undistort(
     shape : (int, int), optional
         Rows and columns of the result; those of the image by default.
     cval : float, default 0.0
-        What pixels have that the camera did not see.
+        Value of pixels that the camera did not see.
 
     Returns
     -------
     array of shape (H', W') or (H', W', C), uint8 or float32
-        uint8 where `image` is, else float32. Equal in every bit on all devices.
+        uint8 where `image` is, else float32. Equal bit for bit on all devices.
 
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `camera` is none.
+        If `image` does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If a shape is another, or a matrix is not finite and invertible.
+        If a shape does not match, or a matrix is not finite and invertible.
 
     See Also
     --------
