@@ -1,4 +1,4 @@
-"""Images seen through a homography."""
+"""Transformation of images by a homography."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def warp_perspective(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Show an image through a homography.
+    """Warp an image by a homography.
 
     Parameters
     ----------
     image : array of shape (H, W), (H, W, C) or (C, H, W)
         Any real dtype.
     matrix : array of shape (3, 3)
-        Takes a pixel (x, y, 1) of `image`, x = column and y = row, to one of the result, up to a
+        Maps a pixel (x, y, 1) of `image`, x = column and y = row, to a pixel of the result, up to a
         factor: the matrix of ``cv2.warpPerspective``.
     shape : (int, int), optional
         Height and width of the result; those of `image` by default.
@@ -91,7 +91,7 @@ def rotate(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Turn an image about a point.
+    """Rotate an image about a point.
 
     Parameters
     ----------
@@ -100,10 +100,10 @@ def rotate(
     angle : float
         Degrees, counter-clockwise on the screen.
     resize : bool, default False
-        Make the result so large that it holds the whole image; else it has its size.
+        Enlarge the result to hold the whole image; else it has the size of the image.
     center : (float, float), optional
-        Row and column of the point that stays; the middle of the image by default. It has no
-        meaning with `resize`.
+        Row and column of the fixed point; the middle of the image by default. It is ignored with
+        `resize`.
     order, mode, cval, channel_axis, dtype
         As in :func:`remap`.
 
@@ -169,7 +169,7 @@ def rectify_plane(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Show a quadrilateral of an image, a sheet or a front, as the rectangle that it is.
+    """Rectify a quadrilateral of an image, such as a sheet or a facade, to a rectangle.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def _inverse(matrix: Any) -> np.ndarray:
 
 
 def _four_points(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Return the homography that takes four points (row, column) to four others."""
+    """Return the homography that maps four points (row, column) to four others."""
     rows = []
     for (y, x), (v, u) in zip(points, targets, strict=True):
         rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y])

@@ -26,7 +26,7 @@ def resize(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Bring an image to another size.
+    """Resize an image.
 
     Parameters
     ----------
