@@ -1,4 +1,4 @@
-"""Which points are kept: the best by (response, position), also spread over the image."""
+"""Selection of the best points by (response, position), optionally spread over the image."""
 
 from __future__ import annotations
 

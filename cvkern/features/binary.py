@@ -36,30 +36,30 @@ def orb(
     fast_threshold: float = 0.08,
     data_range: float | None = None,
 ) -> Features:
-    """Find corners of several scales and describe them by bits, in the manner of ORB.
+    """Find corners at several scales and describe them by bits, as ORB does.
 
     Parameters
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
-        Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Any real dtype. Colours become the grey ``0.2125 R + 0.7154 G + 0.0721 B``.
         Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
-        Keep so many, shared out among the levels by their areas; 500 by default. None: all.
+        Number of points to keep, shared among the levels by area; 500 by default. None keeps all.
     mask : array of shape (H, W), optional
-        Points whose nearest pixel is 0 here are left out before the best are chosen.
+        Points whose nearest pixel is 0 here are removed before the best are selected.
     spread : bool, default False
         Spread the points of a level over it, by first taking the best of every square of a grid.
     upright : bool, default False
-        Leave orientations at 0, for cameras that are not turned.
+        Set orientations to 0, for cameras that are always upright.
     levels : int, default 8
-        Sizes of the image in which corners are looked for.
+        Number of image sizes in which corners are found.
     downscale : float, default 1.2
-        How much smaller each size is than the one before; above 1, at most 4.
+        Ratio of each size to the next smaller one; above 1, at most 4.
     fast_threshold : float, default 0.08
-        How much brighter, or darker, 9 neighbours of the 16 pixels of a circle must be than its
-        middle, in parts of `data_range`.
+        Least difference between the middle of a circle and 9 contiguous pixels of its 16, all
+        brighter or all darker, in parts of `data_range`.
     data_range : float, optional
-        What white is; for integers the largest number of the dtype by default, else 1.
+        The value of white. By default the largest number of an integer dtype, else 1.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def orb(
     TypeError
         If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or has another shape, `mask` is not of its shape, or an option is out
+        If `image` is empty or has a wrong shape, `mask` is not of its shape, or an option is out
         of its range.
 
     Notes
@@ -165,7 +165,7 @@ def orb(
 
 
 def _bytes(rt: Runtime, image: Any, white: float) -> Any:
-    """Return the grey of an image, white as 255, rounded: a kernel array."""
+    """Return the rounded grey of an image with white as 255, as a kernel array."""
     shape = tuple(image.shape)
     if len(shape) == 2 and white == 255.0 and library(image).dtype(image) == np.uint8:
         return rt.adopt(image, np.uint8)
@@ -231,7 +231,7 @@ def _cells(places: np.ndarray, width: int) -> np.ndarray:
 
 
 def _on_image(cells: np.ndarray, scale: Any) -> np.ndarray:
-    """Return where the centres of pixels of a level lie in the image."""
+    """Map the centres of pixels of a level to the image."""
     return ((cells + 0.5) * scale - 0.5).astype(np.float32)
 
 

@@ -1,4 +1,4 @@
-"""Corners: measures, peaks of a measure, places within the pixel. As scikit-image's."""
+"""Corners: measures, peaks of a measure, and sub-pixel positions, as in scikit-image."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ def corner_harris(
     method : {'k', 'eps'}, default 'k'
         'k': ``det(A) - k trace(A)^2`` (Harris). 'eps': ``2 det(A) / (trace(A) + eps)`` (Noble).
     k : float, default 0.05
-        How much a straight edge counts against, typically in [0, 0.2].
+        Weight of the penalty for straight edges, typically in [0, 0.2].
     eps : float, default 1e-06
         Added to the trace in method 'eps'.
     sigma : float, default 1.0
-        Of the Gaussian that weighs the products of derivatives, in pixels.
+        Standard deviation of the Gaussian weights of the products of derivatives, in pixels.
     mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'constant'
-        What lies outside the image, as in :func:`gaussian`.
+        Extension of the image, as in :func:`gaussian`.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant'.
 
@@ -183,23 +183,23 @@ def corner_peaks(
     Parameters
     ----------
     image : array of shape (H, W)
-        The measure, of :func:`corner_harris`, say. Computed in float32.
+        The measure, for example from :func:`corner_harris`. Computed in float32.
     min_distance : int, default 1
         Peaks are the largest of ``2 min_distance + 1`` pixels a side; of peaks that are no
         farther apart than this, only the larger is kept, of equals the first.
     threshold_abs : float, optional
-        A peak is larger than this; than the least value by default.
+        A peak is larger than this; by default the least value.
     threshold_rel : float, optional
         A peak is larger than this share of the largest value.
     exclude_border : bool or int, default True
-        Pixels at the border that have no peaks: `min_distance`, none (False), or so many.
+        Width of the border without peaks: `min_distance` (True), 0 (False), or a number of pixels.
     num_peaks : int, optional
-        Keep so many, the largest.
+        Largest number of peaks; the largest peaks are kept.
 
     Returns
     -------
     array of shape (N, 2), int32
-        Rows and columns, from the largest peak on, equal ones in the order of their places.
+        Rows and columns, the largest peak first; equal peaks are in raster order.
 
     Raises
     ------
@@ -260,7 +260,7 @@ def _apart(points: np.ndarray, distance: int) -> np.ndarray:
 
 
 def corner_subpix(image: Any, corners: Any, window_size: int = 11, alpha: float = 0.99) -> Any:
-    """Find the places of corners within the pixel.
+    """Refine corners to sub-pixel positions.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def corner_subpix(image: Any, corners: Any, window_size: int = 11, alpha: float 
     Returns
     -------
     array of shape (N, 2), float32
-        Rows and columns; NaN where it cannot be decided which of both a corner is.
+        Rows and columns; NaN where the decision between a corner and a dot is not significant.
 
     Raises
     ------

@@ -35,7 +35,7 @@ LEAST_CONTRAST = 1e-4  # noise of a byte has more
 
 
 class Features(NamedTuple):
-    """Points of an image, each with what is needed to find it again in another.
+    """Keypoints of an image with their descriptors.
 
     `points` (N, 2) float32 are rows and columns; `scales` (N,) float32 the sigma of the Gaussian
     under each, in pixels; `orientations` (N,) float32 in radians, in (-pi, pi], from the direction
@@ -72,17 +72,17 @@ def sift(
     sigma: float = 1.6,
     data_range: float | None = None,
 ) -> Features:
-    """Find keypoints of all scales and describe them, by SIFT.
+    """Find keypoints at all scales and describe them, by SIFT.
 
     Parameters
     ----------
     image : array of shape (H, W), or a colour photograph (H, W, 3) or (H, W, 4)
-        Any real dtype. Of colours the grey ``0.2125 R + 0.7154 G + 0.0721 B`` is taken.
+        Any real dtype. Colours become the grey ``0.2125 R + 0.7154 G + 0.0721 B``.
         Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
-        Keep so many: those of the greatest response, of equal ones the first.
+        Number of points to keep: those with the largest response; ties go to the first.
     mask : array of shape (H, W), optional
-        Points whose nearest pixel is 0 here are left out before the best are chosen.
+        Points whose nearest pixel is 0 here are removed before the best are selected.
     spread : bool, default False
         With `max_keypoints`: spread the points over the image, by first taking the best of every
         square of a grid.
@@ -90,19 +90,21 @@ def sift(
         RootSIFT: the square roots of descriptors whose sum is 1, so that the Euclidean distance
         is Hellinger's. False: SIFT.
     upright : bool, default False
-        Leave orientations at 0, for cameras that are not turned.
+        Set orientations to 0, for cameras that are always upright.
     double : bool, default True
-        Begin with the image at twice its size. About four times the time and points.
+        Start with the image at twice its size. This takes about four times the time and gives about
+        four times the points.
     levels : int, default 3
-        Levels of an octave, a doubling of the scale, in which extrema are looked for.
+        Number of levels with extrema in an octave, which is a doubling of the scale.
     contrast_threshold : float, default 0.04
         Least height of an extremum, times `levels`, in parts of `data_range`.
     edge_threshold : float, default 10.0
         Largest ratio of the two principal curvatures: points on straight edges have a large one.
     sigma : float, default 1.6
-        Of the first level of an octave, in its pixels; above 0.2 (0.4 with `double`), at most 4.
+        Standard deviation of the first level of an octave, in its pixels; above 0.2 (0.4 with
+        `double`), at most 4.
     data_range : float, optional
-        What white is; for integers the largest number of the dtype by default, else 1.
+        The value of white. By default the largest number of an integer dtype, else 1.
 
     Returns
     -------
@@ -124,7 +126,7 @@ def sift(
     TypeError
         If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or has another shape, `mask` is not of its shape, or an option is out
+        If `image` is empty or has a wrong shape, `mask` is not of its shape, or an option is out
         of its range.
 
     Notes
@@ -210,7 +212,7 @@ def sift(
 
 
 def white_of(image: Any, data_range: float | None) -> float:
-    """Return what white is."""
+    """Return the value of white."""
     dtype = library(image).dtype(image)
     if data_range is not None:
         return check_positive(data_range, "data_range")

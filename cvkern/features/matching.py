@@ -1,4 +1,4 @@
-"""Matching of descriptors: of two images, or of all pairs of a heap."""
+"""Matching of descriptors between two images, or between all pairs of a set of images."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ def match_descriptors(
     a : array of shape (N, D), uint8
         Descriptors, of at most 4096 bytes each.
     b : array of shape (M, D), uint8
-        Those of the other image.
+        Descriptors of the other image.
     max_ratio : float, default 1.0
-        Keep a match only if its distance is less than this times that of the second nearest, of
-        any place. At 1 all are kept, ties too.
+        Keep a match only if its distance is less than this times the distance of the second
+        nearest. At 1 all matches are kept, including ties.
     cross_check : bool, default True
-        Keep a match only if each is the nearest of the other.
+        Keep a match only if each descriptor is the nearest one of the other.
     metric : {'euclidean', 'hamming'}, default 'euclidean'
         'hamming': the number of bits that differ, for binary descriptors.
 
     Returns
     -------
     array of shape (K, 2), int32
-        Indices into `a` and `b`, ascending in `a`. Of equally near ones the smallest index wins.
+        Indices into `a` and `b`, ascending in `a`. Among equal distances the smallest index wins.
 
     Raises
     ------
@@ -55,8 +55,8 @@ def match_descriptors(
 
     Notes
     -----
-    Distances are exact integers, so that every device finds the same matches. The ratio is one of
-    distances, not of their squares, and so is that of :func:`skimage.feature.match_descriptors`.
+    Distances are exact integers, so that every device finds the same matches. The ratio is between
+    distances, not their squares, as in :func:`skimage.feature.match_descriptors`.
 
     Examples
     --------
@@ -82,12 +82,12 @@ def match_images(
     cross_check: bool = True,
     metric: str = "euclidean",
 ) -> list[Any]:
-    """Match the descriptors of every pair of images of a heap, in one launch.
+    """Match the descriptors of every pair of a set of images, in one launch.
 
     Parameters
     ----------
     features : sequence of Features, or of arrays of shape (N, D), uint8
-        One of each image; N may differ and be 0.
+        Features or descriptors of each image; N may differ and may be 0.
     pairs : array of shape (P, 2), optional
         Indices of the images to match; by default all pairs i < j, in the order (0, 1), (0, 2),
         ..., (1, 2), ...

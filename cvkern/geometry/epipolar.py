@@ -1,4 +1,4 @@
-"""Fundamental matrices: fits, robust fits, and what they say about points."""
+"""Fundamental matrices: fits, robust fits, epipolar lines and distances."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from cvkern.geometry.fitting import SINGULAR, normalise
 from cvkern.geometry.robust import Explorer, Found, RobustFit, RobustFits, Search, gather
 from cvkern.kernels.codes.geometry import Model
 
-# Trials for a plane, and for epipoles beside it: both are many matches where they matter.
+# Trials for a plane, and for epipoles from matches off it. Both have many matches if they matter.
 PLANE_TRIALS, EPIPOLE_TRIALS = 2048, 1024
 
 
 def fit_fundamental(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
-    """Fit a fundamental matrix to matched points: by seven exactly, by more in least squares.
+    """Fit a fundamental matrix to matched points: exactly to seven, by least squares to more.
 
-    The normalised eight-point algorithm: the squares of the equations x1' F x0 = 0 have the least
-    weighted sum, in coordinates about 0; then the least singular value is set to 0.
+    This is the normalised eight-point algorithm. It minimises the weighted sum of squares of the
+    equations x1' F x0 = 0 in centred coordinates, and then sets the least singular value to 0.
 
     Parameters
     ----------
@@ -33,21 +33,21 @@ def fit_fundamental(points0: Any, points1: Any, weights: Any = None) -> np.ndarr
     points1 : array of shape (N, 2)
         Row and column of the same points in the second image.
     weights : array of shape (N,), optional
-        Not negative; by default all alike. Points of weight 0 do not count.
+        Weights, not negative; equal by default. Points of weight 0 are ignored.
 
     Returns
     -------
     numpy.ndarray of shape (3, 3), float64
         Acts on (x, y, 1), with x the column and y the row: x1' F x0 = 0. Its sum of squares is 1.
-        Seven points fix one or three such matrices: their array has the shape (K, 3, 3).
+        Seven points determine one or three such matrices: the array then has shape (K, 3, 3).
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another or a number is not finite, a weight is negative, or the points fix
-        no fundamental matrix: fewer than seven, or all on one plane.
+        If a shape does not match or a number is not finite, a weight is negative, or the points do
+        not determine a fundamental matrix: fewer than seven, or all on one plane.
 
     References
     ----------
@@ -115,7 +115,7 @@ def find_fundamental(
     max_trials: int = 32768,
     seed: int = 0,
 ) -> RobustFit:
-    """Find the fundamental matrix that many of the given matches agree on.
+    """Find the fundamental matrix that many of the given matches support.
 
     As :func:`find_homography`, from samples of seven matches and by Sampson's distance. Where most
     matches lie on one plane, samples from it fix no epipole: so the homography of the largest
@@ -130,21 +130,22 @@ def find_fundamental(
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     RobustFit
-        Named tuple of `matrix` (None where fewer than eight matches or chance explain as many
-        inliers; x1' F x0 = 0, its sum of squares is 1), `inliers` and `cost`.
+        Named tuple of `matrix`, `inliers` and `cost`. The matrix obeys x1' F x0 = 0 and has a sum
+        of squares of 1. It is None if there are fewer than eight inliers, or if chance alone
+        explains as many.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches, arrays are on several devices,
-        or an option is out of range.
+        If a shape does not match, there are more than 262144 matches, arrays are on several
+        devices, or an option is out of range.
 
     References
     ----------
@@ -179,27 +180,27 @@ def find_fundamentals(
 ) -> RobustFits:
     """Find the fundamental matrix of each of several pairs of images, all at once.
 
-    Each is what :func:`find_fundamental` finds for the pair alone. A pair that has none, be it for
-    too few matches or for numbers that are not finite, does not disturb the others.
+    Each is what :func:`find_fundamental` finds for the pair alone. A pair without a
+    result, because of too few matches or numbers that are not finite, does not affect the others.
 
     Parameters
     ----------
     pairs : sequence of pairs of arrays of shape (N, 2)
-        Row and column in the first image, and in the second, N as it may be for each pair.
+        Row and column in the first and in the second image. N may differ between pairs.
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     RobustFits
-        Named tuple of `matrices`, NaN where a pair has none, `inliers`, `offsets` and `costs`.
+        Named tuple of `matrices` (NaN for a pair without one), `inliers`, `offsets` and `costs`.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
         If there is no pair, a shape is another, there are more than 262144 matches of a pair,
         arrays are on several devices, or an option is out of range.
@@ -229,7 +230,7 @@ def _find(pairs: Sequence[tuple[Any, Any]], options: Search) -> RobustFits:
 
 
 def _beside_planes(explorer: Explorer, found: Found) -> Found:
-    """Let epipoles from two matches and the homography of a plane compete with what was found."""
+    """Compare models from the homography of a plane and two more matches with the best so far."""
     planes = explorer.explore(Model.HOMOGRAPHY, most=PLANE_TRIALS)
     given = planes.models.copy()
     real = explorer.significant(Model.HOMOGRAPHY, planes.supports, planes.trials)
@@ -245,7 +246,7 @@ def _beside_planes(explorer: Explorer, found: Found) -> Found:
 
 
 def epipolar_lines(matrix: Any, points: Any, image: int = 0) -> np.ndarray:
-    """Return the lines on which points of one image lie in the other.
+    """Return the epipolar lines in one image of points in the other.
 
     Parameters
     ----------
@@ -267,7 +268,7 @@ def epipolar_lines(matrix: Any, points: Any, image: int = 0) -> np.ndarray:
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, the matrix is not finite, or `image` is neither 0 nor 1.
+        If a shape does not match, the matrix is not finite, or `image` is neither 0 nor 1.
 
     Examples
     --------
@@ -281,7 +282,7 @@ def epipolar_lines(matrix: Any, points: Any, image: int = 0) -> np.ndarray:
     points = check_points(points, "points")
     p = xy(on_host(runtime(points), points))
     f = f.T if check_integer(image, "image", 0, 1) else f
-    with np.errstate(all="ignore"):  # points may be anywhere
+    with np.errstate(all="ignore"):  # points may be at infinity
         lines = np.c_[p, np.ones(len(p))] @ f.T
         lines /= np.hypot(lines[:, 0], lines[:, 1])[:, None]
     lines[~np.isfinite(lines).all(axis=1)] = np.nan
@@ -289,7 +290,7 @@ def epipolar_lines(matrix: Any, points: Any, image: int = 0) -> np.ndarray:
 
 
 def epipoles(matrix: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return where either camera would be in the other's image.
+    """Return the epipoles: the image of each camera's centre in the other image.
 
     Parameters
     ----------
@@ -307,7 +308,7 @@ def epipoles(matrix: Any) -> tuple[np.ndarray, np.ndarray]:
     TypeError
         If the matrix does not hold real numbers.
     ValueError
-        If its shape is another or it is not finite.
+        If its shape does not match or it is not finite.
 
     Examples
     --------
@@ -322,7 +323,7 @@ def epipoles(matrix: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sampson_distance(matrix: Any, points0: Any, points1: Any) -> np.ndarray:
-    """Return how far matches are from an epipolar geometry, to first order.
+    """Return the distances of matches from an epipolar geometry, to first order.
 
     Parameters
     ----------
@@ -336,15 +337,15 @@ def sampson_distance(matrix: Any, points0: Any, points1: Any) -> np.ndarray:
     Returns
     -------
     numpy.ndarray of shape (N,), float64
-        Pixels: the least distance by which both points together must move, in the linear
-        approximation at the points. NaN where either is not finite.
+        Pixels: the least joint displacement of both points that satisfies the equation, in the
+        linear approximation at the points. NaN where either point is not finite.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, or the matrix is not finite.
+        If a shape does not match, or the matrix is not finite.
 
     Examples
     --------
@@ -357,7 +358,7 @@ def sampson_distance(matrix: Any, points0: Any, points1: Any) -> np.ndarray:
     points0, points1 = check_pairs(points0, points1)
     rt = runtime(points0, points1)
     a, b = (np.c_[xy(on_host(rt, p)), np.ones(len(p))] for p in (points0, points1))
-    with np.errstate(all="ignore"):  # points may be anywhere
+    with np.errstate(all="ignore"):  # points may be at infinity
         right, left = a @ f.T, b @ f
         under = (right[:, :2] ** 2).sum(axis=1) + (left[:, :2] ** 2).sum(axis=1)
         return np.abs((b * right).sum(axis=1)) / np.sqrt(under)

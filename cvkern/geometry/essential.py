@@ -1,4 +1,4 @@
-"""Essential matrices between matches with outliers, of cameras that are known."""
+"""Robust fits of essential matrices to matches of calibrated cameras."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def find_essential(
     max_trials: int = 32768,
     seed: int = 0,
 ) -> RobustFit:
-    """Find the essential matrix that many of the given matches agree on.
+    """Find the essential matrix that many of the given matches support.
 
-    As :func:`find_fundamental`, from samples of five matches, with two cameras that are known:
-    :func:`recover_pose` has the pose that the matrix stands for. A scene of one plane does no harm.
+    Like :func:`find_fundamental`, but for two calibrated cameras and with samples of five matches.
+    :func:`recover_pose` computes the pose from the matrix. Planar scenes are no problem.
 
     Parameters
     ----------
@@ -40,20 +40,21 @@ def find_essential(
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     RobustFit
-        Named tuple of `matrix` (None where fewer than six matches or chance explain as many
-        inliers; with singular values 1, 1 and 0, for points K^-1 (x, y, 1)), `inliers` and `cost`.
+        Named tuple of `matrix`, `inliers` and `cost`. The matrix acts on points K^-1 (x, y, 1) and
+        has the singular values 1, 1 and 0. It is None if there are fewer than six inliers, or if
+        chance alone explains as many.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches, a camera matrix is not finite
+        If a shape does not match, there are more than 262144 matches, a camera matrix is not finite
         or has no inverse, arrays are on several devices, or an option is out of range.
 
     References
@@ -98,29 +99,29 @@ def find_essentials(
 ) -> RobustFits:
     """Find the essential matrix of each of several pairs of images, all at once.
 
-    Each is what :func:`find_essential` finds for the pair alone. A pair that has none, be it for
-    too few matches or for numbers that are not finite, does not disturb the others.
+    Each is what :func:`find_essential` finds for the pair alone. A pair without a
+    result, because of too few matches or numbers that are not finite, does not affect the others.
 
     Parameters
     ----------
     pairs : sequence of pairs of arrays of shape (N, 2)
-        Row and column in the first image, and in the second, N as it may be for each pair.
+        Row and column in the first and in the second image. N may differ between pairs.
     K0, K1 : array of shape (3, 3) or (B, 3, 3)
         Camera matrices of the first and of the second image of all pairs, or of each.
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     RobustFits
-        Named tuple of `matrices`, NaN where a pair has none, `inliers`, `offsets` and `costs`.
+        Named tuple of `matrices` (NaN for a pair without one), `inliers`, `offsets` and `costs`.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
         If there is no pair, a shape is another, there are more than 262144 matches of a pair, a
         camera matrix is not finite or has no inverse, arrays are on several devices, or an option
@@ -154,7 +155,7 @@ def _find(pairs: Sequence[tuple[Any, Any]], K0: Any, K1: Any, options: Search) -
 
 
 def equalised(matrix: np.ndarray) -> np.ndarray:
-    """Return the nearest matrix with singular values 1, 1 and 0, up to scale; NaN as it is."""
+    """Return the nearest matrix with singular values 1, 1 and 0, up to scale; keep NaN."""
     if np.isnan(matrix).any():
         return matrix
     u, _, vt = np.linalg.svd(matrix)

@@ -14,11 +14,11 @@ SINGULAR = 1e-9
 
 
 def fit_homography(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
-    """Fit a homography to matched points: by four exactly, by more in least squares.
+    """Fit a homography to matched points: exactly to four, by least squares to more.
 
-    The normalised direct linear transform: both lists are moved and scaled to have their centre
-    at 0 and a mean distance of sqrt(2) from it, and the squares of the linear equations
-    x1 x (H x0) = 0 have the least weighted sum.
+    This is the normalised direct linear transform. Both lists are shifted and scaled to a centre
+    of 0 and a mean distance of sqrt(2) from it. The result minimises the weighted sum of squares of
+    the linear equations x1 x (H x0) = 0.
 
     Parameters
     ----------
@@ -27,20 +27,20 @@ def fit_homography(points0: Any, points1: Any, weights: Any = None) -> np.ndarra
     points1 : array of shape (N, 2)
         Row and column of the same points in the second image.
     weights : array of shape (N,), optional
-        Not negative; by default all alike. Points of weight 0 do not count.
+        Weights, not negative; equal by default. Points of weight 0 are ignored.
 
     Returns
     -------
     numpy.ndarray of shape (3, 3), float64
         Acts on (x, y, 1), with x the column and y the row, and maps the first image to the
-        second. Its last element is 1; where that is 0, the sum of squares is 1.
+        second. It is scaled to a last element of 1, or if that is 0, to a sum of squares of 1.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another or a number is not finite, a weight is negative, or the points
+        If a shape does not match or a number is not finite, a weight is negative, or the points
         determine no homography: fewer than four, or three of four on a line in either image.
 
     References
@@ -88,7 +88,7 @@ def fit_affine(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
     Parameters
     ----------
     points0, points1, weights : array of shape (N, 2), (N, 2) and (N,)
-        As those of :func:`fit_homography`; N >= 3.
+        As in :func:`fit_homography`; N >= 3.
 
     Returns
     -------
@@ -101,8 +101,8 @@ def fit_affine(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another or a number is not finite, a weight is negative, or there are fewer
-        than three points, or all of `points0` are on one line.
+        If a shape does not match or a number is not finite, a weight is negative, or there are
+        fewer than three points, or all of `points0` are on one line.
 
     Examples
     --------
@@ -133,22 +133,22 @@ def fit_similarity(points0: Any, points1: Any, weights: Any = None) -> np.ndarra
     Parameters
     ----------
     points0, points1, weights : array of shape (N, 2), (N, 2) and (N,)
-        As those of :func:`fit_homography`; N >= 2.
+        As in :func:`fit_homography`; N >= 2.
 
     Returns
     -------
     numpy.ndarray of shape (3, 3), float64
         Acts on (x, y, 1), with x the column and y the row: ((a, -b, c), (b, a, d), (0, 0, 1)),
-        never a mirror image. The weighted sum of squared distances in the second image is the
-        least there is.
+        never a mirror image. It minimises the weighted sum of squared distances in the
+        second image.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another or a number is not finite, a weight is negative, or there are fewer
-        than two points, or all of `points0` are one.
+        If a shape does not match or a number is not finite, a weight is negative, or there are
+        fewer than two points, or all of `points0` are one.
 
     Examples
     --------
@@ -173,7 +173,7 @@ def fit_similarity(points0: Any, points1: Any, weights: Any = None) -> np.ndarra
 
 
 def normalise(points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return points about 0 at a mean distance of sqrt(2), and the matrix that makes them so."""
+    """Return points with centre 0 and mean distance sqrt(2) from it, and the matrix."""
     share = weights / weights.sum()
     centre = share @ points
     distance = share @ np.hypot(*(points - centre).T)
@@ -183,7 +183,7 @@ def normalise(points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def scaled(matrix: np.ndarray) -> np.ndarray:
-    """Divide by the last element, or where that is 0 by the norm."""
+    """Divide by the last element, or by the norm if that element is 0."""
     norm = np.linalg.norm(matrix)
     last = matrix[2, 2]
     return matrix / (last if abs(last) > 1e-12 * norm else norm)

@@ -1,4 +1,4 @@
-"""Homographies, affine maps and similarities between matches with outliers."""
+"""Robust fits of homographies, affine maps and similarities to matches with outliers."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def find_homography(
     max_trials: int = 32768,
     seed: int = 0,
 ) -> RobustFit:
-    """Find the homography that many of the given matches agree on.
+    """Find the homography that many of the given matches support.
 
-    Samples of four matches give hypotheses. The best of each 64, by a preview of 64 matches, is
-    scored on all matches by squared distances, truncated at the threshold. The best of those are
-    refined by least squares over their inliers, in float64, and the one of least cost wins. The
-    result depends on the set of the matches, not on their order, and is the same on every device;
-    matches that are equal count once.
+    Samples of four matches give hypotheses. A preview of 64 matches selects the best of each group
+    of 64 hypotheses, which is then scored on all matches by squared distances, truncated at the
+    threshold. The best ones are refined by least squares over their inliers, in float64, and the
+    one with the least cost wins. The result depends on the set of matches, not on their order, and
+    is the same on every device. Equal matches count once.
 
     Parameters
     ----------
@@ -37,28 +37,28 @@ def find_homography(
     points1 : array of shape (N, 2)
         Row and column of the matching points in the second image.
     threshold : float, default 3.0
-        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+        Largest distance of an inlier from its mapped point, in pixels of the second image.
     confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
+        The search ends when, with this probability, it would have found a model with 1.5 times as
+        many inliers; in (0, 1).
     max_trials : int, default 32768
-        Most samples for a pair, rounded up to whole groups of 64.
+        Largest number of samples for a pair, rounded up to whole groups of 64.
     seed : int, default 0
-        Another seed draws other samples.
+        Seed of the random samples.
 
     Returns
     -------
     RobustFit
-        Named tuple of `matrix` (None where there is no such map, or chance explains as many
-        inliers), `inliers` and `cost`.
+        Named tuple of `matrix`, `inliers` and `cost`. The matrix is None if there is no such map,
+        or if chance alone explains as many inliers.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
-        devices, or an option is out of range.
+        If a shape does not match, there are more than 262144 matches of a pair, arrays are on
+        several devices, or an option is out of range.
 
     References
     ----------
@@ -96,30 +96,30 @@ def find_homographies(
 ) -> RobustFits:
     """Find the homography of each of several pairs of images, all at once.
 
-    Each is what :func:`find_homography` finds for the pair alone. A pair that has none, be it for
-    too few matches or for numbers that are not finite, does not disturb the others.
+    Each is what :func:`find_homography` finds for the pair alone. A pair without a
+    result, because of too few matches or numbers that are not finite, does not affect the others.
 
     Parameters
     ----------
     pairs : sequence of pairs of arrays of shape (N, 2)
-        Row and column in the first image, and in the second, N as it may be for each pair.
+        Row and column in the first and in the second image. N may differ between pairs.
     threshold : float, default 3.0
-        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+        Largest distance of an inlier from its mapped point, in pixels of the second image.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     RobustFits
-        Named tuple of `matrices`, NaN where a pair has none, `inliers`, `offsets` and `costs`.
+        Named tuple of `matrices` (NaN for a pair without one), `inliers`, `offsets` and `costs`.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
-        devices, or an option is out of range.
+        If a shape does not match, there are more than 262144 matches of a pair, arrays are on
+        several devices, or an option is out of range.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def find_affine(
     max_trials: int = 32768,
     seed: int = 0,
 ) -> RobustFit:
-    """Find the affine map that many of the given matches agree on.
+    """Find the affine map that many of the given matches support.
 
     As :func:`find_homography`, from samples of three matches; the last row is (0, 0, 1).
 
@@ -157,22 +157,22 @@ def find_affine(
     points0, points1 : array of shape (N, 2)
         Row and column in the first image, and of the matching points in the second one.
     threshold : float, default 3.0
-        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+        Largest distance of an inlier from its mapped point, in pixels of the second image.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     RobustFit
-        As that of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
-        devices, or an option is out of range.
+        If a shape does not match, there are more than 262144 matches of a pair, arrays are on
+        several devices, or an option is out of range.
 
     Examples
     --------
@@ -200,7 +200,7 @@ def find_similarity(
     max_trials: int = 32768,
     seed: int = 0,
 ) -> RobustFit:
-    """Find the similarity that many of the given matches agree on.
+    """Find the similarity that many of the given matches support.
 
     As :func:`find_homography`, from samples of two matches: rotation, scale and translation,
     never a mirror image; the last row is (0, 0, 1).
@@ -210,22 +210,22 @@ def find_similarity(
     points0, points1 : array of shape (N, 2)
         Row and column in the first image, and of the matching points in the second one.
     threshold : float, default 3.0
-        Largest distance of an inlier from where its point is mapped, pixels of the second image.
+        Largest distance of an inlier from its mapped point, in pixels of the second image.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     RobustFit
-        As that of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches of a pair, arrays are on several
-        devices, or an option is out of range.
+        If a shape does not match, there are more than 262144 matches of a pair, arrays are on
+        several devices, or an option is out of range.
 
     Examples
     --------

@@ -14,19 +14,19 @@ from cvkern.geometry.fitting import scaled
 from cvkern.geometry.robust import Explorer, Search, gather
 from cvkern.kernels.codes.geometry import MAX_MATCHES, SAMPLE, Model
 
-NEIGHBOURS = 6  # matches beside a match, whose labels it should share
-ROUNDS, SWEEPS = 6, 10  # rounds of labels and fits, sweeps over the labels of one
-NARROW = 0.5  # the threshold of the first planes, over the caller's: neighbours do not melt
-MOST = 4.0  # cost of a match that is far from a plane; that of an outlier is 1
+NEIGHBOURS = 6  # nearest matches of a match, which should have the same label
+ROUNDS, SWEEPS = 6, 10  # rounds of labels and fits; sweeps over the labels in a round
+NARROW = 0.5  # threshold of the first planes, over the caller's; it keeps neighbours apart
+MOST = 4.0  # largest cost of a match for a plane; the cost of an outlier is 1
 
 
 class Planes(NamedTuple):
     """The homographies of several planes."""
 
     matrices: np.ndarray
-    """(P, 3, 3) float64, of the plane with most matches first; each acts on (x, y, 1)."""
+    """(P, 3, 3) float64, the plane with most matches first; each matrix acts on (x, y, 1)."""
     labels: Any
-    """(N,) int32, of the caller's library: the plane of each match, -1 for none."""
+    """(N,) int32, in the library of the points: the plane of each match, -1 for none."""
 
 
 def find_planes(
@@ -40,12 +40,12 @@ def find_planes(
     max_trials: int = 32768,
     seed: int = 0,
 ) -> Planes:
-    """Find the homographies of all planes that enough of the given matches lie on.
+    """Find the homographies of all planes with enough of the given matches.
 
-    Planes are found one after the other, each among the matches that are left. Then labels and
-    homographies improve each other: a match goes to the plane with the least squared distance
-    plus `smoothness` for each of its neighbours with another label, and planes are fitted to their
-    matches again. The result depends on the set of the matches, not on their order.
+    Planes are found one after the other among the remaining matches. Then labels and homographies
+    are improved in turns. A match gets the plane with the least cost: its squared distance plus
+    `smoothness` for each neighbour with a different label. Each plane is then fitted to its
+    matches. The result depends on the set of matches, not on their order.
 
     Parameters
     ----------
@@ -54,14 +54,14 @@ def find_planes(
     points1 : array of shape (N, 2)
         Row and column of the matching points in the second image.
     threshold : float, default 4.0
-        Largest distance of a match of a plane, pixels: the root of the mean square of those in
-        both images. That of a match whose neighbours agree may be larger.
+        Largest distance of a match from its plane, pixels: the root mean square of the distances in
+        both images. It may be larger for a match whose neighbours have the same label.
     min_inliers : int, default 12
         Least number of different matches of a plane, >= 5.
     smoothness : float, default 0.2
-        Cost of a neighbour with another label; 1 is that of an outlier. >= 0.
+        Cost of a neighbour with a different label, >= 0. The cost of an outlier is 1.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
@@ -71,10 +71,10 @@ def find_planes(
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches, arrays are on several devices,
-        or an option is out of range.
+        If a shape does not match, there are more than 262144 matches, arrays are on several
+        devices, or an option is out of range.
 
     References
     ----------

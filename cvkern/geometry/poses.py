@@ -1,4 +1,4 @@
-"""Poses of a camera whose matrix is known: before points in space, and before a plane."""
+"""Poses of a calibrated camera from points in space, or from a plane."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from cvkern.kernels.codes.geometry import Model
 
 
 class FoundPose(NamedTuple):
-    """The pose of a camera that many matches agree on, x = R X + t."""
+    """The pose of a camera that many matches support, x = R X + t."""
 
     rotation: np.ndarray | None
-    """(3, 3) float64; None where there is no such pose."""
+    """(3, 3) float64; None if there is no such pose."""
     translation: np.ndarray | None
     """(3,) float64, in the unit of the points."""
     inliers: Any
-    """(N,) bool, of the caller's library: the matches within the threshold."""
+    """(N,) bool, in the library of the points: true for matches within the threshold."""
     cost: float
-    """Sum over the matches, equal ones once, of the squared residual in thresholds, at most 1."""
+    """Sum over the different matches of min(1, squared residual over squared threshold)."""
 
 
 class PlanePose(NamedTuple):
-    """The pose of a camera before a plane, x = R (X, Y, 0) + t."""
+    """The pose of a camera in front of a plane, x = R (X, Y, 0) + t."""
 
     rotation: np.ndarray
-    """(3, 3) float64; its last column is the plane's normal, seen by the camera."""
+    """(3, 3) float64; its last column is the plane's normal in camera axes."""
     translation: np.ndarray
     """(3,) float64, in the unit of the plane's coordinates."""
 
@@ -45,38 +45,38 @@ def find_pose(
     max_trials: int = 32768,
     seed: int = 0,
 ) -> FoundPose:
-    """Find the pose of a camera before points in space, from matches with outliers.
+    """Find the pose of a camera from matches between points in space and an image, with outliers.
 
-    As :func:`find_homography`, from samples of three matches, each of which leaves up to four
-    poses; the best are refined over their inliers. Points behind the camera are outliers.
+    Like :func:`find_homography`, with samples of three matches. Each sample gives up to four poses,
+    and the best are refined over their inliers. Points behind the camera are outliers.
 
     Parameters
     ----------
     points3d : array of shape (N, 3)
         (X, Y, Z) in the world. Matches that are not finite are outliers.
     points2d : array of shape (N, 2)
-        Row and column of where the camera sees them.
+        Row and column of these points in the image.
     K : array of shape (3, 3)
         Camera matrix; it acts on (x, y, 1).
     threshold : float, default 3.0
-        Largest distance of an inlier from where its point is projected, pixels.
+        Largest distance of an inlier from its projected point, pixels.
     confidence, max_trials, seed : optional
-        As those of :func:`find_homography`.
+        As in :func:`find_homography`.
 
     Returns
     -------
     FoundPose
         Named tuple of `rotation` and `translation`, x = R X + t (the inverse of a camera-to-world
-        pose; None where fewer than four matches or chance explain as many inliers), `inliers` and
-        `cost`.
+        pose), `inliers` and `cost`. The pose is None if there are fewer than four inliers, or if
+        chance alone explains as many.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or an option is no number.
+        If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If a shape is another, there are more than 262144 matches, the camera matrix is not finite
-        or has no inverse, arrays are on several devices, or an option is out of range.
+        If a shape does not match, there are more than 262144 matches, the camera matrix is not
+        finite or has no inverse, arrays are on several devices, or an option is out of range.
 
     References
     ----------
@@ -117,13 +117,13 @@ def find_pose(
 
 
 def pose_from_homography(H: Any, K: Any) -> PlanePose:
-    """Return the pose of a camera before a plane from the homography of the plane.
+    """Return the pose of a camera relative to a plane, from the homography of the plane.
 
     Parameters
     ----------
     H : array of shape (3, 3)
-        Homography that maps (X, Y, 1) on the plane to (x, y, 1) in the image, up to scale;
-        of :func:`find_homography` with points of the plane given as (Y, X), say.
+        Homography that maps (X, Y, 1) on the plane to (x, y, 1) in the image, up to scale, for
+        example from :func:`find_homography` with points of the plane given as (Y, X).
     K : array of shape (3, 3)
         Camera matrix.
 
@@ -131,16 +131,16 @@ def pose_from_homography(H: Any, K: Any) -> PlanePose:
     -------
     PlanePose
         Named tuple of `rotation` and `translation`, x = R (X, Y, 0) + t (the inverse of a
-        camera-to-world pose), with the origin of the plane before the camera. The rotation is the
-        nearest one to K^-1 H.
+        camera-to-world pose), with the origin of the plane in front of the camera. The rotation is
+        the nearest one to K^-1 H.
 
     Raises
     ------
     TypeError
         If a matrix does not hold real numbers.
     ValueError
-        If a shape is another, a matrix is not finite or has no inverse, or the origin of the plane
-        is beside the camera.
+        If a shape does not match, a matrix is not finite or has no inverse, or the origin of the
+        plane is beside the camera.
 
     References
     ----------

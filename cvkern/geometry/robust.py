@@ -1,7 +1,7 @@
-"""Robust fits: hypotheses from samples of matches, scored, refined, chosen; the same for any model.
+"""Robust fits of any model: draw samples, score hypotheses, refine the best, and select one.
 
-A fit depends on the set of its matches alone: not on their order, the other pairs of a batch, the
-device or the kernel set.
+A fit depends only on the set of its matches. It does not depend on their order, the other pairs of
+a batch, the device or the kernel set.
 """
 
 from __future__ import annotations
@@ -25,43 +25,43 @@ from cvkern.kernels.codes.geometry import (
     Model,
 )
 
-FIRST, MOST = 256, 8192  # hypotheses of the first round, and of any
-LEAST = 512  # hypotheses in all
+FIRST, MOST = 256, 8192  # hypotheses of the first round, and largest number in a round
+LEAST = 512  # least number of hypotheses in all rounds
 CANDIDATES = 2  # models of a round that are refined
 _INDEX = np.uint64(MAX_MATCHES - 1)
-# Squares of the thresholds of the steps of least squares, over the square of the caller's.
+# Squared thresholds of the least-squares steps, over the square of the caller's threshold.
 COARSE = np.array([9.0, 4.0, 2.0, 2.0], np.float32)
 FINE = np.array([2.0] * 4, np.float32)  # maps, whose inliers weigh alike
 LAST = np.array([3.0] * 6, np.float32)  # other models, whose far matches weigh less
-# Samples without outliers that are wanted: noise spoils some of them.
+# Required number of samples without outliers: noise spoils some of them.
 SPARE = 2.0
-# The search ends when a model of so many times the inliers would have been found.
+# The search ends when a model with this many times the inliers would have been found.
 LARGER = 1.5
 
 
 class RobustFit(NamedTuple):
-    """A model that many matches agree on."""
+    """A model that many matches support."""
 
     matrix: np.ndarray | None
-    """(3, 3) float64, acts on (x, y, 1) with x the column and y the row; None where there is no
-    such model."""
+    """(3, 3) float64, acts on (x, y, 1) with x the column and y the row; None if there is no such
+    model."""
     inliers: Any
-    """(N,) bool, of the caller's library: the matches within the threshold."""
+    """(N,) bool, in the library of the points: true for matches within the threshold."""
     cost: float
-    """Sum over the matches, equal ones once, of the squared residual in thresholds, at most 1."""
+    """Sum over the different matches of min(1, squared residual over squared threshold)."""
 
 
 class RobustFits(NamedTuple):
     """The models of several pairs of images."""
 
     matrices: np.ndarray
-    """(B, 3, 3) float64, as of a `RobustFit`; NaN where a pair has no model."""
+    """(B, 3, 3) float64, as in a `RobustFit`; NaN for a pair without a model."""
     inliers: Any
-    """bool, one after the other for all pairs, of the caller's library."""
+    """bool, concatenated over all pairs, in the library of the points."""
     offsets: np.ndarray
     """(B + 1,) int64: the matches of pair b are `inliers[offsets[b]:offsets[b + 1]]`."""
     costs: np.ndarray
-    """(B,) float64, as of a `RobustFit`."""
+    """(B,) float64, as in a `RobustFit`."""
 
 
 class Search(NamedTuple):
@@ -88,7 +88,7 @@ class Batch(NamedTuple):
     sides: np.ndarray
     """Width and height of the box of the scaled points of the second image, (P, 2) float64."""
     deep: np.ndarray
-    """By what the scaled z0 of scenes is moved, (P,) float64."""
+    """Offset of the scaled z0 of scenes, (P,) float64."""
 
 
 def gather(pairs: Sequence[tuple[np.ndarray, np.ndarray]], *, alike: bool = False) -> Batch:
@@ -272,7 +272,7 @@ class Explorer:
         return matrices, marks, np.where(none, count, cost[:, 0] / COST_ONE)
 
     def significant(self, model: Model, supports: np.ndarray, trials: np.ndarray) -> np.ndarray:
-        """Tell where so many inliers are no accident."""
+        """Return which pairs have more inliers than by chance."""
         square = self.squares.astype(np.float64)
         sides = self.batch.sides + 2 * np.sqrt(square)[:, None]
         area = np.prod(sides, axis=1)
@@ -296,7 +296,7 @@ class Explorer:
 
 
 def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:
-    """Return how many samples show, with `confidence`, that no model has many more inliers."""
+    """Return the number of samples that rules out, with `confidence`, a much better model."""
     good = np.clip((LARGER * share) ** size, 1e-12, 1 - 1e-12)
     return np.maximum(SPARE * math.log(1 - confidence) / np.log1p(-good), LEAST)
 
@@ -304,10 +304,11 @@ def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:
 def _significant(
     support: np.ndarray, count: np.ndarray, trials: np.ndarray, chance: np.ndarray, model: Model
 ) -> np.ndarray:
-    """Tell where so many inliers are no accident.
+    """Return which pairs have more inliers than by chance.
 
-    Under outliers alone less than one fit like this is expected among all subsets of the matches
-    and all trials [L. Moisan and B. Stival, IJCV 57(3), 2004]; or all matches are inliers.
+    If all matches were outliers, less than one such fit is expected among all subsets of the
+    matches and all trials [L. Moisan and B. Stival, IJCV 57(3), 2004]. A fit to all matches also
+    passes.
     """
 
     def log(x: np.ndarray) -> np.ndarray:  # the logarithm of (x - 1)!

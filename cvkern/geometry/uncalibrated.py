@@ -1,4 +1,4 @@
-"""Homographies that turn epipolar lines into rows, of cameras that are not known."""
+"""Rectification of uncalibrated cameras: homographies that map epipolar lines to rows."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_pairs, on_host, xy
 
-TURNS = 720  # lines through an epipole of which one is sent to infinity
-LEAST_DEPTH = 0.2  # depth of the nearest corner over that of the centre: below it a picture folds
+TURNS = 720  # candidates for the epipolar line that is mapped to infinity
+LEAST_DEPTH = 0.2  # least depth of a corner over that of the centre: below it a picture folds
 LEAST_SCALE = 0.3  # least singular value of a map at the centre over the largest one
 
 
 class RectifyingMaps(NamedTuple):
-    """Homographies after which matches are on one row."""
+    """Homographies that put matches on the same row."""
 
     H0: np.ndarray
-    """(3, 3) float64, of the first image; acts on (x, y, 1)."""
+    """(3, 3) float64, for the first image; acts on (x, y, 1)."""
     H1: np.ndarray
-    """(3, 3) float64, of the second image."""
+    """(3, 3) float64, for the second image."""
 
 
 def rectify_uncalibrated(points0: Any, points1: Any, F: Any, shape: Any) -> RectifyingMaps:
-    """Return homographies after which matches of two images are on the same row.
+    """Return homographies that put matches of two images on the same row.
 
-    Both send a pair of epipolar lines that belong together to infinity: the pair for which the
-    pictures are stretched least. What is free then keeps the middle of both pictures square and
-    of its size, and puts the median match at the same column.
+    Both map a pair of corresponding epipolar lines to infinity: the pair that stretches the
+    pictures least. The remaining freedom keeps the middle of both pictures square and of the same
+    size, and puts the median match at the same column.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ def rectify_uncalibrated(points0: Any, points1: Any, F: Any, shape: Any) -> Rect
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, a number is not finite, or no homographies do this without folding
-        a picture or stretching it beyond use: an epipole is in a picture or close to it.
+        If a shape does not match, a number is not finite, or every such homography folds a picture
+        or stretches it beyond use, because an epipole is in a picture or close to it.
 
     References
     ----------

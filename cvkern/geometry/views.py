@@ -1,4 +1,4 @@
-"""Two and more calibrated views: essential matrices, relative poses, triangulated points."""
+"""Two or more calibrated views: essential matrices, relative poses, triangulated points."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ STEPS = 10  # Gauss-Newton steps: noise of some pixels needs four
 
 
 class RecoveredPose(NamedTuple):
-    """The pose of the second camera beside the first, x1 = R x0 + t."""
+    """The pose of the second camera relative to the first, x1 = R x0 + t."""
 
     rotation: np.ndarray
     """(3, 3) float64."""
     translation: np.ndarray
-    """(3,) float64, of length 1: matches alone do not tell the scale."""
+    """(3,) float64, of length 1: matches alone do not determine the scale."""
     inliers: Any
-    """(N,) bool, of the caller's library: the matches in front of both cameras."""
+    """(N,) bool, in the library of the points: true for matches in front of both cameras."""
 
 
 def essential_from_fundamental(matrix: Any, K0: Any, K1: Any) -> np.ndarray:
@@ -46,7 +46,7 @@ def essential_from_fundamental(matrix: Any, K0: Any, K1: Any) -> np.ndarray:
     TypeError
         If a matrix does not hold real numbers.
     ValueError
-        If a shape is another, a matrix is not finite, or a camera matrix has no inverse.
+        If a shape does not match, a matrix is not finite, or a camera matrix has no inverse.
 
     Examples
     --------
@@ -63,14 +63,15 @@ def essential_from_fundamental(matrix: Any, K0: Any, K1: Any) -> np.ndarray:
 def recover_pose(E: Any, points0: Any, points1: Any, K0: Any, K1: Any) -> RecoveredPose:
     """Find the pose of the second camera from an essential matrix and matches.
 
-    An essential matrix has four poses; in one of them most points are in front of both cameras.
+    An essential matrix has four poses. The result is the one with most points in front of both
+    cameras.
 
     Parameters
     ----------
     E : array of shape (3, 3)
-        Essential matrix, of :func:`essential_from_fundamental` say.
+        Essential matrix, for example from :func:`essential_from_fundamental`.
     points0 : array of shape (N, 2)
-        Row and column in the first image; N >= 1. Give inliers, or nearly so.
+        Row and column in the first image; N >= 1. Most of them should be inliers.
     points1 : array of shape (N, 2)
         Row and column of the same points in the second image.
     K0, K1 : array of shape (3, 3)
@@ -87,8 +88,8 @@ def recover_pose(E: Any, points0: Any, points1: Any, K0: Any, K1: Any) -> Recove
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, a matrix is not finite, a camera matrix has no inverse, or no match
-        is in front of both cameras in any pose.
+        If a shape does not match, a matrix is not finite, a camera matrix has no inverse, or no
+        match is in front of both cameras in any pose.
 
     References
     ----------
@@ -113,7 +114,7 @@ def recover_pose(E: Any, points0: Any, points1: Any, K0: Any, K1: Any) -> Recove
     points0, points1 = check_pairs(points0, points1)
     rt = runtime(points0, points1)
     inverse = [np.linalg.inv(check_camera(k, name)) for k, name in ((K0, "K0"), (K1, "K1"))]
-    with np.errstate(all="ignore"):  # points may be anywhere
+    with np.errstate(all="ignore"):  # points may be at infinity
         a, b = (
             np.c_[xy(on_host(rt, p)), np.ones(len(p))] @ to_ray.T
             for p, to_ray in zip((points0, points1), inverse, strict=True)
@@ -145,10 +146,10 @@ def _in_front(a: np.ndarray, b: np.ndarray, rotation: np.ndarray, t: np.ndarray)
 
 
 def triangulate(matrices: Any, points: Any) -> np.ndarray:
-    """Return the points in space that several cameras see at given places.
+    """Triangulate points in space from their positions in several views.
 
-    The sum of squared distances between the given and the projected points is the least there is
-    nearby, for two views and for more: Gauss-Newton steps from the linear solution.
+    Gauss-Newton steps from the linear solution find the nearest minimum of the sum of squared
+    distances between the given and the projected points, for two or more views.
 
     Parameters
     ----------
@@ -168,7 +169,7 @@ def triangulate(matrices: Any, points: Any) -> np.ndarray:
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, a matrix is not finite, or there are fewer than two views.
+        If a shape does not match, a matrix is not finite, or there are fewer than two views.
 
     References
     ----------

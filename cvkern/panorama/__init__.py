@@ -1,4 +1,4 @@
-"""Panoramas: which images of a heap belong together, and what they make together."""
+"""Panoramas: grouping of an unordered set of images, and stitching of each group."""
 
 from cvkern.panorama.recognition import Recognition, recognize_panoramas
 from cvkern.panorama.stitching import Panorama, stitch

@@ -1,12 +1,13 @@
-"""Joint least squares of all images of a panorama: bundle adjustment, by normal equations.
+"""Bundle adjustment of all images of a panorama: joint least squares by normal equations.
 
-An image has a matrix P that takes directions, or points of a plane, to its pixels. Matches of the
-images i and j say ``x_j = P_j P_i^-1 x_i`` up to scale. A small change of P_j to ``(1 + D) P_j``
-moves ``X = P_j P_i^-1 x_i`` by ``D X``, and one of P_i by ``-P_j P_i^-1 D x_i``;
-the derivatives of all models are those two, with the matrices D that the model allows (its
-generators).
+Each image has a matrix P that maps directions, or points of a plane, to its pixels. A match of the
+images i and j gives the equation ``x_j = P_j P_i^-1 x_i`` up to scale. A small change of P_j to
+``(1 + D) P_j`` moves ``X = P_j P_i^-1 x_i`` by ``D X``. The same change of P_i moves it by
+``-P_j P_i^-1 D x_i``. These two are the derivatives of all models. A model is described by the
+matrices D that it allows (its generators).
 
-Pixels are counted from the middle of an image in units of the heap's longest side.
+The origin of pixel coordinates is the middle of an image; their unit is the longest side of all
+images.
 """
 
 from __future__ import annotations
@@ -18,29 +19,29 @@ import numpy as np
 
 from cvkern.panorama.registration import Link
 
-MOST_POINTS = 200  # matches of a pair that are adjusted
-HUBER = 2.0  # pixels of the small images from which on a residual counts linearly
+MOST_POINTS = 200  # largest number of matches of a pair in the adjustment
+HUBER = 2.0  # pixels of the small images: the cost of larger residuals is linear
 STEPS = 40
-ENOUGH = 1e-6  # relative decrease of the cost that ends the steps
+ENOUGH = 1e-6  # the steps end when the relative decrease of the cost is below this
 NEAREST = 1e-4  # least depth of a point in front of a camera
 BEHIND = 1e3  # pixels: the residual of a point behind a camera
 FOCAL_SPREAD = 0.1  # standard deviation of the logarithms of focal lengths about their mean
-WEAK = 1e-9  # weight of what keeps the equations solvable
+WEAK = 1e-9  # weight of the term that keeps the equations solvable
 
 
 class Observations(NamedTuple):
-    """Matches of directed pairs, L of them, of at most m matches each."""
+    """Matches of L directed pairs, at most m matches for each pair."""
 
     pairs: np.ndarray
-    """From which image to which, (L, 2)."""
+    """Indices of the first and the second image, (L, 2)."""
     points: np.ndarray
     """(L, m, 3): x, y, 1 in the first image."""
     targets: np.ndarray
     """(L, m, 2): x, y in the second image."""
     there: np.ndarray
-    """(L, m) bool: which of them exist."""
+    """(L, m) bool: true where a match exists."""
     scales: np.ndarray
-    """(L,): pixels of the small second image in a unit."""
+    """(L,): pixels of the small second image per unit of length."""
 
 
 def observe(
@@ -50,7 +51,7 @@ def observe(
     factors: np.ndarray,
     most: int = MOST_POINTS,
 ) -> Observations:
-    """Return matches of links, in both directions; `middles` (N, 2) are x and y."""
+    """Return the matches of links in both directions; `middles` (N, 2) are in the order x, y."""
     count = 2 * len(links)
     longest = max(min(len(link.points0), most) for link in links)
     pairs = np.zeros((count, 2), int)
@@ -58,7 +59,7 @@ def observe(
     there = np.zeros((count, longest), bool)
     points[..., 2] = 1
     for n, link in enumerate(links):
-        # Evenly spread among all, which are in the order of their scales.
+        # The matches are in the order of their scales: take them evenly from the whole list.
         chosen = np.linspace(0, len(link.points0) - 1, min(len(link.points0), most)).astype(int)
         a = (link.points0[chosen] - middles[link.first]) / unit
         b = (link.points1[chosen] - middles[link.second]) / unit
@@ -100,7 +101,7 @@ class Rotations:
         return scale[:, :, None] * self.rotations
 
     def generators(self) -> np.ndarray:
-        """Return (N, 4, 3, 3): K [e] K^-1 of the axes e, and that of the focal length."""
+        """Return (N, 4, 3, 3): K [e] K^-1 for the axes e, then the one of the focal length."""
         f = self.focals
         made = np.zeros((len(f), 4, 3, 3))
         made[:, 0, 1, 2], made[:, 0, 2, 1] = -f, 1 / f
@@ -110,7 +111,7 @@ class Rotations:
         return made
 
     def prior(self) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return cost, gradient (N, 4) and curvature (N, 4) of what is known of focal lengths."""
+        """Return cost, gradient (N, 4) and curvature (N, 4) of the prior on focal lengths."""
         logs = np.log(self.focals)
         centre = logs.mean() if self.estimates is None else np.log(self.estimates)
         off = (logs - centre) / self.spread
@@ -119,40 +120,40 @@ class Rotations:
         return float(off @ off) / 2, gradient, curvature
 
     def moved(self, steps: np.ndarray) -> Rotations:
-        """Return the cameras after small changes, (N, 4)."""
+        """Return the cameras after small changes `steps`, (N, 4)."""
         turned = turn(steps[:, :3]) @ self.rotations
         focals = self.focals * np.exp(np.clip(steps[:, 3], -0.5, 0.5))
         return Rotations(turned, focals, self.estimates, self.spread)
 
 
 class Planes:
-    """Images of one plane: a matrix each, of `size` parameters."""
+    """Images of one plane: each has a matrix with `size` parameters."""
 
     def __init__(self, given: np.ndarray, size: int):
         self.given, self.size = given, size
         self._basis = plane_generators(size)
 
     def matrices(self) -> np.ndarray:
-        """Return those of the images, (N, 3, 3)."""
+        """Return the matrices of the images, (N, 3, 3)."""
         return self.given
 
     def generators(self) -> np.ndarray:
-        """Return (N, size, 3, 3)."""
+        """Return the generators, (N, size, 3, 3)."""
         return np.broadcast_to(self._basis, (len(self.given), *self._basis.shape))
 
     def prior(self) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return nothing: all maps are alike likely."""
+        """Return zeros: all maps are equally likely."""
         nothing = np.zeros((len(self.given), self.size))
         return 0.0, nothing, nothing
 
     def moved(self, steps: np.ndarray) -> Planes:
-        """Return the images after small changes, (N, size)."""
+        """Return the images after small changes `steps`, (N, size)."""
         change = np.eye(3) + np.einsum("np,pij->nij", steps, self._basis)
         return Planes(with_unit_determinant(change @ self.given), self.size)
 
 
 def plane_generators(size: int) -> np.ndarray:
-    """Return (size, 3, 3): of similarities (4), affine maps (6), homographies (8)."""
+    """Return the generators (size, 3, 3) of similarities (4), affine maps (6), homographies (8)."""
     basis = np.zeros((size, 3, 3))
     basis[0, 0, 2] = basis[1, 1, 2] = 1
     if size == 4:
@@ -170,7 +171,7 @@ def with_unit_determinant(matrices: np.ndarray) -> np.ndarray:
 
 
 def turn(vectors: np.ndarray) -> np.ndarray:
-    """Return the rotations about vectors (N, 3) by their lengths, (N, 3, 3)."""
+    """Return rotations (N, 3, 3) about vectors (N, 3); the angle is the vector's length."""
     angle = np.linalg.norm(vectors, axis=1)[:, None, None]
     axis = vectors / np.maximum(angle[:, 0], 1e-300)
     cross = np.zeros((len(vectors), 3, 3))
@@ -180,7 +181,7 @@ def turn(vectors: np.ndarray) -> np.ndarray:
 
 
 def residuals(seen: Observations, matrices: np.ndarray) -> np.ndarray:
-    """Return the residuals (M, 2) of all matches, pixels of the small images."""
+    """Return the residuals (M, 2) of all matches, in pixels of the small images."""
     return _seen_at(seen, matrices)[0][seen.there]
 
 
@@ -211,7 +212,7 @@ def cost_of(off: np.ndarray, huber: float) -> float:
 def adjust(
     seen: Observations, model: Any, fixed: np.ndarray, huber: float, steps: int = STEPS
 ) -> Any:
-    """Return the model of least cost near the one given; parameters that are `fixed` stay."""
+    """Minimise the cost from a given model and return the result; keep `fixed` parameters."""
     shape = fixed.shape
     free = np.flatnonzero(~fixed.ravel())
     cost = cost_of(residuals(seen, model.matrices()), huber) + model.prior()[0]
@@ -253,7 +254,7 @@ def _normal(seen: Observations, model: Any, huber: float) -> tuple[np.ndarray, n
     weight = np.where(length < huber, 1.0, huber / np.maximum(length, 1e-300))
     weight *= front & seen.there
     i, j = seen.pairs.T
-    # Derivatives of X by the parameters of either image, (L, 2 p, 3, m).
+    # Derivatives of X with respect to the parameters of both images, (L, 2 p, 3, m).
     number, most = seen.there.shape
     first = (across[:, None] @ made[i]).reshape(number, 3 * size, 3) @ -seen.points.swapaxes(1, 2)
     second = made[j].reshape(number, 3 * size, 3) @ there.swapaxes(1, 2)

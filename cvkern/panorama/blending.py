@@ -1,4 +1,4 @@
-"""Panoramas put together in bands, tile by tile, so that memory is bounded."""
+"""Multi-band blending of a panorama, tile by tile, so that memory is bounded."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from cvkern.panorama.seams import Seams
 from cvkern.panorama.surfaces import Canvas
 from cvkern.panorama.warping import draw
 
-TILES = {"cpu": 2048, "cuda": 4096}  # pixels of a side, without what surrounds a tile
-SURROUND = 3  # times the pixel of the coarsest band, round a tile
-REACH = 2  # the same, round the part of an image that is shown
+TILES = {"cpu": 2048, "cuda": 4096}  # pixels of a tile's side, without its border
+SURROUND = 3  # width of the border of a tile, in pixels of the coarsest band
+REACH = 2  # width of the border of the visible part of an image, in the same unit
 NOWHERE = (2**30, 2**30, -1, -1)
 
 
 class Blend(NamedTuple):
-    """What blending needs."""
+    """Inputs of the blending."""
 
     images: list[Any]
     """The large images."""
     sides: np.ndarray
     """(N, 2) int32: heights and widths."""
     bands: int
-    """How often images are halved."""
+    """Number of times that images are halved."""
     high: float
-    """Largest value that the result holds, in whole numbers; 0: any."""
+    """Largest value of an integer result; 0 for a float result."""
     channels: int
 
 
@@ -55,7 +55,7 @@ def blend(
         say(number / len(tiles))
         rows, columns = min(side, canvas.height - row), min(side, canvas.width - column)
         top, height = _with_halo(row, rows, halo, unit, canvas.height)
-        # Columns of a closed canvas go on over its ends.
+        # Columns of a closed canvas continue beyond its ends.
         left, width = _with_halo(column, columns, halo, unit, 0 if canvas.closed else canvas.width)
         tile = _Tile(rt, canvas, seams, given, top, left, height, width)
         part = Part(row - top, column - left, row, column, rows, columns)
@@ -63,7 +63,7 @@ def blend(
 
 
 def _with_halo(first: int, count: int, halo: int, unit: int, size: int) -> tuple[int, int]:
-    """Return the first row of a tile with what surrounds it, and a multiple of `unit` rows.
+    """Return the first row of a tile with its border, and its height: a multiple of `unit` rows.
 
     Nothing surrounds it beyond the canvas, of `size` rows unless that is 0.
     """
@@ -74,7 +74,7 @@ def _with_halo(first: int, count: int, halo: int, unit: int, size: int) -> tuple
 
 
 class _Tile:
-    """A part of the canvas and what surrounds it."""
+    """A part of the canvas and its border."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class _Tile:
         self.parts = self._claimed()
 
     def _claimed(self) -> list[tuple[int, tuple[int, ...]]]:
-        """Label the pixels; return each image that is shown, and where."""
+        """Label the pixels; return each visible image and its bounds."""
         rt, canvas, coarse = self.rt, self.canvas, self.seams.coarse
         factor = coarse.step / canvas.step
         x = np.floor((self.left + np.arange(self.width) + 0.5) / factor).astype(np.int32)
@@ -119,7 +119,7 @@ class _Tile:
         return [(n, tuple(map(int, found[n]))) for n in np.flatnonzero(found[:, 2] >= 0).tolist()]
 
     def _near(self) -> list[int]:
-        """Return the images whose rectangles meet the tile."""
+        """Return the images whose rectangles overlap the tile."""
         near = []
         for n, (x0, y0, x1, y1) in enumerate(self.canvas.rects):
             if y1 <= self.top or y0 >= self.top + self.height:
@@ -160,7 +160,7 @@ class _Tile:
         values = [rt.scratch(f"panorama.band{k}", (channels, *s)) for k, s in enumerate(sizes)]
         masks = [rt.scratch(f"panorama.mask{k}", (1, *s)) for k, s in enumerate(sizes)]
         canvas, kernels = self.canvas, rt.panorama.blending
-        # The weights are not needed here; the mask is written over them.
+        # The weights are not needed here: the mask overwrites them.
         draw(
             rt, self.given.images[name], canvas.matrices[name],
             rt.send("panorama.gain", np.ascontiguousarray(self.seams.gains[name])),

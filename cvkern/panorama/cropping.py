@@ -10,10 +10,10 @@ EXACT_PIXELS = 250_000  # larger masks are searched in blocks of pixels
 
 
 def largest_rectangle(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Return the first row and column, and those behind the last, of covered pixels alone.
+    """Return the largest covered rectangle: first row and column, then one past the last ones.
 
-    Of masks of more than `EXACT_PIXELS` blocks are searched that are covered as a whole. Of equal
-    rectangles the one found first wins, from the top; nothing covered gives the whole mask.
+    Masks of more than `EXACT_PIXELS` are searched in blocks that are covered completely. Among
+    equal rectangles the first one from the top wins. An empty mask gives the whole mask.
     """
     size = max(1, math.ceil(math.sqrt(mask.size / EXACT_PIXELS)))
     height, width = (n // size for n in mask.shape)
@@ -33,9 +33,9 @@ def largest_rectangle(mask: np.ndarray) -> tuple[int, int, int, int]:
 
 
 def _in_histogram(heights: list[int]) -> tuple[int, int, int, int]:
-    """Return area, left, right and height of the largest rectangle under bars; the last is 0."""
+    """Return area, left, right and height of the largest rectangle; the last height must be 0."""
     best = (0, 0, 0, 0)
-    stack: list[tuple[int, int]] = []  # where a height begins, ascending heights
+    stack: list[tuple[int, int]] = []  # first column of a height, and the height; heights ascend
     for place, height in enumerate(heights):
         begin = place
         while stack and stack[-1][1] >= height:

@@ -1,4 +1,4 @@
-"""How the images of one panorama lie to each other: cameras that turn, or images of one plane."""
+"""Alignment of the images of one panorama: rotating cameras, or images of one plane."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ from cvkern.panorama.adjustment import (
 )
 from cvkern.panorama.registration import Link, connected
 
-FOCALS = np.geomspace(0.3, 30.0, 60)  # first estimates that are tried, in longest sides
-FARTHEST_FOCAL = 12.0  # longest sides; a camera with more sees no perspective
+FOCALS = np.geomspace(0.3, 30.0, 60)  # candidates for the first estimate, in longest sides
+FARTHEST_FOCAL = 12.0  # longest sides; a camera with a longer focal length sees no perspective
 MOST = 0.85  # share of the matches by which models are compared: the rest may be of wrong pairs
-CONTRADICTED = 1.25  # times the residual that given focal lengths may leave
-HORIZON = 0.1  # least depth of a corner of an image of a plane, in that of the middle
+CONTRADICTED = 1.25  # largest ratio of the residual with given focal lengths to that without
+HORIZON = 0.1  # least depth of a corner of an image of a plane, relative to the depth of its middle
 WIDE = math.cos(math.radians(35))  # cameras that turn by more are not taken for sheets
-GIVEN_SPREAD = 0.05  # standard deviation of the logarithms of focal lengths that are given
-# A panorama is flat where affine maps explain it nearly as well as rotations do. Measured: 0.95 to
-# 1.02 for scanned sheets, 1.9 and more for cameras that turn.
+GIVEN_SPREAD = 0.05  # standard deviation of the logarithms of given focal lengths
+# A panorama is flat if affine maps explain it nearly as well as rotations do. The measured ratios
+# of residuals are 0.95 to 1.02 for scanned sheets, and 1.9 or more for rotating cameras.
 FLAT = 1.15
-MUCH_BETTER = 0.85  # a model of more parameters is taken if it leaves so much of the residual
-SMALL = 2.0  # pixels of the small images: rotations that leave less are not doubted
-FAR_WORSE = 3.0  # rotations that leave so many times the residual of homographies are none
-WORST = 5.0  # pixels of the small images: what leaves more is not adjusted
-WRONG = 4.0  # a pair with so many times the median residual of all is wrong, and above WORST
+MUCH_BETTER = 0.85  # a model with more parameters is taken if it reduces the residual to this share
+SMALL = 2.0  # pixels of the small images: rotations with a smaller residual are accepted
+FAR_WORSE = 3.0  # rotations are rejected at this many times the residual of homographies
+WORST = 5.0  # pixels of the small images: models with a larger residual are rejected
+WRONG = 4.0  # a pair is wrong above this many times the median residual of all, and above WORST
 EARLY = 20.0  # Huber's threshold while images are added
-FEW_POINTS = 40  # matches of a pair that are adjusted while images are added
-AT_ONCE = 1.6  # factor by which the set grows between adjustments
+FEW_POINTS = 40  # matches of a pair in the adjustment while images are added
+AT_ONCE = 1.6  # growth factor of the set of images between adjustments
 
 
 class Alignment(NamedTuple):
-    """Images of one panorama, adjusted. Pixels count from the middle of an image."""
+    """Adjusted images of one panorama. The origin of pixels is the middle of an image."""
 
     model: str
     """'rotation', 'affine', 'homography', 'homography tree' or 'similarity tree'."""
     matrices: np.ndarray
-    """(N, 3, 3): from directions, or from a plane in pixels of the central image, to pixels."""
+    """(N, 3, 3): map directions, or a plane in pixels of the central image, to pixels."""
     focals: np.ndarray | None
     """(N,), pixels."""
     rotations: np.ndarray | None
     """(N, 3, 3), from the world's axes to the camera's."""
     parents: np.ndarray
-    """(N,): the image that each hangs on in the spanning tree, -1 for the central one."""
+    """(N,): the parent of each image in the spanning tree, -1 for the central one."""
     residual: float
-    """Root of the mean square of most distances, pixels of the images as compared."""
+    """Root mean square of the best distances, in pixels of the images as compared."""
 
 
 def align(
@@ -86,7 +86,7 @@ def _fitted(
     factors: np.ndarray,
     given: np.ndarray | None,
 ) -> tuple[str, Any, np.ndarray, float]:
-    """Return the name, the model, the spanning tree and the residual of what explains links."""
+    """Return the name, the model, the spanning tree and the residual of the model of the links."""
     count = len(middles)
     maps = _unit_maps(links, middles, unit)
     parents, order = spanning_tree(count, links)
@@ -96,7 +96,7 @@ def _fitted(
     left = _left(seen, turning)
     if given is not None:
         told = _turned((few, seen), maps, parents, order, count, given)
-        # Estimates that the matches contradict are of cropped pictures, or of other cameras.
+        # Focal lengths that the matches contradict come from cropped pictures or other cameras.
         if _left(seen, told) <= CONTRADICTED * left:
             turning, left = told, _left(seen, told)
     plausible = turning.focals.max() <= FARTHEST_FOCAL
@@ -123,7 +123,7 @@ def _fitted(
 
 
 def _left(seen: Observations, model: Any) -> float:
-    """Return the root of the mean square of what a model leaves of most matches."""
+    """Return the root mean square of the best residuals of a model."""
     off = np.sort(np.hypot(*residuals(seen, model.matrices()).T))
     most = off[: max(1, int(MOST * len(off)))]
     return float(np.sqrt(np.mean(most**2)))
@@ -146,9 +146,9 @@ def _without_wrong(
     unit: float,
     factors: np.ndarray,
 ) -> list[Link]:
-    """Leave out pairs that contradict all others, if what remains is connected."""
+    """Leave out pairs that contradict all others, if the rest stays connected."""
     seen = observe(links, middles, unit, factors)
-    # Each link has two directions; the one from its first image counts.
+    # Each link has two directions: use the one from its first image.
     off = medians(seen, found[1].matrices())[::2]
     limit = max(WORST, WRONG * float(np.median(off)))
     kept = [link for link, median in zip(links, off, strict=True) if median <= limit]
@@ -159,7 +159,7 @@ def _without_wrong(
 def _unit_maps(
     links: Sequence[Link], middles: np.ndarray, unit: float
 ) -> dict[tuple[int, int], np.ndarray]:
-    """Return the homography between any two linked images, pixels counted as in adjustments."""
+    """Return the homographies of linked images, in the coordinates of the adjustment."""
     maps = {}
     for link in links:
         ends = [np.array([[unit, 0, x], [0, unit, y], [0, 0, 1]]) for x, y in middles]
@@ -171,7 +171,7 @@ def _unit_maps(
 
 
 def spanning_tree(count: int, links: Sequence[Link]) -> tuple[np.ndarray, list[int]]:
-    """Return the parents of the tree of most inliers, and images from its centre outwards.
+    """Return the parents in the tree with most inliers, and its images from the centre outwards.
 
     The centre is the image with the least sum of distances, counted in links of the tree.
     """
@@ -206,7 +206,7 @@ def spanning_tree(count: int, links: Sequence[Link]) -> tuple[np.ndarray, list[i
 
 
 def first_focal(maps: dict[tuple[int, int], np.ndarray]) -> float:
-    """Return the focal length with which the homographies are most nearly rotations."""
+    """Return the focal length that makes the homographies most similar to rotations."""
     matrices = np.stack(list(maps.values()))
     scores = []
     for f in FOCALS:
@@ -225,7 +225,7 @@ def _turned(
     count: int,
     given: np.ndarray | None,
 ) -> Rotations:
-    """Fit rotations: images are added from the centre of the tree outwards, by a few matches."""
+    """Fit rotations: add images from the centre of the tree outwards, with a few matches each."""
     known = np.zeros(count, bool) if given is None else np.isfinite(given)
     start = first_focal(maps)
     if given is not None and known.any():
@@ -276,7 +276,7 @@ def _flat(
 def _chained(
     maps: dict[tuple[int, int], np.ndarray], parents: np.ndarray, order: list[int], size: int
 ) -> np.ndarray:
-    """Return the maps from the central image to all, multiplied along the tree."""
+    """Return the maps from the central image to all images, as products along the tree."""
     found = np.stack([np.eye(3)] * len(parents))
     for image in order[1:]:
         beside = int(parents[image])
@@ -285,11 +285,11 @@ def _chained(
 
 
 def _reduced(matrix: np.ndarray, size: int) -> np.ndarray:
-    """Return the affine map (6) or the similarity (4) that is like a homography at the middle."""
+    """Return the affine map (6) or similarity (4) that fits a homography best at the middle."""
     if size == 8:
         return matrix
     flat = matrix / matrix[2, 2]
-    # The derivative at the origin, where the middle of the image is.
+    # The origin is the middle of the image: take the derivative there.
     linear = flat[:2, :2] - np.outer(flat[:2, 2], flat[2, :2])
     if size == 4:
         a, b = (linear[0, 0] + linear[1, 1]) / 2, (linear[1, 0] - linear[0, 1]) / 2

@@ -1,4 +1,4 @@
-"""Which images of a heap belong together."""
+"""Grouping of an unordered set of images into panoramas."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from cvkern.panorama.registration import (
 
 
 class Recognition(NamedTuple):
-    """The panoramas of a heap of images."""
+    """The panoramas in an unordered set of images."""
 
     components: list[list[int]]
-    """Indices of the images of each panorama, ascending: the largest panorama first, of equal
-    ones that of the least index. A stranger is a component of one."""
+    """Indices of the images of each panorama, ascending. The largest panorama is first; among
+    equal ones, the one with the least index. An image without partners is a component of one."""
     pairs: list[tuple[int, int]]
-    """The pairs of images that show the same, i < j, ascending."""
+    """The pairs of images that overlap, i < j, ascending."""
 
 
 def recognize_panoramas(
@@ -30,21 +30,22 @@ def recognize_panoramas(
     data_range: float | None = None,
     progress: Progress | None = None,
 ) -> Recognition:
-    """Find which images of an unordered heap belong to one panorama.
+    """Find which images of an unordered set belong to one panorama.
 
-    Keypoints of all images are matched between all pairs, and a homography is looked for in each
-    pair. Two images show the same if more than 8 + 0.3 n matches agree with it, where n is the
-    number of all matches that fall in the overlap. What is connected by such pairs is a panorama.
+    The function matches the keypoints of all pairs of images and finds a homography for each pair.
+    A pair is accepted if more than 8 + 0.3 n matches agree with its homography, where n is the
+    number of all matches in the overlap. Images that accepted pairs connect form a panorama.
 
     Parameters
     ----------
     images : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4)
-        Of any real dtypes and of various sizes. Those of more than 0.6 megapixels are compared at
-        that size.
+        Images of any real dtypes and sizes. Images of more than 0.6 megapixels are reduced to that
+        size for the comparison.
     data_range : float, optional
-        What white is; for integers the largest number of the dtype by default, else 1.
+        The value of white. By default the largest number of an integer dtype, else 1.
     progress : function, optional
-        Called with the number of steps done, the number of all, and what comes next.
+        Called with the number of completed steps, the number of all steps, and the name of the next
+        one.
 
     Returns
     -------
@@ -80,4 +81,4 @@ def recognize_panoramas(
 
 
 def silent(done: int, total: int, text: str) -> None:
-    """Say nothing."""
+    """Report nothing."""

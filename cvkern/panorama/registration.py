@@ -1,4 +1,4 @@
-"""Pairs of images of a heap that show the same: keypoints, matches, homographies, and a test."""
+"""Overlapping pairs in a set of images: keypoints, matches, homographies, and a test."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from cvkern.features.matching import match_images
 from cvkern.geometry.maps import find_homographies
 from cvkern.transform.resampling import resize
 
-WORK_PIXELS = 600_000  # size at which images are compared; larger ones are made smaller
+WORK_PIXELS = 600_000  # size at which images are compared; larger ones are reduced to it
 KEYPOINTS = 2000  # points of an image
 MAX_RATIO = 0.75  # nearest distance over the second nearest
-THRESHOLD = 3.0  # pixels, of the images that are compared
+THRESHOLD = 3.0  # distance of an inlier, in pixels of the compared images
 LEAST_MATCHES = 8
-# Above `MANY_IMAGES` images, the `STRONG` best keypoints are matched between all pairs, and
-# all keypoints of an image with those of its `PARTNERS` and of the images that have it as theirs.
+# Above `MANY_IMAGES` images, only the `STRONG` best keypoints are matched between all pairs. Each
+# image has `PARTNERS`: the images with most such matches. All keypoints are matched with partners.
 MANY_IMAGES, STRONG, PARTNERS = 18, 500, 12
-# Brown and Lowe, equation 13: a match is right by chance with 0.1 and between images of one
-# scene with 0.6, and a pair must be 1000 times likelier than chance.
+# Brown and Lowe, equation 13. A match is an inlier with probability 0.6 between images of one scene
+# and 0.1 by chance. A pair must be 1000 times likelier than chance.
 ALPHA, BETA = 8.0, 0.3
 LEAST_SIDE = 16  # pixels; smaller images have no keypoints
 
@@ -33,36 +33,36 @@ Progress = Callable[[int, int, str], None]
 
 
 class Link(NamedTuple):
-    """Two images that show the same, and the points by which that is known."""
+    """Two images that overlap, and their matches."""
 
     first: int
     second: int
     matrix: np.ndarray
-    """Takes (x, y, 1) of the first to the second, (3, 3) float64."""
+    """Maps (x, y, 1) of the first image to the second, (3, 3) float64."""
     points0: np.ndarray
     """Inliers (n, 2), x and y in the first image, float64."""
     points1: np.ndarray
-    """The same in the second image."""
+    """The same matches in the second image."""
     overlapping: int
-    """Matches in the overlap."""
+    """Number of matches in the overlap."""
 
 
 class Heap(NamedTuple):
-    """Images, made small enough to be compared."""
+    """Images, and their small copies for the comparison."""
 
     images: list[Any]
     """The images as given, (H, W) or (H, W, C)."""
     small: list[Any]
-    """The same, at most `WORK_PIXELS` large."""
+    """The same images, with at most `WORK_PIXELS` pixels each."""
     factors: np.ndarray
-    """Sides of the small images over those of the large, (N, 2) in the order x, y."""
+    """Sides of the small images over the sides of the large ones, (N, 2) in the order x, y."""
     white: float | None
 
 
 def check_heap(images: Any, data_range: float | None) -> list[Any]:
-    """Return the images, checked, and no kernel has run."""
+    """Check the images and return them as arrays, without running a kernel."""
     if isinstance(images, np.ndarray) and images.ndim < 3:
-        raise ValueError("images must be several arrays, got one")
+        raise ValueError("images must be a sequence of arrays, got one array")
     checked = []
     for i, image in enumerate(images):
         image = check_image(image, ndim=(2, 3), name=f"images[{i}]")
@@ -78,7 +78,7 @@ def check_heap(images: Any, data_range: float | None) -> list[Any]:
 
 
 def make_small(images: list[Any], white: float | None) -> Heap:
-    """Shrink images to the size at which they are compared."""
+    """Shrink images to the size of the comparison."""
     small, factors = [], []
     for image in images:
         height, width = image.shape[:2]
@@ -95,7 +95,7 @@ def make_small(images: list[Any], white: float | None) -> Heap:
 
 
 def white_of_all(images: Sequence[Any], data_range: float | None) -> list[float]:
-    """Return what white is in each image."""
+    """Return the value of white in each image."""
     kinds = [library(image).dtype(image) for image in images]
     if data_range is not None:
         return [float(data_range)] * len(kinds)
@@ -103,7 +103,7 @@ def white_of_all(images: Sequence[Any], data_range: float | None) -> list[float]
 
 
 def link_images(heap: Heap, say: Progress) -> list[Link]:
-    """Find the pairs that show the same, in the order of their indices."""
+    """Find the pairs that overlap, in the order of their indices."""
     count = len(heap.images)
     rt = runtime(*heap.images)
     whites = white_of_all(heap.images, heap.white)
@@ -137,9 +137,9 @@ def link_images(heap: Heap, say: Progress) -> list[Link]:
 
 
 def _likely_pairs(rt: Runtime, found: list[Features]) -> np.ndarray:
-    """Return the pairs (P, 2), i < j, that are worth to be matched with all keypoints.
+    """Return the pairs (P, 2), i < j, for which to match all keypoints.
 
-    Of many images, each with the others that it has most matches with among strong keypoints.
+    Among many images, pair each one with those that share most matches of strong keypoints with it.
     """
     count = len(found)
     pairs = np.stack(np.triu_indices(count, 1), axis=1)
@@ -177,7 +177,7 @@ def _accepted(
     points: tuple[np.ndarray, np.ndarray],
     inliers: np.ndarray,
 ) -> Link | None:
-    """Return a pair if its inliers are too many for chance, in pixels of the large images."""
+    """Return the pair, in pixels of the large images, if it has more inliers than by chance."""
     if not np.isfinite(matrix).all():
         return None
     a, b = (p[:, ::-1] for p in points)
@@ -188,7 +188,7 @@ def _accepted(
     number, overlapping = int(inliers.sum()), int((inside | inliers).sum())
     if number <= ALPHA + BETA * overlapping:
         return None
-    # A photograph is no mirror image of another: the map keeps the sense of turning.
+    # A photograph is never a mirror image of another: the map preserves orientation.
     if np.linalg.det(matrix) <= 0 or not (depth[inliers] > 0).all():
         return None
     scale = [_to_small(heap.factors[k]) for k in (i, j)]
@@ -198,13 +198,13 @@ def _accepted(
 
 
 def _to_small(factors: np.ndarray) -> np.ndarray:
-    """Return the matrix that takes a large image to the small one."""
+    """Return the matrix that maps a large image to the small one."""
     x, y = factors
     return np.array([[x, 0, 0.5 * x - 0.5], [0, y, 0.5 * y - 0.5], [0, 0, 1]])
 
 
 def mapped(matrix: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where points (N, 2), x and y, are taken, and the sign of their depth."""
+    """Return the images of points (N, 2), x and y, under a homography, and their depths."""
     q = points @ matrix[:, :2].T + matrix[:, 2]
     depth = q[:, 2] * np.sign(matrix[2, 2] or 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -212,7 +212,7 @@ def mapped(matrix: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def connected(count: int, links: Sequence[tuple[int, int]]) -> list[list[int]]:
-    """Return the connected components, the largest first, of equal ones that of the least index."""
+    """Return the connected components: the largest first, then by their least index."""
     parent = list(range(count))
 
     def root(i: int) -> int:

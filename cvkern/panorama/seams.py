@@ -1,4 +1,4 @@
-"""Which image shows which part of a panorama, and how bright each is to be: at a coarse size."""
+"""Seams between the images of a panorama, and gains of their exposures, at a coarse size."""
 
 from __future__ import annotations
 
@@ -11,43 +11,43 @@ from cvkern._runtime import Runtime
 from cvkern.panorama.surfaces import Canvas
 from cvkern.panorama.warping import draw, shrunk
 
-SEAM_PIXELS = 250_000  # size of the canvas on which seams are looked for
-SHARPNESS = 20.0  # images that differ by 1/20 of white make a step half as costly
-MARGIN = 0.5  # An image surely owns pixels where its weight exceeds the others by so much.
+SEAM_PIXELS = 250_000  # size of the canvas on which seams are found
+SHARPNESS = 20.0  # a difference of 1/20 of white halves the cost of a step
+MARGIN = 0.5  # an image is a seed where its weight exceeds all others by this
 GAIN_SPREAD = 3.0  # standard deviation of the logarithms of gains
 NOISE = 0.04  # standard deviation of the mean colours of an overlap, in parts of white
-DARK, BRIGHT = 0.02, 0.98  # in parts of white: what is beyond says little of the exposure
+DARK, BRIGHT = 0.02, 0.98  # parts of white: only values between these measure the exposure
 GAIN_SAMPLES = 4000  # pixels of an overlap that are compared
 LEAST_SAMPLES = 20
-DENSITY = 2  # step between the rows and columns that tell what becomes too bright
-WHITEST = 0.98  # share of the pixels, of those not white before, that gains must not make white
-DIMMEST = 0.6  # least factor of all gains
-ENDS = 4096  # rounds of growth, which need about one for every 16 pixels of a side
+DENSITY = 2  # step between the rows and columns in which new white pixels are counted
+WHITEST = 0.98  # share of the pixels that are not white before the gains and must not be after them
+DIMMEST = 0.6  # least common factor of the gains
+ENDS = 4096  # largest number of rounds; a canvas needs about one for every 16 pixels of a side
 
 
 class Sources(NamedTuple):
-    """The images of one panorama, made small."""
+    """The images of one panorama, reduced in size."""
 
     images: list[Any]
     """(H, W, C) or (H, W)."""
     factors: np.ndarray
-    """Sides of these over those of the large images, (N, 2)."""
+    """Sides of these images over the sides of the large ones, (N, 2)."""
     white: float
     channels: int
 
 
 class Seams(NamedTuple):
-    """Who shows what."""
+    """The image that each pixel shows, and the gains."""
 
     labels: Any
-    """(H', W') int32, a kernel array: the image of each pixel of the coarse canvas, or -1."""
+    """(H', W') int32, a kernel array: the image index of each coarse pixel, or -1."""
     gains: np.ndarray
     """(N, C) float32."""
     coarse: Canvas
 
 
 def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) -> Seams:
-    """Give every pixel of a coarse canvas to an image, and find the gains."""
+    """Assign every pixel of a coarse canvas to an image, and find the gains."""
     factor = max(1.0, math.sqrt(canvas.width * canvas.height / SEAM_PIXELS))
     coarse = canvas.coarser(factor)
     count, channels = len(sources.images), sources.channels
@@ -88,11 +88,12 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
 
 
 def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float) -> np.ndarray:
-    """Return the gains (N, C) that make overlaps alike, after Brown and Lowe, section 6.
+    """Return the gains (N, C) that equalise the overlaps, after Brown and Lowe, section 6.
 
-    Their logarithms have the least sum of squared differences of the logarithms of the mean
-    colours, each as heavy as the overlap is large and bright, and a little of their own squares:
-    their mean is 0. All are lowered alike if they would make white what was not.
+    The logarithms of the gains minimise the squared differences of the logarithms of mean colours
+    in the overlaps. The weight of an overlap grows with its size and brightness. A small penalty on
+    the squares of the logarithms makes their mean 0. If the gains would make new pixels white, one
+    common factor lowers them all.
     """
     count, channels = values.shape[:2]
     normal = np.tile(np.eye(count) / GAIN_SPREAD**2, (channels, 1, 1))
@@ -119,7 +120,7 @@ def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: f
 
 
 def _dimming(values: np.ndarray, weights: np.ndarray, gains: np.ndarray, white: float) -> float:
-    """Return a factor, at most 1, by which what is not white in the images stays so."""
+    """Return a factor, at most 1, that keeps the gains from making new pixels white."""
     there = (weights[..., ::DENSITY, ::DENSITY] > 0) & (values.max(axis=1) < BRIGHT * white)
     lit = (values * gains[..., None, None]).max(axis=1)[there] / white
     if not lit.size:
@@ -136,7 +137,7 @@ def _overlap(
     j: int,
     shift: int,
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """Return mean colours of two images in their overlap, in parts of white, and its size."""
+    """Return the mean colours of two images in their overlap, in parts of white, and its size."""
     one, other = coarse.rects[i], coarse.rects[j] + (shift, 0, shift, 0)
     low, high = np.maximum(one[:2], other[:2]), np.minimum(one[2:], other[2:])
     if (high <= low).any():

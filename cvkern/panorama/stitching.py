@@ -1,4 +1,4 @@
-"""Panoramas from an unordered heap of images."""
+"""Panoramas from an unordered set of images."""
 
 from __future__ import annotations
 
@@ -38,42 +38,42 @@ from cvkern.panorama.surfaces import SURFACES, Canvas, lay_out
 
 MAX_PIXELS = 100_000_000
 MOST_BANDS = 8
-LEAST_BAND = 12  # pixels of the shorter side of an image in its coarsest band, unless told
+LEAST_BAND = 12  # default shorter side of an image in its coarsest band, in pixels
 
 
 class Panorama(NamedTuple):
-    """A panorama, and how its images lie to each other."""
+    """A panorama, and the alignment of its images."""
 
     image: Any
-    """(H, W) or (H, W, 3): uint8 of bytes, uint16 of NumPy's uint16, else float32; 0 where no
-    image is. Of the library of the images."""
+    """(H, W) or (H, W, 3): uint8 for uint8 images, uint16 for NumPy's uint16, else float32; 0 where
+    there is no image. The array belongs to the same library as the images."""
     mask: Any
-    """(H, W) bool: where there is an image."""
+    """(H, W) bool: true where there is an image."""
     members: list[int]
-    """Indices of the images, ascending: K of them."""
+    """Indices of the K images, ascending."""
     model: str
     """'rotation': cameras that turn about one point; 'affine' or 'homography': images of one plane;
-    'homography tree' or 'similarity tree': they could not be adjusted together, and are put
-    together pair by pair."""
+    'homography tree' or 'similarity tree': images that could not be adjusted jointly and are
+    joined pair by pair."""
     surface: str
     """'plane', 'cylinder' or 'sphere'."""
     closed: bool
     """Whether the last column meets the first: a view all round."""
     focal_lengths: np.ndarray
-    """(K,) float64, pixels; NaN but for rotations."""
+    """(K,) float64, pixels; NaN except for rotations."""
     rotations: np.ndarray
-    """(K, 3, 3) float64: from the axes of the panorama (x right, y down, z forward) to those of
-    each camera; NaN but for rotations."""
+    """(K, 3, 3) float64: from the axes of the panorama (x right, y down, z forward) to the axes of
+    each camera; NaN except for rotations."""
     matrices: np.ndarray
-    """(K, 3, 3) float64: from (x, y, 1) of the panorama, a plane, to those of each image; NaN on
-    a cylinder or a sphere."""
+    """(K, 3, 3) float64: from (x, y, 1) of a plane panorama to (x, y, 1) of each image; NaN on a
+    cylinder or a sphere."""
     gains: np.ndarray
-    """(K, C) float32: factors of the colours of each image."""
+    """(K, C) float32: factors that multiply the colours of each image."""
     residual: float
-    """Root of the mean square of the distances of the best 85 percent of the matches, in pixels of
-    the images as they were compared: of at most 0.6 megapixels."""
+    """Root mean square distance of the best 85 percent of the matches, in pixels of the images as
+    they were compared: at most 0.6 megapixels each."""
     pairs: list[tuple[int, int]]
-    """The pairs of members that show the same."""
+    """The pairs of members that overlap."""
 
 
 class Options(NamedTuple):
@@ -88,7 +88,7 @@ class Options(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What is known of a panorama before it is drawn."""
+    """The alignment and the surface of a panorama, before it is drawn."""
 
     members: list[int]
     links: list[Link]
@@ -109,46 +109,49 @@ def stitch(
     data_range: float | None = None,
     progress: Progress | None = None,
 ) -> list[Panorama]:
-    """Make every panorama that is in an unordered heap of images.
+    """Make every panorama of an unordered set of images.
 
-    Which images belong together is found as by :func:`recognize_panoramas`. Cameras that turn about
-    one point are adjusted jointly, three angles and a focal length each; images of one plane, such
-    as the scans of a map, by homographies. Exposures are made alike, seams go round what moved, and
-    bands of the images are blended over widths of their own. What cannot be adjusted is put
-    together by the homographies of its best pairs, with a warning.
+    The images are grouped as by :func:`recognize_panoramas`. Bundle adjustment finds three angles
+    and a focal length for each camera of a group that turned about one point. It finds a homography
+    for each image of one plane, such as the scans of a map. Then exposures are equalised, seams are
+    laid around objects that moved, and each frequency band of the images is blended over a width of
+    its own. Images that cannot be adjusted jointly are joined by the homographies of the best
+    pairs, with a warning.
 
     Parameters
     ----------
     images : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4)
-        Of one real dtype and of various sizes. A fourth channel is left out.
+        Images of one real dtype and of any sizes. A fourth channel is ignored.
     surface : {'auto', 'plane', 'cylinder', 'sphere'}, default 'auto'
-        What cameras that turn are drawn on: by itself a plane up to 90 degrees, corner to corner,
-        a cylinder up to 50 degrees above and below the horizon, else a sphere. More than 150
-        degrees, which no plane holds, are drawn as by 'auto'. Images of a plane are drawn on a
-        plane.
+        The surface for rotating cameras. 'auto' takes a plane for views of up to 90 degrees, corner
+        to corner; else a cylinder for views of up to 50 degrees above and below the horizon; else
+        a sphere. No plane holds more than 150 degrees: 'plane' then acts like 'auto'. Images of a
+        plane are always drawn on a plane.
     scale : float, default 1.0
-        Pixels of the panorama in one of the images.
+        Pixels of the panorama per pixel of an image.
     crop : bool, default False
         Cut the panorama to the largest rectangle without gaps.
     compensate : bool, default True
-        Multiply each colour of each image by a gain, so that overlaps are alike.
+        Multiply each colour of each image by a gain that equalises the overlaps.
     bands : int, optional
-        How often images are halved in blending, at most 8; 0: hard seams. By default so often that
-        the smallest is about 12 pixels wide.
+        Number of times that images are halved for blending, at most 8; 0 gives hard seams. By
+        default the smallest image is about 12 pixels wide.
     focal_lengths : array of shape (N,), optional
-        Of the images, in their pixels, if they are known to about 5 percent; NaN for those that
-        are not. They are refined, and not used where the matches contradict them.
+        Focal lengths of the images, in their pixels, if known to about 5 percent; NaN for unknown
+        ones. They are refined, and ignored if the matches contradict them.
     max_pixels : int, default 100000000
         A larger panorama is refused before anything is drawn.
     data_range : float, optional
-        What white is; for integers the largest number of the dtype by default, else 1.
+        The value of white. By default the largest number of an integer dtype, else 1.
     progress : function, optional
-        Called with the number of steps done, the number of all, and what comes next.
+        Called with the number of completed steps, the number of all steps, and the name of the next
+        one.
 
     Returns
     -------
     list of Panorama
-        The one of most images first, of equal ones that of the least index; none of strangers.
+        The panoramas, sorted by their number of images, largest first, then by their least index.
+        Images without partners are left out.
 
     Raises
     ------
@@ -162,7 +165,7 @@ def stitch(
     Warns
     -----
     UserWarning
-        If images of a panorama could not be adjusted together.
+        If images of a panorama could not be adjusted jointly.
 
     References
     ----------
@@ -245,7 +248,7 @@ def _plan(
     if alignment.model.endswith("tree"):
         names = ", ".join(map(str, members))
         warnings.warn(
-            f"images {names} could not be adjusted together, and are put together pair by pair",
+            f"images {names} could not be adjusted together, and are joined pair by pair",
             stacklevel=4,
         )
     canvas = lay_out(alignment, sides, options.surface, options.scale)

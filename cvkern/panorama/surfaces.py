@@ -1,8 +1,8 @@
-"""The surface that a panorama is drawn on: its axes, its size, and where each image lies on it.
+"""The surface of a panorama: its axes, its size, and the place of each image on it.
 
-All surfaces take a pixel in column x and row y to the direction ``(a p, q, b p)``, in which a and b
-depend on x alone, p and q on y alone: a plane has (x, 1) and (1, y), a cylinder (sin x, cos x) and
-(1, y), a sphere (sin x, cos x) and (cos y, sin y). Kernels take those as tables.
+Every surface maps the pixel in column x and row y to the direction ``(a p, q, b p)``. Here a and b
+depend on x only, p and q on y only. A plane has (a, b) = (x, 1) and (p, q) = (1, y), a cylinder
+(sin x, cos x) and (1, y), a sphere (sin x, cos x) and (cos y, sin y). Kernels take them as tables.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from cvkern.panorama.models import Alignment
 
 SURFACES = ("auto", "plane", "cylinder", "sphere")
-PLANE_SPAN = math.radians(90)  # widest view, across its corners, that is drawn on a plane unasked
-PLANE_MOST = math.radians(150)  # widest that a plane can hold
-CYLINDER_RISE = math.radians(50)  # highest view that is drawn on a cylinder unasked
+PLANE_SPAN = math.radians(90)  # widest view, across its corners, that 'auto' draws on a plane
+PLANE_MOST = math.radians(150)  # widest view that a plane can hold
+CYLINDER_RISE = math.radians(50)  # highest view that 'auto' draws on a cylinder
 CYLINDER_MOST = math.radians(75)
 RIM = 0.25  # pixels that the last column may lie beyond the middles of all others
-ALONG = 33  # points along each side of an image that say where it lies
-FEW_SPREAD = 0.004  # mean square of sines below which directions do not tell a plane
-CLEARLY = 9.0  # ratio of squares that tells a plane of directions
+ALONG = 33  # points along each side of an image that determine its outline
+FEW_SPREAD = 0.004  # directions determine a plane above this mean square of sines
+CLEARLY = 9.0  # directions determine a plane above this ratio of squares
 NEAR_UP = math.cos(math.radians(45))
 
 
@@ -38,14 +38,14 @@ class Canvas(NamedTuple):
     """The coordinate of the middle of the first column."""
     top: float
     closed: bool
-    """Whether the first column follows the last one."""
+    """Whether the first column continues the last one."""
     matrices: np.ndarray
     """(N, 3, 3): from directions to pixels (x, y, 1) of each image."""
     rotations: np.ndarray | None
-    """(N, 3, 3): from directions to the axes of each camera; None of images of a plane."""
+    """(N, 3, 3): from directions to the axes of each camera; None for images of a plane."""
     rects: np.ndarray
-    """(N, 4): first column and row of each image, and those behind its last; columns of a closed
-    canvas go on over its ends."""
+    """(N, 4): first column and row of each image, then one past its last ones. Columns of a closed
+    canvas continue beyond its ends."""
 
     def columns(self, first: int, count: int) -> np.ndarray:
         """Return the table of columns, (count, 2) float64."""
@@ -85,10 +85,10 @@ class Canvas(NamedTuple):
 def straighten(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """Return rotations (N, 3, 3) from level axes: x along the horizon, y down, z to the middle.
 
-    Cameras are held so that their sides are level: the vertical is the direction with the least sum
-    of squares along those [Brown and Lowe, section 5]. Cameras that all look nearly the same way,
-    or that lie above each other, do not tell it; there it is their mean vertical. A camera that is
-    turned by about a right angle counts as one that is not.
+    People hold cameras so that their x axes are level. The vertical is therefore the direction with
+    the least sum of squared projections on these axes [Brown and Lowe, section 5]. Cameras that all
+    look nearly the same way, or above each other, do not determine it; the mean vertical of the
+    cameras is used then. A camera turned by about a right angle counts as an upright one.
     """
     quarters = _quarter_turns(rotations, parents)
     most = np.bincount(quarters, minlength=4).argmax()
@@ -104,20 +104,20 @@ def straighten(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
         mean = down.mean(axis=0)
         vertical = _unit(mean - across * (mean @ across), np.cross(rotations[0, 2], across))
     ahead = rotations[:, 2].sum(axis=0)
-    # Cameras that look all round have no middle.
+    # Cameras that look in all directions have no middle.
     ahead = _unit(ahead - vertical * (ahead @ vertical), np.cross(right[0], vertical))
     axes = np.stack((np.cross(vertical, ahead), vertical, ahead))  # from the world to level axes
     return rotations @ axes.T
 
 
 def _unit(vector: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return a vector at length 1, or the other if it is too short to tell a direction."""
+    """Return a vector scaled to length 1, or `other` if it is too short to have a direction."""
     length = np.linalg.norm(vector)
     return vector / length if length > 1e-3 else other / np.linalg.norm(other)
 
 
 def _quarter_turns(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
-    """Return by how many right angles each camera is turned against the central one."""
+    """Return the number of right angles between each camera and the central one."""
     quarters = np.zeros(len(rotations), int)
     done = parents < 0
     while not done.all():
@@ -150,7 +150,7 @@ def lay_out(alignment: Alignment, sides: np.ndarray, surface: str, scale: float)
 
 
 class Outline:
-    """The directions of the rim of an image of a camera that turns."""
+    """The directions of the rim of an image of a rotating camera."""
 
     def __init__(self, camera: np.ndarray, rotation: np.ndarray, side: np.ndarray):
         self.matrix, self.rotation = camera @ rotation, rotation
@@ -185,7 +185,7 @@ class Outline:
 
 
 def rim_of(side: np.ndarray) -> np.ndarray:
-    """Return points (x, y, 1) round the rim of an image."""
+    """Return points (x, y, 1) along the rim of an image."""
     t = np.linspace(0, 1, ALONG)
     zero, one = np.zeros_like(t), np.ones_like(t)
     x, y = np.concatenate((t, t, zero, one)), np.concatenate((zero, one, t, t))
@@ -218,7 +218,7 @@ def _rects(boxes: np.ndarray, height: float) -> np.ndarray:
 
 
 def _round(views: list[Outline], surface: str, step: float) -> Canvas:
-    """Lay views out on a cylinder or a sphere; its ends are where the widest gap is."""
+    """Lay views out on a cylinder or a sphere, and cut it in the middle of the widest gap."""
     spans = np.array([view.span() for view in views])
     rises = np.array([view.rise() for view in views])
     turn = 2 * math.pi
@@ -226,7 +226,7 @@ def _round(views: list[Outline], surface: str, step: float) -> Canvas:
     ends = begins + (spans[:, 1] - spans[:, 0])
     order = np.argsort(begins, kind="stable")
     gaps = []
-    covered = float((ends - turn).max())  # what goes on over the end of the circle
+    covered = float((ends - turn).max())  # views that continue beyond the end of the circle
     for i in order:
         gaps.append((begins[i] - covered, covered, begins[i]))
         covered = max(covered, ends[i])

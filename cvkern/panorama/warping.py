@@ -1,4 +1,4 @@
-"""Images drawn on the surface of a panorama."""
+"""Projection of images onto the surface of a panorama."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def draw(
 def shrunk(
     image: Any, factors: np.ndarray, n: int, coarse: Canvas, canvas: Canvas
 ) -> tuple[Any, np.ndarray]:
-    """Return an image about as fine as the coarse canvas, and its matrix there."""
+    """Return an image reduced to about the resolution of the coarse canvas, and its matrix."""
     finer = factors.mean() * _enlargement(canvas, n) * coarse.step / canvas.step
     if finer > 1.5:
         sides = tuple(max(1, round(side / finer)) for side in image.shape[:2])
@@ -52,7 +52,7 @@ def shrunk(
 
 
 def _enlargement(canvas: Canvas, n: int) -> float:
-    """Return how many pixels of an image one of the canvas is, in the middle of the image."""
+    """Return the side of a canvas pixel in image pixels, in the middle of the image."""
     x, y = (int(v) for v in (canvas.rects[n, :2] + canvas.rects[n, 2:]) // 2)
     (a, b), (p, q) = canvas.columns(x, 2).T, canvas.rows(y, 2).T
     rays = np.array([[a[j] * p[i], q[i], b[j] * p[i]] for i, j in ((0, 0), (0, 1), (1, 0))])

@@ -12,12 +12,12 @@ from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.kernels.codes.shading import CHUNKS
 
 METHODS = ("poisson", "bilateral")
-FLATTEST = 0.01  # least z of a unit normal whose slope is taken as it is
-COARSEST = 16  # pixels of the coarsest level, at most, unless it is a line
-SETTLED = 8  # sweeps there and back that solve it
-OFTEN = 4  # steps between looks at how far there is to go
+FLATTEST = 0.01  # least z of a unit normal; steeper slopes are limited to that of this z
+COARSEST = 16  # largest number of pixels of the coarsest level, unless it is a line
+SETTLED = 8  # forward and backward sweeps that solve the coarsest level
+OFTEN = 4  # steps between checks of convergence
 MOST_STEPS = 400
-LEAST_GAIN = 1e-4  # share of the energy below which weights are not found anew
+LEAST_GAIN = 1e-4  # relative decrease of the energy below which the weights are final
 
 
 def integrate_normals(
@@ -34,48 +34,49 @@ def integrate_normals(
     Parameters
     ----------
     normals : array of shape (H, W, 3)
-        (x right, y up, z towards the camera), of any length. Any real dtype. What is not finite or
-        faces away from the camera is outside.
+        (x right, y up, z towards the camera), of any length. Any real dtype. Normals that are not
+        finite or face away from the camera count as outside.
     mask : array of shape (H, W), optional
-        Where the surface is: not 0. By default wherever normals are.
+        Pixels of the surface are not 0. By default all pixels with a valid normal.
     method : {'poisson', 'bilateral'}, default 'poisson'
-        `poisson` takes the surface for continuous within the mask. `bilateral` lets it jump.
+        `poisson` assumes a continuous surface within the mask. `bilateral` allows jumps of depth.
     sharpness : float, default 2.0
-        Of `bilateral`: how decidedly a pixel joins the nearer of two neighbours, per square pixel.
+        For `bilateral`: the factor k of the weights in the notes, per square pixel. A larger one
+        makes sharper decisions between the two sides of a pixel.
     tolerance : float, default 1e-05
-        Of the solution, as a share of the depth's size in the equations' own norm; in (0, 1).
+        Relative error of the depth in the energy norm of the equations, in (0, 1).
     iterations : int, default 100
-        Of `bilateral`: how often weights are found anew, at most. It ends sooner where the energy
+        For `bilateral`: largest number of updates of the weights. It stops earlier when the energy
         falls by less than a ten-thousandth.
 
     Returns
     -------
     array of shape (H, W), float32
-        Depth in pixels, growing away from the camera, NaN outside. Each connected part (by rows
-        and columns) is found up to a constant: its mean is 0. Of the library and on the device of
-        `normals`.
+        Depth in pixels, growing away from the camera, NaN outside. Each connected part (along rows
+        and columns) has an unknown offset, and its mean is set to 0. The array is of the same
+        library and on the same device as `normals`.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers, or a number is not one.
     ValueError
-        If a shape is another, `mask` is 0 wherever normals are, `method` is unknown, or a number
-        is out of range.
+        If a shape does not match, `mask` is 0 at all valid normals, `method` is unknown, or a
+        number is out of range.
 
     See Also
     --------
     photometric_stereo : Normals from images.
-    mesh_from_depth : Triangles for the depth.
-    normals_from_depth : The way back.
+    mesh_from_depth : A mesh of triangles from the depth.
+    normals_from_depth : The inverse.
 
     Notes
     -----
-    Neighbours differ by the mean of their slopes, ``z_b - z_a = (p_a + p_b) / 2``, by least
-    squares. `bilateral` has for each pixel an equation on either side of it, ``n_z (z_b - z_a) =
-    n_x``, and gives the side that differs less the larger share, again and again [1]_:
-    ``1 / (1 + exp(-k (d_-^2 - d_+^2)))``. Equations are solved in float64 by conjugate gradients,
-    preconditioned by a multigrid cycle in float32.
+    `poisson` solves ``z_b - z_a = (p_a + p_b) / 2`` for neighbours a and b with slopes p, by least
+    squares. `bilateral` has one equation on each side of a pixel, ``n_z (z_b - z_a) = n_x``. It
+    repeatedly gives the side that differs less a larger weight,
+    ``1 / (1 + exp(-k (d_-^2 - d_+^2)))`` [1]_. The equations are solved in float64 by conjugate
+    gradients, preconditioned by a multigrid cycle in float32.
 
     Slopes steeper than 100 count as 100.
 
@@ -120,7 +121,7 @@ def integrate_normals(
     kernels.slopes(rt.adopt(normals), given, FLATTEST, inside, slope)
     there = rt.to_numpy(inside) != 0
     if not there.any():
-        raise ValueError("mask must not be 0 wherever normals are, got nothing to integrate")
+        raise ValueError("mask must not be 0 at all valid normals, got nothing to integrate")
     solver = Solver(rt, inside, shape)
     none = rt.scratch("relief.none", (0, 1, 1))
     kernels.join(inside, slope, none, solver.weights, solver.rises)
@@ -143,7 +144,7 @@ def integrate_normals(
 
 
 def _parts(rt: Runtime, z: Any, there: np.ndarray) -> tuple[Any, Any]:
-    """Return the numbers of connected parts from 1 on, 0 outside, and the mean depth of each."""
+    """Return labels of connected parts from 1 on, 0 outside, and the mean depth of each part."""
     from scipy.ndimage import label
 
     numbers, count = label(there)  # pyright: ignore[reportGeneralTypeIssues]
@@ -155,7 +156,7 @@ def _parts(rt: Runtime, z: Any, there: np.ndarray) -> tuple[Any, Any]:
 
 
 class Solver:
-    """Equations of edges between pixels, and levels of blocks of them."""
+    """Equations on the edges between pixels, and their multigrid levels."""
 
     def __init__(self, rt: Runtime, inside: Any, shape: tuple[int, int]):
         self.rt = rt
@@ -163,7 +164,8 @@ class Solver:
             rt.scratch(f"relief.{name}", shape, np.float64) for name in "zrpq"
         )
         rt.clear(self.z)
-        # What is left times its smoothed self, a direction times its product, the first one before.
+        # Dot products: residual and preconditioned residual; direction and its image; the former
+        # value of the first.
         self.sums = rt.scratch("relief.sums", (3,), np.float64)
         self.partial = rt.scratch("relief.partial", (CHUNKS,), np.float64)
         self.rises = rt.scratch("relief.rises", (2, *shape))
@@ -182,7 +184,7 @@ class Solver:
         self.weights = self.levels[0][0]
 
     def misfit(self, slope: Any, shares: Any) -> float:
-        """Return the energy of z under shares of the sides of each pixel."""
+        """Return the energy of z for the given weights of the sides of each pixel."""
         rows = self.rt.scratch("relief.rows", (self.z.shape[0],), np.float64)
         self.rt.shading.integration.equations.weigh_misfit(
             self.z, self.levels[0][1], slope, shares, rows
@@ -193,7 +195,7 @@ class Solver:
         return self.rt.scratch(f"relief.b{n}", shape), self.rt.scratch(f"relief.x{n}", shape)
 
     def solve(self, tolerance: float) -> int:
-        """Go on from z to the solution; return after how many steps."""
+        """Iterate from z to the solution; return the number of steps."""
         kernels, weights = self.rt.shading.integration.multigrid, self.weights
         pull = self.rt.shading.integration.equations.pull
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
@@ -216,7 +218,7 @@ class Solver:
         return MOST_STEPS
 
     def _cycle(self) -> Any:
-        """Return what one multigrid cycle makes of what is left."""
+        """Apply one multigrid cycle to the residual."""
         kernels, levels = self.rt.shading.integration.multigrid, self.levels
         kernels.begin(self.r, levels[0][2], levels[0][3])
         for n, (weights, _, b, x) in enumerate(levels[:-1]):

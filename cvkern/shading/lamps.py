@@ -1,4 +1,4 @@
-"""Lights from images: of a chrome sphere, or of the surface itself."""
+"""Estimation of lights from images of a chrome sphere, or of the surface itself."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from cvkern._checks import check_choice, check_image
 from cvkern.shading.photometry import check_images
 
-HIGHLIGHT = 0.9  # share of the brightest value from which a pixel is of the highlight
-MOST_PIXELS = 40000  # sampled for lights that nobody has measured
+HIGHLIGHT = 0.9  # share of the brightest value above which a pixel belongs to the highlight
+MOST_PIXELS = 40000  # pixels sampled for the estimation of unknown lights
 DARK = 0.02  # share of a pixel's mean below which it is in shadow
-SMOOTHED = (0.0, 1.0, 2.0, 4.0)  # pixels; the first that is clear, else the clearest
-CLEAR = 0.2  # ratio of the least two strengths of integrability
-MOST_ALIKE = 0.5  # ratio from which nothing is told
-FILLS = 10  # rounds in which shadows are filled by the model
+SMOOTHED = (0.0, 1.0, 2.0, 4.0)  # pixels; the first one with a clear result, else the clearest
+CLEAR = 0.2  # ratio of the two least singular values of integrability: below it, a clear result
+MOST_ALIKE = 0.5  # the same ratio: above it, the result is undetermined
+FILLS = 10  # rounds in which the model fills shadows
 
 
 def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
@@ -24,9 +24,9 @@ def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
     Parameters
     ----------
     images : array of shape (K, H, W)
-        An image for each light, of any real dtype. NumPy also takes a sequence of K images.
+        One image for each light, of any real dtype. A sequence of K NumPy images also works.
     mask : array of shape (H, W)
-        Where the sphere is, whole and round: not 0.
+        Pixels of the sphere are not 0. The whole sphere must be visible and round.
 
     Returns
     -------
@@ -38,18 +38,19 @@ def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, `mask` is 0 everywhere, or an image shows no light on the sphere.
+        If a shape does not match, `mask` is 0 everywhere, or an image shows no light on the sphere.
 
     See Also
     --------
-    photometric_stereo : What the lights are for.
+    photometric_stereo : Normals from images under these lights.
     estimate_lights : Lights without a sphere.
 
     Notes
     -----
-    The sphere's middle and radius are those of a disc with the mask's centre of mass and area. The
-    highlight is the centre of what has 90 % of the brightest value; there the normal halves the
-    angle between the light and the camera, which is far away: ``l = 2 (n . v) n - v``.
+    The centre and radius of the sphere are those of a disc with the mask's centre of mass and area.
+    The highlight is the centroid of all pixels above 90 % of the brightest value. There the normal
+    n bisects the angle between the light l and the direction v to a distant camera:
+    ``l = 2 (n . v) n - v``.
 
     Examples
     --------
@@ -88,17 +89,17 @@ def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
 
 
 def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> np.ndarray:
-    """Find the lights from images of one matt surface alone.
+    """Find the lights from images of a matt surface, without further measurements.
 
     Parameters
     ----------
     images : array of shape (K, H, W)
-        At least four, linear in light, of a surface that bends. Any real dtype. NumPy also takes a
-        sequence of K images.
+        At least four images, linear in light, of a curved surface. Any real dtype. A sequence of K
+        NumPy images also works.
     mask : array of shape (H, W), optional
-        Where the surface is: not 0. By default everywhere.
+        Pixels of the surface are not 0. By default all pixels.
     equal : {'lights', 'albedo'}, default 'lights'
-        What is taken to be the same everywhere: the strength of the lights, or the albedo.
+        The quantity that is assumed constant: the strength of the lights, or the albedo.
 
     Returns
     -------
@@ -110,21 +111,21 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
     TypeError
         If `images` does not hold real numbers.
     ValueError
-        If there are fewer than four images, a shape is another, `mask` is 0 everywhere, the images
-        have no three independent lights, do not tell them, or `equal` is unknown.
+        If there are fewer than four images, a shape does not match, `mask` is 0 everywhere, the
+        images do not have three independent lights or do not determine them, or `equal` is unknown.
 
     See Also
     --------
-    photometric_stereo : What the lights are for.
+    photometric_stereo : Normals from images under these lights.
 
     Notes
     -----
-    Images of a matt surface have rank 3, and their factors are lights and normals but for a 3 x 3
-    matrix. That neighbouring normals belong to one surface leaves of it the bas-relief ambiguity:
-    two slants and a flattening [1]_ [2]_. Where all lights are equally strong, or the albedo is the
-    same everywhere, that resolves it; where neither holds, depth comes out slanted or flattened.
-    Whether the surface bulges or is hollow no image tells: it is taken to bulge. Noise and gloss
-    may hide what joins neighbours, and a plane has nothing to join: such images are refused.
+    Images of a matt surface have rank 3. Their factors are the lights and the normals up to a 3 x 3
+    matrix. Integrability of the normals reduces this to the bas-relief ambiguity: two slants and a
+    flattening [1]_ [2]_. The assumption of equal lights or equal albedo resolves it; if neither
+    holds, the depth is slanted or flattened. Images cannot distinguish a convex from a concave
+    surface: a convex one is assumed. Noise and gloss may hide integrability, and a plane carries
+    no information: such images are refused.
 
     References
     ----------
@@ -159,7 +160,7 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
     lights, normals, seen = _integrable(lights, normals, inside)
     own = equal == "lights"
     change = _equal_lights(lights) if own else _equal_albedo(normals[:, seen].T)
-    # Normals are changed by the matrix, lights by its inverse transposed.
+    # The matrix transforms normals; its inverse transpose transforms lights.
     normals = np.tensordot(change, normals, 1)
     lights = lights @ np.linalg.inv(change)
     rows, columns = np.nonzero(seen)
@@ -172,7 +173,7 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
 
 
 def _factors(values: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return lights (K, 3) and normals (3, H, W) but for a matrix; shadows take no part."""
+    """Return lights (K, 3) and normals (3, H, W) up to a matrix; shadows are ignored."""
     pixels = values[:, inside]
     step = max(1, pixels.shape[1] // MOST_PIXELS)
     sample = pixels[:, ::step]
@@ -186,7 +187,7 @@ def _factors(values: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.nda
         lights = vectors[:, -3:]
         model = lights @ (lights.T @ filled)
         filled[dark] = np.minimum(model, 0)[dark]
-    # Each pixel by the images that light it.
+    # Solve each pixel from the images in which it is lit.
     dark = (pixels < DARK * pixels.mean(axis=0)).astype(float)
     lit = 1 - dark + 1e-6
     products = np.einsum("ki,kj->kij", lights, lights).reshape(len(lights), 9)
@@ -200,7 +201,7 @@ def _factors(values: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.nda
 def _integrable(
     lights: np.ndarray, normals: np.ndarray, inside: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return lights and normals of a surface, up to the bas-relief ambiguity, and where they are.
+    """Return lights and normals up to the bas-relief ambiguity, and the mask of the normals.
 
     With rows a1, a2, a3 of the matrix, ``(a3 x a1) . (b x b_y) = (a3 x a2) . (b x b_x)``.
     """
@@ -216,8 +217,8 @@ def _integrable(
             break
     if not least < MOST_ALIKE:
         raise ValueError(
-            "images must be of a matt surface whose bends tell the lights, got noise, gloss or "
-            "a surface that does not"
+            "images must show a matt surface whose curvature determines the lights, got noise, "
+            "gloss or too flat a surface"
         )
     c1, c2 = vectors[:3, 0], vectors[3:, 0]
     a3 = np.cross(c1, c2)
@@ -231,7 +232,7 @@ def _integrable(
 
 
 def _integrability(normals: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the equations of smoothed normals, six terms in each, and where there are such."""
+    """Return the integrability equations of smoothed normals, six terms each, and their mask."""
     from scipy.ndimage import gaussian_filter
 
     there = np.asarray(np.isfinite(normals).all(axis=0))
@@ -244,17 +245,17 @@ def _integrability(normals: np.ndarray, sigma: float) -> tuple[np.ndarray, np.nd
     scale = np.linalg.norm(b, axis=1, keepdims=True) ** 2 + 1e-30
     rows = np.hstack([np.cross(b, by), -np.cross(b, bx)]) / scale
     size = np.linalg.norm(rows, axis=1)
-    return rows[size <= 5 * np.median(size) + 1e-30], seen  # edges bend most
+    return rows[size <= 5 * np.median(size) + 1e-30], seen  # leave out edges
 
 
 def _relief(parameters: np.ndarray) -> np.ndarray:
-    """Return the matrix on normals of two slants and the logarithm of a flattening."""
+    """Return the matrix on normals for two slants and the logarithm of a flattening."""
     slant, tilt, scale = parameters
     return np.array([[1, 0, slant], [0, 1, tilt], [0, 0, np.exp(scale)]])
 
 
 def _equal_lights(lights: np.ndarray) -> np.ndarray:
-    """Return the matrix on normals under which all lights are equally strong."""
+    """Return the matrix on normals that makes all lights equally strong."""
 
     def apart(parameters: np.ndarray) -> np.ndarray:
         lengths = np.linalg.norm(lights @ np.linalg.inv(_relief(parameters)), axis=1)
@@ -264,7 +265,7 @@ def _equal_lights(lights: np.ndarray) -> np.ndarray:
 
 
 def _equal_albedo(normals: np.ndarray) -> np.ndarray:
-    """Return the matrix on normals under which all are equally long, but for a few."""
+    """Return the matrix on normals that makes all of them equally long, except for outliers."""
     sample = normals[:: max(1, len(normals) // 4000)]
 
     def apart(parameters: np.ndarray) -> np.ndarray:
@@ -275,7 +276,7 @@ def _equal_albedo(normals: np.ndarray) -> np.ndarray:
 
 
 def _best(apart: Any) -> np.ndarray:
-    """Return the matrix of least residuals among several starts."""
+    """Return the matrix with the least residuals among several starts."""
     from scipy.optimize import least_squares
 
     best, least = np.zeros(3), np.inf

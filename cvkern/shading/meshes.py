@@ -1,4 +1,4 @@
-"""Meshes of reliefs: made from depth, and seen along parallel rays."""
+"""Meshes of reliefs: from depth, and their orthographic view."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from cvkern._checks import as_numbers, check_image, check_sides
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.shading import NOTHING
 
-MOST_PLACE = 2.0**18  # pixels: beyond, steps of depth do not fit into their half of a key
+MOST_PLACE = 2.0**18  # pixels: larger depths do not fit into their half of a key
 
 
 class Mesh(NamedTuple):
     """Triangles in space: x right (column), y up (minus the row), z towards the camera."""
 
     vertices: Any
-    """Places, (V, 3) float32, in pixels."""
+    """Positions, (V, 3) float32, in pixels."""
     faces: Any
     """Corners of each triangle, (F, 3) int32, counter-clockwise as the camera sees them."""
 
 
 def mesh_from_depth(depth: Any) -> Mesh:
-    """Join the pixels of a depth map to a mesh.
+    """Make a mesh of triangles from a depth map.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ def mesh_from_depth(depth: Any) -> Mesh:
     Returns
     -------
     Mesh
-        Named tuple of `vertices` (V, 3) float32 and `faces` (F, 3) int32, NumPy arrays: a vertex
-        for each finite pixel, row by row, and two triangles for each square of four.
+        Named tuple of NumPy arrays, `vertices` (V, 3) float32 and `faces` (F, 3) int32. There is
+        one vertex for each finite pixel, row by row, and two triangles for each square of four.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def mesh_from_depth(depth: Any) -> Mesh:
     See Also
     --------
     integrate_normals : Depth from normals.
-    lambertian : What a mesh looks like.
+    lambertian : Render the mesh.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def check_mesh(mesh: Any) -> Mesh:
         raise ValueError(f"faces must have shape (F, 3), got {faces.shape}")
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError(
-            f"faces must be numbers of {len(vertices)} vertices, got {faces.min()} to {faces.max()}"
+            f"faces must be indices of {len(vertices)} vertices, got {faces.min()} to {faces.max()}"
         )
     if not (np.abs(vertices) < MOST_PLACE).all():
         raise ValueError(f"vertices must be finite and within {MOST_PLACE:g} pixels, got others")

@@ -13,25 +13,25 @@ from cvkern.kernels.codes.shading import MOST_LIGHTS, Photometric, Weighing
 from cvkern.shading.integration import integrate_normals
 
 METHODS = tuple(code.name.lower() for code in Photometric)
-# Windows of ranks, as shares: what is darker or brighter takes no part.
+# Windows of ranks, as shares: darker and brighter values are ignored.
 WINDOWS = {
     Photometric.TRIMMED: ((0.3, 0.9),),
     Photometric.CONSENSUS: tuple((a, b) for a in (0.0, 0.3, 0.6) for b in (0.8, 1.0)),
 }
 SWEEPS = {Photometric.L1: 20, Photometric.SPARSE_BAYES: 50, Photometric.CONSENSUS: 3}
 FLATTEST = 1e-3  # least singular value of light directions, as a share of the largest
-ROUNDS = 8  # turns of depth and normals under near lights
+ROUNDS = 8  # alternations of depth and normals under near lights
 
 
 class PhotometricStereo(NamedTuple):
-    """What images under several lights tell of a surface."""
+    """Normals and albedo of a surface."""
 
     normals: Any
-    """Unit normals (x right, y up, z towards the camera), (H, W, 3) float32; NaN where none."""
+    """Unit normals (x right, y up, z towards the camera), (H, W, 3) float32; NaN where unknown."""
     albedo: Any
-    """Length of the solution: the image of a light of strength 1 from in front, (H, W) float32."""
+    """Length of the solution: the image under a frontal light of strength 1, (H, W) float32."""
     residual: Any
-    """Root of the mean square of image less model, (H, W) float32, in values of the images."""
+    """Root mean square of image minus model, (H, W) float32, in values of the images."""
 
 
 def photometric_stereo(
@@ -48,40 +48,41 @@ def photometric_stereo(
     Parameters
     ----------
     images : array of shape (K, H, W)
-        At least three, linear in light, from one place. Any real dtype; computed in float32.
-        NumPy also takes a sequence of K images.
+        At least three images, linear in light, from one viewpoint. Any real dtype; computed in
+        float32. A sequence of K NumPy images also works.
     lights : array of shape (K, 3), or (K, 4) with `near`
-        Vectors towards distant lights, as long as each is strong, in the axes of normals: x right,
-        y up, z towards the camera. With `near`, their places, and their strengths.
+        Vectors towards distant lights, in the axes of normals: x right, y up, z towards the camera.
+        The length of a vector is the strength of its light. With `near`, the first three columns
+        are positions, and an optional fourth column has the strengths.
     method : {'consensus', 'least_squares', 'trimmed', 'l1', 'sparse_bayes'}
-        `consensus`, the default, averages robust solutions of six windows of brightness, each by
-        how well it tells the normal. `least_squares` suits a matt surface without shadows.
-        `trimmed` takes the images of ranks 30 % to 90 % of each pixel, `l1` the least sum of
-        absolute residuals, `sparse_bayes` noise in few images.
+        `consensus`, the default, averages robust solutions of six windows of brightness, weighted
+        by how well each determines the normal. `least_squares` suits a matt surface without
+        shadows. `trimmed` uses the values of ranks 30 % to 90 % of each pixel. `l1` minimises the
+        sum of absolute residuals. `sparse_bayes` assumes large errors in few images.
     mask : array of shape (H, W), optional
-        Where the surface is: not 0. By default everywhere.
+        Pixels of the surface are not 0. By default all pixels.
     saturation : float, optional
-        Values from here on take no part.
+        Values of at least this are ignored.
     near : bool, default False
-        Lights are at places in pixels: pixel (r, c) is at x = c, y = -r, and the mean depth of
-        each connected part is z = 0. Depth is integrated from the normals, and these are found
-        again, 8 times.
+        Lights have positions in pixels: pixel (r, c) is at x = c, y = -r, and the mean depth of
+        each connected part is z = 0. The function alternates 8 times between normals and their
+        integration to depth.
 
     Returns
     -------
     PhotometricStereo
-        Named tuple of `normals` (H, W, 3), `albedo` and `residual` (H, W), float32, of the library
-        of `images`. Normals are NaN, and the others 0, outside of the mask, where fewer than
-        three values take part, and where all are 0 or less. With `least_squares` alone and no
-        `saturation`, so is a pixel with a value that is not finite; else such values take no part.
+        Named tuple of `normals` (H, W, 3), `albedo` and `residual` (H, W), float32, of the same
+        library as `images`. Normals are NaN, and the others 0, outside the mask, where fewer than
+        three values are usable, and where all values are 0 or less. Values that are not finite are
+        ignored, except with `least_squares` and no `saturation`: there they make the pixel NaN.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers, or `near` is not a bool.
     ValueError
-        If there are fewer than three images, lights lie in one plane or are not finite, a shape is
-        another, `mask` is 0 everywhere, or `method` is unknown.
+        If there are fewer than three images, lights lie in one plane or are not finite, a shape
+        does not match, `mask` is 0 everywhere, or `method` is unknown.
 
     See Also
     --------
@@ -91,10 +92,10 @@ def photometric_stereo(
 
     Notes
     -----
-    Axes here are those of normals, the one exception to the library's: y goes up.
+    These axes are the one exception to the rules of the library: y points up.
 
-    Least squares have the same bits with both kernel sets. The other methods compute in float64,
-    and agree to the rounding of their float32 results.
+    `least_squares` gives the same bits with both kernel sets. The other methods compute in float64,
+    and agree up to the rounding of their float32 results.
 
     References
     ----------
@@ -144,7 +145,7 @@ def photometric_stereo(
 
 
 def _near_depth(rt: Runtime, normals: Any, inside: Any, shape: tuple[int, int]) -> Any:
-    """Return depth for kernels: of the normals, or a plane before there are any."""
+    """Return depth for kernels: integrated from the normals, or a plane if there are none yet."""
     if normals is None:
         return rt.send("shading.near", np.zeros(shape, np.float32))
     depth = integrate_normals(rt.to_numpy(normals), mask=rt.to_numpy(inside))
@@ -162,7 +163,7 @@ def check_images(images: Any) -> Any:
 
 
 def check_lamps(lights: Any, count: int, near: bool) -> np.ndarray:
-    """Return lights as (K, 4) float64: a vector or a place, and a strength."""
+    """Return lights as (K, 4) float64: a vector or a position, and a strength."""
     given = as_numbers(lights, "lights")
     wide = (3, 4) if near else (3,)
     if given.ndim != 2 or given.shape[0] != count or given.shape[1] not in wide:

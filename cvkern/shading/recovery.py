@@ -11,15 +11,15 @@ from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.shading.integration import Solver
 from cvkern.shading.rendering import check_albedo
 
-SOFT = 2.0  # pixels by which a mask is smoothed to tell which way its border faces
-LIKELY = 0.2  # most difference between the brightness of a silhouette and of a pixel at a border
-FLAT = 0.05  # least z of a normal whose slope is taken as it is
-FIRST, INNER = 300, 10  # sweeps before depth is integrated, and then between
+SOFT = 2.0  # standard deviation in pixels of the smoothing that gives the direction of a border
+LIKELY = 0.2  # largest difference between the brightness of a silhouette and of a border pixel
+FLAT = 0.05  # least z of a normal; steeper slopes are limited to that of this z
+FIRST, INNER = 300, 10  # sweeps before the first integration of depth, and between two of them
 TOLERANCE = 1e-3
 
 
 class ShapeFromShading(NamedTuple):
-    """What one image tells of a surface."""
+    """Normals and depth of a surface from one image."""
 
     normals: Any
     """Unit normals (x right, y up, z towards the camera), (H, W, 3) float32; NaN outside."""
@@ -41,33 +41,34 @@ def shape_from_shading(
     Parameters
     ----------
     image : array of shape (H, W)
-        Linear in light, of any real dtype.
+        Image of any real dtype, linear in light.
     light : array of shape (3,)
-        Vector towards the light, as long as it is strong: x right, y up, z towards the camera.
+        Vector towards the light: x right, y up, z towards the camera. Its length is the strength.
     mask : array of shape (H, W), optional
-        Where the surface is: not 0. By default where the image is above 0, with its holes filled.
+        Pixels of the surface are not 0. By default the image above 0, with holes filled.
     boundary : array of shape (H, W, 3), optional
-        Normals that are known, NaN elsewhere. By default those of the silhouette: along the mask's
-        border within the image, they lie across the view. Pixels at the border whose brightness is
-        another by more than 0.2 are of a cut, not of a silhouette, and stay free.
+        Known normals, NaN elsewhere. By default the normals of the silhouette, which is the mask's
+        border within the image; they are perpendicular to the view. A border pixel whose brightness
+        differs from that by more than 0.2 belongs to a cut, not a silhouette, and stays free.
     albedo : float or array of shape (H, W), default 1.0
-        Share of the light that the surface sends back; it must be known.
+        Share of the light that the surface reflects; it must be known.
     rounds : int, default 60
-        How often depth is integrated to guide the normals.
+        Number of integrations of depth that guide the normals.
 
     Returns
     -------
     ShapeFromShading
-        Named tuple of `normals` (H, W, 3) and `depth` (H, W), float32, of the library of `image`.
+        Named tuple of `normals` (H, W, 3) and `depth` (H, W), float32, of the same library as
+        `image`.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `rounds` is no integer.
+        If an array does not hold real numbers, or `rounds` is not an integer.
     ValueError
-        If a shape is another, the light does not come from the camera's side, an array is not
-        finite where it must be, `mask` is 0 everywhere, or no normal is known at its border: one
-        image alone does not tell hills from hollows.
+        If a shape does not match, the light does not come from the camera's side, an array is not
+        finite where it must be, `mask` is 0 everywhere, or no normal is known at its border. One
+        image alone cannot distinguish hills from hollows.
 
     See Also
     --------
@@ -75,13 +76,13 @@ def shape_from_shading(
 
     Notes
     -----
-    Axes here are those of normals, the one exception to the library's: y goes up.
+    These axes are the one exception to the rules of the library: y points up.
 
-    The normal of each pixel stays on the cone that its brightness allows, and follows its
-    neighbours there [1]_; known normals at the border say where they begin. In turns with that, the
-    normals are integrated, and those of the depth guide them, so that they are those of a surface.
-    The method fails where its assumptions do: an albedo that varies, cast shadows, light from
-    several sides, and bodies that are hollow, for the silhouette of these is that of a hill.
+    The brightness of a pixel confines its normal to a cone. Sweeps smooth the normals on their
+    cones [1]_, starting from the known normals at the border. In turns with the sweeps, the normals
+    are integrated to depth, and the normals of the depth guide them. This makes them integrable.
+    The method fails for an unknown varying albedo, cast shadows, light from several sides, and
+    hollow objects, because their silhouette is the same as that of a hill.
 
     References
     ----------
@@ -126,8 +127,8 @@ def shape_from_shading(
         known = known / np.maximum(np.linalg.norm(known, axis=-1, keepdims=True), 1e-30)
     if not fixed.any():
         raise ValueError(
-            "boundary must tell a normal at least, got none: the mask has no silhouette as bright "
-            "as one"
+            "boundary must have at least one normal, got none: no part of the mask's border is as "
+            "bright as a silhouette"
         )
     normals = _spread(np.where(fixed[..., None], known, 0), fixed, inside)
     state = inside.astype(np.uint8) + (inside & np.logical_not(fixed))
@@ -138,7 +139,7 @@ def _recover(
     rt: Runtime, normals: np.ndarray, shown: np.ndarray, state: np.ndarray, toward: np.ndarray,
     rounds: int,
 ) -> ShapeFromShading:  # fmt: skip
-    """Return the shape to which sweeps come from the given normals, in turns with integration."""
+    """Return the shape after sweeps from the given normals, in turns with integration."""
     shape = shown.shape
     fields = [rt.scratch(f"sfs.{n}", (*shape, 3)) for n in range(2)]
     rt.write(fields[0], normals.astype(np.float32))
@@ -154,7 +155,7 @@ def _recover(
             fields.reverse()
 
     sweeps(FIRST)
-    # Each pixel has the same share of the differences to either side, weighted by its z.
+    # The differences on both sides of a pixel have equal weights, times its z.
     equations = rt.shading.integration.equations
     inside = rt.scratch("relief.inside", shape, np.uint8)
     slope = rt.scratch("relief.slope", (3, *shape))
@@ -178,7 +179,7 @@ def _recover(
 
 
 def _inside(mask: Any, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Return where the surface is: as told, or where the image is bright, with holes filled."""
+    """Return the mask of the surface: the given one, or the image above 0 with holes filled."""
     from scipy.ndimage import binary_fill_holes
 
     if mask is None:
@@ -195,9 +196,9 @@ def _inside(mask: Any, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray
 def _silhouette(
     inside: np.ndarray, shown: np.ndarray, light: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return normals at the mask's border within the image, and where these are a silhouette's.
+    """Return normals at the mask's border within the image, and the mask of silhouette pixels.
 
-    They face away from the surface; how far they lean to the camera their brightness tells.
+    The normals face away from the surface; the brightness gives their angle to the camera.
     """
     from scipy.ndimage import binary_erosion, gaussian_filter
 
@@ -220,7 +221,7 @@ def _silhouette(
 
 
 def _spread(known: np.ndarray, fixed: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Return normals whose x and y are harmonic between those that are known."""
+    """Interpolate normals between the known ones by harmonic functions of x and y."""
     import scipy.sparse as sparse
     from scipy.sparse.linalg import spsolve
 

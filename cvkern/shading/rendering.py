@@ -1,4 +1,4 @@
-"""Images of matt surfaces under lights, and the gradients of that."""
+"""Rendering of matt surfaces under lights, and its gradients."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from cvkern.kernels.codes.shading import DIRECTIONAL, HARMONIC
 from cvkern.shading.meshes import check_mesh, see_mesh
 
 SHADOWS = ("none", "attached", "cast")
-# Constants of the real harmonics in the order of the kernels' polynomials, times those of the
-# clamped cosine over pi: 1, 2/3, 1/4 by degree.
+# Constants of the real harmonics, in the order of the kernels' polynomials, times the coefficients
+# of the clamped cosine over pi: 1, 2/3, 1/4 by degree.
 HARMONICS = np.array(
     [
         math.sqrt(1 / (4 * math.pi)),
@@ -28,7 +28,7 @@ HARMONICS = np.array(
 
 
 class LambertianGradient(NamedTuple):
-    """Gradients of a loss by what :func:`lambertian` was given."""
+    """Gradients of a loss with respect to the inputs of :func:`lambertian`."""
 
     surface: Any
     lights: Any
@@ -49,45 +49,47 @@ def lambertian(
     ----------
     surface : array of shape (H, W, 3) or (H, W), or a `Mesh`
         Unit normals; or depth in pixels, growing away from the camera; or a pair (vertices, faces)
-        with x to the right, y up and z towards the camera, in pixels. NaN is nothing.
+        with x to the right, y up and z towards the camera, in pixels. NaN means no surface.
     lights : array of shape (3,), (K, 3), (9,) or (K, 9)
-        Vectors towards distant lights, as long as each is strong; or nine coefficients of the
+        Vectors towards distant lights, whose length is their strength; or nine coefficients of the
         sky's real spherical harmonics of degree 0, 1 and 2: 1, y, z, x, xy, yz, 3z^2 - 1, xz,
-        x^2 - y^2. Both in the axes of normals: x right, y up, z towards the camera.
+        x^2 - y^2. Both are in the axes of normals: x right, y up, z towards the camera.
     albedo : float or array of shape (H, W), default 1.0
-        Share of the light that a pixel sends back.
+        Share of the light that a pixel reflects.
     shadows : {'attached', 'none', 'cast'}, default 'attached'
-        `attached` makes dark what faces away from the light. `none` leaves negative values there.
-        `cast` adds the shadows that parts throw on others, for depth or a mesh under vectors.
+        `attached` makes pixels that face away from the light 0. `none` leaves negative values
+        there. `cast` adds cast shadows; it requires depth or a mesh, and lights that are vectors.
     shape : (int, int), optional
-        Height and width of the images; needed for a mesh and for nothing else. Pixel (r, c) sees
-        the triangles at x = c, y = -r.
+        Height and width of the images; only for a mesh, and required there. Pixel (r, c) sees the
+        triangles at x = c, y = -r.
 
     Returns
     -------
     array of shape (K, H, W) or (H, W), float32
-        Of the library of `surface`, on its device; NumPy for a mesh. 0 where there is no surface.
+        The images, 0 where there is no surface. The array is of the same library and on the same
+        device as `surface`; NumPy for a mesh.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, lights are not finite, `albedo` is negative, or shadows are to be
-        cast by normals or under harmonics.
+        If a shape does not match, lights are not finite, `albedo` is negative, or cast shadows are
+        requested for normals or harmonics.
 
     See Also
     --------
-    lambertian_backward : Its gradients.
-    photometric_stereo : The way back, from images to normals.
+    lambertian_backward : The gradients.
+    photometric_stereo : The inverse, from images to normals.
 
     Notes
     -----
-    Axes here are those of normals, the one exception to the library's: y goes up.
+    These axes are the one exception to the rules of the library: y points up.
 
-    A light l gives ``albedo * max(0, l . n)``; the nine coefficients L of a sky give
-    ``albedo / pi`` times its irradiance, which harmonics of degree 2 tell to a percent [1]_.
-    The normals of a depth map are central differences, one-sided beside what is not finite.
+    A light l gives ``albedo * max(0, l . n)``. The nine coefficients L of a sky give
+    ``albedo / pi`` times its irradiance, which harmonics of degree 2 approximate to a percent [1]_.
+    The normals of a depth map come from central differences, or one-sided ones beside pixels that
+    are not finite.
 
     References
     ----------
@@ -141,12 +143,12 @@ def lambertian(
 def lambertian_backward(
     grad: Any, surface: Any, lights: Any, *, albedo: Any = 1.0, shadows: str = "attached"
 ) -> LambertianGradient:
-    """Return the gradients of :func:`lambertian` by the surface, the lights and the albedo.
+    """Return the gradients of :func:`lambertian` for the surface, the lights and the albedo.
 
     Parameters
     ----------
     grad : array of the shape that `lambertian` returns
-        Gradient of a loss by the images.
+        Gradient of a loss with respect to the images.
     surface : array of shape (H, W, 3) or (H, W)
         Normals or depth, as given to :func:`lambertian`; not a mesh.
     lights, albedo, shadows
@@ -155,10 +157,10 @@ def lambertian_backward(
     Returns
     -------
     surface : array of the shape of `surface`, float32
-        By each component of the normals as they are, which need not stay of length 1; or by depth.
-        Shadows count as staying where they are. 0 where the surface is not finite.
+        Gradient for each component of the normals, without a constraint of length 1, or for depth.
+        Shadows are treated as constant. 0 where the surface is not finite.
     lights : array of the shape of `lights`, float64
-        On the host.
+        A NumPy array.
     albedo : array of shape (H, W), float32
 
     Raises
@@ -166,7 +168,7 @@ def lambertian_backward(
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If a shape is another, or an argument is one that :func:`lambertian` refuses.
+        If a shape does not match, or :func:`lambertian` refuses an argument.
 
     Examples
     --------
@@ -242,13 +244,13 @@ def check_lights(lights: Any) -> np.ndarray:
 
 
 def kernel_lights(rt: Runtime, given: np.ndarray) -> Any:
-    """Return lights for kernels; harmonics with the constants that their polynomials lack."""
+    """Return lights for kernels; harmonics are multiplied by the constants of the polynomials."""
     given = given * HARMONICS if given.shape[1] == HARMONIC else given
     return rt.constant(given.astype(np.float32))
 
 
 def check_albedo(albedo: Any, shape: tuple[int, int]) -> None:
-    """Refuse an albedo that is neither a number nor an image of the shape."""
+    """Refuse an albedo that is neither a number nor an image of the given shape."""
     if np.ndim(albedo) == 0:
         check_number(albedo, "albedo", low=0)
     elif tuple(check_image(albedo, name="albedo").shape) != shape:
@@ -256,14 +258,14 @@ def check_albedo(albedo: Any, shape: tuple[int, int]) -> None:
 
 
 def kernel_albedo(rt: Runtime, albedo: Any, shape: tuple[int, int]) -> Any:
-    """Return albedo for kernels, a value for each pixel."""
+    """Return albedo for kernels, one value for each pixel."""
     if np.ndim(albedo) == 0:
         return rt.send("shading.albedo", np.full(shape, albedo, np.float32))
     return rt.adopt(check_image(albedo, name="albedo"))
 
 
 def seen_surface(rt: Runtime, surface: Any) -> tuple[Any, Any]:
-    """Return kernel arrays of depth, if it is that, and of normals."""
+    """Return kernel arrays of depth, if the surface is depth, and of normals."""
     if len(surface.shape) == 3:
         return None, rt.adopt(surface)
     depth = rt.adopt(surface)
@@ -284,7 +286,7 @@ def cast_shadows(rt: Runtime, depth: Any, lamps: Any, count: int) -> Any:
 
 
 def unlit(rt: Runtime) -> Any:
-    """Return what kernels are given where no shadow is cast: nothing."""
+    """Return the empty array that kernels take if there are no cast shadows."""
     return rt.scratch("shading.unlit", (0, 1, 1), np.uint8)
 
 
@@ -299,9 +301,9 @@ def normals_from_depth(depth: Any) -> Any:
     Returns
     -------
     array of shape (H, W, 3), float32
-        (x right, y up, z towards the camera); NaN where `depth` is not finite. Central
-        differences, one-sided beside what is not finite and at the border. Of the library and on
-        the device of `depth`.
+        Normals (x right, y up, z towards the camera); NaN where `depth` is not finite. They come
+        from central differences, or one-sided ones at the border and beside pixels that are not
+        finite. The array is of the same library and on the same device as `depth`.
 
     Raises
     ------
@@ -312,7 +314,7 @@ def normals_from_depth(depth: Any) -> Any:
 
     See Also
     --------
-    integrate_normals : The way back.
+    integrate_normals : The inverse.
 
     Examples
     --------

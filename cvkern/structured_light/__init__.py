@@ -1,4 +1,4 @@
-"""Structured light: patterns, and what photographs of them say of a projector's coordinates."""
+"""Structured light: patterns, decoding to projector coordinates, and triangulation."""
 
 from cvkern.structured_light.gray_code import GrayCode, decode_gray_code
 from cvkern.structured_light.laser import LaserLines, detect_laser_lines

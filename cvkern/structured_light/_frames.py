@@ -1,4 +1,4 @@
-"""Stacks of photographs, and thresholds that they tell themselves."""
+"""Stacks of photographs, and thresholds estimated from them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from cvkern._checks import check_image
 
 _CARRIED = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
-_SAMPLED = 128  # pixels along a side of the grid that tells noise and thresholds
+_SAMPLED = 128  # pixels along a side of the grid for estimates of noise and thresholds
 
 
 def stacked(images: Any) -> Any:
-    """Return the stack of images, or one made of a sequence of them."""
+    """Return the images as one stack; a sequence of images is stacked."""
     if isinstance(images, (list, tuple)):
         if any(not isinstance(image, np.ndarray) for image in images):
             raise TypeError(
@@ -27,16 +27,16 @@ def stacked(images: Any) -> Any:
 
 
 def carried_as(dtype: np.dtype) -> np.dtype:
-    """Return the dtype in which kernels read frames of a dtype."""
+    """Return the dtype in which kernels read frames of the given dtype."""
     return dtype if dtype in _CARRIED else np.dtype(np.float32)
 
 
 def grid_step(height: int, width: int) -> int:
-    """Return the distance of the pixels of an image that tell its noise or its threshold."""
+    """Return the step of the pixel grid for estimates of noise and thresholds."""
     return max(1, min(height, width) // _SAMPLED)
 
 
 def share_of_brightest(values: np.ndarray, quantile: float, share: float) -> float:
-    """Return a share of a quantile of the values that are finite; 0 where there are none."""
+    """Return a share of a quantile of the finite values; 0 if there are none."""
     finite = np.sort(values[np.isfinite(values)], axis=None)
     return share * float(finite[int(quantile * (len(finite) - 1))]) if len(finite) else 0.0

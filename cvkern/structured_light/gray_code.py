@@ -1,4 +1,4 @@
-"""From photographs of Gray-code patterns to the projector's coordinates."""
+"""Decoding of Gray-code photographs to projector coordinates."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.structured_light._frames import carried_as, grid_step, stacked
 from cvkern.structured_light.patterns import AXES, check_axes, code_bits
 
-MARGIN = 2.5  # standard deviations of the noise that a pair must differ by
+MARGIN = 2.5  # least difference of a pair, in standard deviations of the noise
 ROUNDING = 12**-0.5  # standard deviation of rounding to integers
 
 
 class GrayCode(NamedTuple):
-    """What a camera's pixels see of a projector."""
+    """Projector coordinates at each pixel of a camera."""
 
     columns: Any
-    """Column of the projector, (H, W) int32; -1 where it is not known, None if not asked for."""
+    """Column of the projector, (H, W) int32; -1 where unknown, None if not requested."""
     rows: Any
-    """Row of the projector, (H, W) int32; likewise."""
+    """Row of the projector, (H, W) int32; -1 where unknown, None if not requested."""
     valid: Any
-    """Whether all that was asked for is known, (H, W) bool."""
+    """Whether all requested coordinates are known, (H, W) bool."""
 
 
 def decode_gray_code(
@@ -44,33 +44,34 @@ def decode_gray_code(
     Parameters
     ----------
     images : array of shape (K, H, W)
-        Photographs of `gray_code_patterns`, in its order: for each of `axes` the highest bit first,
-        each pattern before its inverse. Any real dtype. NumPy also takes a sequence of K images.
+        Photographs of `gray_code_patterns` in its order: for each of `axes` the highest bit first,
+        each pattern before its inverse. Any real dtype. A sequence of K NumPy images also works.
     shape : (int, int)
         Rows and columns of the projector.
     white, black : array of shape (H, W), optional
-        Photographs of an all-white and an all-black frame, both or neither.
+        Photographs of an all-white and an all-black frame. Give both or neither.
     axes : sequence of {'columns', 'rows'}, default ('columns', 'rows')
-        What the images tell, in their order.
+        Projector coordinates that the images encode, in their order.
     margin : float, optional
         A pattern and its inverse must differ by more than this, in values of the images. By default
-        2.5 standard deviations of the noise, which the images tell themselves: a pattern and its
-        inverse add up to the same light for every bit.
+        2.5 standard deviations of the noise. The noise is estimated from the images: the sum of a
+        pattern and its inverse is the same light for every bit.
     contrast : float, optional
         White must be brighter than black by more than this; by default twice `margin`.
 
     Returns
     -------
     GrayCode
-        Named tuple of `columns` and `rows`, (H, W) int32, -1 where a pixel saw no code or one
-        beyond `shape`, and `valid`, (H, W) bool. Equal in every bit on all devices.
+        Named tuple of `columns` and `rows`, (H, W) int32, and `valid`, (H, W) bool. Coordinates are
+        -1 where a pixel saw no code or a code beyond `shape`. The result is equal bit for bit on
+        all devices.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If the number of images is not that of `shape` and `axes`, shapes differ, arrays are on
+        If the number of images does not match `shape` and `axes`, shapes differ, arrays are on
         several devices, one of `white` and `black` is missing, or a number is out of range.
 
     See Also
@@ -85,7 +86,7 @@ def decode_gray_code(
     Examples
     --------
     >>> import cvkern
-    >>> seen = cvkern.gray_code_patterns((3, 5))  # by a camera that looks as the projector does
+    >>> seen = cvkern.gray_code_patterns((3, 5))  # a camera in the place of the projector
     >>> cvkern.decode_gray_code(seen, (3, 5)).columns[0]
     array([0, 1, 2, 3, 4], dtype=int32)
     """
@@ -137,11 +138,12 @@ def decode_gray_code(
 
 
 def _noise(rt: Runtime, frames: Any, counts: list[int], *, integral: bool) -> float:
-    """Return the standard deviation of the noise of a frame, from sums of pairs that should be one.
+    """Estimate the standard deviation of the noise of a frame from sums of pairs.
 
-    Differences of two such sums have twice that of a frame. Of their absolute values the smaller
-    half is taken, which neither edges nor interreflections reach; for normal noise its mean square
-    is 0.1426 of the variance.
+    All sums of a pattern and its inverse should be equal. The difference of two sums has twice the
+    standard deviation of a frame. The estimate uses the smaller half of the absolute differences,
+    which edges and interreflections do not reach. For normal noise its mean square is 0.1426 of the
+    variance.
     """
     refuse_capture("decode_gray_code without a margin")
     height, width = frames.shape[1:]

@@ -1,4 +1,4 @@
-"""Laser lines in photographs, within the pixel."""
+"""Detection of laser lines in photographs, to a fraction of a pixel."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from cvkern.filters.linear import gaussian_taps
 from cvkern.structured_light._frames import carried_as, share_of_brightest
 
 METHODS = ("peak", "center_of_mass", "steger")
-SHARE = 0.2  # least strength of a line, as a share of that of the strongest
+SHARE = 0.2  # least strength of a line, as a share of the strongest one
 STRONGEST = 0.95  # quantile of the strengths
 MOST_SIGMA = 32.0
 
 
 class LaserLines(NamedTuple):
-    """Places of a laser line, one in each column (axis 0) or row (axis 1) of a frame."""
+    """Positions of a laser line, one in each column (axis 0) or row (axis 1) of a frame."""
 
     positions: Any
-    """Row (axis 0) or column (axis 1), (lines,) or (N, lines) float32; NaN where there is none."""
+    """Row (axis 0) or column (axis 1), (lines,) or (N, lines) float32; NaN where no line is."""
     strengths: Any
-    """How strong the line is there, of the same shape, in values of the frames."""
+    """Strength of the line there, of the same shape, in values of the frames."""
 
 
 def detect_laser_lines(
@@ -43,24 +43,24 @@ def detect_laser_lines(
     frames : array of shape (H, W) or (N, H, W)
         One frame or a stack; any real dtype.
     axis : {0, 1}, default 0
-        0 looks along each column, for its row: a line from left to right. 1 looks along each row.
+        0 finds a row in each column, for a line from left to right. 1 finds a column in each row.
     method : {'steger', 'center_of_mass', 'peak'}, default 'steger'
-        `steger` takes the ridge of the frame smoothed by a Gaussian: the most exact, also where
-        the line is slanted. `center_of_mass` takes the mean of a window of 3 `sigma` to either
-        side, and suits lines that are saturated. `peak` puts a parabola through three values.
+        `steger` finds the ridge of the frame smoothed by a Gaussian: the most accurate method, also
+        for slanted lines. `center_of_mass` takes the centroid of a window of 3 `sigma` to either
+        side, and suits saturated lines. `peak` fits a parabola through three values.
     sigma : float, default 2.0
-        Of the line's profile, pixels, in [0.5, 32].
+        Standard deviation of the line's profile, pixels, in [0.5, 32].
     threshold : float, optional
-        Places of less strength are NaN. By default a fifth of the strength of the strongest
-        places (the 95 % quantile).
+        Positions of less strength are NaN. By default a fifth of the 95 % quantile of the
+        strengths.
 
     Returns
     -------
     LaserLines
         Named tuple of `positions` and `strengths`, (W,) or (N, W) for axis 0, (H,) or (N, H) for
-        axis 1, float32. The strength is the height of the line: of `steger`, that of a Gaussian
-        profile of this `sigma` with the same bend; of `center_of_mass`, the brightest value less
-        the darkest of the window; of `peak`, the brightest value.
+        axis 1, float32. The strength is the height of the line. For `steger` it is the height of a
+        Gaussian profile of this `sigma` with the same second derivative. For `center_of_mass` it is
+        the brightest minus the darkest value of the window, for `peak` the brightest value.
 
     Raises
     ------
@@ -71,11 +71,11 @@ def detect_laser_lines(
 
     Notes
     -----
-    The search begins at the brightest window of about `sigma` to either side, the first of equal
-    ones, so that a line or a column has one place at most. Noise of standard deviation s moves the
-    place of a line of height A by ``s sqrt(2 sigma / sqrt(pi)) / A`` at least, if each column is
-    taken by itself; `steger` also averages along the line, and is below that. Results are equal in
-    every bit on all devices.
+    The search begins at the brightest window of about `sigma` to either side; among equal windows
+    the first wins. A column or row therefore has at most one position. For noise of standard
+    deviation s and a line of height A, the standard deviation of a position is at least
+    ``s sqrt(2 sigma / sqrt(pi)) / A`` if each column is processed alone. `steger` also averages
+    along the line, and is below that bound. Results are equal bit for bit on all devices.
 
     References
     ----------
@@ -117,7 +117,7 @@ def detect_laser_lines(
         laser.centroids(seen, axis, places, math.ceil(3 * sigma), positions, strengths)
     else:
         taps = rt.constant(np.stack([gaussian_taps(sigma, order) for order in range(3)]))
-        # A Gaussian line of height 1 and this sigma bends by so much once it is smoothed.
+        # Second derivative at the ridge of a smoothed Gaussian line of height 1 and this sigma.
         bend = 1 / (2 * math.sqrt(2) * sigma**2)
         curve = 1 / (2 * sigma**2)
         laser.ridges(seen, axis, places, taps, 1 / bend, curve, positions, strengths)

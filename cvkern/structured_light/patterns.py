@@ -31,26 +31,26 @@ def gray_code_patterns(
     shape : (int, int)
         Rows and columns of the projector.
     axes : sequence of {'columns', 'rows'}, default ('columns', 'rows')
-        What the patterns tell, in their order.
+        Projector coordinates to encode, in this order.
     lights : bool, default False
         Append a white and a black frame.
 
     Returns
     -------
     array of shape (K, rows, columns), uint8
-        0 and 255. An axis of n lines has 2 ceil(log2(n)) frames: the highest bit first, each
-        pattern before its inverse.
+        Frames of values 0 and 255. An axis of n lines has 2 ceil(log2(n)) frames: the highest bit
+        first, each pattern before its inverse.
 
     Raises
     ------
     TypeError
         If a side of `shape` is not an integer.
     ValueError
-        If a side is not in [1, 65536], or `axes` is empty, repeats one or names another.
+        If a side is not in [1, 65536], or `axes` is empty, repeats an axis or names an unknown one.
 
     See Also
     --------
-    decode_gray_code : From photographs of them to the projector's coordinates.
+    decode_gray_code : Decode photographs of the patterns.
 
     References
     ----------
@@ -89,27 +89,27 @@ def phase_shift_patterns(
     axes: Sequence[str] = AXES,
     gamma: float = 1.0,
 ) -> np.ndarray:
-    """Make fringes, each shifted in `steps` equal steps.
+    """Make fringe patterns, each shifted in `steps` equal steps.
 
     Parameters
     ----------
     shape : (int, int)
         Rows and columns of the projector.
     frequencies : sequence of float, default (1, 8, 64)
-        Periods over the whole axis, rising. With 1 as the first, positions are unambiguous.
+        Periods over the whole axis, ascending. If the first is 1, positions are unambiguous.
     steps : int, default 4
-        Shifts of each fringe, at least 3. More of them cancel harmonics of the projector's gamma:
-        up to the order ``steps - 2``.
+        Shifts of each fringe, at least 3. They cancel harmonics of the projector's gamma up to the
+        order ``steps - 2``.
     axes : sequence of {'columns', 'rows'}, default ('columns', 'rows')
-        What the patterns tell, in their order.
+        Projector coordinates to encode, in this order.
     gamma : float, default 1.0
-        Exponent of the projector: its light is the value to this power. The patterns undo it.
+        Exponent of the projector: its light is the value to this power. The patterns compensate it.
 
     Returns
     -------
     array of shape (K, rows, columns), uint8
-        Axis after axis, frequency after frequency, step after step. At column x of W, of frequency
-        f, step n of N has the light ``(1 + cos(2 pi (f (x + 1/2) / W - n / N))) / 2``.
+        Frames ordered by axis, then frequency, then step. Step n of N of frequency f has the light
+        ``(1 + cos(2 pi (f (x + 1/2) / W - n / N))) / 2`` at column x of W.
 
     Raises
     ------
@@ -117,11 +117,12 @@ def phase_shift_patterns(
         If a number is not one, or a side or `steps` is not an integer.
     ValueError
         If a side is not in [1, 65536], `steps` is not in [3, 64], a frequency or `gamma` is not
-        positive, frequencies do not rise, or `axes` is empty, repeats one or names another.
+        positive, frequencies do not ascend, or `axes` is empty, repeats an axis or names an unknown
+        one.
 
     See Also
     --------
-    decode_phase_shift : From photographs of them to the projector's coordinates.
+    decode_phase_shift : Decode photographs of the patterns.
 
     References
     ----------
@@ -154,7 +155,7 @@ def phase_shift_patterns(
 
 
 def code_bits(count: int) -> int:
-    """Return how many bits tell `count` lines apart."""
+    """Return the number of bits that distinguish `count` lines."""
     return max(1, (count - 1).bit_length())
 
 
@@ -169,7 +170,7 @@ def check_axes(axes: Any) -> tuple[str, ...]:
 
 
 def check_frequencies(frequencies: Any) -> tuple[float, ...]:
-    """Return rising positive numbers."""
+    """Return the frequencies as positive numbers in ascending order."""
     if np.ndim(frequencies) != 1 or not len(frequencies):
         raise ValueError(f"frequencies must be a sequence of numbers, got {frequencies!r}")
     found = tuple(check_positive(f, "frequencies") for f in frequencies)

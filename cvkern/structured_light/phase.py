@@ -1,4 +1,4 @@
-"""From photographs of shifted fringes to phases and the projector's coordinates."""
+"""Decoding of photographs of shifted fringes to phases and projector coordinates."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from cvkern.structured_light._frames import (
 )
 from cvkern.structured_light.patterns import AXES, check_axes, check_frequencies
 
-SHARE = 0.05  # modulation of a valid pixel, as a share of that of the brightest
+SHARE = 0.05  # least modulation of a valid pixel, as a share of the largest one
 BRIGHTEST = 0.99  # quantile of the modulations
 
 
 class PhaseShift(NamedTuple):
-    """What a camera's pixels see of a projector."""
+    """Projector coordinates and phases at each pixel of a camera."""
 
     columns: Any
-    """Column of the projector between its pixels, (H, W) float32; None if not asked for."""
+    """Sub-pixel column of the projector, (H, W) float32; None if not requested."""
     rows: Any
-    """Row of the projector, likewise."""
+    """Sub-pixel row of the projector, (H, W) float32; None if not requested."""
     valid: Any
     """Whether the modulation of all axes is above the threshold, (H, W) bool."""
     phase: Any
     """Phase of the highest frequency of each axis, (axes, H, W) float32, in (-pi, pi]."""
     modulation: Any
-    """Least amplitude of the fringes of an axis, (axes, H, W) float32, in values of the images."""
+    """Least fringe amplitude of each axis, (axes, H, W) float32, in values of the images."""
 
 
 def decode_phase_shift(
@@ -52,35 +52,35 @@ def decode_phase_shift(
     Parameters
     ----------
     images : array of shape (K, H, W)
-        Photographs of `phase_shift_patterns` of the same arguments, in its order. Any real dtype.
-        NumPy also takes a sequence of K images.
+        Photographs of `phase_shift_patterns` with the same arguments, in its order. Any real dtype.
+        A sequence of K NumPy images also works.
     shape : (int, int)
         Rows and columns of the projector.
     frequencies : sequence of float, default (1, 8, 64)
-        Periods over the whole axis, rising. Each takes its fringe's number from the one before.
-        Where the first is above 1, places are told within its first period only: with one
-        frequency, `phase` and `unwrap_phase` are what is meant.
+        Periods over the whole axis, ascending. Each frequency gets its fringe number from the one
+        before. If the first is above 1, positions are known within its first period only: with a
+        single frequency, pass `phase` to `unwrap_phase`.
     steps : int, default 4
         Shifts of each fringe, at least 3.
     axes : sequence of {'columns', 'rows'}, default ('columns', 'rows')
-        What the images tell, in their order.
+        Projector coordinates that the images encode, in their order.
     threshold : float, optional
-        A pixel is valid where the modulation of every frequency is above this. By default 5 % of
-        the modulation of the brightest pixels (the 99 % quantile, on a grid of pixels).
+        A pixel is valid if the modulation of every frequency is above this. By default 5 % of the
+        99 % quantile of the modulations, on a grid of pixels.
 
     Returns
     -------
     PhaseShift
         Named tuple of `columns` and `rows` (H, W) float32, `valid` (H, W) bool, `phase` and
-        `modulation` (axes, H, W) float32. Equal in every bit on all devices. A pixel one of whose
-        values is not finite is NaN, and not valid.
+        `modulation` (axes, H, W) float32, equal bit for bit on all devices. A pixel with a value
+        that is not finite gives NaN and is not valid.
 
     Raises
     ------
     TypeError
         If `images` does not hold real numbers, or a number is not one.
     ValueError
-        If the number of images is not that of the other arguments, shapes differ, or a number is
+        If the number of images does not match the other arguments, shapes differ, or a number is
         out of range.
 
     See Also
@@ -89,8 +89,8 @@ def decode_phase_shift(
 
     Notes
     -----
-    With noise of standard deviation s, a modulation B and N steps, phases have the standard
-    deviation ``s sqrt(2 / N) / B``: the Cramer-Rao bound.
+    For noise of standard deviation s, modulation B and N steps, the standard deviation of a phase
+    is ``s sqrt(2 / N) / B``, which is the Cramer-Rao bound.
 
     References
     ----------
@@ -101,7 +101,7 @@ def decode_phase_shift(
     Examples
     --------
     >>> import cvkern
-    >>> seen = cvkern.phase_shift_patterns((2, 5), [1, 2])  # seen as the projector sees them
+    >>> seen = cvkern.phase_shift_patterns((2, 5), [1, 2])  # a camera in the projector's place
     >>> cvkern.decode_phase_shift(seen, (2, 5), [1, 2]).columns[0, 1:].round(1)
     array([1., 2., 3., 4.], dtype=float32)
     """
@@ -137,7 +137,7 @@ def decode_phase_shift(
             frames, n * each, numbers, waves, size, rt.adopt(places[n]), planes[0][n], planes[1][n]
         )
     strengths = planes[1][0], planes[1][-1]
-    if threshold is None:  # only now: the modulations tell it
+    if threshold is None:  # the default depends on the modulations
         threshold = _threshold(rt, planes[1])
     valid = rt.empty(seen, bool)
     rt.structured_light.phase.accept(*strengths, threshold, rt.adopt(valid, bool))
@@ -149,7 +149,7 @@ def decode_phase_shift(
 
 
 def _threshold(rt: Runtime, modulations: list[Any]) -> float:
-    """Return a share of the modulation of the brightest pixels, of the axis that has less."""
+    """Return a share of the largest modulations, for the axis where it is smaller."""
     refuse_capture("decode_phase_shift without a threshold")
     height, width = modulations[0].shape
     step = grid_step(height, width)

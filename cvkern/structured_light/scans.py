@@ -1,4 +1,4 @@
-"""A rendered scanner: what a camera sees of an object under patterns, with the truth."""
+"""A rendered scanner: photographs of an object under patterns, with the true geometry."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ BALLS = np.array(
 PIVOT = np.array([0.0, 0.0, 6.0])
 SPINDLE = np.array([0.0, -1.0, 0.0])
 WALL = np.array([0.12, -0.05, 1.0, 7.6])  # a X + b Y + c Z = d
-BASELINE = 1.6  # the projector, or the laser, stands so far to the left of the camera
+BASELINE = 1.6  # distance of the projector, or the laser, to the left of the camera
 LENS = (-0.12, 0.03, 0.0, 0.0)
 AMBIENT, BRIGHTNESS = 14.0, 190.0
 WIDTH = 0.012  # standard deviation of the laser's sheet, in the unit of the balls
 
 
 class Scan(NamedTuple):
-    """Frames of a rendered scanner, and what is there."""
+    """Frames of a rendered scanner, and the true geometry."""
 
     frames: np.ndarray
     """(K, H, W) uint8: one for each pattern, or for each turn of the table."""
@@ -40,20 +40,20 @@ class Scan(NamedTuple):
     calibration: StereoCalibration
     """The camera as `left`, the projector as `right`."""
     points: np.ndarray
-    """What each pixel sees, (X, Y, Z) before the camera, (H, W, 3) float64; NaN for nothing. Of
-    'laser' it is the object before it is turned."""
+    """The point (X, Y, Z) that each pixel sees, in camera axes, (H, W, 3) float64; NaN where there
+    is none. For 'laser' the object has not turned."""
     lit: np.ndarray
     """Whether the projector lights that point, (H, W) bool."""
     plane: np.ndarray
     """Plane of the laser, a X + b Y + c Z = d, (4,) float64."""
     angles: np.ndarray
-    """By how much the table had turned in each frame of 'laser', (K,) float64, radians."""
+    """Angle of the table in each frame of 'laser', (K,) float64, radians."""
     pivot: np.ndarray
     """A point on the axis of the table, (3,) float64."""
     spindle: np.ndarray
     """Direction of that axis, (3,) float64."""
     balls: np.ndarray
-    """The object: balls, (M, 4) float64, their centre and radius."""
+    """The balls of the object, (M, 4) float64: centre and radius."""
 
 
 def make_scan(
@@ -65,24 +65,24 @@ def make_scan(
     noise: float = 1.0,
     seed: int = 0,
 ) -> Scan:
-    """Render a figure of balls before a scanner.
+    """Render a figure of balls in front of a scanner.
 
     Parameters
     ----------
     kind : {'gray_code', 'phase_shift', 'laser'}, default 'gray_code'
-        The patterns of :func:`gray_code_patterns` or of :func:`phase_shift_patterns` with its
-        defaults, on the figure and a wall behind it; or a sheet of laser light, upright, on the
-        figure while a turn-table turns it once.
+        The first two project the patterns of :func:`gray_code_patterns` or
+        :func:`phase_shift_patterns`, with its defaults, on the figure and a wall behind it. 'laser'
+        projects an upright sheet of light on the figure while a turn-table turns it once.
     shape : (int, int), default (240, 320)
         Rows and columns of the camera.
     projector_shape : (int, int), default (240, 320)
         Rows and columns of the projector.
     frames : int, default 60
-        Turns of the table.
+        Number of positions of the table, for 'laser'.
     noise : float, default 1.0
         Standard deviation of the noise, in values of 0 to 255.
     seed : int, default 0
-        Of the noise.
+        Seed of the noise.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def make_scan(
     TypeError
         If a number is not one.
     ValueError
-        If `kind` is another, or a number is out of its range.
+        If `kind` is unknown, or a number is out of its range.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def make_scan(
 
 
 def _stand(shape: tuple[int, int], projector: tuple[int, int]) -> StereoCalibration:
-    """Return a camera, and a projector to its left that looks at the same place."""
+    """Return a camera, and a projector on its left that looks at the same place."""
     cameras = []
     for (height, width), zoom in ((shape, 1.3), (projector, 1.25)):
         focal = zoom * min(height * 4 / 3, width)
@@ -164,7 +164,7 @@ def _stand(shape: tuple[int, int], projector: tuple[int, int]) -> StereoCalibrat
 
 
 def _thrown(points: np.ndarray, calibration: StereoCalibration) -> np.ndarray:
-    """Return the row and column of the projector that meet points (H, W, 3); NaN for none."""
+    """Return the projector row and column that light points (H, W, 3); NaN for none."""
     flat = points.reshape(-1, 3)
     found = seen(flat, calibration.right, calibration.rotation, calibration.translation)
     return found[:, ::-1].reshape(*points.shape[:-1], 2)
@@ -187,7 +187,7 @@ def _rays(camera: Camera) -> np.ndarray:
 def _meet(
     rays: np.ndarray, balls: np.ndarray, wall: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nearest points that rays meet, and the normals there; NaN for none."""
+    """Return the nearest intersections of rays with the scene, and the normals; NaN for none."""
     best = np.full(rays.shape[:-1], np.inf)
     normals = np.zeros(rays.shape)
     square = (rays**2).sum(axis=-1)
@@ -211,7 +211,7 @@ def _meet(
 def _lit(
     points: np.ndarray, source: np.ndarray, balls: np.ndarray, wall: np.ndarray | None
 ) -> np.ndarray:
-    """Tell which points nothing hides from the source of light."""
+    """Return which points are visible from the light source."""
     ways = points - source
     moved = balls - np.append(source, 0)
     shifted = None if wall is None else np.append(wall[:3], wall[3] - wall[:3] @ source)
@@ -222,7 +222,7 @@ def _lit(
 
 
 def _shade(points: np.ndarray, normals: np.ndarray, source: np.ndarray) -> np.ndarray:
-    """Return how bright dull surfaces are, 0 to 1, with some light from everywhere."""
+    """Return the brightness of matt surfaces, 0 to 1, with some ambient light."""
     ways = source - points
     with np.errstate(invalid="ignore"):
         cosine = (ways * normals).sum(axis=-1) / np.linalg.norm(ways, axis=-1)

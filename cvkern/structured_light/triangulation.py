@@ -1,4 +1,4 @@
-"""From what a projector or a laser lights to points in space."""
+"""Triangulation of projector columns and laser lines to points in space."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from cvkern.geometry.cameras.stereo_calibration import StereoCalibration, calibr
 from cvkern.geometry.fitting import fit_homography
 from cvkern.structured_light.patterns import AXES
 
-NEARBY = 15  # pixels about a corner whose codes tell where the projector lights it
-LEAST_KNOWN = 20  # pixels among these whose codes must be known
+NEARBY = 15  # reach in pixels of the local homography from a corner to the projector
+LEAST_KNOWN = 20  # least number of pixels with known codes in this reach
 FLATTEST = 1e-3  # sine of the angle between a ray and the laser's plane
 
 
@@ -30,38 +30,38 @@ def triangulate_columns(
     Parameters
     ----------
     columns : array of shape (H, W)
-        Column of the projector that lights each pixel, of :func:`decode_gray_code` or
-        :func:`decode_phase_shift`; NaN or below -0.5 where it is not known.
+        Column of the projector that lights each pixel, from :func:`decode_gray_code` or
+        :func:`decode_phase_shift`; NaN or below -0.5 where it is unknown.
     calibration : StereoCalibration
-        The camera, and the projector as the second one, of :func:`calibrate_projector`.
+        The camera as `left` and the projector as `right`, from :func:`calibrate_projector`.
     valid : array of shape (H, W), optional
         Pixels to use are not 0.
     axis : {'columns', 'rows'}, default 'columns'
-        What `columns` are: rows serve where the projector stands above or below the camera.
+        The meaning of `columns`. Use rows if the projector stands above or below the camera.
 
     Returns
     -------
     array of shape (H, W, 3), float32
-        (X, Y, Z) before the camera, in the unit of the calibration: x right, y down, z forward.
-        NaN where nothing is known, or ray and plane meet behind the camera or the projector.
+        (X, Y, Z) in camera axes (x right, y down, z forward), in the unit of the calibration. NaN
+        where the column is unknown, or where ray and plane meet behind the camera or the projector.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `calibration` is none.
+        If an array does not hold real numbers, or `calibration` is not a StereoCalibration.
     ValueError
-        If `columns` has not the shape of the camera, `valid` another than `columns`, or `axis` is
-        another.
+        If `columns` does not have the shape of the camera, `valid` does not have the shape of
+        `columns`, or `axis` is unknown.
 
     See Also
     --------
-    triangulate_lines : The same of laser lines.
+    triangulate_lines : The same for laser lines.
 
     Notes
     -----
-    A column of a projector lights a plane, and the ray of the pixel meets it in one point. Where
-    the projector has a lens, the column is a curve: the point tells where along it, and so the
-    plane, in four rounds.
+    A column of a projector lights a plane, and the ray of the pixel meets it in one point. If the
+    projector has a lens, the column is a curve. The point determines the place along the curve, and
+    with it the plane; four rounds of this converge.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def triangulate_columns(
 
 
 def check_pair(calibration: Any) -> None:
-    """Refuse what is no calibration of a camera and a projector."""
+    """Refuse anything but a calibration of a camera and a projector."""
     if not isinstance(calibration, StereoCalibration):
         said = type(calibration).__name__
         raise TypeError(f"calibration must be a StereoCalibration, got {said}")
@@ -114,7 +114,7 @@ def calibrate_projector(
     camera: Camera | None = None,
     fixed: Sequence[str] = (),
 ) -> StereoCalibration:
-    """Find a projector, and how it stands beside a camera, from views of a board that it lights.
+    """Calibrate a projector and its pose beside a camera, from views of a board that it lights.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ def calibrate_projector(
     image_points : sequence of V arrays of shape (N, 2)
         Row and column of these points in the camera's images.
     decoded : sequence of V results
-        What each view saw of the projector: of :func:`decode_gray_code` or
+        Projector coordinates in each view, from :func:`decode_gray_code` or
         :func:`decode_phase_shift`, with columns and rows.
     shape, projector_shape : (int, int)
         Rows and columns of the camera's images and of the projector.
     camera : Camera, optional
-        The camera, if it is known: then it stays.
+        The camera, if it is known. It is then not changed.
     fixed : sequence of str, default ()
-        What stays in both, as in :func:`calibrate_camera`.
+        Parameters that stay fixed in both, as in :func:`calibrate_camera`.
 
     Returns
     -------
@@ -144,8 +144,9 @@ def calibrate_projector(
 
     Notes
     -----
-    A projector is a camera run backwards: where it would see a point of the board is what the
-    codes about that point say, by a homography of the known pixels up to 15 away [1]_.
+    A projector is a camera with the light reversed. A homography, fitted to the codes of the known
+    pixels up to 15 pixels around a point of the board, gives the place where the projector would
+    see that point [1]_.
 
     References
     ----------
@@ -179,7 +180,7 @@ def calibrate_projector(
 
 
 def _lit(points: Any, found: Any, number: int) -> np.ndarray:
-    """Return row and column of the projector that light points of an image."""
+    """Return the projector rows and columns that light points of an image."""
     points = check_points(points, f"image_points[{number}]")
     corners = on_host(runtime(points), points)
     if found.columns is None or found.rows is None:
@@ -204,29 +205,28 @@ def _lit(points: Any, found: Any, number: int) -> np.ndarray:
 def fit_laser_plane(
     lines: Sequence[Any], camera: Camera, rotations: Any, translations: Any
 ) -> np.ndarray:
-    """Return the plane of a laser from its lines on a board in several poses.
+    """Fit the plane of a laser to its lines on a board in several poses.
 
     Parameters
     ----------
     lines : sequence of V arrays of shape (N, 2)
-        Row and column of the line in each view; rows with NaN are left out.
+        Row and column of points of the line in each view. Points with NaN are ignored.
     camera : Camera
-        What took the views.
+        The camera of the views.
     rotations, translations : array of shape (V, 3, 3), array of shape (V, 3)
-        Poses of the board, X = R W + t with the board at Z = 0: those of
-        :func:`calibrate_camera`.
+        Poses of the board from :func:`calibrate_camera`: X = R W + t, with the board at Z = 0.
 
     Returns
     -------
     numpy.ndarray of shape (4,), float64
-        (a, b, c, d) with a X + b Y + c Z = d before the camera; (a, b, c) has length 1, and d >= 0.
+        (a, b, c, d) with a X + b Y + c Z = d in camera axes; (a, b, c) has length 1, and d >= 0.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers, or `camera` is none.
     ValueError
-        If shapes do not go together, or the points lie on one line: give boards in two poses.
+        If shapes do not match, or the points lie on one line: give boards in two poses.
 
     Examples
     --------
@@ -281,38 +281,38 @@ def triangulate_lines(
     pivot: Any = None,
     spindle: Any = (0.0, -1.0, 0.0),
 ) -> Any:
-    """Return the points in space of laser lines.
+    """Triangulate laser lines to points in space.
 
     Parameters
     ----------
     positions : array of shape (lines,) or (N, lines)
-        Places of the line in each column (`axis` 0) or row (1) of one frame or of a stack, of
+        Position of the line in each column (`axis` 0) or row (1) of one frame or of a stack, from
         :func:`detect_laser_lines`; NaN where there is none.
     camera : Camera
-        What took the frames.
+        The camera of the frames.
     plane : array of shape (4,)
         (a, b, c, d) of :func:`fit_laser_plane`.
     axis : {0, 1}, default 0
-        As :func:`detect_laser_lines` was told.
+        The `axis` that :func:`detect_laser_lines` was called with.
     angles : array of shape (N,), optional
-        By how much a turn-table had turned the object in each frame, radians, about `spindle` as a
-        right-handed screw: points are turned back.
+        Angle of the turn-table in each frame, radians, right-handed about `spindle`. The points are
+        turned back by it.
     pivot : array of shape (3,), optional
-        A point on the axis of the turn-table, before the camera; needed with `angles`.
+        A point on the axis of the turn-table, in camera axes; required with `angles`.
     spindle : array of shape (3,), default (0, -1, 0)
         Direction of that axis.
 
     Returns
     -------
     array of shape (lines, 3) or (N, lines, 3), float32
-        (X, Y, Z) before the camera, in the unit of the plane; NaN where there is no line.
+        (X, Y, Z) in camera axes, in the unit of the plane; NaN where there is no line.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers, or `camera` is none.
     ValueError
-        If a shape is another, or `angles` and `pivot` are not given together.
+        If a shape does not match, or `angles` and `pivot` are not given together.
 
     Examples
     --------

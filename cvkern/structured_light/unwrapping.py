@@ -1,4 +1,4 @@
-"""Phases without their jumps by whole turns, over an image."""
+"""Phase unwrapping: an image of phases without jumps by whole turns."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from cvkern._checks import check_image
 from cvkern._runtime import refuse_capture, runtime
 
 TURN = 2 * math.pi
-MOST_TURNS = 2**30  # from a pixel to the next, more than any phase in radians has
+MOST_TURNS = 2**30  # turns between neighbours: a phase in radians stays below this
 
 
 def unwrap_phase(phase: Any, mask: Any = None) -> Any:
     """Remove the jumps by whole turns from an image of phases.
 
-    Neighbours are joined in the order of their quality, the best first, each time so that the two
-    differ by less than half a turn. So errors stay where the image is bad.
+    Neighbours are joined in the order of their quality, the best first. Each pair is joined such
+    that its phases differ by less than half a turn. Errors therefore stay in regions of low
+    quality.
 
     Parameters
     ----------
     phase : array of shape (H, W)
-        Radians; any real dtype. NaN is taken as masked out.
+        Phases in radians; any real dtype. NaN counts as masked out.
     mask : array of shape (H, W), optional
-        Pixels to unwrap are not 0. Regions that do not touch are unwrapped by themselves.
+        Pixels to unwrap are not 0. Regions that do not touch are unwrapped separately.
 
     Returns
     -------
@@ -43,15 +44,14 @@ def unwrap_phase(phase: Any, mask: Any = None) -> Any:
 
     See Also
     --------
-    decode_phase_shift : Phases of fringes; with several frequencies they need no unwrapping.
+    decode_phase_shift : Phases of fringes; several frequencies need no unwrapping.
 
     Notes
     -----
-    The quality of a pair is how little it differs, plus the mean of how little the phase bends at
-    either, by second differences through all eight neighbours [1]_; a minimum spanning tree of the
-    pairs says which are joined. The bends alone, as in [1]_ and scikit-image, keep fewer
-    neighbours within half a turn. The work is done on the host, by SciPy, in about 1 microsecond a
-    pixel.
+    The cost of a pair is the wrapped difference of its phases, plus the mean of the two second
+    differences over all eight neighbours [1]_. The pairs of a minimum spanning tree are joined.
+    Second differences alone, as in [1]_ and scikit-image, keep fewer neighbours within half a turn.
+    SciPy does the work on the host, in about 1 microsecond a pixel.
 
     References
     ----------
@@ -91,7 +91,7 @@ def _host(rt: Any, array: Any, dtype: Any) -> np.ndarray:
 
 
 def _unwrapped(values: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Unwrap the pixels that are there; NaN elsewhere."""
+    """Unwrap the pixels of the mask `there`; NaN elsewhere."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -104,7 +104,8 @@ def _unwrapped(values: np.ndarray, there: np.ndarray) -> np.ndarray:
     rank[np.argsort(cost, kind="stable")] = np.arange(1, len(cost) + 1)
     tree = minimum_spanning_tree(coo_array((rank, (a, b)), shape=(count, count)).tocsr()).tocoo()
 
-    # One more node is joined to the first pixel of each region, so that one walk meets them all.
+    # An extra root is joined to the first pixel of each region, so that one walk visits all
+    # regions.
     root = count
     first = _first_of_regions(tree.row, tree.col, there)
     rows = np.concatenate([tree.row, tree.col, np.full(len(first), root), first])
@@ -118,7 +119,7 @@ def _unwrapped(values: np.ndarray, there: np.ndarray) -> np.ndarray:
     if not (np.abs(between) < MOST_TURNS).all():
         raise ValueError(f"phase must be in radians, got {np.abs(flat).max():g}")
     turns[inner] = between
-    # Sum along the way to the root, by jumps that double.
+    # Sum along the path to the root by pointer doubling.
     parent = np.full(count + 1, root)
     parent[order] = before[order]
     while (parent != root).any():
@@ -129,7 +130,7 @@ def _unwrapped(values: np.ndarray, there: np.ndarray) -> np.ndarray:
 
 
 def _pairs(there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels of all pairs of neighbours that are there: first along rows."""
+    """Return the pixels of all pairs of neighbours within the mask: pairs along rows first."""
     number = np.arange(there.size).reshape(there.shape)
     sides = []
     for axis in (1, 0):
@@ -143,7 +144,7 @@ def _pairs(there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bends(values: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Return how the phase bends at each pixel; as much as it can where a neighbour is missing."""
+    """Return second differences of the phase; a missing neighbour gives the largest value."""
     padded = np.pad(values, 1)
     known = np.pad(there, 1)
     height, width = values.shape
@@ -168,5 +169,5 @@ def _first_of_regions(rows: np.ndarray, columns: np.ndarray, there: np.ndarray) 
 
 
 def _wrapped(difference: np.ndarray) -> np.ndarray:
-    """Return the difference less whole turns, within half a turn."""
+    """Return the difference modulo whole turns, within half a turn."""
     return difference - TURN * np.rint(difference / TURN)

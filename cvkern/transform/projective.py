@@ -1,4 +1,4 @@
-"""Images seen through a homography."""
+"""Transformation of images by a homography."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def warp_perspective(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Show an image through a homography.
+    """Warp an image by a homography.
 
     Parameters
     ----------
     image : array of shape (H, W), (H, W, C) or (C, H, W)
         Any real dtype.
     matrix : array of shape (3, 3)
-        Takes a pixel (x, y, 1) of `image`, x = column and y = row, to one of the result, up to a
+        Maps a pixel (x, y, 1) of `image`, x = column and y = row, to a pixel of the result, up to a
         factor: the matrix of ``cv2.warpPerspective``.
     shape : (int, int), optional
         Height and width of the result; those of `image` by default.
@@ -48,9 +48,9 @@ def warp_perspective(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+        If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of another rank, `matrix` is not (3, 3), finite and invertible,
+        If `image` is empty or of a wrong rank, `matrix` is not (3, 3), finite and invertible,
         `shape` is not of two sides of at most 65536, or an option is unknown.
 
     Notes
@@ -91,7 +91,7 @@ def rotate(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Turn an image about a point.
+    """Rotate an image about a point.
 
     Parameters
     ----------
@@ -100,10 +100,10 @@ def rotate(
     angle : float
         Degrees, counter-clockwise on the screen.
     resize : bool, default False
-        Make the result so large that it holds the whole image; else it has its size.
+        Enlarge the result to hold the whole image; else it has the size of the image.
     center : (float, float), optional
-        Row and column of the point that stays; the middle of the image by default. It has no
-        meaning with `resize`.
+        Row and column of the fixed point; the middle of the image by default. It is ignored with
+        `resize`.
     order, mode, cval, channel_axis, dtype
         As in :func:`remap`.
 
@@ -114,9 +114,9 @@ def rotate(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+        If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of another rank, `angle` or `center` is not finite, or an option
+        If `image` is empty or of a wrong rank, `angle` or `center` is not finite, or an option
         is unknown.
 
     Notes
@@ -169,7 +169,7 @@ def rectify_plane(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Show a quadrilateral of an image, a sheet or a front, as the rectangle that it is.
+    """Rectify a quadrilateral of an image, such as a sheet or a facade, to a rectangle.
 
     Parameters
     ----------
@@ -190,9 +190,9 @@ def rectify_plane(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+        If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of another rank, `corners` are not four points of which no three
+        If `image` is empty or of a wrong rank, `corners` are not four points of which no three
         lie on a line, `size` is not of two sides from 2 to 65536, or an option is unknown.
 
     Examples
@@ -230,7 +230,7 @@ def _inverse(matrix: Any) -> np.ndarray:
 
 
 def _four_points(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Return the homography that takes four points (row, column) to four others."""
+    """Return the homography that maps four points (row, column) to four others."""
     rows = []
     for (y, x), (v, u) in zip(points, targets, strict=True):
         rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y])

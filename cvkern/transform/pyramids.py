@@ -1,4 +1,4 @@
-"""Pyramids: an image at ever smaller sizes."""
+"""Gaussian and Laplacian pyramids."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ def pyramid_gaussian(
     cval: float = 0.0,
     channel_axis: int | None = None,
 ) -> list[Any]:
-    """Smooth and shrink an image again and again.
+    """Return an image and its repeatedly smoothed and shrunk copies.
 
     Parameters
     ----------
     image : array of shape (H, W), (H, W, C) or (C, H, W)
         Any real dtype.
     max_layer : int, default -1
-        How many times; -1: until nothing becomes smaller.
+        Number of smaller layers; -1 continues until the size does not change.
     downscale : float, default 2
-        Above 1: how much smaller each layer is.
+        Ratio of the sizes of consecutive layers, above 1.
     sigma : float, optional
-        Of the Gaussian, in pixels; ``2 downscale / 6`` by default.
+        Standard deviation of the Gaussian, in pixels; ``2 downscale / 6`` by default.
     mode, cval
         As in :func:`gaussian`.
     channel_axis : int, optional
@@ -49,7 +49,7 @@ def pyramid_gaussian(
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If `image` is empty or of another rank, `max_layer` is below -1, `downscale` is not above
+        If `image` is empty or of a wrong rank, `max_layer` is below -1, `downscale` is not above
         1, `sigma` is negative, or `mode` is unknown.
 
     Notes
@@ -84,19 +84,19 @@ def pyramid_laplacian(
     cval: float = 0.0,
     channel_axis: int | None = None,
 ) -> list[Any]:
-    """Return what smoothing takes from an image, and from its ever smaller, smoothed copies.
+    """Return the details that smoothing removes from an image and from its smaller copies.
 
     Parameters
     ----------
     image, downscale, sigma, mode, cval, channel_axis
         As in :func:`pyramid_gaussian`.
     max_layer : int, default -1
-        How many smaller layers; -1: until the larger side is one pixel.
+        Number of smaller layers; -1 continues until the larger side is one pixel.
 
     Returns
     -------
     list of arrays, float32
-        Differences, from the finest on.
+        Differences, the finest first.
 
     Raises
     ------

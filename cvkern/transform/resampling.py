@@ -26,7 +26,7 @@ def resize(
     channel_axis: int | None = None,
     dtype: Any = None,
 ) -> Any:
-    """Bring an image to another size.
+    """Resize an image.
 
     Parameters
     ----------
@@ -52,9 +52,9 @@ def resize(
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `dtype` is another than float32 and uint8.
+        If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of another rank, `shape` is not of two sides of at most 65536, or
+        If `image` is empty or of a wrong rank, `shape` is not of two sides of at most 65536, or
         `method` is unknown.
 
     Notes

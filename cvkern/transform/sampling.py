@@ -1,4 +1,4 @@
-"""Sampling of an image at given coordinates, and the gradients of that."""
+"""Sampling of an image at given coordinates, and its gradients."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ORDERS = (0, 1, 3)
 
 
 class RemapGradient(NamedTuple):
-    """Gradients of a loss by what :func:`remap` was given."""
+    """Gradients of a loss with respect to the inputs of :func:`remap`."""
 
     image: Any
     coordinates: Any
@@ -43,7 +43,7 @@ def remap(
     order : {0, 1, 3}, default 1
         Nearest pixel, linear, or the cubic spline through all pixels.
     mode : {'reflect', 'constant', 'nearest', 'mirror', 'wrap'}, default 'constant'
-        What lies outside the image, named as in :mod:`scipy.ndimage`.
+        Extension of the image, named as in :mod:`scipy.ndimage`.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant'. In any mode, it is the value at
         coordinates that are not numbers or as large as 1e9.
@@ -56,14 +56,14 @@ def remap(
     Returns
     -------
     array of shape (H', W'), (H', W', C) or (C, H', W'), float32 or uint8
-        Of the same library and on the same device as `image`.
+        The samples, in the same library and on the same device as `image`.
 
     Raises
     ------
     TypeError
         If `image` or `coordinates` do not hold real numbers, or `dtype` is another.
     ValueError
-        If an array is empty or of another shape, `order` or `mode` is unknown, or `cval` is not
+        If an array is empty or of a wrong shape, `order` or `mode` is unknown, or `cval` is not
         finite.
 
     Notes
@@ -105,12 +105,12 @@ def remap_backward(
     mode: str = "constant",
     channel_axis: int | None = None,
 ) -> RemapGradient:
-    """Return the gradients of :func:`remap` by the image and by the coordinates.
+    """Return the gradients of :func:`remap` for the image and the coordinates.
 
     Parameters
     ----------
     grad : array of the shape that `remap` returns
-        Gradient of a loss by the result.
+        Gradient of a loss with respect to the result.
     image, coordinates, order, mode, channel_axis
         As given to :func:`remap`.
 
@@ -126,11 +126,11 @@ def remap_backward(
     TypeError
         If an array does not hold real numbers.
     ValueError
-        If an array is empty or of another shape, or `order` or `mode` is unknown.
+        If an array is empty or of a wrong shape, or `order` or `mode` is unknown.
 
     Notes
     -----
-    Gradients by pixels are added in float64, on a GPU in no fixed order.
+    Gradients of pixels are summed in float64; on a GPU the order is not fixed.
 
     Examples
     --------
@@ -170,7 +170,7 @@ def remap_backward(
 def check_sampled(
     image: Any, order: int, mode: str, cval: float, channel_axis: int | None
 ) -> tuple[Any, int | None, int, Border, float]:
-    """Check what every function that samples an image is given."""
+    """Check the arguments that all functions share that sample an image."""
     image = check_image(image, ndim=(2, 3))
     axis = check_channel_axis(image.shape, channel_axis)
     if axis == 1:
@@ -189,7 +189,7 @@ def _check_coordinates(coordinates: Any) -> Any:
 
 
 def result_dtype(image: Any, order: int, dtype: Any) -> np.dtype:
-    """Return the dtype of what is sampled from `image`."""
+    """Return the dtype of samples of `image`."""
     if dtype is None:
         byte = order == 0 and library(image).dtype(image) == np.uint8
         return np.dtype(np.uint8 if byte else np.float32)
@@ -221,7 +221,7 @@ def shaped(shape: tuple[int, ...], sides: tuple[int, ...], axis: int | None) -> 
 def sampled(
     rt: Runtime, image: Any, axis: int | None, order: int, border: Border, real: bool = False
 ) -> tuple[Any, int]:
-    """Return what is weighed, the pixels or the coefficients of their spline, and its margin."""
+    """Return the weighted values, pixels or spline coefficients, and the width of their margin."""
     shape = layout(tuple(image.shape), axis)
     byte = library(image).dtype(image) == np.uint8 and order < 3 and not real
     src = rt.adopt(image, np.uint8 if byte else np.float32, shape=shape)

@@ -2,7 +2,7 @@
 
 MOST_BITS = 16  # in the Gray code of one axis: a projector has at most 2^16 rows or columns
 NONE = -1  # the code of a pixel that saw no pattern
-MOST_MOVES = 6  # pixels that the search for a ridge moves on from the brightest place
-MOST_OFFSET = 0.75  # pixels from a ridge to the middle of the pixel that tells it
+MOST_MOVES = 6  # largest distance in pixels of a ridge from the brightest position
+MOST_OFFSET = 0.75  # largest distance in pixels of a ridge from the middle of its pixel
 
-LENS_STEPS = 4  # times that a point is looked for along a line that a projector's lens bends
+LENS_STEPS = 4  # iterations for the point on a column that the projector's lens bends

@@ -10,7 +10,7 @@ IMAGE = np.zeros((4, 5), np.uint8)
 
 REFUSED = [
     (ValueError, "images must not be empty, got none", ([],), {}),
-    (ValueError, "images must be several arrays, got one", (IMAGE,), {}),
+    (ValueError, "images must be a sequence of arrays, got one array", (IMAGE,), {}),
     (ValueError, "images[1] must be 2-D or 3-D, got shape (3,)", ([IMAGE, np.zeros(3)],), {}),
     (ValueError, "images[0] must have 1, 3 or 4 channels, got shape (4, 5, 2)",
      ([np.zeros((4, 5, 2))],), {}),

@@ -191,7 +191,7 @@ def test_errors(no_kernel_runs):
 
 
 def test_nothing_to_integrate(backend):
-    message = "mask must not be 0 wherever normals are, got nothing to integrate"
+    message = "mask must not be 0 at all valid normals, got nothing to integrate"
     for normals in (np.full((3, 4, 3), np.nan), np.zeros((3, 4, 3)), -np.ones((3, 4, 3))):
         with pytest.raises(ValueError, match=message):
             cvkern.integrate_normals(normals)

@@ -124,8 +124,8 @@ IMAGE = np.ones((6, 8))
          {"mask": IMAGE}),
         ("boundary must have shape (6, 8, 3), got (6, 8, 2)", IMAGE, [0, 0, 1],
          {"boundary": np.ones((6, 8, 2))}),
-        ("boundary must tell a normal at least, got none: the mask has no silhouette as bright as "
-         "one", IMAGE, [0, 0, 1], {}),
+        ("boundary must have at least one normal, got none: no part of the mask's border is as "
+         "bright as a silhouette", IMAGE, [0, 0, 1], {}),
     ],
 )  # fmt: skip
 def test_errors(no_kernel_runs, message, image, light, options):

@@ -239,7 +239,7 @@ FLAT = np.zeros((4, 5))
          np.ones(9), {"shadows": "cast"}),
         ("albedo must have shape (4, 5), got (5, 4)", FLAT, [0, 0, 1], {"albedo": FLAT.T}),
         ("albedo must be >= 0 and finite, got -1", FLAT, [0, 0, 1], {"albedo": -1}),
-        ("faces must be numbers of 4 vertices, got 0 to 9", (FLAT[:, :3], [[0, 1, 9]]),
+        ("faces must be indices of 4 vertices, got 0 to 9", (FLAT[:, :3], [[0, 1, 9]]),
          [0, 0, 1], {"shape": (4, 5)}),
     ],
 )  # fmt: skip

@@ -1,8 +1,8 @@
-"""Least squares over cameras and the poses of views: Levenberg and Marquardt's method.
+"""Least squares over cameras and the poses of views, by the Levenberg-Marquardt method.
 
-The unknowns of a view meet those of no other, so each is eliminated by itself: what is left are
-equations in the numbers that all views share. A hundred views take a dense solver, SciPy's too,
-some seconds an iteration, and this one milliseconds.
+The poses of different views are not coupled. Each pose is eliminated on its own (Schur complement),
+which leaves equations in the parameters that all views share. For a hundred views an iteration
+takes milliseconds; a dense solver, such as SciPy's, takes seconds.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ import numpy as np
 from cvkern.geometry.cameras.lens import turned
 
 MOST_STEPS = 100
-ENOUGH = 1e-12  # share of the cost by which the last step may lower it
+ENOUGH = 1e-12  # the steps end when the relative decrease of the cost is below this
 FIRST_DAMPING, MOST_DAMPING = 1e-4, 1e12
 
 
 class Poses(NamedTuple):
-    """Where a board is before a camera, for each view: X = R W + t."""
+    """Poses of a board relative to a camera, one for each view: X = R W + t."""
 
     rotations: np.ndarray  # (V, 3, 3)
     translations: np.ndarray  # (V, 3)
 
 
 class Residuals(NamedTuple):
-    """What points are off, and its derivatives."""
+    """Residuals of points, and their derivatives."""
 
     off: np.ndarray  # (M, 2), x and y in pixels
-    shared: np.ndarray  # (M, 2, S), by what all views share
-    pose: np.ndarray  # (M, 2, 6), by a turn about the axes of the camera, and by the translation
+    shared: np.ndarray  # (M, 2, S), with respect to shared parameters
+    pose: np.ndarray  # (M, 2, 6), for a turn about the camera axes, and for the translation
 
 
 class Adjusted(NamedTuple):
-    """What the least squares are."""
+    """The result of the least squares."""
 
     shared: np.ndarray
     poses: Poses
     residuals: Residuals
-    deviations: np.ndarray  # (S,), standard deviations of what all views share
+    deviations: np.ndarray  # (S,), standard deviations of the shared parameters
 
 
 Evaluate = Callable[[np.ndarray, Poses], Residuals]
@@ -51,7 +51,7 @@ def adjust(
     evaluate: Evaluate, move: Move, shared: np.ndarray, poses: Poses, views: np.ndarray,
     free: np.ndarray,
 ) -> Adjusted:  # fmt: skip
-    """Lower the sum of squares until it stays.
+    """Minimise the sum of squares.
 
     `views` (M,) rises and says of which view a point is. `free` says which of the shared numbers
     may change, and `move` returns them after a step.
@@ -121,7 +121,7 @@ def _step(
 
 
 class Projected(NamedTuple):
-    """Where a camera sees points, and the derivatives of that."""
+    """Projected points, and the derivatives of the projection."""
 
     places: np.ndarray  # (M, 2), x and y
     by_point: np.ndarray  # (M, 2, 3)
@@ -129,7 +129,7 @@ class Projected(NamedTuple):
 
 
 def projected(points: np.ndarray, numbers: np.ndarray) -> Projected:
-    """Project points (M, 3) that stand before a camera of nine numbers; NaN for those behind it."""
+    """Project points (M, 3) in camera axes by nine camera numbers; NaN for points behind it."""
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = numbers
     depth = np.where(points[:, 2] > 0, points[:, 2], np.nan)
     x, y = points[:, 0] / depth, points[:, 1] / depth
@@ -162,7 +162,7 @@ def projected(points: np.ndarray, numbers: np.ndarray) -> Projected:
 
 
 def crossed(points: np.ndarray) -> np.ndarray:
-    """Return the derivative of points (M, 3) by a small turn: minus their cross matrices."""
+    """Return the derivative of points (M, 3) for a small turn: minus their cross matrices."""
     x, y, z = points.T
     zero = np.zeros_like(x)
     rows = ((zero, z, -y), (-z, zero, x), (y, -x, zero))

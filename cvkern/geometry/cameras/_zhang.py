@@ -1,4 +1,4 @@
-"""A first camera from planes, by Z. Zhang's closed form, and the poses of planes."""
+"""Initial camera from planes by Z. Zhang's closed form, and the poses of planes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from cvkern.geometry.fitting import fit_homography
 
-LEAST_FOCAL, MOST_FOCAL = 0.2, 50.0  # focal lengths, in sides of the image, that are believed
+LEAST_FOCAL, MOST_FOCAL = 0.2, 50.0  # range of accepted focal lengths, in sides of the image
 
 
 def plane_map(board: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -18,8 +18,8 @@ def first_camera(maps: list[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
     """Return a camera matrix from homographies of planes.
 
     With the image of the absolute conic, w = K^-T K^-1, the first two columns of a homography meet
-    h1' w h2 = 0 and h1' w h1 = h2' w h2. Three planes and more tell the principal point as well;
-    where they tell none in the image, and for fewer planes, it is the middle of the image.
+    h1' w h2 = 0 and h1' w h1 = h2' w h2. Three or more planes also determine the principal point.
+    For fewer planes, or if it falls outside the image, the middle of the image is used.
     """
     height, width = shape
     middle = np.array([(width - 1) / 2, (height - 1) / 2])
@@ -36,7 +36,7 @@ def first_camera(maps: list[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
 
 
 def _conic(planes: list[np.ndarray], *, whole: bool) -> np.ndarray | None:
-    """Return fx, fy, cx, cy in sides of the image, or None where they are not to be believed."""
+    """Return fx, fy, cx, cy in sides of the image, or None if they are not plausible."""
 
     def row(a: np.ndarray, b: np.ndarray) -> list[float]:
         """Coefficients of a' w b in w11, w22, w33, w13, w23."""
@@ -71,7 +71,7 @@ def _conic(planes: list[np.ndarray], *, whole: bool) -> np.ndarray | None:
 
 
 def plane_pose(matrix: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rotation and the translation of a plane, X = R W + t, before the camera."""
+    """Return the rotation and translation of a plane relative to the camera, X = R W + t."""
     columns = np.linalg.solve(camera, matrix)
     scale = 2 / (np.linalg.norm(columns[:, 0]) + np.linalg.norm(columns[:, 1]))
     columns = columns * (scale if columns[2, 2] > 0 else -scale)

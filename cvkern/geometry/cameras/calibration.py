@@ -1,4 +1,4 @@
-"""Cameras from photographs of a board."""
+"""Calibration of a camera from photographs of a board."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FLAT = 1e-9  # distance of a point from its plane, over the size of the board
 
 
 class Calibration(NamedTuple):
-    """A camera, and where the boards stood before it."""
+    """A camera, and the poses of the boards relative to it."""
 
     camera: Camera
     """Camera matrix, lens and size of the images."""
@@ -67,7 +67,7 @@ def chessboard_points(shape: tuple[int, int], square: float = 1.0) -> np.ndarray
     shape : (int, int)
         Rows and columns of inner corners.
     square : float, default 1.0
-        Side of a square, in the unit that translations and depths shall have.
+        Side of a square, in the unit for translations and depths.
 
     Returns
     -------
@@ -106,23 +106,23 @@ def calibrate_camera(
     camera: Camera | None = None,
     fixed: Sequence[str] = (),
 ) -> Calibration:
-    """Find a camera from several views of a board.
+    """Calibrate a camera from several views of a board.
 
     Parameters
     ----------
     object_points : array of shape (N, 3), or a sequence of V such arrays
-        Points of the board in its own coordinates, of :func:`chessboard_points` say; they lie in
-        one plane. One array serves all views.
+        Points of the board in its own coordinates, for example from :func:`chessboard_points`. They
+        lie in one plane. A single array is used for all views.
     image_points : sequence of V arrays of shape (N, 2)
-        Row and column of these points in each view, of :func:`detect_chessboard` say.
+        Row and column of these points in each view, for example from :func:`detect_chessboard`.
     shape : (int, int)
         Rows and columns of the images.
     camera : Camera, optional
-        Where to begin. By default Z. Zhang's closed form, without a lens.
+        Initial camera. By default from Z. Zhang's closed form, without lens distortion.
     fixed : sequence of str, default ()
-        What keeps its value at the beginning: any of 'fx', 'fy', 'cx', 'cy', 'k1', 'k2', 'p1',
-        'p2', 'k3'. Without `camera`, a term of the lens that is fixed is 0, and a fixed principal
-        point is the middle of the image.
+        Parameters that keep their initial value: any of 'fx', 'fy', 'cx', 'cy', 'k1', 'k2', 'p1',
+        'p2', 'k3'. Without `camera`, a fixed lens term is 0, and a fixed principal point is the
+        middle of the image.
 
     Returns
     -------
@@ -133,22 +133,22 @@ def calibrate_camera(
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If shapes do not go together, points are not finite, a board is not flat or has fewer than
-        four points, `fixed` has another name, or the points do not tell what is not fixed.
+        If shapes do not match, points are not finite, a board is not flat or has fewer than four
+        points, `fixed` has an unknown name, or the points do not determine the free parameters.
 
     See Also
     --------
-    calibrate_stereo : Two cameras.
-    detect_chessboard : The points of a view.
+    calibrate_stereo : Calibrate two cameras.
+    detect_chessboard : Find the points of a view.
 
     Notes
     -----
-    The sum of squared distances between seen and projected points is the least there is nearby: the
-    camera of ``cv2.calibrateCamera``. Standard deviations are those of normal noise, of the size
-    that the residuals have. Three views or more, tilted differently, tell all nine numbers; the
-    lens is known as far out as the points reach.
+    The result is a local minimum of the sum of squared distances between seen and projected points:
+    the camera of ``cv2.calibrateCamera``. Standard deviations assume normal noise of the size of
+    the residuals. Three or more views with different tilts determine all nine parameters. The lens
+    is known only as far out as the points reach.
 
     References
     ----------
@@ -189,7 +189,7 @@ def calibrate_camera(
 def begun(
     boards: list[np.ndarray], places: list[np.ndarray], shape: tuple[int, int], camera: Any
 ) -> tuple[np.ndarray, Poses]:
-    """Return nine numbers and the poses of boards to begin with."""
+    """Return the initial nine camera numbers and poses of boards."""
     if camera is None:
         maps = [plane_map(b[:, :2], p) for b, p in zip(boards, places, strict=True)]
         matrix = first_camera(maps, shape)
@@ -209,7 +209,7 @@ def adjusted_camera(
     boards: list[np.ndarray], places: list[np.ndarray], numbers: np.ndarray, poses: Poses,
     free: np.ndarray,
 ) -> Adjusted:  # fmt: skip
-    """Lower the squares of the distances between seen and projected points."""
+    """Minimise the squared distances between seen and projected points."""
     views = np.repeat(np.arange(len(boards)), [len(b) for b in boards])
     world, seen = np.concatenate(boards), np.concatenate(places)
 
@@ -225,7 +225,7 @@ def adjusted_camera(
 def check_views(
     object_points: Any, image_points: Any, name: str
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return boards (N, 3) and what is seen of them (N, 2), x and y, of each view."""
+    """Return the boards (N, 3) and image points (N, 2), x and y, of each view."""
     try:
         views = list(image_points)
     except TypeError:
@@ -277,7 +277,7 @@ def check_shape(shape: Any) -> tuple[int, int]:
 
 
 def free_of(fixed: Sequence[str]) -> np.ndarray:
-    """Return which of the nine numbers of a camera may change."""
+    """Return which of the nine camera numbers are free."""
     names = [fixed] if isinstance(fixed, str) else list(fixed)
     for name in names:
         check_choice(name, PARAMETERS, "fixed")
@@ -285,7 +285,7 @@ def free_of(fixed: Sequence[str]) -> np.ndarray:
 
 
 def check_enough(boards: list[np.ndarray], free: np.ndarray) -> None:
-    """Refuse views that cannot tell what is free: a plane tells two numbers beside its pose."""
+    """Refuse too few views: a plane determines two camera numbers in addition to its pose."""
     matrix = int(free[:4].sum())
     if 2 * len(boards) < matrix:
         raise ValueError(
@@ -313,7 +313,7 @@ def camera_of(numbers: np.ndarray, shape: tuple[int, int]) -> Camera:
 
 
 def split(values: np.ndarray, boards: list[np.ndarray]) -> list[np.ndarray]:
-    """Return what belongs to each view."""
+    """Split values into those of each view."""
     return np.split(values, np.cumsum([len(b) for b in boards])[:-1])
 
 

@@ -1,4 +1,4 @@
-"""Calibrations in files: JSON, and the YAML of OpenCV."""
+"""Reading and writing of calibrations: JSON, and the YAML of OpenCV."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ def write_calibration(
     Parameters
     ----------
     path : path
-        Ends in .json, or in .yml or .yaml for the form of OpenCV's ``FileStorage``. The file is
-        written whole or not at all; an older one is replaced.
+        A path that ends in .json, or in .yml or .yaml for the format of OpenCV's ``FileStorage``.
+        The file is written whole or not at all; an older one is replaced.
     calibration : Calibration or StereoCalibration
-        Of the first, the camera, `rms` and `deviations` are written; of the second also
-        `rotation` and `translation`. How boards stood is not.
+        The file has the cameras, `rms` and `deviations`, and for two cameras also `rotation` and
+        `translation`. It does not have the poses of boards.
 
     Raises
     ------
     TypeError
-        If `calibration` is none.
+        If `calibration` is neither of the two.
     ValueError
-        If `path` has another ending, or is no regular file.
+        If `path` has an unknown ending, or is not a regular file.
     OSError
         If the file cannot be written.
 
     See Also
     --------
-    read_calibration : The other way round.
+    read_calibration : The inverse.
 
     Notes
     -----
-    In YAML one camera is `camera_matrix` and `distortion_coefficients`, as OpenCV's samples have
-    it, and two are `M1`, `D1`, `M2`, `D2`, `R`, `T`, with the size of the second one's images as
-    `image_width2` and `image_height2`.
+    In YAML one camera has the entries `camera_matrix` and `distortion_coefficients`, as in OpenCV's
+    samples. Two cameras have `M1`, `D1`, `M2`, `D2`, `R` and `T`; the image size of the second one
+    is `image_width2` and `image_height2`.
 
     Examples
     --------
@@ -111,20 +111,21 @@ def read_calibration(
         with `camera_matrix` and `distortion_coefficients`, or with `M1`, `D1`, `M2`, `D2`, `R`
         and `T`.
     shape : (int, int), optional
-        Rows and columns of the images, for files that do not say it.
+        Rows and columns of the images, for files without them.
 
     Returns
     -------
     Calibration or StereoCalibration
-        Without the poses of boards; `rms` and `deviations` are NaN where the file has none.
+        The calibration without poses of boards. `rms` and `deviations` are NaN if the file does not
+        have them.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file has another ending or form, lacks a matrix or the size of the images, or has
-        numbers that make no camera.
+        If the file has an unknown ending or format, lacks a matrix or the size of the images, or
+        has numbers that are not a camera.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Chessboards in photographs: the inner corners, in order, within the pixel."""
+"""Chessboards in photographs: the inner corners, in order, to a fraction of a pixel."""
 
 from __future__ import annotations
 
@@ -32,41 +32,41 @@ def detect_chessboard(image: Any, shape: tuple[int, int]) -> Any:
     Parameters
     ----------
     image : array of shape (H, W), (H, W, 3) or (H, W, 4)
-        A photograph; any real dtype. Of colours it takes the grey, as :func:`cvkern.images.luma`.
+        A photograph of any real dtype. Colours become grey as in :func:`cvkern.images.luma`.
     shape : (int, int)
         Rows and columns of inner corners, where four squares meet: (6, 9) for a board of 7 x 10
-        squares. Each at least 2; of a board with other numbers nothing is found.
+        squares. Each at least 2. A board with other numbers is not found.
 
     Returns
     -------
     array of shape (rows * columns, 2), float64, or None
-        Row and column in the image, row by row of the board. None where there is no such board, or
-        not the whole of it. Of several boards it is the largest.
+        Row and column in the image, row by row of the board. None if no complete board of this
+        shape is visible. Among several boards the largest is returned.
 
     Raises
     ------
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If `image` is empty or has another rank, or `shape` is not two integers of at least 2.
+        If `image` is empty or has a wrong rank, or `shape` is not two integers of at least 2.
 
     See Also
     --------
-    calibrate_camera : From the corners in several photographs to the camera.
+    calibrate_camera : Calibrate a camera from the corners in several photographs.
 
     Notes
     -----
-    Rows and columns of the board follow each other clockwise, as those of an image do, so a board
-    seen from the front is never mirrored. Where `rows + columns` is odd, the colours tell the board
-    from one that is turned by 180 degrees: the square outside the first corner, at the corner of
-    the board, is dark. Otherwise a turned board looks the same, and the first corner is the one
-    from which the rows run to the right (where they are upright: downwards); on a board of as many
-    rows as columns, the one from which they run most nearly to the right among those whose outer
-    square is dark, if any is.
+    Rows and columns of the board have the same orientation as those of an image, so a board seen
+    from the front is never mirrored. If `rows + columns` is odd, the colours distinguish a board
+    from the same board turned by 180 degrees: the square outside the first corner, at the corner of
+    the board, is dark. Otherwise both look the same, and the first corner is the one from which the
+    rows run to the right, or downwards if they are upright. On a board with as many rows as
+    columns, the first corner is the one from which the rows run most nearly to the right, among the
+    corners with a dark outer square if there are any.
 
-    Corners are saddles of the smoothed picture, joined with neighbours along the edges. Each is
-    then fitted: two blurred edges that cross, under light with a slope, by least squares over the
-    pixels up to 0.7 of the way to the neighbours.
+    Corners are saddles of the smoothed picture, joined with neighbours along the edges. A model of
+    two crossing blurred edges under a light gradient is then fitted to each corner, by least
+    squares over the pixels up to 0.7 of the distance to the neighbours.
 
     References
     ----------

@@ -1,8 +1,8 @@
-"""One camera: a pinhole behind a lens, in the conventions of OpenCV.
+"""The camera model: a pinhole with lens distortion, in the conventions of OpenCV.
 
 Camera axes are x right, y down, z forward. The centre of the pixel in row i and column j has the
-image coordinates (x, y) = (j, i), here and in every kernel. A pose that stands beside a camera is a
-(rotation, translation): it takes a point of the world to the camera, X = R W + t.
+image coordinates (x, y) = (j, i), here and in every kernel. A pose is a pair (rotation,
+translation) that maps a point W of the world to camera axes, X = R W + t.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_points, on_host, xy
 
-# Newton's method doubles the right digits with each step; lenses need three or four steps.
+# Newton's method doubles the correct digits in each step; lenses need three or four steps.
 _NEWTON_STEPS = 10
-_WIDEST = 1e6  # tangent of the angle of a ray from the middle: farther is astray
-# A point that the lens shows where it was looked for, in units of the focal length.
+_WIDEST = 1e6  # largest tangent of the angle between a ray and the optical axis
+# Largest residual of a converged point, in units of the focal length.
 _MET = 1e-9
 MOST_SIDE = 2**16  # pixels along a side of an image
-SKEWED = 1e-9  # share of the focal length that counts as an oblique pixel
+SKEWED = 1e-9  # least skew that is refused, as a share of the focal length
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """How a camera maps directions to pixels: focal lengths, principal point, lens.
+    """Map from directions to pixels: focal lengths, principal point, lens distortion.
 
     Parameters
     ----------
     matrix : array of shape (3, 3)
         Camera matrix, ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels.
     distortion : sequence of 0 to 5 numbers, default ()
-        k1, k2, p1, p2, k3 of OpenCV's lens; those that are missing are 0.
+        k1, k2, p1, p2, k3 of OpenCV's lens model; missing ones are 0.
     shape : (int, int)
         Rows and columns of the images.
 
@@ -45,8 +45,8 @@ class Camera:
     TypeError
         If a number is not real.
     ValueError
-        If a shape is another, a number is not finite, a focal length is not positive, or the matrix
-        has a skew.
+        If a shape does not match, a number is not finite, a focal length is not positive, or the
+        matrix has a skew.
 
     Notes
     -----
@@ -109,7 +109,7 @@ def check_distortion(distortion: Any) -> np.ndarray:
 
 
 def check_lens(camera: Any, name: str = "camera") -> Camera:
-    """Return a camera, or refuse what is none."""
+    """Return a camera, and refuse anything else."""
     if not isinstance(camera, Camera):
         raise TypeError(f"{name} must be a Camera, got {type(camera).__name__}")
     return camera
@@ -123,19 +123,19 @@ def focal_and_center(matrix: np.ndarray) -> tuple[float, float, float, float]:
 def project_points(
     points: Any, camera: Camera, rotation: Any = None, translation: Any = None
 ) -> Any:
-    """Return where a camera sees points in space.
+    """Project points in space to the image of a camera.
 
     Parameters
     ----------
     points : array of shape (N, 3)
         Points of the world, in any unit of length.
     camera : Camera
-        How directions become pixels.
+        The camera and its lens.
     rotation : array of shape (3, 3) or (3,), optional
-        World to camera, X = R W + t: the inverse of a camera-to-world pose. A vector of three turns
-        about itself, by its length in radians. By default none.
+        World to camera, X = R W + t: the inverse of a camera-to-world pose. A vector of three is a
+        rotation about itself by its length in radians. By default the identity.
     translation : array of shape (3,), optional
-        t of the same. By default 0.
+        The t of this pose. By default 0.
 
     Returns
     -------
@@ -145,17 +145,17 @@ def project_points(
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If a shape is another, or a pose is not finite or no rotation.
+        If a shape does not match, or a pose is not finite or not a rotation.
 
     See Also
     --------
-    undistort_points : Take the bend of the lens out of places in the image.
+    undistort_points : Remove lens distortion from points of an image.
 
     Notes
     -----
-    As ``cv2.projectPoints``, with points behind the camera refused.
+    Equal to ``cv2.projectPoints``, except that points behind the camera are NaN.
 
     Examples
     --------
@@ -182,40 +182,40 @@ def seen(points: np.ndarray, camera: Camera, turn: np.ndarray, shift: np.ndarray
 
 
 def undistort_points(points: Any, camera: Camera, matrix: Any = None, rotation: Any = None) -> Any:
-    """Return where a camera without a lens sees what is at given places of an image.
+    """Remove lens distortion from points of an image.
 
     Parameters
     ----------
     points : array of shape (N, 2)
         Row and column in images of `camera`; fractions are allowed.
     camera : Camera
-        What took the image.
+        The camera of the image.
     matrix : array of shape (3, 3), optional
-        Camera matrix, or first three columns of a projection, of the camera without a lens. By
-        default that of `camera`.
+        Matrix of the ideal camera without distortion, or the first three columns of a projection.
+        By default the matrix of `camera`.
     rotation : array of shape (3, 3) or (3,), optional
-        Turn of the rays before that, X' = R X, as for rectified images.
+        Rotation of the rays before that, X' = R X, as for rectified images.
 
     Returns
     -------
     array of shape (N, 2), float64
-        Row and column. NaN where the lens shows no ray: beyond the circle at which its polynomial
-        turns back, and where a ray is not in front of the turned camera.
+        Row and column. NaN where no ray exists: beyond the radius at which the lens polynomial
+        stops increasing, and where a ray is not in front of the rotated camera.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If a shape is another, or a matrix is not finite.
+        If a shape does not match, or a matrix is not finite.
 
     See Also
     --------
-    project_points : The other way round.
+    project_points : The inverse.
 
     Notes
     -----
-    As ``cv2.undistortPointsIter`` with many iterations, by Newton's method.
+    Equal to ``cv2.undistortPointsIter`` with many iterations; solved by Newton's method.
 
     Examples
     --------
@@ -238,7 +238,7 @@ def undistort_points(points: Any, camera: Camera, matrix: Any = None, rotation: 
 
 
 def rays_of(places: np.ndarray, camera: Camera) -> np.ndarray:
-    """Return (x, y, 1) of the rays to places (x, y) of an image; NaN where the lens shows none."""
+    """Return the rays (x, y, 1) of points (x, y) of an image; NaN where there is none."""
     fx, fy, cx, cy = focal_and_center(camera.matrix)
     found = (places - (cx, cy)) / (fx, fy)
     lens = camera.distortion
@@ -253,7 +253,7 @@ def rays_of(places: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def turning_radius(distortion: np.ndarray) -> float:
-    """Return the least radius at which a radial polynomial turns back; infinite if nowhere."""
+    """Return the least radius at which the radial polynomial stops increasing, or infinity."""
     k1, k2, _, _, k3 = distortion
     roots = np.roots([7 * k3, 5 * k2, 3 * k1, 1.0]) if np.any((k1, k2, k3)) else np.zeros(0)
     real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)]
@@ -261,7 +261,7 @@ def turning_radius(distortion: np.ndarray) -> float:
 
 
 def check_pose(rotation: Any, translation: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return a rotation (3, 3) and a translation (3,), of nothing the ones that change nothing."""
+    """Return a rotation (3, 3) and a translation (3,); None gives the identity and 0."""
     if rotation is None:
         turn = np.eye(3)
     else:
@@ -296,14 +296,14 @@ def turned(vector: np.ndarray) -> np.ndarray:
 
 
 def turn_of(rotation: np.ndarray) -> np.ndarray:
-    """Return the vector about which a rotation turns, of the angle's length: undo `turned`."""
+    """Return the rotation vector of a rotation, the inverse of `turned`."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(rotation).as_rotvec()
 
 
 def bent(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
-    """Bend normalised image points (N, 2), x and y, as a lens does [OpenCV, calib3d]."""
+    """Distort normalised image points (N, 2), x and y, as a lens does [OpenCV, calib3d]."""
     k1, k2, p1, p2, k3 = distortion
     x, y = points[:, 0], points[:, 1]
     r2 = x * x + y * y
@@ -317,12 +317,12 @@ def bent(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     )
 
 
-@np.errstate(all="ignore")  # what comes of a slope of 0 is looked at in the end
+@np.errstate(all="ignore")  # results of a slope of 0 are checked at the end
 def straightened(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     """Undo :func:`bent` by Newton's method.
 
-    Where a lens shows no point at that place, it is any; not one so far away that a ray would have
-    no direction.
+    If there is no solution, the result is arbitrary, but never so far away that a ray would have no
+    direction.
     """
     if not np.any(distortion):
         return points

@@ -1,4 +1,4 @@
-"""Pairs of images whose rows meet: rectification."""
+"""Rectification: pairs of images whose rows correspond."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
 from cvkern.geometry.cameras.undistortion import sampled, undistort, undistortion_numbers
 
 KEPT = ("scale", "valid", "all")
-STEEPEST = 0.5  # share of the baseline that may run down the rows
-BORDER = 33  # points along a side that tell where an image ends
+STEEPEST = 0.5  # largest share of the baseline across the rows
+BORDER = 33  # points along a side that trace the outline of an image
 
 
 class RectifiedPair(NamedTuple):
     """Two images in which a point lies in the same row."""
 
     left: Any
-    """Of the library and the device of the first image given, (H, W) or (H, W, C)."""
+    """The first image, (H, W) or (H, W, C), in the library and on the device of the input."""
     right: Any
-    """The same of the second image."""
+    """The second image, likewise."""
 
 
 class Rectification(NamedTuple):
-    """How the images of two cameras are made those of two that look side by side.
+    """The map from the images of two cameras to those of two parallel cameras side by side.
 
     Call it with a pair of images.
     """
@@ -62,7 +62,7 @@ class Rectification(NamedTuple):
         return np.array(rows)
 
     def points(self, left: Any, right: Any) -> tuple[Any, Any]:
-        """Return where points (row, column) of both images lie in the rectified ones, float64."""
+        """Map points (row, column) of both images to the rectified images, float64."""
         one, other = (
             undistort_points(points, camera, self.matrix, turn)
             for points, camera, turn in zip(
@@ -77,9 +77,9 @@ class Rectification(NamedTuple):
         Parameters
         ----------
         left, right : array of shape (H, W) or (H, W, C)
-            What the cameras took, as in :func:`undistort`.
+            Images of the two cameras, as in :func:`undistort`.
         cval : float, default 0.0
-            What pixels have that a camera did not see.
+            Value of pixels that a camera did not see.
 
         Returns
         -------
@@ -100,7 +100,7 @@ class Rectification(NamedTuple):
         return RectifiedPair(one, other)
 
     def sampler(self) -> _Sampler:
-        """Return what rectifies many pairs of images, with all numbers made once."""
+        """Return a callable that rectifies many pairs, with all parameters computed once."""
         numbers = (
             undistortion_numbers(camera, self.matrix, turn)
             for camera, turn in zip((self.left, self.right), self.rotations, strict=True)
@@ -109,7 +109,7 @@ class Rectification(NamedTuple):
 
 
 class _Sampler(NamedTuple):
-    """The numbers that kernels take for both images."""
+    """The parameters of the kernels for both images."""
 
     shape: tuple[int, int]
     left: np.ndarray
@@ -129,19 +129,19 @@ class _Sampler(NamedTuple):
 def rectify_stereo(
     calibration: StereoCalibration, *, keep: str = "scale", zoom: float = 1.0
 ) -> Rectification:
-    """Find how the images of two calibrated cameras are rectified.
+    """Compute the rectification of two calibrated cameras.
 
     Parameters
     ----------
     calibration : StereoCalibration
-        Of :func:`calibrate_stereo` or :func:`read_calibration`; the first camera stands on the
-        left.
+        Calibration from :func:`calibrate_stereo` or :func:`read_calibration`. The first camera
+        stands on the left.
     keep : {'scale', 'valid', 'all'}, default 'scale'
-        'scale' keeps the mean focal length, and has the middle of both images in the middle.
-        'valid' enlarges until both images have no empty pixels, and 'all' shrinks until all that
-        the cameras saw is there.
+        'scale' keeps the mean focal length, and the middle of both images in the middle. 'valid'
+        enlarges until neither image has empty pixels. 'all' shrinks until everything that the
+        cameras saw is visible.
     zoom : float, default 1.0
-        Factor on the focal length that this gives.
+        Factor that multiplies the resulting focal length.
 
     Returns
     -------
@@ -152,9 +152,9 @@ def rectify_stereo(
     Raises
     ------
     TypeError
-        If `calibration` is none.
+        If `calibration` is not a StereoCalibration.
     ValueError
-        If the second camera does not stand to the right of the first, `keep` is another, or `zoom`
+        If the second camera does not stand to the right of the first, `keep` is unknown, or `zoom`
         is not > 0.
 
     See Also
@@ -163,10 +163,10 @@ def rectify_stereo(
 
     Notes
     -----
-    Both cameras are turned by half of what they differ by, and then together until the baseline
-    runs along the rows [1]_: of all rectifications that bends the images least. Both have the same
-    matrix, so points at infinity have disparity 0, and depth is `focal` times `baseline` over the
-    disparity.
+    Each camera is rotated by half of the rotation between them, and then both together until the
+    baseline runs along the rows [1]_. Among all rectifications this one distorts the images least.
+    Both have the same matrix. Points at infinity therefore have disparity 0, and depth is `focal`
+    times `baseline` over the disparity.
 
     References
     ----------

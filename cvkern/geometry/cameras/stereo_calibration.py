@@ -1,4 +1,4 @@
-"""Two cameras from pairs of photographs of a board."""
+"""Calibration of two cameras from pairs of photographs of a board."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cvkern.geometry.cameras.lens import Camera, check_lens, turned
 
 
 class StereoCalibration(NamedTuple):
-    """Two cameras, and how the second stands beside the first."""
+    """Two cameras, and the pose of the second relative to the first."""
 
     left: Camera
     """The first camera."""
@@ -52,7 +52,7 @@ class StereoCalibration(NamedTuple):
 
     @property
     def fundamental(self) -> np.ndarray:
-        """Fundamental matrix, (3, 3) float64, of pixels (x, y, 1) without the bend of lenses."""
+        """Fundamental matrix, (3, 3) float64, for undistorted pixels (x, y, 1)."""
         left, right = (np.linalg.inv(camera.matrix) for camera in (self.left, self.right))
         return right.T @ self.essential @ left
 
@@ -69,7 +69,7 @@ def calibrate_stereo(
     fixed: Sequence[str] = (),
     fix_cameras: bool = False,
 ) -> StereoCalibration:
-    """Find two cameras, and how they stand to each other, from pairs of views of a board.
+    """Calibrate two cameras and their relative pose from pairs of views of a board.
 
     Parameters
     ----------
@@ -78,38 +78,38 @@ def calibrate_stereo(
     left_points, right_points : sequence of V arrays of shape (N, 2)
         Row and column of these points in the images of the first and of the second camera.
     shape : (int, int)
-        Rows and columns of the images of both, or of the first camera's.
+        Rows and columns of the images of both cameras, or of the first one.
     right_shape : (int, int), optional
-        Rows and columns of the images of the second camera, where they have another size.
+        Rows and columns of the images of the second camera, if they differ.
     left, right : Camera, optional
-        Where to begin; by default what :func:`calibrate_camera` finds of each alone.
+        Initial cameras. By default :func:`calibrate_camera` finds each one alone.
     fixed : sequence of str, default ()
-        What stays in both cameras, as in :func:`calibrate_camera`.
+        Parameters that stay fixed in both cameras, as in :func:`calibrate_camera`.
     fix_cameras : bool, default False
-        Keep both cameras as they begin, and find only how they stand.
+        Keep both initial cameras, and find only the relative pose.
 
     Returns
     -------
     StereoCalibration
         Named tuple of `left`, `right`, `rotation`, `translation`, `rms`, `rotations`,
-        `translations` and `deviations`; `essential` and `fundamental` are made of these.
+        `translations` and `deviations`; `essential` and `fundamental` are derived from them.
 
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or a camera is none.
+        If an array does not hold real numbers, or a camera is not a Camera.
     ValueError
-        As :func:`calibrate_camera`; or if the lists are not of one length.
+        As :func:`calibrate_camera`; or if the lists differ in length.
 
     See Also
     --------
-    rectify_stereo : Make rows of both images meet.
+    rectify_stereo : Make the rows of both images correspond.
 
     Notes
     -----
-    The sum of squared distances in both images is the least there is nearby, as that of
-    ``cv2.stereoCalibrate``, which keeps the cameras unless told otherwise. A board that looks the
-    same when it is turned by 180 degrees must be read from the same end in both images.
+    The result is a local minimum of the sum of squared distances in both images, as in
+    ``cv2.stereoCalibrate``, which by default keeps the cameras fixed. A board that looks the same
+    when turned by 180 degrees must start at the same corner in both images.
 
     References
     ----------
@@ -200,7 +200,7 @@ def _moved(shared: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 
 def _beside(left: Poses, right: Poses) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rotation and the translation from the first camera to the second, of all views."""
+    """Return the rotation and translation from the first camera to the second, over all views."""
     turns = right.rotations @ left.rotations.transpose(0, 2, 1)
     u, _, vt = np.linalg.svd(turns.sum(axis=0))
     turn = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt

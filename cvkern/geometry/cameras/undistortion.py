@@ -1,4 +1,4 @@
-"""Images without the bend of the lens, from any direction that the camera saw."""
+"""Removal of lens distortion from images, with an optional rotation of the camera."""
 
 from __future__ import annotations
 
@@ -24,44 +24,44 @@ def undistort(
     shape: Sequence[int] | None = None,
     cval: float = 0.0,
 ) -> Any:
-    """Take the bend of a lens out of an image, and turn the camera if wanted.
+    """Remove lens distortion from an image, and optionally rotate the camera.
 
     Parameters
     ----------
     image : array of shape (H, W) or (H, W, C)
-        What `camera` took, of its shape; at least 2 x 2, with at most 4 channels. Any real dtype.
+        Image of `camera`, of its shape; at least 2 x 2, with at most 4 channels. Any real dtype.
     camera : Camera
         The camera and its lens.
     matrix : array of shape (3, 3), optional
-        Camera matrix of the result, without a lens; that of `camera` by default.
+        Camera matrix of the result; the matrix of `camera` by default.
     rotation : array of shape (3, 3) or (3,), optional
-        From rays of the camera to rays of the result, X' = R X; none by default.
+        From rays of the camera to rays of the result, X' = R X; the identity by default.
     shape : (int, int), optional
-        Rows and columns of the result; those of the image by default.
+        Rows and columns of the result; the shape of the image by default.
     cval : float, default 0.0
-        What pixels have that the camera did not see.
+        Value of pixels that the camera did not see.
 
     Returns
     -------
     array of shape (H', W') or (H', W', C), uint8 or float32
-        uint8 where `image` is, else float32. Equal in every bit on all devices.
+        uint8 if `image` is uint8, else float32. Equal bit for bit on all devices.
 
     Raises
     ------
     TypeError
-        If `image` does not hold real numbers, or `camera` is none.
+        If `image` does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If a shape is another, or a matrix is not finite and invertible.
+        If a shape does not match, or a matrix is not finite and invertible.
 
     See Also
     --------
-    undistort_points : The same of points.
-    rectify_stereo : Both images of a pair.
+    undistort_points : The same for points.
+    rectify_stereo : The same for both images of a pair, with corresponding rows.
 
     Notes
     -----
-    As ``cv2.initUndistortRectifyMap`` and ``cv2.remap`` with linear weights, in one kernel and
-    without a map in memory. Bytes are weighed by multiples of 1/256.
+    The result is that of ``cv2.initUndistortRectifyMap`` and ``cv2.remap`` with linear weights, in
+    one kernel and without a map in memory. The weights of bytes are multiples of 1/256.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def undistort(
 
 
 def undistortion_numbers(camera: Camera, matrix: Any, rotation: Any) -> np.ndarray:
-    """Return what kernels need: the way from new pixels to old rays, and the old camera."""
+    """Return kernel parameters: the matrix from new pixels to old rays, and the old camera."""
     new = camera.matrix if matrix is None else check_matrix(matrix, (3, 3), "matrix")
     if np.linalg.matrix_rank(new) < 3:
         raise ValueError("matrix must have an inverse, got a matrix of rank below 3")

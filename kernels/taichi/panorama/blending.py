@@ -1,9 +1,10 @@
-"""Bands of images, weighed and added up, in Taichi. Colours are planes (C, H, W).
+"""Multi-band blending: Laplacian bands of images and their weighted mean, in Taichi.
 
-A band is what smoothing takes away: an image less its half, enlarged again [P. Burt and E. Adelson,
-"A multiresolution spline with application to image mosaics", ACM Transactions on Graphics 2(4),
-1983]. Each band of the panorama is the mean of those of the images, weighed by their masks, which
-were smoothed as often.
+A band is the detail that smoothing removes: an image minus its enlarged half-size image [P. Burt
+and E. Adelson, "A multiresolution spline with application to image mosaics", ACM Transactions on
+Graphics 2(4), 1983]. A band of the panorama is the weighted mean of this band over all images,
+``sum w_i b_i / sum w_i``. The weights w_i are the masks of the images, smoothed as often as the
+images. Colours are planes (C, H, W). One thread computes one pixel.
 """
 
 import numpy as np
@@ -46,9 +47,9 @@ def add_band(
 
 @primitive
 def collapse(sums: np.ndarray, coarse: np.ndarray, last: int, values: np.ndarray) -> None:
-    """Divide totals by their sums, and add the enlarged coarse image unless it is the `last` band.
+    """Divide totals by their sums; add the enlarged coarse image, except in the `last` band.
 
-    The values hold the totals before, and the image afterwards. One thread a pixel.
+    `values` holds the totals before and the image afterwards. One thread a pixel.
     """
     _collapse(sums, coarse, last, 0, values)
 
@@ -64,7 +65,7 @@ def finish(
 ) -> None:
     """Write a part of a tile to an image; one thread a pixel.
 
-    Above 0 `high` is the largest value, and values are rounded. What nobody covers is 0.
+    A positive `high` is the largest value, and values are rounded. Pixels without an image are 0.
     """
     byte = image.dtype == np.uint8
     _finish(values, labels, high, *part, byte, image, mask)

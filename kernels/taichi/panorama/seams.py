@@ -1,9 +1,15 @@
 """Which image shows which pixel of a panorama, in Taichi.
 
-Every image grows from the pixels that are surely its own, slowly where images agree and at once
-through what they do not agree on, so that the fronts meet where it does not show, and something
-that moved is taken whole. Images are parts (h, w) of a canvas; rects (N, 4) say which, by the first
-column and row and those behind the last. Columns outside the canvas go round to its other end.
+Each image grows from its seeds: the pixels that only it covers, or where its weight is largest by
+a margin. Fronts move slowly where images agree and fast where they differ. They therefore meet
+where images agree, which hides the seam, and an object that moved is taken from one image. The
+distance of a pixel is the cost of the shortest path from a seed [N. Gracias, M. Mahoor,
+S. Negahdaripour and A. Gleason, "Fast image blending using watersheds and graph cuts", Image and
+Vision Computing 27(5), 2009]; distances are integers, so the result does not depend on the order.
+
+Images are parts (h, w) of a canvas. rects (N, 4) has the first column and row of each part, then
+one past its last ones. Columns outside the canvas wrap around to its other end. One thread computes
+one pixel unless stated otherwise.
 """
 
 import numpy as np
@@ -57,19 +63,19 @@ def seed(
     margin: float,
     distances: np.ndarray,
 ) -> None:
-    """Write 0 where an image is alone or its weight exceeds others' by the margin, else `FAR`.
+    """Write 0 where an image is alone or its weight exceeds all others by the margin, else `FAR`.
 
-    It is `OUTSIDE` where the image does not cover the pixel. One thread a pixel of an image.
+    The value is `OUTSIDE` where the image does not cover the pixel. One thread a pixel of an image.
     """
     _seed(weights, rects, most, second, margin, distances)
 
 
 @primitive
 def grow(costs: np.ndarray, rects: np.ndarray, distances: np.ndarray, changed: np.ndarray) -> None:
-    """Shorten distances by those of the eight neighbours and the cost of a step.
+    """Lower distances to those of the eight neighbours plus the cost of a step.
 
-    Set `changed` to 1 if more may become shorter: whoever calls goes on until none does. A thread
-    takes a pixel; what it sees of its neighbours may be old or new, as distances only fall.
+    Set `changed` to 1 if further distances may fall: the caller repeats until none does. One thread
+    a pixel. It may read old or new distances of its neighbours, because distances only fall.
     """
     for _ in range(ROUNDS):
         _grow(costs, rects, distances, changed)
@@ -79,16 +85,16 @@ def grow(costs: np.ndarray, rects: np.ndarray, distances: np.ndarray, changed: n
 def choose(
     distances: np.ndarray, weights: np.ndarray, rects: np.ndarray, labels: np.ndarray
 ) -> None:
-    """Give each pixel of the canvas to the image of least distance, of equal ones the first.
+    """Assign each pixel of the canvas to the image with the least distance; ties go to the first.
 
-    Where no front came, the largest weight wins. One thread a pixel.
+    Where no front arrived, the largest weight wins. One thread a pixel.
     """
     _choose(distances, weights, rects, labels)
 
 
 @ti.func
 def _wrapped(x: ti.i32, width: ti.i32) -> ti.i32:
-    """Return the column of the canvas; images begin less than a round beside it."""
+    """Return the column on the canvas; images begin less than one turn beside it."""
     place = x
     if x < 0:
         place = x + width

@@ -1,7 +1,8 @@
-"""Images drawn on the surface of a panorama, in Taichi: the map and the sample in one kernel.
+"""Projection of images onto the surface of a panorama, in Taichi: map and sample in one kernel.
 
-Tables of columns (a, b) and rows (p, q) tell the direction (a p, q, b p) of a pixel, whatever the
-surface; a matrix takes it to a pixel (x, y, 1) of the image.
+Tables of columns (a, b) and rows (p, q) give the direction (a p, q, b p) of a pixel on any surface.
+A matrix maps the direction to a pixel (x, y, 1) of the image, up to scale. One thread computes one
+pixel of the panorama.
 """
 
 import numpy as np
@@ -30,9 +31,10 @@ def project(
     values: np.ndarray,
     weights: np.ndarray,
 ) -> None:
-    """Sample an image times its gains, its rim repeated outside, and its weight; a thread a pixel.
+    """Sample an image times its gains, and write its weight; one thread a pixel.
 
-    The weight is 1 in the middle of the image, falls to its sides, and is 0 outside.
+    The rim is repeated outside the image. The weight is 1 in the middle of the image, falls towards
+    its sides, and is 0 outside.
     """
     _project(src, matrix, columns, rows, gains, 0, values, weights)
 
@@ -49,22 +51,22 @@ def claim(
     coarse_rows: np.ndarray,
     labels: np.ndarray,
 ) -> None:
-    """Give each pixel the image of the coarse labels if that covers it, else that of most weight.
+    """Label each pixel with the coarse label if that image covers it, else by the largest weight.
 
-    Only the images `names` are asked; of equal weights the first of them wins. One thread a pixel.
+    Only the images `names` take part; among equal weights the first wins. One thread a pixel.
     """
     _claim(matrices, sides, names, columns, rows, coarse, coarse_columns, coarse_rows, 0, labels)
 
 
 @primitive
 def mark(labels: np.ndarray, name: int, top: int, left: int, mask: np.ndarray) -> None:
-    """Write 1 where a part of the labels is `name`, else 0; one thread a pixel."""
+    """Write 1 where a label of a part is `name`, else 0; one thread a pixel."""
     _mark(labels, name, top, left, mask)
 
 
 @primitive
 def bound(labels: np.ndarray, bounds: np.ndarray) -> None:
-    """Widen the first row and column and the last ones of each label; one thread a pixel."""
+    """Extend the first and last row and column of each label; one thread a pixel."""
     _bound(labels, bounds)
 
 

@@ -1,10 +1,10 @@
-"""Gray codes of what a camera sees of a projector's patterns, in Taichi.
+"""Decoding of Gray codes in photographs of a projector's patterns, in Taichi.
 
 Frames come in pairs: a pattern and its inverse, the highest bit first. Bit b of the Gray code g is
 1 where the pattern is the brighter of the two, and the binary code is its running parity:
-``code_b = g_(n-1) xor ... xor g_b`` [Gray 1953, US patent 2632058]. A code counts where every pair
-differs by more than `margin`, and where the pixel is brighter under white light than under black by
-more than `contrast`.
+``code_b = g_(n-1) xor ... xor g_b`` [Gray 1953, US patent 2632058]. A code is valid if every pair
+differs by more than `margin`, and if the pixel is brighter under white light than under black by
+more than `contrast`. One thread decodes one pixel.
 """
 
 import numpy as np

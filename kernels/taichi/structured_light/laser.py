@@ -1,18 +1,21 @@
-"""Where laser lines are, one place in each column or row of a frame, in Taichi.
+"""Detection of laser lines, one position in each column or row of a frame, in Taichi.
 
-A line of light that crosses the columns has one place p along each. `find` takes the window of ``2
-half + 1`` pixels that is brightest in sum, the first of equal ones; the others refine its middle:
-`peaks` by a parabola through three values, `centroids` by the centre of mass above the darkest
-pixel of a window, `ridges` by the second-order rule of C. Steger, "An unbiased detector of
-curvilinear structures", PAMI 1998: with the derivatives r of the frame, smoothed by a Gaussian, at
-a pixel, and the eigenvector n of their Hessian with the least eigenvalue e, the ridge is where the
-first derivative along n vanishes. In the column itself that is at ``p + t``, ``t = -(r_p + r_l n_l
-/ n_p) / e``. A Gaussian line bends less away from its ridge, by 1 - t^2 / s^2 where s^2 is the
-variance of the smoothed profile; so t is made shorter by that. A place is kept where it lies in the
-pixel whose derivatives tell it, or at most a quarter of a pixel beside it, so that noise cannot
-keep the search between two pixels.
+A line of light that crosses the columns has one position p in each. `find` takes the window of ``2
+half + 1`` pixels with the largest sum, the first of equal ones. The other functions refine its
+middle: `peaks` by a parabola through three values, `centroids` by the centre of mass above the
+darkest pixel of a window, `ridges` by the rule of C. Steger, "An unbiased detector of curvilinear
+structures", PAMI 1998.
 
-With ``axis`` 0 places are rows, one a column; with 1 columns, one a row. Frames are (N, H, W).
+Steger's rule takes the derivatives r of the Gaussian-smoothed frame at a pixel, and the eigenvector
+n of their Hessian with the least eigenvalue e. The ridge is where the first derivative along n
+vanishes. In the column this is at ``p + t`` with ``t = -(r_p + r_l n_l / n_p) / e``. The second
+derivative of a Gaussian line falls off its ridge by the factor 1 - t^2 / s^2, where s^2 is the
+variance of the smoothed profile; t is shortened accordingly. A position is accepted if it lies in
+the pixel of the derivatives, or at most a quarter of a pixel beside it. The tolerance keeps noise
+from trapping the search between two pixels.
+
+With ``axis`` 0 positions are rows, one per column; with 1 columns, one per row. Frames are (N, H,
+W). One thread computes one line.
 """
 
 import numpy as np

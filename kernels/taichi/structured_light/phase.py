@@ -1,12 +1,12 @@
-"""Phases of shifted fringes, and the projector's coordinates that they tell, in Taichi.
+"""Phases of shifted fringes, and projector coordinates from them, in Taichi.
 
 A pixel sees the fringe of frequency f in N steps as ``I_n = A + B cos(phi - 2 pi n / N)``. With
 ``S = sum I_n sin(2 pi n / N)`` and ``C = sum I_n cos(2 pi n / N)``, least squares give the phase
 ``phi = atan2(S, C)`` and the modulation ``B = 2 / N sqrt(S^2 + C^2)`` [Bruning et al. 1974]. In
-turns, ``p = phi / 2 pi`` of a frequency tells the place t in the axis but for whole periods:
-``t = (p + k) / f``. The lowest frequency stays in its first period; each other takes the k that
-brings it closest to the one before it, ``k = floor(f t - p + 1/2)`` [Zuo et al. 2016, "Temporal
-phase unwrapping algorithms for fringe projection profilometry"].
+turns, ``p = phi / 2 pi`` gives the position t along the axis up to whole periods:
+``t = (p + k) / f``. The lowest frequency has k = 0. Each other frequency takes the k that is
+closest to the position of the one before, ``k = floor(f t - p + 1/2)`` [Zuo et al. 2016, "Temporal
+phase unwrapping algorithms for fringe projection profilometry"]. One thread decodes one pixel.
 """
 
 import math
@@ -67,7 +67,7 @@ def _decode(
             else:
                 k = ti.floor(product(f, t, zero) - p + 0.5)
             t = quotient(p + k, f, zero)
-        # Noise may have moved a place across the end of the first period.
+        # Noise may have moved a position across the end of the first period.
         f = frequencies[0]
         u = product(f, t, zero)
         t = quotient(u - ti.floor(u), f, zero)

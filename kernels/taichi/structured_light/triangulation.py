@@ -1,4 +1,10 @@
-"""From columns or rows of a projector to points in space, in Taichi."""
+"""Triangulation of projector columns or rows to points in space, in Taichi.
+
+A column of the projector lights a plane. The ray d of a camera pixel meets it at the depth
+``z = (x t_z - t_x) / ((R d)_x - x (R d)_z)``, where (R, t) is the pose of the projector and x the
+undistorted column over its focal length. A lens bends the column into a curve, so x depends on the
+row: a few iterations find the row from the point. One thread computes one pixel.
+"""
 
 import numpy as np
 import taichi as ti
@@ -54,7 +60,7 @@ def _intersect(
         ahead = pose[6] * x + pose[7] * y + pose[8]
         shift = pose[9]
         turned = across
-        other = lenses[1, 3]  # where on its line the projector lights the point: at first, midway
+        other = lenses[1, 3]  # coordinate along the projector's line: starts at its middle
         if ti.static(axis == 1):
             shift = pose[10]
             turned = down

@@ -1,4 +1,7 @@
-"""Bands of images, weighed and added up, in Warp. Colours are planes (C, H, W)."""
+"""Multi-band blending: Laplacian bands of images and their weighted mean, in Warp.
+
+The Taichi set has the equations. Colours are planes (C, H, W). One thread computes one pixel.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -39,9 +42,9 @@ def add_band(
 
 
 def collapse(sums: wp.array, coarse: wp.array, last: int, values: wp.array) -> None:
-    """Divide totals by their sums, and add the enlarged coarse image unless it is the `last` band.
+    """Divide totals by their sums; add the enlarged coarse image, except in the `last` band.
 
-    The values hold the totals before, and the image afterwards. One thread a pixel.
+    `values` holds the totals before and the image afterwards. One thread a pixel.
     """
     launch_each(_collapse, sums.size, sums.size * 8, [sums, coarse, last], [values])
 
@@ -56,7 +59,7 @@ def finish(
 ) -> None:
     """Write a part of a tile to an image; one thread a pixel.
 
-    Above 0 `high` is the largest value, and values are rounded. What nobody covers is 0.
+    A positive `high` is the largest value, and values are rounded. Pixels without an image are 0.
     """
     moved = Places()
     moved.top, moved.left, moved.row, moved.column, _, moved.columns = part

@@ -1,9 +1,15 @@
 """Which image shows which pixel of a panorama, in Warp.
 
-Every image grows from the pixels that are surely its own, slowly where images agree and at once
-through what they do not agree on, so that the fronts meet where it does not show, and something
-that moved is taken whole. Images are parts (h, w) of a canvas; rects (N, 4) say which, by the first
-column and row and those behind the last. Columns outside the canvas go round to its other end.
+Each image grows from its seeds: the pixels that only it covers, or where its weight is largest by
+a margin. Fronts move slowly where images agree and fast where they differ. They therefore meet
+where images agree, which hides the seam, and an object that moved is taken from one image. The
+distance of a pixel is the cost of the shortest path from a seed [N. Gracias, M. Mahoor,
+S. Negahdaripour and A. Gleason, "Fast image blending using watersheds and graph cuts", Image and
+Vision Computing 27(5), 2009]; distances are integers, so the result does not depend on the order.
+
+Images are parts (h, w) of a canvas. rects (N, 4) has the first column and row of each part, then
+one past its last ones. Columns outside the canvas wrap around to its other end. One thread computes
+one pixel unless stated otherwise.
 """
 
 import warp as wp
@@ -50,19 +56,19 @@ def seed(
     margin: float,
     distances: wp.array,
 ) -> None:
-    """Write 0 where an image is alone or its weight exceeds others' by the margin, else `FAR`.
+    """Write 0 where an image is alone or its weight exceeds all others by the margin, else `FAR`.
 
-    It is `OUTSIDE` where the image does not cover the pixel. One thread a pixel of an image.
+    The value is `OUTSIDE` where the image does not cover the pixel. One thread a pixel of an image.
     """
     inputs = [weights, rects, most, second, margin]
     launch_each(_seed, distances.size, distances.size, inputs, [distances])
 
 
 def grow(costs: wp.array, rects: wp.array, distances: wp.array, changed: wp.array) -> None:
-    """Shorten distances by those of the eight neighbours and the cost of a step.
+    """Lower distances to those of the eight neighbours plus the cost of a step.
 
-    Set `changed` to 1 if more may become shorter: whoever calls goes on until none does. On the CPU
-    a thread takes an image and sweeps over it until nothing changes, on CUDA it takes a pixel.
+    Set `changed` to 1 if further distances may fall: the caller repeats until none does. On the CPU
+    a thread takes an image and sweeps over it until nothing changes. On CUDA it takes a pixel.
     """
     if distances.device.is_cuda:
         for _ in range(ROUNDS):
@@ -74,9 +80,9 @@ def grow(costs: wp.array, rects: wp.array, distances: wp.array, changed: wp.arra
 
 
 def choose(distances: wp.array, weights: wp.array, rects: wp.array, labels: wp.array) -> None:
-    """Give each pixel of the canvas to the image of least distance, of equal ones the first.
+    """Assign each pixel of the canvas to the image with the least distance; ties go to the first.
 
-    Where no front came, the largest weight wins. One thread a pixel.
+    Where no front arrived, the largest weight wins. One thread a pixel.
     """
     inputs = [distances, weights, rects]
     launch_each(_choose, labels.size, labels.size * distances.shape[0], inputs, [labels])
@@ -84,7 +90,7 @@ def choose(distances: wp.array, weights: wp.array, rects: wp.array, labels: wp.a
 
 @wp.func
 def wrapped(x: int, width: int) -> int:
-    """Return the column of the canvas; images begin less than a round beside it."""
+    """Return the column on the canvas; images begin less than one turn beside it."""
     if x < 0:
         return x + width
     if x >= width:
@@ -192,7 +198,7 @@ def _seed(
 
 @wp.func
 def shortest(distances: wp.array3d[int], n: int, i: int, j: int, cost: int) -> int:
-    """Return the distance by way of the nearest neighbour."""
+    """Return the least distance over the eight neighbours plus the cost of a step."""
     best = distances[n, i, j]
     for s in range(-1, 2):
         for t in range(-1, 2):
@@ -234,7 +240,7 @@ def _grow(
 def beside(
     distances: wp.array3d[int], n: int, i: int, j: int, s: int, t: int, best: int, step: int
 ) -> int:
-    """Return the lesser of a distance and that by way of the neighbour (i + s, j + t)."""
+    """Return the smaller of a distance and the distance through the neighbour (i + s, j + t)."""
     u = i + s
     v = j + t
     if u < 0 or v < 0 or u >= distances.shape[1] or v >= distances.shape[2]:
@@ -264,7 +270,8 @@ def _sweep(
         while again > 0:
             shorter = int(0)
             for item in range(2 * count):
-                # Down and to the right first, by the neighbours before; then back, by those after.
+                # Forward in raster order from the neighbours before; then backward from those
+                # after.
                 k = wp.where(item < count, item, 2 * count - 1 - item)
                 side = wp.where(item < count, -1, 1)
                 i = k // width

@@ -1,7 +1,7 @@
-"""Gray codes of what a camera sees of a projector's patterns, in Warp.
+"""Decoding of Gray codes in photographs of a projector's patterns, in Warp.
 
-The Taichi set states the rule. All frames of a pixel are read once: on the CPU a row at a time,
-on CUDA four pixels a thread.
+The Taichi set has the equation. All frames of a pixel are read once. On the CPU a thread decodes a
+slab of rows, one row at a time; on CUDA it decodes four neighbouring pixels.
 """
 
 from functools import lru_cache

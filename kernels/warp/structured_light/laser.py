@@ -1,7 +1,7 @@
-"""Where laser lines are, one place in each column or row of a frame, in Warp.
+"""Detection of laser lines, one position in each column or row of a frame, in Warp.
 
-The Taichi set has the rules. A thread takes a line; on the CPU a slab of lines, and `find` goes
-through the frame row by row, so that memory is read in its order.
+The Taichi set has the equations. On CUDA a thread computes one line. On the CPU it computes a slab
+of lines, and `find` reads the frame row by row, in the order of memory.
 """
 
 from functools import lru_cache

@@ -1,7 +1,7 @@
-"""Phases of shifted fringes, and the projector's coordinates that they tell, in Warp.
+"""Phases of shifted fringes, and projector coordinates from them, in Warp.
 
-The Taichi set has the equations. All frames of a pixel are read once: on the CPU a row at a time,
-on CUDA one pixel a thread.
+The Taichi set has the equations. All frames of a pixel are read once. On the CPU a thread decodes a
+slab of rows, one row at a time; on CUDA it decodes one pixel.
 """
 
 import math
@@ -176,7 +176,7 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
             if j == 0:
                 k = wp.where(p < 0.0, 1.0, 0.0)
             t = (p + k) / f
-        # Noise may have moved a place across the end of the first period.
+        # Noise may have moved a position across the end of the first period.
         f = frequencies[0]
         u = f * t
         t = (u - wp.floor(u)) / f

@@ -1,4 +1,7 @@
-"""From columns or rows of a projector to points in space, in Warp."""
+"""Triangulation of projector columns or rows to points in space, in Warp.
+
+The Taichi set has the equation. One thread computes one pixel.
+"""
 
 import warp as wp
 
@@ -58,7 +61,7 @@ def _intersect(
         ahead = pose[6] * x + pose[7] * y + pose[8]
         shift = pose[9]
         turned = across
-        other = lenses[1, 3]  # where on its line the projector lights the point: at first, midway
+        other = lenses[1, 3]  # coordinate along the projector's line: starts at its middle
         if axis == 1:
             shift = pose[10]
             turned = down
