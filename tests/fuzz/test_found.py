@@ -17,6 +17,7 @@ PAIR = np.arange(18.0).reshape(9, 2)
 VIEWS = radiance.cameras(np.eye(4)[None], [50, 50, 8, 6], 17, 13)
 BYTES = np.zeros((2, 32), np.uint8)
 IMAGE = np.zeros((4, 5))
+FILM = np.zeros((2, 4, 4, 3), np.uint8)
 
 REFUSED = {
     "center": lambda: cvkern.rotate(IMAGE, 3, center=2.0),
@@ -44,6 +45,12 @@ REFUSED = {
     "corners must": lambda: cvkern.corner_subpix(IMAGE, [[np.nan, 1]]),
     "reference": lambda: cvkern.r_table(IMAGE, reference=2 + 0j),
     "scales": lambda: cvkern.generalized_hough(IMAGE, TABLE, scales=2 + 0j),
+    "paths": lambda: cvkern.stereo_match(IMAGE, IMAGE, (0, 2), paths=[]),
+    "paths must": lambda: cvkern.aggregate_semi_global(BYTES[None], 1, 2, paths=np.zeros(2)),
+    "accuracy": lambda: cvkern.hough_ellipse(IMAGE, accuracy=1e-320),
+    "fps": lambda: cvkern.clouds.write_animation("a.gif", FILM, fps=1e-320),
+    "fps must": lambda: cvkern.clouds.write_animation("a.mp4", FILM, fps=1e-3),
+    "spans": lambda: radiance.composite_rays(np.ones(2), np.ones((2, 3)), np.ones((2, 2)), 2),
     "length": lambda: cvkern.suggest_line_bins((8, 8), localisation=1e-30, length=1e30),
     "dists": lambda: cvkern.hough_line_peaks(IMAGE, np.arange(5), [0, 1, 2, np.inf]),
     "hspace": lambda: cvkern.hough_line_peaks(IMAGE * np.nan, np.arange(5), np.arange(4)),
@@ -121,6 +128,9 @@ EQUAL = {
     "remap of zeros": lambda s: cvkern.warp_perspective([[-0.0]], np.eye(3), (3, 3), mode="mirror"),
     "median": lambda s: cvkern.median(spoilt(9, 9, seed=s), 1),
     "gradient": lambda s: cvkern.gradient(spoilt(9, 9, seed=s, share=0.05)),
+    "detect_laser_lines of a flat frame": lambda s: cvkern.detect_laser_lines(
+        np.full((2, 40, 8), 9.5e-6 / 3**s, np.float32), sigma=1.7762824562096369, threshold=0
+    ),
     "guided_median": lambda s: cvkern.guided_median(
         spoilt(9, 9, seed=s, kinds=(np.nan, 0.0, -0.0)), np.zeros((9, 9), np.uint8), 2
     ),
