@@ -185,6 +185,7 @@ def _host(rt: Runtime, images: Any, shape: tuple[int, ...]) -> np.ndarray:
     return np.array(rt.to_numpy(rt.adopt(images)), np.float32).reshape(shape)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # values may not be finite
 def _quality(image: np.ndarray, powers: list[float]) -> np.ndarray:
     """Return the product of the measures of an image, a little above 0."""
     grey = image.mean(axis=2)
