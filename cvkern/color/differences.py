@@ -28,9 +28,9 @@ def deltaE_ciede2000(lab1: Any, lab2: Any, kL: float = 1, kC: float = 1, kH: flo
     Raises
     ------
     TypeError
-        If an array does not hold real numbers.
+        If an array or a weight does not hold real numbers.
     ValueError
-        If the last axis is not 3 long, or shapes differ.
+        If the last axis is not 3 long, shapes differ, or a weight is not above 0.
 
     References
     ----------

@@ -44,6 +44,8 @@ def standard_observer(name: str = "cie1931", interval: int = 5) -> Spectrum:
 
     Raises
     ------
+    TypeError
+        If the interval is no integer.
     ValueError
         If the name or the interval is not one of those above.
 

@@ -159,13 +159,19 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
     inside &= np.isfinite(values).all(axis=0) & (values.max(axis=0) > 0)
     if not inside.any():
         raise ValueError("images must be finite, and above 0 somewhere in the mask, got none there")
-    lights, normals = _factors(values, inside)
-    lights, normals, seen = _integrable(lights, normals, inside)
-    own = equal == "lights"
-    change = _equal_lights(lights) if own else _equal_albedo(normals[:, seen].T)
-    # Normals are changed by the matrix, lights by its inverse transposed.
-    normals = np.tensordot(change, normals, 1)
-    lights = lights @ np.linalg.inv(change)
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            lights, normals = _factors(values, inside)
+            lights, normals, seen = _integrable(lights, normals, inside)
+            own = equal == "lights"
+            change = _equal_lights(lights) if own else _equal_albedo(normals[:, seen].T)
+            # Normals are changed by the matrix, lights by its inverse transposed.
+            normals = np.tensordot(change, normals, 1)
+            lights = lights @ np.linalg.inv(change)
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            "images must tell three independent lights, got such that do not"
+        ) from None
     rows, columns = np.nonzero(seen)
     outward = normals[0][seen] * (columns - columns.mean()) - normals[1][seen] * (
         rows - rows.mean()

@@ -12,8 +12,8 @@ from tests.fuzz.families.geometry import fundamental, inside
 
 SHAPE = one((480, 640), (48, 64), (1, 1), (0, 4))
 CAMERA = one(
-    cvkern.Camera([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]], [-0.2, 0.1], (480, 640)),
-    cvkern.Camera([[40, 0, 31.5], [0, 40, 23.5], [0, 0, 1]], (), (48, 64)),
+    cvkern.Camera(np.array([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]), [-0.2, 0.1], (480, 640)),
+    cvkern.Camera(np.array([[40, 0, 31.5], [0, 40, 23.5], [0, 0, 1]]), (), (48, 64)),
 )
 BOARD = cvkern.chessboard_points((5, 7), 0.03)
 
