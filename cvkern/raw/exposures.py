@@ -169,7 +169,7 @@ def merge_exposures(
         most = 255.0 if dtype == np.uint8 else _most(rt, images, carried)
         tables = np.zeros((1, channels, 2), np.float32)
     else:
-        most, tables = 0.0, _tables(curves)  # pyright: ignore[reportPossiblyUnboundVariable]
+        most, tables = 0.0, _tables(curves)  # pyright: ignore[reportPossiblyUnboundVariable, reportArgumentType]
     rt.raw.exposures.merge(
         values, rt.constant(np.ascontiguousarray(tables)),
         rt.constant(np.stack([times, np.log2(times)], 1).astype(np.float32)),

@@ -138,8 +138,9 @@ def residual(raw, pattern):
             )
             return (a * x + b) / w
 
-        rest = p - line(q, *lines)
-        found = line(p, *lines[::-1]) + along(rest, [0.5, 0, 0.5], axis)
+        one, other = lines
+        rest = p - line(q, one, other)
+        found = line(p, other, one) + along(rest, [0.5, 0, 0.5], axis)
         d = np.where(is_green, p - found, found - p)
         square = np.ones((5, 5))
         texture = smooth(along(raw, [-0.25, 0, 0.5, 0, -0.25], axis) ** 2, square)
@@ -160,7 +161,7 @@ def residual(raw, pattern):
             return smooth(m * own, seven) / count
 
         centred = [own * (m - smooth(m * own, np.ones((5, 5))) / 9) for m in (raw, green)]
-        w, a, b = _windowed(raw, green, *centred, window, 0.3)
+        w, a, b = _windowed(raw, green, centred[0], centred[1], window, 0.3)
         tentative = (smooth(a, np.ones((7, 7))) * green + smooth(b, np.ones((7, 7)))) / smooth(
             w, np.ones((7, 7))
         )

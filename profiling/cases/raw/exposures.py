@@ -34,8 +34,8 @@ def _merged(images: np.ndarray) -> np.ndarray:
 
 
 def _opencv(cv2: Any, images: np.ndarray) -> np.ndarray:
-    response = np.float32(2**CURVE)[:, None]
-    return cv2.createMergeDebevec().process(list(images), np.float32(SECONDS), response)
+    response = (2**CURVE).astype(np.float32)[:, None]
+    return cv2.createMergeDebevec().process(list(images), np.array(SECONDS, np.float32), response)
 
 
 CASES = (

@@ -1,0 +1,124 @@
+"""Points and surfaces of a field with known rays, and bad input to what looks at fields."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from cvkern.radiance import (
+    mesh,
+    orbit_cameras,
+    point_cloud,
+    render,
+    write_mesh,
+)
+from tests.radiance.test_rendering import (
+    BOUNDS,
+    COLOR,
+    RADIUS,
+    Ball,
+    ball,
+    some_cameras,
+)
+
+
+def test_point_cloud(backend):
+    cloud = point_cloud(ball())
+    away = np.linalg.norm(cloud.points - BOUNDS.center, axis=1)
+    np.testing.assert_allclose(away, RADIUS * BOUNDS.half, atol=1e-4)  # float32, as above
+    assert (cloud.colors == np.round(255 * COLOR)).all()
+    assert (cloud.points.dtype, cloud.colors.dtype) == (np.float32, np.uint8)
+    seen = [np.isfinite(render(ball(), some_cameras(), v).depth).sum() for v in range(5)]
+    assert len(cloud.points) == sum(seen)
+    assert len(point_cloud(ball(), views=[1]).points) == seen[1]
+    assert len(point_cloud(ball(), views=[]).points) == 0
+
+
+def test_mesh():
+    surface = mesh(ball(), resolution=32, density=50.0)
+    away = np.linalg.norm(surface.points - BOUNDS.center, axis=1)
+    # The density is 50 on the ball, and linear along the radius; chords of cells of 1/16 are off
+    # by less than (1/16)^2 / (8 * 0.5), twice that in the world.
+    np.testing.assert_allclose(away, RADIUS * BOUNDS.half, atol=2 / 16**2 / 4)
+    corners = surface.points[surface.faces] - BOUNDS.center
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((normals * corners.mean(axis=1)).sum(axis=1) > 0).all()  # anticlockwise from outside
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(4 / 3 * np.pi * (RADIUS * BOUNDS.half) ** 3, rel=0.02)
+    assert (surface.colors == np.round(255 * COLOR)).all()
+    assert surface.faces.dtype == np.int32
+
+
+def test_colors_of_a_rough_mesh_are_seen_across_it(monkeypatch):
+    """Looked at from without, a ball of noise has the colour of its directions."""
+    noise = np.random.default_rng(0)
+
+    def see(self, origins, directions, seen):
+        towards = self.rt.to_numpy(directions)
+        self.rt.write(seen.color, np.ascontiguousarray(0.5 - 0.5 * towards))
+        self.rt.write(seen.opacity, np.ones(len(towards), np.float32))
+
+    def densities(self, points):
+        inside = np.linalg.norm(points, axis=1) < RADIUS
+        return np.where(inside, 100 * noise.lognormal(size=len(points)), 0)
+
+    monkeypatch.setattr(Ball, "see", see)
+    monkeypatch.setattr(Ball, "densities", densities)
+    surface = mesh(ball(), resolution=40, density=25.0)
+    arms = surface.points - BOUNDS.center
+    away = np.linalg.norm(arms, axis=1, keepdims=True)
+    outer = away[:, 0] > (RADIUS - 2 / 40) * BOUNDS.half  # within there are pits
+    want = 255 * (0.5 + 0.5 * arms / away)
+    assert outer.sum() > 1000
+    # Two degrees off, a channel is up to 128 x 0.035 off. Across the rough surface it would be 40.
+    assert np.abs(surface.colors - want)[outer].mean() < 4.5
+
+
+def test_meshes_as_files(tmp_path):
+    surface = mesh(ball(), resolution=8, density=50.0)
+    write_mesh(tmp_path / "ball.ply", surface)
+    head, _, body = (tmp_path / "ball.ply").read_bytes().partition(b"end_header\n")
+    lines = head.decode("ascii").splitlines()
+    assert lines[:2] == ["ply", "format binary_little_endian 1.0"]
+    assert f"element vertex {len(surface.points)}" in lines
+    assert f"element face {len(surface.faces)}" in lines
+    kind = [("place", "<f4", 3), ("color", "u1", 3)]
+    points = np.frombuffer(body, kind, len(surface.points))
+    np.testing.assert_array_equal(points["place"], surface.points)
+    np.testing.assert_array_equal(points["color"], surface.colors)
+    faces = np.frombuffer(body[points.nbytes :], [("count", "u1"), ("corners", "<i4", 3)])
+    assert (faces["count"] == 3).all()
+    np.testing.assert_array_equal(faces["corners"], surface.faces)
+    with pytest.raises(ValueError, match=r"path must end in .ply, got 'ball.obj'"):
+        write_mesh("ball.obj", surface)
+
+
+def test_mesh_without_scikit_image(monkeypatch):
+    monkeypatch.setitem(sys.modules, "skimage.measure", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'cvkern\[demo\]'"):
+        mesh(ball())
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "rule"),
+    [
+        (lambda m: render(m, m.cameras, 5), ValueError, r"view must be in \[0, 4\], got 5"),
+        (lambda m: render(m, m.cameras, m.seed + 0.5), TypeError,
+         "view must be an integer, got 0.5"),
+        (lambda m: render(m, m.cameras, background=(0, 2, 0)), ValueError,
+         r"background must be three numbers in \[0, 1\], got \(0, 2, 0\)"),
+        (lambda m: render(m, m.cameras, background="white"), TypeError,
+         "background must be three numbers, got 'white'"),
+        (lambda m: point_cloud(m, views=[7]), ValueError, r"views must be in \[0, 4\], got 7"),
+        (lambda m: mesh(m, resolution=4), ValueError, r"resolution must be in \[8, 1024\], got 4"),
+        (lambda m: mesh(m, density=-1), ValueError, "density must be > 0, got -1"),
+        (lambda m: mesh(m, resolution=8, density=1e6), ValueError,
+         "density must be below the model's largest, 100, got 1e"),
+        (lambda m: orbit_cameras(m.cameras, 0), ValueError, "frames must be in"),
+        (lambda m: orbit_cameras(m.cameras, factor=0), ValueError, "factor must be > 0, got 0"),
+        (lambda m: m.save("model.txt"), ValueError, "path must end in .npz, got 'model.txt'"),
+    ],
+)  # fmt: skip
+def test_errors(call, error, rule):
+    with pytest.raises(error, match=rule):
+        call(ball())
