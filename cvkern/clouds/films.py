@@ -11,6 +11,9 @@ import numpy as np
 from cvkern._checks import as_array, check_positive
 from cvkern._files import as_path, check_target, replacing
 
+# A GIF keeps the time of a frame as a 16-bit number of hundredths of a second.
+SLOWEST_GIF = 0.0016
+
 
 def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 20.0) -> None:
     """Write frames as a GIF that repeats forever, or as an MP4, whole or not at all.
@@ -22,7 +25,8 @@ def write_animation(path: str | os.PathLike[str], frames: Any, *, fps: float = 2
     frames : array of shape (F, H, W, 3), uint8
         A GIF has 256 colours in each frame; an MP4 needs an even height and width.
     fps : float, default 20.0
-        Frames per second, > 0. A GIF counts in hundredths of a second, and has at most 50.
+        Frames per second. A GIF counts in hundredths of a second and takes 0.0016 to 50; an MP4
+        takes 0.01 to 1000.
 
     Raises
     ------
@@ -75,8 +79,9 @@ def check_animation(path: str | os.PathLike[str], shape: tuple[int, ...], fps: A
         raise ValueError(f"path must end in .gif or .mp4, got {os.fspath(path)!r}")
     check_target(path)
     fps = check_positive(fps, "fps")
-    if suffix == ".gif" and fps > 50:
-        raise ValueError(f"fps must be <= 50 for .gif, got {fps:g}")
+    slowest, fastest = (SLOWEST_GIF, 50) if suffix == ".gif" else (0.01, 1000)
+    if not slowest <= fps <= fastest:
+        raise ValueError(f"fps must be in [{slowest:g}, {fastest}] for {suffix}, got {fps:g}")
     if suffix == ".mp4":
         if shape[1] % 2 or shape[2] % 2:
             raise ValueError(

@@ -93,4 +93,4 @@ def adapt_colors(xyz: Any, source: Any, target: Any, method: str = "bradford") -
     >>> cvkern.adapt_colors([[0.95043, 1, 1.0888]], "D65", "D50").round(3)
     array([[0.964, 1.   , 0.825]], dtype=float32)
     """
-    return apply_matrix(xyz, adaptation_matrix(source, target, method), "xyz")
+    return apply_matrix(xyz, adaptation_matrix(source, target, method), "xyz", name="xyz")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_image
+from cvkern._checks import check_image, check_positive
 from cvkern._runtime import runtime
 
 
@@ -18,7 +18,7 @@ def deltaE_ciede2000(lab1: Any, lab2: Any, kL: float = 1, kC: float = 1, kH: flo
     lab1, lab2 : array of shape (..., 3)
         Colours in L*a*b*, of one shape: points, lists or images.
     kL, kC, kH : float, default 1
-        Weights of lightness, chroma and hue: 2 for `kL` in the textile industry.
+        Weights of lightness, chroma and hue, above 0: 2 for `kL` in the textile industry.
 
     Returns
     -------
@@ -28,9 +28,9 @@ def deltaE_ciede2000(lab1: Any, lab2: Any, kL: float = 1, kC: float = 1, kH: flo
     Raises
     ------
     TypeError
-        If an array does not hold real numbers.
+        If an array or a weight does not hold real numbers.
     ValueError
-        If the last axis is not 3 long, or shapes differ.
+        If the last axis is not 3 long, shapes differ, or a weight is not above 0.
 
     References
     ----------
@@ -52,12 +52,13 @@ def deltaE_ciede2000(lab1: Any, lab2: Any, kL: float = 1, kC: float = 1, kH: flo
         raise ValueError(
             f"lab2 must have the shape of lab1, {tuple(lab1.shape)}, got {tuple(lab2.shape)}"
         )
+    weights = check_positive(kL, "kL"), check_positive(kC, "kC"), check_positive(kH, "kH")
     rt = runtime(lab1, lab2)
     shape = tuple(lab1.shape[:-1])
     count = int(np.prod(shape))
     result = rt.empty(shape)
     rt.color.differences.ciede2000(
         rt.adopt(lab1, np.float32, (count, 3)), rt.adopt(lab2, np.float32, (count, 3)),
-        float(kL), float(kC), float(kH), rt.adopt(result, np.float32, (count,)),
+        *weights, rt.adopt(result, np.float32, (count,)),
     )  # fmt: skip
     return rt.release(result)

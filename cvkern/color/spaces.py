@@ -75,13 +75,21 @@ def convert_color(
 
 
 def apply_matrix(
-    image: Any, matrix: np.ndarray, source: str, target: str = "xyz", dtype: Any = np.float32
+    image: Any,
+    matrix: np.ndarray,
+    source: str,
+    target: str = "xyz",
+    dtype: Any = np.float32,
+    name: str = "image",
 ) -> Any:
     """Undo a curve, multiply by a matrix, and apply a curve."""
-    image = check_image(image, ndim=(1, 2, 3))
+    image = check_image(image, ndim=(1, 2, 3), name=name)
     if image.shape[-1] != 3:
-        raise ValueError(f"image must have shape (..., 3), got {tuple(image.shape)}")
-    dtype = np.dtype(dtype)
+        raise ValueError(f"{name} must have shape (..., 3), got {tuple(image.shape)}")
+    try:
+        dtype = np.dtype(dtype)
+    except Exception:  # NumPy says of some that they are out of use
+        raise TypeError(f"dtype must be float32 or uint8, got {dtype!r}") from None
     if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
         raise ValueError(f"dtype must be float32 or uint8, got {dtype}")
     if dtype == np.uint8 and target != "srgb":

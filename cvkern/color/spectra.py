@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_choice, check_image
+from cvkern._checks import as_numbers, check_choice, check_image, check_integer
 from cvkern._runtime import runtime
 
 DATA = Path(__file__).parent / "data"
@@ -44,6 +44,8 @@ def standard_observer(name: str = "cie1931", interval: int = 5) -> Spectrum:
 
     Raises
     ------
+    TypeError
+        If the interval is no integer.
     ValueError
         If the name or the interval is not one of those above.
 
@@ -56,6 +58,7 @@ def standard_observer(name: str = "cie1931", interval: int = 5) -> Spectrum:
     """
     check_choice(name, tuple(OBSERVERS), "name")
     table = _table("observers")
+    interval = check_integer(interval, "interval", 1, 5)
     if interval not in (1, 5):
         raise ValueError(f"interval must be 5 or 1, got {interval!r}")
     if interval == 5:

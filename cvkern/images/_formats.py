@@ -31,6 +31,11 @@ OPTIONS: dict[str, dict[str, Any]] = {
     ".webp": {"lossless": True, "exact": True},
 }
 TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+# The most bytes of pixels that a byte of a TIFF file can hold, by its compression. The last number
+# is for those that code equal pixels without a bound that matters.
+TIFF_RATIOS = {1: 1, 5: 4096, 8: 1032, 32773: 64, 32946: 1032}
+TIFF_RATIO = 2**17
+PIXELS_A_BYTE = {"PNG": 8 * 1032, "PPM": 8}  # the most that a byte of a file can hold
 ORIENTATION = 274  # the TIFF and EXIF tag
 # Pillow's modes, and the modes to read them as. Other modes (LAB, HSV, ...) are not RGB.
 MODES = {
@@ -121,20 +126,27 @@ def _large() -> Iterator[None]:
                 Image.MAX_IMAGE_PIXELS = _Limit.before
 
 
-def _decode_pillow(file: Path) -> tuple[np.ndarray, int]:
+def _decode_pillow(file: Path, sides: list[int] | None = None) -> tuple[np.ndarray, int]:
+    """Read with Pillow; `sides` are what another reader found, the shorter one first."""
     with _large():
-        return _decode_by_pillow(file)
+        return _decode_by_pillow(file, sides)
 
 
-def _decode_by_pillow(file: Path) -> tuple[np.ndarray, int]:
+def _decode_by_pillow(file: Path, sides: list[int] | None) -> tuple[np.ndarray, int]:
     import imageio.v3 as iio
     from PIL import Image
 
     try:
-        Image.open(file).close()  # reports a file that is too large; the reader below does not
+        with Image.open(file) as opened:  # reports a file that is too large; the reader does not
+            (width, height), kind = opened.size, opened.format or ""
         reader: Any = iio.imopen(file, "r", plugin="pillow")
     except OSError:
         raise ValueError("it has no format that Pillow knows") from None
+    if sides is not None and sorted((width, height)) != sides:
+        raise ValueError(f"its sides are {sides} or {sorted((width, height))}, and not both")
+    most = PIXELS_A_BYTE.get(kind, MAX_ELEMENTS) * file.stat().st_size
+    if width * height > most:
+        raise ValueError(f"it has {height} x {width} pixels, and its bytes hold at most {most}")
     with reader:
         header: dict[str, Any] = reader.metadata(index=0, exclude_applied=False)
         orientation = header.get("Orientation", 1)
@@ -145,18 +157,32 @@ def _decode_by_pillow(file: Path) -> tuple[np.ndarray, int]:
         return reader.read(index=0, mode="RGBA" if keyed else MODES[mode]), orientation
 
 
+def _check_tiff(page: Any, size: int) -> None:
+    """Refuse a page of more pixels than a file of `size` bytes can hold, before they are held."""
+    pixels = page.imagewidth * page.imagelength * page.imagedepth
+    samples = 1 if page.photometric == 6 else page.samplesperpixel  # YCbCr may share samples
+    needed = -(-pixels * samples * page.bitspersample // 8)
+    ratio = TIFF_RATIOS.get(int(page.compression), TIFF_RATIO)
+    if needed > ratio * size:
+        raise ValueError(
+            f"{page.imagelength} x {page.imagewidth} pixels are {needed} bytes, and its {size} "
+            f"bytes hold at most {ratio * size}"
+        )
+
+
 def _decode_tiff(file: Path) -> tuple[np.ndarray, int]:
     import tifffile
 
     with tifffile.TiffFile(file) as tiff:
         page: Any = tiff.pages[0]
+        _check_tiff(page, file.stat().st_size)
         tag = page.tags.get(ORIENTATION)
         orientation = int(tag.value) if tag else 1
         if page.samplesperpixel > 1 and page.bitspersample > 8:  # Pillow would cut to 8 bits
             image = page.asarray()
             planar = page.planarconfig == tifffile.PLANARCONFIG.SEPARATE
             return _plain(np.moveaxis(image, 0, -1) if planar else image), orientation
-    image, _ = _decode_pillow(file)
+    image, _ = _decode_pillow(file, sorted((page.imagewidth, page.imagelength)))
     # Pillow itself rotates TIFF, and only TIFF, so undo this. Codes 6 and 8 undo each other.
     return turn(_plain(image), {6: 8, 8: 6}.get(orientation, orientation)), orientation
 

@@ -20,7 +20,8 @@ def read_image(path: str | os.PathLike[str], *, orient: bool = True) -> np.ndarr
     ----------
     path : path
         A file that Pillow or tifffile reads: PNG, TIFF, JPEG, WebP, BMP, GIF and others, of at most
-        2^29 pixels. If it holds several images, the first is read.
+        2^29 pixels, and no more than a file of that many bytes can hold with its compression. If
+        it holds several images, the first is read.
     orient : bool
         Rotate and mirror the image as its EXIF orientation says.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image
+from cvkern._checks import check_image, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.features.keypoints import Features, as_host, sift
 from cvkern.features.matching import match_images
@@ -63,6 +63,8 @@ def check_heap(images: Any, data_range: float | None) -> list[Any]:
     """Check the images and return them as arrays, without running a kernel."""
     if isinstance(images, np.ndarray) and images.ndim < 3:
         raise ValueError("images must be a sequence of arrays, got one array")
+    if not isinstance(images, Iterable):
+        raise TypeError(f"images must be a sequence of arrays, got {type(images).__name__}")
     checked = []
     for i, image in enumerate(images):
         image = check_image(image, ndim=(2, 3), name=f"images[{i}]")
@@ -72,8 +74,8 @@ def check_heap(images: Any, data_range: float | None) -> list[Any]:
         checked.append(image)
     if not checked:
         raise ValueError("images must not be empty, got none")
-    if data_range is not None and not data_range > 0:
-        raise ValueError(f"data_range must be > 0, got {data_range}")
+    if data_range is not None:
+        check_positive(data_range, "data_range")
     return checked
 
 

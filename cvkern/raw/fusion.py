@@ -91,7 +91,8 @@ def fuse_exposures(
     if library(images).dtype(images) == np.uint8:
         values = values / np.float32(255)
     weights = np.stack([_quality(image, powers) for image in values])
-    weights = weights / weights.sum(axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):  # weights may be infinite
+        weights = weights / weights.sum(axis=0)
     levels = 1 + int(np.log2(min(frames.shape[1:3])))
     bands: list[np.ndarray] = []
     for image, weight in zip(values, weights, strict=True):
@@ -185,6 +186,7 @@ def _host(rt: Runtime, images: Any, shape: tuple[int, ...]) -> np.ndarray:
     return np.array(rt.to_numpy(rt.adopt(images)), np.float32).reshape(shape)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # values may not be finite
 def _quality(image: np.ndarray, powers: list[float]) -> np.ndarray:
     """Return the product of the measures of an image, a little above 0."""
     grey = image.mean(axis=2)

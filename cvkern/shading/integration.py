@@ -104,8 +104,10 @@ def integrate_normals(
         raise ValueError(f"tolerance must be in (0, 1), got {tolerance:g}")
     iterations = check_integer(iterations, "iterations", 1, 10000)
     shape = tuple(normals.shape[:2])
-    if mask is not None and tuple(check_image(mask, name="mask").shape) != shape:
-        raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
+    if mask is not None:
+        mask = check_image(mask, name="mask")
+        if tuple(mask.shape) != shape:
+            raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
     refuse_capture("integrate_normals")
     rt = runtime(normals)
     if mask is None:

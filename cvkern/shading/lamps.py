@@ -150,19 +150,29 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
         raise ValueError(f"images must be at least 4, got {images.shape[0]}")
     values = np.asarray(images, np.float64)
     shape = values.shape[1:]
+    if min(shape) < 2:
+        raise ValueError(f"images must have 2 rows and columns at least, got shape {shape}")
     inside = np.ones(shape, bool) if mask is None else np.asarray(mask) != 0
     if inside.shape != shape:
         raise ValueError(f"mask must have shape {shape}, got {inside.shape}")
     if not inside.any():
         raise ValueError("mask must not be 0 everywhere, got such a mask")
     inside &= np.isfinite(values).all(axis=0) & (values.max(axis=0) > 0)
-    lights, normals = _factors(values, inside)
-    lights, normals, seen = _integrable(lights, normals, inside)
-    own = equal == "lights"
-    change = _equal_lights(lights) if own else _equal_albedo(normals[:, seen].T)
-    # The matrix transforms normals; its inverse transpose transforms lights.
-    normals = np.tensordot(change, normals, 1)
-    lights = lights @ np.linalg.inv(change)
+    if not inside.any():
+        raise ValueError("images must be finite, and above 0 somewhere in the mask, got none there")
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            lights, normals = _factors(values, inside)
+            lights, normals, seen = _integrable(lights, normals, inside)
+            own = equal == "lights"
+            change = _equal_lights(lights) if own else _equal_albedo(normals[:, seen].T)
+            # The matrix transforms normals; its inverse transpose transforms lights.
+            normals = np.tensordot(change, normals, 1)
+            lights = lights @ np.linalg.inv(change)
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            "images must tell three independent lights, got such that do not"
+        ) from None
     rows, columns = np.nonzero(seen)
     outward = normals[0][seen] * (columns - columns.mean()) - normals[1][seen] * (
         rows - rows.mean()

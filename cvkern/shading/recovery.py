@@ -118,6 +118,8 @@ def shape_from_shading(
         raise ValueError("image must be finite within the mask, got others")
     shown = np.where(inside, np.clip(values, 0, 1), 0)
     if boundary is None:
+        if min(shape) < 2:
+            raise ValueError(f"boundary must be given for images of shape {shape}, got None")
         known, fixed = _silhouette(inside, shown, toward)
     else:
         known = as_numbers(check_image(boundary, ndim=(3,), name="boundary"), "boundary")

@@ -28,7 +28,7 @@ from cvkern.kernels.codes.stereo import (
 )
 from cvkern.stereo._strips import Strip, cut_strips
 from cvkern.stereo.costs import census_words
-from cvkern.stereo.paths import PATHS, check_penalties, check_sums, penalties
+from cvkern.stereo.paths import check_paths, check_penalties, check_sums, penalties
 from cvkern.stereo.windows import match_windows, max_window
 from cvkern.stereo.winners import check_subpixel
 
@@ -184,8 +184,7 @@ def plan_of(rt: Runtime, shape: tuple[int, ...], given: Mapping[str, Any]) -> Pl
         raise ValueError(f"channel_axis must have 3 or 4 channels, got {channels}")
     first, stop = check_disparities(given["disparities"], width)
     method = check_choice(given["method"], METHODS, "method")
-    if given["paths"] not in PATHS:
-        raise ValueError(f"paths must be one of {PATHS}, got {given['paths']!r}")
+    paths = check_paths(given["paths"])
     window = check_integer(given["window"], "window", 1, max_window(rt))
     if window % 2 == 0:
         raise ValueError(f"window must be odd, got {window}")
@@ -193,7 +192,7 @@ def plan_of(rt: Runtime, shape: tuple[int, ...], given: Mapping[str, Any]) -> Pl
     if data_range is not None:
         data_range = check_positive(data_range, "data_range")
     p1, p2 = check_penalties(given["p1"], given["p2"])
-    check_sums(given["paths"], LARGEST_MATCH_COST, p2)
+    check_sums(paths, LARGEST_MATCH_COST, p2)
     volume = height, width, stop - first
     if method == "semi-global" and math.prod(volume) > MAX_COSTS:
         size = " x ".join(map(str, volume))
@@ -220,7 +219,7 @@ def plan_of(rt: Runtime, shape: tuple[int, ...], given: Mapping[str, Any]) -> Pl
         stop - first,
         Rule(first, fit, uniqueness),
         method,
-        Paths(given["paths"], p1, p2, contrast),
+        Paths(paths, p1, p2, contrast),
         window,
         refinement,
         given["max_bytes"],

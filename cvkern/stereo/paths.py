@@ -99,8 +99,7 @@ def aggregate_semi_global(
     check_depth(depth)
     p1, p2 = check_penalties(p1, p2)
     contrast = check_positive(contrast, "contrast")
-    if paths not in PATHS:
-        raise ValueError(f"paths must be one of {PATHS}, got {paths!r}")
+    paths = check_paths(paths)
     if guide is not None:
         guide = check_image(guide, name="guide")
         check_dtype(guide, np.uint8, "guide")
@@ -131,6 +130,14 @@ def aggregate_semi_global(
         kept = strip.kept_of(target)
         rt.stereo.paths.aggregation.aggregate(seen, gray, table, paths, strip.margin, kept)
     return rt.release(sums)
+
+
+def check_paths(paths: int) -> int:
+    """Return the checked number of paths."""
+    paths = check_integer(paths, "paths", PATHS[0], PATHS[-1])
+    if paths not in PATHS:
+        raise ValueError(f"paths must be one of {PATHS}, got {paths}")
+    return paths
 
 
 def check_penalties(p1: int, p2: int) -> tuple[int, int]:

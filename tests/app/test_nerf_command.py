@@ -237,7 +237,10 @@ def test_the_synthetic_scene(command, tmp_path, monkeypatch):
         (["render", "MODEL", "-o", "p.gif", "--orbit", "--depth", "d.png"], "depth must go with"),
         (["render", "MODEL", "-o", "p.xyz"], "path must end in one of"),
         (["eval", "MODEL", "none"], "path must be a folder of posed photographs"),
-        (["render", "MODEL", "-o", "o.gif", "--orbit", "--fps", "60"], "fps must be <= 50 for"),
+        (
+            ["render", "MODEL", "-o", "o.gif", "--orbit", "--fps", "60"],
+            "fps must be in [0.0016, 50] for",
+        ),
         (["export", "MODEL", "-o", "m.obj"], "output must end in .ply or .npz, got 'm.obj'"),
         (["export", "MODEL", "-o", "m.ply", "--density", "1e9"], "density must be below"),
     ],

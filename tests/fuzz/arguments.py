@@ -86,12 +86,16 @@ class Draw(NamedTuple):
 
 
 class Call(NamedTuple):
-    """A function, makers of its arguments, and whether both kernel sets give the same bits."""
+    """A function, makers of its arguments, and whether both kernel sets give the same bits.
+
+    `but` tells of arguments for which the sets may differ, as docs/built.md says.
+    """
 
     function: Callable[..., Any]
     needed: dict[str, Maker]
     options: dict[str, Maker]
     equal: bool = True
+    but: Callable[[dict[str, Any]], bool] = lambda arguments: False
 
 
 def begin(seed: int, index: int) -> Draw:

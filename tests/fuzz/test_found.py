@@ -17,6 +17,8 @@ PAIR = np.arange(18.0).reshape(9, 2)
 VIEWS = radiance.cameras(np.eye(4)[None], [50, 50, 8, 6], 17, 13)
 BYTES = np.zeros((2, 32), np.uint8)
 IMAGE = np.zeros((4, 5))
+CAMERA = cvkern.Camera([[40, 0, 31.5], [0, 40, 23.5], [0, 0, 1]], (), (48, 64))
+FILM = np.zeros((2, 4, 4, 3), np.uint8)
 
 REFUSED = {
     "center": lambda: cvkern.rotate(IMAGE, 3, center=2.0),
@@ -44,6 +46,23 @@ REFUSED = {
     "corners must": lambda: cvkern.corner_subpix(IMAGE, [[np.nan, 1]]),
     "reference": lambda: cvkern.r_table(IMAGE, reference=2 + 0j),
     "scales": lambda: cvkern.generalized_hough(IMAGE, TABLE, scales=2 + 0j),
+    "paths": lambda: cvkern.stereo_match(IMAGE, IMAGE, (0, 2), paths=[]),
+    "paths must": lambda: cvkern.aggregate_semi_global(BYTES[None], 1, 2, paths=np.zeros(2)),
+    "accuracy": lambda: cvkern.hough_ellipse(IMAGE, accuracy=1e-320),
+    "fps": lambda: cvkern.clouds.write_animation("a.gif", FILM, fps=1e-320),
+    "fps must": lambda: cvkern.clouds.write_animation("a.mp4", FILM, fps=1e-3),
+    "spans": lambda: radiance.composite_rays(np.ones(2), np.ones((2, 3)), np.ones((2, 2)), 2),
+    "xyz": lambda: cvkern.adapt_colors(2, "D65", "D50"),
+    "kC": lambda: cvkern.deltaE_ciede2000([[1, 2, 3]], [[1, 2, 3]], kC=[]),
+    "dtype must": lambda: cvkern.convert_color([[1, 2, 3]], "rgb", "srgb", dtype=object()),
+    "interval": lambda: cvkern.standard_observer(interval=np.zeros(2)),
+    "images must": lambda: cvkern.estimate_lights(np.ones((4, 1, 5))),
+    "images": lambda: cvkern.estimate_lights(np.zeros((4, 5, 5))),
+    "boundary": lambda: cvkern.shape_from_shading(np.ones((1, 5)), [0, 0, 1]),
+    "mask must": lambda: cvkern.integrate_normals(np.ones((2, 3, 3)), [[1], [0]]),
+    "shape must": lambda: cvkern.chessboard_points(3),
+    "data_range": lambda: cvkern.recognize_panoramas([IMAGE], data_range="a"),
+    "images must be": lambda: cvkern.stitch(3.5),
     "length": lambda: cvkern.suggest_line_bins((8, 8), localisation=1e-30, length=1e30),
     "dists": lambda: cvkern.hough_line_peaks(IMAGE, np.arange(5), [0, 1, 2, np.inf]),
     "hspace": lambda: cvkern.hough_line_peaks(IMAGE * np.nan, np.arange(5), np.arange(4)),
@@ -80,6 +99,10 @@ def test_refusals_name_their_argument(name):
         lambda: radiance.project(VIEWS, False, np.full((1, 3), np.inf)),
         lambda: radiance.pixel_rays(VIEWS, 0, [[np.inf, 0]]),
         lambda: radiance.psnr([[1e-30]], [[0]]),
+        lambda: cvkern.project_points([[np.inf, 0, 1]], CAMERA),
+        lambda: cvkern.develop(np.full((6, 8), np.inf, "f4"), illuminant=(1, 1, 1)),
+        lambda: cvkern.fuse_exposures(np.full((2, 6, 8), 1e30, "f4")),
+        lambda: cvkern.integrate_normals(np.ones((2, 2, 3)), [[1, 1], [1, 0]]),
         lambda: cvkern.images.luma(np.array([[[np.inf, -np.inf, 0]]], "f4")),
         lambda: cvkern.images.apply_colormap([[0, 14]], vmax=1e-320),
         lambda: cvkern.remap_backward([[1.0]], IMAGE, np.ones((2, 1, 1)), np.int64(3)),
@@ -121,6 +144,9 @@ EQUAL = {
     "remap of zeros": lambda s: cvkern.warp_perspective([[-0.0]], np.eye(3), (3, 3), mode="mirror"),
     "median": lambda s: cvkern.median(spoilt(9, 9, seed=s), 1),
     "gradient": lambda s: cvkern.gradient(spoilt(9, 9, seed=s, share=0.05)),
+    "detect_laser_lines of a flat frame": lambda s: cvkern.detect_laser_lines(
+        np.full((2, 40, 8), 9.5e-6 / 3**s, np.float32), sigma=1.7762824562096369, threshold=0
+    ),
     "guided_median": lambda s: cvkern.guided_median(
         spoilt(9, 9, seed=s, kinds=(np.nan, 0.0, -0.0)), np.zeros((9, 9), np.uint8), 2
     ),

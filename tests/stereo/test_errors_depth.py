@@ -161,6 +161,8 @@ def test_files_of_clouds():
     message = "frames must be uint8 of shape (F, H, W, 3), got float64 of shape (4, 5, 3)"
     refused(ValueError, message, write, "a.gif", DEEP)
     refused(ValueError, "fps must be > 0, got 0", write, "a.gif", frames, fps=0)
-    refused(ValueError, "fps must be <= 50 for .gif, got 60", write, "a.gif", frames, fps=60)
+    refused(
+        ValueError, "fps must be in [0.0016, 50] for .gif, got 60", write, "a.gif", frames, fps=60
+    )
     message = "frames must have an even height and width for .mp4, got shape (2, 4, 5, 3)"
     refused(ValueError, message, write, "a.mp4", frames[:, :, 1:])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,6 +90,8 @@ def chessboard_points(shape: tuple[int, int], square: float = 1.0) -> np.ndarray
            [ 0., 25.,  0.],
            [25., 25.,  0.]])
     """
+    if not isinstance(shape, Iterable):
+        raise TypeError(f"shape must be rows and columns of corners, got {shape!r}")
     sides = tuple(check_integer(n, "shape", 2, 1000) for n in tuple(shape))
     if len(sides) != 2:
         raise ValueError(f"shape must be rows and columns of corners, got {shape!r}")
@@ -219,7 +221,12 @@ def adjusted_camera(
         by_pose = np.concatenate((shown.by_point @ crossed(turned), shown.by_point), axis=2)
         return Residuals(shown.places - seen, shown.by_camera, by_pose)
 
-    return adjust(evaluate, np.add, numbers, poses, views, free)
+    try:
+        return adjust(evaluate, np.add, numbers, poses, views, free)
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            "image_points must be of boards that one camera can see, got others"
+        ) from None
 
 
 def check_views(

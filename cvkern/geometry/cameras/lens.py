@@ -175,7 +175,8 @@ def project_points(
 
 def seen(points: np.ndarray, camera: Camera, turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """Return (x, y) at which a camera sees points of the world; NaN for those behind it."""
-    inside = points @ turn.T + shift
+    with np.errstate(invalid="ignore", over="ignore"):  # points may not be finite
+        inside = points @ turn.T + shift
     depth = np.where(inside[:, 2:] > 0, inside[:, 2:], np.nan)
     fx, fy, cx, cy = focal_and_center(camera.matrix)
     return bent(inside[:, :2] / depth, camera.distortion) * (fx, fy) + (cx, cy)

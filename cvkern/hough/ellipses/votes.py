@@ -120,9 +120,9 @@ def hough_ellipse(
     accuracy = check_positive(accuracy, "accuracy")
     shortest = check_positive(min_size, "min_size")
     widest = 0.5 * min(shape) if max_size is None else check_positive(max_size, "max_size")
-    bins = math.floor(widest / accuracy + 0.5) + 2
-    if bins > MAX_BINS:
-        raise ValueError(f"accuracy must give at most {MAX_BINS} bins, got {bins}")
+    bins = widest / accuracy + 2.5  # infinite if the accuracy is denormal
+    if bins >= MAX_BINS + 1:
+        raise ValueError(f"accuracy must give at most {MAX_BINS} bins, got {bins:.0f}")
     tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)
     if not 0 < tolerance < math.pi / 2:
         raise ValueError(f"orientation_tolerance must be in (0, pi / 2), got {tolerance:g}")

@@ -21,7 +21,7 @@ W). One thread computes one line.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.structured_light import MOST_MOVES, MOST_OFFSET
+from cvkern.kernels.codes.structured_light import LEAST_BEND, MOST_MOVES, MOST_OFFSET
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product, quotient, root
 
@@ -199,6 +199,10 @@ def _ridges(
                 rpl += product(a1, taps[1, i + radius], zero)
                 rll += product(a2, taps[0, i + radius], zero)
             half = product(0.5, rpp - rll, zero)
+            if ti.abs(half) < LEAST_BEND:
+                half = 0.0
+            if ti.abs(rpl) < LEAST_BEND:
+                rpl = 0.0
             spread = root(product(half, half, zero) + product(rpl, rpl, zero), zero)
             least = product(0.5, rpp + rll, zero) - spread
             tilt = 0.0

@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.codes.structured_light import MOST_MOVES, MOST_OFFSET
+from cvkern.kernels.codes.structured_light import LEAST_BEND, MOST_MOVES, MOST_OFFSET
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 
@@ -18,6 +18,7 @@ wp.set_module_options(OPTIONS)
 
 MOVES = wp.constant(MOST_MOVES)
 OFFSET = wp.constant(MOST_OFFSET)
+LEAST = wp.constant(LEAST_BEND)
 _TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
 
 
@@ -278,6 +279,10 @@ class _Kernels:
                         rpl += a1 * taps[1, i + radius]
                         rll += a2 * taps[0, i + radius]
                     half = 0.5 * (rpp - rll)
+                    if wp.abs(half) < LEAST:
+                        half = 0.0
+                    if wp.abs(rpl) < LEAST:
+                        rpl = 0.0
                     spread = wp.sqrt(half * half + rpl * rpl)
                     least = 0.5 * (rpp + rll) - spread
                     tilt = float(0.0)
