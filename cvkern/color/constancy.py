@@ -160,7 +160,7 @@ def _reduced(values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndar
     tall, wide = min(side, height), min(side, width)
     blocks = values[: rows * tall, : columns * wide].reshape(rows, tall, columns, wide, 3)
     all_valid = valid[: rows * tall, : columns * wide].reshape(rows, tall, columns, wide)
-    return blocks.mean(axis=(1, 3)), all_valid.all(axis=(1, 3))
+    return blocks.mean(axis=(1, 3)), np.asarray(all_valid.all(axis=(1, 3)))
 
 
 def _unit(light: np.ndarray) -> np.ndarray:
@@ -189,7 +189,7 @@ def _edges(order: int, p: float) -> Callable[[np.ndarray, np.ndarray], np.ndarra
         from scipy import ndimage
 
         def derived(channel: np.ndarray, *orders: int) -> np.ndarray:
-            return ndimage.gaussian_filter(channel, 1.0, order=orders)
+            return ndimage.gaussian_filter(channel, 1.0, orders)  # pyright: ignore
 
         lengths = []
         for channel in np.moveaxis(values, 2, 0):

@@ -129,8 +129,8 @@ def metameric_difference(
     4.94
     """
     grid, seen = matching_weights(wavelengths, light, observer)
-    paints = (_reflectance(p, n, len(grid)) for p, n in ((first, "first"), (second, "second")))
-    return _difference(*(p @ seen for p in paints), seen.sum(axis=0))
+    one, two = (_reflectance(p, n, len(grid)) for p, n in ((first, "first"), (second, "second")))
+    return _difference(one @ seen, two @ seen, seen.sum(axis=0))
 
 
 def _reflectance(values: Any, name: str, count: int) -> np.ndarray:

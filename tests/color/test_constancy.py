@@ -77,7 +77,7 @@ def test_photographs_of_known_light():
     lights = json.loads((folder / "illuminants_rgb.json").read_text())
     errors = {method: [] for method in ("consensus", "grey_world", "white_patch", "grey_edge")}
     for name, light in sorted(lights.items()):
-        image = cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)[..., ::-1]
+        image = np.asarray(cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED))[..., ::-1]
         for method, found in errors.items():
             found.append(angle(cvkern.estimate_illuminant(image, method), light))
     ours = np.array(errors["consensus"])

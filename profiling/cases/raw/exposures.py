@@ -25,7 +25,7 @@ def _merged(images: np.ndarray) -> np.ndarray:
     near = np.clip((np.minimum(codes, 255 - codes) - 3).clip(0) / 124 * 8, 0, 1) ** 2
     weight = near / np.gradient(CURVE[:, 0]) ** 2
     w = weight[images]
-    light = CURVE[:, 0][images] - np.log2(SECONDS)[:, None, None, None]
+    light = CURVE[:, 0][images] - np.log2(np.array(SECONDS))[:, None, None, None]
     total = w.sum(axis=0)
     darkest = CURVE[:, 0][images[2]] - np.log2(SECONDS[2])
     brightest = CURVE[:, 0][images[0]] - np.log2(SECONDS[0])
@@ -34,8 +34,8 @@ def _merged(images: np.ndarray) -> np.ndarray:
 
 
 def _opencv(cv2: Any, images: np.ndarray) -> np.ndarray:
-    response = np.float32(2**CURVE)[:, None]
-    return cv2.createMergeDebevec().process(list(images), np.float32(SECONDS), response)
+    response = (2**CURVE).astype(np.float32)[:, None]
+    return cv2.createMergeDebevec().process(list(images), np.array(SECONDS, np.float32), response)
 
 
 CASES = (
