@@ -1,4 +1,4 @@
-"""Name the comments that begin with a word that begins no sentence."""
+"""List the comments that begin with a word that cannot begin a sentence."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""Tell whether clang-format leaves the native code as it is; with ``--fix``, format it."""
+"""Check the format of the native code with clang-format; with ``--fix``, format it."""
 
 import subprocess
 import sys

@@ -78,7 +78,7 @@ def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
     """Return the items of a sequence; `rule` says what they should be."""
     try:
         return tuple(values)
-    except Exception:  # whatever another library says of being asked for its values
+    except Exception:  # another library may raise anything when asked for its values
         raise TypeError(f"{name} must be {rule}, got {_brief(values)}") from None
 
 

@@ -25,9 +25,10 @@ class Folder:
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
     class geometry:
-        from cvkern.kernels.warp.geometry import chessboards as chessboards
         from cvkern.kernels.warp.geometry import robust as robust
-        from cvkern.kernels.warp.geometry import undistortion as undistortion
+        class cameras:
+            from cvkern.kernels.warp.geometry.cameras import chessboards as chessboards
+            from cvkern.kernels.warp.geometry.cameras import undistortion as undistortion
     class hough:
         from cvkern.kernels.warp.hough import points as points
         class circles:

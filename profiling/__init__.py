@@ -1,1 +1,1 @@
-"""Check, then time, every operation of cvkern beside its peers: ``python -m profiling --help``."""
+"""Check, then time, every operation of cvkern and its peers: ``python -m profiling --help``."""

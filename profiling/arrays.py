@@ -1,4 +1,4 @@
-"""Images for the cases, and their way into and out of each library's own array type."""
+"""Images for the cases, and their conversion to and from each library's own array type."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a case states: its inputs, its call, its oracle, its peers, and the work it cannot avoid."""
+"""The parts of a case: its inputs, its call, its oracle, its peers, and its unavoidable work."""
 
 from __future__ import annotations
 

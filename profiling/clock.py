@@ -1,4 +1,4 @@
-"""Clocks that wait for the work they time, and the copy bandwidth of a device."""
+"""Clocks that wait for the timed work, and the copy bandwidth of a device."""
 
 from __future__ import annotations
 

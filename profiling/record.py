@@ -1,4 +1,4 @@
-"""What a result must carry to be read later: machine, versions, commit; written whole or not."""
+"""The facts that a result needs to be read later: machine, versions, commit."""
 
 from __future__ import annotations
 

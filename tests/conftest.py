@@ -1,4 +1,4 @@
-"""What all tests share: the kernel sets, and property tests that draw the same examples always."""
+"""Fixtures shared by all tests: the kernel sets, and property tests with fixed examples."""
 
 import inspect
 import os

@@ -1,4 +1,4 @@
-"""What type checkers see of the kernels: ``python -m tests.kernel_stub`` writes it anew."""
+"""The stub of the kernels for type checkers: ``python -m tests.kernel_stub`` rewrites it."""
 
 import pkgutil
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What tests on a GPU share: the same call there and on the CPU, arrays of every library."""
+"""Parts shared by GPU tests: the same call on GPU and CPU, and arrays of every library."""
 
 import warnings
 

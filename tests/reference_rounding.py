@@ -1,4 +1,4 @@
-"""How far float32 sums may be from exact ones."""
+"""Bounds on the error of float32 sums."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""How errors are tested: by the whole message; `no_kernel_runs` sees that no kernel ran before."""
+"""Tests of errors: the whole message is compared; `no_kernel_runs` checks that no kernel ran."""
 
 import numpy as np
 import pytest

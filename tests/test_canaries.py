@@ -1,4 +1,4 @@
-"""The canaries about the arrays of primitives: that they see a kernel that writes beyond."""
+"""The guards around the arrays of primitives detect a kernel that writes out of bounds."""
 
 import ctypes
 

@@ -1,4 +1,4 @@
-"""Every error of the public API: it names the argument, the rule and the value; nothing is done."""
+"""Every error of the public API names the argument, the rule and the value, and changes nothing."""
 
 from typing import Any
 

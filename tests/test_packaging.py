@@ -1,4 +1,4 @@
-"""What gets installed, what importing it costs, and what it must not import."""
+"""The installed files, the cost of importing them, and imports that must not happen."""
 
 import configparser
 import os

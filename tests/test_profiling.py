@@ -1,4 +1,4 @@
-"""Every case runs on both kernel sets; a wrong answer stops it; the report says what it was."""
+"""Every case runs on both kernel sets; a wrong answer stops it; the report shows the result."""
 
 import dataclasses
 import json

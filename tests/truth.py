@@ -1,4 +1,4 @@
-"""Photographs with ground truth, which are not ours to ship: tests skip where they are absent."""
+"""Photographs with ground truth, which we may not distribute; tests skip without them."""
 
 import os
 from pathlib import Path

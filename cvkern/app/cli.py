@@ -24,6 +24,7 @@ from cvkern.app.commands.match import match
 from cvkern.app.commands.nerf import nerf
 from cvkern.app.commands.pair import pair
 from cvkern.app.commands.panorama import panorama
+from cvkern.app.commands.relief import relief
 from cvkern.app.commands.scan import scan
 from cvkern.app.commands.stereo import stereo
 
@@ -84,6 +85,7 @@ app.command()(pair)
 app.command()(panorama)
 app.command()(calibrate)
 app.command()(stereo)
+app.command()(relief)
 app.command()(scan)
 app.command()(develop)
 app.command()(hdr)

@@ -1,9 +1,12 @@
 """Geometry of one and two views: maps between images, robust fits to matches with outliers."""
 
-from cvkern.geometry.calibration import Calibration, calibrate_camera, chessboard_points
-from cvkern.geometry.calibration_files import read_calibration, write_calibration
-from cvkern.geometry.camera import Camera, project_points, undistort_points
-from cvkern.geometry.chessboards import detect_chessboard
+from cvkern.geometry.cameras.calibration import Calibration, calibrate_camera, chessboard_points
+from cvkern.geometry.cameras.calibration_files import read_calibration, write_calibration
+from cvkern.geometry.cameras.chessboards import detect_chessboard
+from cvkern.geometry.cameras.lens import Camera, project_points, undistort_points
+from cvkern.geometry.cameras.rectification import Rectification, RectifiedPair, rectify_stereo
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.geometry.cameras.undistortion import undistort
 from cvkern.geometry.epipolar import (
     epipolar_lines,
     epipoles,
@@ -22,11 +25,8 @@ from cvkern.geometry.maps import (
 )
 from cvkern.geometry.planes import Planes, find_planes
 from cvkern.geometry.poses import FoundPose, PlanePose, find_pose, pose_from_homography
-from cvkern.geometry.rectification import Rectification, RectifiedPair, rectify_stereo
 from cvkern.geometry.robust import RobustFit, RobustFits
-from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
 from cvkern.geometry.uncalibrated import RectifyingMaps, rectify_uncalibrated
-from cvkern.geometry.undistortion import undistort
 from cvkern.geometry.views import (
     RecoveredPose,
     essential_from_fundamental,

@@ -129,13 +129,8 @@ def find_fundamental(
         Row and column of the matching points in the second image.
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
-    confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
-    max_trials : int, default 32768
-        Most samples for a pair, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------
@@ -193,13 +188,8 @@ def find_fundamentals(
         Row and column in the first image, and in the second, N as it may be for each pair.
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
-    confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
-    max_trials : int, default 32768
-        Most samples for a pair, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------

@@ -39,13 +39,8 @@ def find_essential(
         Camera matrices of the first and of the second image; they act on (x, y, 1).
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
-    confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
-    max_trials : int, default 32768
-        Most samples for a pair, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------
@@ -114,8 +109,8 @@ def find_essentials(
         Camera matrices of the first and of the second image of all pairs, or of each.
     threshold : float, default 1.0
         Largest Sampson distance of an inlier, pixels.
-    confidence, max_trials, seed
-        As those of :func:`find_essential`.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------

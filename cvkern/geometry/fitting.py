@@ -87,12 +87,8 @@ def fit_affine(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
 
     Parameters
     ----------
-    points0 : array of shape (N, 2)
-        Row and column in the first image; N >= 3.
-    points1 : array of shape (N, 2)
-        Row and column of the same points in the second image.
-    weights : array of shape (N,), optional
-        Not negative; by default all alike. Points of weight 0 do not count.
+    points0, points1, weights : array of shape (N, 2), (N, 2) and (N,)
+        As those of :func:`fit_homography`; N >= 3.
 
     Returns
     -------
@@ -136,12 +132,8 @@ def fit_similarity(points0: Any, points1: Any, weights: Any = None) -> np.ndarra
 
     Parameters
     ----------
-    points0 : array of shape (N, 2)
-        Row and column in the first image; N >= 2.
-    points1 : array of shape (N, 2)
-        Row and column of the same points in the second image.
-    weights : array of shape (N,), optional
-        Not negative; by default all alike. Points of weight 0 do not count.
+    points0, points1, weights : array of shape (N, 2), (N, 2) and (N,)
+        As those of :func:`fit_homography`; N >= 2.
 
     Returns
     -------

@@ -105,13 +105,8 @@ def find_homographies(
         Row and column in the first image, and in the second, N as it may be for each pair.
     threshold : float, default 3.0
         Largest distance of an inlier from where its point is mapped, pixels of the second image.
-    confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
-    max_trials : int, default 32768
-        Most samples for a pair, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------
@@ -159,25 +154,17 @@ def find_affine(
 
     Parameters
     ----------
-    points0 : array of shape (N, 2)
-        Row and column in the first image. Matches that are not finite are outliers.
-    points1 : array of shape (N, 2)
-        Row and column of the matching points in the second image.
+    points0, points1 : array of shape (N, 2)
+        Row and column in the first image, and of the matching points in the second one.
     threshold : float, default 3.0
         Largest distance of an inlier from where its point is mapped, pixels of the second image.
-    confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
-    max_trials : int, default 32768
-        Most samples for a pair, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------
     RobustFit
-        Named tuple of `matrix` (None where there is no such map, or chance explains as many
-        inliers), `inliers` and `cost`.
+        As that of :func:`find_homography`.
 
     Raises
     ------
@@ -220,25 +207,17 @@ def find_similarity(
 
     Parameters
     ----------
-    points0 : array of shape (N, 2)
-        Row and column in the first image. Matches that are not finite are outliers.
-    points1 : array of shape (N, 2)
-        Row and column of the matching points in the second image.
+    points0, points1 : array of shape (N, 2)
+        Row and column in the first image, and of the matching points in the second one.
     threshold : float, default 3.0
         Largest distance of an inlier from where its point is mapped, pixels of the second image.
-    confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
-    max_trials : int, default 32768
-        Most samples for a pair, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------
     RobustFit
-        Named tuple of `matrix` (None where there is no such map, or chance explains as many
-        inliers), `inliers` and `cost`.
+        As that of :func:`find_homography`.
 
     Raises
     ------

@@ -60,12 +60,8 @@ def find_planes(
         Least number of different matches of a plane, >= 5.
     smoothness : float, default 0.2
         Cost of a neighbour with another label; 1 is that of an outlier. >= 0.
-    confidence : float, default 0.999
-        As that of :func:`find_homography`.
-    max_trials : int, default 32768
-        Most samples for a plane, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------

@@ -60,13 +60,8 @@ def find_pose(
         Camera matrix; it acts on (x, y, 1).
     threshold : float, default 3.0
         Largest distance of an inlier from where its point is projected, pixels.
-    confidence : float, default 0.999
-        The search ends when, with this probability, it would have found a model with half as many
-        inliers again; in (0, 1).
-    max_trials : int, default 32768
-        Most samples, rounded up to whole groups of 64.
-    seed : int, default 0
-        Another seed draws other samples.
+    confidence, max_trials, seed : optional
+        As those of :func:`find_homography`.
 
     Returns
     -------

@@ -25,8 +25,8 @@ from cvkern.kernels.codes.geometry import (
     Model,
 )
 
-FIRST, MOST = 512, 8192  # hypotheses of the first round, and of any
-LEAST = 1024  # hypotheses in all
+FIRST, MOST = 256, 8192  # hypotheses of the first round, and of any
+LEAST = 512  # hypotheses in all
 CANDIDATES = 2  # models of a round that are refined
 _INDEX = np.uint64(MAX_MATCHES - 1)
 # Squares of the thresholds of the steps of least squares, over the square of the caller's.

@@ -2,8 +2,8 @@
 
 Camera axes are x right, y down, z forward. The centre of the pixel in row i and column j has the
 image coordinates (x, y) = (j, i), here and in every kernel. The lens is that of
-`cvkern.geometry.camera`. Poses are camera-to-world; the (rotation, translation) of geometry is the
-inverse.
+`cvkern.geometry.cameras.lens`. Poses are camera-to-world; the (rotation, translation) of geometry
+is the inverse.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import FLOAT32_MAX, as_numbers, check_instance, check_integer, check_positive
-from cvkern.geometry.camera import bent, straightened
+from cvkern.geometry.cameras.lens import bent, straightened
 
 MOST_SIDE = 2**15  # pixels
 

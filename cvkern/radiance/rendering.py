@@ -279,7 +279,7 @@ def evaluate(
         views = np.flatnonzero(scene.test == test)
     chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]
     if not chosen:
-        kind = "kept back" if test else "to train from"
+        kind = "held out" if test else "to train from"
         raise ValueError(f"scene must have views {kind}, got {len(scene)} others")
     model.frame.inside(scene.cameras.poses[chosen])  # refuses distant cameras before the work
     draw = Renderer(model.field, model.rt)

@@ -196,7 +196,7 @@ def fit(
     if evaluate_every is not None:
         evaluate_every = check_integer(evaluate_every, "evaluate_every", 1, 2**31 - 1)
     if not (~scene.test).any():
-        raise ValueError(f"scene must have views to train from, got {len(scene)} kept back")
+        raise ValueError(f"scene must have views to train from, got {len(scene)} held out")
     if checkpoint is not None:
         checkpoints.check_path(checkpoint)
     elif resume:
@@ -224,7 +224,7 @@ def suited(field: str | None = None) -> Settings:
 def _begin(
     scene: Scene, field: str | Settings | None, background: str | None, seed: int, checkpoint: Any
 ) -> Model:
-    """Return a new model, or the one to go on with."""
+    """Return a new model, or the one to continue with."""
     frame = Frame.of(scene)
     frame.inside(scene.cameras.poses)  # refuses distant cameras before the work
     if checkpoint is not None and Path(checkpoint).exists():

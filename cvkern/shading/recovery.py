@@ -130,7 +130,7 @@ def shape_from_shading(
             "as one"
         )
     normals = _spread(np.where(fixed[..., None], known, 0), fixed, inside)
-    state = inside.astype(np.uint8) + (inside & ~fixed)
+    state = inside.astype(np.uint8) + (inside & np.logical_not(fixed))
     return _recover(rt, normals, shown, state, toward, rounds)
 
 
@@ -205,7 +205,7 @@ def _silhouette(
     down, across = np.gradient(soft)
     away = np.stack([-across, down, 0 * across], axis=-1)
     away /= np.linalg.norm(away, axis=-1, keepdims=True) + 1e-30
-    border = inside & ~np.asarray(binary_erosion(inside, border_value=1))
+    border = inside & np.logical_not(binary_erosion(inside, border_value=1))
     flat = away @ light
     border &= np.abs(shown - np.maximum(flat, 0)) < LIKELY
     # The angle t from the camera's axis has flat sin t + light_z cos t = shown.

@@ -12,8 +12,8 @@ from cvkern._arrays import device, library
 from cvkern._capture import capture
 from cvkern._checks import check_image
 from cvkern._runtime import pinned, runtime
-from cvkern.geometry.rectification import Rectification, rectify_stereo
-from cvkern.geometry.stereo_calibration import StereoCalibration
+from cvkern.geometry.cameras.rectification import Rectification, rectify_stereo
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
 from cvkern.stereo._plan import plan_of, white
 from cvkern.stereo.depth import disparity_to_depth
 

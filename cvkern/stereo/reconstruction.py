@@ -1,4 +1,4 @@
-"""From two photographs to depth: matches, pose, rectification, disparities, and a cloud."""
+"""Depth from two photographs: matches, pose, rectification, disparities, and a cloud."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from cvkern._checks import check_integer, check_positive
 from cvkern.stereo.depth import PointCloud
 from cvkern.stereo.matching import stereo_match
 
-LONG_SIDES = 1.2  # focal length, in longer sides of a picture, of a camera that nobody knows
-LEAST = 20  # inliers
-SHARE = 0.005  # matches at either end that do not widen the range of disparities
-MARGIN, LEAST_MARGIN = 0.1, 4  # what is added at either end: a share of the range, or pixels
+LONG_SIDES = 1.2  # guessed focal length of an unknown camera, in longer sides of the photograph
+LEAST = 20  # smallest number of inliers
+SHARE = 0.005  # share of matches at each end that do not widen the range of disparities
+MARGIN, LEAST_MARGIN = 0.1, 4  # extension of the range at each end: share of the range, or pixels
 MOST_DISPARITIES = 512
 
 
 class PairReconstruction(NamedTuple):
-    """What two photographs tell of a scene: sparse points, and a depth for each pixel."""
+    """The reconstruction of a scene: sparse points, and a depth for each pixel."""
 
     image0: np.ndarray
     """The first photograph, rectified, (H, W) or (H, W, 3) uint8; black outside."""
@@ -32,15 +32,15 @@ class PairReconstruction(NamedTuple):
     H1: np.ndarray
     """(3, 3) float64, of the second photograph."""
     disparity: np.ndarray
-    """(H, W) float32, pixels: the column in `image0` less that in `image1`."""
+    """(H, W) float32, pixels: the column in `image0` minus the column in `image1`."""
     valid: np.ndarray
-    """(H, W) bool: where the disparity is from a match, and the point is before both cameras."""
+    """(H, W) bool: the disparity is from a match, and the point is in front of both cameras."""
     depth: np.ndarray
-    """(H, W) float32: z before the first camera, in units of the baseline; NaN where not valid."""
+    """(H, W) float32: z from the first camera, in units of the baseline; NaN where not valid."""
     cloud: PointCloud
     """Points of all valid pixels, (x, y, z) of the first camera, with their colours."""
     places: np.ndarray
-    """(N, 2) float64: row and column in `image0` of the matches that the geometry is from."""
+    """(N, 2) float64: row and column in `image0` of the matches that gave the geometry."""
     sparse_disparity: np.ndarray
     """(N,) float64, pixels: the disparity of each of these matches."""
     points: np.ndarray
@@ -67,18 +67,20 @@ def reconstruct_pair(
 ) -> PairReconstruction:
     """Reconstruct a scene from two photographs of it, taken side by side.
 
-    SIFT keypoints are matched; the matches give the pose of the second camera and homographies
-    that rectify both photographs; these are matched pixel by pixel, and each match gives a point.
-    The scene must not move, and the camera must have moved sideways more than forwards.
+    SIFT keypoints are matched. The matches give the pose of the second camera, and homographies
+    that rectify both photographs. The rectified photographs are matched pixel by pixel, and each
+    match gives a point. The scene must not move, and the camera must move more sideways than
+    forwards.
 
     Parameters
     ----------
     image0, image1 : path, or array of shape (H, W) or (H, W, C) with C in 3, 4
         Photographs: uint8, uint16, or floats in [0, 1]; NumPy arrays. Alpha is ignored.
     K : array of shape (3, 3) or (2, 3, 3), optional
-        Camera matrix of both photographs, or of each, without a bent lens. By default the focal
-        length is that of the EXIF of a file; where there is none 1.2 times the longer side, with a
-        warning. Then rows meet as well as ever, and depths are right up to a smooth bend.
+        Camera matrix of both photographs, or of each, for a lens without distortion. By default
+        the focal length comes from the EXIF data of a file, or else it is 1.2 times the longer
+        side, with a warning. The rows of the rectified photographs then match as well, but depths
+        have a smooth distortion.
     baseline : float, optional
         Distance between both cameras, by default 1: depths are in its unit.
     threshold : float, default 1.0
@@ -86,9 +88,9 @@ def reconstruct_pair(
     max_keypoints : int, default 4000
         Keypoints of each photograph.
     max_ratio : float, default 0.8
-        Ratio of distances of descriptors, as that of :func:`match_descriptors`.
+        Largest ratio of descriptor distances, as in :func:`match_descriptors`.
     max_side : int, default 1600
-        Photographs whose longer side is longer are made smaller. `K` is of the given size.
+        Largest side in pixels; larger photographs are reduced. `K` is that of the given size.
     seed : int, default 0
         Another seed draws other samples.
 
@@ -170,7 +172,7 @@ def _photograph(image: Any, name: str) -> np.ndarray:
 
 
 def _cameras(K: Any, images: tuple[Any, Any], photos: list[np.ndarray]) -> list[np.ndarray]:
-    """Return the camera matrices: given, or of the EXIF, or guessed."""
+    """Return the camera matrices: given, from the EXIF data, or guessed."""
     from cvkern.geometry._matrices import check_cameras
     from cvkern.images._exif import focal_length
 
@@ -276,7 +278,7 @@ def _dense(
     warped: list[np.ndarray], sparse: np.ndarray, depths: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Match both pictures pixel by pixel; return disparities, and where they are from a match."""
-    # Near points must have the larger disparity: else both pictures are matched in a mirror.
+    # Near points must have the larger disparity, or both pictures must be mirrored for matching.
     near = 1 / depths - np.mean(1 / depths)
     mirrored = bool((near * (sparse - sparse.mean())).sum() < 0)
     sign, step = (-1, slice(None, None, -1)) if mirrored else (1, slice(None))
@@ -318,7 +320,7 @@ def _rays(points: np.ndarray, camera: np.ndarray) -> np.ndarray:
 def _depths(
     rays0: np.ndarray, rays1: np.ndarray, rotation: np.ndarray, translation: np.ndarray
 ) -> np.ndarray:
-    """Return z with (z R ray0 + t) x ray1 = 0 in least squares; not above 0 behind a camera."""
+    """Return z that solves (z R ray0 + t) x ray1 = 0 in least squares; <= 0 behind a camera."""
     turned = rays0 @ rotation.T
     across, along = np.cross(turned, rays1), np.cross(translation, rays1)
     with np.errstate(divide="ignore", invalid="ignore"):

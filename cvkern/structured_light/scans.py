@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from cvkern._checks import check_choice, check_integer, check_number, check_sides
-from cvkern.geometry.camera import Camera, rays_of, seen, turned
-from cvkern.geometry.stereo_calibration import StereoCalibration
+from cvkern.geometry.cameras.lens import Camera, rays_of, seen, turned
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
 from cvkern.structured_light.patterns import gray_code_patterns, phase_shift_patterns
 
 KINDS = ("gray_code", "phase_shift", "laser")

@@ -11,14 +11,14 @@ from cvkern._checks import as_numbers, check_choice, check_image, check_integer
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_points, on_host, xy
-from cvkern.geometry.calibration import numbers_of
-from cvkern.geometry.camera import Camera, check_lens, rays_of, turned
+from cvkern.geometry.cameras.calibration import numbers_of
+from cvkern.geometry.cameras.lens import Camera, check_lens, rays_of, turned
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration, calibrate_stereo
 from cvkern.geometry.fitting import fit_homography
-from cvkern.geometry.stereo_calibration import StereoCalibration, calibrate_stereo
 from cvkern.structured_light.patterns import AXES
 
 NEARBY = 15  # pixels about a corner whose codes tell where the projector lights it
-LEAST_KNOWN = 20  # number of these that must be known
+LEAST_KNOWN = 20  # pixels among these whose codes must be known
 FLATTEST = 1e-3  # sine of the angle between a ray and the laser's plane
 
 

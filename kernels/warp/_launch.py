@@ -117,8 +117,10 @@ def _share(
         return
     others = [_threads().submit(work) for _ in range(min(cpu_threads(), count) - 1)]
     work()
-    wait(others)
-    for other in others:
+    # Nothing is left for a thread that has not begun: waiting for it would cost its wake-up.
+    begun = [other for other in others if not other.cancel()]
+    wait(begun)
+    for other in begun:
         other.result()
 
 

@@ -1,1 +1,1 @@
-"""Questions that a measurement answers, one program each."""
+"""Questions answered by measurement, one program each."""

@@ -1,7 +1,7 @@
 """How good are radiance fields after how long? ``python -m profiling.experiments.radiance_quality``
 
 Trains a HashField, or another field, on posed photographs, anew for each time on the training
-clock, and judges it by the views that are kept back. FOLDER (or CVKERN_DATA) holds a folder for
+clock, and judges it by the held-out views. FOLDER (or CVKERN_DATA) holds a folder for
 each scene under ``nerf``; without it the scene is the library's own. Prints a table and writes
 profiling/results/radiance_quality_FIELD_DEVICE.json.
 """

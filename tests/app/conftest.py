@@ -1,4 +1,4 @@
-"""What tests of the command share."""
+"""Fixtures shared by the tests of the command."""
 
 import sys
 

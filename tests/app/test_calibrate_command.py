@@ -45,7 +45,7 @@ def test_one_camera(command, folder):
     np.testing.assert_array_equal(file.getNode("camera_matrix").mat(), found.matrix)
     code, _, said = command(*words)
     assert code == 2
-    assert "output must not exist yet" in said
+    assert "output must be a new file" in said
     assert command(*words, "--overwrite")[0] == 0
 
 

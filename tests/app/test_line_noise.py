@@ -1,4 +1,4 @@
-"""The experiment of the tour shows the effects that it is about."""
+"""The tour's experiment with noisy lines shows the effects that it describes."""
 
 import numpy as np
 

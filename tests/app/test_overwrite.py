@@ -1,4 +1,4 @@
-"""Results that are there are replaced only when that is asked for."""
+"""Existing results are replaced only on request."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What the documentation promises: examples that run, sections that are there, true shapes."""
+"""Docstrings keep their promises: examples run, sections exist, shapes are true."""
 
 import doctest
 import importlib

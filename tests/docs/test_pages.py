@@ -1,4 +1,4 @@
-"""The pages in docs/ say what is so: every name on its page, files that exist, calls that agree."""
+"""The pages in docs/ are true: every name is on its page, files exist, calls agree."""
 
 import importlib
 import re

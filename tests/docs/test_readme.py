@@ -1,4 +1,4 @@
-"""The README says what is so: commands, examples, names, links."""
+"""The README is true: commands, examples, names, links."""
 
 import doctest
 import pkgutil

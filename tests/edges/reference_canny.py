@@ -1,4 +1,4 @@
-"""Canny's edge detector in float64: what must be an edge, and what may be one."""
+"""Canny's edge detector in float64: the pixels that must be edges, and those that may be."""
 
 from typing import Any, NamedTuple
 

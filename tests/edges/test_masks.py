@@ -1,4 +1,4 @@
-"""Canny against OpenCV, a float64 Canny and scikit-image, and what holds for any edge."""
+"""Canny against OpenCV, a float64 Canny and scikit-image, and properties of all edges."""
 
 from typing import Any
 

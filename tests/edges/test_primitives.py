@@ -1,4 +1,4 @@
-"""What masks and quantiles do to edges, against NumPy."""
+"""The primitives of masks and quantiles of edges, against NumPy."""
 
 import numpy as np
 import pytest

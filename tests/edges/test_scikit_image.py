@@ -1,4 +1,4 @@
-"""Canny against scikit-image, pixel by pixel, and what is said of calls that were not meant."""
+"""Canny against scikit-image, pixel by pixel, and its warnings about unintended calls."""
 
 import inspect
 from typing import Any

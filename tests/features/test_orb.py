@@ -80,6 +80,20 @@ def test_sets_and_runs_give_the_same_bits():
             np.testing.assert_array_equal(a, c)
 
 
+@pytest.mark.parametrize("find", [cvkern.orb, cvkern.sift])
+def test_threads_do_not_show(find, monkeypatch):
+    """Rows are cut into slabs, and levels into blocks of pixels that end within a row."""
+    image = skimage.data.camera()[:301, :457]
+    found = []
+    for threads in ("1", "3"):
+        monkeypatch.setenv("CVKERN_NUM_THREADS", threads)
+        with cvkern.use(backend="warp"):
+            found.append(find(image, 200))
+    assert len(found[0].points) == 200
+    for a, b in zip(*found, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
 def test_a_turned_photograph_is_found_again(backend):
     turned = np.ascontiguousarray(np.rot90(CAMERA))
     one, other = (cvkern.orb(i, 150) for i in (CAMERA, turned))

@@ -1,4 +1,4 @@
-"""First derivatives against SciPy, scikit-image and OpenCV, and how they turn with the image."""
+"""First derivatives against SciPy, scikit-image and OpenCV, and their rotation with the image."""
 
 import cv2
 import numpy as np

@@ -100,8 +100,13 @@ def main() -> int:
     runners = [threading.Thread(target=serve, args=(work,)) for _ in range(given.workers)]
     for runner in runners:
         runner.start()
-    for runner in runners:
-        runner.join()
+    try:
+        for runner in runners:
+            runner.join()
+    except KeyboardInterrupt:  # the calls that processes were given are made, and then it ends
+        work.end = 0.0
+        for runner in runners:
+            runner.join()
     took = time.monotonic() - since
     for kind, count in work.kinds.most_common():
         print(f"{count:6} x {kind}")

@@ -32,6 +32,7 @@ class Process:
             stdout=self._said,
             stderr=self._said,
             pass_fds=[writes],
+            start_new_session=True,  # Ctrl-C is for the command, which lets calls end
             text=True,
             env={**os.environ, "CVKERN_NUM_THREADS": str(self._threads)},
         )

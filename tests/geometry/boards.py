@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.ndimage as ndi
 
-from cvkern.geometry.camera import turned
+from cvkern.geometry.cameras.lens import turned
 
 FINER = 4  # samples along a side of a pixel
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import cvkern
-from cvkern.geometry.camera import turn_of, turned
+from cvkern.geometry.cameras.lens import turn_of, turned
 from cvkern.images import read_image
 from tests.refusals import refused
 from tests.truth import truth

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.geometry.camera import turn_of, turned
+from cvkern.geometry.cameras.lens import turn_of, turned
 from tests.refusals import refused
 
 MATRIX = np.array([[520.0, 0, 318.25], [0, 530.5, 236.5], [0, 0, 1]])

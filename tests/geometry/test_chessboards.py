@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from scipy.special import erf
 
 import cvkern
-from cvkern.geometry.chessboards import edge_table
+from cvkern.geometry.cameras.chessboards import edge_table
 from tests.geometry.boards import View, render
 from tests.refusals import refused
 
@@ -136,6 +136,16 @@ def test_what_is_no_such_board():
     assert cvkern.detect_chessboard(np.zeros((5, 400), U8), (3, 4)) is None
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_values_that_are_no_numbers(value):
+    picture, truth = render(SHAPE, SMALL)
+    picture = (picture / 255).astype(F32)  # photographs from 0 to 1 do as well
+    picture[:5] = value
+    found = cvkern.detect_chessboard(picture, SHAPE)
+    np.testing.assert_allclose(found, truth, rtol=0, atol=0.1)
+    assert cvkern.detect_chessboard(np.full((50, 60), value), SHAPE) is None
+
+
 def test_of_two_boards_it_is_the_larger():
     small, _ = render(SHAPE, View(size=(110, 130)), square=12)
     large, truth = render(SHAPE, SMALL)
@@ -151,7 +161,7 @@ def test_of_two_boards_it_is_the_larger():
 def test_smaller_pictures(kernels, scalar):
     rng = np.random.default_rng(0)
     src = rng.integers(0, 256, (11, 14, 3)).astype(scalar)
-    found = kernels("geometry.chessboards.shrink", src, out=[((3, 4), F32)])
+    found = kernels("geometry.cameras.chessboards.shrink", src, out=[((3, 4), F32)])
     weights = np.array([0.2125, 0.7154, 0.0721], F32)
     parts = src.astype(F32) * weights
     gray = parts[..., 0] + parts[..., 1] + parts[..., 2]
@@ -163,7 +173,7 @@ def test_smaller_pictures(kernels, scalar):
 
 def test_saddles(kernels):
     src = ndi.gaussian_filter(np.random.default_rng(0).normal(size=(20, 31)), 1).astype(F32)
-    found = kernels("geometry.chessboards.saddles", src, out=[(src.shape, F32)])
+    found = kernels("geometry.cameras.chessboards.saddles", src, out=[(src.shape, F32)])
     c, h = src[1:-1, 1:-1], F32(0.0625)
     xx = (src[1:-1, :-2] + src[1:-1, 2:]) - 2 * c
     yy = (src[:-2, 1:-1] + src[2:, 1:-1]) - 2 * c
@@ -180,7 +190,7 @@ def test_the_fit_of_a_corner_is_the_least_there_is(kernels):
     a, b = grid[1, 2] - grid[1, 1], grid[2, 1] - grid[1, 1]
     start = np.array([*grid[1, 1] + (0.3, -0.4), *a, *b, 1.0], F32)
     found = kernels(
-        "geometry.chessboards.refine", picture[..., None], edge_table(), start[None],
+        "geometry.cameras.chessboards.refine", picture[..., None], edge_table(), start[None],
         out=[((1, 5), F64)],
     )[0]  # fmt: skip
 

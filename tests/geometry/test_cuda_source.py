@@ -6,7 +6,7 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
-from cvkern.kernels.warp.geometry import undistortion
+from cvkern.kernels.warp.geometry.cameras import undistortion
 
 
 @pytest.mark.parametrize("scalar", [wp.uint8, wp.float32])

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.geometry.camera import turned
-from cvkern.geometry.undistortion import undistortion_numbers
+from cvkern.geometry.cameras.lens import turned
+from cvkern.geometry.cameras.undistortion import undistortion_numbers
 from cvkern.images import read_image
 from tests.geometry.test_calibration import LEFT, RIGHT, SHIFT, TURN
 from tests.refusals import refused
@@ -69,7 +69,11 @@ def test_samples_are_numpys_in_every_bit(kernels, scalar, channels):
     stretched = AHEAD * [[4], [1], [1]]
     numbers = undistortion_numbers(CAMERA, stretched, AXIS)
     found = kernels(
-        "geometry.undistortion.sample", src, numbers, 7.0, out=[((*shape, channels), scalar)]
+        "geometry.cameras.undistortion.sample",
+        src,
+        numbers,
+        7.0,
+        out=[((*shape, channels), scalar)],
     )
     want = sampled(src, numbers, shape, 7)
     assert 0.1 < (want == 7).all(axis=2).mean() < 0.9

@@ -1,4 +1,4 @@
-"""Grey, colour maps, and what is drawn where."""
+"""Grey values, colour maps, and drawing."""
 
 import cv2
 import numpy as np

@@ -8,7 +8,7 @@ import scipy.ndimage as ndi
 from skimage import data
 
 import cvkern
-from cvkern.panorama import blending, registration, stitching
+from cvkern.panorama import blending, models, registration, stitching
 from tests.panorama.scenes import angle_between, photograph, through, turned, wall
 
 SHAPE = 230, 300
@@ -232,6 +232,16 @@ def test_without_bands_every_pixel_is_of_one_image(sheet):
     inner = np.isfinite(off).any(axis=0)
     # Rounding to whole numbers; matrices are those of float64.
     assert np.min(off, axis=0)[inner].max() < 0.51
+
+
+def test_what_cannot_be_adjusted_is_put_together_with_a_warning(sheet, monkeypatch):
+    monkeypatch.setattr(models, "WORST", 1e-3)
+    monkeypatch.setattr(models, "SMALL", 1e-3)
+    with pytest.warns(UserWarning, match="images 0, 1, 2 could not be adjusted together"):
+        (panorama,) = cvkern.stitch(sheet)
+    assert panorama.model == "homography tree"
+    drawn, inside = seen_in(panorama, 1, sheet[1])
+    assert np.median(np.abs(panorama.image[..., 0] - drawn)[inside]) < 3
 
 
 def test_crop(sheet):

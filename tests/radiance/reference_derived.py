@@ -1,4 +1,4 @@
-"""Gradients that Warp derives, of kernels that only state what fields and compositing are."""
+"""Gradients that Warp derives, from kernels that only state fields and compositing."""
 
 # Kernel bodies are Warp's language: no Python type checker reads them.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false

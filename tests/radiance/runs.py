@@ -1,4 +1,4 @@
-"""What tests of trained radiance fields share: small fields, equal models, interrupts."""
+"""Parts shared by tests of trained fields: small fields, equal models, interrupts."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Models as files: saved whole or not at all, gone on with, damaged."""
+"""Models as files: saved whole or not at all, resumed, damaged."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""What users and broken files brought to light: each test failed before its defect was mended."""
+"""Defects found by users and broken files: each test failed before its defect was fixed."""
 
 import inspect
 import json

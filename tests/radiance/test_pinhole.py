@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cvkern import radiance
 from cvkern.kernels.codes.radiance import CameraSet
 from tests.radiance import reference_radiance as reference
 
@@ -111,3 +112,14 @@ def test_random_rays_are_those_of_the_pixels_they_show(kernels, channels):
         np.testing.assert_allclose(off.mean(0), 0, atol=5 * np.sqrt(1 / 12 / own.sum()))
         np.testing.assert_allclose((off**2).mean(0), 1 / 12, rtol=0.2)
     assert (draw(0.0, step=8)[2] != targets).any(1).mean() > 0.9
+
+
+@pytest.mark.parametrize(("change", "factor"), [("resized", 1 / 3), ("scaled", 2.5)])
+def test_a_pixel_of_another_size_covers_the_same_part_of_the_view(change, factor):
+    """Pixel centres are integers: the corner of the image, half a pixel before, stays."""
+    views = radiance.cameras(np.eye(4)[None], [90.0, 80.0, 44.2, 31.7], 90, 63)
+    points = np.random.default_rng(2).uniform((-1, -1, 3), (1, 1, 9), (20, 3))
+    other = views.resized(3) if change == "resized" else views.scaled(factor)
+    want = (radiance.project(views, 0, points) + 0.5) * factor - 0.5
+    np.testing.assert_allclose(radiance.project(other, 0, points), want, rtol=0, atol=1e-9)
+    assert (other.width, other.height) == (round(90 * factor), round(63 * factor))

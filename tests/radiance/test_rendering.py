@@ -1,4 +1,4 @@
-"""Pictures, paths, points and surfaces of a field whose every ray is known: a soft ball."""
+"""Pictures, paths, points and surfaces of a field with known rays: a soft ball."""
 
 import sys
 

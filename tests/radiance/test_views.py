@@ -1,4 +1,4 @@
-"""Views of fields in rounds: the rounds, the last touches, and whole fields with little room."""
+"""Views of fields in rounds: the rounds, the final steps, and whole fields with little room."""
 
 import numpy as np
 import pytest

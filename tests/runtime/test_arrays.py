@@ -1,4 +1,4 @@
-"""What comes in as an image: buffers, data frames, byte orders; and what is refused by name."""
+"""Inputs as images: buffers, data frames, byte orders, and inputs that are refused by name."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Compiled kernels on a disk that is full, broken or for reading only."""
+"""Compiled kernels on a disk that is full, broken or read-only."""
 
 import os
 import subprocess
@@ -57,7 +57,7 @@ def test_nowhere_to_write(kernel_set, by, tmp_path, right):
     assert total == right
     assert count == 1
     assert said.startswith(f"kernels cannot be kept in {file}")
-    assert f"set {variable} to a folder that can be written to" in said
+    assert f"set {variable} to a writable folder" in said
     assert [path.name for path in tmp_path.iterdir() if "cvkern" in path.name] == []
 
 

@@ -1,4 +1,4 @@
-"""Captured calls: repeated on what their arrays hold by then, into the same memory."""
+"""Captured calls: repeated on the new contents of their arrays, into the same memory."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What only a GPU shows: the CPU's bits, the caller's stream, the caller's arrays, no waiting."""
+"""Properties that only a GPU shows: the CPU's bits, the caller's stream and arrays, no waiting."""
 
 import numpy as np
 import pytest

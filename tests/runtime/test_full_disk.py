@@ -1,4 +1,4 @@
-"""Disks that are full: what was there stays, and nothing else is left."""
+"""Full disks: old files stay, and no other files are left behind."""
 
 import contextlib
 

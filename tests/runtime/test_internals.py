@@ -1,4 +1,4 @@
-"""The quick ways into Warp and the plain ones agree; a newer Warp gets the plain ones."""
+"""The quick and the plain ways into Warp agree; a newer Warp gets the plain ones."""
 
 # The kernel is in Warp's language, which no Python type checker reads.
 # pyright: reportIndexIssue=false, reportArgumentType=false, reportGeneralTypeIssues=false

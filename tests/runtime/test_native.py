@@ -1,4 +1,4 @@
-"""Native code in files of its own: what it computes, and what is refused."""
+"""Native code in its own files: results and refusals."""
 
 # The kernel is in Warp's language, which no Python type checker reads.
 # pyright: reportIndexIssue=false

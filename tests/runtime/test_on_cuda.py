@@ -1,4 +1,4 @@
-"""The seam on a GPU: memory that is given back, arrays of two places, Warp's plain ways."""
+"""The runtime on a GPU: freed memory, arrays on two devices, Warp's plain ways."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Who computes and where: the choice, the environment, threads, forks, and the caller's arrays."""
+"""The choice of set and device: `use`, environment, threads, forks, and the caller's arrays."""
 
 import gc
 import os

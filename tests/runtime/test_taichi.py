@@ -1,4 +1,4 @@
-"""What the Taichi kernel set promises of its process: threads, forks, other code, NumPy."""
+"""Properties of the Taichi kernel set in a process: threads, forks, other code, NumPy."""
 
 import os
 import subprocess

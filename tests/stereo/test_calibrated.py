@@ -5,7 +5,7 @@ import pytest
 import scipy.ndimage as ndi
 
 import cvkern
-from cvkern.geometry.camera import rays_of, turned
+from cvkern.geometry.cameras.lens import rays_of, turned
 from tests.refusals import refused
 
 SHAPE = 96, 128

@@ -1,4 +1,4 @@
-"""Matching by windows: what the winner among stored costs is, without storing them."""
+"""Matching by windows: equal to the winner among stored costs, without storing them."""
 
 import json
 from typing import Any

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.geometry.camera import turned
+from cvkern.geometry.cameras.lens import turned
 from tests.refusals import refused
 
 F32 = np.float32

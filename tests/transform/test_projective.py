@@ -33,6 +33,17 @@ def test_warp_perspective(backend, order, mode):
     np.testing.assert_allclose(got, want, rtol=0, atol=60 * 2**-24)
 
 
+@pytest.mark.parametrize("channels", [2, 3, 4])
+def test_channels_are_seen_alike(backend, channels):
+    """On the CPU, few channels are sampled otherwise than one, or many."""
+    image = noise(channels * 60, 210).reshape(60, 210, channels)
+    got = cvkern.warp_perspective(image, TILTED, channel_axis=-1)
+    for c in range(channels):
+        want = seen_through(image[..., c], TILTED, (60, 210), 1, "constant")
+        # Weights and sums of float32, of values below 1.
+        np.testing.assert_allclose(got[..., c], want, rtol=0, atol=1e-6)
+
+
 def test_warp_perspective_is_opencvs(backend):
     """OpenCV rounds differently from release to release: within a grey value."""
     photo = skimage.data.camera()[::4, ::4]
@@ -102,6 +113,16 @@ def test_resize_is_opencvs(backend, shape):
         got = cvkern.resize(image, shape, method="area", channel_axis=-1)
         want = cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA)
         np.testing.assert_allclose(got, want, rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize("channels", [3, 300])
+def test_resize_to_few_pixels(backend, channels):
+    """Pixels of the result that read more than the CPU's tiles hold, and many channels."""
+    image = noise(30 * channels, 200).reshape(30, 200, channels)
+    got = cvkern.resize(image, (2, 2), method="area", channel_axis=-1)
+    want = image.astype(float).reshape(2, 15, 2, 100, channels).mean(axis=(1, 3))
+    # Sums of 15 and of 100 positive numbers, each rounded: (15 + 100) 2^-24 at most.
+    np.testing.assert_allclose(got, want, rtol=1e-5, atol=0)
 
 
 def test_resize_of_bytes(backend):

@@ -9,8 +9,8 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, progress_bar
-from cvkern.geometry.calibration import PARAMETERS
+from cvkern.app.commands import Backend, Device, Overwrite, check_new, progress_bar
+from cvkern.geometry.cameras.calibration import PARAMETERS
 
 
 def calibrate(
@@ -34,7 +34,7 @@ def calibrate(
         str,
         typer.Option(help=f"What stays 0, or in the middle, with commas: {' '.join(PARAMETERS)}."),
     ] = "",
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace FILE.")] = False,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -51,8 +51,7 @@ def calibrate(
     if output.suffix.lower() not in (".json", ".yml", ".yaml"):
         raise ValueError(f"output must end in .json, .yml or .yaml, got {str(output)!r}")
     check_target(output)
-    if output.exists() and not overwrite:
-        raise ValueError(f"output must not exist yet, got {str(output)!r}: --overwrite replaces it")
+    check_new(output, "output", overwrite)
     sides = [_files(folder, left)] + ([_files(folder, right)] if right else [])
     if len({len(files) for files in sides}) > 1:
         raise ValueError(

@@ -39,7 +39,11 @@ def train(
         ),
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(help="Time to train for.", show_default="60")
+        float | None,
+        typer.Option(
+            help="Time to train for; compiling, evaluation and saving come on top.",
+            show_default="60",
+        ),
     ] = None,
     steps: Annotated[int | None, typer.Option(help="Steps to train for, instead.")] = None,
     background: Annotated[

@@ -30,6 +30,7 @@ from cvkern.app.tour import (
     panorama,
     radiance,
     scanning,
+    shading,
     shapes,
     stereo,
 )
@@ -44,7 +45,8 @@ FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
-    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, radiance.chapter,
+    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, shading.chapter,
+    radiance.chapter,
 )  # fmt: skip
 
 

@@ -173,7 +173,7 @@ def _curve(marks: list[Mark]) -> np.ndarray:
         batches = [mark.psnr for mark in marks]
         panel.plot(seconds, batches, color=PALE, linewidth=1.2, label="trained from")
         kept = [mark.test_psnr for mark in marks]
-        panel.plot(seconds, kept, color=DARK, marker="o", markersize=4, label="kept back")
+        panel.plot(seconds, kept, color=DARK, marker="o", markersize=4, label="held out")
         panel.set_xlabel("training, seconds")
         panel.set_ylabel("peak signal-to-noise ratio, dB")
         panel.set_xlim(left=0)

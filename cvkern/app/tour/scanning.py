@@ -71,7 +71,7 @@ def _board(clock: Clock) -> Figure:
 
 def _seen(camera: cvkern.Camera, turn: np.ndarray, seed: int) -> np.ndarray:
     """Render a board, three times finer and then averaged."""
-    from cvkern.geometry.camera import rays_of, turned
+    from cvkern.geometry.cameras.lens import rays_of, turned
 
     rotation = turned(turn)
     shift = np.array([0, 0, 13.0]) - rotation @ [(BOARD[1] - 1) / 2, (BOARD[0] - 1) / 2, 0]

@@ -144,7 +144,7 @@ def _divide(work: f64_3, notes: i32_3, t: ti.i32, length: ti.i32, zero: ti.i32) 
 def roots(
     work: f64_3, notes: i32_3, t: ti.i32, row: ti.i32, degree: ti.i32, zero: ti.i32
 ) -> ti.i32:
-    """Find real roots in (-1, 1] of a polynomial, by 48 bisections each."""
+    """Find real roots in (-1, 1] of a polynomial, by 36 bisections each."""
     for k in range(degree + 1):
         work[t, CHAIN, k] = work[t, row, k]
     first = _scale(work, t, CHAIN, degree)
@@ -166,7 +166,7 @@ def roots(
             # The number of roots in (-1, low] and in (-1, high]: Sturm's chain is needed until a
             # root is alone, then the polynomial's sign tells.
             below, upto, alone = 0, count, 0
-            for _ in range(48):
+            for _ in range(36):
                 middle = (low + high) * 0.5
                 above = False
                 if alone == 0 and upto - below < 2:

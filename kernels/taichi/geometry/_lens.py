@@ -1,7 +1,7 @@
 """The lens of OpenCV: where a ray is seen, and which ray is seen at a pixel.
 
 A lens is the nine numbers fx, fy, cx, cy, k1, k2, p1, p2, k3. The equations stand in
-cvkern/geometry/camera.py.
+cvkern/geometry/cameras/lens.py.
 """
 
 import taichi as ti

@@ -7,7 +7,7 @@ vec16 = ti.types.vector(16, ti.f32)
 
 @ti.func
 def harmonics(x: ti.f32, y: ti.f32, z: ti.f32) -> vec16:
-    """Real spherical harmonics of degree 0 to 3, orthonormal, in the order l^2 + l + m."""
+    """Return the real spherical harmonics of degree 0 to 3, orthonormal, at index l^2 + l + m."""
     h = vec16(0.0)
     h[0] = 0.28209479177387814
     h[1] = -0.4886025119029199 * y

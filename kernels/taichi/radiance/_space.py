@@ -1,15 +1,16 @@
-"""Where a ray is: in the cells of the occupancy grid, and in the cube of a field.
+"""Positions on a ray: the cells of the occupancy grid, and the cube of a field.
 
-Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
-has levels of cubes, each of twice the side of the one before, and as many cells, a multiple of 4 a
-side. A point belongs to the innermost cube that has it; cubes and cells have their lower sides.
-Cells are numbered block by block, of 4 x 4 x 4: the bits of a block are two words.
+Lengths are in units of half the side of the innermost cube, and the middle of the cube is the
+origin. The grid has levels of cubes: each cube has twice the side of the one before, and the same
+number of cells, a multiple of 4 along a side. A point belongs to the innermost cube that contains
+it; cubes and cells include their lower sides. Cells are numbered in blocks of 4 x 4 x 4, and the
+bits of a block are two words.
 
-Rounding keeps the order of numbers. So each coordinate of the places on a ray, and the number of
-its cell, only grow or only fall; and as the sides of cubes are met exactly, a cell of one level has
-no point of another. Hence what lies between two places in a cell is in it as well, to the bit. So
-it is with a block, if those of one level have no point of another either: with 16 cells a side, or
-a multiple.
+Rounding keeps the order of numbers. So along a ray, each coordinate of the positions, and of their
+cells, is monotonic. The sides of cubes are represented exactly, so cells of different levels share
+no point. Therefore all positions between two positions in one cell are in this cell too, exactly.
+The same holds for blocks if blocks of different levels share no point: if the cells along a side
+are a multiple of 16.
 """
 
 import taichi as ti
@@ -28,13 +29,13 @@ CELL = [int(draw) for draw in (Draw.CELL_X, Draw.CELL_Y, Draw.CELL_Z)]
 
 @ti.func
 def within(point: vec3, side: ti.f32) -> ti.i32:
-    """Tell whether the cube from -side to side has the point."""
+    """Tell whether the cube from -side to side contains the point."""
     return (point >= -side).all() and (point < side).all()
 
 
 @ti.func
 def level_of(point: vec3, levels: ti.i32) -> ti.i32:
-    """Return the innermost level whose cube has the point; `levels` where none has."""
+    """Return the innermost level whose cube contains the point; `levels` if there is none."""
     level = 0
     side = 1.0
     while level < levels and not within(point, side):
@@ -45,9 +46,9 @@ def level_of(point: vec3, levels: ti.i32) -> ti.i32:
 
 @ti.func
 def cell_of(point: vec3, level: ti.i32, cells: ti.i32) -> ti.i32:
-    """Return the number of the cell of a level that the point, in its cube, is in."""
+    """Return the number of the cell of a level that contains the point, which is in its cube."""
     middle = cells // 2
-    scale = ti.cast(middle, ti.f32) / (1 << level)  # by a power of 2: nothing to round
+    scale = ti.cast(middle, ti.f32) / (1 << level)  # exact, because the factor is a power of 2
     at = ti.floor(point * scale, ti.i32) + middle
     block, blocks = at >> 2, cells >> 2
     number = ((level * blocks + block[2]) * blocks + block[1]) * blocks + block[0]
@@ -56,7 +57,7 @@ def cell_of(point: vec3, level: ti.i32, cells: ti.i32) -> ti.i32:
 
 @ti.func
 def place(origin: vec3, t: ti.f32, direction: vec3, zero: ti.i32) -> vec3:
-    """Return the place at a distance on a ray."""
+    """Return the position at a distance on a ray."""
     point = vec3(0.0)
     for k in ti.static(range(3)):
         point[k] = origin[k] + product(t, direction[k], zero)
@@ -79,7 +80,7 @@ def random_point(cell: ti.i32, cells: ti.i32, seed: ti.i32, step: ti.i32) -> vec
 
 @ti.func
 def in_cube(point: vec3, unbounded: ti.i32) -> vec3:
-    """Coordinates in [0, 1] for a field; all of space contracted as in mip-NeRF 360 if wanted."""
+    """Return coordinates in [0, 1] of a field; unbounded space is contracted (mip-NeRF 360)."""
     scale = 0.5
     if unbounded != 0:
         length = point.norm()
@@ -109,13 +110,13 @@ def row(a: ti.template(), i: ti.i32) -> vec3:
 
 @ti.func
 def spacing(t: ti.f32, march: March, zero: ti.i32) -> ti.f32:
-    """Distance between samples: it grows with the distance from the camera."""
+    """Return the distance between samples, which grows with the distance from the camera."""
     return ti.max(march.finest, product(march.cone, t, zero))
 
 
 @ti.func
 def interval(origin: vec3, inverse: vec3, side: ti.f32, zero: ti.i32) -> vec2:
-    """Distances at which a ray enters and leaves the cube from -side to side."""
+    """Return the distances at which a ray enters and leaves the cube from -side to side."""
     enter = -1.0e30
     leave = 1.0e30
     for k in ti.static(range(3)):
@@ -128,7 +129,7 @@ def interval(origin: vec3, inverse: vec3, side: ti.f32, zero: ti.i32) -> vec2:
 
 @ti.func
 def reciprocal(direction: vec3, zero: ti.i32) -> vec3:
-    """One over each part, finite where that is 0."""
+    """Return 1 over each component, finite if it is 0."""
     inverse = vec3(0.0)
     for k in ti.static(range(3)):
         d = direction[k]
@@ -140,7 +141,7 @@ def reciprocal(direction: vec3, zero: ti.i32) -> vec3:
 
 @ti.func
 def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i32) -> ti.f32:
-    """Distance along the ray to where it leaves the cell of a point."""
+    """Return the distance along the ray to the point where it leaves the cell of `point`."""
     size = quotient(2.0 * (1 << level), ti.cast(cells, ti.f32), zero)
     way = 1.0e30
     for k in ti.static(range(3)):
@@ -152,7 +153,7 @@ def way_out(point: vec3, inverse: vec3, level: ti.i32, cells: ti.i32, zero: ti.i
 
 @ti.func
 def reach(origin: vec3, inverse: vec3, march: March, jitter: ti.f32, zero: ti.i32) -> vec2:
-    """Distances of the first place on a ray, a share of a step behind its entry, and of its end."""
+    """Return the distance of the first position, a share of a step after entry, and of the end."""
     inside = interval(origin, inverse, ti.cast(1 << (march.levels - 1), ti.f32), zero)
     entry = ti.max(march.near, inside[0])
     first = entry + product(jitter, spacing(entry, march, zero), zero)
@@ -169,19 +170,20 @@ def skip(
     t: ti.f32,
     zero: ti.i32,
 ) -> ti.f32:
-    """Return where to look next if there is no sample at t: no sample of the ray is before.
+    """Return the next distance to test; no sample of the ray lies before it.
 
-    Its samples are the places t, t + spacing(t), ... that are in occupied cells; of one, return t.
+    Samples are the positions t, t + spacing(t), ... that are in occupied cells. If there is a
+    sample at t, return t.
     """
     point = place(origin, t, direction, zero)
     level = level_of(point, march.levels)
-    found = t + spacing(t, march, zero)  # if `point` is on the outermost side
+    found = t + spacing(t, march, zero)  # if `point` is on an outermost side
     if level < march.levels:
         cell = cell_of(point, level, march.cells)
         if is_set(bits, cell) != 0:
             found = t
         else:
-            shift = 0  # binary digits of the side of what is empty, in cells
+            shift = 0  # log2 of the side of the empty region, in cells
             if march.cells % 16 == 0 and is_block_empty(bits, cell):
                 shift = 2
             goal = t + way_out(point, inverse, level, march.cells >> shift, zero)
@@ -190,7 +192,7 @@ def skip(
             while behind < goal:
                 inside = behind
                 behind += spacing(behind, march, zero)
-            # The goal is rounded: what was passed may be left out if the last of it is inside.
+            # The goal is rounded. The skipped positions are empty if the last one is inside.
             own = cell_of(place(origin, inside, direction, zero), level, march.cells)
             if own >> 3 * shift == cell >> 3 * shift:
                 found = behind

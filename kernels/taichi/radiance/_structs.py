@@ -1,7 +1,7 @@
 """Numbers that travel together through kernels, as Taichi structures.
 
-Arrays stay arguments of their own: a structure that holds some (`ti.types.argpack`) takes 0.7 ms a
-launch on CUDA, and keeps memory there.
+Arrays stay separate arguments, because a structure with arrays (`ti.types.argpack`) takes 0.7 ms
+per launch on CUDA, and keeps memory there.
 """
 
 from typing import Any
@@ -22,21 +22,21 @@ March = ti.types.struct(
     jittered=ti.i32,
     seed=ti.i32,
 )
-"""Which cells of space are looked at, and where on its way a ray has samples."""
+"""The occupied cells of space, and the positions of samples along a ray."""
 
 Comparison = ti.types.struct(kind=ti.i32, huber=ti.f32, scale=ti.f32, seed=ti.i32)
-"""How colours are held against photographs."""
+"""The options of the loss between colours and photographs."""
 
 Round = ti.types.struct(few=ti.i32, living=ti.i32)
-"""A round of a view: the samples of a ray at most, and the rays that go on."""
+"""A round of a view: the largest number of samples of a ray, and the number of active rays."""
 
 Grid = ti.types.struct(basis=ti.i32, least=ti.f32, stop=ti.f32)
-"""How a grid is read: coefficients of a channel, the raw density below which there is nothing,
-and the share of light behind which there is no need to look."""
+"""The parameters of reading a grid: coefficients of a channel, the raw density below which space
+is empty, and the share of light at which a ray ends."""
 
 
 def march_of(space: codes.Space, march: codes.March) -> Any:
-    """Return the numbers of both."""
+    """Return the numbers of both as a structure."""
     numbers = march._asdict()
     del numbers["step"]
     return March(levels=space.levels, cells=space.cells, unbounded=int(space.unbounded), **numbers)

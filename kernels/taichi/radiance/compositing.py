@@ -1,4 +1,4 @@
-"""Compositing of packed samples along rays, forward and by hand backward, in Taichi.
+"""Compositing of packed samples along rays, forward and backward, in Taichi; one thread per ray.
 
 A ray has samples i of density sigma_i, colour c_i, distance t_i and length d_i:
 
@@ -6,14 +6,15 @@ A ray has samples i of density sigma_i, colour c_i, distance t_i and length d_i:
     C = sum w_i c_i,  O = sum w_i,  D = sum w_i t_i,
     X = sum_ij w_i w_j |t_i - t_j| + 1/3 sum w_i^2 d_i        (distortion, mip-NeRF 360)
 
-As dw_i/dsigma_i = d_i T_{i+1} and dw_j/dsigma_i = -d_i w_j for j > i, with G_i = dL/dw_i
+With dw_i/dsigma_i = d_i T_{i+1}, dw_j/dsigma_i = -d_i w_j for j > i, and G_i = dL/dw_i,
 
     dL/dsigma_i = d_i (T_{i+1} G_i - sum_{j > i} w_j G_j),  dL/dc_i = w_i dL/dC,
 
     G_i = <dL/dC, c_i> + dL/dO + dL/dD t_i + dL/dX (2 sum_j w_j |t_i - t_j| + 2/3 w_i d_i).
 
-The backward pass walks twice, and makes the weights again instead of keeping them. Both stop where
-no more than `stop` of the light is left; samples behind that have no gradient.
+The backward pass walks along the ray twice, and computes the weights again instead of storing them.
+Both passes end where at most the share `stop` of the light is left; samples after that have no
+gradient.
 """
 
 import numpy as np
@@ -55,7 +56,7 @@ def _forward(
             t = distances[i, 0]
             w = left * (1.0 - ti.exp(-sigma[i] * distances[i, 1]))
             c += w * row(rgb, i)
-            # t grows along the ray: |t_i - t_j| = t_i - t_j for what came before.
+            # t grows along the ray, so |t_i - t_j| = t_i - t_j for all samples j before.
             spread += w * (2.0 * (t * sum_w - sum_wt) + w * distances[i, 1] / 3.0)
             sum_w += w
             sum_wt += w * t
@@ -90,11 +91,11 @@ def _backward(
         do = d_opacity[ray]
         dd = d_depth[ray]
         dx = d_distortion[ray]
-        # First walk: the sums over all samples that the second takes apart.
+        # First walk: sums over all samples, which the second walk splits.
         left = 1.0
         sum_w = 0.0
         sum_wt = 0.0
-        rest = 0.0  # sum of w_j G_j but for the distortion
+        rest = 0.0  # sum of w_j G_j without the distortion
         spread = 0.0  # sum of w_j dX/dw_j = 2 X
         seen = begin
         while seen < end and left > stop:
@@ -142,8 +143,8 @@ def forward(
 ) -> None:
     """Composite each ray front to back.
 
-    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of its samples, the rows that `spans` (R, 2)
-    says, make what R rays have `seen`.
+    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) belong to samples; `spans` (R, 2) gives the
+    rows of each ray. The results of the R rays are written to `seen`.
     """
     _forward(sigma, rgb, distances, spans, stop, *seen)
 
@@ -159,8 +160,8 @@ def backward(
     d_sigma: np.ndarray,
     d_rgb: np.ndarray,
 ) -> None:
-    """Take gradients of what :func:`forward` made to `d_sigma` (M,) and `d_rgb` (M, 3).
+    """Compute `d_sigma` (M,) and `d_rgb` (M, 3) from gradients by the results of :func:`forward`.
 
-    Rows of no ray are not touched.
+    Rows of no ray stay unchanged.
     """
     _backward(*d_seen, sigma, rgb, distances, spans, stop, d_sigma, d_rgb)

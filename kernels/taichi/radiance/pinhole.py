@@ -1,4 +1,4 @@
-"""Rays through the pixels of cameras, in Taichi."""
+"""Rays through the pixels of cameras, in Taichi; one thread per ray."""
 
 import numpy as np
 import taichi as ti
@@ -26,7 +26,7 @@ def _write_ray(
     origins: ti.template(),
     directions: ti.template(),
 ):
-    """Store where the ray through a pixel starts, and its unit direction."""
+    """Store the origin and the unit direction of the ray through a pixel."""
     at = straightened(lenses, view, row, column)
     ahead = ti.Vector([0.0, 0.0, 0.0])
     for k in ti.static(range(3)):
@@ -63,7 +63,7 @@ def view_rays(
     origins: np.ndarray,
     directions: np.ndarray,
 ) -> None:
-    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on."""
+    """Make rays (R, 3) through pixel centres of a view, in raster order, beginning at `begin`."""
     poses, lenses, width, _ = cameras
     _view_rays(poses, lenses, view, width, begin, origins, directions)
 
@@ -111,7 +111,7 @@ def random_rays(
     directions: np.ndarray,
     targets: np.ndarray,
 ) -> None:
-    """Make rays (R, 3) through random pixels of all views, with what is seen there.
+    """Make rays (R, 3) through random pixels of all views, with the colours of these pixels.
 
     A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre. `images`
     (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1.

@@ -1,9 +1,9 @@
-"""Views of a field of samples in rounds, in Taichi: each looks at the next few samples of each ray.
+"""Views of a field of samples, in Taichi, in rounds that process the next few samples of each ray.
 
-A ray has the distance where it goes on, how many samples it took, and what it saw so far. A list
-has the numbers of the rays that go on; behind each round it is made anew without those that left
-the field, or that no more than `stop` of the light gets through. The samples of a ray are those of
-`radiance_march`, however many of them a round takes.
+A ray has the distance at which it continues, its number of samples so far, and its result so far. A
+list holds the numbers of the active rays. Each round makes a new list without the rays that left
+the field, or whose light is down to the share `stop`. The samples of a ray are those of
+march/steps.py; they do not depend on the number per round. One thread per ray.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 u32_1 = ti.types.ndarray(dtype=ti.u32, ndim=1)
 vec3 = ti.types.vector(3, ti.f32)
 
-NEVER = 1.0e30  # where a ray goes on that is done
+NEVER = 1.0e30  # the distance of a ray that is finished
 
 
 @ti.kernel
@@ -66,10 +66,10 @@ def set_out(
     counts: np.ndarray,
     views: codes.Views,
 ) -> None:
-    """Begin the views of all R rays, whatever their `active` says.
+    """Begin the views of all R rays; `active` is ignored.
 
-    Each goes on from where `march.steps.march_rays` begins without jitter; `listing` (R,) has all
-    of them, and they saw nothing: the rest of `views` and `counts` (2,) are 0.
+    A ray begins where `march.steps.march_rays` begins without jitter. `listing` (R,) holds all
+    rays; the rest of `views`, and `counts` (2,), are set to 0.
     """
     outputs = views.at, views.taken, listing, views.color, views.opacity, views.depth
     _set_out(rays.origins, rays.directions, march_of(space, march), 0, *outputs)
@@ -171,12 +171,12 @@ def march_on(
 ) -> None:
     """List the next samples, `few` at most, of each of the first `living` rays of a list.
 
-    Rays are marched as by `march.steps.march_rays`, without jitter; in all rounds together, a ray
-    takes `most` samples. Where they go on and the samples that they took are moved on. `going` (R,)
-    is filled with the rays of `listing` (R,) that have any samples, `spans` (R, 2) with the first
-    row and the number of rows of each of those, and `counts` (2,), which were 0, with how many
-    samples and rays there are. `samples` have room for few living. In which order the rays are
-    listed is left open: nothing that they see depends on it.
+    Rays are marched as in `march.steps.march_rays`, without jitter; in all rounds together, a ray
+    takes at most `most` samples. The distances and numbers of samples in `views` are updated.
+    `going` (R,) is filled with the rays of `listing` (R,) that have samples, `spans` (R, 2) with
+    the first row and the number of rows of each of these. `counts` (2,), which were 0, are the
+    numbers of samples and of rays. `samples` have room for few * living. The order of the rays in
+    the list is not defined, and no result depends on it.
     """
     given = rays.origins, rays.directions, space.bits, march_of(space, march)
     found = going, spans, counts
@@ -232,12 +232,12 @@ def composite_on(
     counts: np.ndarray,
     views: codes.Views,
 ) -> None:
-    """Composite the samples of a round behind what their rays saw.
+    """Composite the samples of a round after those of the rounds before.
 
-    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
-    to what the first `living` rays of `going` (R,) saw, as `compositing.forward` does. A ray with
-    no more than `stop` of its light left goes on nowhere: it is put behind everything. `counts`
-    (2,) are 0 for the next round.
+    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) belong to samples; `spans` (R, 2) gives the
+    rows of each of the first `living` rays of `going` (R,). They are added to the results so far,
+    as in `compositing.forward`. A ray whose light is at most the share `stop` is finished, so its
+    distance becomes NEVER. `counts` (2,) are set to 0 for the next round.
     """
     inputs = sigma, rgb, distances, going, spans, living, stop
     _composite_on(*inputs, views.at, views.color, views.opacity, views.depth)
@@ -278,9 +278,9 @@ def finish(
     opacity: np.ndarray,
     depth: np.ndarray,
 ) -> None:
-    """Make pictures of what rays saw, in place: `color` (R, 3), `opacity` and `depth` (R,).
+    """Turn the results of rays into pictures, in place: `color` (R, 3), `opacity`, `depth` (R,).
 
-    Colours come to stand before that of the background, within [0, 1]; depths become means, times
-    `unit`, and NaN where the opacity is below `solid`.
+    Colours are composited over the background and clipped to [0, 1]. Depths become mean distances
+    times `unit`, and NaN where the opacity is below `solid`.
     """
     _finish(red, green, blue, unit, solid, color, opacity, depth)

@@ -106,7 +106,7 @@ struct Epipolar {
         return count;
     }
 
-    // Real roots in (-1, 1], by 48 bisections each; p has up to 12 coefficients, lowest first.
+    // Real roots in (-1, 1], by 36 bisections each; p has up to 12 coefficients, lowest first.
     // Sturm's chain is needed until a root is alone: then the polynomial's sign tells.
     static int roots(const double* p, int degree, double* found) {
         double chain[144];
@@ -138,7 +138,7 @@ struct Epipolar {
             int below = 0, upto = count;  // the number of roots in (-1, low] and in (-1, high]
             double top = 0.0;             // the polynomial at the high end, once the root is alone
             bool alone = false;
-            for (int step = 0; step < 48; ++step) {
+            for (int step = 0; step < 36; ++step) {
                 const double middle = (low + high) * 0.5;
                 bool above;
                 if (!alone && upto - below < 2) alone = true, top = value(chain, degrees[0], high);

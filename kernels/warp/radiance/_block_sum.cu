@@ -1,9 +1,9 @@
 #pragma once
 
-// The sum of a number of each thread of a block of WARPS warps, always in the same order. A
-// function uses it once: there is shared memory for one sum.
+// The sum of one number per thread over a block of WARPS warps, always in the same order. A
+// function may use it only once, because there is shared memory for one sum.
 struct BlockSum {
-    // Return the sum in all threads; all of the block call it.
+    // Return the sum in all threads; all threads of the block must call it.
     static float of(float x) {
         __shared__ float of_warps[WARPS];
         for (int s = 16; s; s /= 2) x += __shfl_xor_sync(0xffffffffu, x, s);

@@ -34,7 +34,7 @@ void take_back(int ray, Seen d_seen, wp::array_t<float> sigma, wp::array_t<float
     const float dr = dc[0], dg = dc[1], db = dc[2];
     const float d_o = d_seen.opacity.data[ray], d_t = d_seen.depth.data[ray];
     const float d_x = d_seen.distortion.data[ray];
-    float rest = 0.0f;  // sum of w_j G_j, at first over all samples: of w_j dX/dw_j that is 2 X
+    float rest = 0.0f;  // sum of w_j G_j, initially over all samples (w_j dX/dw_j: 2 X)
     for (int first = begin; first < end; first += 32) {
         at.take(first);
         const float g = dr * at.red + dg * at.green + db * at.blue + d_o + d_t * at.t;

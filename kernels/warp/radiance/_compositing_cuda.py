@@ -1,7 +1,7 @@
-"""Compositing of packed samples along rays on CUDA: a warp a ray, 32 samples at once.
+"""Compositing of packed samples along rays on CUDA: one warp per ray, 32 samples at once.
 
-compositing.py has the equations. The arrays are the caller's: they need not begin where two numbers
-can be loaded at once.
+compositing.py has the equations. The arrays belong to the caller, so they need not be aligned for
+loads of two numbers.
 """
 
 import warp as wp

@@ -1,25 +1,26 @@
 #pragma once
 
-// A ray's samples, 32 at a time, by the lanes of a warp. A sum or product over the samples before
-// one is that of the 32 before, which is carried along, and that of the lanes before, by halves.
+// A ray's samples, 32 at a time, one per lane of a warp. A sum or product over all preceding
+// samples combines the value of the groups of 32 before, which is carried along, with a scan over
+// the preceding lanes.
 struct CompositingWalk {
     const float *sigma, *rgb, *distances;
-    int end;  // the row behind the last
+    int end;  // the row after the last
     float stop;
-    // T, and sums of w and w t, before the 32 samples at hand, and after take().
+    // T, and sums of w and w t: before the current 32 samples, and, after take(), including them.
     float left, sum_w, sum_wt;
-    // The sample of this lane: zeros unless it is lit, even if it has NaN.
+    // The sample of this lane: zeros unless it is lit, even if the sample is NaN.
     int row;
-    bool own, lit;  // it is one of the ray's; light gets to it
+    bool own, lit;  // whether it belongs to the ray; whether light reaches it
     unsigned dark;  // the lanes whose samples are not lit
     float t, d, red, green, blue;
     float before, w;        // T, and its weight
-    float upto_w, upto_wt;  // sums of w and w t up to and with this one
+    float upto_w, upto_wt;  // sums of w and w t up to and including this sample
     float nearer;           // sum of w_j |t_i - t_j| over j < i
 
     static int lane() { return threadIdx.x & 31; }
 
-    static float sum_up_to(float x) {  // sum over the lanes up to and with this one
+    static float sum_up_to(float x) {  // sum over the lanes up to and including this one
         for (int s = 1; s < 32; s *= 2) {
             const float before = __shfl_up_sync(0xffffffffu, x, s);
             x += lane() >= s ? before : 0.0f;
@@ -42,7 +43,7 @@ struct CompositingWalk {
         sum_w = sum_wt = 0.0f;
     }
 
-    // Take the samples from row `first` on.
+    // Read the samples that begin at row `first`.
     void take(int first) {
         const unsigned all = 0xffffffffu;
         row = first + lane();
@@ -61,7 +62,7 @@ struct CompositingWalk {
             passed *= lane() >= s ? others : 1.0f;
         }
         before = left * lane_before(passed, 1.0f);
-        // Products by halves may grow by a rounding: none is lit behind the first that is not.
+        // Rounding may make a scanned product grow, so no sample after the first dark one is lit.
         dark = __ballot_sync(all, !own || !(before > stop));
         lit = !(dark << (31 - lane()));
         if (!lit) t = d = red = green = blue = 0.0f;

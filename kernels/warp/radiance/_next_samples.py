@@ -19,9 +19,10 @@ def look(
     views: Views,
     times: wp.array[float],
 ) -> int:
-    """Find the next samples of the ray that is i-th in a list, and have it go on behind the last.
+    """Find the next samples of the i-th ray of a list, and move the ray behind the last of them.
 
-    Their distances go to `times`, the first ones of all rays first. Returns their number.
+    Their distances are written to `times`, where the first ones of all rays come first. Return
+    their number.
     """
     origin = row(rays.origins, ray)
     direction = row(rays.directions, ray)

@@ -1,12 +1,12 @@
 int append(int ray, int number, wp::array_t<int> going, wp::array_t<int> spans,
            wp::array_t<int> counts) {
-    // A block takes rows and places for its rays at once, in whatever order the blocks come: rays
-    // stay beside those they came with, which go through much the same cells.
+    // A block reserves rows and places for all of its rays at once, in any order of the blocks. So
+    // neighbouring rays, which cross much the same cells, stay neighbours.
     const unsigned all = 0xffffffffu;
     __shared__ int2 sums[32];  // samples and rays of warps
     __shared__ int2 begin;     // rows and places of the block
     const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, warps = blockDim.x >> 5;
-    int upto = number;  // up to and with this ray
+    int upto = number;  // sum up to and including this ray
     for (int s = 1; s < 32; s *= 2) {
         const int before = __shfl_up_sync(all, upto, s);
         upto += lane >= s ? before : 0;
@@ -35,7 +35,7 @@ int append(int ray, int number, wp::array_t<int> going, wp::array_t<int> spans,
 }
 
 int owner(int at, int first) {
-    int lane = 0;  // the last one that begins no later
+    int lane = 0;  // the last lane whose rows begin at or before this row
 #pragma unroll
     for (int step = 16; step > 0; step /= 2) {
         const int other = __shfl_sync(0xffffffffu, first, lane + step);

@@ -15,13 +15,13 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 def append(
     ray: int, number: int, going: wp.array[int], spans: wp.array2d[int], counts: wp.array[int]
 ) -> int:
-    """Return the row of a ray's first sample; it has barriers: all of a block call it as often."""
+    """Return the row of a ray's first sample; all threads of a block must call this together."""
     ...
 
 
 @_native.func_native("_rendering_cuda.cu")
 def owner(at: int, first: int) -> int:
-    """Return the lane whose rows, from its `first` on, have row `at`; for a whole warp."""
+    """Return the lane whose rows, beginning at its `first`, contain row `at`; for a whole warp."""
     ...
 
 
@@ -45,7 +45,7 @@ def march_on(
     counts: wp.array[int],  # (2,): added to
     samples: Samples,
 ):
-    """Find the next samples of rays, list those that have any, and write them; whole blocks."""
+    """Find the next samples of rays, list the rays that have samples, and write the samples."""
     i = wp.tid()
     ray = int(0)
     number = int(0)
@@ -53,7 +53,7 @@ def march_on(
         ray = listing[i]
         number = look(rays, space, march, few, living, i, ray, views, times)
     first = append(ray, number, going, spans, counts)
-    # The rows of a warp are side by side: lanes take the next 32, whose rays they are.
+    # The rows of a warp are adjacent, so its lanes write 32 rows at a time, of any of its rays.
     lane = i % 32
     begin = of_lane(first, 0)
     end = of_lane(first + number, 31)

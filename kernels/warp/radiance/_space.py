@@ -1,15 +1,16 @@
-"""Where a ray is: in the cells of the occupancy grid, and in the cube of a field.
+"""Positions on a ray: the cells of the occupancy grid, and the cube of a field.
 
-Lengths are in units of half the side of the innermost cube, whose middle is the origin. The grid
-has levels of cubes, each of twice the side of the one before, and as many cells, a multiple of 4 a
-side. A point belongs to the innermost cube that has it; cubes and cells have their lower sides.
-Cells are numbered block by block, of 4 x 4 x 4: the bits of a block are two words.
+Lengths are in units of half the side of the innermost cube, and the middle of the cube is the
+origin. The grid has levels of cubes: each cube has twice the side of the one before, and the same
+number of cells, a multiple of 4 along a side. A point belongs to the innermost cube that contains
+it; cubes and cells include their lower sides. Cells are numbered in blocks of 4 x 4 x 4, and the
+bits of a block are two words.
 
-Rounding keeps the order of numbers. So each coordinate of the places on a ray, and the number of
-its cell, only grow or only fall; and as the sides of cubes are met exactly, a cell of one level has
-no point of another. Hence what lies between two places in a cell is in it as well, to the bit. So
-it is with a block, if those of one level have no point of another either: with 16 cells a side, or
-a multiple.
+Rounding keeps the order of numbers. So along a ray, each coordinate of the positions, and of their
+cells, is monotonic. The sides of cubes are represented exactly, so cells of different levels share
+no point. Therefore all positions between two positions in one cell are in this cell too, exactly.
+The same holds for blocks if blocks of different levels share no point: if the cells along a side
+are a multiple of 16.
 """
 
 import warp as wp
@@ -24,7 +25,7 @@ CELL_X, CELL_Y, CELL_Z = (wp.constant(int(d)) for d in (Draw.CELL_X, Draw.CELL_Y
 
 @wp.func
 def within(point: wp.vec3, side: float) -> bool:
-    """Tell whether the cube from -side to side has the point."""
+    """Tell whether the cube from -side to side contains the point."""
     inside = point[0] >= -side and point[0] < side
     inside = inside and point[1] >= -side and point[1] < side
     return inside and point[2] >= -side and point[2] < side
@@ -32,7 +33,7 @@ def within(point: wp.vec3, side: float) -> bool:
 
 @wp.func
 def level_of(point: wp.vec3, levels: int) -> int:
-    """Return the innermost level whose cube has the point; `levels` where none has."""
+    """Return the innermost level whose cube contains the point; `levels` if there is none."""
     level = int(0)
     side = float(1.0)
     while level < levels and not within(point, side):
@@ -43,13 +44,13 @@ def level_of(point: wp.vec3, levels: int) -> int:
 
 @wp.func
 def half(times: int) -> float:
-    """Return one, halved up to 16 times; a division would take long."""
+    """Return 2^-times, for times up to 16; a division would take longer."""
     return float(1 << (16 - times)) / 65536.0
 
 
 @wp.func
 def cell_of(point: wp.vec3, level: int, cells: int) -> int:
-    """Return the number of the cell of a level that the point, in its cube, is in."""
+    """Return the number of the cell of a level that contains the point, which is in its cube."""
     middle = cells // 2
     scale = float(middle) * half(level)
     i = int(wp.floor(point[0] * scale)) + middle
@@ -81,7 +82,7 @@ def random_point(cell: int, cells: int, seed: int, step: int) -> wp.vec3:
 
 @wp.func
 def in_cube(point: wp.vec3, unbounded: bool) -> wp.vec3:
-    """Coordinates in [0, 1] for a field; all of space contracted as in mip-NeRF 360 if wanted."""
+    """Return coordinates in [0, 1] of a field; unbounded space is contracted (mip-NeRF 360)."""
     if not unbounded:
         return 0.5 * point + wp.vec3(0.5, 0.5, 0.5)
     length = wp.length(point)
@@ -110,13 +111,13 @@ def row(a: wp.array2d[float], i: int) -> wp.vec3:
 
 @wp.func
 def spacing(t: float, finest: float, cone: float) -> float:
-    """Distance between samples: it grows with the distance from the camera."""
+    """Return the distance between samples, which grows with the distance from the camera."""
     return wp.max(finest, cone * t)
 
 
 @wp.func
 def interval(origin: wp.vec3, inverse: wp.vec3, side: float) -> wp.vec2:
-    """Distances at which a ray enters and leaves the cube from -side to side."""
+    """Return the distances at which a ray enters and leaves the cube from -side to side."""
     enter = float(-1.0e30)
     leave = float(1.0e30)
     for k in range(3):
@@ -129,7 +130,7 @@ def interval(origin: wp.vec3, inverse: wp.vec3, side: float) -> wp.vec2:
 
 @wp.func
 def reciprocal(direction: wp.vec3) -> wp.vec3:
-    """One over each part, finite where that is 0."""
+    """Return 1 over each component, finite if it is 0."""
     inverse = wp.vec3()
     for k in range(3):
         d = direction[k]
@@ -141,7 +142,7 @@ def reciprocal(direction: wp.vec3) -> wp.vec3:
 
 @wp.func
 def way_out(point: wp.vec3, inverse: wp.vec3, level: int, cells: int) -> float:
-    """Distance along the ray to where it leaves the cell of a point."""
+    """Return the distance along the ray to the point where it leaves the cell of `point`."""
     scale = float(cells // 2) * half(level)
     size = 1.0 / float(cells // 2) * float(1 << level)
     way = float(1.0e30)
@@ -161,7 +162,7 @@ def reach(
     far: float,
     jitter: float,
 ) -> wp.vec2:
-    """Distances of the first place on a ray, a share of a step behind its entry, and of its end."""
+    """Return the distance of the first position, a share of a step after entry, and of the end."""
     inside = interval(origin, inverse, float(1 << (levels - 1)))
     entry = wp.max(march.near, inside[0])
     first = entry + jitter * spacing(entry, march.finest, march.cone)
@@ -177,19 +178,20 @@ def skip(
     march: March,
     t: float,
 ) -> float:
-    """Return where to look next if there is no sample at t: no sample of the ray is before.
+    """Return the next distance to test; no sample of the ray lies before it.
 
-    Its samples are the places t, t + spacing(t), ... that are in occupied cells; of one, return t.
+    Samples are the positions t, t + spacing(t), ... that are in occupied cells. If there is a
+    sample at t, return t.
     """
     point = origin + t * direction
     level = level_of(point, space.levels)
     next = t + spacing(t, march.finest, march.cone)
-    if level == space.levels:  # on the outermost side
+    if level == space.levels:  # on an outermost side
         return next
     cell = cell_of(point, level, space.cells)
     if is_set(space.bits, cell):
         return t
-    shift = int(0)  # binary digits of the side of what is empty, in cells
+    shift = int(0)  # log2 of the side of the empty region, in cells
     if space.cells % 16 == 0 and is_block_empty(space.bits, cell):
         shift = 2
     goal = t + way_out(point, inverse, level + shift, space.cells)
@@ -198,7 +200,7 @@ def skip(
     while behind < goal:
         inside = behind
         behind += spacing(behind, march.finest, march.cone)
-    # The goal is rounded: what was passed may be left out if the last of it is inside indeed.
+    # The goal is rounded. The skipped positions are empty if the last one is inside.
     own = cell_of(origin + inside * direction, level, space.cells)
     return wp.where(own >> 3 * shift == cell >> 3 * shift, behind, next)
 

@@ -1,4 +1,4 @@
-"""What travels together through kernels, as Warp structures.
+"""Arguments that travel together through kernels, as Warp structures.
 
 Each has the fields of the tuple of the same name in kernels/codes/radiance.py, in the same order.
 """
@@ -19,7 +19,7 @@ class Rays:
 
 @wp.struct
 class Seen:
-    """What rays see before any background, or gradients of it."""
+    """The composited rays, without a background, or gradients by them."""
 
     color: wp.array2d[float]  # (R, 3)
     opacity: wp.array[float]  # (R,)
@@ -29,7 +29,7 @@ class Seen:
 
 @wp.struct
 class Space:
-    """Which cells of space are looked at."""
+    """The cells of space that are not empty."""
 
     bits: wp.array[wp.uint32]  # (levels cells^3 / 32,)
     levels: int
@@ -39,7 +39,7 @@ class Space:
 
 @wp.struct
 class March:
-    """Where on its way through space a ray has samples."""
+    """The positions of the samples along a ray."""
 
     near: float
     far: float
@@ -72,7 +72,7 @@ class Samples:
 
 @wp.struct
 class Views:
-    """Rays of a view on their way."""
+    """Rays of a view that is being rendered."""
 
     at: wp.array[float]  # (R,)
     taken: wp.array[int]  # (R,)
@@ -103,7 +103,7 @@ class Solids:
 
 @wp.struct
 class Comparison:
-    """How colours are held against photographs."""
+    """The options of the loss between colours and photographs."""
 
     kind: int
     learnt: wp.array[float]  # (3,)
@@ -121,5 +121,5 @@ def struct_of(kind: Any, values: Any) -> Any:
     return made
 
 
-# What native code calls those that its own structures have members of.
+# Names in native code of the structures that its own structures contain.
 NATIVE = {kind.__name__: kind.native_name for kind in (Rays, Space, March, Grid)}

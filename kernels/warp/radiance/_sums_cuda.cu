@@ -1,6 +1,6 @@
 // needs WARPS
-// Add the columns of parts to sums. A block has 32 columns; each of its warps adds up its share of
-// the parts, and the first one adds the shares.
+// Add the columns of `parts` to `sums`. A block has 32 columns; each of its warps adds its share of
+// the parts, and the first warp adds the shares.
 void add_up(wp::array_t<float> parts, wp::array_t<float> sums) {
     __shared__ float shares[WARPS][32];
     const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31, column = blockIdx.x * 32 + lane;

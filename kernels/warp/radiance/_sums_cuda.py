@@ -1,7 +1,7 @@
 """Sums of parts on CUDA, always in the same order: ``sums[n] += sum over p of parts[p, n]``.
 
-A block takes 32 columns; each of its warps adds up a share of the parts. Sums over the threads of
-one block are in _block_sum.cu.
+A block takes 32 columns; each of its warps adds a share of the parts. _block_sum.cu has sums over
+the threads of one block.
 """
 
 import warp as wp
@@ -28,5 +28,5 @@ def gather(
 
 
 def threads(columns: int) -> int:
-    """Return how many threads add up so many columns, in blocks of BLOCK."""
+    """Return the number of threads for `columns` columns, in blocks of BLOCK."""
     return columns // 32 * BLOCK

@@ -44,8 +44,8 @@ def spherical(
 ) -> None:
     """Write the spherical harmonics of the direction of each sample's ray, in 16 columns.
 
-    `directions` (R, 3) are unit vectors, `rays` (M,) those of the first `total` (1,) samples;
-    `features` (M, >= column + 16) is filled from `column` on.
+    `directions` (R, 3) are unit vectors, and `rays` (M,) are the rays of the first `total` (1,)
+    samples. `features` (M, >= column + 16) is filled, beginning at `column`.
     """
     count = features.shape[0]
     launch_each(
@@ -77,7 +77,7 @@ def spherical_harmonics(directions: wp.array, values: wp.array) -> None:
 
 @wp.func
 def turn(value: float) -> float:
-    """Return `value` less a multiple of 2, in [-1, 1) or -2: exact, but -1 for 1 - 2^-24."""
+    """Return `value` minus a multiple of 2, in [-1, 1) or -2; exact, except -1 for 1 - 2^-24."""
     return value - 2.0 * wp.floor(0.5 * value + 0.5)
 
 
@@ -155,10 +155,10 @@ def positional(
 ) -> None:
     """Write sines and cosines of 2^k pi x, k < `frequencies`, for each coordinate x of `points`.
 
-    Of the first `total` (1,) of N points, (N, D): sine and cosine of each k in turn, for one
-    coordinate after the other [Mildenhall et al. 2020, equation 4]. The coordinates themselves
-    come before, where `include_input`, and a 1 behind, where `constant`; of `width` columns of
-    `features` from `column` on, those that are left are 0.
+    For the first `total` (1,) of N points, (N, D), write sine and cosine of each k, coordinate by
+    coordinate [Mildenhall et al. 2020, equation 4]. With `include_input` the coordinates come
+    first; with `constant` a 1 comes last. The `width` columns of `features` begin at `column`; the
+    rest of them is 0.
     """
     count = features.shape[0]
     launch_each(

@@ -1,4 +1,4 @@
-"""Rays through the pixels of cameras, in Warp."""
+"""Rays through the pixels of cameras, in Warp; one thread per ray."""
 
 import warp as wp
 
@@ -28,7 +28,7 @@ def write_ray(
     origins: wp.array2d[float],
     directions: wp.array2d[float],
 ):
-    """Store where the ray through a pixel starts, and its unit direction."""
+    """Store the origin and the unit direction of the ray through a pixel."""
     straight = straightened(lenses, view, row, column)
     x = straight[0]
     y = straight[1]
@@ -72,7 +72,7 @@ def view_rays(
     origins: wp.array,
     directions: wp.array,
 ) -> None:
-    """Make rays (R, 3) through the pixel centres of a view, in raster order from `begin` on."""
+    """Make rays (R, 3) through pixel centres of a view, in raster order, beginning at `begin`."""
     count = origins.shape[0]
     launch_each(
         view_rays_kernel,
@@ -128,7 +128,7 @@ def random_rays(
     directions: wp.array,
     targets: wp.array,
 ) -> None:
-    """Make rays (R, 3) through random pixels of all views, with what is seen there.
+    """Make rays (R, 3) through random pixels of all views, with the colours of these pixels.
 
     A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre. `images`
     (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1.

@@ -1,9 +1,10 @@
-"""Views of a field of samples in rounds, in Warp: each looks at the next few samples of each ray.
+"""Views of a field of samples, in Warp, in rounds that process the next few samples of each ray.
 
-A ray has the distance where it goes on, how many samples it took, and what it saw so far. A list
-has the numbers of the rays that go on; behind each round it is made anew without those that left
-the field, or that no more than `stop` of the light gets through. The samples of a ray are those of
-`radiance_march`, however many of them a round takes.
+A ray has the distance at which it continues, its number of samples so far, and its result so far. A
+list holds the numbers of the active rays. Each round makes a new list without the rays that left
+the field, or whose light is down to the share `stop`. The samples of a ray are those of
+march/steps.py; they do not depend on the number per round. One thread per ray; on CUDA, a warp
+writes the samples of its 32 rays.
 """
 
 from typing import Any
@@ -20,7 +21,7 @@ from ._structs import March, Rays, Samples, Space, Views, struct_of
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-NEVER = wp.constant(1.0e30)  # where a ray goes on that is done
+NEVER = wp.constant(1.0e30)  # the distance of a ray that is finished
 
 
 @wp.kernel
@@ -36,7 +37,7 @@ def set_out_kernel(
     counts: wp.array[int],  # (2,)
     views: Views,
 ):
-    """Put a ray where it enters the field."""
+    """Move a ray to the point where it enters the field."""
     for ray in range(first + wp.tid(), last, stride):
         if ray == 0:
             counts[0] = 0
@@ -60,10 +61,10 @@ def set_out(
     counts: wp.array,
     views: codes.Views,
 ) -> None:
-    """Begin the views of all R rays, whatever their `active` says.
+    """Begin the views of all R rays; `active` is ignored.
 
-    Each goes on from where `march.steps.march_rays` begins without jitter; `listing` (R,) has all
-    of them, and they saw nothing: the rest of `views` and `counts` (2,) are 0.
+    A ray begins where `march.steps.march_rays` begins without jitter. `listing` (R,) holds all
+    rays; the rest of `views`, and `counts` (2,), are set to 0.
     """
     count = rays.origins.shape[0]
     inputs = _march(rays, space, march)
@@ -91,7 +92,7 @@ def look_on(
     times: wp.array[float],  # (M,)
     numbers: wp.array[int],  # (R,): of samples, in the order of the list
 ):
-    """Find the next samples of a ray, and have it go on behind the last."""
+    """Find the next samples of a ray, and move the ray behind the last of them."""
     for i in range(first, last):
         numbers[i] = look(rays, space, march, few, living, i, listing[i], views, times)
 
@@ -107,7 +108,7 @@ def place(
     rows: wp.array[int],  # (R,): the first of each ray, in the order of the list
     counts: wp.array[int],  # (2,)
 ):
-    """List the rays that have samples, and give them rows, in one thread."""
+    """List the rays that have samples, and assign rows to them, in one thread."""
     total = int(0)
     rays = int(0)
     for i in range(living):
@@ -165,12 +166,12 @@ def march_on(
 ) -> None:
     """List the next samples, `few` at most, of each of the first `living` rays of a list.
 
-    Rays are marched as by `march.steps.march_rays`, without jitter; in all rounds together, a ray
-    takes `most` samples. Where they go on and the samples that they took are moved on. `going` (R,)
-    is filled with the rays of `listing` (R,) that have any samples, `spans` (R, 2) with the first
-    row and the number of rows of each of those, and `counts` (2,), which were 0, with how many
-    samples and rays there are. `samples` have room for few living. In which order the rays are
-    listed is left open: nothing that they see depends on it.
+    Rays are marched as in `march.steps.march_rays`, without jitter; in all rounds together, a ray
+    takes at most `most` samples. The distances and numbers of samples in `views` are updated.
+    `going` (R,) is filled with the rays of `listing` (R,) that have samples, `spans` (R, 2) with
+    the first row and the number of rows of each of these. `counts` (2,), which were 0, are the
+    numbers of samples and of rays. `samples` have room for few * living. The order of the rays in
+    the list is not defined, and no result depends on it.
     """
     device = counts.device
     times = scratch("view.times", samples.rays.shape, wp.float32, device)
@@ -207,7 +208,7 @@ def composite_kernel(
     stop: float,
     # outputs
     counts: wp.array[int],  # (2,)
-    views: Views,  # what was seen is added to
+    views: Views,  # the results are added to
 ):
     """Walk along the samples of a ray."""
     for i in range(first + wp.tid(), wp.min(last, living), stride):
@@ -245,12 +246,12 @@ def composite_on(
     counts: wp.array,
     views: codes.Views,
 ) -> None:
-    """Composite the samples of a round behind what their rays saw.
+    """Composite the samples of a round after those of the rounds before.
 
-    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) of the rows that `spans` (R, 2) says are added
-    to what the first `living` rays of `going` (R,) saw, as `compositing.forward` does. A ray with
-    no more than `stop` of its light left goes on nowhere: it is put behind everything. `counts`
-    (2,) are 0 for the next round.
+    `sigma` (M,), `rgb` (M, 3) and `distances` (M, 2) belong to samples; `spans` (R, 2) gives the
+    rows of each of the first `living` rays of `going` (R,). They are added to the results so far,
+    as in `compositing.forward`. A ray whose light is at most the share `stop` is finished, so its
+    distance becomes NEVER. `counts` (2,) are set to 0 for the next round.
     """
     count = _threads(living) if counts.device.is_cuda else living
     inputs = [sigma, rgb, distances, going, spans, living, stop]
@@ -295,10 +296,10 @@ def finish(
     opacity: wp.array,
     depth: wp.array,
 ) -> None:
-    """Make pictures of what rays saw, in place: `color` (R, 3), `opacity` and `depth` (R,).
+    """Turn the results of rays into pictures, in place: `color` (R, 3), `opacity`, `depth` (R,).
 
-    Colours come to stand before that of the background, within [0, 1]; depths become means, times
-    `unit`, and NaN where the opacity is below `solid`.
+    Colours are composited over the background and clipped to [0, 1]. Depths become mean distances
+    times `unit`, and NaN where the opacity is below `solid`.
     """
     count = opacity.shape[0]
     inputs = [red, green, blue, unit, solid]
@@ -306,8 +307,8 @@ def finish(
 
 
 def _threads(living: int) -> int:
-    """Return for how many entries of a list to launch on CUDA: one of a few numbers of blocks.
+    """Return the number of threads for a list on CUDA, one of a few numbers of whole blocks.
 
-    Launches are kept by their size.
+    Launches are kept by their size, so there should be few sizes.
     """
     return max(BLOCK, 1 << (living - 1).bit_length())

@@ -1,9 +1,9 @@
 // The winner among the costs of a pixel: one rule for every device and every way to store costs.
 //
 // Let c be the smallest cost, at index k; the first of equal costs wins. Let r, the rival, be the
-// smallest cost more than one index away. The winner is unique unless r (100 - uniqueness) < 100 c,
-// and its confidence is 1 - c / r, limited to [0, 1]: 0 where that is NaN, 1 where c is infinitely
-// low. Let a and b be the costs before and after k, minus c. Then the disparity is
+// smallest cost more than one index away. The winner is unique unless r (100 - uniqueness) < 100 c.
+// Its confidence is 1 - c / r, limited to [0, 1]: 0 if that is NaN, 1 if c is infinitely low. Let a
+// and b be the costs before and after k, minus c. Then the disparity is
 //
 //     first + k + (a - b) / (2 (a + b))      by a parabola
 //     first + k + (a - b) / (2 max(a, b))    by two lines of opposite slope

@@ -1,4 +1,4 @@
-"""Edges: OpenCV's Canny bit for bit, Canny on Gaussian derivatives, and edges within the pixel."""
+"""Edges: OpenCV's Canny bit for bit, Canny on Gaussian derivatives, and sub-pixel edges."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gradients: Sobel's magnitude as scikit-image has it, and derivatives with their polar form."""
+"""Gradients: scikit-image's Sobel magnitude, and derivatives with their polar form."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shapes: a template found in a photograph, whatever its rotation and scale."""
+"""Shapes: a template found in a photograph, at any rotation and scale."""
 
 from __future__ import annotations
 

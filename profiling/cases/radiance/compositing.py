@@ -1,4 +1,4 @@
-"""Samples along rays to colours, opacities and depths."""
+"""Compositing of samples along rays to colours, opacities and depths."""
 
 from __future__ import annotations
 

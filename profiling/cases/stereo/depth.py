@@ -1,4 +1,4 @@
-"""From disparities to depth and points."""
+"""Depth and points from disparities."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ CALLS: dict[str, Call] = {}
 for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
     CALLS |= importlib.import_module(f"{__name__}.{_module}").CALLS
 EVERY = list(CALLS)
-# What computes nothing of its own, opens windows of time, or reads whole scenes and models.
-NOT_CALLED = {"use", "capture", "devices", "release_memory"}
+# What computes nothing of its own, or is a chain of functions that are called.
+NOT_CALLED = {"use", "capture", "devices", "release_memory", "reconstruct_pair"}
 
 
 def draw_call(draw: Draw) -> tuple[str, dict[str, Any]]:

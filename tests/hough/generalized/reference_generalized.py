@@ -1,4 +1,4 @@
-"""Votes of the generalised Hough transform in float64, between which every right count lies."""
+"""Votes of the generalised Hough transform in float64: bounds for every correct count."""
 
 from typing import NamedTuple
 

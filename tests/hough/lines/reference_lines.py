@@ -1,4 +1,4 @@
-"""Plain NumPy statements of voting for lines and of what is done with the votes."""
+"""Plain NumPy statements of votes for lines and of the steps after them."""
 
 import numpy as np
 

@@ -156,3 +156,12 @@ def test_refinement_of_a_single_row_or_column(backend, shape):
     found = cvkern.hough_line_peaks(votes, theta, rho, threshold=1, refine=True)
     np.testing.assert_allclose(found.theta, theta[shape[1] // 2])
     np.testing.assert_allclose(found.rho, rho[shape[0] // 2])
+
+
+def test_a_plateau_has_no_top_to_move_to(backend):
+    """Where a bin and both its neighbours are equal, the parabola is flat."""
+    theta, rho = np.linspace(-1.5, 1.4, 5), np.arange(4.0)
+    found = cvkern.hough_line_peaks(np.full((4, 5), 7.0), theta, rho, 0, 0, 1.0, refine=True)
+    assert len(found.votes) == 20
+    np.testing.assert_array_equal(np.sort(found.theta), np.sort(np.tile(theta, 4)))
+    np.testing.assert_array_equal(np.sort(found.rho), np.sort(np.tile(rho, 5)))

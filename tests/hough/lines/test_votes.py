@@ -1,4 +1,4 @@
-"""Votes for lines: against float64, scikit-image and what must hold of them."""
+"""Votes for lines: against float64 and scikit-image, and their properties."""
 
 import re
 from typing import Any

@@ -1,4 +1,4 @@
-"""The hash field as a whole: its gradients are slopes, and the same in both sets and every time."""
+"""The hash field as a whole: its gradients are derivatives, equal in both sets and every run."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The occupancy grid: random places in its cells, what is kept of them, which cells are marked."""
+"""The occupancy grid: random points in its cells, their densities, and the marked cells."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Marching: which samples a ray has in the occupied cells of space, on every set and device."""
+"""Marching: the samples of a ray in the occupied cells of space, on every set and device."""
 
 import importlib
 from typing import NamedTuple

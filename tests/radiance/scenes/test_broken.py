@@ -1,4 +1,4 @@
-"""Scenes that are broken: what is wrong is named, with its file."""
+"""Broken scenes: the error names the fault and the file."""
 
 import json
 

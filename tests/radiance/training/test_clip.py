@@ -1,4 +1,4 @@
-"""Clipping of the gradients of a field: by the norm of all of them, as the loss has them."""
+"""Clipping of the gradients of a field, by the norm of all of them together."""
 
 from dataclasses import replace
 

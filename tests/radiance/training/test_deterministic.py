@@ -1,4 +1,4 @@
-"""Training that is equal from run to run on a GPU: gradients added up as integers, in any order."""
+"""Training that is equal from run to run on a GPU, with gradients added as integers."""
 
 import numpy as np
 import pytest

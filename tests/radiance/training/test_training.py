@@ -271,7 +271,7 @@ def test_errors_of_fit(scene, options, error, rule):
 
 
 def test_scenes_that_cannot_be_trained_from(scene):
-    with pytest.raises(ValueError, match="scene must have views to train from, got 18 kept back"):
+    with pytest.raises(ValueError, match="scene must have views to train from, got 18 held out"):
         fit(replace(scene, test=np.ones(len(scene), bool)), steps=1)
     with pytest.raises(TypeError, match="scene must be a Scene, got str"):
         fit("scene", steps=1)  # type: ignore[arg-type]
@@ -282,7 +282,7 @@ def test_scenes_that_cannot_be_trained_from(scene):
     with pytest.raises(ValueError, match="scene must have images of less than 2 GiB in all, got"):
         fit(large, steps=1)
     model = fit(scene, TINY, steps=1)
-    with pytest.raises(ValueError, match="scene must have views kept back"):
+    with pytest.raises(ValueError, match="scene must have views held out"):
         evaluate(model, replace(scene, test=np.zeros(len(scene), bool)))
     with pytest.raises(ValueError, match=r"views must be in \[0, 17\], got 99"):
         evaluate(model, scene, views=[99])

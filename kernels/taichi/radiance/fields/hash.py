@@ -1,8 +1,8 @@
 """Multi-resolution hash encoding [Mueller et al., "Instant neural graphics primitives", 2022].
 
-Level l is a grid of resolutions[l] cells a side. A sample takes the two features of each of the
-eight corners round it, weighted by nearness; corners have a place each where the level's table is
-large enough, else the place that a hash of their coordinates says.
+Level l is a grid of resolutions[l] cells along a side. A sample interpolates the two features of
+the eight corners of its cell. If the level's table is large enough, each corner has its own entry;
+otherwise a hash of its coordinates gives its entry. A thread takes samples of a level.
 """
 
 import numpy as np
@@ -20,13 +20,13 @@ ivec3 = ti.types.vector(3, ti.i32)
 
 @ti.func
 def _cell(at: vec3, resolution: ti.i32) -> ivec3:
-    """Find the cell of a point, in units of cells: those at the far sides are in the last one."""
+    """Return the cell of a point, in units of cells; points at a far side are in the last cell."""
     return ti.math.clamp(ti.floor(at, ti.i32), 0, resolution - 1)
 
 
 @ti.func
 def _entry(corner: ivec3, resolution: ti.i32, size: ti.i32) -> ti.i32:
-    """Return the place in its level's table of a corner of the grid."""
+    """Return the index of a corner of the grid in its level's table."""
     side = ti.cast(resolution + 1, ti.i64)
     entry = (corner[2] * (resolution + 1) + corner[1]) * (resolution + 1) + corner[0]
     if side * side * side > size:
@@ -39,7 +39,7 @@ def _entry(corner: ivec3, resolution: ti.i32, size: ti.i32) -> ti.i32:
 
 @ti.func
 def _share(offset: vec3, side: ti.template()) -> ti.f32:
-    """Return the weight of a corner: `side` says on which sides of the cell it is."""
+    """Return the weight of a corner; `side` tells on which sides of the cell it is."""
     share = 1.0
     for k in ti.static(range(3)):
         share *= offset[k] if ti.static(side[k] == 1) else 1.0 - offset[k]
@@ -86,8 +86,9 @@ def encode(
 ) -> None:
     """Look up the features (M, 2 L) of the first `total` (1,) of `positions` (M, 3) in [0, 1].
 
-    Level l has `resolutions` (L,) cells a side, and the rows of `table` (entries, 2) from
-    offsets[l] up to offsets[l + 1]: a power of 2 if there are more corners, else a multiple of 8.
+    Level l has `resolutions` (L,) cells along a side, and the rows offsets[l] to offsets[l + 1] of
+    `table` (entries, 2). Their number is a power of 2 if there are more corners, else a multiple of
+    8.
     """
     _encode(positions, total, resolutions, offsets, table, features)
 
@@ -104,7 +105,8 @@ def _backward(
     # outputs
     d_table: ti.types.ndarray(ndim=2),  # (entries, 2), int64 if exact: added to
 ):
-    # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
+    # A feature is a weighted sum of entries, so an entry's gradient is its weight times the
+    # feature's gradient.
     for level, thread in ti.ndrange(resolutions.shape[0], threads):
         resolution = resolutions[level]
         begin = offsets[level]
@@ -133,10 +135,10 @@ def backward(
     d_features: np.ndarray,
     d_table: np.ndarray,
 ) -> None:
-    """Add to `d_table` (entries, 2), float32, what `d_features` (M, 2 L) make of it.
+    """Add the gradients of the table, `d_table` (entries, 2), float32, from `d_features` (M, 2 L).
 
-    On the CPU in the order of the samples, as no two threads add to one level. On CUDA it may be
-    int64, of fixed-point numbers: their sums are the same in any order.
+    On the CPU, sums are in the order of the samples, because no two threads add to one level. On
+    CUDA, `d_table` may be int64, for fixed-point numbers, whose sums do not depend on the order.
     """
     threads, exact = 1 if on_cpu() else positions.shape[0], d_table.dtype == np.int64
     _backward(positions, total, resolutions, offsets, d_features, threads, exact, d_table)

@@ -1,7 +1,7 @@
-"""The occupancy grid: which cells of space have density in them, in Taichi.
+"""The occupancy grid, which marks the cells of space that are not empty, in Taichi.
 
-As in instant-ngp: each cell keeps the largest density seen in it, which fades; cells above the
-mean, or above a least density, are marched through.
+As in instant-ngp, each cell keeps the largest density found in it, which decays. Cells above the
+mean density, or above a given density, are occupied. One thread per cell.
 """
 
 import numpy as np
@@ -53,12 +53,12 @@ def visit(
     visited: np.ndarray,
     positions: np.ndarray,
 ) -> None:
-    """Draw a random point of each of N cells: of all `count` of them in turn, or of random ones.
+    """Draw a random point in each of N cells: of all `count` cells in order, or of random cells.
 
-    If `every`, they are those from `begin` on, and the last again where there are no more; else the
-    `begin`-th and following of the random cells of this step. The grid has `cells`^3 of them in
-    each level. `visited` (N,) is filled with their numbers, `positions` (N, 3) with the points, in
-    the cube of the field.
+    If `every`, the cells begin at `begin`, and the last one repeats if there are no more.
+    Otherwise they are the random cells of this step, beginning at number `begin`. The grid has
+    `cells`^3 cells in each level. `visited` (N,) is filled with the numbers of the cells, and
+    `positions` (N, 3) with the points in the cube of the field.
     """
     _visit(cells, count, every, unbounded, seed, step, begin, visited, positions)
 
@@ -75,7 +75,7 @@ def _fade(
 
 @primitive
 def fade(factor: float, density: np.ndarray) -> None:
-    """Make what is known of all cells, `density` (count,), count less."""
+    """Multiply the densities of all cells, `density` (count,), by `factor`."""
     _fade(factor, density)
 
 
@@ -92,7 +92,7 @@ def _raise_to(
 
 @primitive
 def raise_to(visited: np.ndarray, sigma: np.ndarray, density: np.ndarray) -> None:
-    """Raise `density` (count,) to the densities `sigma` (N,) found in the `visited` (N,) cells."""
+    """Raise `density` (count,) of the `visited` (N,) cells to the densities `sigma` (N,)."""
     _raise_to(visited, sigma, density)
 
 
@@ -128,9 +128,10 @@ def _mark(
 def mark(
     density: np.ndarray, least: float, parts: np.ndarray, limit: np.ndarray, bits: np.ndarray
 ) -> None:
-    """Set the bits of cells above the mean density, or above `least` where that is lower.
+    """Set the bits of cells above the mean density, or above `least` if this is lower.
 
     `density` has (count,) numbers, `bits` (count / 32,) words with the first cell in the lowest
-    bit; the mean is summed in `parts` (P,), and `limit` (1,) filled with what cells must exceed.
+    bit. `parts` (P,) holds partial sums of the mean, and `limit` (1,) is filled with the limit that
+    cells must exceed.
     """
     _mark(density, least, parts, limit, bits)

@@ -1,8 +1,9 @@
-"""Marching of rays through an occupancy grid, in Taichi: where a field is looked at.
+"""Marching of rays through an occupancy grid, in Taichi; one thread per ray.
 
-Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
-The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
-in occupied cells, up to so many. They are the same on every device: hence `zero` (_rounding.py).
+Each ray is marched twice: first to count its samples, then, when their rows are known, to write
+them. The samples of a ray are the positions t, t + spacing(t), ..., beginning at its entry, that
+are in occupied cells, up to a largest number. They are the same on every device, so products are
+rounded before sums (`zero`, see _rounding.py).
 """
 
 import numpy as np
@@ -95,7 +96,7 @@ def _place(
             if end > capacity:
                 spans[ray, 0] = capacity
                 spans[ray, 1] = 0
-                if begin <= capacity:  # the first without room
+                if begin <= capacity:  # the first ray without room
                     total[0] = begin
                     active[0] = ray
         if end <= capacity:
@@ -111,12 +112,13 @@ def march_rays(
     total: np.ndarray,
     samples: codes.Samples,
 ) -> None:
-    """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
+    """List the samples of rays in occupied cells, up to the first ray that does not fit.
 
     The first `active` of R rays are marched from `near` to `far` by steps of
-    ``max(finest, cone t)``. `active` is lowered to those that fit: a caller who wants as many again
-    in the next batch has to write it anew. `spans` (R, 2) is filled with the first row and the
-    number of rows of each ray, `total` (1,) with their number, and that many rows of `samples`.
+    ``max(finest, cone t)``. `active` is lowered to the number of rays that fit, so a caller must
+    set it again for the next batch. `spans` (R, 2) is filled with the first row and the number of
+    rows of each ray. `total` (1,) is the number of all rows, and that many rows of `samples` are
+    filled.
     """
     numbers = march_of(space, march)
     given = rays.origins, rays.directions, space.bits, numbers, march.step, rays.active

@@ -1,7 +1,7 @@
 """Solids by their signed distances, traced and shaded, in Taichi; one thread per ray.
 
-A ray walks by the distance to the nearest surface [Hart 1996, "Sphere tracing"]. A hit is lit by a
-sun with soft shadows, a sky, and what glossy paint mirrors of both.
+A ray advances by the distance to the nearest surface [Hart 1996, "Sphere tracing"]. A hit is lit by
+a sun with soft shadows and by a sky; glossy paint reflects both.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 
 STEPS = 96
-NEAR = 1e-3  # a ray that comes so near has hit
+NEAR = 1e-3  # distance at which a ray has hit a surface
 SHADOW_STEPS = 32
 SOFT = 14.0  # one over the tangent of half the sun's apparent size
 SUN = (2.3, 2.1, 1.8)
@@ -81,7 +81,7 @@ def _distance(kinds: ti.template(), placements: ti.template(), sizes: ti.templat
 
 @ti.func
 def _sky(direction):
-    """Return the light that comes from a direction, but for the sun's."""
+    """Return the light from a direction, without the sun's."""
     down = tm.mix(tm.vec3(HORIZON), tm.vec3(GROUND), ti.min(-4.0 * direction.z, 1.0))
     up = tm.mix(tm.vec3(HORIZON), tm.vec3(ZENITH), ti.sqrt(ti.max(direction.z, 0.0)))
     return down if direction.z < 0.0 else up
@@ -89,7 +89,7 @@ def _sky(direction):
 
 @ti.func
 def _sunlight(kinds: ti.template(), placements: ti.template(), sizes: ti.template(), sun, start):
-    """Return how much of the sun is left: the narrowest gap on the way, over the distance there."""
+    """Return the visible share of the sun, from the smallest gap over distance along the way."""
     light = 1.0
     t = 0.01
     for _ in range(SHADOW_STEPS):
@@ -127,7 +127,7 @@ def _shaded(
     view,
 ):
     """Return the colour of the surface of a solid, seen along `view`."""
-    # The normal from four corners of a tetrahedron round the point.
+    # The normal from the distances at four corners of a tetrahedron around the point.
     normal = tm.vec3(0.0)
     for k in ti.static(range(4)):
         corner = tm.vec3(1.0)
@@ -140,7 +140,7 @@ def _shaded(
     light = 0.0
     if facing > 0.0:
         light = _sunlight(kinds, placements, sizes, sun, point + 2e-3 * normal)
-    # How much of the sky is hidden: gaps along the normal that are narrower than their distance.
+    # The hidden share of the sky, from gaps along the normal that are narrower than their distance.
     hidden = 0.0
     for k in ti.static(range(4)):
         up = 0.03 + 0.1 * k
@@ -152,7 +152,7 @@ def _shaded(
     around = tm.mix(tm.vec3(GROUND), tm.vec3(ZENITH), 0.5 + 0.5 * normal.z)
     paint = _paint(kinds, placements, paints, shape, point)
     color = 0.75 * paint * (lit + open * (0.9 * around + 0.12))
-    # Gloss mirrors the sky as Fresnel's law has it [Schlick 1994], and the sun, widened.
+    # Gloss reflects the sky by Fresnel's law [Schlick 1994], and a widened sun.
     grazing = (1.0 - tm.clamp(-tm.dot(normal, view), 0.0, 1.0)) ** 5
     mirrored = view - 2.0 * tm.dot(view, normal) * normal
     color += gloss * (0.05 + 0.6 * grazing) * open * _sky(mirrored)
@@ -221,10 +221,10 @@ def trace(
     colors: np.ndarray,
     depths: np.ndarray,
 ) -> None:
-    """Find the colour, opacity and distance of what each ray hits first.
+    """Find the colour, opacity and distance of the first surface that each ray hits.
 
     `origins` and unit `directions` are (R, 3). `around` (4,) is the middle and radius of a ball
-    with all solids in it, `sun` (3,) a unit vector. `colors` (R, 4) and `depths` (R,) are filled,
-    with 0 where nothing is hit.
+    that contains all solids, `sun` (3,) a unit vector. `colors` (R, 4) and `depths` (R,) are
+    filled, with 0 where nothing is hit.
     """
     _trace(origins, directions, *solids, around, sun, colors, depths)

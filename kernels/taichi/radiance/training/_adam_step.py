@@ -16,7 +16,7 @@ def adam_step(
 ):
     """Return mean, mean of squares and weight after a step with gradient g.
 
-    `rate` (3,) has the rate of learning, and what the two means have to be divided by.
+    `rate` (3,) holds the learning rate, and the divisors of the two means.
     """
     m = beta1 * mean + (1.0 - beta1) * g
     v = beta2 * square + (1.0 - beta2) * g * g

@@ -33,7 +33,7 @@ def _adam(
     for i in range(weights.shape[0]):
         g = gradients[i] * factor[0]
         gradients[i] = 0.0
-        # Entries of a table that no sample touched stay as they are.
+        # Entries of a table that no sample touched stay unchanged.
         if sparse == 0 or g != 0.0:
             w = weights[i]
             g += decay * w
@@ -51,10 +51,10 @@ def adam(
     learnt: codes.Learnt,
     copy: np.ndarray,
 ) -> None:
-    """One step of Adam for N weights, with their gradients times `factor` (1,), left at 0.
+    """Take a step of Adam for N weights, with their gradients times `factor` (1,); reset these.
 
     `rate` (3,) is that of :func:`learning_rate`. `copy` (N,) is filled with the weights in its own
-    precision; it may be the weights themselves. On CUDA each array begins at a multiple of 16
+    precision; it may be the array of weights itself. On CUDA each array begins at a multiple of 16
     bytes.
     """
     _adam(rate, factor, *rule, *learnt, copy)
@@ -73,9 +73,9 @@ def _collect(
 
 @primitive
 def collect(sums: np.ndarray, gradients: np.ndarray) -> None:
-    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave the sums at 0.
+    """Add `sums` (N,), int64 fixed-point numbers, to `gradients` (N,), and reset the sums to 0.
 
-    They are what gradients are added up in where the order must not show. On CUDA each array
+    Gradients are collected in these sums if the order must have no effect. On CUDA each array
     begins at a multiple of 16 bytes.
     """
     _collect(sums, gradients)
@@ -97,7 +97,7 @@ def _learning_rate(
         steps = ti.cast(step[0] + 1, ti.f32)
         warm = ti.min(1.0, steps / ti.max(warmup, 1))
         rate[0] = base * warm * final ** progress[0]
-        # Both means begin at 0, and are too small by these factors.
+        # Both means begin at 0, so they are too small by these factors.
         rate[1] = 1.0 - beta1**steps
         rate[2] = 1.0 - beta2**steps
 
@@ -113,10 +113,10 @@ def learning_rate(
     beta2: float,
     rate: np.ndarray,
 ) -> None:
-    """Grow a rate linearly over `warmup` steps, and let it fall exponentially to `final` of it.
+    """Increase a rate linearly over `warmup` steps, and decrease it exponentially to `final` of it.
 
-    `rate` (3,) is filled for step `step` (1,) at `progress` (1,): the rate, and what the two means
-    of Adam have to be divided by.
+    `rate` (3,) is filled for step `step` (1,) at `progress` (1,): the rate, and the divisors of the
+    two means of Adam.
     """
     _learning_rate(step, progress, base, warmup, final, beta1, beta2, rate)
 
@@ -165,9 +165,9 @@ def _clip(
 
 @primitive
 def clip(scale: float, most: float, parts: np.ndarray, factor: np.ndarray) -> None:
-    """Set `factor` (1,) to `scale`, or less so that gradients times it have a norm within `most`.
+    """Set `factor` (1,) to `scale`, or to less if the norm of the result would exceed `most`.
 
-    `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
+    The sum of `parts` (P,) is the squared norm of the gradients; the parts are reset to 0.
     """
     _clip(scale, most, parts, factor)
 

@@ -36,6 +36,6 @@ def gather(
 ) -> None:
     """Add `d_learnt` (R, 3) of the first `active` (1,) rays to `gradients` (3,).
 
-    Always in the same order: in `parts` (P, 3) of the rays, and then those.
+    The order of the sum is always the same: rays are added in `parts` (P, 3), then the parts.
     """
     _gather(d_learnt, active, parts, gradients)

@@ -1,8 +1,9 @@
 """Losses of rendered colours against photographs, and their gradients, in Taichi.
 
-A ray of colour C and opacity O sees F = C + (1 - O) B before a background B, and the photograph
-P = a S + (1 - a) B with opacity a. Its loss is the mean over the channels of l(F - P), where l is
-the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2) beyond. So with D = l' / 3,
+Over a background B, a ray of colour C and opacity O has the colour F = C + (1 - O) B, and the
+photograph, of colour S and opacity a, has P = a S + (1 - a) B. The loss of a ray is the mean over
+the channels of l(F - P), where l is the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2)
+beyond. So with D = l' / 3,
 
     dL/dC = D,  dL/dO = -<D, B>,  dL/dB = D (a - O).
 """
@@ -26,7 +27,7 @@ vec3 = ti.types.vector(3, ti.f32)
 def _background(
     kind: ti.i32, learnt: ti.template(), seed: ti.i32, step: ti.i32, ray: ti.i32
 ) -> vec3:
-    """Return the colour behind a ray."""
+    """Return the background of a ray."""
     color = vec3(0.0)
     if kind == Background.WHITE:
         color = vec3(1.0)
@@ -67,7 +68,7 @@ def _loss(
                 error += e * e / 3.0
                 d = 2.0 * e
                 if huber > 0.0:
-                    d = ti.math.sign(e) * huber if ti.abs(e) > huber else e  # a NaN stays
+                    d = ti.math.sign(e) * huber if ti.abs(e) > huber else e  # keeps NaN
                 d *= comparison.scale / 3.0
                 d_color[ray, k] = d
                 d_through += d * behind[k]
@@ -90,12 +91,12 @@ def loss(
     d_opacity: np.ndarray,
     d_learnt: np.ndarray,
 ) -> None:
-    """Find the squared error of each ray, and the gradients of its loss times a scale.
+    """Compute the squared error of each ray, and the gradients of its loss times a scale.
 
-    The `color` (R, 3) and `opacity` (R,) of the first `active` (1,) rays are held against `targets`
-    (R, 4), the colour and opacity of the photographs. `errors` (R,) are means over the channels,
-    whatever the loss, and 0 for the other rays; `d_color` (R, 3), `d_opacity` (R,) and `d_learnt`
-    (R, 3), for each ray alone, are not written for those.
+    `color` (R, 3) and `opacity` (R,) of the first `active` (1,) rays are compared with `targets`
+    (R, 4), the colour and opacity of the photographs. `errors` (R,) are squared errors, averaged
+    over the channels, for every loss, and 0 for the other rays. `d_color` (R, 3), `d_opacity` (R,)
+    and `d_learnt` (R, 3), one row per ray, are not written for the other rays.
     """
     c = comparison
     numbers = Comparison(kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed)

@@ -1,13 +1,13 @@
 #pragma once
 
-// Where a sample is in a level of a hash encoding, and the corners of that cell: the bits of a
-// corner's number say on which sides of the cell it is.
+// The cell of a sample in a level of a hash encoding, and the corners of that cell. The bits of a
+// corner's number tell on which sides of the cell it is.
 struct HashCell {
     int i, j, k;
-    float fi, fj, fk;  // from the lower corner, in cells
+    float fi, fj, fk;  // offsets from the lower corner, in cells
 
-    // Find the cell of a position from 0 to 1; one at 1 is in the last cell. To cut is to round
-    // down.
+    // Find the cell of a position from 0 to 1; a position at 1 is in the last cell.
+    // Truncation rounds down.
     HashCell(const float* at, int cells) {
 #pragma clang fp contract(fast)
         const float n = (float)cells;
@@ -26,7 +26,7 @@ struct HashCell {
                ((corner & 4) ? fk : 1.0f - fk);
     }
 
-    // Return the entry of a corner in a table that has one for each.
+    // Return the entry of a corner in a table with one entry per corner.
     int flat(int corner, int cells) const {
         const int x = i + (corner & 1), y = j + (corner >> 1 & 1), z = k + (corner >> 2);
         return (z * (cells + 1) + y) * (cells + 1) + x;

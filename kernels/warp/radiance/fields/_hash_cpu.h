@@ -1,7 +1,8 @@
 #include "_hash_cell.h"
 
 // needs PRIME_Y, PRIME_Z
-// Make features from item `first` to `last`, the samples of one level after those of another.
+// Compute the features of items `first` to `last`; items are the samples of a level, level by
+// level.
 void look_up(int first, int last, wp::array_t<float> positions, wp::array_t<int> total,
              wp::array_t<int> resolutions, wp::array_t<int> offsets, wp::array_t<float> table,
              wp::array_t<float> features) {
@@ -42,9 +43,9 @@ void look_up(int first, int last, wp::array_t<float> positions, wp::array_t<int>
 }
 
 // needs PRIME_Y, PRIME_Z, BATCH
-// Add the gradients of levels `first` to `last`. A feature is a weighted sum of entries: an entry's
-// gradient is its weight times that of the feature. The corners of BATCH samples are found before
-// any is added to.
+// Add the gradients of levels `first` to `last`. A feature is a weighted sum of entries, so an
+// entry's gradient is its weight times the feature's gradient. The corners of BATCH samples are
+// found first; then their gradients are added.
 void scatter(int first, int last, wp::array_t<float> positions, wp::array_t<int> total,
              wp::array_t<int> resolutions, wp::array_t<int> offsets, wp::array_t<float> d_features,
              wp::array_t<float> d_table) {

@@ -1,4 +1,7 @@
-"""Hash encoding on the CPU, in float32: a level at a time, many samples at a time in a vector."""
+"""Hash encoding on the CPU, in float32: level by level, with many samples in a vector.
+
+hash.py describes the encoding.
+"""
 
 import warp as wp
 
@@ -8,7 +11,7 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False})
 
 NATIVE = dict(zip(("PRIME_Y", "PRIME_Z"), (f"{prime}u" for prime in HASH_PRIMES), strict=True))
-BATCH = 64  # samples whose corners are found before any is added to
+BATCH = 64  # samples whose corners are found together, before gradients are added
 
 
 @_native.func_native("_hash_cpu.h", **NATIVE)
@@ -37,7 +40,7 @@ def encode(
     # outputs
     features: wp.array2d[float],  # (M, 2 L)
 ):
-    """Make the features from item `first` to `last`, the samples of a level after another's."""
+    """Compute the features of items `first` to `last`, the samples of a level, level by level."""
     look_up(first, last, positions, total, resolutions, offsets, table, features)
 
 
@@ -67,5 +70,5 @@ def backward(
     # outputs
     d_table: wp.array2d[float],  # (entries, 2): added to
 ):
-    """Add the gradients of levels `first` to `last`: no two threads add to one entry."""
+    """Add the gradients of levels `first` to `last`, so no two threads add to one entry."""
     scatter(first, last, positions, total, resolutions, offsets, d_features, d_table)

@@ -1,4 +1,4 @@
-// Two entries of float16 pairs, from 16 bytes where they lie in them.
+// Two entries of float16 pairs, by one load of 16 bytes if both are within them.
 auto two_halves(wp::array_t<Pair> table, int low, int high) {
     const unsigned int a = low, b = high;
     const uint4 near = __ldg((const uint4*)table.data + a / 4);
@@ -28,7 +28,7 @@ auto two_floats(wp::array_t<Pair> table, int low, int high) {
 }
 
 // needs WORD
-// Write features side by side, in words of up to 16 bytes.
+// Write adjacent features, in words of up to 16 bytes.
 void store(wp::array_t<Scalar> features, int sample, int group, Numbers numbers) {
     constexpr int COUNT = sizeof(numbers) / sizeof(WORD);
     WORD words[COUNT];
@@ -43,7 +43,7 @@ bool begins_run(wp::int64 key) {
     return (threadIdx.x & 31) == 0 || key != before;
 }
 
-// After n steps a lane has the sum over itself and the 2^n - 1 lanes behind it that are of its run.
+// After n steps a lane has the sum over itself and those of the next 2^n - 1 lanes in its run.
 auto add_up_run(bool begins, wp::vec_t<16, float> values) {
     const int lane = threadIdx.x & 31;
     const unsigned int behind = __ballot_sync(0xffffffffu, begins) & 0xfffffffeu << lane;

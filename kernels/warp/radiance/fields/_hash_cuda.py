@@ -1,8 +1,9 @@
-"""Multi-resolution hash encoding on CUDA: a thread for some levels of a sample, or for one.
+"""Multi-resolution hash encoding on CUDA: a thread takes one or several levels of a sample.
 
-The samples of a level are together: those of one ray share corners. Two corners that are neighbours
-along x are close in memory, be it a level that holds them all, or one whose hash has the number of
-the cell along x in its last bits: 16 bytes read at a time have both of them three times in four.
+hash.py describes the encoding. The samples of a level are processed together, because samples of
+one ray share corners. Two corners that are neighbours along x are close in memory, both in a level
+that holds all corners and in a hashed level, because the hash has the x coordinate in its last
+bits. So a load of 16 bytes contains both in three of four cases.
 """
 
 from functools import cache
@@ -23,17 +24,17 @@ vec16 = wp.types.vector(16, wp.float32)
 
 @wp.struct
 class Cell:
-    """Where a sample is in a level."""
+    """The cell of a sample in a level, and its offset."""
 
     i: int
     j: int
     k: int
-    f: wp.vec3  # from the lower corner, in cells
+    f: wp.vec3  # offset from the lower corner, in cells
 
 
 @wp.func
 def cell_of(positions: wp.array2d[float], sample: int, resolution: int) -> Cell:
-    """Find the cell of a sample: those at 1 are in the last one."""
+    """Find the cell of a sample; a position at 1 is in the last cell."""
     cell = Cell()
     n = float(resolution)
     at = n * wp.vec3(positions[sample, 0], positions[sample, 1], positions[sample, 2])
@@ -46,13 +47,13 @@ def cell_of(positions: wp.array2d[float], sample: int, resolution: int) -> Cell:
 
 @wp.func
 def entry_of(cell: Cell, corner: int, resolution: int, size: int) -> int:
-    """Return the place in its level's table of a corner, whose bits say on which sides it is."""
+    """Return the entry of a corner in its level's table; the corner's bits tell its sides."""
     i = wp.uint32(cell.i + (corner & 1))
     j = wp.uint32(cell.j + (corner >> 1 & 1))
     k = wp.uint32(cell.k + (corner >> 2))
     side = wp.uint32(resolution + 1)
-    # Both, and no branch: most of it is the same for all eight corners. Where the first does not
-    # fit 32 bits, it is not the one.
+    # Compute both indices without a branch, because most of the work is the same for all corners.
+    # If the first one overflows 32 bits, it is not used.
     flat = (k * side + j) * side + i
     mixed = (i ^ j * PRIME_Y ^ k * PRIME_Z) & wp.uint32(size - 1)
     cube = wp.int64(side) * wp.int64(side) * wp.int64(side)
@@ -70,9 +71,9 @@ def share_of(cell: Cell, corner: int) -> float:
 
 @cache
 def encode(scalar: Any, together: int) -> wp.Kernel:
-    """Return the kernel that looks up features of a precision, of so many levels in a thread.
+    """Return the kernel that looks up features in a precision, `together` levels per thread.
 
-    What it writes to a row of features lies side by side: several levels fill sectors of memory.
+    The features that a thread writes are adjacent, so several levels fill sectors of memory.
     """
     pair, row = wp.types.vector(2, scalar), wp.types.vector(2 * together, scalar)
 
@@ -127,19 +128,19 @@ def encode(scalar: Any, together: int) -> wp.Kernel:
 
 @_native.func_native("_hash_cuda.cu")
 def begins_run(key: wp.int64) -> bool:
-    """Tell whether the lane before this one has another key; for a whole warp."""
+    """Tell whether the preceding lane has another key; for a whole warp."""
     ...
 
 
 @_native.func_native("_hash_cuda.cu")
 def add_up_run(begins: bool, values: vec16) -> vec16:
-    """Return in the lane that begins a run the sums over its lanes; for a whole warp."""
+    """Return, in the first lane of a run, the sums over its lanes; for a whole warp."""
     ...
 
 
 @_native.func_native("_hash_cuda.cu")
 def add_two(table: wp.array[wp.vec2], low: int, high: int, x: float, y: float, z: float, w: float):
-    """Add to two entries atomically, by as many numbers at a time as the GPU can."""
+    """Add to two entries atomically, with as many numbers at a time as the GPU supports."""
     ...
 
 
@@ -147,17 +148,17 @@ def add_two(table: wp.array[wp.vec2], low: int, high: int, x: float, y: float, z
 def add_two_fixed(
     table: wp.array2d[wp.int64], low: int, high: int, x: float, y: float, z: float, w: float
 ):
-    """Add to two entries of fixed-point numbers: these have the same sum in any order."""
+    """Add to two entries of fixed-point numbers, whose sums do not depend on the order."""
     ...
 
 
 @cache
 def backward(scalar: Any, sums: Any) -> wp.Kernel:
-    """Return the kernel that takes gradients of features of a precision to the table.
+    """Return the kernel that adds gradients of features, in a precision, to those of the table.
 
-    That is of float32, or of int64 for fixed-point numbers. The gradients of samples side by side
-    in one cell are added up first. It is for whole blocks of threads, more than samples and levels
-    if need be.
+    The table's gradients are float32, or int64 for fixed-point numbers. The gradients of adjacent
+    samples in one cell are added first. Launch whole blocks of threads, if necessary more than
+    samples and levels.
     """
     pair = wp.types.vector(2, scalar)
     exact = sums is wp.int64
@@ -174,7 +175,8 @@ def backward(scalar: Any, sums: Any) -> wp.Kernel:
         # outputs
         d_table: table,  # (entries,) pairs, or (entries, 2): added to
     ):
-        # A feature is a weighted sum of entries: an entry's gradient is its weight times that.
+        # A feature is a weighted sum of entries, so an entry's gradient is its weight times the
+        # feature's gradient.
         item = wp.tid()
         level = item // positions.shape[0]
         sample = item - level * positions.shape[0]
@@ -187,7 +189,7 @@ def backward(scalar: Any, sums: Any) -> wp.Kernel:
             dy = float(d[1])
             if dx != 0.0 or dy != 0.0:
                 cell = cell_of(positions, sample, resolutions[level])
-                # Up to 2^20 cells along each side; two levels side by side in a warp differ by 1.
+                # There are up to 2^20 cells along a side; adjacent levels in a warp differ by 1.
                 place = wp.int64(cell.k) | wp.int64(level & 1) << wp.int64(20)
                 place = wp.int64(cell.j) | place << wp.int64(20)
                 key = wp.int64(cell.i) | place << wp.int64(20)

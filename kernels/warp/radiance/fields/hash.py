@@ -1,8 +1,9 @@
 """Multi-resolution hash encoding [Mueller et al., "Instant neural graphics primitives", 2022].
 
-Level l is a grid of resolutions[l] cells a side. A sample takes the two features of each of the
-eight corners round it, weighted by nearness; corners have a place each where the level's table is
-large enough, else the place that a hash of their coordinates says.
+Level l is a grid of resolutions[l] cells along a side. A sample interpolates the two features of
+the eight corners of its cell. If the level's table is large enough, each corner has its own entry;
+otherwise a hash of its coordinates gives its entry. On the CPU a thread takes samples of a level;
+on CUDA it takes one or several levels of a sample.
 """
 
 from typing import Any
@@ -30,8 +31,9 @@ def encode(
 ) -> None:
     """Look up the features (M, 2 L) of the first `total` (1,) of `positions` (M, 3) in [0, 1].
 
-    Level l has `resolutions` (L,) cells a side, and the rows of `table` (entries, 2) from
-    offsets[l] up to offsets[l + 1]: a power of 2 if there are more corners, else a multiple of 8.
+    Level l has `resolutions` (L,) cells along a side, and the rows offsets[l] to offsets[l + 1] of
+    `table` (entries, 2). Their number is a power of 2 if there are more corners, else a multiple of
+    8.
     """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels
@@ -53,10 +55,10 @@ def backward(
     d_features: wp.array,
     d_table: wp.array,
 ) -> None:
-    """Add to `d_table` (entries, 2), float32, what `d_features` (M, 2 L) make of it.
+    """Add the gradients of the table, `d_table` (entries, 2), float32, from `d_features` (M, 2 L).
 
-    On the CPU in the order of the samples, as no two threads add to one level. On CUDA it may be
-    int64, of fixed-point numbers: their sums are the same in any order.
+    On the CPU, sums are in the order of the samples, because no two threads add to one level. On
+    CUDA, `d_table` may be int64, for fixed-point numbers, whose sums do not depend on the order.
     """
     levels = resolutions.shape[0]
     count = positions.shape[0] * levels

@@ -22,7 +22,7 @@ void mark_cells(wp::array_t<float> density, wp::array_t<float> parts, float leas
     for (int i = threadIdx.x; i < parts.shape[0]; i += blockDim.x) x += parts.data[i];
     const float bound = fminf(least, BlockSum::of(x) / (float)density.shape[0]);
     if (blockIdx.x == 0 && threadIdx.x == 0) limit.data[0] = bound;
-    const int nibble = threadIdx.x % 8;  // eight lanes make a word
+    const int nibble = threadIdx.x % 8;  // eight lanes write a word
     for (int first = blockIdx.x * blockDim.x; first < fours; first += gridDim.x * blockDim.x) {
         const int i = first + threadIdx.x;
         const float4 v = four[min(i, fours - 1)];

@@ -43,5 +43,5 @@ def mark(
     limit: wp.array[float],  # (1,)
     bits: wp.array[wp.uint32],  # (count / 32,)
 ):
-    """Sum the parts in each block, and set bits."""
+    """Compute the mean from the parts in each block, and set bits."""
     mark_cells(density, parts, least, limit, bits)

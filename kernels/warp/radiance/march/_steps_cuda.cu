@@ -1,6 +1,6 @@
 float nth_step(int lane, float first, float finest, float cone) {
-    // While the spacing is the same, and the exponent of t, each step is rounded as the first one.
-    // Whether that holds is checked: a step from a lane's place must lead to that of the next.
+    // While the spacing and the exponent of t stay the same, each step is rounded as the first one.
+    // This is checked: a step from a lane's position must lead to that of the next lane.
     const unsigned all = 0xffffffffu;
     const float gap = first + fmaxf(finest, cone * first) - first;
     float t = first + (float)lane * gap;
@@ -14,7 +14,7 @@ float nth_step(int lane, float first, float finest, float cone) {
 
 void place_all(int capacity, wp::array_t<int> spans, wp::array_t<int> total,
                wp::array_t<int> active) {
-    // One block: four rays a thread, then the next as many.
+    // One block computes the prefix sum: four rays per thread, then the next group of rays.
     const unsigned all = 0xffffffffu;
     __shared__ int sums[8];  // sums of warps
     const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, warps = blockDim.x >> 5;
@@ -27,7 +27,7 @@ void place_all(int capacity, wp::array_t<int> spans, wp::array_t<int> total,
             counts[i] = first + i < rays ? span[first + i].y : 0;
             sum += counts[i];
         }
-        int upto = sum;  // in this warp
+        int upto = sum;  // sum over the lanes of this warp up to this one
         for (int s = 1; s < 32; s *= 2) {
             const int before = __shfl_up_sync(all, upto, s);
             upto += lane >= s ? before : 0;

@@ -1,7 +1,8 @@
-"""Marching of rays on CUDA: a warp a ray, which looks at 32 steps at once; and where samples go.
+"""Marching of rays on CUDA: one warp per ray, which tests 32 steps at once; and rows of samples.
 
-The steps are those of the CPU to the bit, though each is the one before plus a spacing, rounded:
-see `nth_step`. No cell is skipped: 32 steps through empty ones cost as much as a jump.
+The steps have the same bits as on the CPU, although each is the previous step plus a spacing,
+rounded; see `nth_step`. No cell is skipped, because 32 steps through empty cells cost as much as a
+jump.
 """
 
 import warp as wp
@@ -45,7 +46,7 @@ def of_last_lane(value: float) -> float: ...
 
 @wp.kernel
 def march(
-    rays: Rays,  # those behind the active ones have no samples
+    rays: Rays,  # rays after the active ones have no samples
     space: Space,
     march: March,
     writes: bool,
@@ -53,7 +54,7 @@ def march(
     spans: wp.array2d[int],  # (R, 2): counted unless `writes`
     samples: Samples,
 ):
-    """Count the samples of each ray, or write them where `place` said."""
+    """Count the samples of each ray, or write them to the rows that `place` assigned."""
     ray = wp.tid() // 32
     lane = wp.tid() % 32
     begin = spans[ray, 0]
@@ -106,5 +107,5 @@ def place(
     total: wp.array[int],  # (1,)
     active: wp.array[int],  # (1,): lowered to the rays that have room
 ):
-    """Give each ray the rows behind those of the ray before, as long as there are any."""
+    """Assign to each ray the rows after those of the ray before, as long as there is room."""
     place_all(capacity, spans, total, active)

@@ -1,7 +1,8 @@
-"""The occupancy grid: which cells of space have density in them, in Warp.
+"""The occupancy grid, which marks the cells of space that are not empty, in Warp.
 
-As in instant-ngp: each cell keeps the largest density seen in it, which fades; cells above the
-mean, or above a least density, are marched through.
+As in instant-ngp, each cell keeps the largest density found in it, which decays. Cells above the
+mean density, or above a given density, are occupied. A thread takes a cell, or 32 to set their
+bits.
 """
 
 import warp as wp
@@ -66,7 +67,7 @@ def raise_kernel(
     # outputs
     density: wp.array[float],  # (count,)
 ):
-    """Take maxima: their order cannot show."""
+    """Take maxima, whose order has no effect."""
     i = wp.tid()
     wp.atomic_max(density, visited[i], sigma[i])
 
@@ -131,12 +132,12 @@ def visit(
     visited: wp.array,
     positions: wp.array,
 ) -> None:
-    """Draw a random point of each of N cells: of all `count` of them in turn, or of random ones.
+    """Draw a random point in each of N cells: of all `count` cells in order, or of random cells.
 
-    If `every`, they are those from `begin` on, and the last again where there are no more; else the
-    `begin`-th and following of the random cells of this step. The grid has `cells`^3 of them in
-    each level. `visited` (N,) is filled with their numbers, `positions` (N, 3) with the points, in
-    the cube of the field.
+    If `every`, the cells begin at `begin`, and the last one repeats if there are no more.
+    Otherwise they are the random cells of this step, beginning at number `begin`. The grid has
+    `cells`^3 cells in each level. `visited` (N,) is filled with the numbers of the cells, and
+    `positions` (N, 3) with the points in the cube of the field.
     """
     number = visited.shape[0]
     launch_each(
@@ -149,20 +150,21 @@ def visit(
 
 
 def fade(factor: float, density: wp.array) -> None:
-    """Make what is known of all cells, `density` (count,), count less."""
+    """Multiply the densities of all cells, `density` (count,), by `factor`."""
     launch_each(fade_kernel, density.shape[0], density.shape[0], [factor], [density])
 
 
 def raise_to(visited: wp.array, sigma: wp.array, density: wp.array) -> None:
-    """Raise `density` (count,) to the densities `sigma` (N,) found in the `visited` (N,) cells."""
+    """Raise `density` (count,) of the `visited` (N,) cells to the densities `sigma` (N,)."""
     launch(raise_kernel, visited.shape[0], [visited, sigma], [density])
 
 
 def mark(density: wp.array, least: float, parts: wp.array, limit: wp.array, bits: wp.array) -> None:
-    """Set the bits of cells above the mean density, or above `least` where that is lower.
+    """Set the bits of cells above the mean density, or above `least` if this is lower.
 
     `density` has (count,) numbers, `bits` (count / 32,) words with the first cell in the lowest
-    bit; the mean is summed in `parts` (P,), and `limit` (1,) filled with what cells must exceed.
+    bit. `parts` (P,) holds partial sums of the mean, and `limit` (1,) is filled with the limit that
+    cells must exceed.
     """
     count = density.shape[0]
     if density.device.is_cuda:

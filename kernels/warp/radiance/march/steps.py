@@ -1,8 +1,9 @@
-"""Marching of rays through an occupancy grid, in Warp: where a field is looked at.
+"""Marching of rays through an occupancy grid, in Warp.
 
-Each ray is marched twice: to count its samples, and, when it is known where they go, to write them.
-The samples of a ray are all steps of the sequence t, t + spacing(t), ... from its entry on that are
-in occupied cells, up to so many. They are the same on every device: hence no fused multiply-add.
+Each ray is marched twice: first to count its samples, then, when their rows are known, to write
+them. The samples of a ray are the positions t, t + spacing(t), ..., beginning at its entry, that
+are in occupied cells, up to a largest number. They are the same on every device, so there is no
+fused multiply-add. On the CPU a thread takes a ray, on CUDA a warp does.
 """
 
 import warp as wp
@@ -24,7 +25,7 @@ def march_kernel(
     stride: int,
     first: int,
     last: int,
-    rays: Rays,  # those behind the active ones have no samples
+    rays: Rays,  # rays after the active ones have no samples
     space: Space,
     march: March,
     writes: bool,
@@ -32,7 +33,7 @@ def march_kernel(
     spans: wp.array2d[int],  # (R, 2): counted unless `writes`
     samples: Samples,
 ):
-    """Count the samples of each ray, or write them where `place` said."""
+    """Count the samples of each ray, or write them to the rows that `place` assigned."""
     for ray in range(first + wp.tid(), last, stride):
         limit = march.most
         if writes:
@@ -72,7 +73,7 @@ def place(
     total: wp.array[int],  # (1,)
     active: wp.array[int],  # (1,): lowered to the rays that have room
 ):
-    """Give each ray the rows behind those of the ray before, as long as there are any."""
+    """Assign to each ray the rows after those of the ray before, as long as there is room."""
     end = int(0)
     for ray in range(spans.shape[0]):
         begin = end
@@ -81,7 +82,7 @@ def place(
         if end > capacity:
             spans[ray, 0] = capacity
             spans[ray, 1] = 0
-            if begin <= capacity:  # the first without room
+            if begin <= capacity:  # the first ray without room
                 total[0] = begin
                 active[0] = ray
     if end <= capacity:
@@ -96,12 +97,13 @@ def march_rays(
     total: wp.array,
     samples: codes.Samples,
 ) -> None:
-    """List the samples of rays in occupied cells; from the first ray that does not fit on, none.
+    """List the samples of rays in occupied cells, up to the first ray that does not fit.
 
     The first `active` of R rays are marched from `near` to `far` by steps of
-    ``max(finest, cone t)``. `active` is lowered to those that fit: a caller who wants as many again
-    in the next batch has to write it anew. `spans` (R, 2) is filled with the first row and the
-    number of rows of each ray, `total` (1,) with their number, and that many rows of `samples`.
+    ``max(finest, cone t)``. `active` is lowered to the number of rays that fit, so a caller must
+    set it again for the next batch. `spans` (R, 2) is filled with the first row and the number of
+    rows of each ray. `total` (1,) is the number of all rows, and that many rows of `samples` are
+    filled.
     """
     count = rays.origins.shape[0]
     inputs = [struct_of(Rays, rays), struct_of(Space, space), struct_of(March, march)]

@@ -1,7 +1,7 @@
 """Solids by their signed distances, traced and shaded, in Warp.
 
-A ray walks by the distance to the nearest surface [Hart 1996, "Sphere tracing"]. A hit is lit by a
-sun with soft shadows, a sky, and what glossy paint mirrors of both.
+A ray advances by the distance to the nearest surface [Hart 1996, "Sphere tracing"]. A hit is lit by
+a sun with soft shadows and by a sky; glossy paint reflects both.
 """
 
 import warp as wp
@@ -15,7 +15,7 @@ from cvkern.kernels.warp.radiance._structs import Solids, struct_of
 wp.set_module_options({"enable_backward": False})
 
 STEPS = wp.constant(96)
-NEAR = wp.constant(1e-3)  # a ray that comes so near has hit
+NEAR = wp.constant(1e-3)  # distance at which a ray has hit a surface
 SHADOW_STEPS = wp.constant(32)
 SOFT = wp.constant(14.0)  # one over the tangent of half the sun's apparent size
 SUN = wp.constant(wp.vec3(2.3, 2.1, 1.8))
@@ -93,7 +93,7 @@ def distance(
 
 @wp.func
 def sky(direction: wp.vec3) -> wp.vec3:
-    """Return the light that comes from a direction, but for the sun's."""
+    """Return the light from a direction, without the sun's."""
     if direction[2] < 0.0:
         return wp.lerp(HORIZON, GROUND, wp.min(-4.0 * direction[2], 1.0))
     return wp.lerp(HORIZON, ZENITH, wp.sqrt(direction[2]))
@@ -111,7 +111,7 @@ def shaded(
     view: wp.vec3,
 ) -> wp.vec3:
     """Return the colour of the surface of a solid, seen along `view`."""
-    # The normal from four corners of a tetrahedron round the point.
+    # The normal from the distances at four corners of a tetrahedron around the point.
     normal = wp.vec3()
     for k in range(4):
         corner = wp.vec3(1.0, 1.0, 1.0)
@@ -122,7 +122,7 @@ def shaded(
         normal += d * corner
     normal = wp.normalize(normal)
     start = point + 2.0e-3 * normal
-    # How much of the sun is left: the narrowest gap on the way to it, over the distance there.
+    # The visible share of the sun, from the smallest gap over distance along the way to it.
     facing = wp.dot(normal, sun)
     light = float(0.0)
     if facing > 0.0:
@@ -134,7 +134,7 @@ def shaded(
                 light = wp.min(light, wp.max(SOFT * gap / t, 0.0))
                 t += wp.clamp(gap, 0.02, 0.25)
         light = light * light * (3.0 - 2.0 * light)
-    # How much of the sky is hidden: gaps along the normal that are narrower than their distance.
+    # The hidden share of the sky, from gaps along the normal that are narrower than their distance.
     hidden = float(0.0)
     weight = float(1.0)
     for k in range(4):
@@ -161,7 +161,7 @@ def shaded(
     lit = light * wp.max(facing, 0.0) * SUN
     around = wp.lerp(GROUND, ZENITH, 0.5 + 0.5 * normal[2])
     color = 0.75 * wp.cw_mul(paint, lit + open * (0.9 * around + wp.vec3(0.12, 0.12, 0.12)))
-    # Gloss mirrors the sky as Fresnel's law has it [Schlick 1994], and the sun, widened.
+    # Gloss reflects the sky by Fresnel's law [Schlick 1994], and a widened sun.
     cosine = wp.clamp(-wp.dot(normal, view), 0.0, 1.0)
     grazing = wp.pow(1.0 - cosine, 5.0)
     mirrored = view - 2.0 * wp.dot(view, normal) * normal
@@ -187,7 +187,7 @@ def trace_kernel(
     colors: wp.array2d[float],  # (R, 4): with opacity
     depths: wp.array[float],  # (R,): 0 where nothing is hit
 ):
-    """Walk along each ray to the nearest solid."""
+    """Follow each ray to the nearest solid."""
     for ray in range(first + wp.tid(), last, stride):
         origin = row(origins, ray)
         view = row(directions, ray)
@@ -237,11 +237,11 @@ def trace(
     colors: wp.array,
     depths: wp.array,
 ) -> None:
-    """Find the colour, opacity and distance of what each ray hits first.
+    """Find the colour, opacity and distance of the first surface that each ray hits.
 
     `origins` and unit `directions` are (R, 3). `around` (4,) is the middle and radius of a ball
-    with all solids in it, `sun` (3,) a unit vector. `colors` (R, 4) and `depths` (R,) are filled,
-    with 0 where nothing is hit.
+    that contains all solids, `sun` (3,) a unit vector. `colors` (R, 4) and `depths` (R,) are
+    filled, with 0 where nothing is hit.
     """
     count = origins.shape[0]
     launch_each(

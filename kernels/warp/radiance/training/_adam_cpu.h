@@ -1,6 +1,6 @@
 #include "_adam_step.h"
 
-// One step for weights `first` to `last`; a sparse one leaves those of gradient 0 as they are.
+// One step for weights `first` to `last`; a sparse step leaves weights with gradient 0 unchanged.
 void move(int first, int last, wp::array_t<float> rate, wp::array_t<float> factor, Rule rule,
           Learnt learnt, wp::array_t<float> copy) {
 #pragma clang fp contract(fast)

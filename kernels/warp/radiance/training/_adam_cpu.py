@@ -1,4 +1,4 @@
-"""Adam and gradient clipping on the CPU: a thread takes a slab of the numbers.
+"""Adam and gradient clipping on the CPU: one thread per slab of the numbers.
 
 adam.py has the equations. The native loops run over vectors.
 """

@@ -1,7 +1,7 @@
 #include "_adam_step.h"
 
 // needs HALF
-// One step for four weights, or for one that is left over.
+// One step for four weights, or for one of the remaining ones.
 void move(int thread, wp::array_t<float> rate, wp::array_t<float> factor, Rule rule, Learnt learnt,
           wp::array_t<Scalar> copy) {
     const Adam adam = {rule.beta1, rule.beta2, rule.epsilon, 1.0f / rate.data[2]};

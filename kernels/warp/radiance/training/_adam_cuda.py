@@ -19,13 +19,13 @@ wp.set_module_options(OPTIONS)
 
 
 def threads(count: int) -> int:
-    """Return how many threads take four of `count` numbers each, or one of those left over."""
+    """Return the number of threads: one per four numbers, and one per remaining number."""
     return count // 4 + count % 4
 
 
 @cache
 def adam(scalar: Any) -> wp.Kernel:
-    """Return the kernel that leaves a copy of the weights in some precision."""
+    """Return the kernel that also writes a copy of the weights in a given precision."""
 
     @_native.func_native("_adam_cuda.cu", HALF=int(scalar is wp.float16))
     def move(

@@ -3,11 +3,11 @@
 // The step of Adam for one number [Kingma and Ba 2015].
 struct Adam {
     float beta1, beta2, epsilon;
-    // Both means begin at 0, so they are too small: one over the factor of the second. A rate of
-    // learning is divided by the factor of the first.
+    // Both means begin at 0, so they are too small. This is 1 over the factor of the second mean;
+    // the learning rate is already divided by the factor of the first.
     float mend;
 
-    // Move the means m and v of gradients g and of their squares, and the weight w.
+    // Update the means m and v of gradients g and of their squares, and the weight w.
     void step(float g, float& m, float& v, float& w, float learning) const {
 #ifdef __CUDA_ARCH__
         m = beta1 * m + (1.0f - beta1) * g;

@@ -1,7 +1,7 @@
 #include "../_fixed_point.cu"
 
 // needs UNIT, LIMIT
-// Add the sums of four numbers, or of one that is left over.
+// Add the sums of four numbers, or of one of the remaining ones.
 void collect_some(int thread, wp::array_t<wp::int64> sums, wp::array_t<float> gradients) {
     const int quads = gradients.shape[0] / 4;
     if (thread < quads) {

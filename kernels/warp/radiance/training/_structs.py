@@ -1,11 +1,11 @@
-"""What Adam is given, as Warp structures: see the tuples in kernels/codes/radiance.py."""
+"""The arguments of Adam as Warp structures; see the tuples in kernels/codes/radiance.py."""
 
 import warp as wp
 
 
 @wp.struct
 class Rule:
-    """How Adam steps."""
+    """The constants of a step of Adam."""
 
     beta1: float
     beta2: float
@@ -16,7 +16,7 @@ class Rule:
 
 @wp.struct
 class Learnt:
-    """Numbers that are learnt, with what Adam keeps of their gradients; each (N,)."""
+    """Parameters, with their gradients and Adam's moments; each (N,)."""
 
     gradients: wp.array[float]
     mean: wp.array[float]

@@ -25,11 +25,11 @@ def rate_kernel(
     # outputs
     rate: wp.array[float],  # (3,)
 ):
-    """Work out what is the same for all weights."""
+    """Compute the numbers that are the same for all weights."""
     steps = float(step[0] + 1)
     warm = wp.min(1.0, steps / float(wp.max(warmup, 1)))
     rate[0] = base * warm * wp.pow(final, progress[0])
-    # Both means begin at 0, and are too small by these factors.
+    # Both means begin at 0, so they are too small by these factors.
     rate[1] = 1.0 - wp.pow(beta1, steps)
     rate[2] = 1.0 - wp.pow(beta2, steps)
 
@@ -50,10 +50,10 @@ def adam(
     learnt: codes.Learnt,
     copy: wp.array,
 ) -> None:
-    """One step of Adam for N weights, with their gradients times `factor` (1,), left at 0.
+    """Take a step of Adam for N weights, with their gradients times `factor` (1,); reset these.
 
     `rate` (3,) is that of :func:`learning_rate`. `copy` (N,) is filled with the weights in its own
-    precision; it may be the weights themselves. On CUDA each array begins at a multiple of 16
+    precision; it may be the array of weights itself. On CUDA each array begins at a multiple of 16
     bytes.
     """
     count = copy.shape[0]
@@ -66,9 +66,9 @@ def adam(
 
 
 def collect(sums: wp.array, gradients: wp.array) -> None:
-    """Add `sums` (N,) int64, fixed-point numbers, to `gradients` (N,), and leave the sums at 0.
+    """Add `sums` (N,), int64 fixed-point numbers, to `gradients` (N,), and reset the sums to 0.
 
-    They are what gradients are added up in where the order must not show. On CUDA each array
+    Gradients are collected in these sums if the order must have no effect. On CUDA each array
     begins at a multiple of 16 bytes.
     """
     count = sums.shape[0]
@@ -88,10 +88,10 @@ def learning_rate(
     beta2: float,
     rate: wp.array,
 ) -> None:
-    """Grow a rate linearly over `warmup` steps, and let it fall exponentially to `final` of it.
+    """Increase a rate linearly over `warmup` steps, and decrease it exponentially to `final` of it.
 
-    `rate` (3,) is filled for step `step` (1,) at `progress` (1,): the rate, and what the two means
-    of Adam have to be divided by.
+    `rate` (3,) is filled for step `step` (1,) at `progress` (1,): the rate, and the divisors of the
+    two means of Adam.
     """
     launch(rate_kernel, 1, [step, progress, base, warmup, final, beta1, beta2], [rate])
 
@@ -110,9 +110,9 @@ def add_squares(gradients: wp.array, parts: wp.array) -> None:
 
 
 def clip(scale: float, most: float, parts: wp.array, factor: wp.array) -> None:
-    """Set `factor` (1,) to `scale`, or less so that gradients times it have a norm within `most`.
+    """Set `factor` (1,) to `scale`, or to less if the norm of the result would exceed `most`.
 
-    `parts` (P,) sum up to the square of the norm of the gradients, and are set to 0.
+    The sum of `parts` (P,) is the squared norm of the gradients; the parts are reset to 0.
     """
     kernel, threads = (cuda.clip, BLOCK) if parts.device.is_cuda else (cpu.clip, 1)
     launch(kernel, threads, [scale, most], [parts, factor])

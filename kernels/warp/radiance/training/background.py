@@ -39,7 +39,7 @@ def sum_kernel(
 def gather(d_learnt: wp.array, active: wp.array, parts: wp.array, gradients: wp.array) -> None:
     """Add `d_learnt` (R, 3) of the first `active` (1,) rays to `gradients` (3,).
 
-    Always in the same order: in `parts` (P, 3) of the rays, and then those.
+    The order of the sum is always the same: rays are added in `parts` (P, 3), then the parts.
     """
     launch(parts_kernel, (parts.shape[0], 3), [d_learnt, active], [parts])
     launch(sum_kernel, 3, [parts], [gradients])

@@ -1,8 +1,9 @@
 """Losses of rendered colours against photographs, and their gradients, in Warp.
 
-A ray of colour C and opacity O sees F = C + (1 - O) B before a background B, and the photograph
-P = a S + (1 - a) B with opacity a. Its loss is the mean over the channels of l(F - P), where l is
-the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2) beyond. So with D = l' / 3,
+Over a background B, a ray of colour C and opacity O has the colour F = C + (1 - O) B, and the
+photograph, of colour S and opacity a, has P = a S + (1 - a) B. The loss of a ray is the mean over
+the channels of l(F - P), where l is the square, or Huber's: e^2 / 2 for |e| < k and k (|e| - k / 2)
+beyond. So with D = l' / 3,
 
     dL/dC = D,  dL/dO = -<D, B>,  dL/dB = D (a - O).
 """
@@ -22,7 +23,7 @@ RED, GREEN, BLUE = (wp.constant(int(d)) for d in (Draw.RED, Draw.GREEN, Draw.BLU
 
 @wp.func
 def background_of(comparison: Comparison, ray: int) -> wp.vec3:
-    """Return the colour behind a ray."""
+    """Return the background of a ray."""
     kind = comparison.kind
     seed = comparison.seed
     step = comparison.step[0]
@@ -55,7 +56,7 @@ def loss_kernel(
     d_opacity: wp.array[float],  # (R,)
     d_learnt: wp.array2d[float],  # (R, 3)
 ):
-    """Compare a ray with what was seen."""
+    """Compare a ray with its target."""
     for ray in range(first + wp.tid(), last, stride):
         if ray < active[0]:
             behind = background_of(comparison, ray)
@@ -70,7 +71,7 @@ def loss_kernel(
                 d = 2.0 * e
                 if comparison.huber > 0.0:
                     huber = comparison.huber
-                    d = wp.where(wp.abs(e) > huber, wp.sign(e) * huber, e)  # a NaN stays
+                    d = wp.where(wp.abs(e) > huber, wp.sign(e) * huber, e)  # keeps NaN
                 d *= comparison.scale / 3.0
                 d_color[ray, k] = d
                 d_through += d * behind[k]
@@ -92,12 +93,12 @@ def loss(
     d_opacity: wp.array,
     d_learnt: wp.array,
 ) -> None:
-    """Find the squared error of each ray, and the gradients of its loss times a scale.
+    """Compute the squared error of each ray, and the gradients of its loss times a scale.
 
-    The `color` (R, 3) and `opacity` (R,) of the first `active` (1,) rays are held against `targets`
-    (R, 4), the colour and opacity of the photographs. `errors` (R,) are means over the channels,
-    whatever the loss, and 0 for the other rays; `d_color` (R, 3), `d_opacity` (R,) and `d_learnt`
-    (R, 3), for each ray alone, are not written for those.
+    `color` (R, 3) and `opacity` (R,) of the first `active` (1,) rays are compared with `targets`
+    (R, 4), the colour and opacity of the photographs. `errors` (R,) are squared errors, averaged
+    over the channels, for every loss, and 0 for the other rays. `d_color` (R, 3), `d_opacity` (R,)
+    and `d_learnt` (R, 3), one row per ray, are not written for the other rays.
     """
     count = opacity.shape[0]
     inputs = [color, opacity, targets, active, struct_of(Comparison, comparison)]

@@ -1,7 +1,8 @@
-"""What the last layers of a perceptron mean: density and colour, forward and backward, in Taichi.
+"""Density and colour from the outputs of a perceptron, forward and backward, in Taichi.
 
-With s = exp(h), ds/dh = s; with c = 1 / (1 + exp(-r)), dc/dr = c (1 - c). The density is cut off
-at e^11, but the gradient by h is not made 0 there: the density must be able to come back.
+With s = exp(h), ds/dh = s; with c = 1 / (1 + exp(-r)), dc/dr = c (1 - c). The density is clamped at
+e^11, but the gradient by h does not become 0 there, so that the density can decrease again. One
+thread per sample.
 """
 
 import numpy as np
@@ -36,7 +37,7 @@ def forward(
 ) -> None:
     """``sigma = exp(hidden[:, 0])`` (M,), ``rgb = 1 / (1 + exp(-raw[:, :3]))`` (M, 3).
 
-    As everywhere below, of the first `total` (1,) rows.
+    All functions of this module process the first `total` (1,) rows.
     """
     _forward(hidden, raw, total, sigma, rgb)
 
@@ -61,7 +62,7 @@ def _color_backward(
 def color_backward(
     d_rgb: np.ndarray, rgb: np.ndarray, total: np.ndarray, d_raw: np.ndarray
 ) -> None:
-    """Take the gradient of `rgb` (M, 3) to `d_raw` (M, >= 3), which is 0 behind column 2."""
+    """Compute `d_raw` (M, >= 3) from the gradient by `rgb` (M, 3); it is 0 after column 2."""
     _color_backward(d_rgb, rgb, total, d_raw)
 
 
@@ -75,7 +76,7 @@ def _density_backward(
 ):
     for i in range(ti.min(total[0], sigma.shape[0])):
         d = d_sigma[i] * sigma[i]
-        if ti.abs(d) > MOST_LOG_DENSITY_GRADIENT:  # a NaN stays
+        if ti.abs(d) > MOST_LOG_DENSITY_GRADIENT:  # keeps NaN
             d = ti.math.sign(d) * MOST_LOG_DENSITY_GRADIENT
         d_hidden[i, 0] = d_hidden[i, 0] + d
 
@@ -84,5 +85,5 @@ def _density_backward(
 def density_backward(
     d_sigma: np.ndarray, sigma: np.ndarray, total: np.ndarray, d_hidden: np.ndarray
 ) -> None:
-    """Add the gradient before the exponential, within +-30000, to column 0 of (M, >= 1)."""
+    """Add the gradient by the exponent, clipped to +-30000, to column 0 of (M, >= 1)."""
     _density_backward(d_sigma, sigma, total, d_hidden)

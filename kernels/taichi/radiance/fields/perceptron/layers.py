@@ -10,7 +10,7 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 vec16 = ti.types.vector(16, ti.f32)
 
-PARTS = 64  # parts of the samples; a GPU's threads add up one each
+PARTS = 64  # parts of the samples; one GPU thread adds each
 
 
 @ti.kernel
@@ -39,7 +39,7 @@ def _forward(
 def forward(
     x: np.ndarray, w: np.ndarray, total: np.ndarray, relu: bool, column: int, y: np.ndarray
 ) -> None:
-    """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
+    """Compute ``y[:, column:column + N] = x w`` for the first `total` (1,) rows, >= 0 if `relu`.
 
     `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16.
     """
@@ -78,7 +78,8 @@ def backward_input(
 ) -> None:
     """``dx = dy[:, column:column + N] w^T``, from y = x w, for the first `total` (1,) rows.
 
-    Where `gated`, `x` (M, K) is what a layer with `relu` gave, and `dx` (M, K) is 0 where `x` is.
+    If `gated`, `x` (M, K) is the output of a layer with `relu`, and `dx` (M, K) is 0 where `x` is
+    0.
     """
     _backward_input(dy, w, x, total, gated, column, dx)
 

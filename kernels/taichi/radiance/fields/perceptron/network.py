@@ -1,7 +1,8 @@
 """The two perceptrons of a hash field, from features to density and colour and back, in Taichi.
 
-The layers (see `network_layers`) lie one behind another in one array of weights, each (K, N). The
-first of the first perceptron and two of the second end with a rectifier.
+The layers (see `network_layers`) follow one another in one array of weights, each (K, N). The first
+layer of the first perceptron and two layers of the second end with a rectifier. One thread per
+output element of a layer.
 """
 
 import math
@@ -25,10 +26,10 @@ def forward(
     sigma: np.ndarray,
     rgb: np.ndarray,
 ) -> None:
-    """Find density (M,) and colour (M, 3) from features (M, K) and directions of view (R, 3).
+    """Compute density (M,) and colour (M, 3) from features (M, K) and viewing directions (R, 3).
 
-    `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them,
-    with `weights` (W,) of all layers and `memory` of the shape that `network_room` tells.
+    `rays` (M,) are the rays of the samples. All functions of this module process the first `total`
+    (1,) samples, with `weights` (W,) of all layers and `memory` of the shape of `network_room`.
     """
     values = _views(memory, 0, features)
     encode.spherical(directions, rays, total, 16, values[1])
@@ -43,10 +44,12 @@ def density(
     memory: np.ndarray,
     sigma: np.ndarray,
 ) -> None:
-    """Find density (M,) alone, as :func:`forward` does."""
+    """Compute only the density (M,), as :func:`forward` does."""
     values = _views(memory, 0, features)[:2]
     _pass(features, total, weights, values)
-    unused = memory[:3].reshape((memory.shape[1], 3))  # a colour, over what the first layer gave
+    unused = memory[:3].reshape(
+        (memory.shape[1], 3)
+    )  # a colour that nobody reads, in the memory of the first layer
     heads.forward(values[1], values[1], total, sigma, unused)
 
 
@@ -64,16 +67,16 @@ def backward(
     d_features: np.ndarray,
     d_weights: np.ndarray,
 ) -> None:
-    """Take the gradients of what :func:`forward` last gave to `d_features` (M, K) and `d_weights`.
+    """Compute `d_features` (M, K) and `d_weights` from gradients by the last :func:`forward`.
 
-    What is between is in `memory`, which nothing else must have used. `d_weights` is added to.
+    `memory` must still hold the values between the layers. `d_weights` is added to.
     """
     values = [features, *_views(memory, 0, features)]
     gradients = [d_features, *_views(memory, sum(NETWORK_VALUES), features)]
     layers, d_layers = _layers(weights, features), _layers(d_weights, features)
     heads.color_backward(d_rgb, rgb, total, gradients[5])
     for k in reversed(range(5)):
-        if k == 1:  # the first perceptron: what the second one wants of it is there
+        if k == 1:  # the first perceptron gets the gradients from the second one
             heads.density_backward(d_sigma, sigma, total, gradients[2])
         x, dx, dy = values[k], gradients[k], gradients[k + 1]
         gated = k > 0 and NETWORK_RECTIFIED[k - 1]
@@ -84,7 +87,7 @@ def backward(
 def _pass(
     features: np.ndarray, total: np.ndarray, weights: np.ndarray, values: list[np.ndarray]
 ) -> None:
-    """Go through as many layers as there are `values`."""
+    """Compute as many layers as there are `values`."""
     layers = _layers(weights, features)
     for x, w, relu, y in zip([features, *values], layers, NETWORK_RECTIFIED, values, strict=False):
         dense.forward(x, w, total, relu, 0, y)
@@ -101,7 +104,7 @@ def _layers(weights: np.ndarray, features: np.ndarray) -> list[np.ndarray]:
 
 
 def _views(memory: np.ndarray, begin: int, features: np.ndarray) -> list[np.ndarray]:
-    """Cut the memory, from a row on, into what is kept of each layer, a row for each sample."""
+    """Cut the memory, beginning at a row, into the values of each layer, one row per sample."""
     found = []
     for width in NETWORK_VALUES:
         rows = memory[begin : begin + width]

@@ -16,7 +16,7 @@ from cvkern.kernels.taichi.radiance._space import (
 )
 from cvkern.kernels.taichi.radiance._structs import Grid, March
 
-ZERO = 0  # nothing here has to have the same bits everywhere: products may be fused with sums
+ZERO = 0  # the results need not have equal bits everywhere, so products may be fused with sums
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -31,13 +31,13 @@ ivec3 = ti.types.vector(3, ti.i32)
 
 @ti.func
 def _corner(node: ivec3, corner: ti.template()):
-    """Return the node (k, j, i) at a corner of a cell, whose bits say on which sides it is."""
+    """Return the node (k, j, i) at a corner of a cell; the corner's bits tell its sides."""
     return node[2] + (corner >> 2), node[1] + (corner >> 1 & 1), node[0] + (corner & 1)
 
 
 @ti.func
 def _share(f: vec3, corner: ti.template()) -> ti.f32:
-    """Return the weight of a corner, for a place in the cell from 0 to 1."""
+    """Return the weight of a corner, for a position in the cell from 0 to 1."""
     share = 1.0
     for k in ti.static(range(3)):
         share *= f[k] if ti.static(corner >> k & 1) else 1.0 - f[k]
@@ -93,7 +93,7 @@ def march_all(
             t += jitter * ti.max(march.finest, march.cone * t)
             left, sum_w, sum_wt, spread, found = 1.0, 0.0, 0.0, 0.0, 0
             seen = vec3(0.0)
-            # The backward pass has the gradients, and sum w_j G_j of the samples ahead.
+            # The backward pass has the gradients, and the sum of w_j G_j of the samples ahead.
             dc, do, dd, dx, rest = vec3(0.0), 0.0, 0.0, 0.0, 0.0
             if ti.static(backward):
                 dc = row(d_colors, ray)
@@ -154,7 +154,7 @@ def march_all(
                     t += gap
                 elif march.unbounded:
                     t += gap
-                else:  # by whole steps behind the cell
+                else:  # whole steps to a position after the cell
                     t += gap * ti.max(1.0, ti.ceil(way_out(point, inverse, 0, cells, ZERO) / gap))
             if ti.static(not backward):
                 for c in ti.static(range(3)):

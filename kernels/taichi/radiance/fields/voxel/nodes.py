@@ -116,7 +116,7 @@ def _upsample(
     side, most = fine.shape[0] - 1, coarse.shape[0] - 1
     for z, y, x in ti.ndrange(side + 1, side + 1, side + 1):
         fine_node = ti.Vector([x, y, z])
-        # Its place among the coarse nodes is fine_node most / side: those of the cells it is in.
+        # In units of coarse nodes it is at fine_node most / side; interpolate the nodes around it.
         first = ti.max((fine_node * most + side - 1) // side - 1, 0)
         last = ti.min(fine_node * most // side, most - 1) + 2
         wanted = False
@@ -144,9 +144,9 @@ def total_variation(
     d_density: np.ndarray,
     d_color: np.ndarray,
 ) -> None:
-    """At touched nodes, add the gradients of `weight / 2` times the squares of differences.
+    """Add, at touched nodes, the gradients of `weight / 2` times squared differences.
 
-    Those are the differences from the six neighbours of a node, each pair counted once. `touched`,
+    The differences are those from the six neighbours of a node; each pair counts once. `touched`,
     `density` and `d_density` are (N, N, N), `color` and `d_color` (N, N, N, C).
     """
     _total_variation(weight_density, weight_color, touched, density, color, d_density, d_color)
@@ -162,10 +162,10 @@ def adam(
     density: codes.Learnt,
     color: codes.Learnt,
 ) -> None:
-    """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
+    """Take a step of Adam at touched nodes; afterwards no node is touched, and gradients are 0.
 
-    Before, these are multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those of
-    `training.adam.learning_rate` for the same step. `touched` and the arrays of `density` are
+    Gradients are first multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those
+    of `training.adam.learning_rate` for the same step. `touched` and the arrays of `density` are
     (N, N, N), those of `color` (N, N, N, C). The rule's decay is 0, and it is not sparse.
     """
     numbers = ti.Vector([rule.beta1, rule.beta2, rule.epsilon])
@@ -175,7 +175,7 @@ def adam(
 
 @primitive
 def mark(density: np.ndarray, cells: int, least: float, bits: np.ndarray) -> None:
-    """Set the bits of cells with a node of a raw density above `least`, in them or on their sides.
+    """Set the bits of cells that have a node, inside or on a side, of a raw density above `least`.
 
     `density` has (N + 1, N + 1, N + 1) nodes, `bits` (cells^3 / 32,) words with the first cell in
     the lowest bit; N is a multiple of `cells`.
@@ -187,7 +187,7 @@ def mark(density: np.ndarray, cells: int, least: float, bits: np.ndarray) -> Non
 def upsample(density: np.ndarray, least: float, coarse: np.ndarray, fine: np.ndarray) -> None:
     """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
-    `least` are not written; `density` (N, N, N) has those.
+    `fine` is 0 before. A node is written only if one of its coarse cells has a node of a raw
+    density above `least`; `density` (N, N, N) holds the raw densities.
     """
     _upsample(density, least, coarse, fine)

@@ -1,4 +1,4 @@
-"""Layers of a perceptron on the CPU, in float32: one thread a slab of samples.
+"""Layers of a perceptron on the CPU, in float32: one thread per slab of samples.
 
 ``dst = src w``, and ``src^T dy`` for the gradient of w. Each native loop keeps LANES sums in vector
 registers, and reads the other operand row by row.
@@ -12,7 +12,7 @@ from ._product import Product
 
 wp.set_module_options({"enable_backward": False})
 
-LANES = 64  # sums at a time: rows of weights are padded to a multiple
+LANES = 64  # sums at a time; rows of weights are padded to a multiple of this
 ROWS = 16  # samples after which sums of a weight gradient are written
 
 

@@ -1,8 +1,8 @@
 #include "_tensor_cores.cu"
 
 // needs K_SIZE, N_SIZE, TRANSPOSED, WARPS
-// dst = src w, or src w^T if TRANSPOSED, of depth K_SIZE. A block makes N_SIZE columns; its part of
-// w is in shared memory, in the order of the pieces.
+// dst = src w, or src w^T if TRANSPOSED, of depth K_SIZE. A block computes N_SIZE columns; its part
+// of w is in shared memory, in the order of the pieces.
 void multiply(wp::array_t<wp::half> src, wp::array_t<wp::half> w, wp::array_t<wp::half> gates,
               wp::array_t<int> total, Product product, wp::array_t<wp::half> dst) {
     using Cores = TensorCores;
@@ -57,7 +57,7 @@ void multiply(wp::array_t<wp::half> src, wp::array_t<wp::half> w, wp::array_t<wp
                               sums[n + 1][half + 1]};
                 if (product.relu)
                     for (int j = 0; j < 4; ++j) v[j] = v[j] > 0.0f ? v[j] : 0.0f;
-                if (product.gated) {  // the layer before had a rectifier: 0 where it gave 0
+                if (product.gated) {  // 0 where the rectifier before gave 0
                     const uint2 z = Cores::four(gate + 8 * n, line, rows, gates.shape[1]);
                     v[0] = z.x & 0xffffu ? v[0] : 0.0f;
                     v[1] = z.x >> 16 ? v[1] : 0.0f;
@@ -71,9 +71,9 @@ void multiply(wp::array_t<wp::half> src, wp::array_t<wp::half> w, wp::array_t<wp
 }
 
 // needs K_SIZE, N_SIZE, WARPS
-// A block's part of K_SIZE x N_SIZE numbers of src^T dy. An 8 x 8 piece that is turned has the
-// samples where the instruction sums. The warps' sums are added one after the other, and the
-// blocks' by radiance/_sums_cuda.py: always in the same order.
+// A block's part of K_SIZE x N_SIZE numbers of src^T dy. The 8 x 8 pieces are transposed, so that
+// the instruction sums over samples. The sums of the warps are added one after the other, and those
+// of the blocks by radiance/_sums_cuda.py, so the order is always the same.
 void accumulate(wp::array_t<wp::half> dy, wp::array_t<wp::half> src, wp::array_t<int> total,
                 int column, wp::array_t<float> parts) {
     using Cores = TensorCores;

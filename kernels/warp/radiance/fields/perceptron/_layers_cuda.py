@@ -1,10 +1,10 @@
 """Layers of a perceptron on CUDA, in float16 on the tensor cores.
 
-``dst = src w``, and ``src^T dy`` for the gradient of w. A warp keeps 16 samples in registers as
-`mma.m16n8k16` wants them: lane 4 g + t has samples g and g + 8. Which column of a matrix is which k
-or n of the instruction is ours to choose, as long as both operands agree. Here the four columns of
-a lane in each group of 16 are 4 t to 4 t + 3, which lie together in memory; an 8 x 8 piece has
-columns 4 t and 4 t + 1 of them, or 4 t + 2 and 4 t + 3.
+``dst = src w``, and ``src^T dy`` for the gradient of w. A warp keeps 16 samples in registers, as
+`mma.m16n8k16` needs them: lane 4 g + t has samples g and g + 8. We may choose which column of a
+matrix is which k or n of the instruction, if both operands agree. Here the four columns of a lane
+in each group of 16 are 4 t to 4 t + 3, which are adjacent in memory. An 8 x 8 piece has columns 4 t
+and 4 t + 1 of these, or 4 t + 2 and 4 t + 3.
 """
 
 from functools import cache
@@ -17,7 +17,7 @@ from cvkern.kernels.warp._launch import BLOCK
 from ._product import Product
 
 WARPS = BLOCK // 32
-TILE = 64  # columns that a block makes at most, of however many there are
+TILE = 64  # most columns that a block computes
 OPTIONS = {"enable_backward": False}
 
 
@@ -28,7 +28,7 @@ def tile(size: int) -> int:
 
 @cache
 def product(depth: int, tile: int, transposed: bool) -> wp.Kernel:
-    """Return the kernel of ``dst = src w`` for a depth, in tiles of so many columns."""
+    """Return the kernel of ``dst = src w`` for a depth, in tiles of `tile` columns."""
     sizes = {"K_SIZE": depth, "N_SIZE": tile, "TRANSPOSED": int(transposed), "WARPS": WARPS}
 
     @_native.kernel("_layers_cuda.cu", OPTIONS, **sizes)

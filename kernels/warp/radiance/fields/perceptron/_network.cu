@@ -3,19 +3,19 @@
 #pragma once
 
 // The two perceptrons of INPUTS features, for 16 samples in a warp's registers; the second one is
-// there only if COLOR. Operands are [columns / 16][4], sums [columns / 8][4].
+// present only if COLOR. Operands are [columns / 16][4], sums [columns / 8][4].
 //
-// What `mma.m16n8k16` gives, 16 samples x 8 columns, is half of what it takes as its first operand:
-// lane 4 g + t has columns 2 t and 2 t + 1 of samples g and g + 8 of it. So the sums of a layer
-// become the operand of the next one where they are. Weights are in shared memory as in global
-// memory, except that rows are 16 bytes longer, which puts 8 of them on different banks: `ldmatrix`
-// takes 8 x 8 pieces of them, turned for a layer, and as they are for the gradient of its inputs.
+// The result of `mma.m16n8k16`, 16 samples x 8 columns, has the layout of half of its first
+// operand: lane 4 g + t has columns 2 t and 2 t + 1 of samples g and g + 8. So the sums of a layer
+// become the operand of the next layer without moving. Weights are in shared memory as in global
+// memory, except that rows are 16 bytes longer, so that 8 rows are on different banks. `ldmatrix`
+// loads 8 x 8 pieces, transposed for a layer, and not transposed for the gradient of its inputs.
 struct Network {
     using Cores = TensorCores;
     using Sums = float[4];            // 8 columns
     using Operand = unsigned int[4];  // 16 columns
 
-    // Lengths of rows, and where each layer is in `weights` and in shared memory: AT and IN.
+    // Lengths of rows, and the begin of each layer in `weights` (AT) and in shared memory (IN).
     enum {
         WIDE = 64 + 8,
         NARROW = 16 + 8,
@@ -30,7 +30,7 @@ struct Network {
         IN5 = IN4 + 64 * NARROW
     };
 
-    // All that layers give, of samples `row` and `row` + 8.
+    // The outputs of all layers, for samples `row` and `row` + 8.
     struct Values {
         unsigned int x[INPUTS / 16][4], first[4][4], hidden[2][4], second[4][4], third[4][4];
         float wide[8][4], density[2][4];
@@ -131,7 +131,7 @@ struct Network {
         }
     }
 
-    // From features to the density and 15 numbers more.
+    // From features to the density and 15 more numbers.
     __forceinline__ void density_layers(Values& v, const void* features, int row) const {
         read(v.x, features, row);
         multiply(v.wide, 8, v.x, INPUTS / 16, layers, WIDE);

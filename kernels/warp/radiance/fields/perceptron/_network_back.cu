@@ -1,8 +1,8 @@
 #include "_network.cu"
 #pragma once
 
-// The way back through a Network: gradients of weights are sums over the 64 samples that the four
-// warps of a block lay side by side in shared memory, inputs and gradients of outputs.
+// The backward pass of a Network. Gradients of weights are sums over 64 samples: the four warps of
+// a block store their inputs and gradients of outputs side by side in shared memory.
 struct NetworkBack {
     using Cores = TensorCores;
     using Sums = Network::Sums;
@@ -38,8 +38,8 @@ struct NetworkBack {
             }
     }
 
-    // Make an operand of sums that is 0 where a rectifier gave 0. No half of y is negative: those
-    // above 0 carry to bit 15.
+    // Convert sums to an operand that is 0 where the rectifier's output y is 0. No half of y is
+    // negative, so an addition sets bit 15 of those above 0.
     static __forceinline__ void gated(Operand* dx, int groups, const Sums* sums, const Operand* y) {
         Network::operand(dx, groups, sums);
 #pragma unroll
@@ -49,7 +49,7 @@ struct NetworkBack {
                 dx[k][i] &= ((y[k][i] + 0x7fff7fffu) >> 15 & 0x00010001u) * 0xffffu;
     }
 
-    // Lay down this warp's 16 of the 64 samples.
+    // Store this warp's 16 of the 64 samples.
     __forceinline__ void lay(unsigned short* to, const Operand* x, int groups) const {
         unsigned short* own = to + (16 * net.warp + net.g) * Network::WIDE + 2 * net.t;
 #pragma unroll
@@ -61,12 +61,12 @@ struct NetworkBack {
 
     // Share inputs and gradients of outputs with the other warps.
     __forceinline__ void share(const Operand* x, int ins, const Operand* dy, int outs) const {
-        __syncthreads();  // all have used what was there
+        __syncthreads();  // all warps have read the previous samples
         lay(inputs, x, ins);
         lay(outputs, dy, outs);
     }
 
-    // Add x^T dy of what they share, from there on.
+    // Add x^T dy of the shared samples, beginning at the given column.
     __forceinline__ void add(Pair* dw, int tiles, int depth, int column) const {
         __syncthreads();
         const int lane = net.lane, pitch = Network::WIDE;

@@ -1,8 +1,8 @@
 #include "_network_back.cu"
 
 // needs INPUTS, COLOR, MOST_LOG_DENSITY, MOST_LOG_DENSITY_GRADIENT
-// All gradients: those of features, and in a part for each block those of weights. Each warp adds
-// up 16 columns of layers that have 64, and 16 rows of layers that have 16.
+// All gradients: those of features, and those of weights, one part per block. Each warp sums 16
+// columns of layers that have 64, and 16 rows of layers that have 16.
 void pass_back(wp::array_t<float> d_sigma, wp::array_t<float> d_rgb, wp::array_t<wp::half> features,
                wp::array_t<float> directions, wp::array_t<int> rays, wp::array_t<int> total,
                wp::array_t<wp::half> weights, wp::array_t<float> sigma, wp::array_t<float> rgb,
@@ -48,7 +48,7 @@ void pass_back(wp::array_t<float> d_sigma, wp::array_t<float> d_rgb, wp::array_t
         back.gated(d_second, 4, v.wide, v.second);
         back.add(dw3, 4, 0, own);
         back.share(v.hidden, 2, d_second, 4);
-        // The view needs no gradient.
+        // The viewing direction needs no gradient.
         back.multiply(v.density, 2, d_second, 4, net.layers + Network::IN2, WIDE);
         v.density[0][0] += up[0];
         v.density[0][2] += up[1];

@@ -24,7 +24,7 @@ void pass_on(wp::array_t<wp::half> features, wp::array_t<float> directions, wp::
 }
 
 // needs INPUTS, COLOR, MOST_LOG_DENSITY
-// Densities alone.
+// Only densities.
 void pass_density(wp::array_t<wp::half> features, wp::array_t<int> total,
                   wp::array_t<wp::half> weights, wp::array_t<float> sigma) {
     const Network net(weights.data, total.data[0]);

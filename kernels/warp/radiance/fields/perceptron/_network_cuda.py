@@ -1,10 +1,10 @@
 """The perceptrons of a hash field on CUDA: all layers of 16 samples in a warp's registers.
 
 network.py says what is computed. The gradient of a layer's weights is a sum over samples. A block
-lays 64 of them side by side in shared memory, inputs and gradients of outputs, and each of its four
-warps adds up a part of each layer's gradient in registers for as long as there are samples: 16
-columns of layers that have 64, 16 rows of layers that have 16. No order depends on timing, so a
-gradient is the same in each run.
+stores inputs and gradients of outputs of 64 samples side by side in shared memory. Each of its four
+warps sums a part of each layer's gradient in registers, until there are no more samples: 16 columns
+of layers that have 64, 16 rows of layers that have 16. No order depends on timing, so a gradient is
+the same in each run.
 """
 
 from functools import cache
@@ -27,7 +27,7 @@ def _sizes(inputs: int, color: bool) -> dict[str, Any]:
 
 @cache
 def forward(inputs: int) -> wp.Kernel:
-    """Return the kernel of densities and colours from so many features."""
+    """Return the kernel of densities and colours from `inputs` features."""
 
     @_native.func_native("_network_cuda.cu", **_sizes(inputs, color=True))
     def pass_on(
@@ -58,7 +58,7 @@ def forward(inputs: int) -> wp.Kernel:
 
 @cache
 def density(inputs: int) -> wp.Kernel:
-    """Return the kernel of densities alone."""
+    """Return the kernel of densities only."""
 
     @_native.func_native("_network_cuda.cu", **_sizes(inputs, color=False))
     def pass_density(
@@ -83,7 +83,7 @@ def density(inputs: int) -> wp.Kernel:
 
 @cache
 def backward(inputs: int) -> wp.Kernel:
-    """Return the kernel of all gradients, those of weights in a part for each block."""
+    """Return the kernel of all gradients; those of weights have one part per block."""
     most = {"MOST_LOG_DENSITY_GRADIENT": f"{MOST_LOG_DENSITY_GRADIENT}f"}
 
     @_native.func_native("_network_back_cuda.cu", **_sizes(inputs, color=True), **most)

@@ -1,21 +1,21 @@
-"""What is asked of a product of samples and weights, beside its operands."""
+"""The options of a product of samples and weights."""
 
 import warp as wp
 
 
 @wp.struct
 class Product:
-    """A layer, or the way back through it."""
+    """A layer, forward or backward."""
 
     columns: int  # columns of the result
-    column_in: int  # the first that is read
-    column_out: int  # the first that is written
-    relu: bool  # whether what is below 0 becomes 0
-    gated: bool  # whether the result is 0 where the gates are
+    column_in: int  # the first column that is read
+    column_out: int  # the first column that is written
+    relu: bool  # whether negative results become 0
+    gated: bool  # whether the result is 0 where the gates are 0
 
 
 def product_of(columns: int, column_in: int, column_out: int, relu: bool, gated: bool) -> Product:
-    """Return a product of these properties."""
+    """Return a product with these options."""
     made = Product()
     made.columns, made.column_in, made.column_out = columns, column_in, column_out
     made.relu, made.gated = relu, gated

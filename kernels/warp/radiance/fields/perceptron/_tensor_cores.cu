@@ -1,7 +1,7 @@
 #pragma once
 
-// What a warp does together on the tensor cores. Pointers are at registers, each of which holds two
-// numbers of float16.
+// Operations of a warp on the tensor cores. Pointers refer to registers, each of which holds two
+// float16 numbers.
 struct TensorCores {
     // c += a b for 16 samples x 16 and 16 x 8.
     static void mma(float* c, const unsigned int* a, unsigned int b0, unsigned int b1) {
@@ -12,7 +12,7 @@ struct TensorCores {
             : "r"(a[0]), "r"(a[1]), "r"(a[2]), "r"(a[3]), "r"(b0), "r"(b1));
     }
 
-    // Load four 8 x 8 pieces; lane 8 i + j points at row j of piece i.
+    // Load four 8 x 8 pieces; lane 8 i + j gives the address of row j of piece i.
     static void load(unsigned int* p, const unsigned short* row) {
         asm volatile("ldmatrix.sync.aligned.m8n8.x4.shared.b16 {%0, %1, %2, %3}, [%4];"
                      : "=r"(p[0]), "=r"(p[1]), "=r"(p[2]), "=r"(p[3])
@@ -33,14 +33,14 @@ struct TensorCores {
         return turned;
     }
 
-    // Round two numbers to float16, within what it can hold.
+    // Round two numbers to float16, clamped to its range.
     static unsigned int pack(float low, float high) {
         unsigned int both;
         asm("cvt.rn.satfinite.f16x2.f32 %0, %1, %2;" : "=r"(both) : "f"(high), "f"(low));
         return both;
     }
 
-    // Read four columns of a row of a matrix of so many rows, and zeros behind them.
+    // Read four columns of a row of a matrix with `rows` rows; further rows are zeros.
     static uint2 four(const unsigned short* from, int row, int rows, int pitch) {
         return row < rows ? *(const uint2*)(from + (size_t)row * pitch) : make_uint2(0u, 0u);
     }

@@ -1,7 +1,8 @@
-"""What the last layers of a perceptron mean: density and colour, forward and backward, in Warp.
+"""Density and colour from the outputs of a perceptron, forward and backward, in Warp.
 
-With s = exp(h), ds/dh = s; with c = 1 / (1 + exp(-r)), dc/dr = c (1 - c). The density is cut off
-at e^11, but the gradient by h is not made 0 there: the density must be able to come back.
+With s = exp(h), ds/dh = s; with c = 1 / (1 + exp(-r)), dc/dr = c (1 - c). The density is clamped at
+e^11, but the gradient by h does not become 0 there, so that the density can decrease again. One
+thread per sample.
 """
 
 from functools import cache
@@ -74,7 +75,7 @@ def _density_backward(scalar: Any) -> wp.Kernel:
     ):
         for i in range(first + wp.tid(), wp.min(last, total[0]), stride):
             d = d_sigma[i] * sigma[i]
-            if wp.abs(d) > MOST_LOG_DENSITY_GRADIENT:  # a NaN stays
+            if wp.abs(d) > MOST_LOG_DENSITY_GRADIENT:  # keeps NaN
                 d = wp.sign(d) * MOST_LOG_DENSITY_GRADIENT
             d_hidden[i, 0] = scalar(float(d_hidden[i, 0]) + d)
 
@@ -86,14 +87,14 @@ def forward(
 ) -> None:
     """``sigma = exp(hidden[:, 0])`` (M,), ``rgb = 1 / (1 + exp(-raw[:, :3]))`` (M, 3).
 
-    As everywhere below, of the first `total` (1,) rows.
+    All functions of this module process the first `total` (1,) rows.
     """
     count = sigma.shape[0]
     launch_each(_forward(hidden.dtype), count, 16 * count, [hidden, raw, total], [sigma, rgb])
 
 
 def color_backward(d_rgb: wp.array, rgb: wp.array, total: wp.array, d_raw: wp.array) -> None:
-    """Take the gradient of `rgb` (M, 3) to `d_raw` (M, >= 3), which is 0 behind column 2."""
+    """Compute `d_raw` (M, >= 3) from the gradient by `rgb` (M, 3); it is 0 after column 2."""
     count = rgb.shape[0]
     launch_each(_color_backward(d_raw.dtype), count, 16 * count, [d_rgb, rgb, total], [d_raw])
 
@@ -101,7 +102,7 @@ def color_backward(d_rgb: wp.array, rgb: wp.array, total: wp.array, d_raw: wp.ar
 def density_backward(
     d_sigma: wp.array, sigma: wp.array, total: wp.array, d_hidden: wp.array
 ) -> None:
-    """Add the gradient before the exponential, within +-30000, to column 0 of (M, >= 1)."""
+    """Add the gradient by the exponent, clipped to +-30000, to column 0 of (M, >= 1)."""
     count = sigma.shape[0]
     launch_each(
         _density_backward(d_hidden.dtype), count, 8 * count, [d_sigma, sigma, total], [d_hidden]

@@ -9,13 +9,13 @@ from . import _layers_cpu as cpu
 from . import _layers_cuda as cuda
 from ._product import product_of
 
-_BLOCKS = 132 * 2  # two for each multiprocessor of the largest GPUs: one waits, the other works
+_BLOCKS = 132 * 2  # two per multiprocessor of the largest GPUs, so that one works while one waits
 
 
 def forward(
     x: wp.array, w: wp.array, total: wp.array, relu: bool, column: int, y: wp.array
 ) -> None:
-    """``y[:, column:column + N] = x w`` of the first `total` (1,) rows, 0 for less if `relu`.
+    """Compute ``y[:, column:column + N] = x w`` for the first `total` (1,) rows, >= 0 if `relu`.
 
     `x` is (M, >= K), `w` (K, N) and `y` (M, >= column + N); K and N are multiples of 16.
     """
@@ -27,7 +27,8 @@ def backward_input(
 ) -> None:
     """``dx = dy[:, column:column + N] w^T``, from y = x w, for the first `total` (1,) rows.
 
-    Where `gated`, `x` (M, K) is what a layer with `relu` gave, and `dx` (M, K) is 0 where `x` is.
+    If `gated`, `x` (M, K) is the output of a layer with `relu`, and `dx` (M, K) is 0 where `x` is
+    0.
     """
     _product(dy, w, x, total, True, column, 0, False, gated, dx)
 
@@ -35,8 +36,8 @@ def backward_input(
 def backward_weight(dy: wp.array, x: wp.array, total: wp.array, column: int, dw: wp.array) -> None:
     """``dw += x^T dy[:, column:column + N]``, from y = x w, over the first `total` (1,) rows.
 
-    `x` is (M, >= K), `dw` (K, N) float32. The order of the sums is always the same on CUDA, and
-    depends on the number of threads alone on the CPU.
+    `x` is (M, >= K), `dw` (K, N) float32. On CUDA the order of the sums is always the same; on the
+    CPU it depends only on the number of threads.
     """
     depth, columns = dw.shape
     if dw.device.is_cuda:
@@ -69,7 +70,7 @@ def _product(
     gated: bool,
     dst: wp.array,
 ) -> None:
-    """``dst = src w`` or ``src w^T``, from and to a column on, 0 where `gates` is if `gated`."""
+    """Compute ``dst = src w`` or ``src w^T``; 0 where `gates` are 0 if `gated`."""
     depth, columns = w.shape[::-1] if transposed else w.shape
     product = product_of(columns, column_in, column_out, relu, gated)
     if dst.device.is_cuda:

@@ -1,8 +1,9 @@
 """The two perceptrons of a hash field, from features to density and colour and back, in Warp.
 
-The layers (see `network_layers`) lie one behind another in one array of weights, each (K, N). The
-first of the first perceptron and two of the second end with a rectifier. On CUDA one kernel goes
-through all of them, on the CPU there is one for each, and one for the views' harmonics.
+The layers (see `network_layers`) follow one another in one array of weights, each (K, N). The first
+layer of the first perceptron and two layers of the second end with a rectifier. On CUDA one kernel
+computes all layers. On the CPU there is one kernel for each layer, and one for the harmonics of the
+viewing directions.
 """
 
 import math
@@ -34,11 +35,11 @@ def forward(
     sigma: wp.array,
     rgb: wp.array,
 ) -> None:
-    """Find density (M,) and colour (M, 3) from features (M, K) and directions of view (R, 3).
+    """Compute density (M,) and colour (M, 3) from features (M, K) and viewing directions (R, 3).
 
-    `rays` (M,) are those of the samples. As everywhere below, of the first `total` (1,) of them,
-    for K = 16, 32, 48 or 64, with `weights` (W,) of all layers and `memory` of the shape that
-    `network_room` tells.
+    `rays` (M,) are the rays of the samples. All functions of this module process the first `total`
+    (1,) samples, for K = 16, 32, 48 or 64, with `weights` (W,) of all layers and `memory` of the
+    shape of `network_room`.
     """
     if sigma.device.is_cuda:
         kernel = cuda.forward(features.shape[1])
@@ -54,7 +55,7 @@ def forward(
 def density(
     features: wp.array, total: wp.array, weights: wp.array, memory: wp.array, sigma: wp.array
 ) -> None:
-    """Find density (M,) alone, as :func:`forward` does."""
+    """Compute only the density (M,), as :func:`forward` does."""
     if sigma.device.is_cuda:
         kernel = cuda.density(features.shape[1])
         launch(
@@ -67,7 +68,9 @@ def density(
         return
     values = _views(memory, 0, features)[:2]
     _pass(features, total, weights, values)
-    unused = memory[:3].reshape((memory.shape[1], 3))  # a colour, over what the first layer gave
+    unused = memory[:3].reshape(
+        (memory.shape[1], 3)
+    )  # a colour that nobody reads, in the memory of the first layer
     heads.forward(values[1], values[1], total, sigma, unused)
 
 
@@ -85,10 +88,10 @@ def backward(
     d_features: wp.array,
     d_weights: wp.array,
 ) -> None:
-    """Take the gradients of what :func:`forward` last gave to `d_features` (M, K) and `d_weights`.
+    """Compute `d_features` (M, K) and `d_weights` from gradients by the last :func:`forward`.
 
-    What is between is in `memory` on the CPU, which nothing else must have used, and found again
-    on CUDA. `d_weights`, float32, is added to, in an order that does not change from run to run.
+    On the CPU, `memory` must still hold the values between the layers; on CUDA they are computed
+    again. `d_weights`, float32, is added to, in an order that is the same in every run.
     """
     if d_features.device.is_cuda:
         given = [d_sigma, d_rgb, features, directions, rays, total, weights, sigma, rgb]
@@ -103,7 +106,7 @@ def backward(
     layers, d_layers = _layers(weights, features), _layers(d_weights, features)
     heads.color_backward(d_rgb, rgb, total, gradients[5])
     for k in reversed(range(5)):
-        if k == 1:  # the first perceptron: what the second one wants of it is there
+        if k == 1:  # the first perceptron gets the gradients from the second one
             heads.density_backward(d_sigma, sigma, total, gradients[2])
         x, dx, dy = values[k], gradients[k], gradients[k + 1]
         gated = k > 0 and NETWORK_RECTIFIED[k - 1]
@@ -112,7 +115,7 @@ def backward(
 
 
 def _pass(features: wp.array, total: wp.array, weights: wp.array, values: list[wp.array]) -> None:
-    """Go through as many layers as there are `values`."""
+    """Compute as many layers as there are `values`."""
     layers = _layers(weights, features)
     for x, w, relu, y in zip([features, *values], layers, NETWORK_RECTIFIED, values, strict=False):
         dense.forward(x, w, total, relu, 0, y)
@@ -129,7 +132,7 @@ def _layers(weights: wp.array, features: wp.array) -> list[wp.array]:
 
 
 def _views(memory: wp.array, begin: int, features: wp.array) -> list[wp.array]:
-    """Cut the memory, from a row on, into what is kept of each layer, a row for each sample."""
+    """Cut the memory, beginning at a row, into the values of each layer, one row per sample."""
     found = []
     for width in NETWORK_VALUES:
         rows = memory[begin : begin + width]

@@ -1,7 +1,7 @@
 #include "../../_harmonics.h"
 #pragma once
 
-// Harmonics of a ray's direction where the coefficients of each channel are, in rows of WIDTH.
+// Harmonics of a ray's direction, at the places of each channel's coefficients, in rows of WIDTH.
 struct VoxelBands {
     float of[3][WIDTH];
 
@@ -14,7 +14,7 @@ struct VoxelBands {
         }
     }
 
-    // Round two of nine as walks do: results stay equal from release to release.
+    // Round two of the nine as the walks do, so that results stay equal from release to release.
     void round_as_walks(const float* direction) {
 #pragma clang fp contract(fast)
 #pragma clang fp reassociate(on)

@@ -1,4 +1,4 @@
-// Set the bit of an occupancy cell with a node above `least`; a warp makes a word.
+// Set the bit of an occupancy cell if a node is above `least`; a warp writes a word.
 void mark_cell(int cell, wp::array_t<float> density, int cells, int size, float least,
                wp::array_t<unsigned> bits) {
     const int i = cell % cells * size, j = cell / cells % cells * size;

@@ -1,4 +1,4 @@
-"""Where the samples of a ray through a grid of density and colour begin."""
+"""The begin of the samples of a ray through a grid of density and colour."""
 
 import warp as wp
 
@@ -11,7 +11,7 @@ JITTER = wp.constant(int(Draw.JITTER))
 
 @wp.func
 def jitter_of(march: March, ray: int) -> float:
-    """Return how far behind its entry the first place of a ray is, in steps."""
+    """Return the distance of a ray's first position from its entry, in steps."""
     if march.jittered:
         return random_unit(march.seed, march.step[0], ray, JITTER)
     return 0.5

@@ -7,7 +7,7 @@ void adam_plane(int k, int side, wp::array_t<float> rate_density, wp::array_t<fl
                 wp::array_t<float> factor, Rule rule, wp::array_t<wp::uint8> touched,
                 Learnt density, Learnt color) {
 #pragma clang fp contract(fast)
-    // Both means of squares are as old.
+    // Both means of squares have the same age.
     const Adam adam = {rule.beta1, rule.beta2, rule.epsilon, 1.0f / rate_color.data[2]};
     const float of_density = rate_density.data[0] / rate_density.data[1];
     const float of_color = rate_color.data[0] / rate_color.data[1], scale = factor.data[0];
@@ -46,7 +46,7 @@ void variation_plane(int k, float weight_density, float weight_color,
     for (TouchedNodes touching(touched.data, begin, begin + plane); touching.next();) {
         const size_t node = touching.node;
         const int j = (int)((node - begin) / side), i = (int)((node - begin) % side);
-        // A neighbour that is not there counts as equal.
+        // A neighbour outside the grid counts as equal.
         const long long to[6] = {i > 0 ? -1 : 0,
                                  i + 1 < side ? 1 : 0,
                                  j > 0 ? -side : 0,

@@ -1,6 +1,6 @@
-"""Steps over the whole grid of density and colour on the CPU: one thread a slab of planes.
+"""Steps over the whole grid of density and colour on the CPU: one thread per slab of planes.
 
-nodes.py says what is computed. Only nodes that rays have touched count.
+nodes.py says what is computed. Only nodes that rays have touched are processed.
 """
 
 from functools import cache

@@ -11,7 +11,7 @@ void smooth(int thread, float weight_density, float weight_color, wp::array_t<wp
     auto add_up = [&](int at, auto add) {
         for (int axis = 0, jump = 1; axis < 3; ++axis, jump *= side) {
             const int place = at / jump % side;
-            add(place > 0 ? -jump : 0);  // a neighbour that is not there counts as equal
+            add(place > 0 ? -jump : 0);  // a neighbour outside the grid counts as equal
             add(place + 1 < side ? jump : 0);
         }
     };
@@ -54,7 +54,7 @@ void move(int thread, wp::array_t<float> rate_density, wp::array_t<float> rate_c
     if (nodes.count == 0) return;
     const float of_density = rate_density.data[0] / rate_density.data[1];
     const float of_color = rate_color.data[0] / rate_color.data[1], scale = factor.data[0];
-    // Both means of squares are as old.
+    // Both means of squares have the same age.
     const Adam adam = {rule.beta1, rule.beta2, rule.epsilon, 1.0f / rate_color.data[2]};
     for (int n = threadIdx.x; n < nodes.count; n += BLOCK) {
         const int node = nodes.begin + nodes.found[n];

@@ -1,8 +1,8 @@
 """Steps over the whole grid of density and colour on CUDA.
 
-nodes.py says what is computed. Only nodes that rays have touched learn, few of them all. The
-threads of a block look at NODES nodes each and list those in shared memory; then a thread takes one
-of them, or four coefficients of one.
+nodes.py says what is computed. Only the few nodes that rays have touched learn. Each thread of a
+block tests NODES nodes, and the block lists the touched ones in shared memory. Then a thread takes
+one of these, or four coefficients of one.
 """
 
 import warp as wp
@@ -13,11 +13,11 @@ from cvkern.kernels.warp.radiance.training._structs import Learnt, Rule
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
 BLOCK = 256  # threads
-NODES = 8  # nodes that a thread looks at
+NODES = 8  # nodes that a thread tests
 
 
 def threads(nodes: int) -> int:
-    """Return the threads of whole blocks that look at so many nodes."""
+    """Return the number of threads, in whole blocks, that test `nodes` nodes."""
     return -(-nodes // (NODES * BLOCK)) * BLOCK
 
 

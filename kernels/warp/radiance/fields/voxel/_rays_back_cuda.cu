@@ -2,7 +2,7 @@
 #include "_walk.cu"
 
 // needs MOST_LOG_DENSITY, Rays, Space, March, Grid, FIXED, UNIT, LIMIT
-// Add to float32, or if FIXED to int64 of fixed-point numbers.
+// Add to float32 numbers, or, if FIXED, to fixed-point numbers in int64.
 void walk_backward(int ray, float jitter, Seen d_seen, Rays rays, Space space, March march,
                    Grid grid, float stop, Seen seen, wp::array_t<Sum> d_density,
                    wp::array_t<Sum> d_color, wp::array_t<wp::uint8> touched) {
@@ -45,10 +45,10 @@ void walk_backward(int ray, float jitter, Seen d_seen, Rays rays, Space space, M
         const float upto = at.sum_up_to(at.w * g);
         const float d_raw = at.sigma * at.gap * (at.behind * g - (rest - upto));
         rest -= __shfl_sync(all, upto, 31);
-        float slopes[3];  // by the sums of harmonics
+        float slopes[3];  // gradients by the sums of harmonics
         for (int c = 0; c < 3; ++c) slopes[c] = at.w * dc[c] * at.rgb[c] * (1.0f - at.rgb[c]);
         for (unsigned todo = at.seen & at.own; __any_sync(all, todo); todo &= todo - 1) {
-            const int s = __ffs(todo) - 1;  // -1 where no more are left
+            const int s = __ffs(todo) - 1;  // -1 if none is left
             const int node = __shfl_sync(all, at.node, s);
             const float d_node = __shfl_sync(all, d_raw, s);
             float fs[3], row[4] = {0.0f, 0.0f, 0.0f, 0.0f};

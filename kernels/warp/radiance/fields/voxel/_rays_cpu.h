@@ -28,7 +28,7 @@ void walk_forward(int ray, float jitter, Rays rays, Space space, March march, Gr
 }
 
 // needs WIDTH, MOST_LOG_DENSITY, Rays, Space, March, Grid, RECORD
-// Write records of samples from `begin` on, of which there is room for so many.
+// Write records of samples, beginning at `begin`, up to the room that there is.
 void walk_backward(int ray, float jitter, Seen d_seen, Rays rays, Space space, March march,
                    Grid grid, float stop, Seen seen, int begin, int room,
                    wp::array_t<float> records) {
@@ -66,6 +66,6 @@ void walk_backward(int ray, float jitter, Seen d_seen, Rays rays, Space space, M
                 record[5 + c] = w * dc[c] * batch.rgb[c][s] * (1.0f - batch.rgb[c][s]);
             record += RECORD;
         }
-    // Should the walk have ended sooner than it did in the forward pass, by a rounding.
+    // By rounding, the walk may have ended earlier than in the forward pass.
     for (; record < end; ++record) *record = 0.0f;
 }

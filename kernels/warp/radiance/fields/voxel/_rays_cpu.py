@@ -1,8 +1,8 @@
-"""Rays through a grid of density and colour on the CPU: one thread a slab of rays.
+"""Rays through a grid of density and colour on the CPU: one thread per slab of rays.
 
-rays.py says what is computed. A ray is walked 16 samples at a time: where they are, then their
-densities, then, for those that are seen, the rows of colour coefficients round them, which are
-vectors.
+rays.py says what is computed. A ray is walked 16 samples at a time: first their positions, then
+their densities, then, for visible samples, the rows of colour coefficients at the corners of their
+cells, which are vectors.
 """
 
 from functools import cache
@@ -18,8 +18,8 @@ from ._march import jitter_of
 
 wp.set_module_options({"enable_backward": False})
 
-# Numbers kept of a sample between the two halves of the backward pass: its cell, its place in it
-# (3), and the gradients by its raw density and by the channels' sums of harmonics (3).
+# Numbers of a sample that are stored between the two parts of the backward pass: its cell, its
+# position in the cell (3), and the gradients by its raw density and by the sums of harmonics (3).
 RECORD = 8
 
 

@@ -1,8 +1,8 @@
-"""Rays through a grid of density and colour on CUDA: one warp a ray.
+"""Rays through a grid of density and colour on CUDA: one warp per ray.
 
-rays.py says what is computed. A warp's lanes are 32 places along the ray, empty or not. Those that
-are not are then taken four (or eight) at a time: eight (or four) lanes read rows of the grid for
-one, or add to them, each four coefficients.
+rays.py says what is computed. The lanes of a warp are 32 positions along the ray, empty or not.
+Those that are not empty are then processed four (or eight) at a time: eight (or four) lanes read
+rows of the grid for one position, or add to them, four coefficients each.
 """
 
 from functools import cache
@@ -21,8 +21,8 @@ OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
 
 THREADS = 32  # threads of a ray
-BLOCK = 64  # few, as rays differ in length
-BOUNDS = BLOCK, 10  # with more blocks at a time there would not be registers enough
+BLOCK = 64  # threads of a block; few, because rays differ in length
+BOUNDS = BLOCK, 10  # more blocks at a time would not have enough registers
 WALK = {"MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f", **NATIVE}
 
 
@@ -66,7 +66,7 @@ def render(
 
 @cache
 def render_backward(sums: Any) -> wp.Kernel:
-    """Return the kernel that adds to float32, or to int64 of fixed-point numbers."""
+    """Return the kernel that adds to float32 numbers, or to fixed-point numbers in int64."""
     kind = {"FIXED": int(sums is wp.int64), **_fixed_point.NATIVE}
 
     @_native.func_native("_rays_back_cuda.cu", **kind, **WALK)

@@ -1,9 +1,9 @@
 #include "_bands.h"
 
 // needs WIDTH, RECORD
-// Add the records of a ray at one in two (or four) of the planes (and lines) of the grid: no two
-// threads add to the same node, and a node is added to in the order of the rays, whatever the
-// number of threads.
+// Add the records of a ray at every second (or fourth) plane (and line) of the grid. So no two
+// threads add to the same node, and a node's sums are in the order of the rays, for any number of
+// threads.
 void scatter_ray(int ray, int owner, int owners, wp::array_t<float> directions, int basis,
                  int begin, int room, wp::array_t<float> records, wp::array_t<float> d_density,
                  wp::array_t<float> d_color, wp::array_t<wp::uint8> touched) {

@@ -1,8 +1,8 @@
 #pragma once
 
-// The touched ones of NODES nodes for each thread of a block of BLOCK: the block lists them.
+// The touched nodes among NODES nodes per thread of a block of BLOCK threads, listed by the block.
 struct TouchedNodes {
-    const unsigned short* found;  // from `begin` on
+    const unsigned short* found;  // offsets from `begin`
     int begin, count;
 
     TouchedNodes(const wp::uint8* touched, int all, int thread) {

@@ -1,6 +1,6 @@
 #pragma once
 
-// The touched ones of the nodes from `begin` to `end`; marks are read eight at a time.
+// The touched nodes from `begin` to `end`; marks are read eight at a time.
 struct TouchedNodes {
     const wp::uint8* touched;
     size_t begin, end, node;
@@ -8,7 +8,7 @@ struct TouchedNodes {
     TouchedNodes(const wp::uint8* touched, size_t begin, size_t end)
         : touched(touched), begin(begin), end(end), node(begin - 1) {}
 
-    // Go on to the next one, if there is any.
+    // Move to the next touched node, if there is one.
     bool next() {
         for (++node; node < end; ++node) {
             if (((node - begin) & 7) == 0)

@@ -1,9 +1,9 @@
 #include "../../_harmonics.h"
 #pragma once
 
-// A warp's way along a ray through a grid of density and colour, 32 places at a time. Those that
-// have any density are then taken `rows` at a time: `each` lanes read rows of the grid for one, or
-// add to them, each four coefficients.
+// A warp's walk along a ray through a grid of density and colour, 32 positions at a time. Those
+// that are not empty are then processed `rows` at a time: `each` lanes read rows of the grid for
+// one position, or add to them, four coefficients each.
 struct VoxelWalk {
     const Space& space;
     const March& march;
@@ -13,11 +13,11 @@ struct VoxelWalk {
     unsigned own;  // one sample in `rows`
     float o[3], d[3], bands[3][4];
     float first, last, left, sum_w, sum_wt;
-    // The place of this lane, and the sample there: where it is, w, and the light left behind.
+    // The position of this lane, and its sample: the node, w, and the light left after it.
     int node;
     float f[3], t, gap, sigma, w, behind, rgb[3];
     float ahead_w, ahead_wt;  // sums of w and w t before this one
-    unsigned seen;            // the lanes whose samples light gets to
+    unsigned seen;            // the lanes whose samples light reaches
 
     VoxelWalk(int ray, float jitter, const Rays& rays, const Space& space, const March& march,
               const Grid& grid, float stop)
@@ -37,7 +37,7 @@ struct VoxelWalk {
         Harmonics::write(d[0], d[1], d[2], h);
         for (int k = 0; k < 4; ++k) {
             const int n = 4 * part + k, b = n % grid.basis;
-            float value = h[8];  // by comparisons: an index would put all of them in memory
+            float value = h[8];  // by comparisons, because an index would move the array to memory
 #pragma unroll
             for (int i = 0; i < 8; ++i) value = b == i ? h[i] : value;
             for (int c = 0; c < 3; ++c) bands[c][k] = n / grid.basis == c ? value : 0.0f;
@@ -62,7 +62,7 @@ struct VoxelWalk {
                            a.w + t * (b.w - a.w));
     }
 
-    // Return the sum over the lanes up to and with this one.
+    // Return the sum over the lanes up to and including this one.
     float sum_up_to(float x) const {
         for (int s = 1; s < 32; s *= 2) {
             const float before = __shfl_up_sync(0xffffffffu, x, s);
@@ -71,7 +71,7 @@ struct VoxelWalk {
         return x;
     }
 
-    // Find the raw density at this lane's place of the next 32.
+    // Find the raw density at this lane's position among the next 32.
     float look() {
         const int side = grid.density.shape[0], resolution = side - 1, plane = side * side;
         const int shift = __ffs(resolution / space.cells) - 1;  // log2 of an occupancy cell's side
@@ -116,13 +116,13 @@ struct VoxelWalk {
         return g + f[2] * (h - g);
     }
 
-    // Find the colours of samples that are seen.
+    // Find the colours of visible samples.
     void paint() {
         const unsigned all = 0xffffffffu;
         const int side = grid.density.shape[0], plane = side * side;
         rgb[0] = rgb[1] = rgb[2] = 0.0f;
         for (unsigned todo = seen & own; __any_sync(all, todo); todo &= todo - 1) {
-            const int s = __ffs(todo) - 1;  // -1 where no more are left
+            const int s = __ffs(todo) - 1;  // -1 if none is left
             const int at = __shfl_sync(all, node, s);
             const float x = __shfl_sync(all, f[0], s), y = __shfl_sync(all, f[1], s);
             const float z = __shfl_sync(all, f[2], s);
@@ -145,7 +145,8 @@ struct VoxelWalk {
                     const float more = __shfl_xor_sync(all, sums[c], k);
                     sums[c] += k < each ? more : 0.0f;
                 }
-            // From the lanes that take a sample, the first of which is `from`, to its own.
+            // Move the colour from the lanes that process a sample, beginning at `from`, to its
+            // lane.
             const bool done = __shfl_sync(all, s, from) == lane;
             for (int c = 0; c < 3; ++c) {
                 const float sum = __shfl_sync(all, sums[c], from);
@@ -155,7 +156,7 @@ struct VoxelWalk {
         for (int c = 0; c < 3; ++c) rgb[c] = 1.0f / (1.0f + expf(-rgb[c]));
     }
 
-    // Go on to the next 32 places of which one has any density, if there are such.
+    // Move to the next 32 positions of which at least one is not empty, if there are any.
     bool next() {
         const unsigned all = 0xffffffffu;
         while (first < last && left > stop) {
@@ -164,7 +165,7 @@ struct VoxelWalk {
             if (!__any_sync(all, dense)) continue;
             sigma = dense ? expf(fminf(raw, MOST_LOG_DENSITY)) : 0.0f;
             const float alpha = 1.0f - expf(-sigma * gap);
-            float through = 1.0f - alpha;  // up to and with this sample
+            float through = 1.0f - alpha;  // product up to and including this sample
             for (int s = 1; s < 32; s *= 2) {
                 const float before = __shfl_up_sync(all, through, s);
                 through *= lane >= s ? before : 1.0f;

@@ -1,18 +1,18 @@
 #include "_bands.h"
 #pragma once
 
-// Up to 16 samples of a ray side by side.
+// Up to 16 successive samples of a ray.
 struct VoxelBatch {
     int count;  // samples of occupied cells
-    int seen;   // the sample behind the last that light gets to
+    int seen;   // the index after the last sample that light reaches
     int cells[3][16], node[16];
-    float f[3][16];  // places in their cells
+    float f[3][16];  // positions in their cells
     float t[16], gap[16], sigma[16];
-    float weight[16], behind[16];  // w, and the light left behind
+    float weight[16], behind[16];  // w, and the light left after the sample
     float rgb[3][16];
 };
 
-// A ray's way through a grid of density and colour.
+// A ray's walk through a grid of density and colour.
 struct VoxelWalk {
     const Space& space;
     const March& march;
@@ -45,8 +45,8 @@ struct VoxelWalk {
         left = 1.0f;
     }
 
-    // Return e^x = 2^n e^f with |f| <= ln(2) / 2: the Taylor series of e^f up to f^7 is right
-    // within 1e-7. ln(2) is taken off in two parts, as n times the first of them is exact.
+    // Return e^x = 2^n e^f with |f| <= ln(2) / 2. The Taylor series of e^f up to f^7 has an error
+    // below 1e-7. n ln(2) is subtracted in two parts, the first of which is exact.
     static float exponential(float x) {
 #pragma clang fp contract(fast)
 #pragma clang fp reassociate(on)
@@ -64,7 +64,7 @@ struct VoxelWalk {
         return e * __builtin_bit_cast(float, ((int)n + 127) << 23);
     }
 
-    // Find up to 16 more places in occupied cells.
+    // Find up to 16 more positions in occupied cells.
     void find(VoxelBatch& batch) {
 #pragma clang fp contract(fast)
 #pragma clang fp reassociate(on)
@@ -127,7 +127,7 @@ struct VoxelWalk {
         }
     }
 
-    // Look at up to 16 more samples; return whether there are any.
+    // Process up to 16 more samples; return whether there are any.
     bool next(VoxelBatch& batch, const VoxelBands& bands) {
 #pragma clang fp contract(fast)
 #pragma clang fp reassociate(on)

@@ -31,7 +31,7 @@ def mark_kernel(
     # outputs
     bits: wp.array[wp.uint32],  # (cells^3 / 32,)
 ):
-    """One thread 32 cells: see :func:`mark`."""
+    """Mark 32 cells per thread; see :func:`mark`."""
     for word in range(first + wp.tid(), last, stride):
         found = wp.uint32(0)
         for bit in range(32):
@@ -51,7 +51,7 @@ def mark_kernel(
 
 @wp.func
 def coarse_nodes(k: int, side: int, most: int) -> wp.vec2i:
-    """Return the first coarse node of the cells a fine one is in, and the one behind the last."""
+    """Return the range of coarse nodes, first and end, of the cells that contain a fine node."""
     # Along an axis of `most` coarse and `side` fine cells, node k is at k most / side.
     return wp.vec2i(
         wp.max((k * most + side - 1) // side - 1, 0), wp.min(k * most // side, most - 1) + 2
@@ -75,7 +75,7 @@ def upsample_kernel(
     # outputs
     fine: wp.array4d[float],  # (F, F, F, C)
 ):
-    """One thread a node: see :func:`upsample`."""
+    """Interpolate one node per thread; see :func:`upsample`."""
     side = fine.shape[0]
     most = coarse.shape[0] - 1
     for node in range(first + wp.tid(), last, stride):
@@ -113,9 +113,9 @@ def total_variation(
     d_density: wp.array,
     d_color: wp.array,
 ) -> None:
-    """At touched nodes, add the gradients of `weight / 2` times the squares of differences.
+    """Add, at touched nodes, the gradients of `weight / 2` times squared differences.
 
-    Those are the differences from the six neighbours of a node, each pair counted once. `touched`,
+    The differences are those from the six neighbours of a node; each pair counts once. `touched`,
     `density` and `d_density` are (N, N, N), `color` and `d_color` (N, N, N, C).
     """
     side, width = density.shape[0], color.shape[3]
@@ -139,10 +139,10 @@ def adam(
     density: codes.Learnt,
     color: codes.Learnt,
 ) -> None:
-    """One step of Adam at touched nodes, which it leaves untouched, with gradients of 0.
+    """Take a step of Adam at touched nodes; afterwards no node is touched, and gradients are 0.
 
-    Before, these are multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those of
-    `training.adam.learning_rate` for the same step. `touched` and the arrays of `density` are
+    Gradients are first multiplied by `factor` (1,). `rate_density` and `rate_color` (3,) are those
+    of `training.adam.learning_rate` for the same step. `touched` and the arrays of `density` are
     (N, N, N), those of `color` (N, N, N, C). The rule's decay is 0, and it is not sparse.
     """
     side, width = touched.shape[0], color.weights.shape[3]
@@ -156,7 +156,7 @@ def adam(
 
 
 def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
-    """Set the bits of cells with a node of a raw density above `least`, in them or on their sides.
+    """Set the bits of cells that have a node, inside or on a side, of a raw density above `least`.
 
     `density` has (N + 1, N + 1, N + 1) nodes, `bits` (cells^3 / 32,) words with the first cell in
     the lowest bit; N is a multiple of `cells`.
@@ -173,15 +173,15 @@ def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
 def upsample(density: wp.array, least: float, coarse: wp.array, fine: wp.array) -> None:
     """Interpolate a grid, `coarse` (N, N, N, C), at the nodes of a `fine` one, (F, F, F, C).
 
-    `fine` comes as zeros, and nodes that are in no coarse cell with a node of a raw density above
-    `least` are not written; `density` (N, N, N) has those.
+    `fine` is 0 before. A node is written only if one of its coarse cells has a node of a raw
+    density above `least`; `density` (N, N, N) holds the raw densities.
     """
     count = fine.shape[0] ** 3
     launch_each(upsample_kernel, count, 64 * count, [density, least, coarse], [fine])
 
 
 def _planes(side: int) -> int:
-    """Into how many slabs the planes of a grid are cut: many, as few have much in them."""
+    """Return the number of slabs of planes; many, because most of the work is in few planes."""
     return max(1, min(side, 8 * slabs(side, side**3)))
 
 

@@ -1,20 +1,21 @@
-"""Rays through a grid of density and colour: marched, read and composited at once, in Warp.
+"""Rays through a grid of density and colour: marching, interpolation and compositing, in Warp.
 
-The grid has N + 1 nodes (k, j, i) along each side, at z, y, x = -1 .. 1, or in all of space,
-contracted, at -2 .. 2. Between them its numbers are interpolated linearly: a raw density r, with
-density e^r, or 0 where r is at most `least`, and for each channel the coefficients of spherical
-harmonics of the direction, whose sum s is made a colour 1 / (1 + e^-s). The density is cut off at
-e^11, but its gradient is not made 0 there. With w_i, T_i, G_i as in radiance/compositing.py:
+The grid has N + 1 nodes (k, j, i) along each side, at z, y, x = -1 .. 1, or, in unbounded,
+contracted space, at -2 .. 2. Numbers are interpolated linearly between the nodes. A raw density r
+gives the density e^r, or 0 if r is at most `least`. For each channel, the sum s of the spherical
+harmonics of the direction, times their coefficients, gives the colour 1 / (1 + e^-s). The density
+is clamped at e^11, but its gradient does not become 0 there. With w_i, T_i, G_i as in
+radiance/compositing.py:
 
     dL/dr_i = sigma_i d_i (T_{i+1} G_i - sum_{j > i} w_j G_j) where r_i > least, else 0,
     dL/ds_i = w_i dL/dC c_i (1 - c_i),    at a node: dL/dr = sum_i b_i dL/dr_i,
     and of a coefficient sum_i b_i Y dL/ds_i, with b_i the node's share in sample i, Y the harmonic.
 
-The backward pass walks again. What it needs of the samples behind i is what the forward pass
-returned, less what has been passed: sum_j w_j G_j is linear in that. On CUDA a warp walks a ray and
-adds by atomics, whose order does not show where sums are integers; on the CPU a thread walks some
-rays and notes what each sample has to add, and then each thread adds to nodes of its own, in the
-order of the rays.
+The backward pass walks again. sum_j w_j G_j over the samples after i is linear in the results of
+the forward pass minus those of the samples up to i, so it is computed from this difference. On CUDA
+a warp walks a ray and adds by atomics; their order has no effect on integer sums. On the CPU a
+thread walks some rays and records the gradients of each sample; then each thread adds to its own
+nodes, in the order of the rays.
 """
 
 from typing import Any
@@ -37,8 +38,8 @@ from ._rays_cpu import RECORD
 
 wp.set_module_options({"enable_backward": False})
 
-RAYS = 64  # rays of a slab on the CPU: they differ in length, so there are many slabs
-SAMPLES = 4096  # what is kept of samples has room for a multiple of so many
+RAYS = 64  # rays per slab on the CPU; few, because rays differ in length
+SAMPLES = 4096  # the room for records of samples is a multiple of this
 
 
 def render(
@@ -50,13 +51,13 @@ def render(
     seen: codes.Seen,
     samples: wp.array,
 ) -> None:
-    """Make out what rays see, and how many samples had any density.
+    """Render rays, and count their samples that are not empty.
 
-    The first `active` of them are marched through `space` as by `march.steps.march_rays`, but there
-    is one level of cells, each a power of 2 of the grid's cells along a side, and `cone` is 0
-    unless `unbounded`. A ray ends where no more than `stop` of the light is left. `seen`, of R
-    rays, is filled as by `compositing.forward`, and `samples` (R,) with the numbers of samples, 0
-    for the other rays.
+    The first `active` rays are marched through `space` as in `march.steps.march_rays`. But there is
+    one level of cells, whose side is a power of 2 of the grid's cells, and `cone` is 0 unless
+    `unbounded`. A ray ends where at most the share `stop` of the light is left. `seen`, of R rays,
+    is filled as by `compositing.forward`; `samples` (R,) are the numbers of samples, 0 for the
+    other rays.
     """
     count = rays.origins.shape[0]
     inputs, outputs = _given(rays, space, march, grid, stop), [struct_of(Seen, seen), samples]
@@ -80,12 +81,12 @@ def render_backward(
     d_color: wp.array,
     touched: wp.array,
 ) -> None:
-    """Add the gradients of the grid, and mark its nodes that have any.
+    """Add the gradients of the grid, and mark the nodes that have gradients.
 
-    `d_seen` are those of what :func:`render` made of the same rays, `seen` and `samples`.
-    `d_density` and `d_color` have the shapes of the grid, as has `touched`
-    (N + 1, N + 1, N + 1), which is set to 1 at such nodes. On CUDA `d_density` and `d_color` may be
-    int64, of fixed-point numbers: their sums are the same in any order.
+    `d_seen` are gradients by the results of :func:`render` for the same rays, `seen` and `samples`.
+    `d_density` and `d_color` have the shapes of the grid; `touched` (N + 1, N + 1, N + 1) is set to
+    1 at nodes with gradients. On CUDA `d_density` and `d_color` may be int64, for fixed-point
+    numbers, whose sums do not depend on the order.
     """
     count = rays.origins.shape[0]
     given = [*_given(rays, space, march, grid, stop), struct_of(Seen, seen)]
@@ -95,7 +96,7 @@ def render_backward(
         launch(kernel, cuda.THREADS * count, [*inputs, samples], outputs, cuda.BLOCK)
         return
     kernels = cpu.kernels(grid.color.shape[3])
-    # Kernels of the CPU are done when their launch is: the host can read what they wrote.
+    # A CPU kernel is done when its launch returns, so the host can read its results.
     ends = scratch("voxel.ends", (count,), wp.int64, d_density.device)
     np.cumsum(samples.numpy(), out=ends.numpy())
     room = -(-max(1, int(ends.numpy()[-1])) // SAMPLES) * SAMPLES

@@ -9,10 +9,17 @@ import numpy as np
 
 from cvkern._checks import check_choice, check_integer, check_positive
 from cvkern._runtime import runtime
-from cvkern.geometry._adjustment import Adjusted, Poses, Residuals, adjust, crossed, projected
 from cvkern.geometry._points import check_points, on_host, xy
-from cvkern.geometry._zhang import first_camera, plane_map, plane_pose
-from cvkern.geometry.camera import (
+from cvkern.geometry.cameras._adjustment import (
+    Adjusted,
+    Poses,
+    Residuals,
+    adjust,
+    crossed,
+    projected,
+)
+from cvkern.geometry.cameras._zhang import first_camera, plane_map, plane_pose
+from cvkern.geometry.cameras.lens import (
     MOST_SIDE,
     Camera,
     check_lens,

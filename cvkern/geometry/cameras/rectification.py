@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import check_choice, check_image, check_number
-from cvkern.geometry.camera import (
+from cvkern.geometry.cameras.lens import (
     Camera,
     check_lens,
     rays_of,
@@ -15,8 +15,8 @@ from cvkern.geometry.camera import (
     turned,
     undistort_points,
 )
-from cvkern.geometry.stereo_calibration import StereoCalibration
-from cvkern.geometry.undistortion import sampled, undistort, undistortion_numbers
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
+from cvkern.geometry.cameras.undistortion import sampled, undistort, undistortion_numbers
 
 KEPT = ("scale", "valid", "all")
 STEEPEST = 0.5  # share of the baseline that may run down the rows

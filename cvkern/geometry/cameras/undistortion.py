@@ -11,8 +11,8 @@ from cvkern._arrays import library
 from cvkern._checks import check_image, check_integer, check_number
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
-from cvkern.geometry.calibration import numbers_of
-from cvkern.geometry.camera import MOST_SIDE, Camera, check_lens, check_pose, turning_radius
+from cvkern.geometry.cameras.calibration import numbers_of
+from cvkern.geometry.cameras.lens import MOST_SIDE, Camera, check_lens, check_pose, turning_radius
 
 
 def undistort(
@@ -112,5 +112,5 @@ def sampled(image: Any, numbers: np.ndarray, shape: tuple[int, ...], cval: float
     result = rt.empty((*shape, *sides[2:]), dtype)
     src = rt.adopt(image, dtype, (*sides[:2], channels))
     dst = rt.adopt(result, dtype, (*shape, channels))
-    rt.geometry.undistortion.sample(src, rt.constant(numbers), cval, dst)
+    rt.geometry.cameras.undistortion.sample(src, rt.constant(numbers), cval, dst)
     return rt.release(result)

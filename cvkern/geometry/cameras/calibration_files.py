@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from cvkern._files import write_text
-from cvkern.geometry.calibration import Calibration
-from cvkern.geometry.camera import Camera, check_pose
-from cvkern.geometry.stereo_calibration import StereoCalibration
+from cvkern.geometry.cameras.calibration import Calibration
+from cvkern.geometry.cameras.lens import Camera, check_pose
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
 
 LARGEST_FILE = 2**24  # bytes: calibrations have some thousands
 _MATRIX = re.compile(

@@ -12,7 +12,7 @@ from cvkern._arrays import library
 from cvkern._checks import check_image, check_integer
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.filters.linear import gaussian_taps
-from cvkern.geometry._chessboard_grid import Saddles, area, describe, found_board, grids
+from cvkern.geometry.cameras._chessboard_grid import Saddles, area, describe, found_board, grids
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.codes.geometry import EDGE_ENTRIES, EDGE_REACH
 
@@ -133,10 +133,10 @@ def _saddles(rt: Runtime, src: Any, step: int) -> tuple[Saddles, np.ndarray]:
     )
     flat = [a.reshape((height, width)) for a in (small, smooth, response)]
     mask = rt.scratch("chessboards.mask", (height, width), np.uint8)
-    rt.geometry.chessboards.shrink(src, flat[0])
+    rt.geometry.cameras.chessboards.shrink(src, flat[0])
     taps = rt.constant(gaussian_taps(SIGMA))
     rt.filters.linear.correlate_separable(small, taps, taps, 1, Border.REFLECT, 0.0, smooth)
-    rt.geometry.chessboards.saddles(flat[1], flat[2])
+    rt.geometry.cameras.chessboards.saddles(flat[1], flat[2])
     strengths = rt.to_numpy(flat[2])
     threshold = FAINTEST * float(strengths.max())
     rt.features.corners.mark_maxima(flat[2], DISTANCE, threshold, 1, mask)
@@ -166,7 +166,7 @@ def _refined(rt: Runtime, src: Any, step: int, board: np.ndarray) -> np.ndarray:
     starts = np.column_stack((starts, np.full(len(starts), BLUR * step)))
     places = rt.scratch("chessboards.places", (len(starts), 5), np.float64)
     given = rt.send("chessboards.starts", starts.astype(np.float32))
-    rt.geometry.chessboards.refine(src, rt.constant(edge_table()), given, places)
+    rt.geometry.cameras.chessboards.refine(src, rt.constant(edge_table()), given, places)
     fitted = rt.to_numpy(places)[:, :2]
     reach = np.minimum(*(np.hypot(starts[:, 2 * n], starts[:, 2 * n + 1]) for n in (1, 2)))
     with np.errstate(invalid="ignore"):

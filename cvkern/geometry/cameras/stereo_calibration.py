@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import check_flag
-from cvkern.geometry._adjustment import Poses, Residuals, adjust, crossed, projected
-from cvkern.geometry.calibration import (
+from cvkern.geometry.cameras._adjustment import Poses, Residuals, adjust, crossed, projected
+from cvkern.geometry.cameras.calibration import (
     adjusted_camera,
     begun,
     camera_of,
@@ -19,7 +19,7 @@ from cvkern.geometry.calibration import (
     free_of,
     rms_of,
 )
-from cvkern.geometry.camera import Camera, check_lens, turned
+from cvkern.geometry.cameras.lens import Camera, check_lens, turned
 
 
 class StereoCalibration(NamedTuple):

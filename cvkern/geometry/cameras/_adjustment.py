@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cvkern.geometry.camera import turned
+from cvkern.geometry.cameras.lens import turned
 
 MOST_STEPS = 100
 ENOUGH = 1e-12  # share of the cost by which the last step may lower it

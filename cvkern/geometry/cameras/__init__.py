@@ -1,0 +1,1 @@
+"""Cameras: the lens, chessboards, calibration and its files, images without lenses, pairs."""
