@@ -2,6 +2,7 @@
 
 from cvkern.color.adaptation import adapt_colors, adaptation_matrix
 from cvkern.color.constancy import estimate_illuminant, white_balance
+from cvkern.color.contrast import equalize_adapthist, equalize_hist
 from cvkern.color.differences import deltaE_ciede2000
 from cvkern.color.metamers import metamer, metameric_difference
 from cvkern.color.spaces import convert_color
@@ -12,6 +13,7 @@ from cvkern.color.spectra import (
     standard_light,
     standard_observer,
 )
+from cvkern.color.surroundings import retinex
 
 __all__ = [
     "Spectrum",
@@ -20,9 +22,12 @@ __all__ = [
     "color_chart",
     "convert_color",
     "deltaE_ciede2000",
+    "equalize_adapthist",
+    "equalize_hist",
     "estimate_illuminant",
     "metamer",
     "metameric_difference",
+    "retinex",
     "spectrum_to_xyz",
     "standard_light",
     "standard_observer",
