@@ -60,9 +60,10 @@ def as_array(values: Any, name: str) -> Any:
 def as_numbers(values: Any, name: str, dtype: Any = np.float64) -> np.ndarray:
     """Convert `values` to a host array of `dtype`, or refuse them."""
     try:
-        if np.isrealobj(values := np.asarray(values)):
+        array = np.asarray(values)
+        if np.isrealobj(array):
             with np.errstate(over="ignore"):
-                return values.astype(dtype)
+                return array.astype(dtype)
     except Exception:  # another library may raise anything when asked for its values
         pass
     raise TypeError(f"{name} must be real numbers, got {_brief(values)}")

@@ -95,7 +95,7 @@ def test_names_exist():
             assert found is not None, f"{file.name}: cvkern{path}"
 
 
-EXAMPLES = sorted((DOCS / "examples").glob("plot_*.py"))
+EXAMPLES = sorted((DOCS / "examples").glob("*/plot_*.py"))
 
 
 def test_there_are_examples():

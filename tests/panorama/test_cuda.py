@@ -41,8 +41,10 @@ def test_bits_are_those_of_the_cpu(gpu, backend, dtype):
     (expected,) = cvkern.stitch(sheet, data_range=255)
     with cvkern.use(backend=backend, device="cuda"):
         (found,) = cvkern.stitch(sheet, data_range=255)
-    np.testing.assert_array_equal(found.image, expected.image)
     np.testing.assert_array_equal(found.mask, expected.mask)
     # Taichi's float64 is not IEEE's on CUDA: robust fitting agrees to rounding there.
     rounding = 1e-7 if backend == "taichi" else 0
     np.testing.assert_allclose(found.matrices, expected.matrices, rtol=rounding, atol=rounding)
+    # Places that are off by 1e-5 pixels, where neighbours differ by 100 at most.
+    most = 1e-3 if rounding and dtype == np.float32 else 0
+    np.testing.assert_allclose(found.image, expected.image, rtol=0, atol=most)

@@ -41,7 +41,7 @@ def test_images_of_shapes(name, function):
             "rotations must be 1-D and not empty, got shape (1, 1)",
         ),
         ({"rotations": [0, np.nan]}, ValueError, "rotations must be in [-100, 100], got nan"),
-        ({"rotations": "all"}, TypeError, "rotations must be numbers, got 'all'"),
+        ({"rotations": "all"}, TypeError, "rotations must be real numbers, got 'all'"),
         ({"scales": [1, 0.01]}, ValueError, "scales must be in [0.0625, 16], got 0.01"),
         ({"scales": [np.inf]}, ValueError, "scales must be in [0.0625, 16], got inf"),
         ({"scales": 1.5}, ValueError, "scales must be 1-D and not empty, got shape ()"),
