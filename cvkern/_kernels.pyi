@@ -8,6 +8,7 @@ class Folder:
         from cvkern.kernels.warp.color import differences as differences
         from cvkern.kernels.warp.color import spaces as spaces
         from cvkern.kernels.warp.color import spectra as spectra
+        from cvkern.kernels.warp.color import surroundings as surroundings
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import quantiles as quantiles
