@@ -22,7 +22,8 @@ from cvkern.color import (
 
 # Functions that run on the host, or on kernels that the calls below compile.
 NO_KERNELS = (
-    "adaptation_matrix", "color_chart", "metamer", "standard_light", "standard_observer",
+    "adaptation_matrix", "color_chart", "illusion", "lateral_inhibition", "metamer",
+    "standard_light", "standard_observer",
 )  # fmt: skip
 
 
