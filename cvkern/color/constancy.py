@@ -189,7 +189,8 @@ def _edges(order: int, p: float) -> Callable[[np.ndarray, np.ndarray], np.ndarra
         from scipy import ndimage
 
         def derived(channel: np.ndarray, *orders: int) -> np.ndarray:
-            return ndimage.gaussian_filter(channel, 1.0, orders)  # pyright: ignore
+            each: Any = orders  # an order for each axis
+            return ndimage.gaussian_filter(channel, 1.0, order=each)
 
         lengths = []
         for channel in np.moveaxis(values, 2, 0):

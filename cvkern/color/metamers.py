@@ -129,8 +129,9 @@ def metameric_difference(
     4.94
     """
     grid, seen = matching_weights(wavelengths, light, observer)
-    one, two = (_reflectance(p, n, len(grid)) for p, n in ((first, "first"), (second, "second")))
-    return _difference(one @ seen, two @ seen, seen.sum(axis=0))
+    one = _reflectance(first, "first", len(grid)) @ seen
+    other = _reflectance(second, "second", len(grid)) @ seen
+    return _difference(one, other, seen.sum(axis=0))
 
 
 def _reflectance(values: Any, name: str, count: int) -> np.ndarray:

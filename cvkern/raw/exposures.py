@@ -143,7 +143,6 @@ def merge_exposures(
     images, frames = _stack(images)
     times = _times(seconds, len(frames))
     dtype = library(images).dtype(images)
-    curves = None
     linear = dtype != np.uint8 or (isinstance(response, str) and response == "linear")
     if response is None and not linear:
         curves = estimate_response(images, seconds) if len(np.unique(times)) > 1 else None
@@ -170,7 +169,7 @@ def merge_exposures(
         most = 255.0 if dtype == np.uint8 else _most(rt, images, carried)
         tables = np.zeros((1, channels, 2), np.float32)
     else:
-        most, tables = 0.0, _tables(np.asarray(curves))
+        most, tables = 0.0, _tables(curves)  # pyright: ignore[reportPossiblyUnboundVariable, reportArgumentType]
     rt.raw.exposures.merge(
         values, rt.constant(np.ascontiguousarray(tables)),
         rt.constant(np.stack([times, np.log2(times)], 1).astype(np.float32)),

@@ -1,5 +1,7 @@
 """``cvkern calibrate`` on rendered boards, and ``cvkern stereo`` with what it wrote."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -39,7 +41,7 @@ def test_one_camera(command, folder):
     assert "b.png: no whole board of 5x4 corners" in said
     assert "a0.png: 0.0" in said
     assert "4 of 5 photographs, 0.0" in said
-    found = cvkern.read_calibration(output)
+    found: Any = cvkern.read_calibration(output)
     np.testing.assert_allclose(found.matrix[[0, 1], [0, 1]], 260, rtol=0.01)
     file = cv2.FileStorage(str(output), cv2.FILE_STORAGE_READ)
     np.testing.assert_array_equal(file.getNode("camera_matrix").mat(), found.matrix)

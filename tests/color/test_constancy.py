@@ -1,6 +1,7 @@
 """The colour of the light: scenes of known light, exclusions, and real ones."""
 
 import json
+from typing import Any
 
 import cv2
 import numpy as np
@@ -77,7 +78,8 @@ def test_photographs_of_known_light():
     lights = json.loads((folder / "illuminants_rgb.json").read_text())
     errors = {method: [] for method in ("consensus", "grey_world", "white_patch", "grey_edge")}
     for name, light in sorted(lights.items()):
-        image = np.asarray(cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED))[..., ::-1]
+        stored: Any = cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)
+        image = stored[..., ::-1]
         for method, found in errors.items():
             found.append(angle(cvkern.estimate_illuminant(image, method), light))
     ours = np.array(errors["consensus"])

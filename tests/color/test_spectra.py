@@ -1,5 +1,7 @@
 """Observers, lights, paints and metamers."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,8 @@ def test_d65_from_tables_of_others(backend):
         np.genfromtxt(folder / f"{name}.csv", delimiter=",", names=True)
         for name in ("illuminants", "cie1931_2deg_cmfs")
     )
-    matching = np.stack([table[name] for name in list(table.dtype.names or ())[1:]], 1)
+    names: Any = table.dtype.names
+    matching = np.stack([table[name] for name in names[1:]], 1)
     want = lights["D65"] @ matching / (lights["D65"] @ matching[:, 1])
     np.testing.assert_allclose(cvkern.spectrum_to_xyz(np.ones(81)), want, atol=1e-6)
 

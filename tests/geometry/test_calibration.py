@@ -1,5 +1,7 @@
 """Calibration: rendered boards, OpenCV on the same points, SciPy's least squares."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -61,8 +63,9 @@ def test_the_camera_is_that_of_opencv(fixed, flags):
     found = cvkern.calibrate_camera(BOARD, left, SHAPE, fixed=fixed)
     board = [BOARD.astype(np.float32)] * len(left)
     stop = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 300, 1e-15
+    nothing: Any = None
     rms, matrix, lens, turns, shifts, spread, *_ = cv2.calibrateCameraExtended(
-        board, for_cv2(left), SHAPE[::-1], None, None, flags=flags, criteria=stop
+        board, for_cv2(left), SHAPE[::-1], nothing, nothing, flags=flags, criteria=stop
     )
     # OpenCV takes points in float32, 3e-5 pixels of them.
     np.testing.assert_allclose(found.rms, rms, rtol=1e-6)
@@ -112,7 +115,7 @@ def test_pairs_give_both_cameras():
 def test_pairs_are_as_good_as_those_of_scipy(fixed):
     """SciPy lowers the same squares, with slopes that it takes by differences."""
     left, right, *_ = views(count=4, noise=0.2)
-    cameras = {"left": LEFT, "right": RIGHT} if fixed else {}
+    cameras: dict[str, Any] = {"left": LEFT, "right": RIGHT} if fixed else {}
     found = cvkern.calibrate_stereo(BOARD, left, right, SHAPE, fix_cameras=fixed, **cameras)
 
     def residuals(free):

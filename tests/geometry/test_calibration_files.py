@@ -1,6 +1,7 @@
 """Calibrations in files: what is written is read, also by OpenCV; broken files are refused."""
 
 import json
+from typing import Any
 
 import cv2
 import numpy as np
@@ -75,7 +76,7 @@ def test_what_opencv_writes_is_read(tmp_path):
         f"{path}: no calibration: it does not say the size of the images, and shape is not given",
         cvkern.read_calibration, path,
     )  # fmt: skip
-    found = cvkern.read_calibration(path, SHAPE)
+    found: Any = cvkern.read_calibration(path, SHAPE)
     same_camera(found.camera, mine.camera)
     assert np.isnan(found.rms)
     assert np.isnan(found.deviations).all()

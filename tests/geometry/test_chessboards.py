@@ -90,7 +90,7 @@ def test_which_end_is_the_first_of_a_board_of_two_colours():
     ):
         found = cvkern.detect_chessboard(as_bytes(np.rot90(picture, turns)), SHAPE)
         np.testing.assert_allclose(found, moved, rtol=0, atol=0.1)
-    swapped = cvkern.detect_chessboard(as_bytes(picture), SHAPE[::-1])
+    swapped = cvkern.detect_chessboard(as_bytes(picture), (SHAPE[1], SHAPE[0]))
     assert {tuple(p.round()) for p in swapped} == {tuple(p.round()) for p in truth}
     way = swapped[SHAPE[0] - 1] - swapped[0]
     assert abs(way[0]) > 10 * abs(way[1])  # its rows are the columns of the other

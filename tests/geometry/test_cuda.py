@@ -41,8 +41,8 @@ def test_chessboards_are_those_of_the_cpu(backend, tilt):
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_raw_frames_give_depths_in_one_graph(library, backend):
     with cvkern.StereoMatcher.from_calibration(calibration(), (0, 24)) as matcher:
-        for _ in range(2):
-            found = matcher(*(give(library, image) for image in frames()))
+        matcher(*(give(library, image) for image in frames()))
+        found = matcher(*(give(library, image) for image in frames()))
     with cvkern.use(backend="warp", device="cpu"):
         want = cvkern.StereoMatcher.from_calibration(calibration(), (0, 24))(*frames())
     assert_equal_bits(tuple(take(a) for a in found), want)

@@ -1,6 +1,7 @@
 """Essential matrices: rendered truth, planes, photographs, degenerate and bad input."""
 
 import json
+from typing import Any
 
 import cv2
 import numpy as np
@@ -53,11 +54,11 @@ def test_two_cameras():
     a, b, _ = scene(0, 200, 0.2, 0.1)
     second = np.array([[0.5, 0.02, 11], [0, 0.5, -7], [0, 0, 1]])
     moved = (np.c_[b[:, ::-1], np.ones(200)] @ second.T)[:, 1::-1]
-    fit = cvkern.find_essential(a, moved, CAMERA, second @ CAMERA)
+    fit: Any = cvkern.find_essential(a, moved, CAMERA, second @ CAMERA)
     one = cvkern.recover_pose(fit.matrix, a, moved, CAMERA, second @ CAMERA)
     assert np.abs(one.rotation - ROTATION).max() < 0.005
     # A camera matrix has no scale.
-    other = cvkern.find_essential(a, moved, 2 * CAMERA, 3 * second @ CAMERA)
+    other: Any = cvkern.find_essential(a, moved, 2 * CAMERA, 3 * second @ CAMERA)
     np.testing.assert_allclose(other.matrix, fit.matrix, atol=1e-9)
 
 
@@ -100,9 +101,9 @@ def test_outliers_alone_have_no_geometry():
 @pytest.mark.parametrize("name", KERNEL_SETS)
 def test_on_a_gpu(gpu, name):
     a, b, _ = scene(0, 1000, 0.5)
-    right = cvkern.find_essential(a, b, CAMERA, CAMERA)
+    right: Any = cvkern.find_essential(a, b, CAMERA, CAMERA)
     with cvkern.use(backend=name, device="cuda"):
-        fit = cvkern.find_essential(a, b, CAMERA, CAMERA)
+        fit: Any = cvkern.find_essential(a, b, CAMERA, CAMERA)
     if name == "warp":
         np.testing.assert_array_equal(fit.matrix, right.matrix)
     np.testing.assert_allclose(fit.matrix, right.matrix, atol=1e-6)
@@ -115,8 +116,10 @@ def test_photographs():
     cameras = json.loads((folder / "cameras.json").read_text())
     names = sorted(cameras)[:5]
     found = []
-    sift = cv2.SIFT_create()
-    seen = [sift.detectAndCompute(cv2.imread(str(folder / name), 0), None) for name in names]
+    sift = cv2.SIFT.create()
+    photos: list[Any] = [cv2.imread(str(folder / name), 0) for name in names]
+    nothing: Any = None
+    seen = [sift.detectAndCompute(photo, nothing) for photo in photos]
     for i in range(4):
         matches = cv2.BFMatcher().knnMatch(seen[i][1], seen[i + 1][1], k=2)
         good = [one for one, other in matches if one.distance < 0.8 * other.distance]

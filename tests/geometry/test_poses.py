@@ -1,5 +1,7 @@
 """Poses of a camera before points and before a plane: rendered truth, OpenCV, bad input."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -34,7 +36,7 @@ def view(seed, count=200, outliers=0.3, noise=0.5, far=0.0):
 def test_finds_the_truth(count, outliers, noise, far, turn, place):
     for seed in range(3):
         points, seen, wild, rotation, translation = view(seed, count, outliers, noise, far)
-        pose = cvkern.find_pose(points, seen, CAMERA)
+        pose: Any = cvkern.find_pose(points, seen, CAMERA)
         np.testing.assert_allclose(pose.rotation @ pose.rotation.T, np.eye(3), atol=1e-12)
         assert np.abs(pose.rotation - rotation).max() < turn
         centre, right = -pose.rotation.T @ pose.translation, -rotation.T @ translation
@@ -51,14 +53,14 @@ def test_as_good_as_opencv():
     for seed in range(10):
         points, seen, _, rotation, translation = view(seed, 100, 0.4)
         right = -rotation.T @ translation
-        pose = cvkern.find_pose(points, seen, CAMERA)
+        pose: Any = cvkern.find_pose(points, seen, CAMERA)
         ours.append(np.linalg.norm(-pose.rotation.T @ pose.translation - right))
         found, turn, shift, inside = cv2.solvePnPRansac(
             points, seen[:, ::-1].copy(), CAMERA, None, flags=cv2.SOLVEPNP_P3P,
             reprojectionError=3.0, iterationsCount=1000,
         )  # fmt: skip
         assert found
-        rows = inside[:, 0]
+        rows: Any = inside[:, 0]
         turn, shift = cv2.solvePnPRefineLM(
             points[rows], seen[rows, ::-1].copy(), CAMERA, None, turn, shift
         )
@@ -104,9 +106,9 @@ def test_no_pose():
 @pytest.mark.parametrize("name", KERNEL_SETS)
 def test_on_a_gpu(gpu, name):
     points, seen, *_ = view(0, 1000, 0.5)
-    right = cvkern.find_pose(points, seen, CAMERA)
+    right: Any = cvkern.find_pose(points, seen, CAMERA)
     with cvkern.use(backend=name, device="cuda"):
-        pose = cvkern.find_pose(points, seen, CAMERA)
+        pose: Any = cvkern.find_pose(points, seen, CAMERA)
     if name == "warp":
         np.testing.assert_array_equal(pose.rotation, right.rotation)
     np.testing.assert_allclose(pose.translation, right.translation, atol=1e-6)

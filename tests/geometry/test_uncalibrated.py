@@ -1,5 +1,7 @@
 """Rectification without known cameras: rendered truth, photographs, pairs that cannot be."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -81,10 +83,10 @@ def test_of_matches_and_of_two_sizes():
 
 def test_photographs():
     """OpenCV's, with MAGSAC's matrix, has .41 px on the same matches."""
-    photos = [
+    photos: list[Any] = [
         cv2.imread(str(truth("two_view") / "kusvod2" / f"Leuven1{side}.jpg"), 0) for side in "AB"
     ]
-    seen = [cv2.SIFT_create().detectAndCompute(photo, None) for photo in photos]
+    seen = [cv2.SIFT.create().detectAndCompute(photo, None) for photo in photos]
     matches = cv2.BFMatcher().knnMatch(seen[0][1], seen[1][1], k=2)
     good = [one for one, other in matches if one.distance < 0.8 * other.distance]
     a = np.array([seen[0][0][m.queryIdx].pt[::-1] for m in good])

@@ -138,8 +138,9 @@ def residual(raw, pattern):
             )
             return (a * x + b) / w
 
-        rest = p - line(q, lines[0], lines[1])
-        found = line(p, lines[1], lines[0]) + along(rest, [0.5, 0, 0.5], axis)
+        one, other = lines
+        rest = p - line(q, one, other)
+        found = line(p, other, one) + along(rest, [0.5, 0, 0.5], axis)
         d = np.where(is_green, p - found, found - p)
         square = np.ones((5, 5))
         texture = smooth(along(raw, [-0.25, 0, 0.5, 0, -0.25], axis) ** 2, square)
@@ -159,8 +160,8 @@ def residual(raw, pattern):
             seven = np.ones((7, 7))
             return smooth(m * own, seven) / count
 
-        u, v = (own * (m - smooth(m * own, np.ones((5, 5))) / 9) for m in (raw, green))
-        w, a, b = _windowed(raw, green, u, v, window, 0.3)
+        centred = [own * (m - smooth(m * own, np.ones((5, 5))) / 9) for m in (raw, green)]
+        w, a, b = _windowed(raw, green, centred[0], centred[1], window, 0.3)
         tentative = (smooth(a, np.ones((7, 7))) * green + smooth(b, np.ones((7, 7)))) / smooth(
             w, np.ones((7, 7))
         )

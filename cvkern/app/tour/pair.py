@@ -45,6 +45,7 @@ def _lines(clock: Clock) -> Figure:
     pairs = cvkern.match_descriptors(one.descriptors, other.descriptors, 0.8)
     a, b = one.points[pairs[:, 0]], other.points[pairs[:, 1]]
     fit = clock(cvkern.find_fundamental, a, b)
+    assert fit.matrix is not None
     good = np.flatnonzero(fit.inliers)
     shown = good[:: max(1, len(good) // TWELVE)][:TWELVE]
     turns = 2 * np.pi * np.arange(len(shown)) / max(len(shown), 1)

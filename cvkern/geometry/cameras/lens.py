@@ -62,7 +62,7 @@ class Camera:
     array([-0.2,  0. ,  0. ,  0. ,  0. ])
     """
 
-    matrix: np.ndarray
+    matrix: Any
     """Camera matrix, (3, 3) float64: it acts on (x, y, 1), x the column, y the row."""
     distortion: Any = ()
     """k1, k2, p1, p2, k3 of OpenCV's lens, (5,) float64."""
