@@ -4,9 +4,11 @@ class Folder:
     class clouds:
         from cvkern.kernels.warp.clouds import turntables as turntables
     class color:
+        from cvkern.kernels.warp.color import contrast as contrast
         from cvkern.kernels.warp.color import differences as differences
         from cvkern.kernels.warp.color import spaces as spaces
         from cvkern.kernels.warp.color import spectra as spectra
+        from cvkern.kernels.warp.color import surroundings as surroundings
     class edges:
         from cvkern.kernels.warp.edges import masks as masks
         from cvkern.kernels.warp.edges import quantiles as quantiles

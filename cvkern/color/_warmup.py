@@ -11,15 +11,19 @@ from cvkern.color import (
     adapt_colors,
     convert_color,
     deltaE_ciede2000,
+    equalize_adapthist,
+    equalize_hist,
     estimate_illuminant,
     metameric_difference,
+    retinex,
     spectrum_to_xyz,
     white_balance,
 )
 
 # Functions that run on the host, or on kernels that the calls below compile.
 NO_KERNELS = (
-    "adaptation_matrix", "color_chart", "metamer", "standard_light", "standard_observer",
+    "adaptation_matrix", "color_chart", "illusion", "lateral_inhibition", "metamer",
+    "standard_light", "standard_observer",
 )  # fmt: skip
 
 
@@ -35,3 +39,6 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "spectrum_to_xyz", partial(spectrum_to_xyz, np.ones((2, 81)))
     grey = np.full(81, 0.5)
     yield "metameric_difference", partial(metameric_difference, grey, grey)
+    yield "equalize_hist", partial(equalize_hist, image)
+    yield "equalize_adapthist", partial(equalize_adapthist, image)
+    yield "retinex", partial(retinex, image, 2.0)

@@ -16,3 +16,5 @@ class Form(IntEnum):
 SRGB_LOW, SRGB_SLOPE, SRGB_SHIFT, SRGB_SCALE, SRGB_POWER = 0.0031308, 12.92, 0.055, 1.055, 2.4
 LAB_LOW, LAB_SLOPE, LAB_SHIFT = 216 / 24389, 24389 / 27 / 116, 16 / 116
 BINS = 4096  # bins of linear values, each with at most one step of 8-bit sRGB
+LEVELS = 2**16  # brightness of 16 bits, which histograms equalise
+TONES = 2**14  # tones that tiles map brightness to

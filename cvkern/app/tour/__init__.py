@@ -22,6 +22,7 @@ from cvkern._files import replacing, write_text
 from cvkern._runtime import runtime
 from cvkern.app.tour import (
     circles,
+    colour,
     edges,
     features,
     lines,
@@ -45,7 +46,8 @@ FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
-    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, shading.chapter,
+    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, colour.chapter,
+    shading.chapter,
     radiance.chapter,
 )  # fmt: skip
 

@@ -25,7 +25,7 @@ def _merged(images: np.ndarray) -> np.ndarray:
     near = np.clip((np.minimum(codes, 255 - codes) - 3).clip(0) / 124 * 8, 0, 1) ** 2
     weight = near / np.gradient(CURVE[:, 0]) ** 2
     w = weight[images]
-    light = CURVE[:, 0][images] - np.log2(SECONDS)[:, None, None, None]
+    light = CURVE[:, 0][images] - np.log2(np.array(SECONDS))[:, None, None, None]
     total = w.sum(axis=0)
     darkest = CURVE[:, 0][images[2]] - np.log2(SECONDS[2])
     brightest = CURVE[:, 0][images[0]] - np.log2(SECONDS[0])

@@ -1,0 +1,260 @@
+"""Contrast: histograms made even, of a whole image or near each pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_image, check_integer, check_number, check_pair
+from cvkern._runtime import runtime
+from cvkern.kernels.codes.color import LEVELS, TONES
+
+MOST = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS - 1}
+
+
+def equalize_hist(image: Any, nbins: int = 256) -> Any:
+    """Map brightness so that each is about as frequent as any other.
+
+    Parameters
+    ----------
+    image : array of shape (H, W) or (H, W, C)
+        uint8, uint16 or floats. All channels are counted together.
+    nbins : int, default 256
+        Bins between the smallest and the largest value of floats, at least 2; of integers, each
+        value has its own.
+
+    Returns
+    -------
+    array of the same shape, float32
+        Share of the pixels that are at most as bright, 0 to 1, with straight lines between bins.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If it is of another dtype, not finite, or `nbins` is below 2.
+
+    See Also
+    --------
+    equalize_adapthist : The same near each pixel.
+
+    Notes
+    -----
+    Equal to :func:`skimage.exposure.equalize_hist`, rounded to float32. Floats are taken as
+    float32.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> cvkern.equalize_hist(np.array([[0, 1, 1, 255]], np.uint8))
+    array([[0.25, 0.75, 0.75, 1.  ]], dtype=float32)
+    """
+    image, most = checked(image)
+    nbins = check_integer(nbins, "nbins", 2, LEVELS)
+    rt = runtime(image)
+    shape = tuple(image.shape)
+    size = int(np.prod(shape))
+    values = rt.adopt(image, np.float32, (size,))
+    result = rt.empty(shape)
+    out = rt.adopt(result, np.float32, (size,))
+    if most:
+        counts = rt.zeros((LEVELS,), np.int32)
+        found = rt.scratch("levels", (size,), np.int32)
+        columns = rt.adopt(image, np.float32, (size, 1))
+        rt.color.contrast.levels(columns, 0.0, 1.0, found, counts)
+        table = (np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size).astype(np.float32)
+        rt.color.contrast.look_up(
+            columns, found, rt.send("table", table), rt.adopt(result, np.float32, (size, 1))
+        )
+        return rt.release(result)
+    host = rt.to_numpy(values)
+    edges = np.histogram_bin_edges(np.array([host.min(), host.max()], np.float32), nbins)
+    counts = rt.zeros((nbins,), np.int32)
+    rt.color.contrast.count(values, rt.send("edges", edges.astype(np.float64)), counts)
+    centres = ((edges[:-1] + edges[1:]) / 2).astype(np.float64)
+    heights = np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size
+    steps = np.diff(centres)
+    slopes = np.divide(np.diff(heights), steps, out=np.zeros_like(steps), where=steps > 0)
+    rt.color.contrast.curve(
+        values, rt.send("centres", centres), rt.send("heights", heights),
+        rt.send("slopes", slopes), out,
+    )  # fmt: skip
+    return rt.release(result)
+
+
+def equalize_adapthist(
+    image: Any,
+    kernel_size: int | Sequence[int] | None = None,
+    clip_limit: float = 0.01,
+    nbins: int = 256,
+) -> Any:
+    """Make the histogram around each pixel even, up to a limit of contrast (CLAHE).
+
+    Parameters
+    ----------
+    image : array of shape (H, W) or (H, W, 3)
+        uint8, uint16, or floats in 0 to 1. Of colours, the largest channel is mapped, and the
+        others are scaled with it.
+    kernel_size : int or (int, int), optional
+        Height and width of tiles in pixels; an eighth of the image's when omitted.
+    clip_limit : float, default 0.01
+        Largest share of a tile's pixels in one bin: what is above goes to the other bins. 0 sets no
+        limit.
+    nbins : int, default 256
+        Bins of a histogram, 2 to 16384.
+
+    Returns
+    -------
+    array of the same shape, float32
+        The largest value is 1 and the smallest 0: of colours, those of the largest channel.
+
+    Raises
+    ------
+    TypeError
+        If `image` does not hold real numbers.
+    ValueError
+        If it is of another dtype or shape, floats leave 0 to 1, or an option is out of range.
+
+    See Also
+    --------
+    equalize_hist : One histogram for the whole image.
+
+    Notes
+    -----
+    Equal to :func:`skimage.exposure.equalize_adapthist`, rounded to float32: brightness is rounded
+    to 16 bits and stretched to 2^14 tones; tiles begin at the first pixel, and the image is
+    reflected to fill the last. The result is equal in every bit on all devices.
+
+    References
+    ----------
+    .. [1] K. Zuiderveld, "Contrast limited adaptive histogram equalization", Graphics Gems IV,
+       1994.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> ramp = np.tile(np.linspace(0.4, 0.6, 64), (64, 1))
+    >>> even = cvkern.equalize_adapthist(ramp)
+    >>> float(even.min()), float(even.max())
+    (0.0, 1.0)
+    """
+    image, most = checked(image)
+    if len(image.shape) == 3 and image.shape[2] != 3:
+        raise ValueError(f"image must have shape (H, W) or (H, W, 3), got {tuple(image.shape)}")
+    nbins = check_integer(nbins, "nbins", 2, TONES)
+    clip_limit = check_number(clip_limit, "clip_limit", low=0)
+    rows, columns = image.shape[:2]
+    if kernel_size is None:
+        height, width = max(rows // 8, 1), max(columns // 8, 1)
+    else:
+        height, width = (
+            check_integer(k, "kernel_size", 1, LEVELS)
+            for k in check_pair(kernel_size, "kernel_size")
+        )
+    rt = runtime(image)
+    size, channels = rows * columns, int(np.prod(image.shape[2:]))
+    values = rt.adopt(image, np.float32, (size, channels))
+    if not most:
+        host = rt.to_numpy(values)
+        if host.min() < 0 or host.max() > 1:
+            raise ValueError(
+                f"image must be in 0 to 1 if it holds floats, got {host.min():g} to {host.max():g}"
+            )
+    contrast = rt.color.contrast
+    found = rt.zeros((rows, columns), np.int32)
+    counts = rt.zeros((LEVELS,), np.int32)
+    flat = rt.adopt(found, np.int32, (size,))
+    contrast.levels(values, 0.0, (LEVELS - 1) / (most or 1), flat, counts)
+    tones = np.rint(_stretched(rt.to_numpy(counts), TONES - 1)).astype(np.int64)
+    bins = rt.send("bins", (tones // (1 + TONES // nbins)).astype(np.int32))
+
+    tall, wide = -(-rows // height), -(-columns // width)
+    histograms = rt.zeros((tall, wide, nbins), np.int32)
+    contrast.tiles(
+        found, bins, rt.send("rows", _reflected(rows, tall * height)),
+        rt.send("columns", _reflected(columns, wide * width)), histograms,
+    )  # fmt: skip
+    maps = _maps(np.array(rt.to_numpy(histograms)), height * width, clip_limit)
+    shares = np.append(np.arange(height) / height, np.arange(width) / width)
+    counts = rt.zeros((TONES,), np.int32)
+    mixed = rt.zeros((rows, columns), np.int32)
+    contrast.blend(
+        found, bins, rt.send("maps", maps), rt.send("shares", shares), height, mixed, counts
+    )
+    table = _stretched(rt.to_numpy(counts), 1).astype(np.float32)
+    result = rt.empty(tuple(image.shape))
+    contrast.look_up(
+        values, rt.adopt(mixed, np.int32, (size,)), rt.send("table", table),
+        rt.adopt(result, np.float32, (size, channels)),
+    )  # fmt: skip
+    return rt.release(result)
+
+
+def checked(image: Any) -> tuple[Any, int]:
+    """Return the image, and the white of its integers, or 0 of floats, which are finite then."""
+    image = check_image(image, ndim=(2, 3))
+    dtype = np.dtype(library(image).dtype(image))
+    if dtype in MOST:
+        return image, MOST[dtype]
+    if dtype.kind != "f":
+        raise ValueError(f"image must be of uint8, uint16 or floats, got {dtype}")
+    rt = runtime(image)
+    if not np.isfinite(rt.to_numpy(rt.adopt(image))).all():
+        raise ValueError("image must be finite")
+    return image, 0
+
+
+def _stretched(counts: np.ndarray, top: float) -> np.ndarray:
+    """Return what each level becomes if the least one that occurs is 0 and the largest is `top`."""
+    seen = np.flatnonzero(counts)
+    least, most = int(seen[0]), int(seen[-1])
+    levels = np.arange(len(counts))
+    if least == most:
+        return levels.clip(0, top)
+    return (levels.clip(least, most) - least) / (most - least) * top
+
+
+def _reflected(size: int, wanted: int) -> np.ndarray:
+    return np.pad(np.arange(size, dtype=np.int32), (0, wanted - size), mode="reflect")
+
+
+def _maps(counts: np.ndarray, pixels: int, clip_limit: float) -> np.ndarray:
+    """Return the tone of each bin of each tile, int32 (R, C, B)."""
+    limit = max(int(clip_limit * pixels), 1) if clip_limit > 0 else pixels
+    for histogram in counts.reshape(-1, counts.shape[2]):
+        _limit(histogram, limit)
+    sums = np.cumsum(counts, axis=2) * ((TONES - 1) / pixels)
+    return sums.clip(None, TONES - 1).astype(np.int32)
+
+
+def _limit(histogram: np.ndarray, limit: int) -> None:
+    """Cut a histogram off, and spread what was above the limit over the bins below it.
+
+    All bins get an equal share first, and those that it brings near the limit are filled. The rest
+    goes to bins a stride apart, one each, from the first on, then from the second.
+    """
+    left = int(np.maximum(histogram - limit, 0).sum())
+    np.minimum(histogram, limit, out=histogram)
+    share = left // histogram.size
+    below = histogram < limit - share
+    histogram[below] += share
+    left -= share * int(below.sum())
+    near = (histogram >= limit - share) & (histogram < limit)
+    left -= int((limit - histogram[near]).sum())
+    histogram[near] = limit
+    start = 0
+    while left > 0:
+        free = np.flatnonzero(histogram < limit)
+        if not free.size:
+            return
+        stride = max(1, free.size // left)
+        chosen = free[(free >= start) & ((free - start) % stride == 0)]
+        histogram[chosen] += 1
+        left -= chosen.size
+        start = (start + 1) % histogram.size

@@ -1,0 +1,107 @@
+"""Contrast: scikit-image's equalisation, and retinex of SciPy's Gaussians."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from skimage import data, exposure
+
+import cvkern
+
+PHOTO = data.camera()[100:197, 150:261]
+COLOURS = data.astronaut()[60:140, 180:270]
+
+
+@pytest.mark.parametrize(
+    "image",
+    [PHOTO, PHOTO.astype(np.uint16) * 211, (PHOTO / 255).astype(np.float32) ** 2, COLOURS],
+    ids=["uint8", "uint16", "float", "colours"],
+)
+def test_equalize_hist_is_scikit_image(backend, image):
+    want = exposure.equalize_hist(image.reshape(len(image), -1)).astype(np.float32)
+    want = want.reshape(image.shape)
+    # For floats, scikit-image rounds the curve to float32 before it reads between its points.
+    rounding = 2e-7 if image.dtype == np.float32 else 0
+    np.testing.assert_allclose(cvkern.equalize_hist(image), want, rtol=0, atol=rounding)
+
+
+@pytest.mark.parametrize(
+    ("image", "options"),
+    [
+        (PHOTO, {}),
+        (PHOTO, {"clip_limit": 0.0, "kernel_size": (40, 23), "nbins": 64}),
+        (PHOTO.astype(np.uint16) * 211, {"clip_limit": 0.03, "kernel_size": 17}),
+        ((PHOTO / 255).astype(np.float32) ** 2, {"clip_limit": 0.5}),
+        (PHOTO[:9, :5], {"kernel_size": 20}),
+    ],
+)
+def test_adapthist_is_scikit_image(backend, image, options):
+    want = exposure.equalize_adapthist(image, **options)
+    got = cvkern.equalize_adapthist(image, **options)
+    np.testing.assert_allclose(got, want, rtol=0, atol=2e-7)
+
+
+def test_adapthist_of_colours(backend):
+    want = exposure.equalize_adapthist(COLOURS)
+    got = cvkern.equalize_adapthist(COLOURS)
+    np.testing.assert_allclose(got, want, rtol=0, atol=1e-6)
+
+
+def test_both_sets_have_the_same_bits():
+    answers = []
+    for kernels in ("warp", "taichi"):
+        with cvkern.use(kernels):
+            answers.append(
+                (cvkern.equalize_adapthist(COLOURS), cvkern.equalize_hist(COLOURS / 255.0))
+            )
+    for first, second in zip(*answers, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize("value", [0, 90])
+def test_one_brightness(backend, value):
+    flat = np.full((12, 10), value, np.uint8)
+    want = exposure.equalize_adapthist(flat)
+    np.testing.assert_array_equal(cvkern.equalize_adapthist(flat), want)
+    np.testing.assert_array_equal(cvkern.equalize_hist(flat), 1)
+    np.testing.assert_array_equal(
+        cvkern.equalize_hist(flat / 255), exposure.equalize_hist(flat / 255)
+    )
+    np.testing.assert_allclose(cvkern.retinex(flat, 3.0), 0, atol=1e-6)
+
+
+def test_retinex(backend):
+    image = COLOURS.astype(np.float64)
+    want = np.zeros(image.shape)
+    for sigma in (2.0, 9.0):
+        around = gaussian_filter(image, (sigma, sigma, 0))
+        want += np.log((image + 1) / (around + 1)) / 2
+    np.testing.assert_allclose(cvkern.retinex(COLOURS, (2.0, 9.0)), want, atol=2e-5)
+    np.testing.assert_allclose(cvkern.retinex(COLOURS / 255, (2.0, 9.0)), want, atol=2e-5)
+
+
+def test_retinex_takes_slow_light_out(backend):
+    paint = np.random.default_rng(0).uniform(0.3, 0.9, (60, 60))
+    lit = paint * np.linspace(0.2, 1.0, 60)
+    plain, found = (cvkern.retinex(i, 4.0, low=1e-6)[8:-8, 8:-8] for i in (paint, lit))
+    assert np.corrcoef(plain.ravel(), found.ravel())[0, 1] > 0.99
+
+
+@pytest.mark.parametrize(
+    ("message", "call"),
+    [
+        ("image must be of uint8, uint16 or floats, got int32",
+         lambda: cvkern.equalize_hist(np.ones((4, 4), np.int32))),
+        ("image must be finite", lambda: cvkern.equalize_hist(np.full((4, 4), np.nan))),
+        ("image must be in 0 to 1 if it holds floats, got 2 to 2",
+         lambda: cvkern.equalize_adapthist(np.full((4, 4), 2.0))),
+        ("image must have shape (H, W) or (H, W, 3), got (4, 4, 2)",
+         lambda: cvkern.equalize_adapthist(np.ones((4, 4, 2)))),
+        ("sigma must be one or more numbers above 0, got (1, 0)",
+         lambda: cvkern.retinex(np.ones((4, 4)), (1, 0))),
+        ("low must be above 0, got 0", lambda: cvkern.retinex(np.ones((4, 4)), low=0)),
+    ],
+)  # fmt: skip
+def test_errors(message, call):
+    with pytest.raises(ValueError) as info:  # noqa: PT011  (the whole message is compared)
+        call()
+    assert str(info.value) == message
