@@ -29,8 +29,9 @@ _NAMES = {
     "color": (
         "Illusion", "Spectrum", "adapt_colors", "adaptation_matrix", "color_chart",
         "convert_color", "deltaE_ciede2000", "equalize_adapthist", "equalize_hist",
-        "estimate_illuminant", "illusion", "lateral_inhibition", "metamer", "metameric_difference",
-        "retinex", "spectrum_to_xyz", "standard_light", "standard_observer", "white_balance",
+        "estimate_illuminant", "illusion", "lateral_inhibition", "metamer",
+        "metameric_difference", "retinex", "spectrum_to_xyz", "standard_light",
+        "standard_observer", "white_balance",
     ),
     "edges": ("SubpixelEdges", "canny", "subpixel_edges"),
     "features": (
