@@ -345,9 +345,18 @@ def triangulate_lines(
         turns = as_numbers(angles, "angles").ravel()
         if len(turns) != len(points):
             raise ValueError(f"angles must be of {len(points)} frames, got {len(turns)}")
-        center = as_numbers(pivot, "pivot").reshape(3)
-        along = as_numbers(spindle, "spindle").reshape(3)
+        center, along = _three(pivot, "pivot"), _three(spindle, "spindle")
+        if not along.any():
+            raise ValueError("spindle must be a direction, got zeros")
         along = along / np.linalg.norm(along)
         back = np.stack([turned(-angle * along) for angle in turns])
         points = np.einsum("nij,nlj->nli", back, points - center) + center
     return rt.give(points.reshape(*shape, 3).astype(np.float32))
+
+
+def _three(values: Any, name: str) -> np.ndarray:
+    """Return three finite numbers, or refuse them."""
+    numbers = as_numbers(values, name)
+    if numbers.shape != (3,) or not np.isfinite(numbers).all():
+        raise ValueError(f"{name} must be 3 finite numbers, got {values!r}")
+    return numbers

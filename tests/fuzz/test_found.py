@@ -197,3 +197,13 @@ def test_a_place_one_of_whose_frames_is_nan_is_not_valid(backend):
     assert not found.valid[3, 4]
     assert np.isnan(found.columns[3, 4])
     assert found.valid.sum() == found.valid.size - 1
+
+
+def test_options_of_another_length_are_named():
+    camera = cvkern.Camera([[4, 0, 1], [0, 4, 1], [0, 0, 1]], shape=(3, 3))
+    with pytest.raises(TypeError, match="shape must be rows and columns, got 1"):
+        cvkern.undistort(np.zeros((3, 3)), camera, shape=1)  # pyright: ignore[reportArgumentType]
+    given = np.ones((1, 3)), camera, (0, 0.6, 0.8, -1.0)
+    for spindle in ((1, 2), (0, 0, 0), (0, np.nan, 1)):
+        with pytest.raises(ValueError, match="spindle must be "):
+            cvkern.triangulate_lines(*given, angles=(0,), pivot=(0, 0, 1), spindle=spindle)

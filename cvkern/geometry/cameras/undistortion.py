@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number
+from cvkern._checks import as_items, check_image, check_integer, check_number
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry.cameras.calibration import numbers_of
@@ -84,7 +84,7 @@ def undistort(
     if len(sides) == 3 and sides[2] > 4:
         raise ValueError(f"image must have at most 4 channels, got {sides[2]}")
     numbers = undistortion_numbers(camera, matrix, rotation)
-    made = sides[:2] if shape is None else tuple(shape)
+    made = sides[:2] if shape is None else as_items(shape, "shape", "rows and columns")
     if len(made) != 2:
         raise ValueError(f"shape must be rows and columns, got {len(made)} numbers")
     made = tuple(check_integer(n, "shape", 1, MOST_SIDE) for n in made)
