@@ -134,10 +134,9 @@ def aggregate_semi_global(
 
 def check_paths(paths: int) -> int:
     """Return the checked number of paths."""
-    paths = check_integer(paths, "paths", PATHS[0], PATHS[-1])
-    if paths not in PATHS:
-        raise ValueError(f"paths must be one of {PATHS}, got {paths}")
-    return paths
+    if not isinstance(paths, (int, np.integer)) or int(paths) not in PATHS:
+        raise ValueError(f"paths must be one of {PATHS}, got {paths!r}")
+    return int(paths)
 
 
 def check_penalties(p1: int, p2: int) -> tuple[int, int]:
