@@ -220,10 +220,10 @@ def white_of(image: Any, data_range: float | None) -> float:
 
 
 def as_host(rt: Runtime, array: Any) -> np.ndarray:
-    """Bring an array of any library to the host."""
+    """Bring an array of any library to the host, with its dtype."""
     if isinstance(array, (np.ndarray, list, tuple)):
         return np.asarray(array)
-    return np.asarray(rt.to_numpy(rt.adopt(array)))
+    return np.asarray(rt.to_numpy(rt.adopt(array, library(array).dtype(array))))
 
 
 def prepared(rt: Runtime, image: Any, white: float) -> Any:
