@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from cvkern._checks import (
 )
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.recognition import FINE, MOST_WORDS, OCTAVE, Occurrences
+from cvkern.recognition import files
 from cvkern.recognition._arguments import (
     Box,
     check_boxes,
@@ -27,14 +29,12 @@ from cvkern.recognition._arguments import (
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
 from cvkern.recognition.fitting import Fitted, fit
 from cvkern.recognition.hypotheses import explain, weigh
-from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, POINTS, Sampling, sample
-from cvkern.recognition.training import UNIT, Settings
+from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
+from cvkern.recognition.training import MOST_SIZE, UNIT, Settings
 from cvkern.recognition.votes import activate, find_modes
 
 OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
 LONGEST = 96  # pixels of the longer side of the model's box, at most unless asked
-MOST_SIZE = 512
-MOST_STEP = 64
 
 
 class Objects(NamedTuple):
@@ -115,8 +115,8 @@ class ShapeModel:
     >>> photo = np.zeros((80, 90))
     >>> photo[20:52, 40:72] = ring
     >>> found = model.detect(photo, scales=[1.0])
-    >>> found.centers.round().tolist()
-    [[36.0, 56.0]]
+    >>> found.boxes.round().tolist()
+    [[20.0, 40.0, 52.0, 72.0]]
     """
 
     def __init__(
@@ -285,6 +285,59 @@ class ShapeModel:
         floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
         chosen, left = explain(rt, patches, weights, space, settings.frame, modes, evidence, floor)
         return self._objects(rt, modes[chosen], (left + fitted.bias) / UNIT)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.npz``; a file that exists is replaced.
+
+        Raises
+        ------
+        FileNotFoundError, PermissionError
+            If the folder does not exist, or cannot be written to.
+        ValueError
+            If the model is not fitted, or `path` does not end in ``.npz``.
+        """
+        settings, fitted = self._ready()
+        files.write(path, settings, fitted)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> ShapeModel:
+        """Read a model that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            A file of arrays; nothing in it is executed.
+
+        Returns
+        -------
+        ShapeModel
+            It finds what the saved one does.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        ValueError
+            If it is not a shape model, has another version, or is incomplete or damaged.
+        """
+        settings, fitted = files.read(path)
+        model = ShapeModel(
+            settings.words,
+            patch=settings.sampling.side,
+            points=settings.sampling.points,
+            step=settings.sampling.step,
+            method=settings.method,
+            correlation=settings.correlation,
+            max_words=settings.most,
+            size=max(settings.height, settings.width),
+        )
+        model._settings, model._fitted = settings, fitted
+        return model
 
     def _ready(self) -> tuple[Settings, Fitted]:
         if self._settings is None or self._fitted is None:
