@@ -14,7 +14,7 @@ from cvkern._checks import (
     check_integer,
     check_number,
 )
-from cvkern._runtime import Runtime, runtime
+from cvkern._runtime import runtime
 from cvkern.kernels.codes.recognition import FINE, MOST_WORDS, OCTAVE, Occurrences
 from cvkern.recognition import files
 from cvkern.recognition._arguments import (
@@ -27,6 +27,7 @@ from cvkern.recognition._arguments import (
     grays_of,
 )
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
+from cvkern.recognition.figures import Found, paint
 from cvkern.recognition.fitting import Fitted, fit
 from cvkern.recognition.hypotheses import explain, weigh
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
@@ -48,6 +49,14 @@ class Objects(NamedTuple):
     """Row and column of the middle, (N, 2) float32."""
     scales: Any
     """Size, in sizes of the model, (N,) float32."""
+
+
+class Segmentation(NamedTuple):
+    """Objects that a model found, and their pixels."""
+
+    objects: Objects
+    masks: Any
+    """Pixels of each object, (N, H, W) bool."""
 
 
 class ShapeModel:
@@ -262,29 +271,76 @@ class ShapeModel:
         ValueError
             If the model is not fitted, `image` has a wrong shape, or an option is out of range.
         """
+        found = self._search(image, scales, threshold, data_range)
+        return self._objects(found)
+
+    def segment(
+        self,
+        image: Any,
+        *,
+        scales: Sequence[float] | None = None,
+        threshold: float | None = None,
+        data_range: float | None = None,
+    ) -> Segmentation:
+        """Find objects in a picture, and the pixels of each.
+
+        The votes of an object are followed back to their patches: each adds the mask that its word
+        had in training, with its weight. A pixel belongs to the object where more weight says so.
+
+        Parameters
+        ----------
+        image, scales, threshold, data_range
+            As in :meth:`detect`.
+
+        Returns
+        -------
+        Segmentation
+            Named tuple of `objects`, as :meth:`detect` returns them, and `masks` (N, H, W), bool.
+
+        Raises
+        ------
+        TypeError
+            If `image` does not hold real numbers.
+        ValueError
+            If the model is not fitted or was fitted without masks, or as in :meth:`detect`.
+        """
+        settings, fitted = self._ready()
+        if not fitted.figures.size:
+            raise ValueError("the model must be fitted with masks, got one without")
+        found = self._search(image, scales, threshold, data_range)
+        masks = found.rt.empty((len(found.modes), *found.shape), np.bool_)
+        if found.votes is not None and len(found.modes):
+            paint(found, fitted.figures, settings, found.rt.adopt(masks, np.uint8))
+        return Segmentation(self._objects(found), found.rt.release(masks))
+
+    def _search(
+        self, image: Any, scales: Any, threshold: float | None, data_range: float | None
+    ) -> Found:
+        """Return what is found in a picture, for kernels."""
         settings, fitted = self._ready()
         image, white = check_picture(image, "image", data_range)
         sizes = check_scales(scales)
         least = fitted.threshold if threshold is None else check_number(threshold, "threshold")
         rt = runtime(image)
         shape = tuple(image.shape[:2])
+        nothing = Found(rt, shape, np.empty((0, 4), np.int32), np.empty(0), None)
         sampled = sample(rt, image, white, sizes, settings.sampling)
         if not len(sampled.places):
-            return self._objects(rt, np.empty((0, 4), np.int32), np.empty(0))
+            return nothing
         patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
         occurrences = Occurrences(
             rt.send("recognition.begins", fitted.starts),
             rt.send("recognition.entries", fitted.entries),
         )
-        space, modes, _ = find_modes(rt, patches, occurrences, shape, sizes)
+        votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
         modes = modes[self._inside(modes, np.array(shape))]
         if not len(modes):
-            return self._objects(rt, modes, np.empty(0))
-        weights = rt.send("recognition.weights", fitted.weights)
+            return nothing
+        weights, space = rt.send("recognition.weights", fitted.weights), votes.space
         evidence = weigh(rt, patches, weights, space, settings.frame, modes)
         floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
         chosen, left = explain(rt, patches, weights, space, settings.frame, modes, evidence, floor)
-        return self._objects(rt, modes[chosen], (left + fitted.bias) / UNIT)
+        return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to a file, whole or not at all.
@@ -352,12 +408,12 @@ class ShapeModel:
         inside = (modes[:, :2] / FINE >= low) & (modes[:, :2] / FINE <= shape - 1 - low)
         return np.flatnonzero(inside.all(axis=1))
 
-    def _objects(self, rt: Runtime, modes: np.ndarray, scores: np.ndarray) -> Objects:
+    def _objects(self, found: Found) -> Objects:
         """Return what was found, in pixels."""
         settings, _ = self._ready()
-        centers = modes[:, :2] / FINE
-        scales = 2.0 ** (modes[:, 2] / OCTAVE)
+        centers = found.modes[:, :2] / FINE
+        scales = 2.0 ** (found.modes[:, 2] / OCTAVE)
         half = scales[:, None] * np.array([settings.height, settings.width]) / 2
         boxes = np.concatenate([centers + 0.5 - half, centers + 0.5 + half], axis=1)
-        found = (boxes, scores, centers, scales)
-        return Objects(*(rt.give(np.ascontiguousarray(a, np.float32)) for a in found))
+        result = (boxes, found.scores, centers, scales)
+        return Objects(*(found.rt.give(np.ascontiguousarray(a, np.float32)) for a in result))
