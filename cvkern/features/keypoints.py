@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
-from cvkern._checks import check_flag, check_image, check_integer, check_number, check_positive
+from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin, exp2
+from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked, white_of
 from cvkern.filters.linear import gaussian_taps
 from cvkern.kernels.codes.features import (
     BINS,
@@ -156,16 +156,8 @@ def sift(
     root = check_flag(root, "root")
     upright = check_flag(upright, "upright")
     double = check_flag(double, "double")
-    image = check_image(image, ndim=(2, 3))
+    image, mask, max_keypoints = check_photograph(image, mask, max_keypoints)
     shape = tuple(image.shape)
-    if len(shape) == 3 and shape[2] not in (3, 4):
-        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
-    if mask is not None:
-        mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != shape[:2]:
-            raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
-    if max_keypoints is not None:
-        max_keypoints = check_integer(max_keypoints, "max_keypoints", 0, 2**26)
     levels = check_integer(levels, "levels", 1, 8)
     contrast = check_number(contrast_threshold, "contrast_threshold", low=LEAST_CONTRAST)
     ratio = check_number(edge_threshold, "edge_threshold", low=1.0)
@@ -183,10 +175,7 @@ def sift(
     points = points.astype(np.float32)
     kept = np.arange(len(points))
     if mask is not None:
-        host = as_host(rt, mask) != 0
-        near = np.floor(points.astype(np.float64) + 0.5).astype(np.int64)
-        row, column = (near[:, i].clip(0, shape[i] - 1) for i in (0, 1))
-        kept = np.flatnonzero(host[row, column])
+        kept = unmasked(points, as_host(rt, mask))
     kept = kept[best(offsets[kept, 3], points[kept], shape[:2], max_keypoints, spread)]
     owner, offsets, cells, points, steps = (a[kept] for a in (owner, offsets, cells, points, steps))
     # Scale in pixels of the octave; levels are counted from 1, as extrema have them.
@@ -209,30 +198,6 @@ def sift(
         rt.give(np.ascontiguousarray(offsets[source, 3])),
         descriptors,
     )
-
-
-def white_of(image: Any, data_range: float | None) -> float:
-    """Return the value of white."""
-    dtype = library(image).dtype(image)
-    if data_range is not None:
-        return check_positive(data_range, "data_range")
-    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
-
-
-def as_host(rt: Runtime, array: Any) -> np.ndarray:
-    """Bring an array of any library to the host, with its dtype."""
-    if isinstance(array, (np.ndarray, list, tuple)):
-        return np.asarray(array)
-    return np.asarray(rt.to_numpy(rt.adopt(array, library(array).dtype(array))))
-
-
-def prepared(rt: Runtime, image: Any, white: float) -> Any:
-    """Return the grey of an image in parts of white, as a kernel array."""
-    shape = tuple(image.shape)
-    gray = rt.scratch("features.gray", shape[:2])
-    src = rt.adopt(image, shape=(shape[0], shape[1], shape[2] if len(shape) == 3 else 1))
-    rt.features.keypoints.extrema.prepare(src, float(np.float32(1.0 / white)), gray)
-    return gray
 
 
 def _scale_space(
