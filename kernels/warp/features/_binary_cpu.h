@@ -1,4 +1,4 @@
-#include "keypoints/_angles_cpu.h"
+#include "keypoints/_angles.h"
 
 // Mark FAST corners of rows: pixels whose score none of the eight around exceeds, of equal ones
 // the first. The score is the largest threshold under which 9 neighbouring pixels of the circle are
