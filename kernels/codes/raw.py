@@ -31,6 +31,9 @@ class Step(IntEnum):
     RESIDUAL = 3  # what the lines leave at the samples, interpolated
 
 
+BORDER = 26  # pixels at the border of planes whose green is not found
+# Pixels at their border that a step towards red or blue leaves out.
+MARGINS = {Step.DEVIATIONS: 28, Step.WINDOWS: 31, Step.TENTATIVE: 34, Step.RESIDUAL: 35}
 MARGIN = 36  # pixels by which planes are extended: even, so that colours stay where they are
 # Residual interpolation: what the slope's prior weighs along rows and columns, and in windows.
 PRIOR, WINDOW_PRIOR = 1.0, 0.3

@@ -3,8 +3,6 @@
 The Taichi set has the equations.
 """
 
-import math
-
 import warp as wp
 
 from cvkern.kernels.codes import color as codes
@@ -24,7 +22,7 @@ _LAB_LOW = wp.constant(codes.LAB_LOW)
 _LAB_KNEE = wp.constant(codes.LAB_LOW ** (1 / 3))
 _LAB_SLOPE = wp.constant(codes.LAB_SLOPE)
 _LAB_SHIFT = wp.constant(codes.LAB_SHIFT)
-_DEGREES = wp.constant(180 / math.pi)
+_DEGREES = wp.constant(codes.DEGREES)
 _BINS = wp.constant(float(BINS))
 
 
@@ -117,9 +115,10 @@ def _convert(
             a = 500.0 * (x - y)
             b = 200.0 * (y - z)
             if target == wp.static(int(Form.LCH)):
+                chroma = wp.sqrt(a * a + b * b)
                 hue = wp.atan2(b, a) * _DEGREES
+                a = chroma
                 b = wp.where(hue < 0.0, hue + 360.0, hue)
-                a = wp.sqrt(a * a + (200.0 * (y - z)) * (200.0 * (y - z)))
             v = wp.vec3(116.0 * y - 16.0, a, b)
         out[i, 0] = v[0]
         out[i, 1] = v[1]
