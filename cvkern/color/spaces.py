@@ -42,7 +42,7 @@ def convert_color(
     Returns
     -------
     array of shape (..., 3)
-        Colours. Nothing is limited but with uint8.
+        Colours. With uint8 they are limited, and NaN is 0; else nothing is, and NaN stays.
 
     Raises
     ------

@@ -136,7 +136,7 @@ def _encode(
     for i in range(out.shape[0]):
         v = _mixed(colours, i, source, numbers, zero)
         for k in ti.static(range(3)):
-            value = ti.math.clamp(v[k], 0.0, 1.0)
+            value = ti.min(v[k], 1.0) if v[k] > 0.0 else 0.0
             code = codes[ti.cast(value * float(BINS), ti.i32)]
             if value >= thresholds[code]:
                 code += 1

@@ -50,15 +50,15 @@ def encode(
 
 @wp.func
 def _linear(v: float):
-    # The root of what is below the knee is not taken.
+    # No power is taken of what is below the knee. What is not a number stays so on either way.
     curved = wp.pow((wp.max(v, _KNEE) + _SHIFT) / _SCALE, _POWER)
-    return wp.where(v <= _KNEE, v / _SLOPE, curved)
+    return wp.where(v > _KNEE, curved, v / _SLOPE)
 
 
 @wp.func
 def _curved(v: float):
     curved = _SCALE * wp.pow(wp.max(v, _LOW), _ROOT) - _SHIFT
-    return wp.where(v <= _LOW, v * _SLOPE, curved)
+    return wp.where(v > _LOW, curved, v * _SLOPE)
 
 
 @wp.func
@@ -141,7 +141,7 @@ def _encode(
     for i in range(first + wp.tid(), last, stride):
         v = _mixed(colours, i, source, numbers)
         for k in range(3):
-            value = wp.clamp(v[k], 0.0, 1.0)
+            value = wp.where(v[k] > 0.0, wp.min(v[k], 1.0), 0.0)
             code = codes[int(value * _BINS)]
             if value >= thresholds[code]:
                 code += 1
