@@ -35,7 +35,7 @@ void _reduce(int row, int left, int right, wp::array_t<float> src, wp::array_t<f
 
 // needs PART
 void _begin(int row, int left, int right, wp::array_t<float> logs, float lowest, float step,
-           float sigma, float slope, wp::array_t<float> dst) {
+            float sigma, float slope, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
     const int references = dst.shape[0] - 2, height = logs.shape[0], width = logs.shape[1];
     const size_t plane = (size_t)dst.shape[1] * dst.shape[2];
@@ -61,13 +61,13 @@ void _begin(int row, int left, int right, wp::array_t<float> logs, float lowest,
             };
             if (j < references)
                 for (int t = 0; t < length; ++t)
-                    line[t] = Pyramid::weigh(remap(rows[0][t]), remap(rows[1][t]),
-                                             remap(rows[2][t]), remap(rows[3][t]),
-                                             remap(rows[4][t]));
+                    line[t] =
+                        Pyramid::weigh(remap(rows[0][t]), remap(rows[1][t]), remap(rows[2][t]),
+                                       remap(rows[3][t]), remap(rows[4][t]));
             else
                 for (int t = 0; t < length; ++t)
-                    line[t] = Pyramid::weigh(rows[0][t], rows[1][t], rows[2][t], rows[3][t],
-                                             rows[4][t]);
+                    line[t] =
+                        Pyramid::weigh(rows[0][t], rows[1][t], rows[2][t], rows[3][t], rows[4][t]);
             for (int i = 0; i < count; ++i)
                 if (Pyramid::within(begin + i, right))
                     to[j * plane + begin + i] =
@@ -79,8 +79,8 @@ void _begin(int row, int left, int right, wp::array_t<float> logs, float lowest,
 
 // needs PART
 void _collapse(int row, int left, int right, wp::array_t<float> fine, wp::array_t<float> coarse,
-              int below, float share, float lowest, float step, float sigma, float slope,
-              wp::array_t<float> out) {
+               int below, float share, float lowest, float step, float sigma, float slope,
+               wp::array_t<float> out) {
 #pragma clang fp contract(off)
     const int height = out.shape[1], width = out.shape[2];
     const int rows = coarse.shape[1], columns = coarse.shape[2], references = coarse.shape[0] - 2;
@@ -97,8 +97,8 @@ void _collapse(int row, int left, int right, wp::array_t<float> fine, wp::array_
         float least = (float)references, most = 0.0f;
         for (int i = 0; i < count; ++i) {
             total[i] = share * total[i];
-            place[i] = ((Pyramid::within(begin + i, right) ? base[begin + i] : lowest) - lowest) *
-                       scale;
+            place[i] =
+                ((Pyramid::within(begin + i, right) ? base[begin + i] : lowest) - lowest) * scale;
             least = place[i] < least ? place[i] : least;
             most = place[i] > most ? place[i] : most;
         }

@@ -53,8 +53,7 @@ struct Pyramid {
         const float* before = from + (size_t)place(y / 2 - 1, rows, height) * columns;
         const bool odd = y & 1, inner = first >= 0 && first + length <= columns;
         if (inner && odd) {
-            for (int t = 0; t < length; ++t)
-                line[t] = 0.5f * (here[first + t] + after[first + t]);
+            for (int t = 0; t < length; ++t) line[t] = 0.5f * (here[first + t] + after[first + t]);
         } else if (inner) {
             for (int t = 0; t < length; ++t)
                 line[t] = even(before[first + t], here[first + t], after[first + t]);
