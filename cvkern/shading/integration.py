@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import check_choice, check_image, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.kernels.codes.shading import CHUNKS
+from cvkern.shading.masks import kernel_mask
 
 METHODS = ("poisson", "bilateral")
 FLATTEST = 0.01  # least z of a unit normal; steeper slopes are limited to that of this z
@@ -104,17 +104,9 @@ def integrate_normals(
         raise ValueError(f"tolerance must be in (0, 1), got {tolerance:g}")
     iterations = check_integer(iterations, "iterations", 1, 10000)
     shape = tuple(normals.shape[:2])
-    if mask is not None:
-        mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != shape:
-            raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
     refuse_capture("integrate_normals")
     rt = runtime(normals)
-    if mask is None:
-        given = rt.send("shading.mask", np.ones(shape, np.uint8))
-    else:
-        own = rt.to_numpy(rt.adopt(mask, library(mask).dtype(mask)))
-        given = rt.send("shading.mask", (own != 0).astype(np.uint8))
+    given = kernel_mask(rt, mask, shape, empty=True)
     inside, slope = (
         rt.scratch("relief.inside", shape, np.uint8),
         rt.scratch("relief.slope", (3, *shape)),

@@ -118,37 +118,34 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
     for (size_t here = begin; here < end; here += LANES) {
         const int n = end - here < LANES ? (int)(end - here) : LANES;
         int number[LANES], low[LANES], high[LANES], inside[LANES];
-        bool found[LANES], any = true;
+        bool found[LANES], any = false;
         double brightest[LANES], px[LANES], py[LANES], pz[LANES];
         for (int i = 0; i < LANES; ++i) {
             number[i] = 0;
             brightest[i] = 0.0;
             found[i] = i < n;
         }
-        if (any) {
-            for (int k = 0; k < count; ++k) {
-                const float* from = images.data + k * plane + here;
-                const wp::uint16* place = ranks.data + k * plane + here;
-                for (int i = 0; i < LANES; ++i) {
-                    rank[k][i] = i < n ? place[i] : LEFT_OUT;
-                    const bool part = rank[k][i] != LEFT_OUT;
-                    value[k][i] = part ? (double)from[i < n ? i : 0] : 0.0;
-                    number[i] += part;
-                    if (value[k][i] > brightest[i]) brightest[i] = value[k][i];
-                }
-            }
-            any = false;
+        for (int k = 0; k < count; ++k) {
+            const float* from = images.data + k * plane + here;
+            const wp::uint16* place = ranks.data + k * plane + here;
             for (int i = 0; i < LANES; ++i) {
-                found[i] = found[i] && number[i] >= 3 && brightest[i] > 0.0;
-                px[i] = py[i] = pz[i] = 0.0;
-                if (near && i < n) {
-                    px[i] = (double)((here + i) % width);
-                    py[i] = -(double)((here + i) / width);
-                    pz[i] = -(double)depth.data[here + i];
-                    found[i] = found[i] && __builtin_fabs(pz[i]) < __builtin_inf();
-                }
-                any = any || found[i];
+                rank[k][i] = i < n ? place[i] : LEFT_OUT;
+                const bool part = rank[k][i] != LEFT_OUT;
+                value[k][i] = part ? (double)from[i < n ? i : 0] : 0.0;
+                number[i] += part;
+                if (value[k][i] > brightest[i]) brightest[i] = value[k][i];
             }
+        }
+        for (int i = 0; i < LANES; ++i) {
+            found[i] = found[i] && number[i] >= 3 && brightest[i] > 0.0;
+            px[i] = py[i] = pz[i] = 0.0;
+            if (near && i < n) {
+                px[i] = (double)((here + i) % width);
+                py[i] = -(double)((here + i) / width);
+                pz[i] = -(double)depth.data[here + i];
+                found[i] = found[i] && __builtin_fabs(pz[i]) < __builtin_inf();
+            }
+            any = any || found[i];
         }
         double mx[LANES], my[LANES], mz[LANES], strength[LANES], total[LANES];
         for (int i = 0; i < LANES; ++i) mx[i] = my[i] = mz[i] = strength[i] = total[i] = 0.0;
