@@ -9,6 +9,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_image
 from cvkern._runtime import Runtime
+from cvkern._tape import capturing
 
 EMPTY = "mask must not be 0 everywhere, got such a mask"
 
@@ -30,12 +31,15 @@ def host_mask(mask: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def kernel_mask(rt: Runtime, mask: Any, shape: tuple[int, ...], *, empty: bool = False) -> Any:
-    """Return a mask for kernels, uint8 of 0 and 1; only with `empty` may it be 0 everywhere."""
+    """Return a mask for kernels, uint8, or the empty array, which means all pixels.
+
+    Only with `empty` may it be 0 everywhere; a captured call does not check this.
+    """
     if mask is None:
-        inside = np.ones(shape, bool)
-    else:
-        mask = check_shape(mask, shape)
-        inside = rt.to_numpy(rt.adopt(mask, library(mask).dtype(mask))) != 0
-    if not (empty or inside.any()):
+        return rt.scratch("shading.everywhere", (0, 1), np.uint8)
+    mask = check_shape(mask, shape)
+    given = library(mask).dtype(mask)
+    inside = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
+    if not (empty or capturing() or rt.to_numpy(inside).any()):
         raise ValueError(EMPTY)
-    return rt.send("shading.mask", inside.astype(np.uint8))
+    return inside

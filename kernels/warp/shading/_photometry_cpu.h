@@ -38,7 +38,8 @@ void solve_rows(int slab, int first, int last, wp::array_t<float> images,
         }
         for (int i = 0; i < n; ++i) {
             const float length = __builtin_sqrtf(a[i] * a[i] + b[i] * b[i] + c[i] * c[i]);
-            const bool found = mask.data[here + i] && length > 0.0f && length < __builtin_inff();
+            const bool inside = mask.shape[0] == 0 || mask.data[here + i];
+            const bool found = inside && length > 0.0f && length < __builtin_inff();
             const float none = __builtin_nanf("");
             float* normal = normals.data + 3 * (here + i);
             normal[0] = found ? a[i] / length : none;
@@ -65,7 +66,8 @@ void rank_rows(int slab, int first, int last, wp::array_t<float> images,
     for (size_t here = begin; here < end; here += LANES) {
         const int n = end - here < LANES ? (int)(end - here) : LANES;
         bool any = false;
-        for (int i = 0; i < n; ++i) any = any || mask.data[here + i];
+        const bool all = mask.shape[0] == 0;
+        for (int i = 0; i < n; ++i) any = any || all || mask.data[here + i];
         if (!any) {
             for (int k = 0; k < count; ++k)
                 for (int i = 0; i < n; ++i) ranks.data[k * plane + here + i] = LEFT_OUT;
@@ -92,7 +94,7 @@ void rank_rows(int slab, int first, int last, wp::array_t<float> images,
             }
             wp::uint16* to = ranks.data + k * plane + here;
             for (int i = 0; i < n; ++i) {
-                const bool in = mask.data[here + i] &&
+                const bool in = (all || mask.data[here + i]) &&
                                 __builtin_fabsf(value[i]) < __builtin_inff() && value[i] < limit;
                 to[i] = in ? below[i] : LEFT_OUT;
             }

@@ -14,6 +14,7 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi.shading._mask import is_inside
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
@@ -30,7 +31,7 @@ def _slopes(normals: f32_3, mask: u8_2, flattest: ti.f32, inside: u8_2, slope: f
         ny = normals[y, x, 1]
         nz = normals[y, x, 2]
         length = ti.sqrt(nx * nx + ny * ny + nz * nz)
-        found = mask[y, x] != 0 and length < ti.math.inf and nz > 0.0
+        found = is_inside(mask, y, x) and length < ti.math.inf and nz > 0.0
         inside[y, x] = ti.cast(found, ti.u8)
         a = 0.0
         b = 0.0

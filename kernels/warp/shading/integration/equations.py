@@ -6,6 +6,7 @@ The Taichi set has the equations. One thread has a pixel, on the CPU in slabs.
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp.shading._mask import is_inside
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -38,7 +39,7 @@ def _slopes(
         ny = normals[y, x, 1]
         nz = normals[y, x, 2]
         length = wp.sqrt(nx * nx + ny * ny + nz * nz)
-        found = mask[y, x] != wp.uint8(0) and wp.isfinite(length) and nz > 0.0
+        found = is_inside(mask, y, x) and wp.isfinite(length) and nz > 0.0
         inside[y, x] = wp.where(found, wp.uint8(1), wp.uint8(0))
         a = float(0.0)
         b = float(0.0)
