@@ -10,6 +10,7 @@ from cvkern._checks import check_choice, check_image, check_integer, check_numbe
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.kernels.codes.shading import CHUNKS
 from cvkern.shading.masks import kernel_mask
+from cvkern.shading.rectangles import MOST_SIDE, solve_rectangle
 
 METHODS = ("poisson", "bilateral")
 FLATTEST = 0.01  # least z of a unit normal; steeper slopes are limited to that of this z
@@ -111,8 +112,13 @@ def integrate_normals(
         rt.scratch("relief.inside", shape, np.uint8),
         rt.scratch("relief.slope", (3, *shape)),
     )
-    kernels = rt.shading.integration.equations
-    kernels.slopes(rt.adopt(normals), given, FLATTEST, inside, slope)
+    kernels, cut = rt.shading.integration.equations, rt.scratch("relief.cut", (1,), np.int32)
+    rt.clear(cut)
+    kernels.slopes(rt.adopt(normals), given, FLATTEST, inside, slope, cut)
+    if method == "poisson" and not rt.to_numpy(cut)[0] and max(shape) <= MOST_SIDE:
+        result = rt.empty(shape)
+        solve_rectangle(rt, slope, rt.adopt(result))
+        return rt.release(result)
     there = rt.to_numpy(inside) != 0
     if not there.any():
         raise ValueError("mask must not be 0 at all valid normals, got nothing to integrate")

@@ -162,12 +162,13 @@ def _recover(
     equations = rt.shading.integration.equations
     inside = rt.scratch("relief.inside", shape, np.uint8)
     slope = rt.scratch("relief.slope", (3, *shape))
+    cut = rt.scratch("relief.cut", (1,), np.int32)
     shares = rt.send("relief.shares", np.full((2, *shape), 0.5, np.float32))
     depth = rt.scratch("sfs.depth", shape)
     parts = rt.send("relief.parts", (state > 0).astype(np.int32))
     solver = None
     for turn in range(rounds + 1):
-        equations.slopes(fields[0], states, FLAT, inside, slope)
+        equations.slopes(fields[0], states, FLAT, inside, slope, cut)
         solver = solver or Solver(rt, inside, shape)
         equations.join(inside, slope, shares, solver.weights, solver.rises)
         solver.solve(TOLERANCE)

@@ -7,10 +7,12 @@ import warp as wp
 
 import cvkern.kernels.warp as kernels
 from cvkern.kernels.warp.shading import _photometry_cuda, meshes, photometry, recovery, rendering
-from cvkern.kernels.warp.shading.integration import equations, multigrid
+from cvkern.kernels.warp.shading.integration import cosines, equations, multigrid
 
 
-@pytest.mark.parametrize("module", [rendering, meshes, photometry, recovery, equations, multigrid])
+@pytest.mark.parametrize(
+    "module", [rendering, meshes, photometry, recovery, equations, multigrid, cosines]
+)
 def test_compiles_for_hopper(module, tmp_path):
     kernels.start("cpu", None)
     (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
