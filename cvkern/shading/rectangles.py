@@ -89,7 +89,7 @@ def _on_host(slope: np.ndarray) -> np.ndarray:
 
     from cvkern.kernels._threads import cpu_threads
 
-    across, down = (slope[axis].astype(np.float64) for axis in range(2))
+    across, down = slope[0].astype(np.float64), slope[1].astype(np.float64)
     across, down = (across[:, 1:] + across[:, :-1]) / 2, (down[1:] + down[:-1]) / 2
     right = np.zeros(slope.shape[1:])
     right[:, 1:] += across

@@ -132,7 +132,7 @@ def test_rectangles_on_cuda(gpu, set_of_kernels, shape):
     want = cvkern.integrate_normals(normals)
     with cvkern.use(backend=set_of_kernels, device="cuda"):
         found = cvkern.integrate_normals(normals)
-    # As above, for 256 pixels, whose least eigenvalue magnifies by 6600.
+    # The same bound for 256 pixels, whose least eigenvalue magnifies by 6600.
     np.testing.assert_allclose(found, want, atol=6600 * 0.3 * 4 * 6e-8)
     normals[3, 5] = np.nan
     want = cvkern.integrate_normals(normals, tolerance=1e-7)
