@@ -96,7 +96,7 @@ def _on_host(slope: np.ndarray) -> np.ndarray:
     right[:, :-1] -= across
     right[1:] += down
     right[:-1] -= down
-    height, width = right.shape
+    height, width = slope.shape[1:]
     y, x = (4 * np.sin(np.pi * np.arange(n) / (2 * n)) ** 2 for n in (height, width))
     values = y[:, None] + x
     values[0, 0] = 1
