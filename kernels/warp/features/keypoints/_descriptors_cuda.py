@@ -1,4 +1,7 @@
-"""Orientations and descriptors on CUDA: a thread a row of a window, sums of integers."""
+"""Orientations and descriptors on CUDA: a thread takes a row of a point's window.
+
+The Taichi set has the rules; sums are integers, so that atomics give the same result in any order.
+"""
 
 import warp as wp
 
