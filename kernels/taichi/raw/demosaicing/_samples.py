@@ -1,4 +1,4 @@
-"""Places beyond a border, and values that a picture can hold."""
+"""Mirrored places beyond a border, and the values that an image can hold, in Taichi."""
 
 import numpy as np
 import taichi as ti
