@@ -1,5 +1,6 @@
-// Least squares of photometric stereo on the CPU: a part of a row at a time, which stays in the
-// cache between the pass that solves and the one that compares.
+// Photometric stereo on the CPU; taichi/shading/photometry.py has the equations. Least squares
+// take a part of a row at a time, which stays in the cache between the pass that solves and the one
+// that compares. Ranks and robust rules take LANES pixels at once.
 
 void solve_rows(int slab, int first, int last, wp::array_t<float> images,
                 wp::array_t<float> inverse, wp::array_t<float> lights, wp::array_t<wp::uint8> mask,
