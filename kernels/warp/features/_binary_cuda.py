@@ -1,4 +1,4 @@
-"""FAST corners on CUDA, a thread a pixel, and their bits, a block a point."""
+"""FAST corners on CUDA, a thread a pixel, and their bits, a block a point: see the Taichi set."""
 
 import warp as wp
 

@@ -1,4 +1,9 @@
-"""Images seen through a homography, in Warp: the map and the sample in one kernel."""
+"""Images seen through a homography, in Warp: the map and the sample in one kernel.
+
+Pixel q = (x, y, 1) of the result shows the place ``p ~ H^-1 q`` of the image, sampled with a spline
+of order 0, 1 or 3 (_taps.py). The map is in float64. On CUDA a thread takes a pixel, on the CPU a
+slab of rows; linear samples of few channels are native there (_projective_cpu.h).
+"""
 
 from functools import lru_cache
 from typing import Any

@@ -1,6 +1,14 @@
 """Orientations and descriptors of keypoints in Taichi.
 
-Histograms are sums of integers, so that the order of the pixels cannot show.
+The gradients around a point vote for their directions in a histogram of 36 bins, each with its
+length times a Gaussian weight of its distance. The bins are smoothed, and each peak of at least 0.8
+of the highest gives the point an orientation, between bins by a parabola. The descriptor has
+histograms of 8 directions in 4 x 4 cells of the window, turned by the orientation; a vote is shared
+by linear weights among neighbouring cells and directions. The 128 numbers are normalised, cut off
+at 0.2, and normalised again [D. G. Lowe, IJCV 60(2), 2004]; RootSIFT takes square roots of their
+shares [R. Arandjelovic and A. Zisserman, CVPR 2012].
+
+Histograms are sums of integers, so the order of the pixels has no effect. One thread takes a point.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,11 @@
-"""Extrema of a scale space in Taichi: marked as bits, then listed in the order of their places."""
+"""Extrema of a scale space in Taichi.
+
+Level s of an octave is the image smoothed by a Gaussian of ``sigma_0 2^(s / S)``. Their differences
+``D_s = L_(s+1) - L_s`` have extrema at blobs, in place and in scale: pixels whose difference
+exceeds those of the 26 neighbours on three levels, or is below them [D. G. Lowe, IJCV 60(2),
+2004]. An extremum sets a bit; then the bits of each row are counted and listed, so that the points
+have the order of their places. One thread takes a pixel, or a row of bits.
+"""
 
 from collections.abc import Sequence
 

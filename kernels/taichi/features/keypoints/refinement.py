@@ -1,4 +1,12 @@
-"""Extrema between the pixels and levels of a scale space, in Taichi."""
+"""Extrema between the pixels and levels of a scale space, in Taichi.
+
+With the gradient g and the Hessian H of the differences D at an extremum, the paraboloid
+``D + g . x + x . H x / 2`` has its own extremum at ``x = -H^-1 g``, of the height
+``D + g . x / 2``. If x is farther than half a pixel away, the fit moves to the next pixel, and
+repeats a few times. A point is kept if its height is large enough, and if it is not an edge:
+``tr^2 / det`` of the Hessian in the image is below a limit [D. G. Lowe, IJCV 60(2), 2004]. The
+arithmetic is in float64; one thread takes a point.
+"""
 
 from collections.abc import Sequence
 

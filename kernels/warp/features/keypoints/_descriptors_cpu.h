@@ -1,3 +1,6 @@
+// Orientations and descriptors of keypoints on the CPU, 16 pixels of a window at once;
+// taichi/features/keypoints/descriptors.py has the rules.
+
 #include "_angles.h"
 
 // needs BINS, PEAKS, LONGEST, BINS_PER_RADIAN, REACH

@@ -1,4 +1,8 @@
-"""Orientations and descriptors on the CPU, a point at a time."""
+"""Orientations and descriptors on the CPU, one point at a time.
+
+The code (_descriptors_cpu.h) is native, because it computes gradients and angles of 16 pixels at
+once.
+"""
 
 import warp as wp
 

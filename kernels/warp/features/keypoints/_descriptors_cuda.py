@@ -1,5 +1,6 @@
 """Orientations and descriptors on CUDA: a block of threads a point, histograms in shared memory.
 
+The Taichi set has the rules; sums are integers, so that atomics give the same result in any order.
 Plain Warp takes a thread a row, and adds to histograms in global memory.
 """
 

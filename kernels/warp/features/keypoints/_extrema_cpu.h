@@ -1,3 +1,6 @@
+// Doubling, differences and extrema of a scale space on the CPU, row by row;
+// taichi/features/keypoints/extrema.py has the rules.
+
 // Twice the size of an image: pixels lie on even places, means between them. A row of the result.
 void double_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
 #pragma clang fp contract(off)

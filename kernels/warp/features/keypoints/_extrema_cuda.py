@@ -1,4 +1,4 @@
-"""Extrema of a scale space on CUDA, a thread a pixel."""
+"""Extrema of a scale space on CUDA, where a thread takes a pixel. The Taichi set has the rule."""
 
 import warp as wp
 

@@ -1,6 +1,8 @@
 """Orientations and descriptors of keypoints in Warp.
 
-Histograms are sums of integers, so that the order of the pixels cannot show.
+The Taichi set has the rules. Histograms are sums of integers, so the order of the pixels has no
+effect. On the CPU a thread takes a slab of points (_descriptors_cpu.h), on CUDA a row of a point's
+window (_descriptors_cuda.py).
 """
 
 from collections.abc import Sequence

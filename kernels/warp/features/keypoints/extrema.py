@@ -1,4 +1,8 @@
-"""Extrema of a scale space in Warp: marked as bits, then listed in the order of their places."""
+"""Extrema of a scale space in Warp.
+
+The Taichi set has the rule. On the CPU a thread takes a slab of rows (_extrema_cpu.h); rows are
+smoothed two at a time (_smoothing_cpu.h). On CUDA a thread takes a pixel (_extrema_cuda.py).
+"""
 
 from collections.abc import Sequence
 

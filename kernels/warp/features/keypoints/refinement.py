@@ -1,4 +1,7 @@
-"""Extrema between the pixels and levels of a scale space, in Warp."""
+"""Extrema between the pixels and levels of a scale space, in Warp.
+
+The Taichi set has the equations. One thread takes a point; on the CPU, a slab of points.
+"""
 
 from collections.abc import Sequence
 
