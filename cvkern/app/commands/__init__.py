@@ -61,9 +61,8 @@ def as_gray(image: np.ndarray) -> np.ndarray:
 def write_csv(file: Path, names: str, *columns: np.ndarray) -> None:
     """Write columns, (N,) or (N, K), below a line with their names."""
     table = np.column_stack(columns)
-    np.savetxt(
-        file, table, fmt="%.9g", delimiter=",", header=names, comments=""
-    )  # 9 digits hold a float32
+    # Nine digits hold a float32.
+    np.savetxt(file, table, fmt="%.9g", delimiter=",", header=names, comments="")
 
 
 def progress_bar() -> Any:

@@ -36,7 +36,7 @@ def relief(
     sphere: Annotated[
         Path | None, typer.Option(help="Folder of images of a chrome sphere, and its mask.")
     ] = None,
-    mask: Annotated[Path | None, typer.Option(help="Image that is not black on the body.")] = None,
+    mask: Annotated[Path | None, typer.Option(help="Image that is black outside the body.")] = None,
     method: Annotated[
         str,
         typer.Option(help="consensus, least_squares, trimmed, l1 or sparse_bayes."),
@@ -48,16 +48,16 @@ def relief(
 ) -> None:
     """Find the relief of a body from images of it under several lights.
 
-    The images of FOLDER are taken in the order of their names, linear in light, and a name with
-    "mask" in it is the body's mask. Lights come from --lights, from a chrome sphere under the same
-    lights, from lights.txt or light_directions.txt in FOLDER, or else from the images themselves.
-    Lights are x to the right, y up and z towards the camera. DIR gets normals.png (x, y and z as
-    red, green and blue), albedo.png, depth.tif (pixels, growing away from the camera), mesh.ply
-    and relit.gif, a film of the body under a light that goes round.
+    The images of FOLDER are read in the order of their names, and must be linear in light. An image
+    with "mask" in its name is the body's mask. Lights come from --lights, from a chrome sphere
+    under the same lights, from lights.txt or light_directions.txt in FOLDER, or else from the
+    images themselves. Lights are x to the right, y up and z towards the camera. DIR gets
+    normals.png (x, y and z as red, green and blue), albedo.png, depth.tif (pixels, growing away
+    from the camera), mesh.ply, and relit.gif, a film of the body under a moving light.
     """
     check_folder(output, RESULTS, overwrite)
     if lights and sphere:
-        raise ValueError(f"lights must be given without sphere, got {str(lights)!r} and one")
+        raise ValueError(f"lights must be given without sphere, got {str(lights)!r} and a sphere")
     images, inside = read_folder(folder, mask)
     if inside is None:
         inside = np.ones(images.shape[1:], bool)
@@ -65,7 +65,7 @@ def relief(
         vectors, said = _lights(folder, lights, sphere, images, inside)
         found = cvkern.photometric_stereo(images, vectors, method=method, mask=inside)
         if not np.isfinite(found.normals).any():
-            raise ValueError("images must tell a normal at least, got black or too few ones")
+            raise ValueError("images must determine at least one normal, got too dark or too few")
         depth = cvkern.integrate_normals(found.normals, inside, method=integration)
         files = _results(found, depth)
     output.mkdir(parents=True, exist_ok=True)
@@ -76,7 +76,7 @@ def relief(
 
 
 def read_folder(folder: Path, mask: Path | None = None) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the images of a folder, (K, H, W) of values up to 1, and the mask that it has."""
+    """Return the images of a folder, (K, H, W) with values up to 1, and its mask or None."""
     from cvkern.images.files import read_image
 
     if not folder.is_dir():
@@ -116,7 +116,7 @@ def _lights(
     images: np.ndarray,
     inside: np.ndarray,
 ) -> tuple[np.ndarray, str]:
-    """Return the lights of the images, and where they are from."""
+    """Return the lights of the images, and words that say where they come from."""
     if sphere:
         shining, ball = read_folder(sphere)
         if ball is None:
@@ -138,7 +138,7 @@ def _lights(
 def _results(
     found: cvkern.PhotometricStereo, depth: np.ndarray
 ) -> dict[str, tuple[Callable[[Path], None], str]]:
-    """Return what to write, by the name of the file, with what is in it."""
+    """Return, for each file name, a function that writes the file, and a summary of it."""
     from cvkern.clouds import write_animation
     from cvkern.images.files import write_image
     from cvkern.radiance.surfaces import Mesh, write_mesh
@@ -166,7 +166,7 @@ def _results(
 
 
 def relit(normals: np.ndarray, albedo: np.ndarray, frames: int = FRAMES) -> np.ndarray:
-    """Return frames of a body under a light that goes round, uint8 (F, H, W, 3)."""
+    """Return frames of a body under a light that circles the view axis, uint8 (F, H, W, 3)."""
     turns = 2 * np.pi * np.arange(frames) / frames
     lamps = np.stack([SLANT * np.cos(turns), SLANT * np.sin(turns), np.ones(frames)], axis=1)
     lamps /= np.linalg.norm(lamps, axis=1, keepdims=True)

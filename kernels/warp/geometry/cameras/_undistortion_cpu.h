@@ -1,9 +1,11 @@
 #include "_distortion.h"
 
+// Undistorted rows on the CPU. The map, and for bytes the weighing, are loops without branches;
+// between them, pixels are fetched.
+
 // needs BYTES, SCALAR, CHANNELS, SEGMENT
 // Row `i` of an image seen through a lens: for each pixel the place where it is seen, and the four
-// pixels about it. The map, and for bytes the weighing, are loops without branches over 256 pixels;
-// between them pixels are fetched.
+// pixels around that place.
 void sample_row(int i, wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval,
                 wp::array_t<SCALAR> dst) {
     const int height = src.shape[0], width = src.shape[1], columns = dst.shape[1];
