@@ -89,6 +89,7 @@ class Folder:
         from cvkern.kernels.warp.shading import recovery as recovery
         from cvkern.kernels.warp.shading import rendering as rendering
         class integration:
+            from cvkern.kernels.warp.shading.integration import cosines as cosines
             from cvkern.kernels.warp.shading.integration import equations as equations
             from cvkern.kernels.warp.shading.integration import multigrid as multigrid
     class stereo:

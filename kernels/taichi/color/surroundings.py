@@ -1,7 +1,12 @@
-"""Logarithms of ratios, in Taichi; they agree between devices to rounding.
+"""Logarithms of the ratio of an image and its surroundings, or its neighbours, in Taichi.
 
-A step between neighbours whose ratio is small is taken for light, and left out [Horn 1974, Morel
-et al. 2010]. Ratios are compared by a product, so that all devices leave out the same ones.
+Each scale of a retinex adds ``w log((I + c) / (S + c))``, where S is the smoothed image [D. Jobson,
+Z. Rahman and G. Woodell, "A multiscale retinex for bridging the gap between color images and the
+human observation of scenes", IEEE Transactions on Image Processing 6(7), 1997]. By gradients, a step
+between neighbours counts if their ratio is above a threshold [J. M. Morel, A. B. Petro and
+C. Sbert, "A PDE formalization of retinex theory", IEEE Transactions on Image Processing 19(11),
+2010]: ratios are compared by a product, so that all devices keep the same steps. Logarithms agree
+between devices to rounding. One thread takes a value or a pixel.
 """
 
 import numpy as np

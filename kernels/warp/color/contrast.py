@@ -1,4 +1,7 @@
-"""Histograms and tone curves in Warp, with one thread a pixel; the Taichi set has the rules."""
+"""Histograms and tone curves in Warp; the Taichi set has the rules.
+
+One thread takes a pixel; on the CPU, a slab of pixels, except for counting, which one thread does.
+"""
 
 import warp as wp
 

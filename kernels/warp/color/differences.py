@@ -1,4 +1,7 @@
-"""CIEDE2000 in Warp, with one thread a pair; the names are those of the Taichi set."""
+"""CIEDE2000 in Warp; the Taichi set has the method, and the same names.
+
+One thread takes a pair of colours; on the CPU, a slab of pairs.
+"""
 
 import warp as wp
 

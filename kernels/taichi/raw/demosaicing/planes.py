@@ -1,4 +1,8 @@
-"""Between images and extended planes of floats, in Taichi."""
+"""Copies between images and extended planes of floats, in Taichi.
+
+Planes have MARGIN more pixels on each side. These mirror the image at its outermost samples, and
+so keep the colours of the mosaic. One thread takes a pixel.
+"""
 
 import numpy as np
 import taichi as ti
