@@ -75,6 +75,7 @@ class Folder:
     class raw:
         from cvkern.kernels.warp.raw import bands as bands
         from cvkern.kernels.warp.raw import exposures as exposures
+        from cvkern.kernels.warp.raw import fusion as fusion
         from cvkern.kernels.warp.raw import grids as grids
         from cvkern.kernels.warp.raw import tone as tone
         class demosaicing:
