@@ -10,10 +10,17 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray
+from cvkern.app.commands import (
+    PHOTOGRAPHS,
+    Backend,
+    Device,
+    Folder,
+    OverwriteFolder,
+    as_gray,
+    check_folder,
+)
 
 RESULTS = ("normals.png", "albedo.png", "depth.tif", "mesh.ply", "relit.gif")
-IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp")
 LIGHTS = ("lights.txt", "light_directions.txt")
 FRAMES = 36  # pictures of one turn of the light
 SLANT = 0.8  # tangent of the angle between the light of the film and the view
@@ -22,7 +29,7 @@ BRIGHT = 99.0  # percentile of albedo that is shown as white
 
 def relief(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of images.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    output: Folder,
     lights: Annotated[
         Path | None, typer.Option(help="Text file with a line of x y z for each image.")
     ] = None,
@@ -35,9 +42,7 @@ def relief(
         typer.Option(help="consensus, least_squares, trimmed, l1 or sparse_bayes."),
     ] = "consensus",
     integration: Annotated[str, typer.Option(help="poisson or bilateral.")] = "poisson",
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
-    ] = False,
+    overwrite: OverwriteFolder = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -50,14 +55,7 @@ def relief(
     normals.png (x, y and z as red, green and blue), albedo.png, depth.tif (pixels, growing away
     from the camera), mesh.ply, and relit.gif, a film of the body under a moving light.
     """
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"output must be a folder, got the file {str(output)!r}")
-    kept = [] if overwrite else [name for name in RESULTS if (output / name).exists()]
-    if kept:
-        raise ValueError(
-            f"output must have no results yet, got {str(output / kept[0])!r}: "
-            "--overwrite replaces them"
-        )
+    check_folder(output, RESULTS, overwrite)
     if lights and sphere:
         raise ValueError(f"lights must be given without sphere, got {str(lights)!r} and a sphere")
     images, inside = read_folder(folder, mask)
@@ -83,7 +81,7 @@ def read_folder(folder: Path, mask: Path | None = None) -> tuple[np.ndarray, np.
 
     if not folder.is_dir():
         raise ValueError(f"folder must be a folder of images, got {str(folder)!r}")
-    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in IMAGES)
+    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in PHOTOGRAPHS)
     masks = [f for f in files if "mask" in f.stem.lower()]
     files = sorted((f for f in files if f not in masks and f != mask), key=_order)
     if not files:

@@ -1,4 +1,17 @@
-"""FAST corners and binary descriptors in Taichi: all decisions in integers, but for one angle."""
+"""FAST corners and binary descriptors, in Taichi.
+
+A pixel is a corner if 9 neighbouring pixels of the 16 on a circle around it are all brighter than
+it by more than a threshold t, or all darker [E. Rosten and T. Drummond, "Machine learning for
+high-speed corner detection", ECCV 2006]. Its score is the largest such t. A corner is kept if no
+pixel of the eight around it has a larger score; of equal ones the first in raster order is kept.
+Corners are ranked by Harris' measure (corners.py) of the square around them.
+
+The direction of a corner is ``atan2(sum y I, sum x I)`` over a disc, with y and x from its middle.
+A bit of its descriptor is ``S(p_k) < S(q_k)``, where S is the smoothed image, and the 256 pairs
+(p_k, q_k) are turned with the corner in 64 steps [E. Rublee, V. Rabaud, K. Konolige and
+G. Bradski, "ORB: an efficient alternative to SIFT or SURF", ICCV 2011]. All decisions are in
+integers, except for the angle. One thread takes a pixel, or a corner.
+"""
 
 import numpy as np
 import taichi as ti

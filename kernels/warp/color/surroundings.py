@@ -1,4 +1,10 @@
-"""Logarithms of ratios in Warp, with one thread a value."""
+"""Logarithms of the ratio of an image and its surroundings, in Warp.
+
+Each scale of a retinex adds ``w log((I + c) / (S + c))``, where S is the smoothed image [D. Jobson,
+Z. Rahman and G. Woodell, "A multiscale retinex for bridging the gap between color images and the
+human observation of scenes", IEEE Transactions on Image Processing 6(7), 1997]. Logarithms agree
+between devices to rounding. One thread takes a value; on the CPU, a slab of them.
+"""
 
 import warp as wp
 

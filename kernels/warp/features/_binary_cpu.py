@@ -1,4 +1,8 @@
-"""FAST corners and binary descriptors on the CPU, row by row and point by point."""
+"""FAST corners and binary descriptors on the CPU: a thread takes a slab of rows or of corners.
+
+The code (_binary_cpu.h) is native, because it compares vectors of 64 bytes, and leaves early where
+none of them is a corner.
+"""
 
 import warp as wp
 

@@ -1,4 +1,4 @@
-"""FAST corners on CUDA, a thread a pixel."""
+"""FAST corners on CUDA, where a thread takes a pixel. The Taichi set has the rule."""
 
 import warp as wp
 

@@ -1,4 +1,9 @@
-"""FAST corners and binary descriptors in Warp: all decisions in integers, but for one angle."""
+"""FAST corners and binary descriptors, in Warp.
+
+The Taichi set has the rules. On the CPU a thread takes a slab of rows or of corners
+(_binary_cpu.h). On CUDA it takes a pixel to find corners (_binary_cuda.py), or a corner to measure
+and describe it.
+"""
 
 import warp as wp
 

@@ -1,4 +1,5 @@
-// Robust rules of photometric stereo on the CPU.
+// Photometric stereo on the CPU; taichi/shading/photometry.py has the equations. Ranks and robust
+// rules take LANES pixels at once.
 
 // The ranks of a pixel's values among those that are finite and below the limit, LANES pixels at
 // once.

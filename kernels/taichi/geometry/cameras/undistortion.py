@@ -1,4 +1,10 @@
-"""Images without the bend of a lens, in Taichi: the map and the sample in one kernel."""
+"""Images without the bend of a lens, in Taichi: the map and the sample in one kernel.
+
+A pixel of the result has the ray ``(x, y, z) = M (column, row, 1)`` of the old camera. Its lens
+bends (x, y) / z by Brown's polynomial (cvkern/geometry/cameras/lens.py) [D. Brown, "Close-range
+camera calibration", Photogrammetric Engineering 37(8), 1971], and the four pixels around that place
+are weighed linearly, for bytes in steps of 1/256 pixel. One thread takes a pixel.
+"""
 
 import numpy as np
 import taichi as ti

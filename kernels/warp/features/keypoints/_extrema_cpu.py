@@ -1,4 +1,8 @@
-"""Extrema of a scale space on the CPU, row by row."""
+"""Extrema of a scale space on the CPU: a thread takes a slab of rows.
+
+The code (_extrema_cpu.h) is native, because it compares 32 pixels at once, and leaves them at the
+first neighbours that exceed all.
+"""
 
 import warp as wp
 

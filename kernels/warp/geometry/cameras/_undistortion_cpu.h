@@ -1,7 +1,9 @@
+// Undistorted rows on the CPU; undistortion.py has the equations. The map, and for bytes the
+// weighing, are loops without branches over 256 pixels; between them, pixels are fetched.
+
 // needs BYTES, SCALAR, CHANNELS
 // Row `i` of an image seen through a lens: for each pixel the ray of the new camera, turned to the
-// old one, bent by its lens, and the four pixels about the place where it is seen. The map, and for
-// bytes the weighing, are loops without branches over 256 pixels; between them pixels are fetched.
+// old one, bent by its lens, and the four pixels around the place where it is seen.
 void sample_row(int i, wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval,
                 wp::array_t<SCALAR> dst) {
     const int height = src.shape[0], width = src.shape[1], columns = dst.shape[1];

@@ -1,4 +1,8 @@
-"""Between images and extended planes of floats, in Warp."""
+"""Copies between images and extended planes of floats, in Warp.
+
+The Taichi set says how planes are extended. On the CPU a thread takes a slab of rows, on CUDA a run
+of pixels of a row (_planes.h).
+"""
 
 from functools import lru_cache
 from typing import Any
