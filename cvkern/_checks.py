@@ -46,7 +46,7 @@ def check_image(
 
 def as_array(values: Any, name: str) -> Any:
     """Convert lists, buffers and data frames by NumPy; return arrays unchanged."""
-    if _arrays.library(values, name) is not _arrays.NUMPY or type(values) is np.ndarray:
+    if type(values) is np.ndarray or _arrays.library(values, name) is not _arrays.NUMPY:
         return values
     try:
         return np.asarray(values)

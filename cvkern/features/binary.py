@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_flag, check_image, check_integer, check_number
+from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin
-from cvkern.features.keypoints import Features, as_host, prepared, white_of
+from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked, white_of
+from cvkern.features.keypoints import Features
 from cvkern.filters.linear import gaussian_taps
 from cvkern.kernels.codes.features import BLUR, DISC, PAIRS, TURNS, WORD
 from cvkern.transform.resampling import resample
@@ -108,16 +109,8 @@ def orb(
     """
     spread = check_flag(spread, "spread")
     upright = check_flag(upright, "upright")
-    image = check_image(image, ndim=(2, 3))
+    image, mask, max_keypoints = check_photograph(image, mask, max_keypoints)
     shape = tuple(image.shape)
-    if len(shape) == 3 and shape[2] not in (3, 4):
-        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
-    if mask is not None:
-        mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != shape[:2]:
-            raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
-    if max_keypoints is not None:
-        max_keypoints = check_integer(max_keypoints, "max_keypoints", 0, 2**26)
     levels = check_integer(levels, "levels", 1, 32)
     downscale = check_number(downscale, "downscale")
     if not 1 < downscale <= 4:
@@ -125,7 +118,7 @@ def orb(
     threshold = check_number(fast_threshold, "fast_threshold", low=0)
     white = white_of(image, data_range)
     rt = runtime(image)
-    host = None if mask is None else as_host(rt, mask) != 0
+    host = None if mask is None else as_host(rt, mask)
     sides = [
         (round(shape[0] / downscale**n), round(shape[1] / downscale**n)) for n in range(levels)
     ]
@@ -203,10 +196,7 @@ def _corners(
     kernels.list_corners(level, words, starts, places, measures)
     places, measures = rt.to_numpy(places), rt.to_numpy(measures)
     if mask is not None:
-        points = _on_image(_cells(places, width), scale).astype(np.float64)
-        near = np.floor(points + 0.5).astype(np.int64)
-        row, column = (near[:, i].clip(0, mask.shape[i] - 1) for i in (0, 1))
-        kept = np.flatnonzero(mask[row, column])
+        kept = unmasked(_on_image(_cells(places, width), scale), mask)
         places, measures = places[kept], measures[kept]
     kept = best(measures, _cells(places, width) if spread else places, side, quota, spread)
     return _cells(places[kept], width), measures[kept]

@@ -9,7 +9,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_integer, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.raw.exposures import _stack
+from cvkern.raw.exposures import stacked
 
 WELL = 0.2  # standard deviation of how well a value is exposed, about the middle
 KNEE = 0.05  # distance from 0 and 1 at which values are held back
@@ -79,21 +79,21 @@ def fuse_exposures(
     >>> bool(fused.min() >= 0 and fused.max() <= 1)
     True
     """
-    images, frames = _stack(images)
-    if frames.shape[3] not in (1, 3):
-        raise ValueError(f"images must have 1 or 3 channels, got {frames.shape[3]}")
+    images, shape = stacked(images)
+    if shape[3] not in (1, 3):
+        raise ValueError(f"images must have 1 or 3 channels, got {shape[3]}")
     powers = [
         check_number(v, n, low=0)
         for v, n in ((contrast, "contrast"), (saturation, "saturation"), (exposure, "exposure"))
     ]
     rt = runtime(images)
-    values = _host(rt, images, frames.shape)
+    values = _host(rt, images, shape)
     if library(images).dtype(images) == np.uint8:
         values = values / np.float32(255)
     weights = np.stack([_quality(image, powers) for image in values])
     with np.errstate(over="ignore", invalid="ignore"):  # weights may be infinite
         weights = weights / weights.sum(axis=0)
-    levels = 1 + int(np.log2(min(frames.shape[1:3])))
+    levels = 1 + int(np.log2(min(shape[1:3])))
     bands: list[np.ndarray] = []
     for image, weight in zip(values, weights, strict=True):
         for level in range(levels):
@@ -111,8 +111,7 @@ def fuse_exposures(
     for band in reversed(bands[:-1]):
         fused = band + _expanded(fused, band.shape)
     fused = _limited(fused)
-    shape = tuple(images.shape[1:])
-    return rt.give(np.ascontiguousarray(fused.reshape(shape), np.float32))
+    return rt.give(np.ascontiguousarray(fused.reshape(images.shape[1:]), np.float32))
 
 
 def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
@@ -158,10 +157,10 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
     array([[ 0,  0],
            [-3,  2]])
     """
-    images, frames = _stack(images)
+    images, shape = stacked(images)
     reach = check_integer(reach, "reach", 1, 1024)
     rt = runtime(images)
-    grey = _host(rt, images, frames.shape).mean(axis=3)
+    grey = _host(rt, images, shape).mean(axis=3)
     count = len(grey)
     middle = int(np.argsort([float(np.median(g)) for g in grey], kind="stable")[count // 2])
     levels = max(1, min(int(np.ceil(np.log2(reach))), int(np.log2(min(grey.shape[1:]) / 8))) + 1)
@@ -171,7 +170,7 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
         if k != middle:
             shifts[k] = _shift(_bitmaps(grey[k], levels), target)
     moved = np.asarray(rt.to_numpy(rt.adopt(images, library(images).dtype(images))))
-    rows, columns = (np.arange(n) for n in frames.shape[1:3])
+    rows, columns = (np.arange(n) for n in shape[1:3])
     aligned = np.stack(
         [
             image[(rows - dy).clip(0, len(rows) - 1)][:, (columns - dx).clip(0, len(columns) - 1)]

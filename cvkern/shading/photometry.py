@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_choice, check_flag, check_image, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.shading import MOST_LIGHTS, Photometric, Weighing
 from cvkern.shading.integration import integrate_normals
+from cvkern.shading.masks import kernel_mask
 
 METHODS = tuple(code.name.lower() for code in Photometric)
 # Windows of ranks, as shares: darker and brighter values are ignored.
@@ -176,15 +176,3 @@ def check_lamps(lights: Any, count: int, near: bool) -> np.ndarray:
     if not near and values[2] < FLATTEST * values[0]:
         raise ValueError("lights must not lie in one plane through the origin, got such lights")
     return np.hstack([given, np.ones((count, 1))]) if given.shape[1] == 3 else given
-
-
-def kernel_mask(rt: Runtime, mask: Any, shape: tuple[int, int]) -> Any:
-    """Return a mask for kernels, uint8 of 0 and 1; it must not be 0 everywhere."""
-    if mask is None:
-        return rt.send("shading.mask", np.ones(shape, np.uint8))
-    if tuple(check_image(mask, name="mask").shape) != shape:
-        raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
-    inside = rt.to_numpy(rt.adopt(mask, library(mask).dtype(mask))) != 0
-    if not inside.any():
-        raise ValueError("mask must not be 0 everywhere, got such a mask")
-    return rt.send("shading.mask", inside.astype(np.uint8))

@@ -13,7 +13,11 @@ from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_points, on_host, xy
 from cvkern.geometry.cameras.calibration import numbers_of
 from cvkern.geometry.cameras.lens import Camera, check_lens, rays_of, turned
-from cvkern.geometry.cameras.stereo_calibration import StereoCalibration, calibrate_stereo
+from cvkern.geometry.cameras.stereo_calibration import (
+    StereoCalibration,
+    calibrate_stereo,
+    check_stereo,
+)
 from cvkern.geometry.fitting import fit_homography
 from cvkern.structured_light.patterns import AXES
 
@@ -72,7 +76,7 @@ def triangulate_columns(
     >>> points.shape
     (24, 32, 3)
     """
-    check_pair(calibration)
+    calibration = check_stereo(calibration)
     columns = check_image(columns, name="columns")
     number = AXES.index(check_choice(axis, AXES, "axis"))
     shape = tuple(columns.shape)
@@ -95,13 +99,6 @@ def triangulate_columns(
         rt.constant(pose.astype(np.float32)), number, rt.adopt(result),
     )  # fmt: skip
     return rt.release(result)
-
-
-def check_pair(calibration: Any) -> None:
-    """Refuse anything but a calibration of a camera and a projector."""
-    if not isinstance(calibration, StereoCalibration):
-        said = type(calibration).__name__
-        raise TypeError(f"calibration must be a StereoCalibration, got {said}")
 
 
 def calibrate_projector(

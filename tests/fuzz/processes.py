@@ -46,7 +46,7 @@ class Process:
         """Make calls; return the number of the next one, and the most memory held, in KiB."""
         if self._process is None:
             self._process = self._start()
-        process, begun, fault = self._process, first, {}
+        process, begun = self._process, first
         with contextlib.suppress(BrokenPipeError):
             print(first, stop, file=process.stdin, flush=True)
         while (lines := self._lines()) is not None:
@@ -61,8 +61,7 @@ class Process:
         self.close()
         code = process.returncode
         end = f"the process ended with {code} after calls from {first} on: {self.said}"
-        fault = {"call": begun, "fault": "no answer in time" if late else end}
-        report(fault)
+        report({"call": begun, "fault": "no answer in time" if late else end})
         return begun + 1, 0
 
     def _lines(self) -> list[dict[str, Any]] | None:

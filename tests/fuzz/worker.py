@@ -67,9 +67,8 @@ def fault_of(name: str, arguments: dict[str, Any], device: str = "cpu", again: b
         if differ(value, arguments[key]):
             return f"the input {key} was written to"
     for (backend, _), got in zip(ways, answers, strict=True):
-        wrong = f"{backend}: {wrong_error(name, got)}" if wrong_error(name, got) else ""
-        if wrong:
-            return wrong
+        if wrong := wrong_error(name, got):
+            return f"{backend}: {wrong}"
     first = answers[0]
     for (backend, place), other in zip(ways[1:], answers[1:], strict=True):
         if isinstance(first, Exception) or isinstance(other, Exception):
@@ -81,8 +80,7 @@ def fault_of(name: str, arguments: dict[str, Any], device: str = "cpu", again: b
                 return f"{backend} on {place}: {wrong}"
     if again and not isinstance(first, Exception):
         plain = {k: plainly(v) if k != "out" else v for k, v in arguments.items()}
-        wrong = differ(first, answer(name, *ways[0], plain))
-        if wrong:
+        if wrong := differ(first, answer(name, *ways[0], plain)):
             return f"another answer with arrays laid out plainly: {wrong}"
     return ""
 
@@ -181,8 +179,7 @@ def main() -> None:
             for index in range(first, stop):
                 log.write(f'{{"begin": {index}}}\n')
                 with contextlib.suppress(KeyboardInterrupt):
-                    fault = make(seed, index, device)
-                    if fault:
+                    if fault := make(seed, index, device):
                         log.write(json.dumps(fault) + "\n")
             log.write(json.dumps({"end": stop, "peak": peak()}) + "\n")
 

@@ -15,7 +15,7 @@ from cvkern.geometry.cameras.lens import (
     turned,
     undistort_points,
 )
-from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration, check_stereo
 from cvkern.geometry.cameras.undistortion import sampled, undistort, undistortion_numbers
 
 KEPT = ("scale", "valid", "all")
@@ -189,9 +189,7 @@ def rectify_stereo(
     >>> round(rectified.baseline, 3), round(rectified.focal, 2)
     (2.0, 50.0)
     """
-    if not isinstance(calibration, StereoCalibration):
-        said = type(calibration).__name__
-        raise TypeError(f"calibration must be a StereoCalibration, got {said}")
+    calibration = check_stereo(calibration)
     check_choice(keep, KEPT, "keep")
     zoom = check_number(zoom, "zoom")
     if zoom <= 0:

@@ -194,8 +194,8 @@ def detect_lines(
 ) -> HoughLinePeaks:
     """Find the straight lines of a photograph.
 
-    Sub-pixel edges vote for lines across their gradients. Each peak is fitted to the edges near it,
-    and these edges are removed. The others vote again, until no line has enough votes.
+    Sub-pixel edges vote for lines across their gradients. Each peak is fitted robustly to the edges
+    near it, and these edges are removed. The others vote again, until no line has enough votes.
 
     Parameters
     ----------

@@ -3,15 +3,15 @@
 One thread takes a pair of colours; on the CPU, a slab of pairs.
 """
 
-import math
-
 import warp as wp
 
+from cvkern.kernels.codes.color import BLUE, DEGREES
 from cvkern.kernels.warp._launch import launch_each
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-_DEGREES = wp.constant(wp.float64(180 / math.pi))
+_DEGREES = wp.constant(wp.float64(DEGREES))
+_BLUE = wp.constant(wp.float64(BLUE))
 
 
 def ciede2000(
@@ -31,7 +31,7 @@ def ciede2000(
 def _seventh(chroma: wp.float64):
     squared = chroma * chroma
     power = squared * squared * squared * chroma
-    return power / (power + wp.float64(6103515625.0))
+    return power / (power + _BLUE)
 
 
 @wp.func

@@ -14,6 +14,7 @@ import warp as wp
 
 from cvkern.kernels.codes.features import BLOCK_ROWS
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._sums import scan
 
 from . import _matching_cpu as cpu
 from . import _matching_cuda as cuda
@@ -151,7 +152,7 @@ def keep_matches(
     pair_count = pairs.shape[0]
     inputs = [pairs, wp.float64(factor), best, second, index]
     launch(_keep, (pair_count, most), inputs, [counts])
-    wp.utils.array_scan(counts, counts, inclusive=True)
+    scan(counts)
     launch(_end, pair_count, [pairs, counts], [ends])
 
 

@@ -39,7 +39,8 @@ void solve_rows(int slab, int first, int last, wp::array_t<float> images,
         }
         for (int i = 0; i < n; ++i) {
             const float length = __builtin_sqrtf(a[i] * a[i] + b[i] * b[i] + c[i] * c[i]);
-            const bool found = mask.data[here + i] && length > 0.0f && length < __builtin_inff();
+            const bool inside = mask.shape[0] == 0 || mask.data[here + i];
+            const bool found = inside && length > 0.0f && length < __builtin_inff();
             const float none = __builtin_nanf("");
             float* normal = normals.data + 3 * (here + i);
             normal[0] = found ? a[i] / length : none;
@@ -66,7 +67,8 @@ void rank_rows(int slab, int first, int last, wp::array_t<float> images,
     for (size_t here = begin; here < end; here += LANES) {
         const int n = end - here < LANES ? (int)(end - here) : LANES;
         bool any = false;
-        for (int i = 0; i < n; ++i) any = any || mask.data[here + i];
+        const bool all = mask.shape[0] == 0;
+        for (int i = 0; i < n; ++i) any = any || all || mask.data[here + i];
         if (!any) {
             for (int k = 0; k < count; ++k)
                 for (int i = 0; i < n; ++i) ranks.data[k * plane + here + i] = LEFT_OUT;
@@ -93,7 +95,7 @@ void rank_rows(int slab, int first, int last, wp::array_t<float> images,
             }
             wp::uint16* to = ranks.data + k * plane + here;
             for (int i = 0; i < n; ++i) {
-                const bool in = mask.data[here + i] &&
+                const bool in = (all || mask.data[here + i]) &&
                                 __builtin_fabsf(value[i]) < __builtin_inff() && value[i] < limit;
                 to[i] = in ? below[i] : LEFT_OUT;
             }
@@ -119,37 +121,34 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
     for (size_t here = begin; here < end; here += LANES) {
         const int n = end - here < LANES ? (int)(end - here) : LANES;
         int number[LANES], low[LANES], high[LANES], inside[LANES];
-        bool found[LANES], any = true;
+        bool found[LANES], any = false;
         double brightest[LANES], px[LANES], py[LANES], pz[LANES];
         for (int i = 0; i < LANES; ++i) {
             number[i] = 0;
             brightest[i] = 0.0;
             found[i] = i < n;
         }
-        if (any) {
-            for (int k = 0; k < count; ++k) {
-                const float* from = images.data + k * plane + here;
-                const wp::uint16* place = ranks.data + k * plane + here;
-                for (int i = 0; i < LANES; ++i) {
-                    rank[k][i] = i < n ? place[i] : LEFT_OUT;
-                    const bool part = rank[k][i] != LEFT_OUT;
-                    value[k][i] = part ? (double)from[i < n ? i : 0] : 0.0;
-                    number[i] += part;
-                    if (value[k][i] > brightest[i]) brightest[i] = value[k][i];
-                }
-            }
-            any = false;
+        for (int k = 0; k < count; ++k) {
+            const float* from = images.data + k * plane + here;
+            const wp::uint16* place = ranks.data + k * plane + here;
             for (int i = 0; i < LANES; ++i) {
-                found[i] = found[i] && number[i] >= 3 && brightest[i] > 0.0;
-                px[i] = py[i] = pz[i] = 0.0;
-                if (near && i < n) {
-                    px[i] = (double)((here + i) % width);
-                    py[i] = -(double)((here + i) / width);
-                    pz[i] = -(double)depth.data[here + i];
-                    found[i] = found[i] && __builtin_fabs(pz[i]) < __builtin_inf();
-                }
-                any = any || found[i];
+                rank[k][i] = i < n ? place[i] : LEFT_OUT;
+                const bool part = rank[k][i] != LEFT_OUT;
+                value[k][i] = part ? (double)from[i < n ? i : 0] : 0.0;
+                number[i] += part;
+                if (value[k][i] > brightest[i]) brightest[i] = value[k][i];
             }
+        }
+        for (int i = 0; i < LANES; ++i) {
+            found[i] = found[i] && number[i] >= 3 && brightest[i] > 0.0;
+            px[i] = py[i] = pz[i] = 0.0;
+            if (near && i < n) {
+                px[i] = (double)((here + i) % width);
+                py[i] = -(double)((here + i) / width);
+                pz[i] = -(double)depth.data[here + i];
+                found[i] = found[i] && __builtin_fabs(pz[i]) < __builtin_inf();
+            }
+            any = any || found[i];
         }
         double mx[LANES], my[LANES], mz[LANES], strength[LANES], total[LANES];
         for (int i = 0; i < LANES; ++i) mx[i] = my[i] = mz[i] = strength[i] = total[i] = 0.0;

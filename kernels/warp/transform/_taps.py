@@ -154,6 +154,45 @@ def stored(result: Any) -> Any:
 
 
 @lru_cache
+def writer(scalar: Any, result: Any, order: int) -> Any:
+    """Return the function that samples an image of `scalar` at mapped coordinates.
+
+    It writes one pixel of all planes and channels, `cval` where a coordinate is outside.
+    """
+    _, _, indices, weights, _ = taps(order)
+    sample = sampler(scalar, order)
+    store = stored(result)
+
+    @wp.func
+    def write(
+        src: wp.array4d[scalar],  # (P, H, W, C)
+        y: wp.float64,
+        x: wp.float64,
+        border: int,
+        cval: float,
+        i: int,
+        j: int,
+        # outputs
+        dst: wp.array4d[result],  # (P, H', W', C)
+    ):
+        if y == wp.float64(AWAY) or x == wp.float64(AWAY):
+            outside = store(cval)
+            for p in range(dst.shape[0]):
+                for c in range(dst.shape[3]):
+                    dst[p, i, j, c] = outside
+        else:
+            rows = indices(y, src.shape[1], border)
+            columns = indices(x, src.shape[2], border)
+            down = weights(y)
+            along = weights(x)
+            for p in range(dst.shape[0]):
+                for c in range(dst.shape[3]):
+                    dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+
+    return write
+
+
+@lru_cache
 def sampler(scalar: Any, order: int) -> Any:
     """Return the function that weighs the pixels of one channel of an image of `scalar`."""
     weights_t, indices_t, *_ = taps(order)

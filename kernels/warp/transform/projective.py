@@ -14,7 +14,7 @@ from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs
 
-from ._taps import AWAY, mapped, sampler, stored, taps
+from ._taps import mapped, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 FEW = (1, 3, 4)  # channels for which the CPU has a kernel of its own
@@ -119,9 +119,7 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
 @lru_cache
 def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
     """Make the function that finds a pixel of the result."""
-    _, _, indices, weights, _ = taps(order)
-    sample = sampler(scalar, order)
-    store = stored(result)
+    write = writer(scalar, result, order)
 
     @wp.func
     def pixel(
@@ -143,18 +141,6 @@ def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
         py = (inverse[3] * u + inverse[4] * v + inverse[5]) / w + shift
         y = mapped(py, src.shape[1], border)[0]
         x = mapped(px, src.shape[2], border)[0]
-        if y == wp.float64(AWAY) or x == wp.float64(AWAY):
-            outside = store(cval)
-            for p in range(dst.shape[0]):
-                for c in range(dst.shape[3]):
-                    dst[p, i, j, c] = outside
-        else:
-            rows = indices(y, src.shape[1], border)
-            columns = indices(x, src.shape[2], border)
-            down = weights(y)
-            along = weights(x)
-            for p in range(dst.shape[0]):
-                for c in range(dst.shape[3]):
-                    dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+        write(src, y, x, border, cval, i, j, dst)
 
     return pixel

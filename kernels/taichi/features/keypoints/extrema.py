@@ -7,6 +7,8 @@ exceeds those of the 26 neighbours on three levels, or is below them [D. G. Lowe
 have the order of their places. One thread takes a pixel, or a row of bits.
 """
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 import taichi as ti
 
@@ -17,6 +19,7 @@ from cvkern.kernels.taichi._rounding import product
 from cvkern.kernels.taichi.filters.linear import correlate_separable
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
@@ -71,17 +74,28 @@ def _double(
 
 
 @primitive
-def smooth(src: np.ndarray, taps: np.ndarray, dst: np.ndarray) -> None:
-    """Correlate down the rows, then along the columns, mirrored; one thread a pixel and pass."""
+def fill_octaves(
+    src: np.ndarray, taps: Sequence[np.ndarray], octaves: Sequence[np.ndarray]
+) -> None:
+    """Smooth an image to the first level of the first octave, and each level to the next one.
+
+    An octave begins with every second pixel of the larger one's level that is third from its end.
+    Taps are applied down the rows and then along the columns, mirrored: the first ones to the
+    image, the others to the levels. One thread a pixel and pass.
+    """
+    for o, octave in enumerate(octaves):
+        if o:
+            _halve(octaves[o - 1][-3], octave[0])
+        else:
+            _smooth(src, taps[0], octave[0])
+        for i in range(1, octave.shape[0]):
+            _smooth(octave[i - 1], taps[i], octave[i])
+
+
+def _smooth(src: np.ndarray, taps: np.ndarray, dst: np.ndarray) -> None:
     planes = (1, *src.shape)
     border = int(Border.MIRROR)
     correlate_separable(src.reshape(planes), taps, taps, 1, border, 0.0, dst.reshape(planes))
-
-
-@primitive
-def halve(src: np.ndarray, dst: np.ndarray) -> None:
-    """Every second pixel of every second row; one thread a pixel."""
-    _halve(src, dst)
 
 
 @ti.kernel
@@ -96,14 +110,44 @@ def _halve(
 
 @primitive
 def mark_extrema(
-    levels: np.ndarray, threshold: float, margin: int, words: np.ndarray, counts: np.ndarray
+    octaves: Sequence[np.ndarray],
+    threshold: float,
+    margin: int,
+    words: np.ndarray,
+    ends: np.ndarray,
 ) -> None:
     """Mark pixels whose difference of levels is extreme among 26 neighbours.
 
-    A bit a pixel, and their number in each row.
+    A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
+    number up to the end of each row. One thread a word, then a sum by one thread.
     """
-    _mark(levels, threshold, margin, words)
-    _count(words, counts)
+    for o, (marks, rows) in enumerate(_parts(octaves, words)):
+        _mark(octaves[o], threshold, margin, marks)
+        _count(marks, ends[rows])
+    _add_up(ends)
+
+
+def _parts(octaves: Sequence[np.ndarray], words: np.ndarray) -> Iterator[tuple[np.ndarray, slice]]:
+    """Yield the words of each octave, (L - 3, H, ceil(W / 32)), and its part of all rows."""
+    word = row = 0
+    for levels in octaves:
+        count, height, width = levels.shape
+        shape = (count - 3, height, -(-width // WORD))
+        rows = shape[0] * height
+        yield words[word : word + rows * shape[2]].reshape(shape), slice(row, row + rows)
+        word, row = word + rows * shape[2], row + rows
+
+
+@ti.kernel
+def _add_up(
+    # in place
+    ends: i32_1,
+):
+    for _ in range(1):
+        total = 0
+        for row in range(ends.shape[0]):
+            total += ends[row]
+            ends[row] = total
 
 
 @ti.func
@@ -190,3 +234,39 @@ def _list(
                     if (word >> bit) & 1 == 1:
                         places[at] = row * width + k * WORD + bit
                         at += 1
+
+
+@primitive
+def list_extrema(
+    octaves: Sequence[np.ndarray], words: np.ndarray, ends: np.ndarray, cells: np.ndarray
+) -> None:
+    """List octave, level, row and column of the N marks, in this order; one thread a row."""
+    for o, (marks, rows) in enumerate(_parts(octaves, words)):
+        _list_cells(marks, o, rows.start, ends, cells)
+
+
+@ti.kernel
+def _list_cells(
+    words: i32_3,  # (L - 3, H, K)
+    octave: ti.i32,
+    first: ti.i32,
+    ends: i32_1,
+    # outputs
+    cells: i32_2,  # (N, 4)
+):
+    for s, y in ti.ndrange(words.shape[0], words.shape[1]):
+        row = first + s * words.shape[1] + y
+        at = 0
+        if row > 0:
+            at = ends[row - 1]
+        if at < ends[row]:
+            for k in range(words.shape[2]):
+                word = words[s, y, k]
+                if word != 0:
+                    for bit in range(WORD):
+                        if (word >> bit) & 1 == 1:
+                            cells[at, 0] = octave
+                            cells[at, 1] = s + 1  # the first difference has no neighbour
+                            cells[at, 2] = y
+                            cells[at, 3] = k * WORD + bit
+                            at += 1

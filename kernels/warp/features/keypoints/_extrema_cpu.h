@@ -20,9 +20,9 @@ void double_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     out[2 * width - 1] = last;
 }
 
-// Mark the extrema of a row of every inner level: a bit for each pixel, and their
-// number. Pixels drop out at the first
-// neighbours that exceed them, those of their own level first, and 32 pixels are left at once.
+// Mark the extrema of a row of every inner level: a bit for each pixel, and their number. Pixels
+// drop out at the first neighbours that exceed them, those of their own level first, and 32 pixels
+// are left at once.
 void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
               wp::array_t<int> words, wp::array_t<int> counts) {
 #pragma clang fp contract(off)

@@ -4,6 +4,8 @@ import warp as wp
 
 from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 
+from ._octaves import place_of
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BITS = wp.constant(WORD)
@@ -90,6 +92,21 @@ def ones_of(word: int) -> int:
         left = left & (left - wp.uint32(1))
         total += 1
     return total
+
+
+@wp.kernel
+def count_all(
+    octaves: wp.array2d[wp.int64],  # (O, 4)
+    words: wp.array[int],
+    # outputs
+    counts: wp.array[int],  # (rows,)
+):
+    row = wp.tid()
+    place = place_of(octaves, row)
+    total = int(0)
+    for k in range(place[4]):
+        total += ones_of(words[place[3] + k])
+    counts[row] = total
 
 
 @wp.kernel

@@ -4,16 +4,24 @@ The Taichi set has the rule. On the CPU a thread takes a slab of rows (_extrema_
 smoothed two at a time (_smoothing_cpu.h). On CUDA a thread takes a pixel (_extrema_cuda.py).
 """
 
+import math
+from collections.abc import Sequence
+
 import warp as wp
 
+from cvkern.kernels.codes.features import WORD
 from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._sums import scan
 from cvkern.kernels.warp._zeros import clear
 from cvkern.kernels.warp.filters.linear import correlate_separable
 
 from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
+from ._octaves import BITS, cut, level_of, place_of, table
 from ._smoothing_cpu import smooth_rows
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LINE = 16  # floats of a line of the cache
 
@@ -34,8 +42,26 @@ def double(src: wp.array, dst: wp.array) -> None:
     launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
-def smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
-    """Correlate down the rows, then along the columns, mirrored; on the CPU over two rows."""
+def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> None:
+    """Smooth an image to the first level of the first octave, and each level to the next one.
+
+    An octave begins with every second pixel of the larger one's level that is third from its end.
+    Taps are applied down the rows and then along the columns, mirrored: the first ones to the
+    image, the others to the levels. On the CPU two rows are done together.
+    """
+    for o, octave in enumerate(octaves):
+        level = level_of(octave, 0)
+        if o:
+            before = octaves[o - 1]
+            _halve(level_of(before, before.shape[0] - 3), level)
+        else:
+            _smooth(src, taps[0], level)
+        for i in range(1, octave.shape[0]):
+            level, before = level_of(octave, i), level
+            _smooth(before, taps[i], level)
+
+
+def _smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
     height, width = src.shape
     if dst.device.is_cuda:
         one, other = (view(a, wp.float32, (1, height, width)) for a in (src, dst))
@@ -47,8 +73,7 @@ def smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
     launch_slabs(smooth_rows, height, parts, [src, taps, margin, lines], [dst])
 
 
-def halve(src: wp.array, dst: wp.array) -> None:
-    """Every second pixel of every second row; one thread a pixel."""
+def _halve(src: wp.array, dst: wp.array) -> None:
     if dst.device.is_cuda:
         launch(cuda.halve, dst.shape, [src], [dst])
         return
@@ -56,20 +81,70 @@ def halve(src: wp.array, dst: wp.array) -> None:
 
 
 def mark_extrema(
-    levels: wp.array, threshold: float, margin: int, words: wp.array, counts: wp.array
+    octaves: Sequence[wp.array], threshold: float, margin: int, words: wp.array, ends: wp.array
 ) -> None:
     """Mark pixels whose difference of levels is extreme among 26 neighbours.
 
-    A bit a pixel, and their number in each row.
+    A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
+    number up to the end of each row.
     """
-    count, height, width = levels.shape
-    if levels.device.is_cuda:
+    on_cuda = words.device.is_cuda
+    if on_cuda:
         clear(words)
-        launch(cuda.mark, (count - 3, height, width), [levels, threshold, margin], [words])
-        count_marks(words, counts)
-        return
-    parts = slabs(height, levels.size)
-    launch_slabs(cpu.mark, height, parts, [levels, threshold, margin], [words, counts])
+    word = row = 0
+    for levels in octaves:
+        count, height, width = levels.shape
+        shape = (count - 3, height, -(-width // WORD))
+        marks = cut(words, word, shape)
+        if on_cuda:
+            inputs = [levels, threshold, margin]
+            launch(cuda.mark, (count - 3, height, width), inputs, [marks])
+        else:
+            rows = cut(ends, row, (shape[0] * height,))
+            inputs = [levels, threshold, margin]
+            launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, rows])
+        word += math.prod(shape)
+        row += shape[0] * height
+    if on_cuda:
+        launch(cuda.count_all, row, [table(octaves), words], [ends])
+    scan(ends)
+
+
+def list_extrema(
+    octaves: Sequence[wp.array], words: wp.array, ends: wp.array, cells: wp.array
+) -> None:
+    """List octave, level, row and column of the N marks, in this order; one thread a row."""
+    rows = ends.shape[0]
+    launch_each(_list, rows, 32 * words.size, [table(octaves), words, ends], [cells])
+
+
+@wp.kernel
+def _list(
+    stride: int,
+    first: int,
+    last: int,
+    octaves: wp.array2d[wp.int64],  # (O, 4)
+    words: wp.array[int],
+    ends: wp.array[int],  # (rows,)
+    # outputs
+    cells: wp.array2d[int],  # (N, 4)
+):
+    for row in range(first + wp.tid(), last, stride):
+        at = int(0)
+        if row > 0:
+            at = ends[row - 1]
+        if at < ends[row]:
+            place = place_of(octaves, row)
+            for k in range(place[4]):
+                word = words[place[3] + k]
+                if word != 0:
+                    for bit in range(BITS):
+                        if ((word >> bit) & 1) == 1:
+                            cells[at, 0] = place[0]
+                            cells[at, 1] = place[1]
+                            cells[at, 2] = place[2]
+                            cells[at, 3] = k * BITS + bit
+                            at += 1
 
 
 def count_marks(words: wp.array, counts: wp.array) -> None:

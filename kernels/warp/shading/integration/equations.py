@@ -6,17 +6,26 @@ The Taichi set has the equations. One thread has a pixel, on the CPU in slabs.
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp.shading._mask import is_inside
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
 
 def slopes(
-    normals: wp.array, mask: wp.array, flattest: float, inside: wp.array, slope: wp.array
+    normals: wp.array,
+    mask: wp.array,
+    flattest: float,
+    inside: wp.array,
+    slope: wp.array,
+    cut: wp.array,
 ) -> None:
-    """Write where normals face the camera, and there their slopes of depth and their z."""
+    """Write where normals face the camera, and there their slopes of depth and their z.
+
+    `cut` (1,) becomes 1 if there is a pixel outside, and stays as it is otherwise.
+    """
     inputs = [normals, mask, flattest]
-    launch_each(_slopes, inside.size, 4 * inside.size, inputs, [inside, slope])
+    launch_each(_slopes, inside.size, 4 * inside.size, inputs, [inside, slope, cut])
 
 
 @wp.kernel
@@ -30,6 +39,7 @@ def _slopes(
     # outputs
     inside: wp.array2d[wp.uint8],
     slope: wp.array3d[float],  # (3, H, W): along columns, down the rows, z of the unit normal
+    cut: wp.array[int],
 ):
     for i in range(first + wp.tid(), last, stride):
         y = i // inside.shape[1]
@@ -38,7 +48,7 @@ def _slopes(
         ny = normals[y, x, 1]
         nz = normals[y, x, 2]
         length = wp.sqrt(nx * nx + ny * ny + nz * nz)
-        found = mask[y, x] != wp.uint8(0) and wp.isfinite(length) and nz > 0.0
+        found = is_inside(mask, y, x) and wp.isfinite(length) and nz > 0.0
         inside[y, x] = wp.where(found, wp.uint8(1), wp.uint8(0))
         a = float(0.0)
         b = float(0.0)
@@ -47,6 +57,8 @@ def _slopes(
             c = wp.max(nz / length, flattest)
             a = nx / length / c
             b = (0.0 - ny) / length / c
+        else:
+            cut[0] = 1
         slope[0, y, x] = a
         slope[1, y, x] = b
         slope[2, y, x] = c
