@@ -24,6 +24,8 @@ import numpy as np
 from cvkern.panorama.registration import Link
 
 MOST_POINTS = 200  # largest number of matches of a pair in the adjustment
+ENOUGH_POINTS = 10_000  # matches of all pairs together: more take longer, and change little
+FEWEST_POINTS = 40  # of a pair, however many pairs there are
 HUBER = 2.0  # pixels of the small images: the cost of larger residuals is linear
 STEPS = 40
 ENOUGH = 1e-6  # the steps end when the relative decrease of the cost is below this
@@ -61,6 +63,7 @@ def observe(
 ) -> Observations:
     """Return the matches of links in both directions; `middles` (N, 2) are in the order x, y."""
     count = 2 * len(links)
+    most = min(most, max(FEWEST_POINTS, ENOUGH_POINTS // len(links)))
     longest = max(min(len(link.points0), most) for link in links)
     pairs = np.zeros((count, 2), int)
     points, targets = np.zeros((count, longest, 3)), np.zeros((count, longest, 2))
@@ -222,7 +225,10 @@ def residuals(seen: Observations, model: Any) -> np.ndarray:
 def medians(seen: Observations, model: Any) -> np.ndarray:
     """Return the median of the residuals of each pair, (L,)."""
     off = np.linalg.norm(_seen_at(seen, model)[0], axis=2)
-    return np.nanmedian(np.where(seen.there, off, np.nan), axis=1)
+    ordered = np.sort(np.where(seen.there, off, np.inf), axis=1)
+    counts = seen.there.sum(axis=1)
+    pair, middle = np.arange(len(counts)), np.stack(((counts - 1) // 2, counts // 2))
+    return ordered[pair, middle].mean(axis=0)
 
 
 def _seen_at(seen: Observations, model: Any, more: float = 0.0) -> tuple[np.ndarray, ...]:

@@ -40,6 +40,7 @@ WORST = 5.0  # pixels of the small images: models with a larger residual are rej
 WRONG = 4.0  # a pair is wrong above this many times the median residual of all, and above WORST
 EARLY = 20.0  # Huber's threshold while images are added
 FEW_POINTS = 40  # matches of a pair in the adjustment while images are added
+STRAIGHT = 0.1  # pixels of the small images: with a smaller residual no lens is looked for
 CLEARLY_BENT = 0.8  # a lens is taken to bend lines if that reduces the cost to this share
 MOST_BENT = 0.3  # largest size of k: with a larger one, corners would lie where the lens turns back
 AT_ONCE = 1.6  # growth factor of the set of images between adjustments
@@ -160,11 +161,11 @@ def _unit_maps(
     links: Sequence[Link], middles: np.ndarray, unit: float
 ) -> dict[tuple[int, int], np.ndarray]:
     """Return the homographies of linked images, in the coordinates of the adjustment."""
+    ends = np.stack([np.array([[unit, 0, x], [0, unit, y], [0, 0, 1]]) for x, y in middles])
+    begins = np.linalg.inv(ends)
     maps = {}
     for link in links:
-        ends = [np.array([[unit, 0, x], [0, unit, y], [0, 0, 1]]) for x, y in middles]
-        matrix = np.linalg.inv(ends[link.second]) @ link.matrix @ ends[link.first]
-        matrix = with_unit_determinant(matrix)
+        matrix = with_unit_determinant(begins[link.second] @ link.matrix @ ends[link.first])
         maps[link.first, link.second] = matrix
         maps[link.second, link.first] = np.linalg.inv(matrix)
     return maps
@@ -253,6 +254,8 @@ def _turned(
             model = adjust(part(seen[0], there), model, fixed, EARLY, steps=6)
     model = adjust(seen[0], model, fixed, adjustment.HUBER)
     model = adjust(seen[1], model, fixed, adjustment.HUBER)
+    if _left(seen[1], model) < STRAIGHT:
+        return model
     bent = adjust(seen[1], model.with_lens(), fixed, adjustment.HUBER)
     costs = [cost(seen[1], found, adjustment.HUBER) for found in (bent, model)]
     clearly = costs[0] < CLEARLY_BENT * costs[1]
