@@ -23,6 +23,7 @@ class Folder:
             from cvkern.kernels.warp.features.keypoints import extrema as extrema
             from cvkern.kernels.warp.features.keypoints import refinement as refinement
     class filters:
+        from cvkern.kernels.warp.filters import channels as channels
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
@@ -75,6 +76,7 @@ class Folder:
     class raw:
         from cvkern.kernels.warp.raw import bands as bands
         from cvkern.kernels.warp.raw import exposures as exposures
+        from cvkern.kernels.warp.raw import fusion as fusion
         from cvkern.kernels.warp.raw import grids as grids
         from cvkern.kernels.warp.raw import tone as tone
         class demosaicing:

@@ -21,9 +21,9 @@ from profiling.arrays import carrier, load
 from profiling.clock import clock
 from profiling.record import ROOT, surroundings, write_json
 
-SHAPE = 1250, 1600  # of a photograph
+SHAPE = 1250, 1600  # rows, columns of a photograph
 FOCAL = 1.2  # widths of a photograph
-SIGMAS = 1.5, 4.0, 12.0  # of the blobs of a scene
+SIGMAS = 1.5, 4.0, 12.0  # blobs of a scene
 LIMIT = 0.2  # degrees that an angle between neighbours may be off
 CALLS = 3
 
