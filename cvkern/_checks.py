@@ -44,6 +44,15 @@ def check_image(
     return image
 
 
+def check_photograph(image: Any, name: str = "image") -> Any:
+    """Return a photograph as an array: grey (H, W), or with 3 or 4 channels along the last axis."""
+    image = check_image(image, ndim=(2, 3), name=name)
+    shape = tuple(image.shape)
+    if len(shape) == 3 and shape[2] not in (3, 4):
+        raise ValueError(f"{name} must have shape (H, W) or (H, W, 3 or 4), got {shape}")
+    return image
+
+
 def as_array(values: Any, name: str) -> Any:
     """Convert lists, buffers and data frames by NumPy; return arrays unchanged."""
     if type(values) is np.ndarray or _arrays.library(values, name) is not _arrays.NUMPY:

@@ -64,6 +64,13 @@ class RobustFits(NamedTuple):
     """(B,) float64, as in a `RobustFit`."""
 
 
+def alone(fits: RobustFits) -> RobustFit:
+    """Return the model of a batch of one pair."""
+    matrix = fits.matrices[0]
+    found = None if np.isnan(matrix[0, 0]) else matrix
+    return RobustFit(found, fits.inliers, float(fits.costs[0]))
+
+
 class Search(NamedTuple):
     """The options of a robust fit."""
 

@@ -111,7 +111,7 @@ class _Tile:
             rt.send("panorama.sides", self.given.sides), rt.send("panorama.names", names),
             rt.send("panorama.columns", canvas.columns(self.left, self.width)),
             rt.send("panorama.rows", canvas.rows(self.top, self.height)), self.seams.labels,
-            rt.send("panorama.coarse_columns", x.astype(np.int32)),
+            rt.send("panorama.coarse_columns", x),
             rt.send("panorama.coarse_rows", y.clip(0, coarse.height - 1)), self.labels,
         )  # fmt: skip
         kernels.bound(self.labels, bounded)

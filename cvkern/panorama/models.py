@@ -65,11 +65,12 @@ def align(
     """Align images that links connect; `sides` (N, 2) are widths and heights, `focals` pixels."""
     middles, unit = (sides - 1) / 2.0, float(sides.max())
     given = None if focals is None else focals / unit
-    found = _fitted(links, middles, unit, factors, given)
-    kept = _without_wrong(links, found, middles, unit, factors)
+    seen = observe(links, middles, unit, factors)
+    name, model, parents, residual = _fitted(links, seen, middles, unit, factors, given)
+    kept = _without_wrong(links, seen, model.matrices())
     if len(kept) < len(links):
-        found = _fitted(kept, middles, unit, factors, given)
-    name, model, parents, residual = found
+        seen = observe(kept, middles, unit, factors)
+        name, model, parents, residual = _fitted(kept, seen, middles, unit, factors, given)
     scale = np.diag([unit, unit, 1.0])
     if isinstance(model, Rotations):
         return Alignment(
@@ -81,6 +82,7 @@ def align(
 
 def _fitted(
     links: Sequence[Link],
+    seen: Observations,
     middles: np.ndarray,
     unit: float,
     factors: np.ndarray,
@@ -90,7 +92,6 @@ def _fitted(
     count = len(middles)
     maps = _unit_maps(links, middles, unit)
     parents, order = spanning_tree(count, links)
-    seen = observe(links, middles, unit, factors)
     few = observe(links, middles, unit, factors, FEW_POINTS)
     turning = _turned((few, seen), maps, parents, order, count, None)
     left = _left(seen, turning)
@@ -139,20 +140,13 @@ def _in_front(model: Planes, reach: np.ndarray) -> bool:
     return True
 
 
-def _without_wrong(
-    links: Sequence[Link],
-    found: tuple[str, Any, np.ndarray, float],
-    middles: np.ndarray,
-    unit: float,
-    factors: np.ndarray,
-) -> list[Link]:
+def _without_wrong(links: Sequence[Link], seen: Observations, matrices: np.ndarray) -> list[Link]:
     """Leave out pairs that contradict all others, if the rest stays connected."""
-    seen = observe(links, middles, unit, factors)
     # Each link has two directions: use the one from its first image.
-    off = medians(seen, found[1].matrices())[::2]
+    off = medians(seen, matrices)[::2]
     limit = max(WORST, WRONG * float(np.median(off)))
     kept = [link for link, median in zip(links, off, strict=True) if median <= limit]
-    joined = connected(len(middles), [(link.first, link.second) for link in kept])
+    joined = connected(len(matrices), [(link.first, link.second) for link in kept])
     return kept if len(joined) == 1 else list(links)
 
 

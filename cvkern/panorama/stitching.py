@@ -19,6 +19,7 @@ from cvkern._checks import (
     check_positive,
 )
 from cvkern._runtime import Runtime, runtime
+from cvkern.features._photographs import white_of
 from cvkern.panorama.blending import Blend, blend
 from cvkern.panorama.cropping import largest_rectangle
 from cvkern.panorama.models import Alignment, align
@@ -31,7 +32,6 @@ from cvkern.panorama.registration import (
     connected,
     link_images,
     make_small,
-    white_of_all,
 )
 from cvkern.panorama.seams import Sources, find_seams
 from cvkern.panorama.surfaces import SURFACES, Canvas, lay_out
@@ -268,7 +268,7 @@ def _drawn(rt: Runtime, heap: Heap, plan: Plan, options: Options, say: Any) -> P
     canvas, members, alignment = plan.canvas, plan.members, plan.alignment
     images = [heap.images[i] for i in members]
     colour = any(len(image.shape) == 3 and image.shape[2] > 1 for image in images)
-    white = white_of_all(images, heap.white)[0]
+    white = white_of(images[0], heap.white)
     dtype = library(images[0]).dtype(images[0])
     channels = 3 if colour else 1
     say(0.0)

@@ -8,8 +8,8 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._runtime import Runtime
+from cvkern.panorama.registration import resized, to_small
 from cvkern.panorama.surfaces import Canvas
-from cvkern.transform.resampling import resize
 
 
 def draw(
@@ -39,16 +39,11 @@ def shrunk(
     """Return an image reduced to about the resolution of the coarse canvas, and its matrix."""
     finer = factors.mean() * _enlargement(canvas, n) * coarse.step / canvas.step
     if finer > 1.5:
-        sides = tuple(max(1, round(side / finer)) for side in image.shape[:2])
-        axis = -1 if len(image.shape) == 3 else None
-        byte = library(image).dtype(image) == np.uint8
-        dtype = np.uint8 if byte else np.float32
-        old = image.shape[:2]
-        image = resize(image, sides, channel_axis=axis, dtype=dtype)
-        factors = factors * (sides[1] / old[1], sides[0] / old[0])
-    x, y = factors
-    small = np.array([[x, 0, 0.5 * x - 0.5], [0, y, 0.5 * y - 0.5], [0, 0, 1]])
-    return image, small @ canvas.matrices[n]
+        height, width = image.shape[:2]
+        sides = max(1, round(height / finer)), max(1, round(width / finer))
+        image = resized(image, sides)
+        factors = factors * (sides[1] / width, sides[0] / height)
+    return image, to_small(factors) @ canvas.matrices[n]
 
 
 def _enlargement(canvas: Canvas, n: int) -> float:

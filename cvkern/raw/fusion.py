@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,10 +10,9 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_integer, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.raw.exposures import _stack
+from cvkern.kernels.codes.raw import WELL
+from cvkern.raw.exposures import stacked
 
-WELL = 0.2  # standard deviation of how well a value is exposed, about the middle
-KNEE = 0.05  # distance from 0 and 1 at which values are held back
 NEAR_MEDIAN = 4  # values this close to the median are not compared
 
 
@@ -62,8 +62,8 @@ def fuse_exposures(
     -----
     Images are weighted by the size of their Laplacian, the standard deviation of their colours, and
     how near values are to 0.5, and blended band by band [1]_. Bands may add up to more than there
-    was: values within 0.05 of 0 and 1 and beyond are bent into the range, by exponentials. It is
-    made on the host, and equal on all devices.
+    was: values within 0.05 of 0 and 1 and beyond are bent into the range, by exponentials. Floats
+    are limited to 0 to 1 first, and NaN is 0. Equal in every bit on all devices.
 
     References
     ----------
@@ -79,40 +79,41 @@ def fuse_exposures(
     >>> bool(fused.min() >= 0 and fused.max() <= 1)
     True
     """
-    images, frames = _stack(images)
-    if frames.shape[3] not in (1, 3):
-        raise ValueError(f"images must have 1 or 3 channels, got {frames.shape[3]}")
+    images, shape = stacked(images)
+    if shape[3] not in (1, 3):
+        raise ValueError(f"images must have 1 or 3 channels, got {shape[3]}")
     powers = [
         check_number(v, n, low=0)
         for v, n in ((contrast, "contrast"), (saturation, "saturation"), (exposure, "exposure"))
     ]
     rt = runtime(images)
-    values = _host(rt, images, frames.shape)
-    if library(images).dtype(images) == np.uint8:
-        values = values / np.float32(255)
-    weights = np.stack([_quality(image, powers) for image in values])
-    with np.errstate(over="ignore", invalid="ignore"):  # weights may be infinite
-        weights = weights / weights.sum(axis=0)
-    levels = 1 + int(np.log2(min(frames.shape[1:3])))
-    bands: list[np.ndarray] = []
-    for image, weight in zip(values, weights, strict=True):
-        for level in range(levels):
-            last = level == levels - 1
-            small = image if last else _reduced(image)
-            band = image if last else image - _expanded(small, image.shape)
-            part = band * weight[..., None]
-            if level < len(bands):
-                bands[level] += part
-            else:
-                bands.append(part)
-            if not last:
-                image, weight = small, _reduced(weight[..., None])[..., 0]
-    fused = bands[-1]
-    for band in reversed(bands[:-1]):
-        fused = band + _expanded(fused, band.shape)
-    fused = _limited(fused)
-    shape = tuple(images.shape[1:])
-    return rt.give(np.ascontiguousarray(fused.reshape(shape), np.float32))
+    integral = library(images).dtype(images) == np.uint8
+    frames = rt.adopt(images, np.uint8 if integral else np.float32, shape)
+    scale = 1 / 255 if integral else 1.0
+    # exp(-d / (2 WELL^2)) as a power of 2 of the squared distance d.
+    powers[2] *= -math.log2(math.e) / (2 * WELL**2)
+    count, height, width, channels = shape
+    kernels = rt.raw.fusion
+    weights = rt.scratch("fusion.weights", shape[:3])
+    kernels.weigh(frames, scale, powers[0], powers[1], powers[2], weights)
+    levels, planes, sides = [], [], [height, width]
+    for n in range(int(math.log2(min(sides)))):
+        sides = [(side + 1) // 2 for side in sides]
+        levels.append(rt.scratch(f"fusion.level{n}", (count, channels + 1, *sides)))
+        planes.append(levels[n].reshape((count * (channels + 1), *sides)))
+        if n:
+            rt.raw.bands.reduce(planes[n - 1], count * (channels + 1), planes[n])
+        else:
+            kernels.begin(frames, scale, weights, levels[n])
+    coarse = below = rt.scratch("fusion.none", (1, 1, 1))
+    for n in reversed(range(len(levels))):
+        out = rt.scratch(f"fusion.out{n}", (channels, *levels[n].shape[2:]))
+        kernels.blend(levels[n], coarse, int(n + 1 == len(levels)), below, out)
+        coarse, below = planes[n], out
+    result = rt.empty(tuple(images.shape[1:]))
+    out = rt.adopt(result, np.float32, shape[1:])
+    kernels.finish(frames, scale, weights, coarse, int(not levels), below, out)
+    return rt.release(result)
 
 
 def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
@@ -158,10 +159,10 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
     array([[ 0,  0],
            [-3,  2]])
     """
-    images, frames = _stack(images)
+    images, shape = stacked(images)
     reach = check_integer(reach, "reach", 1, 1024)
     rt = runtime(images)
-    grey = _host(rt, images, frames.shape).mean(axis=3)
+    grey = _host(rt, images, shape).mean(axis=3)
     count = len(grey)
     middle = int(np.argsort([float(np.median(g)) for g in grey], kind="stable")[count // 2])
     levels = max(1, min(int(np.ceil(np.log2(reach))), int(np.log2(min(grey.shape[1:]) / 8))) + 1)
@@ -171,7 +172,7 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
         if k != middle:
             shifts[k] = _shift(_bitmaps(grey[k], levels), target)
     moved = np.asarray(rt.to_numpy(rt.adopt(images, library(images).dtype(images))))
-    rows, columns = (np.arange(n) for n in frames.shape[1:3])
+    rows, columns = (np.arange(n) for n in shape[1:3])
     aligned = np.stack(
         [
             image[(rows - dy).clip(0, len(rows) - 1)][:, (columns - dx).clip(0, len(columns) - 1)]
@@ -184,52 +185,6 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
 def _host(rt: Runtime, images: Any, shape: tuple[int, ...]) -> np.ndarray:
     """Return the images on the host as (K, H, W, C) float32."""
     return np.array(rt.to_numpy(rt.adopt(images)), np.float32).reshape(shape)
-
-
-@np.errstate(over="ignore", invalid="ignore")  # values may not be finite
-def _quality(image: np.ndarray, powers: list[float]) -> np.ndarray:
-    """Return the product of the measures of an image, a little above 0."""
-    grey = image.mean(axis=2)
-    framed = np.pad(grey, 1, mode="reflect" if min(grey.shape) > 1 else "edge")
-    sides = framed[:-2, 1:-1] + framed[2:, 1:-1] + framed[1:-1, :-2] + framed[1:-1, 2:]
-    quality = np.abs(sides - 4 * grey) ** powers[0]
-    if image.shape[2] == 3:
-        quality *= image.std(axis=2) ** powers[1]
-    well = np.exp(-((image - 0.5) ** 2) / (2 * WELL**2)).prod(axis=2)
-    return quality * well ** powers[2] + np.float32(1e-12)
-
-
-def _reduced(image: np.ndarray) -> np.ndarray:
-    """Smooth by the taps, mirrored at the border, and leave out every second row and column."""
-    for axis in (0, 1):
-        n = image.shape[axis]
-        width = [(2, 2) if a == axis else (0, 0) for a in range(image.ndim)]
-        framed = np.moveaxis(np.pad(image, width, mode="reflect" if n > 2 else "edge"), axis, 0)
-        ends = framed[0:n:2] + framed[4 : n + 4 : 2]
-        near = framed[1 : n + 1 : 2] + framed[3 : n + 3 : 2]
-        found = (ends + 4 * near + 6 * framed[2 : n + 2 : 2]) * np.float32(1 / 16)
-        image = np.moveaxis(found, 0, axis)
-    return image
-
-
-def _expanded(image: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Bring an image to twice the size, by the same taps."""
-    for axis in (0, 1):
-        x, n = np.moveaxis(image, axis, 0), shape[axis]
-        after = x[-2:-1] if n % 2 and len(x) > 1 else x[-1:]  # mirrored at the last of n
-        framed = np.concatenate([x[1:2] if len(x) > 1 else x, x, after])
-        found = np.empty((n, *x.shape[1:]), np.float32)
-        found[::2] = (framed[:-2] + 6 * x + framed[2:]) * np.float32(1 / 8)
-        found[1::2] = (x + framed[2:])[: n // 2] * np.float32(1 / 2)
-        image = np.moveaxis(found, 0, axis)
-    return image
-
-
-def _limited(fused: np.ndarray) -> np.ndarray:
-    """Take values beyond 0 and 1 back, without making two of them equal: softly at either end."""
-    fused = np.where(fused < KNEE, KNEE * np.exp(np.minimum(fused / KNEE - 1, 0)), fused)
-    over = np.maximum((fused - 1) / KNEE + 1, 0)
-    return np.where(over > 0, 1 - KNEE * np.exp(-over), fused)
 
 
 def _bitmaps(grey: np.ndarray, levels: int) -> list[tuple[np.ndarray, np.ndarray]]:

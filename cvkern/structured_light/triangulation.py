@@ -17,6 +17,7 @@ from cvkern.geometry.cameras.stereo_calibration import (
     Seen,
     StereoCalibration,
     calibrate_two,
+    check_stereo,
 )
 from cvkern.geometry.fitting import fit_homography
 from cvkern.structured_light.patterns import AXES
@@ -76,7 +77,7 @@ def triangulate_columns(
     >>> points.shape
     (24, 32, 3)
     """
-    check_pair(calibration)
+    calibration = check_stereo(calibration)
     columns = check_image(columns, name="columns")
     number = AXES.index(check_choice(axis, AXES, "axis"))
     shape = tuple(columns.shape)
@@ -99,13 +100,6 @@ def triangulate_columns(
         rt.constant(pose.astype(np.float32)), number, rt.adopt(result),
     )  # fmt: skip
     return rt.release(result)
-
-
-def check_pair(calibration: Any) -> None:
-    """Refuse anything but a calibration of a camera and a projector."""
-    if not isinstance(calibration, StereoCalibration):
-        said = type(calibration).__name__
-        raise TypeError(f"calibration must be a StereoCalibration, got {said}")
 
 
 def calibrate_projector(

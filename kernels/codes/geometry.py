@@ -56,6 +56,9 @@ FLAT = 1e-4
 # of epipolar geometries 45 products of derivatives and 9 residuals, of poses 21 and 6.
 SUMS = (33, 33, 33, 54, 54, 54, 27)
 
+# Pixels along a row for which the place through a lens may be a parabola through three places.
+LENS_SEGMENT = 16
+
 # Chessboards.
 LUMA = (0.2125, 0.7154, 0.0721)  # weights of red, green, blue in a grey picture
 EDGE_REACH, EDGE_ENTRIES = 5.0, 1281  # standard deviations that the table of an edge covers

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from tests.raw import reference_pyramids as reference
 from tests.truth import truth
 
 TIMES = np.array([1 / 128, 1 / 32, 1 / 8, 1 / 2, 2.0])
@@ -122,7 +123,7 @@ def test_memorial_church():
 
 
 @pytest.mark.parametrize("shape", [(48, 64), (51, 37, 3)])
-def test_fusion_stays_inside(shape):
+def test_fusion_stays_inside(backend, shape):
     rng = np.random.default_rng(4)
     images = rng.integers(0, 256, (3, *shape)).astype(np.uint8)
     fused = cvkern.fuse_exposures(images)
@@ -131,6 +132,32 @@ def test_fusion_stays_inside(shape):
     assert fused.max() <= 1
     same = np.full((2, *shape), 0.4)
     np.testing.assert_allclose(cvkern.fuse_exposures(same), 0.4, atol=1e-5)
+
+
+@pytest.mark.parametrize("powers", [(1, 1, 1), (0.7, 0, 2)])
+@pytest.mark.parametrize("shape", [(3, 37, 150, 3), (2, 9, 14, 1), (2, 1, 5, 1)])
+def test_fusion_is_the_stated_method(backend, shape, powers):
+    """In float32, whose rounding is 6e-8 of 1, over some ten sums and the weights' quotients.
+
+    Where the edges of all images cancel, a rounding of 1e-7 to the power of 0.7 is 1e-5 of what is
+    left of the weights: there single pixels are off by more.
+    """
+    images = np.random.default_rng(5).integers(0, 256, shape).astype(np.uint8)
+    want = reference.fused(images / 255, *powers)
+    names = dict(zip(("contrast", "saturation", "exposure"), powers, strict=True))
+    for given in (images, (images / 255).astype(np.float32)):
+        off = np.abs(cvkern.fuse_exposures(given, **names) - want)
+        assert off.mean() < 5e-7
+        assert off.max() < (5e-6 if powers[0] == 1 else 1e-3)
+
+
+def test_fused_bits_are_equal():
+    images = np.random.default_rng(6).integers(0, 256, (3, 45, 70, 3)).astype(np.uint8)
+    answers = []
+    for name in ("warp", "taichi"):
+        with cvkern.use(name):
+            answers.append(cvkern.fuse_exposures(images))
+    np.testing.assert_array_equal(*answers)
 
 
 def test_fusion_is_that_of_opencv_but_for_its_range():

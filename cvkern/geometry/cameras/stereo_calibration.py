@@ -58,6 +58,14 @@ class StereoCalibration(NamedTuple):
         return right.T @ self.essential @ left
 
 
+def check_stereo(calibration: Any) -> StereoCalibration:
+    """Return a calibration of two cameras, and refuse anything else."""
+    if not isinstance(calibration, StereoCalibration):
+        said = type(calibration).__name__
+        raise TypeError(f"calibration must be a StereoCalibration, got {said}")
+    return calibration
+
+
 def calibrate_stereo(
     object_points: Any,
     left_points: Sequence[Any],

@@ -1,6 +1,13 @@
-"""Fundamental matrices in Taichi; the order of arithmetic is that of Warp's _epipolar.h.
+"""Fundamental matrices in Taichi: from seven matches, from a plane, and their refinement.
+
+Each match gives one linear equation ``(u, v, 1) F (x, y, 1)' = 0``. Seven of them leave two null
+vectors A and B, and ``det(a A + (1 - a) B) = 0`` is a cubic, whose real roots Sturm's chain and
+bisection find [R. Hartley and A. Zisserman, "Multiple View Geometry", 2004, section 11.1.2]. With
+the homography H of a plane and two matches off it, ``F = [e]x H`` [O. Chum, T. Werner and J. Matas,
+CVPR 2005]. The residual is Sampson's distance, ``(b' F a)^2 / (|(F a)_12|^2 + |(F' b)_12|^2)``.
 
 A thread has a page of memory: `work` (rows, columns) float64 and `notes` (2, 12) int32, at `t`.
+The order of arithmetic is that of Warp's _epipolar.h, so both sets give the same bits.
 """
 
 import taichi as ti

@@ -1,4 +1,8 @@
-"""Nearest descriptors on CUDA: on tensor cores for SIFT's and ORB's sizes, else a thread a row."""
+"""Nearest descriptors on CUDA. matching.py has the rule.
+
+Tensor cores compare descriptors of SIFT's and ORB's sizes (_matching_cuda.cu); of other sizes a
+thread takes a row.
+"""
 
 import warp as wp
 

@@ -1,6 +1,7 @@
 #pragma once
 
-// Fundamental matrices for either device; Taichi's _epipolar.py has the same order of arithmetic.
+// Fundamental matrices for either device: from seven matches, from a plane, and their refinement.
+// taichi/geometry/_epipolar.py has the equations, and the same order of arithmetic.
 struct Epipolar {
     // Solve A d = b, n unknowns, positive definite; rows of 10 numbers, the last is b's.
     static bool eliminate(double* a, int n, double least, double* d) {

@@ -1,4 +1,9 @@
-"""Images seen through a homography, in Warp: the map and the sample in one kernel."""
+"""Images seen through a homography, in Warp: the map and the sample in one kernel.
+
+Pixel q = (x, y, 1) of the result shows the place ``p ~ H^-1 q`` of the image, sampled with a spline
+of order 0, 1 or 3 (_taps.py). The map is in float64. On CUDA a thread takes a pixel, on the CPU a
+slab of rows; linear samples of few channels are native there (_projective_cpu.h).
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -9,7 +14,7 @@ from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs
 
-from ._taps import AWAY, mapped, sampler, stored, taps
+from ._taps import mapped, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 FEW = (1, 3, 4)  # channels for which the CPU has a kernel of its own
@@ -114,9 +119,7 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
 @lru_cache
 def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
     """Make the function that finds a pixel of the result."""
-    _, _, indices, weights, _ = taps(order)
-    sample = sampler(scalar, order)
-    store = stored(result)
+    write = writer(scalar, result, order)
 
     @wp.func
     def pixel(
@@ -138,18 +141,6 @@ def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
         py = (inverse[3] * u + inverse[4] * v + inverse[5]) / w + shift
         y = mapped(py, src.shape[1], border)[0]
         x = mapped(px, src.shape[2], border)[0]
-        if y == wp.float64(AWAY) or x == wp.float64(AWAY):
-            outside = store(cval)
-            for p in range(dst.shape[0]):
-                for c in range(dst.shape[3]):
-                    dst[p, i, j, c] = outside
-        else:
-            rows = indices(y, src.shape[1], border)
-            columns = indices(x, src.shape[2], border)
-            down = weights(y)
-            along = weights(x)
-            for p in range(dst.shape[0]):
-                for c in range(dst.shape[3]):
-                    dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+        write(src, y, x, border, cval, i, j, dst)
 
     return pixel
