@@ -268,6 +268,7 @@ def adjust(
         normal, gradient = normal[np.ix_(free, free)], gradient[free]
         size = np.diag(normal)
         better = None
+        # Each round multiplies the damping by ten or leaves: at most 17 rounds.
         while damping < 1e8:
             damped = normal + np.diag(damping * size + WEAK * (1 + size.max()))
             change = np.zeros(fixed.size + 1)

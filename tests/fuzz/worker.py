@@ -146,6 +146,8 @@ def shown(arguments: dict[str, Any]) -> str:
     """Return arguments in few words."""
     said = []
     for key, value in arguments.items():
+        if isinstance(value, memoryview):
+            value = Frame(np.asarray(value))
         if isinstance(value, np.ndarray) and value.size > 9:
             said.append(f"{key}=array{value.shape} {value.dtype}")
         else:
