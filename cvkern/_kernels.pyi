@@ -73,6 +73,7 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
     class raw:
+        from cvkern.kernels.warp.raw import alignment as alignment
         from cvkern.kernels.warp.raw import bands as bands
         from cvkern.kernels.warp.raw import exposures as exposures
         from cvkern.kernels.warp.raw import fusion as fusion
