@@ -4,6 +4,7 @@ class Folder:
     class clouds:
         from cvkern.kernels.warp.clouds import turntables as turntables
     class color:
+        from cvkern.kernels.warp.color import constancy as constancy
         from cvkern.kernels.warp.color import contrast as contrast
         from cvkern.kernels.warp.color import differences as differences
         from cvkern.kernels.warp.color import spaces as spaces

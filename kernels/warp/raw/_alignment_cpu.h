@@ -15,7 +15,7 @@ void _differ_row(int slot, int y, wp::array_t<uint8_t> sides, int k, int fixed, 
         int total = 0;
         for (int x = first; x < last; x += 128) {
             const int end = x + 128 < last ? x + 128 : last;
-            unsigned char some = 0;  // of 128 pixels: no overflow
+            unsigned char some = 0;  // at most 128: no overflow
             for (int i = x; i < end; ++i) some += (unsigned char)(here[i - off] + there[i] == 3);
             total += some;
         }
