@@ -66,7 +66,7 @@ def equalize_hist(image: Any, nbins: int = 256) -> Any:
         counts = rt.zeros((LEVELS,), np.int32)
         found = rt.scratch("levels", (size,), np.int32)
         columns = rt.adopt(image, np.float32, (size, 1))
-        rt.color.contrast.levels(columns, 0.0, 1.0, found, counts)
+        rt.color.contrast.levels(columns, 1.0, found, counts)
         table = (np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size).astype(np.float32)
         rt.color.contrast.look_up(
             columns, found, rt.send("table", table), rt.adopt(result, np.float32, (size, 1))
@@ -170,7 +170,7 @@ def equalize_adapthist(
     found = rt.zeros((rows, columns), np.int32)
     counts = rt.zeros((LEVELS,), np.int32)
     flat = rt.adopt(found, np.int32, (size,))
-    contrast.levels(values, 0.0, (LEVELS - 1) / (most or 1), flat, counts)
+    contrast.levels(values, (LEVELS - 1) / (most or 1), flat, counts)
     tones = np.rint(_stretched(rt.to_numpy(counts), TONES - 1)).astype(np.int64)
     bins = rt.send("bins", (tones // (1 + TONES // nbins)).astype(np.int32))
 
@@ -249,6 +249,7 @@ def _limit(histogram: np.ndarray, limit: int) -> None:
     left -= int((limit - histogram[near]).sum())
     histogram[near] = limit
     start = 0
+    # While a bin is free, one cycle of `start` over all bins fills at least one place.
     while left > 0:
         free = np.flatnonzero(histogram < limit)
         if not free.size:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cvkern._checks import as_numbers
 from cvkern.color.spectra import matching_weights
+from cvkern.kernels.codes.color import LAB_LOW, LAB_SHIFT, LAB_SLOPE
 
 
 def metamer(
@@ -161,7 +162,7 @@ def _difference(first: np.ndarray, second: np.ndarray, white: np.ndarray) -> flo
 
     def lab(xyz: np.ndarray) -> np.ndarray:
         t = xyz / white
-        f = np.where(t > 216 / 24389, np.cbrt(t), (24389 / 27 * t + 16) / 116)
+        f = np.where(t > LAB_LOW, np.cbrt(t), LAB_SLOPE * t + LAB_SHIFT)
         return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
 
     with use(device="cpu"):

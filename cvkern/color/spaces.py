@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from cvkern._arrays import library
 from cvkern._checks import check_choice, check_image
 from cvkern._runtime import runtime
 from cvkern.color.spectra import white_point
+from cvkern.kernels.codes import color as codes
 from cvkern.kernels.codes.color import BINS, Form
 
 SPACES = ("srgb", "rgb", "xyz", "lms", "lab", "lch")
@@ -40,7 +42,7 @@ def convert_color(
     Returns
     -------
     array of shape (..., 3)
-        Colours. Nothing is limited but with uint8.
+        Colours. With uint8 they are limited, and NaN is 0; else nothing is, and NaN stays.
 
     Raises
     ------
@@ -106,10 +108,10 @@ def apply_matrix(
     source_form = int(FORMS.get(source, Form.LINEAR))
     colours = rt.adopt(image, np.float32, flat)
     if dtype == np.uint8:
-        thresholds, codes = _steps()
+        thresholds, starts = _steps()
         rt.color.spaces.encode(
             colours, source_form, rt.constant(numbers), rt.constant(thresholds),
-            rt.constant(codes), rt.adopt(result, dtype, flat),
+            rt.constant(starts), rt.adopt(result, dtype, flat),
         )  # fmt: skip
     else:
         rt.color.spaces.convert(
@@ -134,10 +136,13 @@ def _to_xyz(space: str, white: np.ndarray) -> np.ndarray:
     return np.eye(3)
 
 
+@lru_cache
 def _steps() -> tuple[np.ndarray, np.ndarray]:
     """Return the linear values where 8-bit sRGB steps up, and the code at the start of each bin."""
     middle = (np.arange(255) + 0.5) / 255
-    linear = np.where(middle <= 0.04045, middle / 12.92, ((middle + 0.055) / 1.055) ** 2.4)
+    curved = ((middle + codes.SRGB_SHIFT) / codes.SRGB_SCALE) ** codes.SRGB_POWER
+    straight = middle / codes.SRGB_SLOPE
+    linear = np.where(straight <= codes.SRGB_LOW, straight, curved)
     thresholds = np.append(linear, np.inf).astype(np.float32)
     starts = (np.arange(BINS + 1) / BINS).astype(np.float32)
     return thresholds, np.searchsorted(thresholds, starts, side="right").astype(np.int32)

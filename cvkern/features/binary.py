@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_flag, check_image, check_integer, check_number
+from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin
-from cvkern.features.keypoints import Features, as_host, prepared, white_of
+from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked, white_of
+from cvkern.features.keypoints import Features
 from cvkern.filters.linear import gaussian_taps
 from cvkern.kernels.codes.features import BLUR, DISC, PAIRS, TURNS, WORD
 from cvkern.transform.resampling import resample
@@ -108,16 +110,8 @@ def orb(
     """
     spread = check_flag(spread, "spread")
     upright = check_flag(upright, "upright")
-    image = check_image(image, ndim=(2, 3))
+    image, mask, max_keypoints = check_photograph(image, mask, max_keypoints)
     shape = tuple(image.shape)
-    if len(shape) == 3 and shape[2] not in (3, 4):
-        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
-    if mask is not None:
-        mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != shape[:2]:
-            raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
-    if max_keypoints is not None:
-        max_keypoints = check_integer(max_keypoints, "max_keypoints", 0, 2**26)
     levels = check_integer(levels, "levels", 1, 32)
     downscale = check_number(downscale, "downscale")
     if not 1 < downscale <= 4:
@@ -125,7 +119,7 @@ def orb(
     threshold = check_number(fast_threshold, "fast_threshold", low=0)
     white = white_of(image, data_range)
     rt = runtime(image)
-    host = None if mask is None else as_host(rt, mask) != 0
+    host = None if mask is None else as_host(rt, mask)
     sides = [
         (round(shape[0] / downscale**n), round(shape[1] / downscale**n)) for n in range(levels)
     ]
@@ -135,27 +129,31 @@ def orb(
     if max_keypoints is not None:
         ends = np.floor(np.cumsum(areas) / areas.sum() * max_keypoints + 0.5).astype(int)
         quotas = np.diff(np.r_[0, ends]).tolist()
-    before = _bytes(rt, image, white)
-    pairs, taps = rt.constant(pattern()), rt.constant(gaussian_taps(SMOOTHING, 0, BLUR / SMOOTHING))
-    limit = min(int(threshold * 255), 255)
-    found = []
-    for n, (side, quota) in enumerate(zip(sides, quotas, strict=True)):
-        level = before
-        if n:
-            level = rt.scratch(f"orb.level{n}", side, np.uint8)
-            old, new = (1, *sides[n - 1], 1), (1, *side, 1)
-            resample(rt, before.reshape(old), old, "antialiased", level.reshape(new), new)
-        scale = (shape[0] / side[0], shape[1] / side[1])
-        cells, measures = _corners(rt, level, side, scale, limit, quota, spread, host)
-        found.append((cells, measures, *_described(rt, level, cells, taps, pairs, upright)))
-        before = level
-    cells, measures, angles, descriptors = (np.concatenate(p) for p in zip(*found, strict=True))
+    sizes = [_bytes(rt, image, white)]
+    for n, (old, new) in enumerate(pairwise(sides), 1):
+        sizes.append(rt.scratch(f"orb.level{n}", new, np.uint8))
+        old, new = (1, *old, 1), (1, *new, 1)
+        resample(rt, sizes[-2].reshape(old), old, "antialiased", sizes[-1].reshape(new), new)
+    cells, measures = _corners(rt, sizes, sides, min(int(threshold * 255), 255))
     scales = np.array(shape[:2]) / np.array(sides)
-    scales = np.repeat(scales, [len(f[0]) for f in found], axis=0)
+    if host is not None:
+        kept = unmasked(_on_image(cells[:, 2:], scales[cells[:, 0]]), host)
+        cells, measures = cells[kept], measures[kept]
+    bounds = np.searchsorted(cells[:, 0], np.arange(len(sides) + 1)).tolist()
+    parts = [slice(*bounds[n : n + 2]) for n in range(len(sides))]
+    kept = np.concatenate(
+        [
+            mine.start + best(measures[mine], cells[mine, 2:], side, quota, spread)
+            for mine, side, quota in zip(parts, sides, quotas, strict=True)
+        ]
+    )
+    cells, measures = cells[kept], measures[kept]
+    angles, descriptors = _described(rt, sizes, cells, upright)
+    scales = scales[cells[:, 0]]
     # Sums of 49 products of Sobel derivatives of bytes, of at most 1020 each.
     full = 25.0 * (49 * 1020.0**2) ** 2
     parts = (
-        _on_image(cells, scales),
+        _on_image(cells[:, 2:], scales),
         np.sqrt(scales[:, 0] * scales[:, 1]).astype(np.float32),
         angles,
         (measures / full).astype(np.float32),
@@ -175,59 +173,38 @@ def _bytes(rt: Runtime, image: Any, white: float) -> Any:
 
 
 def _corners(
-    rt: Runtime,
-    level: Any,
-    side: tuple[int, int],
-    scale: tuple[float, float],
-    threshold: int,
-    quota: int | None,
-    spread: bool,
-    mask: np.ndarray | None,
+    rt: Runtime, sizes: list[Any], sides: list[tuple[int, int]], threshold: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels of the best corners of one size of the image, and their measures."""
-    none = np.empty((0, 2), np.int32), np.empty(0, np.int64)
-    height, width = side
-    if min(side) <= 2 * EDGE:
+    """Return size, 1, row and column (N, 4) of all corners, in this order, and their measures."""
+    none = np.empty((0, 4), np.int32), np.empty(0, np.int64)
+    if min(sides[0]) <= 2 * EDGE:
         return none
     kernels = rt.features.binary
-    words = rt.scratch("orb.words", (1, height, -(-width // WORD)), np.int32)
-    counts = rt.scratch("orb.counts", (height,), np.int32)
-    kernels.mark_corners(level, threshold, EDGE, words, counts)
-    ends = np.cumsum(rt.to_numpy(counts), dtype=np.int64)
-    total = int(ends[-1])
+    words = rt.scratch("orb.words", (sum(h * -(-w // WORD) for h, w in sides),), np.int32)
+    ends = rt.scratch("orb.ends", (sum(h for h, _ in sides),), np.int32)
+    kernels.mark_corners(sizes, threshold, EDGE, words, ends)
+    total = int(rt.to_numpy(ends[-1:])[0])
     if not total:
         return none
-    starts = rt.send("orb.starts", np.r_[0, ends[:-1]].astype(np.int32))
-    places = rt.scratch("orb.places", (total,), np.int32)
+    cells = rt.scratch("orb.cells", (total, 4), np.int32)
     measures = rt.scratch("orb.measures", (total,), np.int64)
-    kernels.list_corners(level, words, starts, places, measures)
-    places, measures = rt.to_numpy(places), rt.to_numpy(measures)
-    if mask is not None:
-        points = _on_image(_cells(places, width), scale).astype(np.float64)
-        near = np.floor(points + 0.5).astype(np.int64)
-        row, column = (near[:, i].clip(0, mask.shape[i] - 1) for i in (0, 1))
-        kept = np.flatnonzero(mask[row, column])
-        places, measures = places[kept], measures[kept]
-    kept = best(measures, _cells(places, width) if spread else places, side, quota, spread)
-    return _cells(places[kept], width), measures[kept]
+    kernels.list_corners(sizes, words, ends, cells, measures)
+    return rt.to_numpy(cells), rt.to_numpy(measures)
 
 
 def _described(
-    rt: Runtime, level: Any, cells: np.ndarray, taps: Any, pairs: Any, upright: bool
+    rt: Runtime, sizes: list[Any], cells: np.ndarray, upright: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the directions and the bits of corners of one size of the image."""
+    """Return the directions and the bits of corners."""
     angles = rt.scratch("orb.angles", (len(cells),))
     descriptors = rt.scratch("orb.descriptors", (len(cells), PAIRS // 8), np.uint8)
     if len(cells):
+        taps = rt.constant(gaussian_taps(SMOOTHING, 0, BLUR / SMOOTHING))
         rt.features.binary.describe_corners(
-            level, taps, rt.send("orb.cells", cells), pairs, int(upright), angles, descriptors
-        )
+            sizes, taps, rt.send("orb.kept", cells), rt.constant(pattern()), int(upright), angles,
+            descriptors,
+        )  # fmt: skip
     return np.array(rt.to_numpy(angles)), np.array(rt.to_numpy(descriptors))
-
-
-def _cells(places: np.ndarray, width: int) -> np.ndarray:
-    """Return the rows and columns of places: (N, 2), int32."""
-    return np.stack(np.divmod(places, np.int32(width)), axis=1)
 
 
 def _on_image(cells: np.ndarray, scale: Any) -> np.ndarray:

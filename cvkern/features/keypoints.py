@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
-from cvkern._checks import check_flag, check_image, check_integer, check_number, check_positive
+from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin, exp2
+from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked, white_of
 from cvkern.filters.linear import gaussian_taps
 from cvkern.kernels.codes.features import (
     BINS,
@@ -50,11 +50,11 @@ class Features(NamedTuple):
     descriptors: Any
 
 
-class _Octave(NamedTuple):
-    """One octave: its levels for kernels, and pixels of the image per pixel of its own."""
+class _Octaves(NamedTuple):
+    """A scale space: the levels of each octave for kernels, and pixels of the image per pixel."""
 
-    levels: Any
-    step: float
+    levels: list[Any]
+    steps: np.ndarray
 
 
 def sift(
@@ -156,16 +156,8 @@ def sift(
     root = check_flag(root, "root")
     upright = check_flag(upright, "upright")
     double = check_flag(double, "double")
-    image = check_image(image, ndim=(2, 3))
+    image, mask, max_keypoints = check_photograph(image, mask, max_keypoints)
     shape = tuple(image.shape)
-    if len(shape) == 3 and shape[2] not in (3, 4):
-        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
-    if mask is not None:
-        mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != shape[:2]:
-            raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
-    if max_keypoints is not None:
-        max_keypoints = check_integer(max_keypoints, "max_keypoints", 0, 2**26)
     levels = check_integer(levels, "levels", 1, 8)
     contrast = check_number(contrast_threshold, "contrast_threshold", low=LEAST_CONTRAST)
     ratio = check_number(edge_threshold, "edge_threshold", low=1.0)
@@ -177,30 +169,27 @@ def sift(
     rt = runtime(image)
     octaves = _scale_space(rt, image, white, double, levels, sigma)
     limit = contrast / levels, (ratio + 1) ** 2 / ratio
-    owner, offsets, cells = _extrema(rt, octaves, *limit)
-    steps = np.array([o.step for o in octaves])[owner]
-    points = (cells[:, 1:3] + offsets[:, :2].astype(np.float64)) * steps[:, None]
+    offsets, cells = _extrema(rt, octaves.levels, *limit)
+    steps = octaves.steps[cells[:, 0]]
+    points = (cells[:, 2:] + offsets[:, :2].astype(np.float64)) * steps[:, None]
     points = points.astype(np.float32)
     kept = np.arange(len(points))
     if mask is not None:
-        host = as_host(rt, mask) != 0
-        near = np.floor(points.astype(np.float64) + 0.5).astype(np.int64)
-        row, column = (near[:, i].clip(0, shape[i] - 1) for i in (0, 1))
-        kept = np.flatnonzero(host[row, column])
+        kept = unmasked(points, as_host(rt, mask))
     kept = kept[best(offsets[kept, 3], points[kept], shape[:2], max_keypoints, spread)]
-    owner, offsets, cells, points, steps = (a[kept] for a in (owner, offsets, cells, points, steps))
+    offsets, cells, points, steps = (a[kept] for a in (offsets, cells, points, steps))
     # Scale in pixels of the octave; levels are counted from 1, as extrema have them.
-    scales = (sigma * exp2((cells[:, 0] + offsets[:, 2].astype(np.float64)) / levels)).astype(
+    scales = (sigma * exp2((cells[:, 1] + offsets[:, 2].astype(np.float64)) / levels)).astype(
         np.float32
     )
-    source, bins = _orientations(rt, octaves, owner, cells, scales, upright, sigma, levels)
+    source, bins = _orientations(rt, octaves.levels, cells, scales, upright, sigma, levels)
     if max_keypoints is not None and len(source) > max_keypoints:
         chosen = best(offsets[source, 3], points[source], shape[:2], max_keypoints, spread)
         source, bins = source[chosen], bins[chosen]
     turned = np.where(bins >= BINS / 2 + 1e-9, bins - BINS, bins)
     angles = (turned * (2 * math.pi / BINS)).astype(np.float32)
     descriptors = _descriptors(
-        rt, octaves, owner[source], cells[source], scales[source], angles, root, sigma, levels
+        rt, octaves.levels, cells[source], scales[source], angles, root, sigma, levels
     )
     return Features(
         rt.give(points[source]),
@@ -211,33 +200,9 @@ def sift(
     )
 
 
-def white_of(image: Any, data_range: float | None) -> float:
-    """Return the value of white."""
-    dtype = library(image).dtype(image)
-    if data_range is not None:
-        return check_positive(data_range, "data_range")
-    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
-
-
-def as_host(rt: Runtime, array: Any) -> np.ndarray:
-    """Bring an array of any library to the host, with its dtype."""
-    if isinstance(array, (np.ndarray, list, tuple)):
-        return np.asarray(array)
-    return np.asarray(rt.to_numpy(rt.adopt(array, library(array).dtype(array))))
-
-
-def prepared(rt: Runtime, image: Any, white: float) -> Any:
-    """Return the grey of an image in parts of white, as a kernel array."""
-    shape = tuple(image.shape)
-    gray = rt.scratch("features.gray", shape[:2])
-    src = rt.adopt(image, shape=(shape[0], shape[1], shape[2] if len(shape) == 3 else 1))
-    rt.features.keypoints.extrema.prepare(src, float(np.float32(1.0 / white)), gray)
-    return gray
-
-
 def _scale_space(
     rt: Runtime, image: Any, white: float, double: bool, levels: int, sigma: float
-) -> list[_Octave]:
+) -> _Octaves:
     """Smooth and shrink the image; the octaves stay in memory until all points are described."""
     kernels = rt.features.keypoints.extrema
     first = prepared(rt, image, white)
@@ -249,87 +214,53 @@ def _scale_space(
         kernels.double(first, larger)
         first = larger
     before = CAMERA_BLUR / step
-    octaves: list[_Octave] = []
     sigmas = sigma * 2.0 ** (np.arange(levels + 3) / levels)
-    steps = [math.sqrt(sigmas[i + 1] ** 2 - sigmas[i] ** 2) for i in range(levels + 2)]
+    extra = [math.sqrt(sigma**2 - before**2)]
+    extra += [math.sqrt(sigmas[i + 1] ** 2 - sigmas[i] ** 2) for i in range(levels + 2)]
+    octaves, steps = [], []
+    # Each octave halves the sides, so there are at most 17.
     while not octaves or min(height, width) >= SMALLEST:
-        stack = rt.scratch(f"sift.octave{len(octaves)}", (levels + 3, height, width))
-        level = stack[0]
-        if octaves:
-            kernels.halve(octaves[-1].levels[levels], level)
-        else:
-            _smooth(rt, first, math.sqrt(sigma**2 - before**2), level)
-        for i, extra in enumerate(steps):
-            smoother = stack[i + 1]
-            _smooth(rt, level, extra, smoother)
-            level = smoother
-        octaves.append(_Octave(stack, step))
+        octaves.append(rt.scratch(f"sift.octave{len(octaves)}", (levels + 3, height, width)))
+        steps.append(step)
         height, width, step = height // 2, width // 2, 2 * step
-    return octaves
-
-
-def _smooth(rt: Runtime, src: Any, sigma: float, dst: Any) -> None:
-    taps = rt.constant(gaussian_taps(sigma, 0, TRUNCATE))
-    rt.features.keypoints.extrema.smooth(src, taps, dst)
+    taps = [rt.constant(gaussian_taps(s, 0, TRUNCATE)) for s in extra]
+    kernels.fill_octaves(first, taps, octaves)
+    return _Octaves(octaves, np.array(steps))
 
 
 def _extrema(
-    rt: Runtime, octaves: list[_Octave], contrast: float, edge: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return octave (N,), offsets (N, 4) and cells (N, 3) of the extrema, in the cells' order."""
+    rt: Runtime, octaves: list[Any], contrast: float, edge: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return offsets (N, 4) and cells (N, 4): octave, level, row and column, in this order."""
     kernels = rt.features.keypoints
-    shapes = np.array([octave.levels.shape for octave in octaves], np.int64)
+    shapes = np.array([octave.shape for octave in octaves], np.int64)
     rows = (shapes[:, 0] - 3) * shapes[:, 1]
-    first_row = np.r_[0, np.cumsum(rows)].tolist()
-    counts = rt.scratch("sift.counts", (first_row[-1],), np.int32)
+    words = rt.scratch("sift.words", (int((rows * -(-shapes[:, 2] // WORD)).sum()),), np.int32)
+    ends = rt.scratch("sift.ends", (int(rows.sum()),), np.int32)
     threshold = float(np.float32(0.5 * contrast))
-    marks = []
-    for o, octave in enumerate(octaves):
-        count, height, width = octave.levels.shape
-        words = rt.scratch(f"sift.words{o}", (count - 3, height, -(-width // WORD)), np.int32)
-        mine = counts[first_row[o] : first_row[o + 1]]
-        kernels.extrema.mark_extrema(octave.levels, threshold, MARGIN, words, mine)
-        marks.append(words)
-    ends = np.cumsum(rt.to_numpy(counts), dtype=np.int64)
-    bounds = np.r_[0, ends[np.array(first_row[1:]) - 1]].tolist()
-    if not bounds[-1]:
-        return np.empty(0, np.int64), np.empty((0, 4), np.float32), np.empty((0, 3), np.int32)
-    before = np.r_[0, ends[:-1]] - np.repeat(bounds[:-1], rows)
-    starts = rt.send("sift.starts", before.astype(np.int32))
-    places = rt.scratch("sift.places", (bounds[-1],), np.int32)
-    offsets = rt.scratch("sift.offsets", (bounds[-1], 4))
-    cells = rt.scratch("sift.cells", (bounds[-1], 4), np.int32)
-    for o, octave in enumerate(octaves):
-        mine, width = slice(*bounds[o : o + 2]), octave.levels.shape[2]
-        if bounds[o] < bounds[o + 1]:
-            begin = starts[first_row[o] : first_row[o + 1]]
-            kernels.extrema.list_marks(marks[o], begin, width, places[mine])
-            kernels.refinement.refine(
-                octave.levels, places[mine], contrast, edge, MARGIN, offsets[mine], cells[mine]
-            )
+    kernels.extrema.mark_extrema(octaves, threshold, MARGIN, words, ends)
+    total = int(rt.to_numpy(ends[-1:])[0])
+    if not total:
+        return np.empty((0, 4), np.float32), np.empty((0, 4), np.int32)
+    offsets = rt.scratch("sift.offsets", (total, 4))
+    cells = rt.scratch("sift.cells", (total, 4), np.int32)
+    kernels.extrema.list_extrema(octaves, words, ends, cells)
+    kernels.refinement.refine(octaves, contrast, edge, MARGIN, offsets, cells)
     offsets, cells = rt.to_numpy(offsets), rt.to_numpy(cells)
-    owner = np.repeat(np.arange(len(octaves)), np.diff(bounds))
-    kept = cells[:, 3] == 1
-    owner, offsets, cells = owner[kept], offsets[kept], cells[kept, :3]
+    kept = np.flatnonzero(cells[:, 0] >= 0)
+    offsets, cells = offsets[kept], cells[kept]
     # Extrema that moved to one pixel are one; the order is that of the pixels.
     pixels = np.cumsum(shapes.prod(axis=1)) - shapes.prod(axis=1)
-    _, height, width = shapes[owner].T
-    key = pixels[owner] + (cells[:, 0] * height + cells[:, 1]) * width + cells[:, 2]
+    octave, level, row, column = cells.T
+    _, height, width = shapes.T
+    key = pixels[octave] + (level * height[octave] + row) * width[octave] + column
     _, one_each = np.unique(key, return_index=True)
-    return owner[one_each], offsets[one_each], cells[one_each]
-
-
-def _parts(owner: np.ndarray) -> list[tuple[int, slice]]:
-    """Return each octave that has points, in whose order they are, and where these are."""
-    octaves, firsts = np.unique(owner, return_index=True)
-    bounds = [*firsts.tolist(), len(owner)]
-    return [(int(o), slice(*bounds[i : i + 2])) for i, o in enumerate(octaves)]
+    return offsets[one_each], cells[one_each]
 
 
 def _orientations(
     rt: Runtime,
-    octaves: list[_Octave],
-    owner: np.ndarray,
+    octaves: list[Any],
     cells: np.ndarray,
     scales: np.ndarray,
     upright: bool,
@@ -347,11 +278,7 @@ def _orientations(
     one = _one(2 * math.pi * widest**2)
     angles = rt.scratch("sift.angles", (len(cells), PEAKS))
     counts = rt.scratch("sift.peaks", (len(cells),), np.int32)
-    for o, mine in _parts(owner):
-        rt.features.keypoints.descriptors.orient(
-            octaves[o].levels, windows[mine], spreads[mine], int(radius[mine].max()), one,
-            angles[mine], counts[mine],
-        )  # fmt: skip
+    rt.features.keypoints.descriptors.orient(octaves, windows, spreads, one, angles, counts)
     there = np.arange(PEAKS) < rt.to_numpy(counts)[:, None]
     source = np.repeat(np.arange(len(cells)), there.sum(axis=1))
     return source, rt.to_numpy(angles)[there].astype(np.float64)
@@ -359,8 +286,7 @@ def _orientations(
 
 def _descriptors(
     rt: Runtime,
-    octaves: list[_Octave],
-    owner: np.ndarray,
+    octaves: list[Any],
     cells: np.ndarray,
     scales: np.ndarray,
     angles: np.ndarray,
@@ -384,11 +310,7 @@ def _descriptors(
     windows = rt.send("sift.windows", np.column_stack((cells, radius)).astype(np.int32))
     turns = np.column_stack((cosine / side, sine / side, angles, spread))
     turns = rt.send("sift.turns", turns.astype(np.float32))
-    for o, mine in _parts(owner):
-        rt.features.keypoints.descriptors.describe(
-            octaves[o].levels, windows[mine], turns[mine], int(radius[mine].max()), one, int(root),
-            whole[mine],
-        )  # fmt: skip
+    rt.features.keypoints.descriptors.describe(octaves, windows, turns, one, int(root), whole)
     return rt.release(result)
 
 

@@ -13,7 +13,7 @@ from cvkern.geometry._batches import check_batch, search_options
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_pairs, check_points, finite_pairs, on_host, xy
 from cvkern.geometry.fitting import SINGULAR, normalise
-from cvkern.geometry.robust import Explorer, Found, RobustFit, RobustFits, Search, gather
+from cvkern.geometry.robust import Explorer, Found, RobustFit, RobustFits, Search, alone, gather
 from cvkern.kernels.codes.geometry import Model
 
 # Trials for a plane, and for epipoles from matches off it. Both have many matches if they matter.
@@ -164,10 +164,7 @@ def find_fundamental(
     True
     """
     options = search_options(threshold, confidence, max_trials, seed)
-    fits = _find([(points0, points1)], options)
-    matrix = fits.matrices[0]
-    found = None if np.isnan(matrix[0, 0]) else matrix
-    return RobustFit(found, fits.inliers, float(fits.costs[0]))
+    return alone(_find([(points0, points1)], options))
 
 
 def find_fundamentals(

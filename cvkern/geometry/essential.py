@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern.geometry._batches import check_batch, search_options
 from cvkern.geometry._matrices import check_cameras
-from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, gather
+from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, alone, gather
 from cvkern.kernels.codes.geometry import Model
 
 
@@ -81,10 +81,7 @@ def find_essential(
     [1.0, 0.0, 0.0]
     """
     options = search_options(threshold, confidence, max_trials, seed)
-    fits = _find([(points0, points1)], K0, K1, options)
-    matrix = fits.matrices[0]
-    found = None if np.isnan(matrix[0, 0]) else matrix
-    return RobustFit(found, fits.inliers, float(fits.costs[0]))
+    return alone(_find([(points0, points1)], K0, K1, options))
 
 
 def find_essentials(

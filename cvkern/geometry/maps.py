@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern.geometry._batches import check_batch, search_options
 from cvkern.geometry.fitting import scaled
-from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, gather
+from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, alone, gather
 from cvkern.kernels.codes.geometry import Model
 
 
@@ -83,7 +83,7 @@ def find_homography(
     (60, 40.0)
     """
     options = search_options(threshold, confidence, max_trials, seed)
-    return _one(points0, points1, Model.HOMOGRAPHY, options)
+    return alone(find_many([(points0, points1)], Model.HOMOGRAPHY, options))
 
 
 def find_homographies(
@@ -188,7 +188,7 @@ def find_affine(
            [0., 0., 1.]])
     """
     options = search_options(threshold, confidence, max_trials, seed)
-    return _one(points0, points1, Model.AFFINE, options)
+    return alone(find_many([(points0, points1)], Model.AFFINE, options))
 
 
 def find_similarity(
@@ -241,14 +241,7 @@ def find_similarity(
            [0., 0., 1.]])
     """
     options = search_options(threshold, confidence, max_trials, seed)
-    return _one(points0, points1, Model.SIMILARITY, options)
-
-
-def _one(points0: Any, points1: Any, model: Model, options: Search) -> RobustFit:
-    fits = find_many([(points0, points1)], model, options)
-    matrix = fits.matrices[0]
-    found = None if np.isnan(matrix[0, 0]) else matrix
-    return RobustFit(found, fits.inliers, float(fits.costs[0]))
+    return alone(find_many([(points0, points1)], Model.SIMILARITY, options))
 
 
 def find_many(pairs: Sequence[tuple[Any, Any]], model: Model, options: Search) -> RobustFits:

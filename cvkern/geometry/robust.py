@@ -64,6 +64,13 @@ class RobustFits(NamedTuple):
     """(B,) float64, as in a `RobustFit`."""
 
 
+def alone(fits: RobustFits) -> RobustFit:
+    """Return the model of a batch of one pair."""
+    matrix = fits.matrices[0]
+    found = None if np.isnan(matrix[0, 0]) else matrix
+    return RobustFit(found, fits.inliers, float(fits.costs[0]))
+
+
 class Search(NamedTuple):
     """The options of a robust fit."""
 
@@ -222,6 +229,7 @@ class Explorer:
         active = np.flatnonzero(usable).astype(np.int32)
         done, room = 0, FIRST
         last = min(self.options.max_trials, most or self.options.max_trials)
+        # Each round draws at least `GROUP` samples.
         while len(active) and done < last:
             room = min(room, -(-(last - done) // GROUP) * GROUP)
             pairs = rt.send("robust.pairs", active)

@@ -1,4 +1,4 @@
-"""What a camera wrote into a file of its lens."""
+"""The focal length of a photograph, from the EXIF tags of its file."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 EXIF, LENGTH, LENGTH_35MM, WIDTH, HEIGHT = 0x8769, 0x920A, 0xA405, 0xA002, 0xA003
 DENSITY, DENSITY_UNIT = 0xA20E, 0xA210
-MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}  # in a unit of the density: inch, centimetre, millimetre
+MILLIMETRES = {2: 25.4, 3: 10.0, 4: 1.0}  # per unit of the density: inch, cm, mm
 FILM_DIAGONAL = math.hypot(36.0, 24.0)
 SAME_SHAPE = 0.01  # relative difference of aspect ratios above which a picture was cropped
 
@@ -26,7 +26,7 @@ def focal_length(path: Path, shape: tuple[int, ...]) -> float | None:
             sides = [_number(tags.get(tag)) for tag in (WIDTH, HEIGHT)]
             film, length = _number(tags.get(LENGTH_35MM)), _number(tags.get(LENGTH))
             density, unit = _number(tags.get(DENSITY)), tags.get(DENSITY_UNIT, 2)
-    except Exception:  # readers raise dozens of types; a file without tags is no error
+    except Exception:  # readers raise many types; a file without tags is no error
         return None
     short, long = sorted(shape[:2])
     taken = sorted(s for s in sides if s)

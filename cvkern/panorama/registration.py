@@ -11,7 +11,8 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_image, check_positive
 from cvkern._runtime import Runtime, runtime
-from cvkern.features.keypoints import Features, as_host, sift
+from cvkern.features._photographs import as_host, white_of
+from cvkern.features.keypoints import Features, sift
 from cvkern.features.matching import match_images
 from cvkern.geometry.maps import find_homographies
 from cvkern.transform.resampling import resize
@@ -87,32 +88,25 @@ def make_small(images: list[Any], white: float | None) -> Heap:
         scale = min(1.0, math.sqrt(WORK_PIXELS / (height * width)))
         sides = max(1, round(height * scale)), max(1, round(width * scale))
         factors.append((sides[1] / width, sides[0] / height))
-        if sides != (height, width):
-            byte = library(image).dtype(image) == np.uint8
-            axis = -1 if len(image.shape) == 3 else None
-            dtype = np.uint8 if byte else np.float32
-            image = resize(image, sides, channel_axis=axis, dtype=dtype)
-        small.append(image)
+        small.append(image if sides == (height, width) else resized(image, sides))
     return Heap(images, small, np.array(factors), white)
 
 
-def white_of_all(images: Sequence[Any], data_range: float | None) -> list[float]:
-    """Return the value of white in each image."""
-    kinds = [library(image).dtype(image) for image in images]
-    if data_range is not None:
-        return [float(data_range)] * len(kinds)
-    return [float(np.iinfo(k).max) if k.kind in "iu" else 1.0 for k in kinds]
+def resized(image: Any, sides: tuple[int, int]) -> Any:
+    """Return an image (H, W) or (H, W, C) at another size: bytes stay bytes."""
+    byte = library(image).dtype(image) == np.uint8
+    axis = -1 if len(image.shape) == 3 else None
+    return resize(image, sides, channel_axis=axis, dtype=np.uint8 if byte else np.float32)
 
 
 def link_images(heap: Heap, say: Progress) -> list[Link]:
     """Find the pairs that overlap, in the order of their indices."""
     count = len(heap.images)
     rt = runtime(*heap.images)
-    whites = white_of_all(heap.images, heap.white)
     found = []
     for i, image in enumerate(heap.small):
         say(i, 2 * count, "Keypoints")
-        found.append(_keypoints(image, whites[i]))
+        found.append(_keypoints(image, white_of(heap.images[i], heap.white)))
     if count < 2:
         return []
     say(count, 2 * count, "Matching")
@@ -193,13 +187,13 @@ def _accepted(
     # A photograph is never a mirror image of another: the map preserves orientation.
     if np.linalg.det(matrix) <= 0 or not (depth[inliers] > 0).all():
         return None
-    scale = [_to_small(heap.factors[k]) for k in (i, j)]
+    scale = [to_small(heap.factors[k]) for k in (i, j)]
     large = np.linalg.inv(scale[1]) @ matrix @ scale[0]
     a, b = ((p[inliers] + 0.5) / heap.factors[k] - 0.5 for p, k in ((a, i), (b, j)))
     return Link(i, j, large / np.cbrt(np.linalg.det(large)), a, b, overlapping)
 
 
-def _to_small(factors: np.ndarray) -> np.ndarray:
+def to_small(factors: np.ndarray) -> np.ndarray:
     """Return the matrix that maps a large image to the small one."""
     x, y = factors
     return np.array([[x, 0, 0.5 * x - 0.5], [0, y, 0.5 * y - 0.5], [0, 0, 1]])
@@ -218,6 +212,7 @@ def connected(count: int, links: Sequence[tuple[int, int]]) -> list[list[int]]:
     parent = list(range(count))
 
     def root(i: int) -> int:
+        # A parent has a smaller index than its child, or is a root.
         while parent[i] != i:
             parent[i] = parent[parent[i]]
             i = parent[i]

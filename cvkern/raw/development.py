@@ -51,7 +51,7 @@ def develop(
         As for `demosaic`.
     matrix : array of shape (3, 3), optional
         From the camera's balanced colours to linear sRGB, as of `fit_color_matrix`.
-    tone : {'reinhard', 'reinhard_local', 'bilateral'}, optional
+    tone : {'reinhard', 'reinhard_local', 'bilateral', 'local_laplacian'}, optional
         As for `tone_map`; none when omitted.
     dtype : {'uint8', 'float32'}, default 'uint8'
         Of the result: 0 to 255, or 0 to 1.

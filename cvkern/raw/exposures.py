@@ -72,16 +72,16 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     >>> (curve[200] - curve[100]).round(1)  # twice the value is four times the light
     array([2.])
     """
-    images, frames = _stack(images)
+    images, shape = stacked(images)
     if library(images).dtype(images) != np.uint8:
         raise TypeError(f"images must be uint8, got {library(images).dtype(images)}")
-    times = _times(seconds, len(frames))
+    times = _times(seconds, shape[0])
     if times.min() == times.max():
         raise ValueError(f"seconds must not all be equal, got {times[0]:g}")
     check_choice(method, METHODS, "method")
     rt = runtime(images)
-    step = max(1, int(np.sqrt(frames.shape[1] * frames.shape[2] / SAMPLES)))
-    host = np.asarray(rt.to_numpy(rt.adopt(images, np.uint8, frames.shape)))[:, ::step, ::step]
+    step = max(1, int(np.sqrt(shape[1] * shape[2] / SAMPLES)))
+    host = np.asarray(rt.to_numpy(rt.adopt(images, np.uint8, shape)))[:, ::step, ::step]
     fit = _debevec if method == "debevec" else _robertson
     curves = [fit(channel.reshape(len(times), -1), times) for channel in np.moveaxis(host, 3, 0)]
     return np.stack(curves, axis=1)
@@ -140,8 +140,8 @@ def merge_exposures(
     >>> cvkern.merge_exposures(images, [1, 2])
     array([[0.25, 0.4 ]], dtype=float32)
     """
-    images, frames = _stack(images)
-    times = _times(seconds, len(frames))
+    images, shape = stacked(images)
+    times = _times(seconds, shape[0])
     dtype = library(images).dtype(images)
     linear = dtype != np.uint8 or (isinstance(response, str) and response == "linear")
     if response is None and not linear:
@@ -149,15 +149,13 @@ def merge_exposures(
         linear = curves is None
     elif not linear:
         curves = as_numbers(response, "response")
-        if curves.shape != (CODES, frames.shape[3]):
-            raise ValueError(
-                f"response must have shape {(CODES, frames.shape[3])}, got {curves.shape}"
-            )
+        if curves.shape != (CODES, shape[3]):
+            raise ValueError(f"response must have shape {(CODES, shape[3])}, got {curves.shape}")
     elif response is not None and not isinstance(response, str):
         raise ValueError(f"response must be of uint8 images, got {dtype}")
     stops = -1.0 if deghost is None else check_positive(deghost, "deghost")
     rt = runtime(images)
-    count, channels = frames.shape[1] * frames.shape[2], frames.shape[3]
+    count, channels = shape[1] * shape[2], shape[3]
     flat = (len(times), count, channels)
     carried = dtype if dtype in (np.dtype(np.uint8), np.dtype(np.uint16)) else np.dtype(np.float32)
     values = rt.adopt(images, carried, flat)
@@ -178,8 +176,8 @@ def merge_exposures(
     return rt.release(result)
 
 
-def _stack(images: Any) -> tuple[Any, Any]:
-    """Return the images as one array, and the same seen as (K, H, W, C) for its shape."""
+def stacked(images: Any) -> tuple[Any, tuple[int, ...]]:
+    """Return the images as one array, and its shape as (K, H, W, C)."""
     if isinstance(images, (list, tuple)):
         if any(not isinstance(image, np.ndarray) for image in images):
             raise TypeError("images must be one array of shape (K, H, W), or NumPy arrays")
@@ -190,8 +188,7 @@ def _stack(images: Any) -> tuple[Any, Any]:
     images = check_image(images, ndim=(3, 4), name="images")
     if images.shape[0] < 2:
         raise ValueError(f"images must be at least 2, got {images.shape[0]}")
-    shape = tuple(images.shape) if len(images.shape) == 4 else (*images.shape, 1)
-    return images, np.broadcast_to(np.uint8(0), shape)
+    return images, tuple(images.shape) if len(images.shape) == 4 else (*images.shape, 1)
 
 
 def _times(seconds: Any, count: int) -> np.ndarray:

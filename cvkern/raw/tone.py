@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._checks import check_choice, check_image, check_positive
-from cvkern._runtime import runtime
+from cvkern._runtime import Runtime, runtime
+from cvkern.filters.linear import gaussian_taps
+from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.codes.raw import SLOTS, STEPS
+from cvkern.raw.bands import local_laplacian
+from cvkern.raw.grids import bilateral
 
-METHODS = ("reinhard", "reinhard_local", "bilateral")
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # weights of linear sRGB
-EDGE, SHARPNESS, SCALES = 0.05, 8.0, 8  # Reinhard's: difference of scales, phi, and their number
-RANGE = 0.4  # standard deviation in log10 of the bilateral filter
+METHODS = ("reinhard", "reinhard_local", "bilateral", "local_laplacian")
+SHARPNESS, SCALES = 8.0, 8  # Reinhard's phi, and his number of scales
+RANGE = 0.4 * math.log2(10)  # standard deviation in stops of the bilateral filter
+DETAIL = math.log2(2.5)  # stops of a variation that is a detail, not an edge
+MOST_REFERENCES = 64
+WHITE, SAMPLES = 0.995, 2**16  # share of pixels below white, of so many on a grid
 
 
 def tone_map(
@@ -24,13 +32,16 @@ def tone_map(
     ----------
     radiance : array of shape (H, W) or (H, W, 3)
         Radiance at any scale, as of `merge_exposures`.
-    method : {'reinhard', 'reinhard_local', 'bilateral'}, default 'reinhard'
-        One curve for the whole picture [1]_, one that looks at the surroundings of each pixel, as
-        dodging and burning do [1]_, or details kept while the smoothed rest is compressed [2]_.
+    method : str, default 'reinhard'
+        'reinhard': one curve for the whole picture [1]_. 'reinhard_local': one that looks at the
+        surroundings of each pixel, as dodging and burning do [1]_. 'bilateral': the picture,
+        smoothed within its edges, is compressed, and what this took off is kept [2]_.
+        'local_laplacian': edges shrink at every scale, details stay, and there are no halos [3]_.
     key : float, default 0.18
-        What the mean of the logarithms becomes, above 0: larger is brighter.
+        For Reinhard's: what the mean of the logarithms becomes, above 0: larger is brighter.
     contrast : float, default 5.0
-        For 'bilateral': factor between the brightest and the darkest of the smoothed picture.
+        For the others: factor that is left of all between the brightest and the darkest, above 0;
+        of edges alone, for 'local_laplacian'.
 
     Returns
     -------
@@ -46,9 +57,12 @@ def tone_map(
 
     Notes
     -----
-    Luminance is mapped and colours are scaled with it; what is negative or not finite is black. It
-    is made on the host, and equal on all devices. The bilateral filter works on a grid of space and
-    brightness, which is filled in float64 in the order of the pixels.
+    Luminance is mapped and colours are scaled with it; what is negative or not finite is black. The
+    bilateral filter works on a grid of space and brightness, with standard deviations of 2 % of
+    the larger side and of 0.4 in log10. The local Laplacian filter takes variations up to a factor
+    of 2.5 for details, as its authors do, and is computed at references that far apart, with
+    straight lines between these [4]_; its white is reached by half a percent of the pixels. Sums
+    are those of integers, so that results are equal in every bit on all devices.
 
     References
     ----------
@@ -57,6 +71,10 @@ def tone_map(
     .. [2] F. Durand and J. Dorsey, "Fast bilateral filtering for the display of high-dynamic-range
        images", SIGGRAPH 2002; J. Chen, S. Paris and F. Durand, "Real-time edge-aware image
        processing with the bilateral grid", SIGGRAPH 2007.
+    .. [3] S. Paris, S. W. Hasinoff and J. Kautz, "Local Laplacian filters: edge-aware image
+       processing with a Laplacian pyramid", SIGGRAPH 2011.
+    .. [4] M. Aubry, S. Paris, S. W. Hasinoff, J. Kautz and F. Durand, "Fast local Laplacian
+       filters: theory and applications", ACM Transactions on Graphics 33, 2014.
 
     Examples
     --------
@@ -71,63 +89,94 @@ def tone_map(
     check_choice(method, METHODS, "method")
     key, contrast = check_positive(key, "key"), check_positive(contrast, "contrast")
     rt = runtime(radiance)
-    light = np.array(rt.to_numpy(rt.adopt(radiance)), np.float32)
-    light = np.where(np.isfinite(light), light, 0).clip(0)
-    luminance = light if light.ndim == 2 else light @ LUMINANCE
-    seen = luminance > 0
-    if not seen.any():
-        return rt.give(np.zeros_like(light))
-    mean = np.exp(np.mean(np.log(luminance[seen].astype(np.float64))))
-    scaled = luminance * np.float32(key / mean)
-    if method == "reinhard":
-        white = scaled.max()
-        shown = scaled * (1 + scaled / white**2) / (1 + scaled)
-    elif method == "reinhard_local":
-        shown = scaled / (1 + _surround(scaled, key))
+    shape = tuple(radiance.shape)
+    light = rt.adopt(radiance, np.float32, (*shape[:2], 3 if len(shape) == 3 else 1))
+    logs = rt.scratch("tone.logs", shape[:2])
+    rt.raw.tone.luminance(light, 0.0, logs)
+    ends = _measured(rt, logs)
+    if not ends.pixels:
+        return rt.give(np.zeros(shape, np.float32))
+    result = rt.empty(shape)
+    out = rt.adopt(result, np.float32, tuple(light.shape))
+    if method.startswith("reinhard"):
+        _curved(rt, light, key, ends, method == "reinhard_local", out)
     else:
-        shown = _compressed(luminance, seen, contrast)
-    ratio = np.divide(shown, luminance, out=np.zeros_like(luminance), where=seen)
-    found = light * (ratio if light.ndim == 2 else ratio[..., None])
-    return rt.give(np.ascontiguousarray(found.clip(0, 1), np.float32))
+        if ends.pixels < shape[0] * shape[1]:
+            rt.raw.tone.limit(ends.low, logs.reshape((logs.size,)))
+        shrink = _smoothed if method == "bilateral" else _layered
+        one, own, two, other, offset = shrink(rt, logs, ends, math.log2(contrast))
+        rt.raw.tone.show(light, one, own, two, other, offset, out)
+    return rt.release(result)
 
 
-def _surround(scaled: np.ndarray, key: float) -> np.ndarray:
-    """Return the mean of the largest surroundings of each pixel that has no edge in it."""
-    from scipy.ndimage import gaussian_filter
+class Ends(NamedTuple):
+    """What logarithms to the base of 2 extend over, where there is light."""
 
-    found = centre = gaussian_filter(scaled, 0.35)
-    open_still = np.ones(scaled.shape, bool)
-    for n in range(SCALES):
-        scale = 1.6**n
-        wider = gaussian_filter(scaled, 0.35 * scale * 1.6)
-        flat = np.abs(centre - wider) < EDGE * (2**SHARPNESS * key / scale**2 + centre)
-        open_still &= flat
-        found = np.where(open_still, wider, found)
-        centre = wider
-    return found
+    mean: float
+    low: float
+    high: float
+    pixels: int
+
+    def share(self, contrast: float) -> float:
+        """Return how much of the span is left, if it must not exceed a contrast in stops."""
+        span = self.high - self.low
+        return min(1.0, contrast / span) if span > 0 else 1.0
 
 
-def _compressed(luminance: np.ndarray, seen: np.ndarray, contrast: float) -> np.ndarray:
-    """Compress what a bilateral filter leaves of the logarithm, and keep the details."""
-    logs = np.log10(np.maximum(luminance, luminance[seen].min()))
-    base = _bilateral(logs, max(2.0, 0.02 * max(logs.shape)), RANGE)
-    span = float(np.ptp(base))
-    factor = min(1.0, np.log10(contrast) / span) if span > 0 else 1.0
-    return 10 ** (factor * (base - base.max()) + (logs - base))
+def _measured(rt: Runtime, logs: Any) -> Ends:
+    sums = rt.scratch("tone.sums", (SLOTS, 4), np.int64)
+    rt.clear(sums)
+    rt.raw.tone.measure(logs.reshape((logs.size,)), sums)
+    found = np.array(rt.to_numpy(sums))
+    total, count = (int(n) for n in found[:, :2].sum(axis=0))
+    low, high = 2**32 - int(found[:, 2].max()), int(found[:, 3].max()) - 2**32
+    return Ends(total / STEPS / max(count, 1), low / STEPS, high / STEPS, count)
 
 
-def _bilateral(values: np.ndarray, sigma: float, reach: float) -> np.ndarray:
-    """Smooth by a bilateral filter, on a grid with a cell for each sigma and each reach."""
-    from scipy.ndimage import gaussian_filter, map_coordinates
+def _curved(rt: Runtime, light: Any, key: float, ends: Ends, local: bool, out: Any) -> None:
+    """Apply Reinhard's curve, of the whole picture or of the surroundings of each pixel."""
+    shape = tuple(light.shape[:2])
+    scale = key / 2**ends.mean
+    around = rt.scratch("tone.around", (shape[0] * shape[1],) if local else (1,))
+    if local:
+        scaled, *smooth = (rt.scratch(f"tone.scale{n}", (1, *shape)) for n in range(3))
+        kept = rt.scratch("tone.open", tuple(around.shape), np.uint8)
+        rt.raw.tone.luminance(light, scale, scaled[0])
+        for n in range(SCALES + 1):
+            taps = rt.constant(gaussian_taps(0.35 * 1.6**n))
+            rt.filters.linear.correlate_separable(
+                scaled, taps, taps, 1, Border.REFLECT, 0.0, smooth[n % 2]
+            )
+            if n:
+                before, wider = (smooth[k % 2].reshape(around.shape) for k in (n - 1, n))
+                level = 2**SHARPNESS * key / 1.6 ** (2 * n - 2)
+                rt.raw.tone.widen(before, wider, level, int(n > 1), around, kept)
+    flat = (shape[0] * shape[1], light.shape[2])
+    white = 0.0 if local else scale * 2**ends.high
+    rt.raw.tone.curve(light.reshape(flat), around, scale, white, out.reshape(flat))
 
-    rows, columns = np.indices(values.shape)
-    places = np.stack([rows / sigma + 2, columns / sigma + 2, (values - values.min()) / reach + 2])
-    cells = np.floor(places + 0.5).astype(np.int64)
-    shape = tuple(int(c.max()) + 3 for c in cells)
-    flat = np.ravel_multi_index(tuple(c.ravel() for c in cells), shape)
-    size = int(np.prod(shape))
-    sums = np.bincount(flat, values.ravel().astype(np.float64), size).reshape(shape)
-    counts = np.bincount(flat, minlength=size).reshape(shape).astype(np.float64)
-    sums, counts = (gaussian_filter(g, 1.0, mode="constant") for g in (sums, counts))
-    top, bottom = (map_coordinates(g, places, order=1) for g in (sums, counts))
-    return (top / np.maximum(bottom, 1e-12)).astype(np.float32)
+
+def _smoothed(rt: Runtime, logs: Any, ends: Ends, contrast: float) -> tuple[Any, ...]:
+    """Compress what a bilateral filter leaves, whose brightest becomes white."""
+    sigma = max(2.0, 0.02 * max(logs.shape))
+    base = bilateral(rt, logs, ends.low, ends.high - ends.low, sigma, RANGE)
+    own = _measured(rt, base)
+    share = own.share(contrast)
+    return base, share - 1, base, 0.0, -share * own.high
+
+
+def _layered(rt: Runtime, logs: Any, ends: Ends, contrast: float) -> tuple[Any, ...]:
+    """Shrink edges by a local Laplacian filter; the brightest pixels but a few become white."""
+    found, span = logs, ends.high - ends.low
+    if span > 0:
+        count = min(math.ceil(span / DETAIL) + 1, MOST_REFERENCES)
+        image = logs.reshape((1, *logs.shape))
+        found = local_laplacian(
+            rt, image, ends.low, span / (count - 1), count, DETAIL, ends.share(contrast)
+        ).reshape(logs.shape)
+    step = max(1, math.ceil(math.sqrt(logs.size / SAMPLES)))
+    few = rt.scratch("tone.few", tuple(-(-n // step) for n in logs.shape))
+    rt.raw.tone.thin(found, step, few)
+    values = np.sort(rt.to_numpy(few), axis=None)
+    white = float(values[min(int(WHITE * values.size), values.size - 1)])
+    return found, 1.0, logs, -1.0, -white

@@ -310,7 +310,7 @@ class ShapeModel:
         found = self._search(image, scales, threshold, data_range)
         masks = found.rt.empty((len(found.modes), *found.shape), np.bool_)
         if found.votes is not None and len(found.modes):
-            paint(found, fitted.figures, settings, found.rt.adopt(masks, np.uint8))
+            paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
         return Segmentation(self._objects(found), found.rt.release(masks))
 
     def _search(

@@ -6,16 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import check_choice, check_image, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.kernels.codes.shading import CHUNKS
+from cvkern.shading.masks import kernel_mask
+from cvkern.shading.rectangles import MOST_SIDE, solve_rectangle
 
 METHODS = ("poisson", "bilateral")
 FLATTEST = 0.01  # least z of a unit normal; steeper slopes are limited to that of this z
 COARSEST = 16  # largest number of pixels of the coarsest level, unless it is a line
 SETTLED = 8  # forward and backward sweeps that solve the coarsest level
-OFTEN = 4  # steps between checks of convergence
+OFTEN = 4  # steps between checks of convergence on a GPU, where the host waits for them
 MOST_STEPS = 400
 LEAST_GAIN = 1e-4  # relative decrease of the energy below which the weights are final
 
@@ -104,23 +105,20 @@ def integrate_normals(
         raise ValueError(f"tolerance must be in (0, 1), got {tolerance:g}")
     iterations = check_integer(iterations, "iterations", 1, 10000)
     shape = tuple(normals.shape[:2])
-    if mask is not None:
-        mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != shape:
-            raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
     refuse_capture("integrate_normals")
     rt = runtime(normals)
-    if mask is None:
-        given = rt.send("shading.mask", np.ones(shape, np.uint8))
-    else:
-        own = rt.to_numpy(rt.adopt(mask, library(mask).dtype(mask)))
-        given = rt.send("shading.mask", (own != 0).astype(np.uint8))
+    given = kernel_mask(rt, mask, shape, empty=True)
     inside, slope = (
         rt.scratch("relief.inside", shape, np.uint8),
         rt.scratch("relief.slope", (3, *shape)),
     )
-    kernels = rt.shading.integration.equations
-    kernels.slopes(rt.adopt(normals), given, FLATTEST, inside, slope)
+    kernels, cut = rt.shading.integration.equations, rt.scratch("relief.cut", (1,), np.int32)
+    rt.clear(cut)
+    kernels.slopes(rt.adopt(normals), given, FLATTEST, inside, slope, cut)
+    if method == "poisson" and not rt.to_numpy(cut)[0] and max(shape) <= MOST_SIDE:
+        result = rt.empty(shape)
+        solve_rectangle(rt, slope, rt.adopt(result))
+        return rt.release(result)
     there = rt.to_numpy(inside) != 0
     if not there.any():
         raise ValueError("mask must not be 0 at all valid normals, got nothing to integrate")
@@ -173,6 +171,7 @@ class Solver:
         self.rises = rt.scratch("relief.rises", (2, *shape))
         self.none = rt.scratch("relief.none", (0, 1, 1))
         self.levels = [(rt.scratch("relief.weights", (2, *shape)), inside, *self._fields(0, shape))]
+        # Each level halves a side above 2, so there are at most 16 of them.
         while np.prod(shape) > COARSEST and max(shape) > 2:
             shape = (shape[0] + 1) // 2, (shape[1] + 1) // 2
             n = len(self.levels)
@@ -204,11 +203,11 @@ class Solver:
             kernels.coarsen(fine[0], fine[1], coarse[0], coarse[1])
         self.rt.write(self.sums, np.zeros(3))
         pull(weights, self.rises, self.z, 1.0, self.r)
-        first = None
+        first, often = None, 1 if self.rt.device == "cpu" else OFTEN
         for step in range(MOST_STEPS):
             smoothed = self._cycle()
             kernels.weigh_rest(self.r, smoothed, self.partial, self.sums)
-            if step % OFTEN == 0:
+            if step % often == 0:
                 left = float(self.rt.to_numpy(self.sums)[0])
                 first = left if first is None else first
                 if not left > tolerance**2 * first:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import check_choice, check_image
+from cvkern.shading.masks import host_mask
 from cvkern.shading.photometry import check_images
 
 HIGHLIGHT = 0.9  # share of the brightest value above which a pixel belongs to the highlight
@@ -67,11 +68,7 @@ def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
         ndim=(3,), name="images",
     )  # fmt: skip
     shape = tuple(images.shape[1:])
-    inside = np.asarray(check_image(mask, name="mask")) != 0
-    if inside.shape != shape:
-        raise ValueError(f"mask must have shape {shape}, got {inside.shape}")
-    if not inside.any():
-        raise ValueError("mask must not be 0 everywhere, got such a mask")
+    inside = host_mask(mask, shape)
     rows, columns = np.nonzero(inside)
     middle, radius = (rows.mean(), columns.mean()), np.sqrt(len(rows) / np.pi)
     lights = []
@@ -152,11 +149,7 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
     shape = values.shape[1:]
     if min(shape) < 2:
         raise ValueError(f"images must have 2 rows and columns at least, got shape {shape}")
-    inside = np.ones(shape, bool) if mask is None else np.asarray(mask) != 0
-    if inside.shape != shape:
-        raise ValueError(f"mask must have shape {shape}, got {inside.shape}")
-    if not inside.any():
-        raise ValueError("mask must not be 0 everywhere, got such a mask")
+    inside = np.ones(shape, bool) if mask is None else host_mask(mask, shape)
     inside &= np.isfinite(values).all(axis=0) & (values.max(axis=0) > 0)
     if not inside.any():
         raise ValueError("images must be finite, and above 0 somewhere in the mask, got none there")
@@ -170,9 +163,7 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
             normals = np.tensordot(change, normals, 1)
             lights = lights @ np.linalg.inv(change)
     except np.linalg.LinAlgError:
-        raise ValueError(
-            "images must tell three independent lights, got such that do not"
-        ) from None
+        raise ValueError("images must have three independent lights, got fewer") from None
     rows, columns = np.nonzero(seen)
     outward = normals[0][seen] * (columns - columns.mean()) - normals[1][seen] * (
         rows - rows.mean()

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_choice, check_flag, check_image, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.shading import MOST_LIGHTS, Photometric, Weighing
 from cvkern.shading.integration import integrate_normals
+from cvkern.shading.masks import kernel_mask
 
 METHODS = tuple(code.name.lower() for code in Photometric)
 # Windows of ranks, as shares: darker and brighter values are ignored.
@@ -139,7 +139,8 @@ def photometric_stereo(
     depth = rt.scratch("shading.far", (0, 1), np.float32)
     for n in range(ROUNDS if near else 1):
         if near:
-            depth = _near_depth(rt, outputs[0] if n else None, inside, shape)
+            own = None if mask is None else inside
+            depth = _near_depth(rt, outputs[0] if n else None, own, shape)
         photometry.weigh(seen, ranks, lamps, depth, windows, weighing, *outputs)
     return PhotometricStereo(*(rt.release(a) for a in found))
 
@@ -148,7 +149,8 @@ def _near_depth(rt: Runtime, normals: Any, inside: Any, shape: tuple[int, int]) 
     """Return depth for kernels: integrated from the normals, or a plane if there are none yet."""
     if normals is None:
         return rt.send("shading.near", np.zeros(shape, np.float32))
-    depth = integrate_normals(rt.to_numpy(normals), mask=rt.to_numpy(inside))
+    mask = None if inside is None else rt.to_numpy(inside)
+    depth = integrate_normals(rt.to_numpy(normals), mask=mask)
     return rt.send("shading.near", np.asarray(depth, np.float32))
 
 
@@ -176,15 +178,3 @@ def check_lamps(lights: Any, count: int, near: bool) -> np.ndarray:
     if not near and values[2] < FLATTEST * values[0]:
         raise ValueError("lights must not lie in one plane through the origin, got such lights")
     return np.hstack([given, np.ones((count, 1))]) if given.shape[1] == 3 else given
-
-
-def kernel_mask(rt: Runtime, mask: Any, shape: tuple[int, int]) -> Any:
-    """Return a mask for kernels, uint8 of 0 and 1; it must not be 0 everywhere."""
-    if mask is None:
-        return rt.send("shading.mask", np.ones(shape, np.uint8))
-    if tuple(check_image(mask, name="mask").shape) != shape:
-        raise ValueError(f"mask must have shape {shape}, got {tuple(mask.shape)}")
-    inside = rt.to_numpy(rt.adopt(mask, library(mask).dtype(mask))) != 0
-    if not inside.any():
-        raise ValueError("mask must not be 0 everywhere, got such a mask")
-    return rt.send("shading.mask", inside.astype(np.uint8))

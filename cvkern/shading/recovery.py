@@ -9,6 +9,7 @@ import numpy as np
 from cvkern._checks import as_numbers, check_image, check_integer
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.shading.integration import Solver
+from cvkern.shading.masks import host_mask
 from cvkern.shading.rendering import check_albedo
 
 SOFT = 2.0  # standard deviation in pixels of the smoothing that gives the direction of a border
@@ -161,12 +162,13 @@ def _recover(
     equations = rt.shading.integration.equations
     inside = rt.scratch("relief.inside", shape, np.uint8)
     slope = rt.scratch("relief.slope", (3, *shape))
+    cut = rt.scratch("relief.cut", (1,), np.int32)
     shares = rt.send("relief.shares", np.full((2, *shape), 0.5, np.float32))
     depth = rt.scratch("sfs.depth", shape)
     parts = rt.send("relief.parts", (state > 0).astype(np.int32))
     solver = None
     for turn in range(rounds + 1):
-        equations.slopes(fields[0], states, FLAT, inside, slope)
+        equations.slopes(fields[0], states, FLAT, inside, slope, cut)
         solver = solver or Solver(rt, inside, shape)
         equations.join(inside, slope, shares, solver.weights, solver.rises)
         solver.solve(TOLERANCE)
@@ -184,15 +186,7 @@ def _inside(mask: Any, values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray
     """Return the mask of the surface: the given one, or the image above 0 with holes filled."""
     from scipy.ndimage import binary_fill_holes
 
-    if mask is None:
-        inside = np.asarray(binary_fill_holes(values > 0))
-    else:
-        inside = np.asarray(check_image(mask, name="mask")) != 0
-    if inside.shape != shape:
-        raise ValueError(f"mask must have shape {shape}, got {inside.shape}")
-    if not inside.any():
-        raise ValueError("mask must not be 0 everywhere, got such a mask")
-    return inside
+    return host_mask(binary_fill_holes(values > 0) if mask is None else mask, shape)
 
 
 def _silhouette(

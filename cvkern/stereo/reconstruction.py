@@ -124,6 +124,8 @@ def reconstruct_pair(
     >>> pair.disparity.shape, bool(2 < np.nanmedian(pair.depth) < 4)  # metres
     ((250, 370), True)
     """
+    from cvkern.images._overlay import canvas
+
     length = 1.0 if baseline is None else check_positive(baseline, "baseline")
     most = check_integer(max_side, "max_side", 64, 2**15)
     given = [_photograph(image, name) for image, name in ((image0, "image0"), (image1, "image1"))]
@@ -147,8 +149,7 @@ def reconstruct_pair(
     seen &= inside[1][rows, there.clip(0, disparity.shape[1] - 1)]
     valid = valid & inside[0] & seen & (space[..., 2] > 0) & np.isfinite(space).all(axis=2)
     depth = np.where(valid, space[..., 2], np.nan).astype(np.float32)
-    colors = warped[0] if warped[0].ndim == 3 else np.repeat(warped[0][..., None], 3, axis=2)
-    cloud = PointCloud(space[valid].astype(np.float32), colors[valid])
+    cloud = PointCloud(space[valid].astype(np.float32), canvas(warped[0])[valid])
     return PairReconstruction(
         warped[0], warped[1], H0, H1, disparity, valid, depth, cloud, one, sparse, points,
         rotation, translation, used,
@@ -256,6 +257,7 @@ def _rectified(
     a: np.ndarray, b: np.ndarray, f: np.ndarray, photos: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     from cvkern.geometry import rectify_uncalibrated
+    from cvkern.images._overlay import canvas
     from cvkern.transform import warp_perspective
 
     shapes = [p.shape[:2] for p in photos]
@@ -270,7 +272,7 @@ def _rectified(
         for p, h in zip(photos, (H0, H1), strict=True)
     ]
     if warped[0].ndim != warped[1].ndim:  # one is grey
-        warped = [w if w.ndim == 3 else np.repeat(w[..., None], 3, axis=2) for w in warped]
+        warped = [canvas(w) for w in warped]
     return H0, H1, warped
 
 

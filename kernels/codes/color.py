@@ -1,5 +1,6 @@
 """Codes of colours that the API and the kernel sets share."""
 
+import math
 from enum import IntEnum
 
 
@@ -15,6 +16,10 @@ class Form(IntEnum):
 # The curves of sRGB and CIE L*a*b*.
 SRGB_LOW, SRGB_SLOPE, SRGB_SHIFT, SRGB_SCALE, SRGB_POWER = 0.0031308, 12.92, 0.055, 1.055, 2.4
 LAB_LOW, LAB_SLOPE, LAB_SHIFT = 216 / 24389, 24389 / 27 / 116, 16 / 116
+DEGREES = 180 / math.pi  # degrees a radian
+BLUE = 25.0**7  # seventh power of the chroma about which CIEDE2000 changes
 BINS = 4096  # bins of linear values, each with at most one step of 8-bit sRGB
 LEVELS = 2**16  # brightness of 16 bits, which histograms equalise
 TONES = 2**14  # tones that tiles map brightness to
+SATURATED = 0.98  # share of the largest value, which no channel of a pixel may reach
+SLOTS = 1024  # maxima that are compared on the host

@@ -31,6 +31,9 @@ class Step(IntEnum):
     RESIDUAL = 3  # what the lines leave at the samples, interpolated
 
 
+BORDER = 26  # pixels at the border of planes whose green is not found
+# Pixels at their border that a step towards red or blue leaves out.
+MARGINS = {Step.DEVIATIONS: 28, Step.WINDOWS: 31, Step.TENTATIVE: 34, Step.RESIDUAL: 35}
 MARGIN = 36  # pixels by which planes are extended: even, so that colours stay where they are
 # Residual interpolation: what the slope's prior weighs along rows and columns, and in windows.
 PRIOR, WINDOW_PRIOR = 1.0, 0.3
@@ -38,3 +41,16 @@ FLOOR = 0.5 / 128**2  # variance that is always there, as a share of the squared
 SMOOTH = 0.2  # how much texture speaks for smooth differences of colours
 FLAT = 1e-6  # change of these differences that does not count, as a share of the squared sample
 TINY = 1e-30
+# Tone: weights of linear sRGB in luminance, the logarithm of no light, and steps of logarithms in
+# sums, whose terms are integers.
+LUMINANCE = 0.2126, 0.7152, 0.0722
+UNSEEN = -1000.0
+STEPS = 2**20
+SLOTS = 1024  # sums that are added up on the host
+EDGE = 0.05  # difference of scales that is an edge [Reinhard 2002]
+# Fusion: deviation of how well a value is exposed about the middle, distance from 0 and 1 at which
+# values are held back, and what is added to each weight.
+WELL, KNEE, LEAST = 0.2, 0.05, 1e-12
+# Alignment: levels of grey, and moves of one pixel, the shortest first.
+GREYS = 2**16
+MOVES = ((0, 0), (-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))

@@ -175,6 +175,8 @@ def _launch_on_cuda(launch: Callable[..., None], args: tuple, kwargs: dict[str, 
     def seen(value: Any) -> Any:
         if hasattr(value, "_fields"):  # a named tuple
             return type(value)(*map(seen, value))
+        if isinstance(value, list):
+            return list(map(seen, value))
         return _cuda.header(value) if isinstance(value, wp.array) else value
 
     if _caller.stream is not None and _caller.stream not in _LEGACY:

@@ -1,8 +1,6 @@
 """Counter-based random numbers: equal seed, step and item give equal numbers on every device.
 
-`which` selects one of the numbers of an item (see `Draw`): 0 its pixel, 1 to 3 the point in a cell,
-4 the position of the first sample, 5 to 7 the background, 8 the cell, 9 and 10 the point in the
-pixel.
+`which` selects one of the numbers of an item, as `codes.radiance.Draw` lists them.
 """
 
 import taichi as ti

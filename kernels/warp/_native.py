@@ -72,14 +72,7 @@ def kernel(
         types = inspect.get_annotations(stub)
         names = ", ".join(types)
         source = f"def {stub.__name__}({names}):\n    body({names})\n"
-        # Warp reads the source of a kernel from the interpreter's line cache.
-        place = f"<{file}:{stub.__name__}:{id(body)}>"
-        linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
-        space: dict[str, Any] = {"body": body, "__name__": stub.__module__}
-        exec(compile(source, place, "exec"), space)
-        function = space[stub.__name__]
-        function.__annotations__ = types
-        function.__doc__ = stub.__doc__
+        function = forward(stub.__name__, source, stub, body, types)
         if options is None:
             return wp.kernel(function, launch_bounds=launch_bounds)
         return wp.kernel(
@@ -87,6 +80,21 @@ def kernel(
         )
 
     return make
+
+
+def forward(name: str, source: str, stub: Any, body: wp.Function, types: dict[str, Any]) -> Any:
+    """Return the Python function `name` of `source`, which calls `body`; Warp can compile it.
+
+    `types` are the annotations of its parameters. It belongs to the module of `stub`.
+    """
+    # Warp reads the source of a kernel from the interpreter's line cache.
+    place = f"<{stub.__module__}:{name}:{id(body)}>"
+    linecache.cache[place] = (len(source), None, source.splitlines(keepends=True), place)
+    space: dict[str, Any] = {"body": body, "wp": wp, "__name__": stub.__module__}
+    exec(compile(source, place, "exec"), space)
+    function = space[name]
+    function.__annotations__, function.__doc__ = types, stub.__doc__
+    return function
 
 
 def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:

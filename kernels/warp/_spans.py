@@ -8,7 +8,6 @@ calls it for a part of a row. The constant PART says how many elements a body ke
 from __future__ import annotations
 
 import inspect
-import linecache
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -20,11 +19,11 @@ from ._launch import launch, launch_slabs, slabs
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 PART = 128  # elements that a body keeps at once on the CPU
 
-_SLAB = """def {name}_slab(slab, first, last, columns, {names}):
+_SLAB = """def {name}(slab, first, last, columns, {names}):
     for row in range(first, last):
         body(row, 0, columns, {names})
 """
-_PART = """def {name}_part(columns, part, {names}):
+_PART = """def {name}(columns, part, {names}):
     i = wp.tid()
     parts = (columns + part - 1) // part
     left = i % parts * part
@@ -76,13 +75,9 @@ def _kernel(stub: Any, file: str, cuda: bool, part: int, constants: dict[str, An
     }
     body = _native.func_native(file, PART=part if cuda else PART, **own)(stub)
     types = dict(list(inspect.get_annotations(stub).items())[3:])
-    text = (_PART if cuda else _SLAB).format(name=stub.__name__, names=", ".join(types))
-    # Warp reads a kernel's source where the interpreter keeps it.
-    place = f"<{file}:{stub.__name__}:{id(body)}>"
-    linecache.cache[place] = (len(text), None, text.splitlines(keepends=True), place)
-    space: dict[str, Any] = {"body": body, "wp": wp, "__name__": stub.__module__}
-    exec(compile(text, place, "exec"), space)
-    function = space[f"{stub.__name__}_{'part' if cuda else 'slab'}"]
+    name = f"{stub.__name__}_{'part' if cuda else 'slab'}"
+    text = (_PART if cuda else _SLAB).format(name=name, names=", ".join(types))
     head = ("columns", "part") if cuda else ("slab", "first", "last", "columns")
-    function.__annotations__ = {**dict.fromkeys(head, int), **types}
+    types = {**dict.fromkeys(head, int), **types}
+    function = _native.forward(name, text, stub, body, types)
     return wp.kernel(function, module="unique", module_options=OPTIONS)

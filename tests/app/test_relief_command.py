@@ -39,8 +39,9 @@ def test_relief(command, folder, tmp_path, told):
     found = read_image(out / "depth.tif")
     np.testing.assert_array_equal(np.isfinite(found), mask)
     off = (found - depth)[mask]
-    # Without lights, equally strong ones are assumed, and these are so to 12 %.
-    assert off.std() < (0.1 if told else 2.5)
+    # The hill is 10 pixels high. Measured: 0.019 with the lights, 0.53 without: then equally strong
+    # ones are assumed, and these are so to 12 %. The bounds are twice that.
+    assert off.std() < (0.04 if told else 1.06)
     normals = read_image(out / "normals.png")
     assert normals.shape == (40, 44, 3)
     assert normals[20, 30, 0] > 160  # faces right
@@ -70,7 +71,8 @@ def test_a_chrome_sphere(command, folder, tmp_path):
     )
     assert code == 0
     assert "lights of the sphere" in said
-    assert np.std((read_image(out / "depth.tif") - depth)[mask]) < 2
+    # Measured: 0.18. A highlight of the sphere is found to half a pixel of 36, or 2 degrees.
+    assert np.std((read_image(out / "depth.tif") - depth)[mask]) < 0.36
 
 
 def test_refusals(command, folder, tmp_path):

@@ -40,7 +40,8 @@ def test_everything(command, pair, made, tmp_path):
     assert names(out) == sorted(DEEP)
     found = cvkern.stereo_match(made[0], made[1], (0, 16))
     valid = found.valid
-    assert pairs.bad((found.disparity,), (pairs.truth(TOY),)) < 0.1
+    # Measured: 1.3 %, and up to 2.0 % with other noise, all at the rims of boards.
+    assert pairs.bad((found.disparity,), (pairs.truth(TOY),)) < 0.03
     assert f"{valid.mean():.1%} of 96 x 128 pixels matched" in said
 
     assert read_image(out / "disparity.png").shape == (96, 128, 3)

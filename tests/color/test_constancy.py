@@ -39,14 +39,16 @@ def test_scale_black_and_what_is_masked(method):
     image = scene()
     want = cvkern.estimate_illuminant(image, method)
     raw = image * 1000 + 64
-    np.testing.assert_allclose(cvkern.estimate_illuminant(raw, method, black=64), want, rtol=1e-3)
+    # Raw values are rounded to float32, by 2^-24 of up to 1000: single pixels are off by 1e-6.
+    np.testing.assert_allclose(cvkern.estimate_illuminant(raw, method, black=64), want, rtol=1e-6)
     mask = np.ones(image.shape[:2], bool)
     mask[:, :20] = False
     first, second = image.copy(), image.copy()
     second[:, :16] *= [0.2, 0.5, 0.9]  # three pixels further derivatives see none of it
     first[0, 0] = second[0, 0] = image.max()
     answers = [cvkern.estimate_illuminant(i, method, mask=mask, white=1.0) for i in (first, second)]
-    np.testing.assert_allclose(*answers, rtol=2e-2 if "edge" in method else 1e-6)
+    # The same pixels count; filters that run along rows carry their rounding beyond the mask.
+    np.testing.assert_allclose(*answers, rtol=1e-14)
 
 
 def test_saturated_pixels_do_not_count():

@@ -56,6 +56,15 @@ def test_bytes(backend):
     assert np.abs(got - want).max() < 0.5 + 1e-3
 
 
+@pytest.mark.parametrize("source", ["srgb", "rgb", "lab"])
+def test_nan_stays_nan_and_is_zero_in_bytes(backend, source):
+    image = np.array([[0.2, 0.3, 0.4], [np.nan] * 3, [1.0, 1.0, 1.0]])
+    got = cvkern.convert_color(image, source, "srgb")
+    np.testing.assert_array_equal(np.isnan(got), np.isnan(image))
+    got = cvkern.convert_color(image, source, "srgb", dtype=np.uint8)
+    np.testing.assert_array_equal(got[1], 0)
+
+
 def test_white_of_lab_is_that_asked_for(backend):
     white = cvkern.spectrum_to_xyz(np.ones(81), light="D50")
     got = cvkern.convert_color(white, "xyz", "lab", white="D50")

@@ -54,6 +54,8 @@ def test_a_page_is_listed(family):
     assert family in listed
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert f"(docs/families/{family}.md)" in readme
+    front = (DOCS / "index.md").read_text(encoding="utf-8")
+    assert f"(families/{family}.md) |" in front
 
 
 def test_every_name_is_in_the_reference():

@@ -150,7 +150,7 @@ def test_masks_and_borders_make_no_edge(backend, operator):
     for options in ways:
         assert not cvkern.canny(ramp, 1.5, 5, 10, operator=operator, **options).any()
     assert cvkern.canny(np.where(mask, ramp, 0), 1.5, 5, 10, operator=operator).any()
-    hidden = np.where(mask, ramp, np.nan)  # what is masked is not looked at
+    hidden = np.where(mask, ramp, np.nan)  # masked pixels are not looked at
     assert not cvkern.canny(hidden, 1.5, 5, 10, mask, operator=operator).any()
 
 

@@ -112,13 +112,15 @@ def test_small_and_empty_images(backend):
 
 
 def test_the_pattern_stays():
-    """What was described once can be matched later: the first pairs, and a sum over all."""
+    """What was described once can be matched later: the first pairs, and a weighted sum of all."""
     pairs = pattern()
     assert pairs.shape == (64, 256, 4)
     assert np.abs(pairs).max() <= 15
+    assert pairs[0][:2].tolist() == [[-7, 7, -5, -3], [-8, -9, 1, -1]]
+    assert (pairs.ravel() * (np.arange(pairs.size) % 997)).sum() == -58626
     quarter = np.stack((pairs[0][:, 1], -pairs[0][:, 0]), axis=1)  # (row, column) by 90 degrees
-    # The places of either turn are rounded: half a pixel each.
-    np.testing.assert_allclose(pairs[16][:, :2], quarter, atol=1)
+    # No place lies half way between two pixels: to round and to turn by 90 degrees commute.
+    np.testing.assert_array_equal(pairs[16][:, :2], quarter)
 
 
 @pytest.mark.parametrize("downscale", [1.0, 4.5])

@@ -19,15 +19,15 @@ WORKER = ["-m", "tests.fuzz.worker"]
 class Process:
     """A worker of the fuzzer, started when it is first needed."""
 
-    def __init__(self, seed: int, device: str, threads: int):
-        self._seed, self._device, self._threads = seed, device, threads
+    def __init__(self, seed: int, device: str, threads: int, family: str = ""):
+        self._words, self._threads = [str(seed), device, family], threads
         self._process: subprocess.Popen[str] | None = None
 
     def _start(self) -> subprocess.Popen[str]:
         self._said = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         reads, writes = os.pipe()
         process = subprocess.Popen(
-            [sys.executable, *WORKER, str(self._seed), self._device, str(writes)],
+            [sys.executable, *WORKER, *self._words, str(writes)],
             stdin=subprocess.PIPE,
             stdout=self._said,
             stderr=self._said,
@@ -46,7 +46,7 @@ class Process:
         """Make calls; return the number of the next one, and the most memory held, in KiB."""
         if self._process is None:
             self._process = self._start()
-        process, begun, fault = self._process, first, {}
+        process, begun = self._process, first
         with contextlib.suppress(BrokenPipeError):
             print(first, stop, file=process.stdin, flush=True)
         while (lines := self._lines()) is not None:
@@ -61,8 +61,7 @@ class Process:
         self.close()
         code = process.returncode
         end = f"the process ended with {code} after calls from {first} on: {self.said}"
-        fault = {"call": begun, "fault": "no answer in time" if late else end}
-        report(fault)
+        report({"call": begun, "fault": "no answer in time" if late else end})
         return begun + 1, 0
 
     def _lines(self) -> list[dict[str, Any]] | None:

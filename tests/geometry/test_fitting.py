@@ -39,9 +39,10 @@ def test_is_what_others_find(name, count):
     else:  # scikit-image's affine map is no least squares in the second image
         right = np.linalg.lstsq(np.c_[x, np.ones(count)], u, rcond=None)[0].T
         right = np.vstack((right, (0, 0, 1)))
-    # Scikit-image scales points by the root of the mean square, which weighs the equations of a
-    # homography otherwise: a share of the noise of 0.5 pixels. The others differ by rounding.
-    atol = 1e-2 if name == "homography" and count > 4 else 1e-8
+    # Scikit-image scales points by the root of the mean square, so the equations of a homography
+    # have slightly other weights, which move these points by 2e-5 pixels under noise of 0.5. The
+    # others differ by rounding.
+    atol = 1e-4 if name == "homography" and count > 4 else 1e-8
     np.testing.assert_allclose(through(fit(a, b), a), through(right, a), rtol=0, atol=atol)
 
 

@@ -9,6 +9,7 @@ from skimage import data
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
+from tests.on_cuda import LIBRARIES, give, take
 from tests.panorama.scenes import through
 from tests.panorama.test_stitching import SHAPE, VIEWS
 
@@ -48,3 +49,12 @@ def test_bits_are_those_of_the_cpu(gpu, backend, dtype):
     # Places that are off by 1e-5 pixels, where neighbours differ by 100 at most.
     most = 1e-3 if rounding and dtype == np.float32 else 0
     np.testing.assert_allclose(found.image, expected.image, rtol=0, atol=most)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_arrays_of_other_libraries(gpu, library):
+    sheet = [through(data.coffee(), matrix, SHAPE) for matrix in VIEWS]
+    (expected,) = cvkern.stitch(sheet, crop=True)
+    (found,) = cvkern.stitch([give(library, image) for image in sheet], crop=True)
+    np.testing.assert_array_equal(take(found.image), expected.image)
+    assert take(found.mask).all()

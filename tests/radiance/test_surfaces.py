@@ -25,7 +25,9 @@ from tests.radiance.test_rendering import (
 def test_point_cloud(backend):
     cloud = point_cloud(ball())
     away = np.linalg.norm(cloud.points - BOUNDS.center, axis=1)
-    np.testing.assert_allclose(away, RADIUS * BOUNDS.half, atol=1e-4)  # float32, as above
+    np.testing.assert_allclose(
+        away, RADIUS * BOUNDS.half, atol=1e-4
+    )  # float32, at distances of about 6
     assert (cloud.colors == np.round(255 * COLOR)).all()
     assert (cloud.points.dtype, cloud.colors.dtype) == (np.float32, np.uint8)
     seen = [np.isfinite(render(ball(), some_cameras(), v).depth).sum() for v in range(5)]

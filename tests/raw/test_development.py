@@ -12,7 +12,7 @@ from cvkern.app import cli
 RNG = np.random.default_rng(0)
 
 
-@pytest.mark.parametrize("method", ["reinhard", "reinhard_local", "bilateral"])
+@pytest.mark.parametrize("method", ["reinhard", "reinhard_local", "bilateral", "local_laplacian"])
 def test_tone_curves(method):
     x = np.linspace(-6, 8, 90)
     radiance = 2.0 ** (x[None, :] + RNG.normal(0, 0.05, (60, 1)))
@@ -130,6 +130,7 @@ def test_commands(monkeypatch, capsys, tmp_path):
     (folder / "exposure_seconds.json").write_text(json.dumps(times))
     assert run(monkeypatch, capsys, *words)[0] == 0
     assert run(monkeypatch, capsys, *words, "--tone", "fuse")[0] == 0
+    assert run(monkeypatch, capsys, *words, "--tone", "local_laplacian")[0] == 0
     iio.imwrite(tmp_path / "raw.dng", raw, extension=".png")
     code, said = run(monkeypatch, capsys, "develop", tmp_path / "raw.dng", "-o", tmp_path / "p.png")
     assert code == 2

@@ -6,14 +6,23 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
-from cvkern.kernels.warp.shading import meshes, photometry, recovery, rendering
-from cvkern.kernels.warp.shading.integration import equations, multigrid
+from cvkern.kernels.warp.shading import _photometry_cuda, meshes, photometry, recovery, rendering
+from cvkern.kernels.warp.shading.integration import cosines, equations, multigrid
 
 
-@pytest.mark.parametrize("module", [rendering, meshes, photometry, recovery, equations, multigrid])
+@pytest.mark.parametrize(
+    "module", [rendering, meshes, photometry, recovery, equations, multigrid, cosines]
+)
 def test_compiles_for_hopper(module, tmp_path):
     kernels.start("cpu", None)
     (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
     text = Path(ptx).read_text()
     assert ".visible .entry" in text
     assert "fma.rn.f32" not in text
+
+
+def test_native_code_compiles_for_hopper(tmp_path):
+    kernels.start("cpu", None)
+    kernel = _photometry_cuda.solve_kept
+    (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path, use_ptx=True)
+    assert "fma.rn.f" not in Path(ptx).read_text()

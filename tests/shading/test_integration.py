@@ -7,6 +7,8 @@ from scipy.ndimage import label
 from scipy.sparse.linalg import spsolve
 
 import cvkern
+from cvkern._runtime import runtime
+from cvkern.shading.rectangles import solve_by_kernels
 
 F32, U8 = np.float32, np.uint8
 
@@ -102,6 +104,41 @@ def test_noise(backend, masked, noise, most):
     # The gradient of the energy vanishes at its least value.
     gradient = matrix.T @ (matrix @ z - rises)
     assert np.linalg.norm(gradient) < 1e-4 * np.linalg.norm(matrix.T @ rises)
+
+
+@pytest.mark.parametrize("shape", [(1, 9), (24, 35), (64, 14), (37, 64)])
+def test_rectangles_by_kernels(backend, shape):
+    """GPUs transform in float32: factors of 8, others, primes, odd sides and lines."""
+    normals = np.random.default_rng(0).normal(size=(*shape, 3)) * [0.3, 0.3, 0] + [0, 0, 1]
+    matrix, rises = equations(normals, np.ones(shape, bool))
+    square = (matrix.T @ matrix + 1e-9 * sparse.eye(normals[..., 0].size)).tocsc()
+    right = np.asarray(spsolve(square, matrix.T @ rises)).reshape(shape)
+    slope = np.stack([normals[..., 0], -normals[..., 1], normals[..., 2]]).astype(F32)
+    found = np.full(shape, 77, F32)
+    rt = runtime(slope)
+    solve_by_kernels(rt, rt.adopt(slope), rt.adopt(found))
+    # Slopes of 0.3 have transforms of some 0.3 sqrt(pixels), each to a few roundings of float32;
+    # the least eigenvalue of 64 pixels magnifies that by 400, and the inverse divides by the root.
+    np.testing.assert_allclose(found, right - right.mean(), atol=400 * 0.3 * 4 * 6e-8)
+    # On the CPU itself the transforms are SciPy's, in float64.
+    found = cvkern.integrate_normals(normals)
+    np.testing.assert_allclose(found, right - right.mean(), atol=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(64, 256), (131, 90)])
+@pytest.mark.parametrize("set_of_kernels", ["warp", "taichi"])
+def test_rectangles_on_cuda(gpu, set_of_kernels, shape):
+    normals = np.random.default_rng(0).normal(size=(*shape, 3)) * [0.3, 0.3, 0] + [0, 0, 1]
+    want = cvkern.integrate_normals(normals)
+    with cvkern.use(backend=set_of_kernels, device="cuda"):
+        found = cvkern.integrate_normals(normals)
+    # The same bound for 256 pixels, whose least eigenvalue magnifies by 6600.
+    np.testing.assert_allclose(found, want, atol=6600 * 0.3 * 4 * 6e-8)
+    normals[3, 5] = np.nan
+    want = cvkern.integrate_normals(normals, tolerance=1e-7)
+    with cvkern.use(backend=set_of_kernels, device="cuda"):
+        found = cvkern.integrate_normals(normals, tolerance=1e-7)
+    np.testing.assert_allclose(found, want, atol=2e-5)
 
 
 def ramp(n=64, noise=0.0):

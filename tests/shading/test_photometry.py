@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from tests.on_cuda import assert_equal_bits, give, take
 from tests.shading import data
 from tests.shading import reference_photometry as reference
 
@@ -142,6 +143,41 @@ def test_lights_near_by(backend):
     np.testing.assert_allclose(found.albedo, 0.5, rtol=0.03)
     far = cvkern.photometric_stereo(images, places - [[20, -16, 0]])
     assert data.apart(far.normals, normals, everywhere) > 3
+
+
+@pytest.mark.parametrize("method", ["least_squares", "trimmed", "consensus"])
+def test_captured(backend, method):
+    """A replay follows the images and the mask."""
+    images, lights, _ = scene()
+    mask = np.arange(77).reshape(7, 11) % 3 > 0
+    for masked in (None, mask):
+        replay = cvkern.capture(
+            cvkern.photometric_stereo, images, lights, method=method, mask=masked
+        )
+        images[...] = scene(seed=5)[0]
+        mask[...] = ~mask
+        want = cvkern.photometric_stereo(images, lights, method=method, mask=masked)
+        for a, b in zip(replay(), want, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("count", [14, 100, 400])
+def test_captured_on_cuda(gpu, count):
+    """Values fit into shared memory for up to 384 images."""
+    images, lights, _ = scene((37, 53), count)
+    mask = np.arange(images[0].size).reshape(37, 53) % 3 > 0
+    for method in ("least_squares", "trimmed", "consensus"):
+        given = give("torch", images[:14]) if method == "consensus" else give("torch", images)
+        own = lights[: len(given)]
+        replay = cvkern.capture(
+            cvkern.photometric_stereo, given, own, method=method, mask=give("torch", mask)
+        )
+        want = cvkern.photometric_stereo(take(given), own, method=method, mask=mask)
+        for a, b in zip(replay(), want, strict=True):
+            if method == "least_squares":
+                assert_equal_bits((take(a),), (b,))
+            else:  # float64 in another order, rounded to float32
+                np.testing.assert_allclose(take(a), b, atol=2e-5)
 
 
 def test_where_nothing_can_be_told(backend):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,6 +19,25 @@ Device = Annotated[
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace results that are there: tables, models, films.")
 ]
+
+
+Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")]
+OverwriteFolder = Annotated[
+    bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
+]
+PHOTOGRAPHS = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # endings of files
+
+
+def check_folder(output: Path, results: Sequence[str], overwrite: bool) -> None:
+    """Refuse a folder that has one of these results already, unless it may be replaced."""
+    if output.exists() and not output.is_dir():
+        raise ValueError(f"output must be a folder, got the file {str(output)!r}")
+    kept = [] if overwrite else [name for name in results if (output / name).exists()]
+    if kept:
+        raise ValueError(
+            f"output must have no results yet, got {str(output / kept[0])!r}: "
+            "--overwrite replaces them"
+        )
 
 
 def check_new(path: Path | None, name: str, overwrite: bool, or_else: str = "") -> None:
@@ -41,9 +61,8 @@ def as_gray(image: np.ndarray) -> np.ndarray:
 def write_csv(file: Path, names: str, *columns: np.ndarray) -> None:
     """Write columns, (N,) or (N, K), below a line with their names."""
     table = np.column_stack(columns)
-    np.savetxt(
-        file, table, fmt="%.9g", delimiter=",", header=names, comments=""
-    )  # 9 digits hold a float32
+    # Nine digits hold a float32.
+    np.savetxt(file, table, fmt="%.9g", delimiter=",", header=names, comments="")
 
 
 def progress_bar() -> Any:

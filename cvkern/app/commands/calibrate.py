@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, check_new, progress_bar
+from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, Overwrite, check_new, progress_bar
 from cvkern.geometry.cameras.calibration import PARAMETERS
 
 
@@ -106,8 +106,7 @@ def _files(folder: Path, names: str) -> list[Path]:
     """Return the photographs of a folder in the order of their names."""
     if not folder.is_dir():
         raise FileNotFoundError(f"folder must exist, got {str(folder)!r}")
-    endings = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
-    found = sorted(p for p in folder.glob(names) if p.suffix.lower() in endings and p.is_file())
+    found = sorted(p for p in folder.glob(names) if p.suffix.lower() in PHOTOGRAPHS and p.is_file())
     if not found:
         raise ValueError(f"folder must have photographs named {names}, got {str(folder)!r}")
     return found

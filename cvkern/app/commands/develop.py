@@ -33,7 +33,8 @@ def develop(
         typer.Option(help="Value that is clipped.", show_default="the file's, or the largest"),
     ] = None,
     tone: Annotated[
-        str | None, typer.Option(help="Tone: reinhard, reinhard_local or bilateral.")
+        str | None,
+        typer.Option(help="Tone: reinhard, reinhard_local, bilateral or local_laplacian."),
     ] = None,
     highlights: Annotated[str, typer.Option(help="Clipped colours: rebuild or clip.")] = "rebuild",
     backend: Backend = None,

@@ -51,8 +51,9 @@ def find(
     from cvkern._files import replacing, write_text
     from cvkern.images.files import read_image, write_image
 
-    names = [file.resolve() for file in (template, scene, output, to_csv, to_json) if file]
-    if len(set(names)) < len(names):
+    read = {template.resolve(), scene.resolve()}
+    written = [file.resolve() for file in (output, to_csv, to_json) if file]
+    if len(read.union(written)) < len(read) + len(written):
         raise ValueError(f"output must be a file of its own, got {str(output)!r}")
     check_new(to_csv, "csv", overwrite)
     check_new(to_json, "json", overwrite)

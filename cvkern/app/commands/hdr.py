@@ -27,7 +27,10 @@ def hdr(
         ),
     ] = None,
     tone: Annotated[
-        str, typer.Option(help="reinhard, reinhard_local, bilateral, or fuse for no radiance.")
+        str,
+        typer.Option(
+            help="reinhard, reinhard_local, bilateral, local_laplacian, or fuse for no radiance."
+        ),
     ] = "reinhard_local",
     align: Annotated[bool, typer.Option("--align", help="Align the exposures first.")] = False,
     radiance: Annotated[

@@ -40,6 +40,7 @@ def match(
     both photographs side by side, with lines between at most 200 matches, spread over all of them.
     """
     from cvkern._files import replacing, write_text
+    from cvkern.features._photographs import white_of
     from cvkern.images.files import read_image, write_image
 
     names = [file.resolve() for file in (one, other, output, to_csv, to_json) if file]
@@ -72,13 +73,9 @@ def match(
                f"{len(found[1].points)} points")  # fmt: skip
 
 
-def white_of(image: np.ndarray) -> float:
-    """Return the value of white in an image of a file."""
-    return float(np.iinfo(image.dtype).max) if image.dtype.kind in "iu" else 1.0
-
-
 def side_by_side(images: list[np.ndarray], table: np.ndarray) -> np.ndarray:
     """Draw two images side by side, with lines between some of their matches."""
+    from cvkern.features._photographs import white_of
     from cvkern.images.drawing import draw_lines
 
     parts = []

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device
+from cvkern.app.commands import Backend, Device, Folder, OverwriteFolder, check_folder
 
 if TYPE_CHECKING:
     from cvkern.stereo.reconstruction import PairReconstruction
@@ -26,7 +26,7 @@ RADIUS = 2.5
 def pair(
     one: Annotated[Path, typer.Argument(metavar="A", help="Photograph.")],
     other: Annotated[Path, typer.Argument(metavar="B", help="The same scene from beside.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    output: Folder,
     focal: Annotated[
         float | None,
         typer.Option(help="Focal length of both, pixels.", show_default="EXIF, or a guess"),
@@ -36,9 +36,7 @@ def pair(
     ] = 1.0,
     max_keypoints: Annotated[int, typer.Option(help="Keypoints of each photograph.")] = 4000,
     max_side: Annotated[int, typer.Option(help="Longest side that is worked on, pixels.")] = 1600,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
-    ] = False,
+    overwrite: OverwriteFolder = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -51,14 +49,7 @@ def pair(
     """
     from cvkern.images.files import read_image
 
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"output must be a folder, got the file {str(output)!r}")
-    kept = [] if overwrite else [name for name in RESULTS if (output / name).exists()]
-    if kept:
-        raise ValueError(
-            f"output must have no results yet, got {str(output / kept[0])!r}: "
-            "--overwrite replaces them"
-        )
+    check_folder(output, RESULTS, overwrite)
     camera = None
     if focal is not None:
         if not focal > 0:

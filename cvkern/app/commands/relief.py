@@ -10,10 +10,17 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray
+from cvkern.app.commands import (
+    PHOTOGRAPHS,
+    Backend,
+    Device,
+    Folder,
+    OverwriteFolder,
+    as_gray,
+    check_folder,
+)
 
 RESULTS = ("normals.png", "albedo.png", "depth.tif", "mesh.ply", "relit.gif")
-IMAGES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".webp", ".bmp")
 LIGHTS = ("lights.txt", "light_directions.txt")
 FRAMES = 36  # pictures of one turn of the light
 SLANT = 0.8  # tangent of the angle between the light of the film and the view
@@ -22,44 +29,35 @@ BRIGHT = 99.0  # percentile of albedo that is shown as white
 
 def relief(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of images.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    output: Folder,
     lights: Annotated[
         Path | None, typer.Option(help="Text file with a line of x y z for each image.")
     ] = None,
     sphere: Annotated[
         Path | None, typer.Option(help="Folder of images of a chrome sphere, and its mask.")
     ] = None,
-    mask: Annotated[Path | None, typer.Option(help="Image that is not black on the body.")] = None,
+    mask: Annotated[Path | None, typer.Option(help="Image that is black outside the body.")] = None,
     method: Annotated[
         str,
         typer.Option(help="consensus, least_squares, trimmed, l1 or sparse_bayes."),
     ] = "consensus",
     integration: Annotated[str, typer.Option(help="poisson or bilateral.")] = "poisson",
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
-    ] = False,
+    overwrite: OverwriteFolder = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Find the relief of a body from images of it under several lights.
 
-    The images of FOLDER are taken in the order of their names, linear in light, and a name with
-    "mask" in it is the body's mask. Lights come from --lights, from a chrome sphere under the same
-    lights, from lights.txt or light_directions.txt in FOLDER, or else from the images themselves.
-    Lights are x to the right, y up and z towards the camera. DIR gets normals.png (x, y and z as
-    red, green and blue), albedo.png, depth.tif (pixels, growing away from the camera), mesh.ply
-    and relit.gif, a film of the body under a light that goes round.
+    The images of FOLDER are read in the order of their names, and must be linear in light. An image
+    with "mask" in its name is the body's mask. Lights come from --lights, from a chrome sphere
+    under the same lights, from lights.txt or light_directions.txt in FOLDER, or else from the
+    images themselves. Lights are x to the right, y up and z towards the camera. DIR gets
+    normals.png (x, y and z as red, green and blue), albedo.png, depth.tif (pixels, growing away
+    from the camera), mesh.ply, and relit.gif, a film of the body under a moving light.
     """
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"output must be a folder, got the file {str(output)!r}")
-    kept = [] if overwrite else [name for name in RESULTS if (output / name).exists()]
-    if kept:
-        raise ValueError(
-            f"output must have no results yet, got {str(output / kept[0])!r}: "
-            "--overwrite replaces them"
-        )
+    check_folder(output, RESULTS, overwrite)
     if lights and sphere:
-        raise ValueError(f"lights must be given without sphere, got {str(lights)!r} and one")
+        raise ValueError(f"lights must be given without sphere, got {str(lights)!r} and a sphere")
     images, inside = read_folder(folder, mask)
     if inside is None:
         inside = np.ones(images.shape[1:], bool)
@@ -67,7 +65,7 @@ def relief(
         vectors, said = _lights(folder, lights, sphere, images, inside)
         found = cvkern.photometric_stereo(images, vectors, method=method, mask=inside)
         if not np.isfinite(found.normals).any():
-            raise ValueError("images must tell a normal at least, got black or too few ones")
+            raise ValueError("images must determine at least one normal, got too dark or too few")
         depth = cvkern.integrate_normals(found.normals, inside, method=integration)
         files = _results(found, depth)
     output.mkdir(parents=True, exist_ok=True)
@@ -78,12 +76,12 @@ def relief(
 
 
 def read_folder(folder: Path, mask: Path | None = None) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the images of a folder, (K, H, W) of values up to 1, and the mask that it has."""
+    """Return the images of a folder, (K, H, W) with values up to 1, and its mask or None."""
     from cvkern.images.files import read_image
 
     if not folder.is_dir():
         raise ValueError(f"folder must be a folder of images, got {str(folder)!r}")
-    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in IMAGES)
+    files = sorted(f for f in folder.iterdir() if f.suffix.lower() in PHOTOGRAPHS)
     masks = [f for f in files if "mask" in f.stem.lower()]
     files = sorted((f for f in files if f not in masks and f != mask), key=_order)
     if not files:
@@ -118,7 +116,7 @@ def _lights(
     images: np.ndarray,
     inside: np.ndarray,
 ) -> tuple[np.ndarray, str]:
-    """Return the lights of the images, and where they are from."""
+    """Return the lights of the images, and words that say where they come from."""
     if sphere:
         shining, ball = read_folder(sphere)
         if ball is None:
@@ -140,7 +138,7 @@ def _lights(
 def _results(
     found: cvkern.PhotometricStereo, depth: np.ndarray
 ) -> dict[str, tuple[Callable[[Path], None], str]]:
-    """Return what to write, by the name of the file, with what is in it."""
+    """Return, for each file name, a function that writes the file, and a summary of it."""
     from cvkern.clouds import write_animation
     from cvkern.images.files import write_image
     from cvkern.radiance.surfaces import Mesh, write_mesh
@@ -168,7 +166,7 @@ def _results(
 
 
 def relit(normals: np.ndarray, albedo: np.ndarray, frames: int = FRAMES) -> np.ndarray:
-    """Return frames of a body under a light that goes round, uint8 (F, H, W, 3)."""
+    """Return frames of a body under a light that circles the view axis, uint8 (F, H, W, 3)."""
     turns = 2 * np.pi * np.arange(frames) / frames
     lamps = np.stack([SLANT * np.cos(turns), SLANT * np.sin(turns), np.ones(frames)], axis=1)
     lamps /= np.linalg.norm(lamps, axis=1, keepdims=True)

@@ -9,12 +9,19 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray
+from cvkern.app.commands import (
+    PHOTOGRAPHS,
+    Backend,
+    Device,
+    Folder,
+    OverwriteFolder,
+    as_gray,
+    check_folder,
+)
 from cvkern.structured_light.patterns import code_bits
 
 CODES = ("gray", "phase")
 RESULTS = ("columns.png", "depth.png", "depth.tif", "cloud.ply", "turntable.gif")
-ENDINGS = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 
 
 def scan(
@@ -24,15 +31,13 @@ def scan(
     calibration: Annotated[
         Path, typer.Option(metavar="FILE", help="Calibration of the camera and the projector.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    output: Folder,
     code: Annotated[str, typer.Option(help="gray, or phase.")] = "gray",
     frequencies: Annotated[
         str, typer.Option(help="Fringes over the projector, of --code phase.")
     ] = "1,8,64",
     steps: Annotated[int, typer.Option(help="Shifts of each fringe.", min=3)] = 4,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
-    ] = False,
+    overwrite: OverwriteFolder = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -52,18 +57,11 @@ def scan(
         raise ValueError(f"code must be one of {CODES}, got {code!r}")
     if not folder.is_dir():
         raise FileNotFoundError(f"folder must exist, got {str(folder)!r}")
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"output must be a folder, got the file {str(output)!r}")
-    kept = [] if overwrite else [name for name in RESULTS if (output / name).exists()]
-    if kept:
-        raise ValueError(
-            f"output must have no results yet, got {str(output / kept[0])!r}: "
-            "--overwrite replaces them"
-        )
+    check_folder(output, RESULTS, overwrite)
     pair = cvkern.read_calibration(calibration)
     if not isinstance(pair, cvkern.StereoCalibration):
         raise ValueError(f"calibration must be of a camera and a projector, got {calibration}")
-    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in ENDINGS)
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOGRAPHS)
     if not files:
         raise ValueError(f"folder must have photographs, got {str(folder)!r}")
     frames = [as_gray(read_image(file)) for file in files]

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, as_gray
+from cvkern.app.commands import Backend, Device, Folder, OverwriteFolder, as_gray, check_folder
 
 if TYPE_CHECKING:
     from cvkern.stereo.matching import StereoResult
@@ -29,7 +29,7 @@ RESULTS = ("disparity.png", "disparity-x256.png", "disparity.tif", "depth.tif", 
 def stereo(
     left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image.")],
     right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")],
+    output: Folder,
     method: Annotated[str, typer.Option(help="semi-global or window.")] = "semi-global",
     min_disparity: Annotated[int, typer.Option(help="Smallest disparity, pixels.")] = 0,
     max_disparity: Annotated[int, typer.Option(help="End of the disparities, pixels.")] = 64,
@@ -51,9 +51,7 @@ def stereo(
         Path | None,
         typer.Option(metavar="FILE", help="Calibration of both cameras, for raw images."),
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace existing results in DIR.")
-    ] = False,
+    overwrite: OverwriteFolder = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -86,14 +84,7 @@ def stereo(
     camera = None if focal is None or baseline is None else (focal, baseline)
     if camera:
         cvkern.reprojection_matrix(*camera, cx or 0.0, cy or 0.0, doffs)  # checks the numbers
-    if output.exists() and not output.is_dir():
-        raise ValueError(f"output must be a folder, got the file {str(output)!r}")
-    kept = [] if overwrite else [name for name in RESULTS if (output / name).exists()]
-    if kept:
-        raise ValueError(
-            f"output must have no results yet, got {str(output / kept[0])!r}: "
-            "--overwrite replaces them"
-        )
+    check_folder(output, RESULTS, overwrite)
     views = [read_image(file) for file in (left, right)]
     if rectify is not None:
         with cvkern.use(backend=backend, device=device):

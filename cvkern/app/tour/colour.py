@@ -104,13 +104,12 @@ def _exposures(clock: Clock) -> Figure:
     frames = []
     for time in seconds:
         light = scene * time + NOISE * rng.standard_normal(scene.shape)
-        frames.append(_shown(light.clip(0, 1).astype(np.float32)))
+        frames.append(_shown(light))
     images = np.stack(frames)
     fused = clock(cvkern.fuse_exposures, images)
     curve = cvkern.estimate_response(images, seconds)
     radiance = clock(cvkern.merge_exposures, images, seconds, response=curve)
     toned = clock(cvkern.tone_map, radiance, method="bilateral", contrast=CONTRAST)
-    fused = fused if fused.dtype == np.uint8 else (255 * fused.clip(0, 1)).round().astype(np.uint8)
     return Figure(
         "Several exposures become one picture",
         f"The right side is {2**9} times as bright as the left. {len(STEPS)} frames hold "
@@ -123,7 +122,7 @@ def _exposures(clock: Clock) -> Figure:
         (
             Panel("colour-short", images[0], f"the shortest, 1/{2 ** -STEPS[0]} second"),
             Panel("colour-long", images[-1], f"the longest, {2 ** STEPS[-1]} seconds"),
-            Panel("colour-fused", fused, "fused"),
+            Panel("colour-fused", np.rint(255 * fused).astype(np.uint8), "fused"),
             Panel("colour-toned", _shown(toned), "merged and tone mapped"),
         ),
         clock.take(),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cvkern.geometry.cameras.lens import turned
+from cvkern.geometry.cameras.lens import bent, slopes, turned
 
 MOST_STEPS = 100
 ENOUGH = 1e-12  # the steps end when the relative decrease of the cost is below this
@@ -59,6 +59,8 @@ def adjust(
     begins = np.flatnonzero(np.diff(views, prepend=-1))
     found = evaluate(shared, poses)
     cost = _cost(found)
+    if not np.isfinite(cost):  # a point is behind the camera, and no derivative leads it out
+        raise np.linalg.LinAlgError("no finite solution")
     damping = FIRST_DAMPING
     for _ in range(MOST_STEPS):
         step, turns, equations = _step(found, begins, free, damping)
@@ -130,17 +132,12 @@ class Projected(NamedTuple):
 
 def projected(points: np.ndarray, numbers: np.ndarray) -> Projected:
     """Project points (M, 3) in camera axes by nine camera numbers; NaN for points behind it."""
-    fx, fy, cx, cy, k1, k2, p1, p2, k3 = numbers
+    fx, fy, cx, cy = numbers[:4]
     depth = np.where(points[:, 2] > 0, points[:, 2], np.nan)
     x, y = points[:, 0] / depth, points[:, 1] / depth
     r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d x = slope x
-    bent_x = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    bent_y = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-    xy = slope * x * y + 2 * p1 * x + 2 * p2 * y
-    yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+    bent_x, bent_y = bent(np.stack((x, y), axis=1), numbers[4:]).T
+    xx, xy, yy = slopes(x, y, numbers[4:])
     zero, one = np.zeros_like(x), np.ones_like(x)
     by_point = (
         np.stack(

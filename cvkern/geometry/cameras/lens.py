@@ -318,6 +318,20 @@ def bent(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     )
 
 
+def slopes(
+    x: np.ndarray, y: np.ndarray, distortion: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the derivatives of :func:`bent`, which are symmetric: xx, xy and yy."""
+    k1, k2, p1, p2, k3 = distortion
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d x = slope x
+    xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
+    xy = slope * x * y + 2 * p1 * x + 2 * p2 * y
+    yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
+    return xx, xy, yy
+
+
 @np.errstate(all="ignore")  # results of a slope of 0 are checked at the end
 def straightened(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     """Undo :func:`bent` by Newton's method.
@@ -327,17 +341,10 @@ def straightened(points: np.ndarray, distortion: np.ndarray) -> np.ndarray:
     """
     if not np.any(distortion):
         return points
-    k1, k2, p1, p2, k3 = distortion
     found = points.copy()
     for _ in range(_NEWTON_STEPS):
-        x, y = found[:, 0], found[:, 1]
-        r2 = x * x + y * y
-        radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2 * (k1 + r2 * (2 * k2 + 3 * k3 * r2))  # d radial / d x = slope x
         off = bent(found, distortion) - points
-        xx = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x
-        yy = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x
-        xy = slope * x * y + 2 * p1 * x + 2 * p2 * y  # the Jacobian is symmetric
+        xx, xy, yy = slopes(found[:, 0], found[:, 1], distortion)
         det = xx * yy - xy * xy
         step = np.stack((yy * off[:, 0] - xy * off[:, 1], xx * off[:, 1] - xy * off[:, 0]), axis=1)
         found -= step / det[:, None]

@@ -15,7 +15,7 @@ from cvkern.geometry.cameras.lens import (
     turned,
     undistort_points,
 )
-from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
+from cvkern.geometry.cameras.stereo_calibration import StereoCalibration, check_stereo
 from cvkern.geometry.cameras.undistortion import sampled, undistort, undistortion_numbers
 
 KEPT = ("scale", "valid", "all")
@@ -102,7 +102,7 @@ class Rectification(NamedTuple):
     def sampler(self) -> _Sampler:
         """Return a callable that rectifies many pairs, with all parameters computed once."""
         numbers = (
-            undistortion_numbers(camera, self.matrix, turn)
+            undistortion_numbers(camera, self.matrix, turn, self.left.shape)
             for camera, turn in zip((self.left, self.right), self.rotations, strict=True)
         )
         return _Sampler(self.left.shape, *numbers)
@@ -189,9 +189,7 @@ def rectify_stereo(
     >>> round(rectified.baseline, 3), round(rectified.focal, 2)
     (2.0, 50.0)
     """
-    if not isinstance(calibration, StereoCalibration):
-        said = type(calibration).__name__
-        raise TypeError(f"calibration must be a StereoCalibration, got {said}")
+    calibration = check_stereo(calibration)
     check_choice(keep, KEPT, "keep")
     zoom = check_number(zoom, "zoom")
     if zoom <= 0:

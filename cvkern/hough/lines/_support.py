@@ -28,6 +28,8 @@ _LENGTH = 320  # pixels: lines up to this length fall into one bin; longer ones 
 _APART = 3  # bins of rho and theta between the peaks of one round
 FITS = 2  # fits of a line; each uses the points that are on the line of the previous fit
 _CHANGES = 2  # times that a point may move to the next line
+_TUKEY = 4.685 / 0.6745  # farthest point that counts, in medians: 95 % efficient for normal errors
+_LEAST_SCALE = 0.1  # pixels: the farthest point that counts is at least this far away
 DENSITY = 0.6  # least points per pixel of a segment; a thin edge has 0.7 to 1
 
 
@@ -194,8 +196,31 @@ def fitted_lines(
     if not len(number):
         return number, np.zeros(0), np.zeros(0)
     first = np.cumsum(number) - number
-    theta, rho, _ = fit(points[chosen].astype(np.float64), np.ones(len(chosen)), first)
+    place = points[chosen].astype(np.float64)
+    theta, rho, _ = fit(place, np.ones(len(place)), first)
+    line = np.repeat(np.arange(len(number)), number)
+    theta, rho, _ = fit(place, _weights(place, theta, rho, line, first, number), first)
     return number, theta, rho
+
+
+def _weights(
+    points: np.ndarray,
+    theta: np.ndarray,
+    rho: np.ndarray,
+    line: np.ndarray,
+    first: np.ndarray,
+    number: np.ndarray,
+) -> np.ndarray:
+    """Return Tukey's weights of points on lines; the scale of a line is its median distance.
+
+    Rounded corners, and specks that a line passes, would turn a line fitted by least squares alone.
+    """
+    away = np.abs(
+        points[:, 1] * np.cos(theta)[line] + points[:, 0] * np.sin(theta)[line] - rho[line]
+    )
+    median = away[np.lexsort((away, line))][first + number // 2]
+    share = away / np.maximum(_TUKEY * median, _LEAST_SCALE)[line]
+    return (1 - share.clip(max=1) ** 2) ** 2
 
 
 def fit(

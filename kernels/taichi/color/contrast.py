@@ -21,12 +21,12 @@ i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 
 
 @ti.kernel
-def _levels(image: f32_2, offset: ti.f32, scale: ti.f32, zero: ti.i32, found: i32_1, counts: i32_1):
+def _levels(image: f32_2, scale: ti.f32, zero: ti.i32, found: i32_1, counts: i32_1):
     for i in range(found.shape[0]):
         value = image[i, 0]
         for c in range(1, image.shape[1]):
             value = ti.max(value, image[i, c])
-        value = ti.math.clamp(product(value - offset, scale, zero), 0.0, float(LEVELS - 1))
+        value = ti.math.clamp(product(value, scale, zero), 0.0, float(LEVELS - 1))
         whole = ti.cast(value, ti.i32)
         rest = value - ti.cast(whole, ti.f32)
         # The nearest, and of two the even one, as NumPy rounds.
@@ -37,14 +37,12 @@ def _levels(image: f32_2, offset: ti.f32, scale: ti.f32, zero: ti.i32, found: i3
 
 
 @primitive
-def levels(
-    image: np.ndarray, offset: float, scale: float, found: np.ndarray, counts: np.ndarray
-) -> None:
-    """Round the largest channel of (N, C) values, less an offset and scaled, and count levels.
+def levels(image: np.ndarray, scale: float, found: np.ndarray, counts: np.ndarray) -> None:
+    """Round the largest channel of (N, C) values, scaled, and count levels.
 
     One thread a pixel.
     """
-    _levels(image, offset, scale, 0, found, counts)
+    _levels(image, scale, 0, found, counts)
 
 
 @ti.kernel
@@ -146,18 +144,24 @@ def look_up(image: np.ndarray, found: np.ndarray, table: np.ndarray, out: np.nda
     _look_up(image, found, table, 0, out)
 
 
+@ti.func
+def _place(steps: f64_1, value: ti.f64, count: ti.i32) -> ti.i32:
+    """Return the last of the first `count` rising steps that is not above a value, or the first."""
+    low = 0
+    high = count
+    while high - low > 1:
+        middle = (low + high) // 2
+        if value >= steps[middle]:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
 @ti.kernel
 def _count(image: f32_1, edges: f64_1, counts: i32_1):
     for i in range(image.shape[0]):
-        value = ti.cast(image[i], ti.f64)
-        low = 0
-        high = counts.shape[0]
-        while high - low > 1:
-            middle = (low + high) // 2
-            if value >= edges[middle]:
-                low = middle
-            else:
-                high = middle
+        low = _place(edges, ti.cast(image[i], ti.f64), counts.shape[0])
         ti.atomic_add(counts[low], 1)
 
 
@@ -175,14 +179,7 @@ def _curve(image: f32_1, centres: f64_1, heights: f64_1, slopes: f64_1, zero: ti
     count = centres.shape[0]
     for i in range(out.shape[0]):
         value = ti.math.clamp(ti.cast(image[i], ti.f64), centres[0], centres[count - 1])
-        low = 0
-        high = count - 1
-        while high - low > 1:
-            middle = (low + high) // 2
-            if value >= centres[middle]:
-                low = middle
-            else:
-                high = middle
+        low = _place(centres, value, count - 1)
         rise = wide_product(slopes[low], value - centres[low], zero)
         out[i] = ti.cast(heights[low] + rise, ti.f32)
 

@@ -4,24 +4,21 @@ Chroma is stretched where it is small, lightness, chroma and hue are weighted by
 tells them there, and blue has a term that turns chroma into hue. In float64.
 """
 
-import math
-
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes.color import BLUE, DEGREES
 from cvkern.kernels.taichi._launch import primitive
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
-
-DEGREES = 180 / math.pi
 
 
 @ti.func
 def _seventh(chroma: ti.f64) -> ti.f64:
     squared = chroma * chroma
     power = squared * squared * squared * chroma
-    return power / (power + ti.f64(6103515625.0))
+    return power / (power + ti.f64(BLUE))
 
 
 @ti.func

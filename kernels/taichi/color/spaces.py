@@ -6,13 +6,12 @@ sRGB [IEC 61966-2-1]: ``12.92 v`` up to 0.0031308, and ``1.055 v^(1/2.4) - 0.055
 coordinates. Powers agree between devices to rounding.
 """
 
-import math
-
 import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes.color import (
     BINS,
+    DEGREES,
     LAB_LOW,
     LAB_SHIFT,
     LAB_SLOPE,
@@ -32,7 +31,6 @@ i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 vec3 = ti.types.vector(3, ti.f32)
 
-DEGREES = 180 / math.pi
 SRGB, LAB, LCH = int(Form.SRGB), int(Form.LAB), int(Form.LCH)
 
 
@@ -138,7 +136,7 @@ def _encode(
     for i in range(out.shape[0]):
         v = _mixed(colours, i, source, numbers, zero)
         for k in ti.static(range(3)):
-            value = ti.math.clamp(v[k], 0.0, 1.0)
+            value = ti.min(v[k], 1.0) if v[k] > 0.0 else 0.0
             code = codes[ti.cast(value * float(BINS), ti.i32)]
             if value >= thresholds[code]:
                 code += 1

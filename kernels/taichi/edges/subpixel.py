@@ -52,7 +52,7 @@ def _peak(dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, zero: ti.i
     here = _measure(dy, dx, y, x, Norm.L2, zero)
     after = _measure(dy, dx, y + sy, x + sx, Norm.L2, zero)
     peak = ti.Vector([0.0, 0.0, 0.0])
-    bounded = here < ti.math.inf  # or its logarithm tells nothing
+    bounded = here < ti.math.inf  # the logarithm of infinity tells nothing
     if before > 0.0 and after > 0.0 and here > before and here >= after and bounded:
         peak = ti.Vector([before, here, after])
     return peak

@@ -1,4 +1,15 @@
-"""Corners in Taichi: structure tensors, their measures, maxima, and places within the pixel."""
+"""Corners in Taichi: structure tensors, their measures, maxima, and places within the pixel.
+
+The structure tensor A of a pixel has the weighted sums of ``(I_y^2, I_y I_x, I_x^2)`` around it.
+The measure of a corner is ``det A - k (tr A)^2`` [C. Harris and M. Stephens, Alvey Vision
+Conference 1988], ``2 det A / (tr A + eps)`` [J. A. Noble, thesis, Oxford 1989], or the smaller
+eigenvalue of A [J. Shi and C. Tomasi, CVPR 1994].
+
+Within the pixel, a corner is the point p that lies closest to the lines through the pixels q of a
+window, ``sum (g . (p - q))^2`` for the gradients g; a dot is the point that the gradients point to
+[W. Foerstner and E. Guelch, ISPRS Intercommission Workshop 1987]. The one that fits better is
+taken. One thread takes a pixel, or a point.
+"""
 
 import numpy as np
 import taichi as ti

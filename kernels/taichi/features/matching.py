@@ -1,7 +1,10 @@
-"""Nearest descriptors by exact distances, in Taichi, and which of them are matches.
+"""Nearest descriptors by exact distances, and the matches among them, in Taichi.
 
-The smallest index wins a tie. What is kept is counted by a prefix sum, so that matches are in the
-order of their rows.
+The distance of two descriptors is ``|a|^2 + |b|^2 - 2 a . b`` in integers, or the number of bits
+that differ. The smallest index wins a tie. A match is kept if its distance is below a share of the
+second smallest, and if each descriptor is the other's nearest [D. G. Lowe, IJCV 60(2), 2004]. The
+kept ones are counted by a prefix sum, so that matches are in the order of their rows. One thread
+takes a row.
 """
 
 import numpy as np

@@ -16,7 +16,7 @@ WIDEST = 1.0e6  # tangent of the angle of a ray from the middle: farther is astr
 def straightened(lenses: ti.template(), view: ti.i32, row: ti.f32, column: ti.f32) -> vec2:
     """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method.
 
-    Where there is none, it is any; not one so far away that a ray would have no direction.
+    If there is none, the result is arbitrary, but never so far away that a ray has no direction.
     """
     k1 = lenses[view, 4]
     k2 = lenses[view, 5]

@@ -1,4 +1,10 @@
-"""Minimal solvers of maps in Taichi; the order of arithmetic is that of Warp's _robust.h."""
+"""Similarities, affine maps and homographies from the fewest points, in Taichi.
+
+A homography through four points follows from areas of triangles: with the scales
+``s_i = A_i(b) / A_i(a)`` of three points, ``H p = sum s_i A_i(p) b_i``, where A_i is the area that
+point i is left out of. It must keep all four points on one side of the horizon. The order of
+arithmetic is that of Warp's _robust.h, so both sets give the same bits.
+"""
 
 import taichi as ti
 

@@ -1,4 +1,10 @@
-"""Poses of a calibrated camera in Taichi; the order of arithmetic is that of Warp's _pose.h."""
+"""Poses of a calibrated camera, from three points in space, in Taichi.
+
+With the directions of three points seen, the ratio of two of their distances solves a quartic, and
+the distances give the pose: x = R X + t [Grunert 1841; R. Haralick, C. Lee, K. Ottenberg and
+M. Noelle, IJCV 13(3), 1994]. The residual is the distance of a projected point from where it is
+seen, in pixels. The order of arithmetic is that of Warp's _pose.h, so both sets give the same bits.
+"""
 
 import taichi as ti
 

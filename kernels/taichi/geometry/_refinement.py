@@ -1,6 +1,8 @@
-"""Steps of least squares in Taichi: one thread a lane of a sum, or a model.
+"""Gauss-Newton steps of models over the matches near them, in Taichi; robust.py has the method.
 
-The order of arithmetic is that of kernels/warp/geometry/_robust.h. `zero` is always 0.
+The normal equations are sums over lanes of matches, added in a fixed order. One thread takes a lane
+of a sum, or a model. The order of arithmetic is that of kernels/warp/geometry/_robust.h. `zero` is
+always 0.
 """
 
 import taichi as ti

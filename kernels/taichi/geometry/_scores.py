@@ -1,4 +1,7 @@
-"""Residuals and costs in Taichi; the order of arithmetic is that of Warp's _robust.h."""
+"""Residuals and costs of models over matches, in Taichi; robust.py has the equations.
+
+The order of arithmetic is that of Warp's _robust.h, so both sets give the same bits.
+"""
 
 import taichi as ti
 

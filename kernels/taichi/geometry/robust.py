@@ -1,6 +1,16 @@
-"""Robust fits to matches in Taichi: one thread a group of hypotheses, a lane of a sum, or a model.
+"""Robust fits to matches in Taichi.
 
-The order of arithmetic is that of kernels/warp/geometry/_robust.h. `zero` is always 0.
+A hypothesis is a model through the fewest matches that fix it: maps (_maps.py), fundamental
+(_epipolar.py) and essential matrices (_essential.py), or poses (_pose.py). A counter draws these
+matches from (seed, hypothesis, draw), so any hypothesis can be computed again alone. The cost of a
+model is ``sum min(r_i^2 / t^2, 1)`` with the residuals r and the threshold t [P. Torr and A.
+Zisserman, "MLESAC", CVIU 78(1), 2000], each term an integer of 2^-12, so that no order of adding
+shows. The hypothesis of a group that costs least on its first matches is scored on all matches, and
+the best ones are refined by Gauss-Newton steps over the matches near them (_refinement.py)
+[O. Chum, J. Matas and J. Kittler, "Locally optimized RANSAC", DAGM 2003].
+
+One thread takes a group of hypotheses, a lane of a sum, or a model. The order of arithmetic is that
+of kernels/warp/geometry/_robust.h. `zero` is always 0.
 """
 
 import numpy as np

@@ -22,6 +22,7 @@ import taichi as ti
 from cvkern.kernels.codes import shading as codes
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product, quotient, root
+from cvkern.kernels.taichi.shading._mask import is_inside
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
@@ -86,7 +87,7 @@ def _solve(
                 off -= e
             total += product(off, off, zero)
         length = root(product(a, a, zero) + product(b, b, zero) + product(c, c, zero), zero)
-        if mask[y, x] != 0 and length > 0.0 and _finite(length):
+        if is_inside(mask, y, x) and length > 0.0 and _finite(length):
             normals[y, x, 0] = quotient(a, length, zero)
             normals[y, x, 1] = quotient(b, length, zero)
             normals[y, x, 2] = quotient(c, length, zero)
@@ -117,7 +118,7 @@ def _rank(images: f32_3, mask: u8_2, limit: ti.f32, ranks: u16_3):
         for k in range(images.shape[0]):
             value = images[k, y, x]
             below = LEFT_OUT
-            if mask[y, x] != 0 and _finite(value) and value < limit:
+            if is_inside(mask, y, x) and _finite(value) and value < limit:
                 below = 0
                 for j in range(images.shape[0]):
                     other = images[j, y, x]

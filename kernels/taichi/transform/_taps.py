@@ -1,4 +1,9 @@
-"""Where a sample is taken and how its neighbours are weighed, by the rules of scipy.ndimage."""
+"""The place of a sample and the weights of its neighbours, as in scipy.ndimage, in Taichi.
+
+The place q of a sample is first mapped into the image by the border's rule. A spline of order 0, 1
+or 3 then weighs 1, 2 or 4 pixels along each axis by ``B(q - k)``, where B is the B-spline of that
+order [M. Unser, IEEE Signal Processing Magazine 16(6), 1999]. Weights are in float64.
+"""
 
 import taichi as ti
 

@@ -1,4 +1,9 @@
-"""Differences of the levels of a pyramid, in Taichi."""
+"""Differences of the levels of a Laplacian pyramid, in Taichi.
+
+A level is the image minus what its next smaller version shows at the same size [P. Burt and
+E. Adelson, "The Laplacian pyramid as a compact image code", IEEE Trans. Communications 31, 1983].
+One thread takes an element.
+"""
 
 import numpy as np
 import taichi as ti

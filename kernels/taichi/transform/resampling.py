@@ -1,4 +1,9 @@
-"""Resizing down the rows and then along the columns, in Taichi."""
+"""Resizing by weighted means, down the rows and then along the columns, in Taichi.
+
+Pixel i of the result along an axis is ``sum_k w_ik s_(b_i + k)``: the host chooses the starts b and
+the weights w, which are shares of areas for a smaller image and linear ones for a larger one. Sums
+are in float32, in the order of k. One thread takes a pixel of a pass.
+"""
 
 import numpy as np
 import taichi as ti

@@ -1,4 +1,11 @@
-"""Sampling of images at given coordinates, and its gradients, in Taichi."""
+"""Sampling of images at given coordinates, and its gradients, in Taichi.
+
+The value at (y, x) is ``sum_ij B(y - i) B(x - j) c_ij`` with the B-spline B (_taps.py), and c the
+pixels, or for order 3 the coefficients of the spline (_spline.py). Its derivatives by y and x have
+B' in place of B; those by the pixels are sums over all samples, in float64, which the transposed
+recursion takes from the coefficients to the pixels. One thread
+takes a pixel, or a line.
+"""
 
 import numpy as np
 import taichi as ti

@@ -1,4 +1,7 @@
-"""Histograms and tone curves in Warp, with one thread a pixel; the Taichi set has the rules."""
+"""Histograms and tone curves in Warp; the Taichi set has the rules.
+
+One thread takes a pixel; on the CPU, a slab of pixels, except for counting, which one thread does.
+"""
 
 import warp as wp
 
@@ -13,9 +16,9 @@ _TONES = wp.constant(TONES)
 _WHOLE = 0
 
 
-def levels(image: wp.array, offset: float, scale: float, found: wp.array, counts: wp.array) -> None:
-    """Round the largest channel of (N, C) values, less an offset and scaled, and count levels."""
-    launch_each(_levels, found.shape[0], _WHOLE, [image, offset, scale], [found, counts])
+def levels(image: wp.array, scale: float, found: wp.array, counts: wp.array) -> None:
+    """Round the largest channel of (N, C) values, scaled, and count levels."""
+    launch_each(_levels, found.shape[0], _WHOLE, [image, scale], [found, counts])
 
 
 def tiles(
@@ -67,7 +70,6 @@ def _levels(
     first: int,
     last: int,
     image: wp.array2d[float],
-    offset: float,
     scale: float,
     # outputs
     found: wp.array[int],
@@ -77,7 +79,7 @@ def _levels(
         value = image[i, 0]
         for c in range(1, image.shape[1]):
             value = wp.max(value, image[i, c])
-        value = wp.clamp((value - offset) * scale, 0.0, _MOST)
+        value = wp.clamp(value * scale, 0.0, _MOST)
         whole = int(value)
         rest = value - float(whole)
         # The nearest, and of two the even one, as NumPy rounds.
@@ -173,6 +175,19 @@ def _look_up(
                 out[i, c] = new
 
 
+@wp.func
+def _place(steps: wp.array[wp.float64], value: wp.float64, count: int):
+    low = int(0)
+    high = count
+    while high - low > 1:
+        middle = (low + high) // 2
+        if value >= steps[middle]:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
 @wp.kernel
 def _count(
     stride: int,
@@ -184,15 +199,7 @@ def _count(
     counts: wp.array[int],
 ):
     for i in range(first + wp.tid(), last, stride):
-        value = wp.float64(image[i])
-        low = int(0)
-        high = counts.shape[0]
-        while high - low > 1:
-            middle = (low + high) // 2
-            if value >= edges[middle]:
-                low = middle
-            else:
-                high = middle
+        low = _place(edges, wp.float64(image[i]), counts.shape[0])
         wp.atomic_add(counts, low, 1)
 
 
@@ -211,12 +218,5 @@ def _curve(
     count = centres.shape[0]
     for i in range(first + wp.tid(), last, stride):
         value = wp.clamp(wp.float64(image[i]), centres[0], centres[count - 1])
-        low = int(0)
-        high = count - 1
-        while high - low > 1:
-            middle = (low + high) // 2
-            if value >= centres[middle]:
-                low = middle
-            else:
-                high = middle
+        low = _place(centres, value, count - 1)
         out[i] = wp.float32(heights[low] + slopes[low] * (value - centres[low]))

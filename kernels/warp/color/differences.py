@@ -1,14 +1,17 @@
-"""CIEDE2000 in Warp, with one thread a pair; the names are those of the Taichi set."""
+"""CIEDE2000 in Warp; the Taichi set has the method, and the same names.
 
-import math
+One thread takes a pair of colours; on the CPU, a slab of pairs.
+"""
 
 import warp as wp
 
+from cvkern.kernels.codes.color import BLUE, DEGREES
 from cvkern.kernels.warp._launch import launch_each
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-_DEGREES = wp.constant(wp.float64(180 / math.pi))
+_DEGREES = wp.constant(wp.float64(DEGREES))
+_BLUE = wp.constant(wp.float64(BLUE))
 
 
 def ciede2000(
@@ -28,7 +31,7 @@ def ciede2000(
 def _seventh(chroma: wp.float64):
     squared = chroma * chroma
     power = squared * squared * squared * chroma
-    return power / (power + wp.float64(6103515625.0))
+    return power / (power + _BLUE)
 
 
 @wp.func

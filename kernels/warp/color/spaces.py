@@ -3,8 +3,6 @@
 The Taichi set has the equations.
 """
 
-import math
-
 import warp as wp
 
 from cvkern.kernels.codes import color as codes
@@ -24,7 +22,7 @@ _LAB_LOW = wp.constant(codes.LAB_LOW)
 _LAB_KNEE = wp.constant(codes.LAB_LOW ** (1 / 3))
 _LAB_SLOPE = wp.constant(codes.LAB_SLOPE)
 _LAB_SHIFT = wp.constant(codes.LAB_SHIFT)
-_DEGREES = wp.constant(180 / math.pi)
+_DEGREES = wp.constant(codes.DEGREES)
 _BINS = wp.constant(float(BINS))
 
 
@@ -52,15 +50,15 @@ def encode(
 
 @wp.func
 def _linear(v: float):
-    # The root of what is below the knee is not taken.
+    # No power is taken of what is below the knee. What is not a number stays so on either way.
     curved = wp.pow((wp.max(v, _KNEE) + _SHIFT) / _SCALE, _POWER)
-    return wp.where(v <= _KNEE, v / _SLOPE, curved)
+    return wp.where(v > _KNEE, curved, v / _SLOPE)
 
 
 @wp.func
 def _curved(v: float):
     curved = _SCALE * wp.pow(wp.max(v, _LOW), _ROOT) - _SHIFT
-    return wp.where(v <= _LOW, v * _SLOPE, curved)
+    return wp.where(v > _LOW, curved, v * _SLOPE)
 
 
 @wp.func
@@ -117,9 +115,10 @@ def _convert(
             a = 500.0 * (x - y)
             b = 200.0 * (y - z)
             if target == wp.static(int(Form.LCH)):
+                chroma = wp.sqrt(a * a + b * b)
                 hue = wp.atan2(b, a) * _DEGREES
+                a = chroma
                 b = wp.where(hue < 0.0, hue + 360.0, hue)
-                a = wp.sqrt(a * a + (200.0 * (y - z)) * (200.0 * (y - z)))
             v = wp.vec3(116.0 * y - 16.0, a, b)
         out[i, 0] = v[0]
         out[i, 1] = v[1]
@@ -142,7 +141,7 @@ def _encode(
     for i in range(first + wp.tid(), last, stride):
         v = _mixed(colours, i, source, numbers)
         for k in range(3):
-            value = wp.clamp(v[k], 0.0, 1.0)
+            value = wp.where(v[k] > 0.0, wp.min(v[k], 1.0), 0.0)
             code = codes[int(value * _BINS)]
             if value >= thresholds[code]:
                 code += 1

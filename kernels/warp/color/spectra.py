@@ -1,4 +1,9 @@
-"""Sums over spectra, in Warp, with one thread a spectrum."""
+"""Sums over spectra, in Warp.
+
+A colour is ``sum_l s(l) w_c(l)`` of a spectrum s and the weights w_c of its three components, for
+example a light times the matching functions of an observer [CIE 15]. Sums are in float64, in the
+order of the wavelengths. One thread takes a spectrum; on the CPU, a slab of them.
+"""
 
 import warp as wp
 

@@ -1,4 +1,4 @@
-// Instructions of CUDA for matching, and what they do in plain C++ where Warp compiles for the CPU.
+// Instructions of CUDA for matching, and the same in plain C++ where Warp compiles for the CPU.
 
 int ones_of(wp::uint32 word) {
 #if defined(__CUDA_ARCH__)

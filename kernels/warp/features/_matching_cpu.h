@@ -1,3 +1,6 @@
+// Nearest descriptors on the CPU; matching.py has the rule. Those of the other image are packed so
+// that a vector holds 4 bytes of each of 16 descriptors; 8 rows are compared with them at a time.
+
 // needs LANES, LARGEST
 // Lay 16 descriptors side by side: 4 bytes (8 of binary ones) of the first, of the second, ...
 void pack_group(int group, wp::array_t<wp::uint8> descriptors, wp::array_t<int> groups, int binary,

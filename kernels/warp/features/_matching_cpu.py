@@ -1,4 +1,7 @@
-"""Matching on the CPU: lanes of 16 descriptors, dot products of bytes."""
+"""Nearest descriptors on the CPU: rows of one image against 16 of another at once.
+
+The code (_matching_cpu.h) is native for dot products of bytes and counts of bits in vectors.
+"""
 
 import warp as wp
 

@@ -1,4 +1,7 @@
-"""Corners in Warp: structure tensors, their measures, maxima, and places within the pixel."""
+"""Corners in Warp: structure tensors, their measures, maxima, and places within the pixel.
+
+The Taichi set has the equations. One thread takes a pixel or a point; on the CPU, a slab of them.
+"""
 
 import warp as wp
 

@@ -1,7 +1,12 @@
-"""Nearest descriptors by exact distances, in Warp, and which of them are matches.
+"""Nearest descriptors by exact distances, and the matches among them, in Warp.
 
-The smallest index wins a tie. What is kept is counted by a prefix sum, so that matches are in the
-order of their rows.
+The distance of two descriptors is ``|a|^2 + |b|^2 - 2 a . b`` in integers, or the number of bits
+that differ. The smallest index wins a tie. A match is kept if its distance is below a share of the
+second smallest, and if each descriptor is the other's nearest [D. G. Lowe, IJCV 60(2), 2004]. The
+kept ones are counted by a prefix sum, so that matches are in the order of their rows. One thread
+takes a row. On the CPU a thread takes a slab of rows of
+descriptors (_matching_cpu.h). On CUDA, tensor cores compare those of SIFT's and ORB's sizes
+(_matching_cuda.cu); of others a thread takes a row.
 """
 
 import numpy as np
@@ -9,6 +14,7 @@ import warp as wp
 
 from cvkern.kernels.codes.features import BLOCK_ROWS
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._sums import scan
 
 from . import _matching_cpu as cpu
 from . import _matching_cuda as cuda
@@ -146,7 +152,7 @@ def keep_matches(
     pair_count = pairs.shape[0]
     inputs = [pairs, wp.float64(factor), best, second, index]
     launch(_keep, (pair_count, most), inputs, [counts])
-    wp.utils.array_scan(counts, counts, inclusive=True)
+    scan(counts)
     launch(_end, pair_count, [pairs, counts], [ends])
 
 

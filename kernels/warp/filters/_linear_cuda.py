@@ -141,8 +141,8 @@ def columns4(
     # outputs
     dst: wp.array3d[float],
 ):
-    # One thread computes 4 rows of 4 columns. A block computes 4 TALL rows of 4 WIDE columns, so
-    # that the rows that its threads share are in its cache.
+    # One thread computes 4 rows of 4 columns. A block computes 4 TALL rows of 4 WIDE columns: its
+    # threads share rows, which stay in the cache.
     tile = wp.tid() // BLOCK
     thread = wp.tid() % BLOCK
     height = src.shape[1]

@@ -1,7 +1,8 @@
 #include "_epipolar.h"
 #pragma once
 
-// Essential matrices for either device; Taichi's _essential.py has the same order of arithmetic.
+// Essential matrices of calibrated cameras, from five matches, for either device.
+// taichi/geometry/_essential.py has the equations, and the same order of arithmetic.
 // `cameras` are four matrices of 3 x 3: from points of the first and of the second image to rays,
 // and back. Models are fundamental matrices, of points: A1' E A0.
 struct Essential {

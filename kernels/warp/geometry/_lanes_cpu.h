@@ -1,7 +1,8 @@
 #include "_robust.h"
 #pragma once
 
-// Matches in vectors: what Robust does to one of them, a step at a time for all lanes.
+// Costs and least-squares sums over matches in vectors of COUNT lanes. The steps are those of
+// Robust (_robust.h) for one match.
 struct Lanes {
     enum { COUNT = 32, SUMS = 54, ONE = 4096 };
 

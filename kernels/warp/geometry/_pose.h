@@ -1,9 +1,10 @@
 #include "_essential.h"
 #pragma once
 
-// Poses of a calibrated camera for either device; Taichi's _pose.py has the same order of
-// arithmetic. A model is two rows of R, then t: x = R X + t. `camera` is 3 x 3 from rays to points
-// of the image, and then its inverse.
+// Poses of a calibrated camera, from three points in space, for either device.
+// taichi/geometry/_pose.py has the equations, and the same order of arithmetic. A model is two rows
+// of R, then t: x = R X + t. `camera` is the 3 x 3 matrix from rays to points of the image,
+// followed by its inverse.
 struct Pose {
     // The projection K (R | t), (3, 4), of a model.
     static void project(const double* h, const double* camera, double* p) {

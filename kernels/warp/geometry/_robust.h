@@ -1,8 +1,9 @@
 #include "_pose.h"
 #pragma once
 
-// Samples, minimal solvers and least-squares steps of robust fits, for either device. Arithmetic
-// is in the order written, with no fused multiply-add; Taichi's robust.py has the same order.
+// Samples, minimal solvers, residuals and least-squares steps of robust fits, for either device.
+// taichi/geometry/robust.py has the method, and the same order of arithmetic: no multiply-add is
+// fused.
 struct Robust {
     enum Model { SIMILARITY, AFFINE, HOMOGRAPHY, FUNDAMENTAL, PARALLAX, ESSENTIAL, POSE };
 

@@ -1,4 +1,7 @@
-"""The best groups of hypotheses, on either device."""
+"""The groups of hypotheses with the least costs, in Warp; of equal costs, the first ones.
+
+One thread takes a pair of images.
+"""
 
 import warp as wp
 

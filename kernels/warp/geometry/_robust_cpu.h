@@ -1,3 +1,6 @@
+// Robust fits on the CPU: groups of hypotheses, refinement and inliers.
+// taichi/geometry/robust.py has the method.
+
 #include "_lanes_cpu.h"
 
 // needs GROUP, PREVIEW, NO_COST, FLAT

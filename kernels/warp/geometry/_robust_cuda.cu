@@ -1,3 +1,6 @@
+// Robust fits on CUDA: groups of hypotheses, refinement and inliers.
+// taichi/geometry/robust.py has the method.
+
 #include "_robust.h"
 
 // needs GROUP, PREVIEW, COST_ONE, NO_COST, FLAT

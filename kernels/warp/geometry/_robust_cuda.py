@@ -1,4 +1,8 @@
-"""Robust fits on CUDA, one warp a group of hypotheses, a model or a pair."""
+"""Robust fits on CUDA: a warp takes a group of hypotheses, a model, or a pair of images.
+
+The code (_robust_cuda.cu) is native for the shuffles that add up a warp's sums in a fixed order,
+and because it shares _robust.h with the CPU.
+"""
 
 import warp as wp
 

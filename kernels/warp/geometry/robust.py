@@ -1,4 +1,9 @@
-"""Robust fits to matches, in Warp."""
+"""Robust fits to matches, in Warp.
+
+The Taichi set has the method. _robust.h has samples, solvers, residuals and steps, for either
+device. On the CPU a thread takes a slab of groups of hypotheses, or of models (_robust_cpu.py); on
+CUDA a warp takes one of them (_robust_cuda.py).
+"""
 
 import warp as wp
 

@@ -32,6 +32,30 @@ def merge(
 
 @lru_cache
 def _kernel(scalar: Any) -> wp.Kernel:
+    @wp.func
+    def told(
+        frames: wp.array3d[scalar],
+        tables: wp.array3d[float],
+        times: wp.array2d[float],
+        k: int,
+        i: int,
+        c: int,
+        most: float,
+    ):
+        # The weight of an exposure, what it says, and that in stops.
+        found = wp.vec3()
+        if most > 0.0:
+            value = float(frames[k, i, c])
+            near = wp.clamp((most - value) * 16.0 / most, 0.0, 1.0)
+            light = value / times[k, 0]
+            stops = wp.log2(wp.max(light, 1.0e-30))
+            found = wp.vec3(near * times[k, 0] * times[k, 0], light, stops)
+        else:
+            code = int(frames[k, i, c])
+            light = tables[code, c, 0] - times[k, 1]
+            found = wp.vec3(tables[code, c, 1], light, light)
+        return found
+
     @wp.kernel(module="unique", module_options=OPTIONS)
     def merge_pixel(
         stride: int,
@@ -50,49 +74,24 @@ def _kernel(scalar: Any) -> wp.Kernel:
         count = frames.shape[0]
         for i in range(first + wp.tid(), last, stride):
             for c in range(radiance.shape[1]):
-                total = float(0.0)
-                weights = float(0.0)
-                # The exposures, from the one that all others are compared with on.
-                compared = float(0.0)
-                known = bool(False)
-                for n in range(count + 1):
-                    k = reference
-                    if n > 0:
-                        k = order[n - 1]
-                    if n == 0 or k != reference:
-                        log_light = float(0.0)
-                        w = float(0.0)
-                        light = float(0.0)
-                        if most > 0.0:
-                            value = float(frames[k, i, c])
-                            near = (most - value) * 16.0 / most
-                            w = wp.clamp(near, 0.0, 1.0) * times[k, 0] * times[k, 0]
-                            light = value / times[k, 0]
-                            log_light = wp.log2(wp.max(light, 1.0e-30))
-                        else:
-                            code = int(frames[k, i, c])
-                            w = tables[code, c, 1]
-                            log_light = tables[code, c, 0] - times[k, 1]
-                            light = log_light
-                        if n == 0:
-                            known = stops > 0.0 and w > 0.0
-                            compared = log_light
-                        elif known and wp.abs(log_light - compared) > stops:
-                            w = 0.0
-                        total += w * light
-                        weights += w
+                best = told(frames, tables, times, reference, i, c, most)
+                known = stops > 0.0 and best[0] > 0.0
+                weights = best[0]
+                total = best[0] * best[1]
+                for n in range(count):
+                    k = order[n]
+                    if k != reference:
+                        other = told(frames, tables, times, k, i, c, most)
+                        if not (known and wp.abs(other[2] - best[2]) > stops):
+                            weights += other[0]
+                            total += other[0] * other[1]
                 found = total / wp.max(weights, 1.0e-30)
                 if not weights > 0.0:
                     # All too bright, as the shortest says, or all too dark.
                     k = order[0]
-                    if most > 0.0:
-                        found = float(frames[k, i, c]) / times[k, 0]
-                    else:
-                        code = int(frames[k, i, c])
-                        if code < 128:
-                            k = order[count - 1]
-                            code = int(frames[k, i, c])
-                        found = tables[code, c, 0] - times[k, 1]
+                    if most <= 0.0 and int(frames[k, i, c]) < 128:
+                        k = order[count - 1]
+                    found = told(frames, tables, times, k, i, c, most)[1]
                 if most <= 0.0:
                     found = wp.pow(2.0, found)
                 radiance[i, c] = found

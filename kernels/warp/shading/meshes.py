@@ -1,4 +1,7 @@
-"""Triangles as a camera sees them along parallel rays, in Warp: one thread a triangle."""
+"""Triangles as a camera sees them along parallel rays, in Warp.
+
+The Taichi set has the rule. One thread takes a triangle; on the CPU, a slab of triangles.
+"""
 
 import warp as wp
 

@@ -1,4 +1,7 @@
-"""Normals from one image: one sweep of smoothing on the cones that brightness allows, in Warp."""
+"""Normals from one image: one sweep of smoothing on the cones that brightness allows, in Warp.
+
+The Taichi set has the equations. One thread takes a pixel; on the CPU, a slab of pixels.
+"""
 
 import warp as wp
 

@@ -171,6 +171,24 @@ def _basis(x: float, y: float, z: float, harmonic: bool):
     return b
 
 
+@wp.func
+def _light(lights: wp.array2d[float], k: int, b: vec9):
+    """Return the light on a surface whose basis is `b`, from below the horizon too."""
+    e = float(0.0)
+    for c in range(lights.shape[1]):
+        e += lights[k, c] * b[c]
+    return e
+
+
+@wp.func
+def _is_off(e: float, lit: wp.array3d[wp.uint8], attached: bool, k: int, y: int, x: int):
+    """Tell whether a light does not reach a pixel."""
+    off = (attached and e < 0.0) or not wp.isfinite(e)
+    if lit.shape[0] > 0:
+        off = off or lit[k, y, x] == wp.uint8(0)
+    return off
+
+
 def shade(
     surface: wp.array,
     lights: wp.array,
@@ -204,14 +222,9 @@ def _shade(
         x = i % width
         b = _basis(surface[y, x, 0], surface[y, x, 1], surface[y, x, 2], lights.shape[1] == 9)
         for k in range(lights.shape[0]):
-            e = float(0.0)
-            for c in range(lights.shape[1]):
-                e += lights[k, c] * b[c]
-            if (attached and e < 0.0) or not wp.isfinite(e):
+            e = _light(lights, k, b)
+            if _is_off(e, lit, attached, k, y, x):
                 e = 0.0
-            if lit.shape[0] > 0:
-                if lit[k, y, x] == wp.uint8(0):
-                    e = 0.0
             images[k, y, x] = albedo[y, x] * e
 
 
@@ -256,13 +269,8 @@ def _shade_gradients(
         back = vec9()
         total = float(0.0)
         for k in range(lights.shape[0]):
-            e = float(0.0)
-            for c in range(lights.shape[1]):
-                e += lights[k, c] * b[c]
-            off = (attached and e < 0.0) or not wp.isfinite(e)
-            if lit.shape[0] > 0:
-                off = off or lit[k, y, x] == wp.uint8(0)
-            if not off:
+            e = _light(lights, k, b)
+            if not _is_off(e, lit, attached, k, y, x):
                 g = grads[k, y, x]
                 total += g * e
                 for c in range(lights.shape[1]):
@@ -320,13 +328,8 @@ def _light_gradients(
             rows[y, k, c] = wp.float64(0.0)
         for x in range(albedo.shape[1]):
             b = _basis(surface[y, x, 0], surface[y, x, 1], surface[y, x, 2], lights.shape[1] == 9)
-            e = float(0.0)
-            for c in range(lights.shape[1]):
-                e += lights[k, c] * b[c]
-            off = (attached and e < 0.0) or not wp.isfinite(e)
-            if lit.shape[0] > 0:
-                off = off or lit[k, y, x] == wp.uint8(0)
-            if not off:
+            e = _light(lights, k, b)
+            if not _is_off(e, lit, attached, k, y, x):
                 g = grads[k, y, x] * albedo[y, x]
                 for c in range(lights.shape[1]):
                     rows[y, k, c] += wp.float64(g * b[c])

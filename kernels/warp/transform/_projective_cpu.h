@@ -1,3 +1,6 @@
+// Linear samples through a homography on the CPU, 16 pixels of a row at once; projective.py has the
+// equation.
+
 // needs ROUNDED, CHANNELS
 // A row of an image seen through a homography, linearly: `inverse` takes (x, y, 1) of the result to
 // the image. Returns how many pixels it lists in `left`, for others to find: those on the last rows

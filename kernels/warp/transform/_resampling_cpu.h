@@ -1,3 +1,5 @@
+// Resizing on the CPU, both passes in tiles of 16 rows; resampling.py has the equation.
+
 // needs ROUNDED
 // 16 rows of an image of another size. Tiles are weighed down the rows, then turned, so that 16
 // pixels below each other, which share their weights along the row, are a vector. Starts do not

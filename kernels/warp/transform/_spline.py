@@ -1,4 +1,10 @@
-"""Coefficients of a cubic spline, by a recursion there and back along each line of pixels."""
+"""Coefficients of the cubic B-spline that passes through the pixels, in Warp.
+
+With the pole ``z = sqrt(3) - 2``, a recursion there, ``c+_k = 6 s_k + z c+_(k-1)``, and back,
+``c_k = z (c_(k+1) - c+_k)``, along each line gives the coefficients of the pixels s [M. Unser,
+A. Aldroubi and M. Eden, "B-spline signal processing", IEEE Trans. Signal Processing 41, 1993].
+Lines are continued as scipy.ndimage does. One thread takes a line.
+"""
 
 import warp as wp
 

@@ -1,4 +1,9 @@
-"""Where a sample is taken and how its neighbours are weighed, by the rules of scipy.ndimage."""
+"""The place of a sample and the weights of its neighbours, as in scipy.ndimage, in Warp.
+
+The place q of a sample is first mapped into the image by the border's rule. A spline of order 0, 1
+or 3 then weighs 1, 2 or 4 pixels along each axis by ``B(q - k)``, where B is the B-spline of that
+order [M. Unser, IEEE Signal Processing Magazine 16(6), 1999]. Weights are in float64.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -146,6 +151,45 @@ def stored(result: Any) -> Any:
         return result(v)
 
     return store
+
+
+@lru_cache
+def writer(scalar: Any, result: Any, order: int) -> Any:
+    """Return the function that samples an image of `scalar` at mapped coordinates.
+
+    It writes one pixel of all planes and channels, `cval` where a coordinate is outside.
+    """
+    _, _, indices, weights, _ = taps(order)
+    sample = sampler(scalar, order)
+    store = stored(result)
+
+    @wp.func
+    def write(
+        src: wp.array4d[scalar],  # (P, H, W, C)
+        y: wp.float64,
+        x: wp.float64,
+        border: int,
+        cval: float,
+        i: int,
+        j: int,
+        # outputs
+        dst: wp.array4d[result],  # (P, H', W', C)
+    ):
+        if y == wp.float64(AWAY) or x == wp.float64(AWAY):
+            outside = store(cval)
+            for p in range(dst.shape[0]):
+                for c in range(dst.shape[3]):
+                    dst[p, i, j, c] = outside
+        else:
+            rows = indices(y, src.shape[1], border)
+            columns = indices(x, src.shape[2], border)
+            down = weights(y)
+            along = weights(x)
+            for p in range(dst.shape[0]):
+                for c in range(dst.shape[3]):
+                    dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+
+    return write
 
 
 @lru_cache

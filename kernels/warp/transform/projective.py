@@ -1,4 +1,9 @@
-"""Images seen through a homography, in Warp: the map and the sample in one kernel."""
+"""Images seen through a homography, in Warp: the map and the sample in one kernel.
+
+Pixel q = (x, y, 1) of the result shows the place ``p ~ H^-1 q`` of the image, sampled with a spline
+of order 0, 1 or 3 (_taps.py). The map is in float64. On CUDA a thread takes a pixel, on the CPU a
+slab of rows; linear samples of few channels are native there (_projective_cpu.h).
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -7,12 +12,12 @@ import warp as wp
 
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
 
-from ._taps import AWAY, mapped, sampler, stored, taps
+from ._taps import mapped, stored, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-FEW = (1, 3, 4)  # channels for which the CPU has a kernel of its own
+FEW = (1, 3, 4)  # channels that have kernels of their own
 
 
 def warp_perspective(
@@ -26,9 +31,14 @@ def warp_perspective(
 ) -> None:
     """Sample an image where `inverse` takes the pixels of the result; one thread a pixel.
 
-    On the CPU, vectors of pixels where it is linear.
+    Where it is linear, the CPU takes vectors of pixels, and CUDA four pixels of bytes a thread.
     """
     channels, rows = src.shape[3], dst.shape[1]
+    byte = src.dtype is wp.uint8 and dst.dtype is wp.uint8
+    if order == 1 and channels in FEW and byte and dst.device.is_cuda:
+        groups = rows * -(-dst.shape[2] // 4)
+        launch(warp_kernel_cuda(channels), groups, [src, inverse, border, cval], [dst])
+        return
     if order == 1 and channels in FEW and not dst.device.is_cuda:
         parts = slabs(rows, dst.size)
         left = scratch("projective.left", (parts, dst.shape[2]), wp.int32, dst.device)
@@ -112,11 +122,52 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
 
 
 @lru_cache
+def warp_kernel_cuda(channels: int) -> wp.Kernel:
+    """Make the linear kernel of CUDA for bytes: four pixels of a row a thread.
+
+    Plain Warp reads and writes byte by byte.
+    """
+    pixel = warp_pixel(wp.uint8, wp.uint8, 1)
+    store = stored(wp.uint8)
+
+    @_native.func_native("_projective_cuda.cu", CHANNELS=channels)
+    def warp_four(
+        row: int,
+        column: int,
+        src: wp.array4d[wp.uint8],
+        inverse: wp.array[wp.float64],
+        constant: int,
+        outside: int,
+        dst: wp.array4d[wp.uint8],
+    ) -> int: ...
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def warp_fours(
+        src: wp.array4d[wp.uint8],  # (P, H, W, C)
+        inverse: wp.array[wp.float64],  # (9,), acts on (x, y, 1) of the result
+        border: int,
+        cval: float,
+        # outputs
+        dst: wp.array4d[wp.uint8],  # (P, H', W', C)
+    ):
+        groups = (dst.shape[2] + 3) // 4
+        row = wp.tid() // groups
+        column = 4 * (wp.tid() - row * groups)
+        constant = int(0)
+        if border == int(Border.CONSTANT):
+            constant = int(1)
+        left = warp_four(row, column, src, inverse, constant, int(store(cval)), dst)
+        for k in range(4):
+            if ((left >> k) & 1) == 1:
+                pixel(src, inverse, border, cval, 0, row, column + k, dst)
+
+    return warp_fours
+
+
+@lru_cache
 def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
     """Make the function that finds a pixel of the result."""
-    _, _, indices, weights, _ = taps(order)
-    sample = sampler(scalar, order)
-    store = stored(result)
+    write = writer(scalar, result, order)
 
     @wp.func
     def pixel(
@@ -138,18 +189,6 @@ def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
         py = (inverse[3] * u + inverse[4] * v + inverse[5]) / w + shift
         y = mapped(py, src.shape[1], border)[0]
         x = mapped(px, src.shape[2], border)[0]
-        if y == wp.float64(AWAY) or x == wp.float64(AWAY):
-            outside = store(cval)
-            for p in range(dst.shape[0]):
-                for c in range(dst.shape[3]):
-                    dst[p, i, j, c] = outside
-        else:
-            rows = indices(y, src.shape[1], border)
-            columns = indices(x, src.shape[2], border)
-            down = weights(y)
-            along = weights(x)
-            for p in range(dst.shape[0]):
-                for c in range(dst.shape[3]):
-                    dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+        write(src, y, x, border, cval, i, j, dst)
 
     return pixel

@@ -1,4 +1,10 @@
-"""Resizing down the rows and then along the columns, in Warp."""
+"""Resizing by weighted means, down the rows and then along the columns, in Warp.
+
+Pixel i of the result along an axis is ``sum_k w_ik s_(b_i + k)``: the host chooses the starts b and
+the weights w, which are shares of areas for a smaller image and linear ones for a larger one. Sums
+are in float32, in the order of k. On CUDA a thread takes a pixel of a pass. On the CPU
+it takes groups of 16 rows, both passes at once (_resampling_cpu.h).
+"""
 
 from functools import lru_cache
 from typing import Any

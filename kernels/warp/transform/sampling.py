@@ -1,4 +1,11 @@
-"""Sampling of images at given coordinates, and its gradients, in Warp."""
+"""Sampling of images at given coordinates, and its gradients, in Warp.
+
+The value at (y, x) is ``sum_ij B(y - i) B(x - j) c_ij`` with the B-spline B (_taps.py), and c the
+pixels, or for order 3 the coefficients of the spline (_spline.py). Its derivatives by y and x have
+B' in place of B; those by the pixels are sums over all samples, in float64, which the transposed
+recursion takes from the coefficients to the pixels. One thread
+takes a pixel, or a line; on the CPU, a slab of them.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -9,7 +16,7 @@ from cvkern.kernels.warp._launch import launch_each, scratch, view
 from cvkern.kernels.warp._zeros import clear
 
 from . import _spline as spline
-from ._taps import AWAY, mapped, sampler, stored, taps
+from ._taps import AWAY, mapped, taps, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
@@ -88,9 +95,7 @@ def remap_backward(
 @lru_cache
 def remap_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
     """Make the kernel that samples arrays of `scalar`."""
-    _, _, indices, weights, _ = taps(order)
-    sample = sampler(scalar, order)
-    store = stored(result)
+    write = writer(scalar, result, order)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def remap_pixels(
@@ -106,25 +111,13 @@ def remap_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
         dst: wp.array4d[result],  # (P, H', W', C)
     ):
         width = dst.shape[2]
-        outside = store(cval)
         for item in range(first + wp.tid(), last, stride):
             i = item // width
             j = item - i * width
             shift = wp.float64(margin)
             y = mapped(wp.float64(coordinates[0, i, j]) + shift, src.shape[1], border)[0]
             x = mapped(wp.float64(coordinates[1, i, j]) + shift, src.shape[2], border)[0]
-            if y == wp.float64(AWAY) or x == wp.float64(AWAY):
-                for p in range(dst.shape[0]):
-                    for c in range(dst.shape[3]):
-                        dst[p, i, j, c] = outside
-            else:
-                rows = indices(y, src.shape[1], border)
-                columns = indices(x, src.shape[2], border)
-                down = weights(y)
-                along = weights(x)
-                for p in range(dst.shape[0]):
-                    for c in range(dst.shape[3]):
-                        dst[p, i, j, c] = store(sample(src, p, c, rows, columns, down, along))
+            write(src, y, x, border, cval, i, j, dst)
 
     return remap_pixels
 

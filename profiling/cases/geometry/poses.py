@@ -57,7 +57,7 @@ def _poselib(poselib: Any, points: np.ndarray, seen: np.ndarray, centre: np.ndar
 CASES = (
     Case(
         name="pose_50",
-        title="a pose of 1000 points, 50 % outliers",
+        title="One pose of 1000 points, 50 % outliers",
         image=_inputs,
         call=_ours,
         oracle=lambda points, seen, centre: (centre,),

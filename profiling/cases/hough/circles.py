@@ -15,7 +15,7 @@ from profiling.case import Case, Peer, Shape, Work, unequal
 
 RADII = np.arange(15, 41)
 SMALLEST, LARGEST = 15, 40  # radii of the coins, in pixels of the photograph
-ELLIPSE = (33.0, 42.0, 30.0, 14.0, 0.5)  # row, column, semi-axes, orientation
+SPECKS = 30  # pixels that are not on the ellipse
 GAUSSIAN: dict[str, Any] = {"operator": "gaussian", "mode": "reflect", "low_threshold": 25.5,
                             "high_threshold": 51}  # fmt: skip
 NEAR = 3.5  # pixels of the photograph: how close two circles must be to be the same one
@@ -125,23 +125,36 @@ def _missed(ours: Arrays, right: Arrays) -> float:
 
 
 def _ellipse(shape: Shape, rng: np.random.Generator) -> np.ndarray:
-    """Pixels along an ellipse, and specks; of one size, as the time is its cube."""
-    row, column, major, minor, turn = ELLIPSE
-    t = np.linspace(0, 2 * math.pi, 2000)
+    """Pixels along an ellipse, and specks: some 330, because the time is their cube."""
+    row, column, major, minor, turn = _drawn(shape)
+    t = np.linspace(0, 2 * math.pi, 300)
     u, v = major * np.cos(t), minor * np.sin(t)
     y, x = (row + u * np.sin(turn) + v * np.cos(turn), column + u * np.cos(turn) - v * np.sin(turn))
-    mask = rng.random((70, 90)) < 0.005
+    mask = rng.random(shape) < SPECKS / (shape[0] * shape[1])
     mask[np.rint(y).astype(int), np.rint(x).astype(int)] = True
     return mask
 
 
+def _drawn(shape: Shape) -> np.ndarray:
+    """Return row, column, semi-axes and orientation of the ellipse in an image of this shape."""
+    height, width = shape
+    return np.array([0.47 * height, 0.48 * width, 0.42 * height, 0.2 * height, 0.5])
+
+
+def _sizes(mask: np.ndarray) -> tuple[int, int]:
+    """Return the fewest votes, and the shortest major axis, that are looked for."""
+    return 20, mask.shape[0] // 4
+
+
 def _best(mask: np.ndarray) -> Arrays:
-    found = cvkern.hough_ellipse(mask, 20, 2.0, 20)
+    votes, shortest = _sizes(mask)
+    found = cvkern.hough_ellipse(mask, votes, 2.0, shortest)
     return found.centers[:1], found.axes[:1]
 
 
 def _best_of_skimage(transform: Any, mask: np.ndarray) -> Arrays:
-    found = transform.hough_ellipse(mask, threshold=20, accuracy=2, min_size=20)
+    votes, shortest = _sizes(mask)
+    found = transform.hough_ellipse(mask, threshold=votes, accuracy=2, min_size=shortest)
     if not len(found):
         return np.full((1, 2), NOWHERE), np.full((1, 2), NOWHERE)
     best = np.sort(found, order="accumulator")[-1]
@@ -149,7 +162,8 @@ def _best_of_skimage(transform: Any, mask: np.ndarray) -> Arrays:
 
 
 def _truth(mask: np.ndarray) -> Arrays:
-    return np.array([ELLIPSE[:2]]), np.array([ELLIPSE[2:4]])
+    drawn = _drawn(mask.shape)
+    return drawn[None, :2], drawn[None, 2:4]
 
 
 def _gap(ours: Arrays, right: Arrays) -> float:
@@ -222,7 +236,7 @@ CASES = (
     ),
     Case(
         name="hough_ellipse",
-        title="An ellipse among specks, 70 x 90 pixels",
+        title="An ellipse of 300 pixels among 30 specks",
         image=_ellipse,
         call=_best,
         oracle=_truth,

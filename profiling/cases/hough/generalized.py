@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -73,16 +74,8 @@ def _votes(scene: np.ndarray, template: np.ndarray) -> float:
     return float(mask.sum()) * entries * len(SCALES)
 
 
-def _guil(dp: float) -> Any:
-    """Return a call of OpenCV's with an accumulator `dp` times coarser than the image."""
-
-    def call(cv2: Any, scene: np.ndarray, template: np.ndarray) -> Arrays:
-        return _guil_found(cv2, scene, template, dp)
-
-    return call
-
-
-def _guil_found(cv2: Any, scene: np.ndarray, template: np.ndarray, dp: float) -> Arrays:
+def _guil(cv2: Any, scene: np.ndarray, template: np.ndarray, dp: float = 1) -> Arrays:
+    """Find the template by OpenCV, with an accumulator `dp` times coarser than the image."""
     hough = cv2.createGeneralizedHoughGuil()
     hough.setDp(dp)
     hough.setCannyLowThresh(LOW)
@@ -115,9 +108,11 @@ CASES = (
         # Cells of 4 pixels are what `cvkern.find_shape` begins with. Whatever `dp` is, Guil pairs
         # all points of the template, where ours takes at most 500 of them.
         peers=(
-            Peer("OpenCV, Guil", "cv2", _guil(1)),
-            Peer("OpenCV, Guil, dp 2", "cv2", _guil(2), note="cells of 2 pixels"),
-            Peer("OpenCV, Guil, dp 4", "cv2", _guil(4), note="cells of 4 pixels, as ours"),
+            Peer("OpenCV, Guil", "cv2", _guil),
+            Peer("OpenCV, Guil, dp 2", "cv2", partial(_guil, dp=2), note="cells of 2 pixels"),
+            Peer(
+                "OpenCV, Guil, dp 4", "cv2", partial(_guil, dp=4), note="cells of 4 pixels, as ours"
+            ),
         ),
         captures=False,
         work=Work("votes", _votes),

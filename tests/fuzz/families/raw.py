@@ -19,7 +19,7 @@ DEVELOPED: dict[str, Maker] = {
     "highlights": one("rebuild", "clip", "none"),
     "method": METHOD,
     "matrix": maybe(lambda draw: draw.rng.normal(size=(3, 3))),
-    "tone": maybe(one("reinhard", "reinhard_local", "bilateral", "none")),
+    "tone": maybe(one("reinhard", "reinhard_local", "bilateral", "local_laplacian", "none")),
     "dtype": one("uint8", "float32", "uint16", "float64"),
 }
 
@@ -70,7 +70,7 @@ CALLS: dict[str, Call] = {
         cvkern.tone_map,
         {"radiance": lambda draw: (image if draw.odd(0.5) else channels)(draw)},
         {
-            "method": one("reinhard", "reinhard_local", "bilateral", "none"),
+            "method": one("reinhard", "reinhard_local", "bilateral", "local_laplacian", "none"),
             "key": number(0.01, 2),
             "contrast": number(1, 20),
         },

@@ -1,4 +1,7 @@
-"""Circles in pictures with known truth: rendered, noisy, hidden, photographed."""
+"""Circles in pictures with known truth: rendered, noisy, hidden, photographed.
+
+The bounds on rendered ones are twice what was measured.
+"""
 
 import json
 
@@ -40,7 +43,7 @@ def test_discs_are_found_to_a_fraction_of_a_pixel(backend):
     circles = cvkern.detect_circles(scene(), (10, 30))
     assert [a.shape for a in circles] == [(4, 2), (4,), (4,)]
     assert all(a.dtype == np.float32 for a in circles)
-    assert_found(circles, DISCS, 0.15)
+    assert_found(circles, DISCS, 0.14)
     assert (np.diff(circles.support) <= 0).all()
     assert circles.support.min() > 0.85
 
@@ -58,7 +61,7 @@ def test_half_of_a_disc_may_be_hidden(backend):
     image[:, 53:60] = image[:40, 30:53] = 60
     image[88:, 100:] = 60
     circles = cvkern.detect_circles(image, (10, 30), min_support=0.35)
-    assert_found(circles, DISCS, 1.0)
+    assert_found(circles, DISCS, 0.42)
 
 
 def test_noise_is_no_circle(backend):
@@ -99,14 +102,14 @@ def test_large_pictures_are_reduced(backend, factor):
     image = scene((130 * factor, 160 * factor), discs)
     circles = cvkern.detect_circles(image, (12 * factor, 30 * factor))
     # Pixel centres are integers: a reduced pixel is the mean of those round it.
-    assert_found(circles, discs, 0.15 * factor)
+    assert_found(circles, discs, 0.11 * factor)
     same = cvkern.detect_circles(image.astype(np.float32), (12 * factor, 30 * factor))
     for a, b in zip(circles, same, strict=True):
         np.testing.assert_array_equal(a, b)
 
 
 def test_a_range_far_wider_than_the_circles(backend):
-    assert_found(cvkern.detect_circles(scene(), (10, 500)), DISCS, 0.15)
+    assert_found(cvkern.detect_circles(scene(), (10, 500)), DISCS, 0.14)
 
 
 @pytest.mark.parametrize("polarity", ["any", "bright", "dark"])
@@ -161,4 +164,4 @@ def test_noise_does_not_move_the_centres():
     image = scene(sigma=0).astype(np.float32)
     noisy = image + 30 * (noise(*image.shape) - 0.5)
     circles = cvkern.detect_circles(noisy, (10, 30), low_threshold=24, high_threshold=48)
-    assert_found(circles, DISCS, 0.3)
+    assert_found(circles, DISCS, 0.18)

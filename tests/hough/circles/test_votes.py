@@ -149,7 +149,7 @@ def test_votes_within_a_tolerance(backend, tolerance):
     most = reference.arcs(mask, angles, rings, tolerance + slack)
     assert (least <= got).all()
     assert (got <= most).all()
-    assert most.sum() - least.sum() <= 0.2 * most.sum()  # or this would say little
+    assert most.sum() - least.sum() <= 0.2 * most.sum()  # the bounds are close to each other
 
 
 def test_the_gradient_makes_a_peak_stand_out(backend):
@@ -193,7 +193,7 @@ CIRCLES = [(40, 50, 20), (70, 100, 25), (85, 40, 15), (30, 110, 18)]
 def test_clear_peaks_are_those_of_scikit_image(backend, options):
     radii = [15, 18, 20, 25]
     mask = rings_drawn(CIRCLES)
-    mask[30:36] = mask[92:95] = False  # or there would be a tie
+    mask[30:36] = mask[92:95] = False  # removes a tie
     votes = skimage.transform.hough_circle(mask, radii)
     got = cvkern.hough_circle_peaks(votes, radii, **options)
     want = skimage.transform.hough_circle_peaks(votes, radii, **options)

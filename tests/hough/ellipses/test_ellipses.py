@@ -166,20 +166,29 @@ def scene(sigma=8.0, scale=1.0):
 
 
 def assert_found(found, within, scale=1.0):
+    """One ellipse to one of the scene, within twice what was measured, and no other."""
     assert len(found.support) == len(SCENE)
     assert (np.diff(found.support) <= 0).all()
     for row, column, major, minor, turn, _ in SCENE:
         n = np.hypot(*(found.centers - (scale * row, scale * column)).T).argmin()
         assert np.abs(found.centers[n] - (scale * row, scale * column)).max() <= within
         assert np.abs(found.axes[n] - (scale * major, scale * minor)).max() <= within
-        assert major - minor < 5 or turned(found.orientation[n], turn) <= 0.02
+        assert major - minor < 5 or turned(found.orientation[n], turn) <= 0.0044
 
 
 def test_ellipses_are_found_to_a_fraction_of_a_pixel(backend):
     found = cvkern.detect_ellipses(scene().clip(0, 255).astype(np.uint8), (15, 100))
     assert [a.shape for a in found] == [(4, 2), (4, 2), (4,), (4,)]
     assert all(a.dtype == np.float32 for a in found)
-    assert_found(found, 0.5)
+    assert_found(found, 0.37)
+
+
+def test_blur_does_not_shorten_an_ellipse(backend):
+    """Where it bends most, its blurred edge lies 0.4 pixels inside; the axes make up for that."""
+    image = 90 + 100 * ellipse((120, 140), 60.3, 70.2, 30, 12, 1.0)
+    found = cvkern.detect_ellipses(image.astype(np.uint8), (8, 60))
+    np.testing.assert_allclose(found.axes, [[30, 12]], rtol=0, atol=0.09)  # twice what was measured
+    np.testing.assert_allclose(found.centers, [[60.3, 70.2]], rtol=0, atol=0.13)
 
 
 def test_ellipses_partly_hidden(backend):
@@ -187,7 +196,7 @@ def test_ellipses_partly_hidden(backend):
     image[170:215, 300:400] = 90  # beside the second, not at an end of its major axis
     image[50:110, 85:115] = 90  # through the middle of the first
     found = cvkern.detect_ellipses(image.clip(0, 255).astype(np.uint8), (15, 100))
-    assert_found(found, 1.0)
+    assert_found(found, 0.55)
 
 
 def test_large_pictures_are_reduced(backend):

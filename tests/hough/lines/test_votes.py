@@ -37,7 +37,7 @@ def assert_between(votes, least_and_most):
     least, most = least_and_most
     assert (votes >= least).all()
     assert (votes <= most).all()
-    assert (least != most).mean() < 0.02  # or the two would say little
+    assert (least != most).mean() < 0.02  # the bounds are mostly equal
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 50), (60, 1), (97, 143), (300, 40)])

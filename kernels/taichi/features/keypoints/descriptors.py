@@ -1,7 +1,17 @@
 """Orientations and descriptors of keypoints in Taichi.
 
-Histograms are sums of integers, so that the order of the pixels cannot show.
+The gradients around a point vote for their directions in a histogram of 36 bins, each with its
+length times a Gaussian weight of its distance. The bins are smoothed, and each peak of at least 0.8
+of the highest gives the point an orientation, between bins by a parabola. The descriptor has
+histograms of 8 directions in 4 x 4 cells of the window, turned by the orientation; a vote is shared
+by linear weights among neighbouring cells and directions. The 128 numbers are normalised, cut off
+at 0.2, and normalised again [D. G. Lowe, IJCV 60(2), 2004]; RootSIFT takes square roots of their
+shares [R. Arandjelovic and A. Zisserman, CVPR 2012].
+
+Histograms are sums of integers, so the order of the pixels has no effect. One thread takes a point.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import taichi as ti
@@ -58,17 +68,21 @@ def _gradient_at(levels: ti.template(), s: ti.i32, y: ti.i32, x: ti.i32, zero: t
 
 @primitive
 def orient(
-    levels: np.ndarray,
-    cells: np.ndarray,
+    octaves: Sequence[np.ndarray],
+    windows: np.ndarray,
     spreads: np.ndarray,
-    reach: int,
     one: float,
     angles: np.ndarray,
     counts: np.ndarray,
 ) -> None:
-    """Find the directions of each point, in bins, by a histogram; a thread a point."""
-    sums = scratch((cells.shape[0], BINS), np.int32)
-    _orient(levels, cells, spreads, one, 0, sums, angles, counts)
+    """Find the directions of each point, in bins, by a histogram; a thread a point.
+
+    A window is octave, level, row, column and radius.
+    """
+    sums = scratch((windows.shape[0], BINS), np.int32)
+    for o, levels in enumerate(octaves):
+        _orient(levels, o, windows, spreads, one, 0, sums)
+    _pick(sums, angles, counts)
 
 
 @ti.func
@@ -82,21 +96,21 @@ def _smooth(sums: ti.template(), k: ti.i32, b: ti.i32) -> ti.i64:
 @ti.kernel
 def _orient(
     levels: f32_3,
-    cells: i32_2,  # (N, 4): level, row, column, radius
+    octave: ti.i32,
+    windows: i32_2,  # (N, 5): octave, level, row, column, radius
     spreads: f32_1,
     one: ti.f32,
     zero: ti.i32,
-    # scratch
-    sums: i32_2,  # (N, BINS)
     # outputs
-    angles: f32_2,  # (N, PEAKS)
-    counts: i32_1,
+    sums: i32_2,  # (N, BINS)
 ):
-    for k in counts:
-        s = cells[k, 0]
-        cy = cells[k, 1]
-        cx = cells[k, 2]
-        radius = cells[k, 3]
+    for k in spreads:
+        if windows[k, 0] != octave:
+            continue
+        s = windows[k, 1]
+        cy = windows[k, 2]
+        cx = windows[k, 3]
+        radius = windows[k, 4]
         for b in range(BINS):
             sums[k, b] = 0
         for y in range(ti.max(cy - radius, 1), ti.min(cy + radius, levels.shape[1] - 2) + 1):
@@ -113,6 +127,16 @@ def _orient(
                     b = b - BINS
                 votes = product(product(length, product(down, along, zero), zero), one, zero)
                 sums[k, b] = sums[k, b] + ti.cast(votes + 0.5, ti.i32)
+
+
+@ti.kernel
+def _pick(
+    sums: i32_2,
+    # outputs
+    angles: f32_2,  # (N, PEAKS)
+    counts: i32_1,
+):
+    for k in counts:
         most = ti.cast(0, ti.i64)
         for b in range(BINS):
             most = ti.max(most, _smooth(sums, k, b))
@@ -144,17 +168,17 @@ def _orient(
 
 @primitive
 def describe(
-    levels: np.ndarray,
-    cells: np.ndarray,
+    octaves: Sequence[np.ndarray],
+    windows: np.ndarray,
     turns: np.ndarray,
-    reach: int,
     one: float,
     root: int,
     descriptors: np.ndarray,
 ) -> None:
     """Describe each point by histograms of directions in 16 cells; a thread a point."""
-    sums = scratch((cells.shape[0], ROOM), np.int32)
-    _vote(levels, cells, turns, one, 0, sums)
+    sums = scratch((windows.shape[0], ROOM), np.int32)
+    for o, levels in enumerate(octaves):
+        _vote(levels, o, windows, turns, one, 0, sums)
     _normalise(sums, root, 0, descriptors)
 
 
@@ -169,18 +193,21 @@ def _add_both(sums: ti.template(), k: ti.i32, at: ti.i32, v: ti.f32, fd: ti.f32,
 @ti.kernel
 def _vote(
     levels: f32_3,
-    cells: i32_2,
+    octave: ti.i32,
+    windows: i32_2,
     turns: f32_2,  # (N, 4): cosine and sine over a cell's side, angle, spread
     one: ti.f32,
     zero: ti.i32,
     # outputs
     sums: i32_2,  # (N, ROOM)
 ):
-    for k in range(cells.shape[0]):
-        s = cells[k, 0]
-        cy = cells[k, 1]
-        cx = cells[k, 2]
-        radius = cells[k, 3]
+    for k in range(windows.shape[0]):
+        if windows[k, 0] != octave:
+            continue
+        s = windows[k, 1]
+        cy = windows[k, 2]
+        cx = windows[k, 3]
+        radius = windows[k, 4]
         for n in range(ROOM):
             sums[k, n] = 0
         for y in range(ti.max(cy - radius, 1), ti.min(cy + radius, levels.shape[1] - 2) + 1):

@@ -1,4 +1,13 @@
-"""Extrema of a scale space in Taichi: marked as bits, then listed in the order of their places."""
+"""Extrema of a scale space in Taichi.
+
+Level s of an octave is the image smoothed by a Gaussian of ``sigma_0 2^(s / S)``. Their differences
+``D_s = L_(s+1) - L_s`` have extrema at blobs, in place and in scale: pixels whose difference
+exceeds those of the 26 neighbours on three levels, or is below them [D. G. Lowe, IJCV 60(2),
+2004]. An extremum sets a bit; then the bits of each row are counted and listed, so that the points
+have the order of their places. One thread takes a pixel, or a row of bits.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 import taichi as ti
@@ -7,9 +16,9 @@ from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product
+from cvkern.kernels.taichi.features._marks import count_marks, list_marks, rows_of
 from cvkern.kernels.taichi.filters.linear import correlate_separable
 
-i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
@@ -64,17 +73,28 @@ def _double(
 
 
 @primitive
-def smooth(src: np.ndarray, taps: np.ndarray, dst: np.ndarray) -> None:
-    """Correlate down the rows, then along the columns, mirrored; one thread a pixel and pass."""
+def fill_octaves(
+    src: np.ndarray, taps: Sequence[np.ndarray], octaves: Sequence[np.ndarray]
+) -> None:
+    """Smooth an image to the first level of the first octave, and each level to the next one.
+
+    An octave begins with every second pixel of the larger one's level that is third from its end.
+    Taps are applied down the rows and then along the columns, mirrored: the first ones to the
+    image, the others to the levels. One thread a pixel and pass.
+    """
+    for o, octave in enumerate(octaves):
+        if o:
+            _halve(octaves[o - 1][-3], octave[0])
+        else:
+            _smooth(src, taps[0], octave[0])
+        for i in range(1, octave.shape[0]):
+            _smooth(octave[i - 1], taps[i], octave[i])
+
+
+def _smooth(src: np.ndarray, taps: np.ndarray, dst: np.ndarray) -> None:
     planes = (1, *src.shape)
     border = int(Border.MIRROR)
     correlate_separable(src.reshape(planes), taps, taps, 1, border, 0.0, dst.reshape(planes))
-
-
-@primitive
-def halve(src: np.ndarray, dst: np.ndarray) -> None:
-    """Every second pixel of every second row; one thread a pixel."""
-    _halve(src, dst)
 
 
 @ti.kernel
@@ -89,14 +109,20 @@ def _halve(
 
 @primitive
 def mark_extrema(
-    levels: np.ndarray, threshold: float, margin: int, words: np.ndarray, counts: np.ndarray
+    octaves: Sequence[np.ndarray],
+    threshold: float,
+    margin: int,
+    words: np.ndarray,
+    ends: np.ndarray,
 ) -> None:
     """Mark pixels whose difference of levels is extreme among 26 neighbours.
 
-    A bit a pixel, and their number in each row.
+    A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
+    number up to the end of each row. One thread a word, then a sum by one thread.
     """
-    _mark(levels, threshold, margin, words)
-    _count(words, counts)
+    for levels, (marks, _) in zip(octaves, rows_of(octaves, words), strict=True):
+        _mark(levels, threshold, margin, marks)
+    count_marks(octaves, words, ends)
 
 
 @ti.func
@@ -135,51 +161,8 @@ def _mark(
 
 
 @primitive
-def count_marks(words: np.ndarray, counts: np.ndarray) -> None:
-    """Count the bits of each row; one thread a row."""
-    _count(words, counts)
-
-
-@ti.kernel
-def _count(
-    words: i32_3,
-    # outputs
-    counts: i32_1,
-):
-    for row in counts:
-        s = row // words.shape[1]
-        y = row - s * words.shape[1]
-        total = 0
-        for k in range(words.shape[2]):
-            word = words[s, y, k]
-            if word != 0:
-                for bit in range(WORD):
-                    total += (word >> bit) & 1
-        counts[row] = total
-
-
-@primitive
-def list_marks(words: np.ndarray, starts: np.ndarray, width: int, places: np.ndarray) -> None:
-    """List the places (row times `width` plus column) of the bits; one thread a row."""
-    _list(words, starts, width, places)
-
-
-@ti.kernel
-def _list(
-    words: i32_3,
-    starts: i32_1,
-    width: ti.i32,
-    # outputs
-    places: i32_1,
-):
-    for row in starts:
-        s = row // words.shape[1]
-        y = row - s * words.shape[1]
-        at = starts[row]
-        for k in range(words.shape[2]):
-            word = words[s, y, k]
-            if word != 0:
-                for bit in range(WORD):
-                    if (word >> bit) & 1 == 1:
-                        places[at] = row * width + k * WORD + bit
-                        at += 1
+def list_extrema(
+    octaves: Sequence[np.ndarray], words: np.ndarray, ends: np.ndarray, cells: np.ndarray
+) -> None:
+    """List octave, level, row and column of the N marks, in this order; one thread a row."""
+    list_marks(octaves, words, ends, cells)

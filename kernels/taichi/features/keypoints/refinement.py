@@ -1,4 +1,14 @@
-"""Extrema between the pixels and levels of a scale space, in Taichi."""
+"""Extrema between the pixels and levels of a scale space, in Taichi.
+
+With the gradient g and the Hessian H of the differences D at an extremum, the paraboloid
+``D + g . x + x . H x / 2`` has its own extremum at ``x = -H^-1 g``, of the height
+``D + g . x / 2``. If x is farther than half a pixel away, the fit moves to the next pixel, and
+repeats a few times. A point is kept if its height is large enough, and if it is not an edge:
+``tr^2 / det`` of the Hessian in the image is below a limit [D. G. Lowe, IJCV 60(2), 2004]. The
+arithmetic is in float64; one thread takes a point.
+"""
+
+from collections.abc import Sequence
 
 import numpy as np
 import taichi as ti
@@ -7,7 +17,6 @@ from cvkern.kernels.codes.features import MOVES
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import wide_product
 
-i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
@@ -15,16 +24,20 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 
 @primitive
 def refine(
-    levels: np.ndarray,
-    places: np.ndarray,
+    octaves: Sequence[np.ndarray],
     contrast: float,
     edge: float,
     margin: int,
     offsets: np.ndarray,
     cells: np.ndarray,
 ) -> None:
-    """Fit a paraboloid to each extremum, and move it to where that has its own; a thread each."""
-    _fit(levels, places, contrast, edge, margin, 0, offsets, cells)
+    """Fit a paraboloid to each extremum, and move it to where that has its own; a thread each.
+
+    `cells` holds octave, level, row and column before and afterwards; the octave of an extremum
+    that is not kept becomes -1.
+    """
+    for o, levels in enumerate(octaves):
+        _fit(levels, o, contrast, edge, margin, 0, offsets, cells)
 
 
 @ti.func
@@ -45,100 +58,116 @@ def _dot(a: ti.f64, b: ti.f64, c: ti.f64, x: ti.f64, y: ti.f64, z: ti.f64, zero:
     return wide_product(a, x, zero) + wide_product(b, y, zero) + wide_product(c, z, zero)
 
 
+@ti.func
+def _fit_one(
+    levels: ti.template(),
+    n: ti.i32,
+    contrast: ti.f32,
+    edge: ti.f32,
+    margin: ti.i32,
+    zero: ti.i32,
+    offsets: ti.template(),
+    cells: ti.template(),
+):
+    """Refine one extremum."""
+    height = levels.shape[1]
+    width = levels.shape[2]
+    s = cells[n, 1]
+    y = cells[n, 2]
+    x = cells[n, 3]
+    kept = 0
+    oy = ti.cast(0.0, ti.f64)
+    ox = ti.cast(0.0, ti.f64)
+    os = ti.cast(0.0, ti.f64)
+    top = ti.cast(0.0, ti.f64)
+    for _ in range(MOVES):
+        c = _difference(levels, s, y, x)
+        u = _difference(levels, s, y - 1, x)
+        d = _difference(levels, s, y + 1, x)
+        l = _difference(levels, s, y, x - 1)
+        r = _difference(levels, s, y, x + 1)
+        b = _difference(levels, s - 1, y, x)
+        a = _difference(levels, s + 1, y, x)
+        gy = 0.5 * (d - u)
+        gx = 0.5 * (r - l)
+        gs = 0.5 * (a - b)
+        yy = d + u - c - c
+        xx = r + l - c - c
+        ss = a + b - c - c
+        xy = 0.25 * (
+            _difference(levels, s, y + 1, x + 1)
+            - _difference(levels, s, y + 1, x - 1)
+            - _difference(levels, s, y - 1, x + 1)
+            + _difference(levels, s, y - 1, x - 1)
+        )
+        xs = 0.25 * (
+            _difference(levels, s + 1, y, x + 1)
+            - _difference(levels, s + 1, y, x - 1)
+            - _difference(levels, s - 1, y, x + 1)
+            + _difference(levels, s - 1, y, x - 1)
+        )
+        ys = 0.25 * (
+            _difference(levels, s + 1, y + 1, x)
+            - _difference(levels, s + 1, y - 1, x)
+            - _difference(levels, s - 1, y + 1, x)
+            + _difference(levels, s - 1, y - 1, x)
+        )
+        # The inverse by cofactors.
+        m00 = _minor(yy, ss, ys, ys, zero)
+        m01 = _minor(xs, ys, xy, ss, zero)
+        m02 = _minor(xy, ys, xs, yy, zero)
+        det = _dot(xx, xy, xs, m00, m01, m02, zero)
+        if det == 0.0:
+            break
+        m11 = _minor(xx, ss, xs, xs, zero)
+        m12 = _minor(xy, xs, xx, ys, zero)
+        m22 = _minor(xx, yy, xy, xy, zero)
+        ox = -(_dot(m00, m01, m02, gx, gy, gs, zero) / det)
+        oy = -(_dot(m01, m11, m12, gx, gy, gs, zero) / det)
+        os = -(_dot(m02, m12, m22, gx, gy, gs, zero) / det)
+        if ti.abs(ox) < 0.5 and ti.abs(oy) < 0.5 and ti.abs(os) < 0.5:
+            top = c + 0.5 * _dot(gx, gy, gs, ox, oy, os, zero)
+            trace = xx + yy
+            # This is tr^2 / det < edge, for a positive det.
+            if ti.abs(top) >= ti.cast(contrast, ti.f64) and m22 > 0.0:
+                squared = wide_product(trace, trace, zero)
+                if squared < wide_product(ti.cast(edge, ti.f64), m22, zero):
+                    kept = 1
+            break
+        # Beyond two pixels the fit means nothing.
+        if not (ti.abs(ox) < 3.0 and ti.abs(oy) < 3.0 and ti.abs(os) < 3.0):
+            break
+        x += ti.cast(ti.floor(ox + 0.5), ti.i32)
+        y += ti.cast(ti.floor(oy + 0.5), ti.i32)
+        s += ti.cast(ti.floor(os + 0.5), ti.i32)
+        if s < 1 or s > levels.shape[0] - 3:
+            break
+        if y < margin or y >= height - margin or x < margin or x >= width - margin:
+            break
+    offsets[n, 0] = ti.cast(oy, ti.f32)
+    offsets[n, 1] = ti.cast(ox, ti.f32)
+    offsets[n, 2] = ti.cast(os, ti.f32)
+    offsets[n, 3] = ti.cast(ti.abs(top), ti.f32)
+    if kept == 0:
+        cells[n, 0] = -1
+    cells[n, 1] = s
+    cells[n, 2] = y
+    cells[n, 3] = x
+
+
 @ti.kernel
 def _fit(
     levels: f32_3,  # (L, H, W)
-    places: i32_1,  # (N,): (level H + row) W + column
+    octave: ti.i32,
     contrast: ti.f32,  # least height
     edge: ti.f32,  # largest tr^2 / det
     margin: ti.i32,
     zero: ti.i32,
     # outputs
     offsets: f32_2,  # (N, 4): row, column, level, height
-    cells: i32_2,  # (N, 4): level, row, column; 1 if it is kept
+    # in place
+    cells: i32_2,  # (N, 4): octave, level, row, column
 ):
-    for n in places:
-        height = levels.shape[1]
-        width = levels.shape[2]
-        row = places[n] // width
-        x = places[n] - row * width
-        s = row // height
-        y = row - s * height
-        s += 1  # the first difference has no neighbour
-        kept = 0
-        oy = ti.cast(0.0, ti.f64)
-        ox = ti.cast(0.0, ti.f64)
-        os = ti.cast(0.0, ti.f64)
-        top = ti.cast(0.0, ti.f64)
-        for _ in range(MOVES):
-            c = _difference(levels, s, y, x)
-            u = _difference(levels, s, y - 1, x)
-            d = _difference(levels, s, y + 1, x)
-            l = _difference(levels, s, y, x - 1)
-            r = _difference(levels, s, y, x + 1)
-            b = _difference(levels, s - 1, y, x)
-            a = _difference(levels, s + 1, y, x)
-            gy = 0.5 * (d - u)
-            gx = 0.5 * (r - l)
-            gs = 0.5 * (a - b)
-            yy = d + u - c - c
-            xx = r + l - c - c
-            ss = a + b - c - c
-            xy = 0.25 * (
-                _difference(levels, s, y + 1, x + 1)
-                - _difference(levels, s, y + 1, x - 1)
-                - _difference(levels, s, y - 1, x + 1)
-                + _difference(levels, s, y - 1, x - 1)
-            )
-            xs = 0.25 * (
-                _difference(levels, s + 1, y, x + 1)
-                - _difference(levels, s + 1, y, x - 1)
-                - _difference(levels, s - 1, y, x + 1)
-                + _difference(levels, s - 1, y, x - 1)
-            )
-            ys = 0.25 * (
-                _difference(levels, s + 1, y + 1, x)
-                - _difference(levels, s + 1, y - 1, x)
-                - _difference(levels, s - 1, y + 1, x)
-                + _difference(levels, s - 1, y - 1, x)
-            )
-            # The inverse by cofactors.
-            m00 = _minor(yy, ss, ys, ys, zero)
-            m01 = _minor(xs, ys, xy, ss, zero)
-            m02 = _minor(xy, ys, xs, yy, zero)
-            det = _dot(xx, xy, xs, m00, m01, m02, zero)
-            if det == 0.0:
-                break
-            m11 = _minor(xx, ss, xs, xs, zero)
-            m12 = _minor(xy, xs, xx, ys, zero)
-            m22 = _minor(xx, yy, xy, xy, zero)
-            ox = -(_dot(m00, m01, m02, gx, gy, gs, zero) / det)
-            oy = -(_dot(m01, m11, m12, gx, gy, gs, zero) / det)
-            os = -(_dot(m02, m12, m22, gx, gy, gs, zero) / det)
-            if ti.abs(ox) < 0.5 and ti.abs(oy) < 0.5 and ti.abs(os) < 0.5:
-                top = c + 0.5 * _dot(gx, gy, gs, ox, oy, os, zero)
-                trace = xx + yy
-                # This is tr^2 / det < edge, for a positive det.
-                if ti.abs(top) >= ti.cast(contrast, ti.f64) and m22 > 0.0:
-                    squared = wide_product(trace, trace, zero)
-                    if squared < wide_product(ti.cast(edge, ti.f64), m22, zero):
-                        kept = 1
-                break
-            # Beyond two pixels the fit means nothing.
-            if not (ti.abs(ox) < 3.0 and ti.abs(oy) < 3.0 and ti.abs(os) < 3.0):
-                break
-            x += ti.cast(ti.floor(ox + 0.5), ti.i32)
-            y += ti.cast(ti.floor(oy + 0.5), ti.i32)
-            s += ti.cast(ti.floor(os + 0.5), ti.i32)
-            if s < 1 or s > levels.shape[0] - 3:
-                break
-            if y < margin or y >= height - margin or x < margin or x >= width - margin:
-                break
-        offsets[n, 0] = ti.cast(oy, ti.f32)
-        offsets[n, 1] = ti.cast(ox, ti.f32)
-        offsets[n, 2] = ti.cast(os, ti.f32)
-        offsets[n, 3] = ti.cast(ti.abs(top), ti.f32)
-        cells[n, 0] = s
-        cells[n, 1] = y
-        cells[n, 2] = x
-        cells[n, 3] = kept
+    for n in range(cells.shape[0]):
+        if cells[n, 0] == octave:
+            _fit_one(levels, n, contrast, edge, margin, zero, offsets, cells)

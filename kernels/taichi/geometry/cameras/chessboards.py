@@ -1,4 +1,11 @@
-"""Chessboards in Taichi: a smaller grey picture, its saddles, and corners within the pixel."""
+"""Chessboards in Taichi: a smaller grey picture, its saddles, and corners within the pixel.
+
+The inner corners of a board are saddles of the smoothed picture, where ``I_yy I_xx - I_xy^2`` is
+negative. A corner p is fitted to the pixels q around it by least squares with
+``c + A E(n_0 . (q - p) / s) E(n_1 . (q - p) / s) + g . q``: two edges with the normals n_0 and n_1
+and the blur s, where ``E(t) = erf(t / sqrt 2)``, under a light with the slope g. The page of this
+family in docs/ says why. One thread takes a block, a pixel, or a corner.
+"""
 
 import numpy as np
 import taichi as ti

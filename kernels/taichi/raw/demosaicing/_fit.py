@@ -1,4 +1,4 @@
-"""The line that a window of samples has over its guides."""
+"""The line of the samples of a window over its guides, in Taichi; residual.py has its use."""
 
 import taichi as ti
 

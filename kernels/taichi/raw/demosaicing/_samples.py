@@ -1,17 +1,7 @@
-"""Places beyond a border, and values that a picture can hold."""
+"""Values that a picture can hold."""
 
 import numpy as np
 import taichi as ti
-
-
-@ti.func
-def mirror(i: ti.i32, n: ti.i32) -> ti.i32:
-    """Return the place within n that place i is the mirror image of, at the last element."""
-    period = 2 * n - 2
-    j = ti.abs(i) % period
-    if j >= n:
-        j = period - j
-    return j
 
 
 @ti.func

@@ -11,7 +11,8 @@ import taichi as ti
 from cvkern.kernels.codes.raw import Linear
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product
-from cvkern.kernels.taichi.raw.demosaicing._samples import highest, mirror, rounded
+from cvkern.kernels.taichi.raw._mirror import mirror
+from cvkern.kernels.taichi.raw.demosaicing._samples import highest, rounded
 
 any_2 = ti.types.ndarray(ndim=2)  # u8, u16 or f32
 any_3 = ti.types.ndarray(ndim=3)

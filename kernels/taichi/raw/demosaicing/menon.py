@@ -81,8 +81,8 @@ def _menon(
     # outputs
     planes: f32_3,
 ):
-    for i, j in ti.ndrange(planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin):
-        y, x = i + margin, j + margin
+    rows, columns = planes.shape[1] - margin, planes.shape[2] - margin
+    for y, x in ti.ndrange((margin, rows), (margin, columns)):
         below = ti.cast((y & 1) != red_row, ti.i32)
         chroma = (x & 1) == (red_column ^ below)
         own, other = RED, BLUE

@@ -1,11 +1,16 @@
-"""Between images and extended planes of floats, in Taichi."""
+"""Copies between images and extended planes of floats, in Taichi.
+
+Planes have MARGIN more pixels on each side. These mirror the image at its outermost samples, and
+so keep the colours of the mosaic. One thread takes a pixel.
+"""
 
 import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes.raw import MARGIN
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi.raw.demosaicing._samples import highest, mirror, rounded
+from cvkern.kernels.taichi.raw._mirror import mirror
+from cvkern.kernels.taichi.raw.demosaicing._samples import highest, rounded
 
 any_2 = ti.types.ndarray(ndim=2)  # u8, u16 or f32
 any_3 = ti.types.ndarray(ndim=3)

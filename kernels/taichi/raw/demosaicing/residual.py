@@ -15,7 +15,7 @@ the square of how little d changes. Red and blue then follow from green by windo
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.raw import FLAT, PRIOR, SMOOTH, TINY, WINDOW_PRIOR, Step
+from cvkern.kernels.codes.raw import BORDER, FLAT, MARGINS, PRIOR, SMOOTH, TINY, WINDOW_PRIOR, Step
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product, quotient
 from cvkern.kernels.taichi.raw.demosaicing._fit import fit, vec8
@@ -24,8 +24,6 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 vec3 = ti.types.vector(3, ti.f32)
 
 SEVENTH, SIXTH, NINTH = (float(np.float32(1) / np.float32(n)) for n in (7, 6, 9))
-BORDER = 26  # pixels at the border whose green is not found
-MARGINS = {Step.DEVIATIONS: 28, Step.WINDOWS: 31, Step.TENTATIVE: 34, Step.RESIDUAL: 35}
 # Planes of a direction's scratch: deviations, lines of windows of both kinds, residuals.
 U, V, EVEN, ODD, REST = 0, 1, 2, 5, 8
 GREEN, TENTATIVE = 3, 9
@@ -45,11 +43,9 @@ def _guide(planes: f32_3, y: ti.i32, x: ti.i32, n: ti.i32, vertical: ti.i32) -> 
 
 @ti.kernel
 def _deviations(planes: f32_3, vertical: ti.i32, zero: ti.i32, work: f32_3):
-    reach = 7
-    for i, j in ti.ndrange(
-        planes.shape[1] - 2 * reach * vertical, planes.shape[2] - 2 * reach * (1 - vertical)
-    ):
-        y, x = i + reach * vertical, j + reach * (1 - vertical)
+    top, left = 7 * vertical, 7 * (1 - vertical)
+    rows, columns = planes.shape[1] - top, planes.shape[2] - left
+    for y, x in ti.ndrange((top, rows), (left, columns)):
         p, q = 0.0, 0.0
         for k in ti.static(range(-6, 7, 2)):
             p += _sample(planes, 0, y, x, k, vertical)
@@ -84,11 +80,9 @@ def _products(p: ti.f32, q: ti.f32, u: ti.f32, v: ti.f32, zero: ti.i32) -> vec8:
 
 @ti.kernel
 def _lines(planes: f32_3, vertical: ti.i32, zero: ti.i32, work: f32_3):
-    reach = 13
-    for i, j in ti.ndrange(
-        planes.shape[1] - 2 * reach * vertical, planes.shape[2] - 2 * reach * (1 - vertical)
-    ):
-        y, x = i + reach * vertical, j + reach * (1 - vertical)
+    top, left = 13 * vertical, 13 * (1 - vertical)
+    rows, columns = planes.shape[1] - top, planes.shape[2] - left
+    for y, x in ti.ndrange((top, rows), (left, columns)):
         sums = vec8(0.0)
         for k in range(7):
             sums += _moments(planes, work, y, x, 2 * k - 6, vertical, zero)
@@ -127,11 +121,9 @@ def _mean_line(
 
 @ti.kernel
 def _rest(planes: f32_3, vertical: ti.i32, zero: ti.i32, work: f32_3):
-    reach = 19
-    for i, j in ti.ndrange(
-        planes.shape[1] - 2 * reach * vertical, planes.shape[2] - 2 * reach * (1 - vertical)
-    ):
-        y, x = i + reach * vertical, j + reach * (1 - vertical)
+    top, left = 19 * vertical, 19 * (1 - vertical)
+    rows, columns = planes.shape[1] - top, planes.shape[2] - left
+    for y, x in ti.ndrange((top, rows), (left, columns)):
         line = _mean_line(work, EVEN, ODD, y, x, vertical)
         value = product(line[1], _guide(planes, y, x, 0, vertical), zero) + line[2]
         work[REST, y, x] = planes[0, y, x] - quotient(value, line[0], zero)
@@ -139,11 +131,9 @@ def _rest(planes: f32_3, vertical: ti.i32, zero: ti.i32, work: f32_3):
 
 @ti.kernel
 def _differences(vertical: ti.i32, odd: ti.i32, zero: ti.i32, work: f32_3, planes: f32_3):
-    reach = 20
-    for i, j in ti.ndrange(
-        planes.shape[1] - 2 * reach * vertical, planes.shape[2] - 2 * reach * (1 - vertical)
-    ):
-        y, x = i + reach * vertical, j + reach * (1 - vertical)
+    top, left = 20 * vertical, 20 * (1 - vertical)
+    rows, columns = planes.shape[1] - top, planes.shape[2] - left
+    for y, x in ti.ndrange((top, rows), (left, columns)):
         p = planes[0, y, x]
         line = _mean_line(work, ODD, EVEN, y, x, vertical)
         before = _sample(work, REST, y, x, -1, vertical)
@@ -168,8 +158,8 @@ def directions(red_row: int, red_column: int, planes: np.ndarray) -> None:
 
 @ti.kernel
 def _green(red_row: ti.i32, red_column: ti.i32, zero: ti.i32, planes: f32_3):
-    for i, j in ti.ndrange(planes.shape[1] - 2 * BORDER, planes.shape[2] - 2 * BORDER):
-        y, x = i + BORDER, j + BORDER
+    rows, columns = planes.shape[1] - BORDER, planes.shape[2] - BORDER
+    for y, x in ti.ndrange((BORDER, rows), (BORDER, columns)):
         p = planes[0, y, x]
         total, weights = 0.0, 0.0
         for k in ti.static(range(2)):
@@ -233,8 +223,8 @@ def _window_mean(planes: f32_3, k: ti.i32, y: ti.i32, x: ti.i32, zero: ti.i32) -
 
 @ti.kernel
 def _window_deviations(margin: ti.i32, row: ti.i32, column: ti.i32, zero: ti.i32, planes: f32_3):
-    for i, j in ti.ndrange(planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin):
-        y, x = i + margin, j + margin
+    rows, columns = planes.shape[1] - margin, planes.shape[2] - margin
+    for y, x in ti.ndrange((margin, rows), (margin, columns)):
         if (y & 1) == row and (x & 1) == column:
             planes[4, y, x] = planes[0, y, x] - _window_mean(planes, 0, y, x, zero)
             planes[5, y, x] = planes[GREEN, y, x] - _window_mean(planes, GREEN, y, x, zero)
@@ -242,21 +232,21 @@ def _window_deviations(margin: ti.i32, row: ti.i32, column: ti.i32, zero: ti.i32
 
 @ti.kernel
 def _windows(margin: ti.i32, row: ti.i32, column: ti.i32, zero: ti.i32, planes: f32_3):
-    for i, j in ti.ndrange(planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin):
-        y, x = i + margin, j + margin
-        rows = 3 if (y & 1) == row else 4
-        columns = 3 if (x & 1) == column else 4
+    rows, columns = planes.shape[1] - margin, planes.shape[2] - margin
+    for y, x in ti.ndrange((margin, rows), (margin, columns)):
+        tall = 3 if (y & 1) == row else 4
+        wide = 3 if (x & 1) == column else 4
         total = vec8(0.0)
-        for c in range(columns):
-            u = x + 2 * c - columns + 1
+        for c in range(wide):
+            u = x + 2 * c - wide + 1
             sums = vec8(0.0)
-            for r in range(rows):
-                v = y + 2 * r - rows + 1
+            for r in range(tall):
+                v = y + 2 * r - tall + 1
                 sums += _products(
                     planes[0, v, u], planes[GREEN, v, u], planes[4, v, u], planes[5, v, u], zero
                 )
             total += sums
-        share = quotient(1.0, ti.cast(rows * columns, ti.f32), zero)
+        share = quotient(1.0, ti.cast(tall * wide, ti.f32), zero)
         line = fit(_scaled(total, share, zero), WINDOW_PRIOR, zero)
         for k in ti.static(range(3)):
             planes[6 + k, y, x] = line[k]
@@ -264,8 +254,8 @@ def _windows(margin: ti.i32, row: ti.i32, column: ti.i32, zero: ti.i32, planes: 
 
 @ti.kernel
 def _tentative(margin: ti.i32, zero: ti.i32, planes: f32_3):
-    for i, j in ti.ndrange(planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin):
-        y, x = i + margin, j + margin
+    rows, columns = planes.shape[1] - margin, planes.shape[2] - margin
+    for y, x in ti.ndrange((margin, rows), (margin, columns)):
         line = vec3(0.0)
         for dx in range(-3, 4):
             sums = vec3(0.0)
@@ -284,8 +274,8 @@ def _left(planes: f32_3, y: ti.i32, x: ti.i32) -> ti.f32:
 
 @ti.kernel
 def _residual(margin: ti.i32, row: ti.i32, column: ti.i32, result: ti.i32, planes: f32_3):
-    for i, j in ti.ndrange(planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin):
-        y, x = i + margin, j + margin
+    rows, columns = planes.shape[1] - margin, planes.shape[2] - margin
+    for y, x in ti.ndrange((margin, rows), (margin, columns)):
         found = planes[TENTATIVE, y, x]
         here, on = (y & 1) == row, (x & 1) == column
         if here and on:

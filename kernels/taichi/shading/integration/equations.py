@@ -14,23 +14,25 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi.shading._mask import is_inside
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 f64_1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
 f64_2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
 
 @ti.kernel
-def _slopes(normals: f32_3, mask: u8_2, flattest: ti.f32, inside: u8_2, slope: f32_3):
+def _slopes(normals: f32_3, mask: u8_2, flattest: ti.f32, inside: u8_2, slope: f32_3, cut: i32_1):
     for y, x in inside:
         nx = normals[y, x, 0]
         ny = normals[y, x, 1]
         nz = normals[y, x, 2]
         length = ti.sqrt(nx * nx + ny * ny + nz * nz)
-        found = mask[y, x] != 0 and length < ti.math.inf and nz > 0.0
+        found = is_inside(mask, y, x) and length < ti.math.inf and nz > 0.0
         inside[y, x] = ti.cast(found, ti.u8)
         a = 0.0
         b = 0.0
@@ -39,6 +41,8 @@ def _slopes(normals: f32_3, mask: u8_2, flattest: ti.f32, inside: u8_2, slope: f
             c = ti.max(nz / length, flattest)
             a = nx / length / c
             b = (0.0 - ny) / length / c
+        else:
+            cut[0] = 1
         slope[0, y, x] = a
         slope[1, y, x] = b
         slope[2, y, x] = c
@@ -46,10 +50,18 @@ def _slopes(normals: f32_3, mask: u8_2, flattest: ti.f32, inside: u8_2, slope: f
 
 @primitive
 def slopes(
-    normals: np.ndarray, mask: np.ndarray, flattest: float, inside: np.ndarray, slope: np.ndarray
+    normals: np.ndarray,
+    mask: np.ndarray,
+    flattest: float,
+    inside: np.ndarray,
+    slope: np.ndarray,
+    cut: np.ndarray,
 ) -> None:
-    """Write where normals face the camera, and there their slopes of depth and their z."""
-    _slopes(normals, mask, flattest, inside, slope)
+    """Write where normals face the camera, and there their slopes of depth and their z.
+
+    `cut` (1,) becomes 1 if there is a pixel outside, and stays as it is otherwise.
+    """
+    _slopes(normals, mask, flattest, inside, slope, cut)
 
 
 @ti.func

@@ -1,14 +1,18 @@
-#include "_angles_cpu.h"
+// Orientations and descriptors of keypoints on the CPU, 16 pixels of a window at once;
+// taichi/features/keypoints/descriptors.py has the rules.
+
+#include "../../_angles.h"
 
 // needs BINS, PEAKS, LONGEST, BINS_PER_RADIAN, REACH
 // Directions of the gradient round point `k`: the peaks of their histogram.
-void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
+void orient_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> windows,
                 wp::array_t<float> spreads, float one, wp::array_t<float> angles,
                 wp::array_t<int> counts) {
-    const int height = levels.shape[1], width = levels.shape[2];
-    const int* cell = cells.data + 4 * (size_t)k;
-    const int cy = cell[1], cx = cell[2], radius = cell[3];
-    const float* image = levels.data + (size_t)cell[0] * height * width;
+    const int* window = windows.data + 5 * (size_t)k;
+    const wp::int64* octave = octaves.data + 4 * (size_t)window[0];
+    const int height = (int)octave[2], width = (int)octave[3];
+    const int cy = window[2], cx = window[3], radius = window[4];
+    const float* image = (const float*)octave[0] + (size_t)window[1] * height * width;
     const float spread = spreads.data[k];
     enum { N = 16 };
     float gain[2 * REACH + 1 + N] = {0};
@@ -74,13 +78,14 @@ void orient_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
 
 // needs CELLS, DIRECTIONS, LONGEST, DIRECTIONS_PER_RADIAN, REACH, LARGEST_SHARE, DESCRIPTOR_ONE
 // Histograms of directions in the 4 x 4 cells round point `k`, as bytes.
-void describe_one(int k, wp::array_t<float> levels, wp::array_t<int> cells,
+void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> windows,
                   wp::array_t<float> turns, float one, int root,
                   wp::array_t<wp::uint8> descriptors) {
-    const int height = levels.shape[1], width = levels.shape[2];
-    const int* cell = cells.data + 4 * (size_t)k;
-    const int cy = cell[1], cx = cell[2], radius = cell[3];
-    const float* image = levels.data + (size_t)cell[0] * height * width;
+    const int* window = windows.data + 5 * (size_t)k;
+    const wp::int64* octave = octaves.data + 4 * (size_t)window[0];
+    const int height = (int)octave[2], width = (int)octave[3];
+    const int cy = window[2], cx = window[3], radius = window[4];
+    const float* image = (const float*)octave[0] + (size_t)window[1] * height * width;
     const float* turn = turns.data + 4 * (size_t)k;
     const float cosine = turn[0], sine = turn[1], angle = turn[2], spread = turn[3];
     enum { N = 16, ROW = CELLS + 1, OUTSIDE = ROW * ROW * DIRECTIONS };

@@ -1,4 +1,8 @@
-"""Orientations and descriptors on the CPU, a point at a time."""
+"""Orientations and descriptors on the CPU, one point at a time.
+
+The code (_descriptors_cpu.h) is native, because it computes gradients and angles of 16 pixels at
+once.
+"""
 
 import warp as wp
 
@@ -20,8 +24,8 @@ FILE = "_descriptors_cpu.h"
 )
 def orient_one(
     k: int,
-    levels: wp.array3d[float],
-    cells: wp.array2d[int],
+    octaves: wp.array2d[wp.int64],
+    windows: wp.array2d[int],
     spreads: wp.array[float],
     one: float,
     angles: wp.array2d[float],
@@ -41,8 +45,8 @@ def orient_one(
 )
 def describe_one(
     k: int,
-    levels: wp.array3d[float],
-    cells: wp.array2d[int],
+    octaves: wp.array2d[wp.int64],
+    windows: wp.array2d[int],
     turns: wp.array2d[float],
     one: float,
     root: int,
@@ -55,8 +59,8 @@ def orient(
     slab: int,
     first: int,
     last: int,
-    levels: wp.array3d[float],
-    cells: wp.array2d[int],
+    octaves: wp.array2d[wp.int64],
+    windows: wp.array2d[int],
     spreads: wp.array[float],
     one: float,
     # outputs
@@ -64,7 +68,7 @@ def orient(
     counts: wp.array[int],
 ):
     for k in range(first, last):
-        orient_one(k, levels, cells, spreads, one, angles, counts)
+        orient_one(k, octaves, windows, spreads, one, angles, counts)
 
 
 @wp.kernel
@@ -72,8 +76,8 @@ def describe(
     slab: int,
     first: int,
     last: int,
-    levels: wp.array3d[float],
-    cells: wp.array2d[int],
+    octaves: wp.array2d[wp.int64],
+    windows: wp.array2d[int],
     turns: wp.array2d[float],
     one: float,
     root: int,
@@ -81,4 +85,4 @@ def describe(
     descriptors: wp.array2d[wp.uint8],
 ):
     for k in range(first, last):
-        describe_one(k, levels, cells, turns, one, root, descriptors)
+        describe_one(k, octaves, windows, turns, one, root, descriptors)

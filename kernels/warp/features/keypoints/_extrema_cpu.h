@@ -1,3 +1,6 @@
+// Doubling, differences and extrema of a scale space on the CPU, row by row;
+// taichi/features/keypoints/extrema.py has the rules.
+
 // Twice the size of an image: pixels lie on even places, means between them. A row of the result.
 void double_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
@@ -17,9 +20,9 @@ void double_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     out[2 * width - 1] = last;
 }
 
-// Mark the extrema of a row of every inner level: a bit for each pixel, and their
-// number. Pixels drop out at the first
-// neighbours that exceed them, those of their own level first, and 32 pixels are left at once.
+// Mark the extrema of a row of every inner level: a bit for each pixel, and their number. Pixels
+// drop out at the first neighbours that exceed them, those of their own level first, and 32 pixels
+// are left at once.
 void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
               wp::array_t<int> words, wp::array_t<int> counts) {
 #pragma clang fp contract(off)
@@ -114,5 +117,3 @@ void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> d
     // NaN as well.
     for (int x = 0; x < width; ++x) to[x] = __builtin_fabsf(to[x]) <= MOST_GRAY ? to[x] : 0.0f;
 }
-
-int first_one(int word) { return __builtin_ctz((unsigned)word); }

@@ -1,4 +1,8 @@
-"""Smoothing of the levels of a scale space on the CPU, two rows at a time."""
+"""Smoothing of the levels of a scale space on the CPU: a thread takes a slab of rows.
+
+The code (_smoothing_cpu.h) is native, because two rows share loads, and no arithmetic of indices
+stands between the sums.
+"""
 
 import warp as wp
 

@@ -1,13 +1,16 @@
 """Orientations and descriptors of keypoints in Warp.
 
-Histograms are sums of integers, so that the order of the pixels cannot show.
+The Taichi set has the rules. Histograms are sums of integers, so the order of the pixels has no
+effect. On the CPU a thread takes a slab of points (_descriptors_cpu.h), on CUDA a row of a point's
+window (_descriptors_cuda.py).
 """
+
+from collections.abc import Sequence
 
 import warp as wp
 
-from cvkern.kernels.codes.features import BINS, ROOM
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
-from cvkern.kernels.warp._zeros import clear
+from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+from cvkern.kernels.warp.features._levels import table
 
 from . import _descriptors_cpu as cpu
 from . import _descriptors_cuda as cuda
@@ -16,45 +19,39 @@ PIXELS = 2000  # pixels of a window, about: what slabs are cut by
 
 
 def orient(
-    levels: wp.array,
-    cells: wp.array,
+    octaves: Sequence[wp.array],
+    windows: wp.array,
     spreads: wp.array,
-    reach: int,
     one: float,
     angles: wp.array,
     counts: wp.array,
 ) -> None:
-    """Find the directions of each point, in bins, by a histogram; a block of rows a point."""
-    count = cells.shape[0]
-    if levels.device.is_cuda:
-        sums = scratch("keypoints.directions", (count, BINS), wp.int32, levels.device)
-        clear(sums)
-        votes = [levels, cells, spreads, one]
-        launch(cuda.vote_directions, (count, 2 * reach + 1), votes, [sums])
-        launch(cuda.pick_directions, count, [sums], [angles, counts])
+    """Find the directions of each point, in bins, by a histogram; on CUDA a block a point.
+
+    A window is octave, level, row, column and radius.
+    """
+    count = windows.shape[0]
+    inputs = [table(octaves), windows, spreads, one]
+    if windows.device.is_cuda:
+        launch(cuda.orient, count * cuda.THREADS, inputs, [angles, counts], cuda.THREADS)
         return
-    inputs = [levels, cells, spreads, one]
     launch_slabs(cpu.orient, count, _parts(count), inputs, [angles, counts])
 
 
 def describe(
-    levels: wp.array,
-    cells: wp.array,
+    octaves: Sequence[wp.array],
+    windows: wp.array,
     turns: wp.array,
-    reach: int,
     one: float,
     root: int,
     descriptors: wp.array,
 ) -> None:
-    """Describe each point by histograms of directions in 16 cells; a block of rows a point."""
-    count = cells.shape[0]
-    if levels.device.is_cuda:
-        sums = scratch("keypoints.cells", (count, ROOM), wp.int32, levels.device)
-        clear(sums)
-        launch(cuda.vote_cells, (count, 2 * reach + 1), [levels, cells, turns, one], [sums])
-        launch(cuda.normalise, count, [sums, root], [descriptors])
+    """Describe each point by histograms of directions in 16 cells; on CUDA a block a point."""
+    count = windows.shape[0]
+    inputs = [table(octaves), windows, turns, one, root]
+    if windows.device.is_cuda:
+        launch(cuda.describe, count * cuda.THREADS, inputs, [descriptors], cuda.THREADS)
         return
-    inputs = [levels, cells, turns, one, root]
     launch_slabs(cpu.describe, count, _parts(count), inputs, [descriptors])
 
 

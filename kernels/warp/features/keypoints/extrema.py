@@ -1,10 +1,18 @@
-"""Extrema of a scale space in Warp: marked as bits, then listed in the order of their places."""
+"""Extrema of a scale space in Warp.
+
+The Taichi set has the rule. On the CPU a thread takes a slab of rows (_extrema_cpu.h); rows are
+smoothed two at a time (_smoothing_cpu.h). On CUDA a thread takes a pixel (_extrema_cuda.py).
+"""
+
+from collections.abc import Sequence
 
 import warp as wp
 
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._zeros import clear
+from cvkern.kernels.warp.features._levels import level_of, rows_of
+from cvkern.kernels.warp.features._marks import count_marks, list_marks
 from cvkern.kernels.warp.filters.linear import correlate_separable
 
 from . import _extrema_cpu as cpu
@@ -30,8 +38,26 @@ def double(src: wp.array, dst: wp.array) -> None:
     launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
-def smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
-    """Correlate down the rows, then along the columns, mirrored; on the CPU over two rows."""
+def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> None:
+    """Smooth an image to the first level of the first octave, and each level to the next one.
+
+    An octave begins with every second pixel of the larger one's level that is third from its end.
+    Taps are applied down the rows and then along the columns, mirrored: the first ones to the
+    image, the others to the levels. On the CPU two rows are done together.
+    """
+    for o, octave in enumerate(octaves):
+        level = level_of(octave, 0)
+        if o:
+            before = octaves[o - 1]
+            _halve(level_of(before, before.shape[0] - 3), level)
+        else:
+            _smooth(src, taps[0], level)
+        for i in range(1, octave.shape[0]):
+            level, before = level_of(octave, i), level
+            _smooth(before, taps[i], level)
+
+
+def _smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
     height, width = src.shape
     if dst.device.is_cuda:
         one, other = (view(a, wp.float32, (1, height, width)) for a in (src, dst))
@@ -43,8 +69,7 @@ def smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
     launch_slabs(smooth_rows, height, parts, [src, taps, margin, lines], [dst])
 
 
-def halve(src: wp.array, dst: wp.array) -> None:
-    """Every second pixel of every second row; one thread a pixel."""
+def _halve(src: wp.array, dst: wp.array) -> None:
     if dst.device.is_cuda:
         launch(cuda.halve, dst.shape, [src], [dst])
         return
@@ -52,37 +77,27 @@ def halve(src: wp.array, dst: wp.array) -> None:
 
 
 def mark_extrema(
-    levels: wp.array, threshold: float, margin: int, words: wp.array, counts: wp.array
+    octaves: Sequence[wp.array], threshold: float, margin: int, words: wp.array, ends: wp.array
 ) -> None:
     """Mark pixels whose difference of levels is extreme among 26 neighbours.
 
-    A bit a pixel, and their number in each row.
+    A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
+    number up to the end of each row.
     """
-    count, height, width = levels.shape
-    if levels.device.is_cuda:
-        clear(words)
-        launch(cuda.mark, (count - 3, height, width), [levels, threshold, margin], [words])
-        count_marks(words, counts)
-        return
-    parts = slabs(height, levels.size)
-    launch_slabs(cpu.mark, height, parts, [levels, threshold, margin], [words, counts])
-
-
-def count_marks(words: wp.array, counts: wp.array) -> None:
-    """Count the bits of each row, on CUDA, where they were not counted when they were set."""
-    rows = _rows(words)
-    launch(cuda.count, rows.shape[0], [rows], [counts])
-
-
-def list_marks(words: wp.array, starts: wp.array, width: int, places: wp.array) -> None:
-    """List the places (row times `width` plus column) of the bits; one thread a row."""
-    rows = _rows(words)
     if words.device.is_cuda:
-        launch(cuda.gather, rows.shape[0], [rows, starts, width], [places])
-        return
-    parts = slabs(rows.shape[0], 32 * rows.size)
-    launch_slabs(cpu.gather, rows.shape[0], parts, [rows, starts, width], [places])
+        clear(words)
+    for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
+        inputs = [levels, threshold, margin]
+        height = levels.shape[1]
+        if words.device.is_cuda:
+            launch(cuda.mark, (marks.shape[0], *levels.shape[1:]), inputs, [marks])
+        else:
+            launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
+    count_marks(octaves, words, ends)
 
 
-def _rows(words: wp.array) -> wp.array:
-    return view(words, wp.int32, (words.shape[0] * words.shape[1], words.shape[2]))
+def list_extrema(
+    octaves: Sequence[wp.array], words: wp.array, ends: wp.array, cells: wp.array
+) -> None:
+    """List octave, level, row and column of the N marks, in this order; one thread a row."""
+    list_marks(octaves, words, ends, cells)

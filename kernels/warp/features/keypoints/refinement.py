@@ -1,9 +1,15 @@
-"""Extrema between the pixels and levels of a scale space, in Warp."""
+"""Extrema between the pixels and levels of a scale space, in Warp.
+
+The Taichi set has the equations. One thread takes a point; on the CPU, a slab of points.
+"""
+
+from collections.abc import Sequence
 
 import warp as wp
 
 from cvkern.kernels.codes.features import MOVES
 from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp.features._levels import table
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -12,17 +18,20 @@ HALF = wp.constant(0.5)
 
 
 def refine(
-    levels: wp.array,
-    places: wp.array,
+    octaves: Sequence[wp.array],
     contrast: float,
     edge: float,
     margin: int,
     offsets: wp.array,
     cells: wp.array,
 ) -> None:
-    """Fit a paraboloid to each extremum, and move it to where that has its own; a thread each."""
-    count = places.shape[0]
-    inputs = [levels, places, contrast, edge, margin]
+    """Fit a paraboloid to each extremum, and move it to where that has its own; a thread each.
+
+    `cells` holds octave, level, row and column before and afterwards; the octave of an extremum
+    that is not kept becomes -1.
+    """
+    count = cells.shape[0]
+    inputs = [table(octaves), contrast, edge, margin]
     launch_each(_fit, count, 100 * count, inputs, [offsets, cells])
 
 
@@ -37,24 +46,28 @@ def _fit(
     stride: int,
     first: int,
     last: int,
-    levels: wp.array3d[float],  # (L, H, W)
-    places: wp.array[int],  # (N,): (level H + row) W + column
+    octaves: wp.array2d[wp.int64],  # (O, 4)
     contrast: float,  # least height
     edge: float,  # largest tr^2 / det
     margin: int,
     # outputs
     offsets: wp.array2d[float],  # (N, 4): row, column, level, height
-    cells: wp.array2d[int],  # (N, 4): level, row, column; 1 if it is kept
+    # in place
+    cells: wp.array2d[int],  # (N, 4): octave, level, row, column
 ):
-    height = levels.shape[1]
-    width = levels.shape[2]
     half = wp.float64(0.5)
     for n in range(first + wp.tid(), last, stride):
-        row = places[n] // width
-        x = places[n] - row * width
-        s = row // height
-        y = row - s * height
-        s += 1  # the first difference has no neighbour
+        o = cells[n, 0]
+        s = cells[n, 1]
+        y = cells[n, 2]
+        x = cells[n, 3]
+        height = int(octaves[o, 2])
+        width = int(octaves[o, 3])
+        levels = wp.array(
+            ptr=wp.uint64(octaves[o, 0]),
+            shape=(int(octaves[o, 1]) + 3, height, width),
+            dtype=wp.float32,
+        )
         kept = int(0)
         oy = wp.float64(0.0)
         ox = wp.float64(0.0)
@@ -130,7 +143,7 @@ def _fit(
         offsets[n, 1] = float(ox)
         offsets[n, 2] = float(os)
         offsets[n, 3] = float(wp.abs(top))
-        cells[n, 0] = s
-        cells[n, 1] = y
-        cells[n, 2] = x
-        cells[n, 3] = kept
+        cells[n, 0] = wp.where(kept == 1, o, -1)
+        cells[n, 1] = s
+        cells[n, 2] = y
+        cells[n, 3] = x

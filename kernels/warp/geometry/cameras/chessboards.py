@@ -1,4 +1,11 @@
-"""Chessboards in Warp: a smaller grey picture, its saddles, and corners within the pixel."""
+"""Chessboards in Warp: a smaller grey picture, its saddles, and corners within the pixel.
+
+The inner corners of a board are saddles of the smoothed picture, where ``I_yy I_xx - I_xy^2`` is
+negative. A corner p is fitted to the pixels q around it by least squares with
+``c + A E(n_0 . (q - p) / s) E(n_1 . (q - p) / s) + g . q``: two edges with the normals n_0 and n_1
+and the blur s, where ``E(t) = erf(t / sqrt 2)``, under a light with the slope g. The page of this
+family in docs/ says why. One thread takes a block, a pixel, or a corner; on the CPU, slabs of them.
+"""
 
 from typing import Any
 
@@ -114,52 +121,36 @@ def edge(table: wp.array2d[float], t: float) -> wp.vec2:
     return wp.vec2(wp.where(t < 0.0, -value, value), slope)
 
 
-@wp.func
-def solve4(given: mat44, right: vec4) -> vec4:
-    """Solve positive definite equations of which the lower half is given, by elimination."""
-    a = mat44()
-    x = vec4()
-    for i in range(4):
-        x[i] = right[i]
-        for j in range(i + 1):
-            a[i, j] = given[i, j]
-    for k in range(4):
-        for i in range(k + 1, 4):
-            f = a[i, k] / a[k, k]
-            for j in range(k + 1, i + 1):
-                a[i, j] = a[i, j] - f * a[j, k]
-            x[i] = x[i] - f * x[k]
-    for m in range(4):
-        k = 3 - m
-        rest = x[k]
-        for j in range(k + 1, 4):
-            rest -= a[j, k] * x[j]
-        x[k] = rest / a[k, k]
-    return x
+def _solver(size: int, matrix: Any, vector: Any) -> wp.Function:
+    """Make the function that solves so many equations."""
+
+    @wp.func
+    def solve(given: matrix, right: vector) -> vector:
+        """Solve positive definite equations of which the lower half is given, by elimination."""
+        a = matrix()
+        x = vector()
+        for i in range(size):
+            x[i] = right[i]
+            for j in range(i + 1):
+                a[i, j] = given[i, j]
+        for k in range(size):
+            for i in range(k + 1, size):
+                f = a[i, k] / a[k, k]
+                for j in range(k + 1, i + 1):
+                    a[i, j] = a[i, j] - f * a[j, k]
+                x[i] = x[i] - f * x[k]
+        for m in range(size):
+            k = size - 1 - m
+            rest = x[k]
+            for j in range(k + 1, size):
+                rest -= a[j, k] * x[j]
+            x[k] = rest / a[k, k]
+        return x
+
+    return solve
 
 
-@wp.func
-def solve5(given: mat55, right: vec5) -> vec5:
-    """Solve positive definite equations of which the lower half is given, by elimination."""
-    a = mat55()
-    x = vec5()
-    for i in range(5):
-        x[i] = right[i]
-        for j in range(i + 1):
-            a[i, j] = given[i, j]
-    for k in range(5):
-        for i in range(k + 1, 5):
-            f = a[i, k] / a[k, k]
-            for j in range(k + 1, i + 1):
-                a[i, j] = a[i, j] - f * a[j, k]
-            x[i] = x[i] - f * x[k]
-    for m in range(5):
-        k = 4 - m
-        rest = x[k]
-        for j in range(k + 1, 5):
-            rest -= a[j, k] * x[j]
-        x[k] = rest / a[k, k]
-    return x
+solve4, solve5 = _solver(4, mat44, vec4), _solver(5, mat55, vec5)
 
 
 @wp.func

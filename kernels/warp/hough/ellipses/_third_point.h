@@ -39,6 +39,6 @@ struct Axis {
         const float u = square * p, v = 0.25f * whole * q;
         const float gy = u * ey + v * ex, gx = u * ex - v * ey;
         const bool along = !directed | aligned(ny, nx, gy, gx, gy * gy + gx * gx, turn);
-        return inside & (square >= narrow) & (square <= wide) & along ? square : -1.0f;
+        return (inside & (square >= narrow) & (square <= wide) & along) ? square : -1.0f;
     }
 };

@@ -1,7 +1,7 @@
 // Fixed filters of 5 x 5 samples, PART pixels at once. Rows and columns beyond the image are those
 // mirrored at its border, which have the same colours.
 
-#include "_mirror.h"
+#include "../_mirror.h"
 
 // needs TYPE, PART, MALVAR, INTEGRAL, HIGHEST
 void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_row, int red_column,

@@ -1,6 +1,6 @@
 // Between images and planes of floats that are extended by MARGIN pixels, mirrored at the borders.
 
-#include "_mirror.h"
+#include "../_mirror.h"
 
 // needs TYPE, PART, MARGIN
 void extend(int row, int left, int right, wp::array_t<TYPE> raw, int top,

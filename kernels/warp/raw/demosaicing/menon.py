@@ -1,4 +1,8 @@
-"""Menon's demosaicing on extended planes, in Warp; the Taichi set has the equations."""
+"""Menon's demosaicing on extended planes, in Warp.
+
+The Taichi set has the equations. On the CPU a thread takes a slab of rows, on CUDA a run of pixels
+of a row; the code of both is _menon.h.
+"""
 
 import warp as wp
 

@@ -1,4 +1,8 @@
-"""Between images and extended planes of floats, in Warp."""
+"""Copies between images and extended planes of floats, in Warp.
+
+The Taichi set says how planes are extended. On the CPU a thread takes a slab of rows, on CUDA a run
+of pixels of a row (_planes.h).
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -7,7 +11,7 @@ import warp as wp
 
 from cvkern.kernels.codes.raw import MARGIN
 from cvkern.kernels.warp._spans import Spans, spans
-from cvkern.kernels.warp.raw.demosaicing._types import constants
+from cvkern.kernels.warp.raw._types import constants
 
 
 def extend(raw: wp.array, top: int, planes: wp.array) -> None:

@@ -6,13 +6,11 @@ Lines are worked on eight at a time on the CPU, and 32 pixels of one by a thread
 import warp as wp
 
 from cvkern.kernels.codes import raw as codes
-from cvkern.kernels.codes.raw import Step
+from cvkern.kernels.codes.raw import BORDER, MARGINS, Step
 from cvkern.kernels.warp._spans import spans
 
 LANES = 8  # lines at once on the CPU
 REACH = 20  # pixels along a line, on either side, that a difference depends on
-BORDER = 26  # pixels at the border whose green is not found
-MARGINS = {Step.DEVIATIONS: 28, Step.WINDOWS: 31, Step.TENTATIVE: 34, Step.RESIDUAL: 35}
 _FIT = {"FLOOR": f"{codes.FLOOR!r}f", "TINY": f"{codes.TINY!r}f"}
 _SMOOTH = {name: f"{getattr(codes, name)!r}f" for name in ("SMOOTH", "FLAT", "TINY")}
 

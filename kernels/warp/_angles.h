@@ -1,10 +1,10 @@
 #pragma once
-// Arithmetic that every device does alike: sums, products, quotients and roots, each rounded.
+// Arithmetic that the CPU and CUDA do alike: sums, products, quotients and roots, each rounded.
 struct Alike {
     // Angle of (x, y) in (-pi, pi], within 2e-7: the polynomial of _angles.py.
     static inline float angle(float y, float x) {
 #pragma clang fp contract(off)
-        const float ax = __builtin_fabsf(x), ay = __builtin_fabsf(y);
+        const float ax = x < 0.0f ? -x : x, ay = y < 0.0f ? -y : y;
         const float high = ax < ay ? ay : ax, low = ax < ay ? ax : ay;
         const float a = high > 0.0f ? low / (high > 0.0f ? high : 1.0f) : 0.0f;
         const float s = a * a;

@@ -1,4 +1,4 @@
-"""What native code has to know of the values of a picture."""
+"""Constants of native code that depend on the type of the values of an image."""
 
 from typing import Any
 

@@ -1,0 +1,59 @@
+"""Photographs in which keypoints are found: their checks, their grey values, their masks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_image, check_integer, check_positive
+from cvkern._runtime import Runtime
+
+
+def check_photograph(
+    image: Any, mask: Any, max_keypoints: int | None
+) -> tuple[Any, Any, int | None]:
+    """Check a photograph, the mask of its points, and their number."""
+    image = check_image(image, ndim=(2, 3))
+    shape = tuple(image.shape)
+    if len(shape) == 3 and shape[2] not in (3, 4):
+        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
+    if mask is not None:
+        mask = check_image(mask, name="mask")
+        if tuple(mask.shape) != shape[:2]:
+            raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
+    if max_keypoints is not None:
+        max_keypoints = check_integer(max_keypoints, "max_keypoints", 0, 2**26)
+    return image, mask, max_keypoints
+
+
+def white_of(image: Any, data_range: float | None = None) -> float:
+    """Return the value of white."""
+    if data_range is not None:
+        return check_positive(data_range, "data_range")
+    dtype = library(image).dtype(image)
+    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+
+
+def as_host(rt: Runtime, array: Any) -> np.ndarray:
+    """Bring an array of any library to the host, with its dtype."""
+    if isinstance(array, (np.ndarray, list, tuple)):
+        return np.asarray(array)
+    return np.asarray(rt.to_numpy(rt.adopt(array, library(array).dtype(array))))
+
+
+def prepared(rt: Runtime, image: Any, white: float) -> Any:
+    """Return the grey of an image in parts of white, as a kernel array."""
+    shape = tuple(image.shape)
+    gray = rt.scratch("features.gray", shape[:2])
+    src = rt.adopt(image, shape=(shape[0], shape[1], shape[2] if len(shape) == 3 else 1))
+    rt.features.keypoints.extrema.prepare(src, float(np.float32(1.0 / white)), gray)
+    return gray
+
+
+def unmasked(points: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Return the indices of points (N, 2) whose nearest pixel of a mask on the host is not 0."""
+    near = np.floor(points.astype(np.float64) + 0.5).astype(np.int64)
+    row, column = (near[:, i].clip(0, mask.shape[i] - 1) for i in (0, 1))
+    return np.flatnonzero(mask[row, column])

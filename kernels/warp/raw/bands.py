@@ -1,0 +1,85 @@
+"""Bands of a local Laplacian filter, in Warp; the Taichi set has the equations."""
+
+import warp as wp
+
+from cvkern.kernels.warp._spans import spans
+
+PART = 2  # values that a thread of CUDA works on: even
+
+
+def begin(
+    logs: wp.array, lowest: float, step: float, sigma: float, slope: float, dst: wp.array
+) -> None:
+    """Write the first smaller level of the image remapped about each reference, and of its own."""
+    planes, rows, columns = dst.shape
+    inputs = [logs, lowest, step, sigma, slope]
+    _begin.launch(rows, columns, 20 * planes * rows * columns, inputs, [dst])
+
+
+def reduce(src: wp.array, planes: int, dst: wp.array) -> None:
+    """Smooth the first planes, and keep every second row and column."""
+    _, rows, columns = dst.shape
+    work = 4 * planes * rows * columns
+    _reduce.launch(planes * rows, columns, work, [src], [dst])
+
+
+def collapse(
+    fine: wp.array,
+    coarse: wp.array,
+    below: int,
+    share: float,
+    lowest: float,
+    step: float,
+    sigma: float,
+    slope: float,
+    out: wp.array,
+) -> None:
+    """Add the bands of a level, between references, to plane `below` of the smaller level.
+
+    That plane counts by its share. The result is the last plane of `out`. With `sigma` above 0, the
+    level is the image itself, of one plane.
+    """
+    _, rows, columns = out.shape
+    inputs = [fine, coarse, below, share, lowest, step, sigma, slope]
+    _collapse.launch(rows, columns, 40 * rows * columns, inputs, [out])
+
+
+@spans("_bands.h", PART)
+def _begin(
+    row: int,
+    left: int,
+    right: int,
+    logs: wp.array2d[float],
+    lowest: float,
+    step: float,
+    sigma: float,
+    slope: float,
+    dst: wp.array3d[float],
+): ...
+
+
+@spans("_bands.h", PART)
+def _reduce(
+    row: int,
+    left: int,
+    right: int,
+    src: wp.array3d[float],
+    dst: wp.array3d[float],
+): ...
+
+
+@spans("_bands.h", PART)
+def _collapse(
+    row: int,
+    left: int,
+    right: int,
+    fine: wp.array3d[float],
+    coarse: wp.array3d[float],
+    below: int,
+    share: float,
+    lowest: float,
+    step: float,
+    sigma: float,
+    slope: float,
+    out: wp.array3d[float],
+): ...

@@ -1,0 +1,80 @@
+"""Local Laplacian filters against their definition, and what tone curves must keep."""
+
+import numpy as np
+import pytest
+
+import cvkern
+from cvkern._runtime import runtime
+from cvkern.raw.bands import local_laplacian
+from tests.raw import reference_pyramids as reference
+
+METHODS = ("reinhard", "reinhard_local", "bilateral", "local_laplacian")
+
+
+def filtered(image, references, sigma, slope):
+    rt = runtime(image)
+    low, step = float(image.min()), float(np.ptp(image)) / (references - 1)
+    levels = rt.adopt(image, np.float32, (1, *image.shape))
+    found = local_laplacian(rt, levels, low, step, references, sigma, slope)
+    return np.array(rt.to_numpy(found))[0]
+
+
+def walk(shape):
+    return np.cumsum(np.random.default_rng(0).normal(size=shape), axis=1).astype(np.float32)
+
+
+@pytest.mark.parametrize("shape", [(20, 24), (37, 270), (1, 9), (3, 2)])
+def test_the_filter_is_that_of_the_fast_equations(backend, shape):
+    """In float32: a rounding of 30 is 2e-6, and a few of them add up."""
+    image = walk(shape)
+    levels = 1 + max(1, int(np.log2(min(shape))))
+    want = reference.fast_local_laplacian(image.astype(float), levels, 1.0, 0.2, 9)
+    np.testing.assert_allclose(filtered(image, 9, 1.0, 0.2), want, rtol=0, atol=2e-5)
+
+
+def test_the_filter_nears_its_definition():
+    """Between references it is a straight line: what that is off falls with their distance."""
+    image = walk((20, 24))
+    want = reference.local_laplacian(image.astype(float), 5, 1.0, 0.2)
+    off = [np.abs(filtered(image, count, 1.0, 0.2) - want).mean() for count in (17, 33, 65)]
+    assert off[1] < off[0] / 2
+    assert off[2] < off[1] / 2
+    assert off[2] < 2e-3
+
+
+def test_nothing_changes_where_edges_keep_their_size(backend):
+    image = walk((40, 31))
+    np.testing.assert_allclose(filtered(image, 9, 1.0, 1.0), image, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_both_sets_have_the_same_bits(method):
+    rng = np.random.default_rng(1)
+    radiance = np.exp(rng.normal(0, 3, (70, 90, 3))).astype(np.float32)
+    radiance[3, 4], radiance[9] = np.nan, 0
+    answers = []
+    for name in ("warp", "taichi"):
+        with cvkern.use(name):
+            answers.append(cvkern.tone_map(radiance, method))
+    np.testing.assert_array_equal(*answers)
+    assert not answers[0][3, 4].any()
+    assert not answers[0][9].any()
+
+
+def test_an_edge_gets_no_halo(backend):
+    """Of a step of 10 stops, 7 are taken off; either side bends by a twelfth of that at most.
+
+    So it is by the definition, over the whole side. A linear filter bends each by half of it.
+    """
+    step = np.where(np.arange(256) < 128, 1.0, 1024.0) * np.ones((96, 1))
+    texture = 1 + 0.1 * np.sin(np.arange(256))
+    shown = cvkern.tone_map(step * texture, "local_laplacian", contrast=8)
+    logs = np.log2(shown / texture)
+    for side in (logs[:, 4:126], logs[:, 130:252]):
+        assert np.ptp(side) < 7 / 12
+        assert np.abs(np.diff(side, axis=1)).max() < 0.05
+    assert logs[:, 200].mean() - logs[:, 50].mean() == pytest.approx(3, abs=0.1)
+
+
+def test_one_brightness_is_white():
+    np.testing.assert_allclose(cvkern.tone_map(np.full((9, 7), 3.0), "local_laplacian"), 1)
