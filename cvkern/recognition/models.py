@@ -28,10 +28,10 @@ from cvkern.recognition._arguments import (
 )
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
 from cvkern.recognition.figures import Found, paint
-from cvkern.recognition.fitting import Fitted, fit
+from cvkern.recognition.fitting import Fitted, fit, frame_on
 from cvkern.recognition.hypotheses import explain, weigh
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
-from cvkern.recognition.training import MOST_SIZE, UNIT, Settings
+from cvkern.recognition.training import MOST_LAYERS, MOST_SIZE, UNIT, Settings
 from cvkern.recognition.votes import activate, find_modes
 
 OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
@@ -79,6 +79,9 @@ class ShapeModel:
         threshold of `agglomerative`.
     max_words : int, default 5
         Number of words that a patch activates, at most 8: those that correlate best.
+    layers : int, default 1
+        Sizes of patches, 1 to 3: each layer has patches of twice the size, in an image of half the
+        size.
     size : int, optional
         Longer side of the model's box, pixels. By default that of the median box, at most 96.
     mirror : bool, default True
@@ -138,6 +141,7 @@ class ShapeModel:
         method: str = "kmeans",
         correlation: float = 0.5,
         max_words: int = 5,
+        layers: int = 1,
         size: int | None = None,
         mirror: bool = True,
     ):
@@ -151,6 +155,7 @@ class ShapeModel:
             raise ValueError(f"correlation must be in (0, 1], got {self._correlation:g}")
         self._most = check_integer(max_words, "max_words", 1, MOST_WORDS)
         self._size = None if size is None else check_integer(size, "size", side, MOST_SIZE)
+        self._layers = check_integer(layers, "layers", 1, MOST_LAYERS)
         self._mirror = check_flag(mirror, "mirror")
         self._sampling = Sampling(side, points, step)
         self._settings: Settings | None = None
@@ -212,11 +217,13 @@ class ShapeModel:
         others = grays_of(negatives or (), "negatives", data_range)
         height, width = self._model_box([box for found in spans for box in found])
         settings = Settings(
-            self._words, self._method, self._correlation, self._most, self._sampling, height, width
-        )
-        if min(height, width) < self._sampling.side:
+            self._words, self._method, self._correlation, self._most, self._sampling, height, width,
+            self._layers,
+        )  # fmt: skip
+        least = min(height, width) >> (self._layers - 1)
+        if least < self._sampling.side:
             raise ValueError(
-                f"patch must be at most {min(height, width)}, the side of the model's box of "
+                f"patch must be at most {least} for {self._layers} layers in the model's box of "
                 f"{height} x {width}, got {self._sampling.side}"
             )
         objects = cut_all(pictures, spans, (height, width))
@@ -324,7 +331,7 @@ class ShapeModel:
         rt = runtime(image)
         shape = tuple(image.shape[:2])
         nothing = Found(rt, shape, np.empty((0, 4), np.int32), np.empty(0), None)
-        sampled = sample(rt, image, white, sizes, settings.sampling)
+        sampled = sample(rt, image, white, settings.sizes(sizes), settings.sampling)
         if not len(sampled.places):
             return nothing
         patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
@@ -337,9 +344,10 @@ class ShapeModel:
         if not len(modes):
             return nothing
         weights, space = rt.send("recognition.weights", fitted.weights), votes.space
-        evidence = weigh(rt, patches, weights, space, settings.frame, modes)
+        frame = frame_on(rt, settings)
+        evidence = weigh(rt, patches, weights, space, frame, modes)
         floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
-        chosen, left = explain(rt, patches, weights, space, settings.frame, modes, evidence, floor)
+        chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, floor)
         return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -390,6 +398,7 @@ class ShapeModel:
             method=settings.method,
             correlation=settings.correlation,
             max_words=settings.most,
+            layers=settings.layers,
             size=max(settings.height, settings.width),
         )
         model._settings, model._fitted = settings, fitted

@@ -103,7 +103,7 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
     def spy(rt, patches, weights, space, frame, modes, evidence, least):
         chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, least)
         on_host = [np.array(rt.to_numpy(a)) for a in (*patches, weights)]
-        seen.update(host=on_host, frame=frame, modes=modes, evidence=evidence, least=least)
+        seen.update(host=on_host, modes=modes, evidence=evidence, least=least)
         seen.update(chosen=chosen, left=left)
         return chosen, left
 
@@ -111,7 +111,7 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
     monkeypatch.setattr("cvkern.recognition.models.explain", spy)
     model.detect(image, scales=[1.0], threshold=-8.0)
     places, _, levels, matches, weights = seen["host"]
-    given = places, matches, levels[:, 0], weights, seen["frame"]
+    given = places, matches, levels[:, 0], weights, model._settings.frame
     order = np.argsort(-seen["evidence"], kind="stable")
     order = order[seen["evidence"][order] >= seen["least"]]
     assert len(order) > 10
