@@ -32,7 +32,7 @@ from cvkern.recognition.fitting import Fitted, fit, frame_on
 from cvkern.recognition.hypotheses import explain, weigh
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
 from cvkern.recognition.training import MOST_LAYERS, MOST_SIZE, UNIT, Settings
-from cvkern.recognition.votes import activate, find_modes
+from cvkern.recognition.votes import activate, find_modes, layout
 
 OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
 LONGEST = 96  # pixels of the longer side of the model's box, at most unless asked
@@ -93,6 +93,8 @@ class ShapeModel:
         Height and width of an object of scale 1, pixels.
     threshold : float or None
         Least score of what :meth:`detect` finds by default.
+    words : array of shape (K, S, S), int8, or None
+        Visual words.
 
     Raises
     ------
@@ -320,6 +322,48 @@ class ShapeModel:
             paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
         return Segmentation(self._objects(found), found.rt.release(masks))
 
+    def votes(
+        self,
+        image: Any,
+        *,
+        scales: Sequence[float] | None = None,
+        data_range: float | None = None,
+    ) -> list[np.ndarray]:
+        """Return the votes for centres of objects, to look at.
+
+        Parameters
+        ----------
+        image, scales, data_range
+            As in :meth:`detect`.
+
+        Returns
+        -------
+        list of arrays of shape (rows, columns), int32
+            The sums of weights in the cells of each scale, ascending, on the host. A cell has four
+            pixels of the model on each side; 65536 is the weight of a patch.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As in :meth:`detect`.
+        """
+        found = self._search(image, scales, None, data_range)
+        bins, _, _ = layout((found.shape[0], found.shape[1]), check_scales(scales))
+        if found.votes is None:
+            return [np.zeros((rows, columns), np.int32) for _, rows, columns, _, _ in bins[0]]
+        sums = np.array(found.rt.to_numpy(found.votes.sums))
+        ends = np.cumsum([rows * columns for _, rows, columns, _, _ in bins[0]])
+        parts = np.split(sums, ends[:-1])
+        return [part.reshape(b[1], b[2]) for part, b in zip(parts, bins[0], strict=True)]
+
+    @property
+    def words(self) -> np.ndarray | None:
+        """Visual words: normalised patches, (K, S, S) int8."""
+        if self._fitted is None:
+            return None
+        side = self._sampling.side
+        return self._fitted.words[:, : side * side].reshape(-1, side, side).copy()
+
     def _search(
         self, image: Any, scales: Any, threshold: float | None, data_range: float | None
     ) -> Found:
@@ -342,7 +386,7 @@ class ShapeModel:
         votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
         modes = modes[self._inside(modes, np.array(shape))]
         if not len(modes):
-            return nothing
+            return nothing._replace(votes=votes)
         weights, space = rt.send("recognition.weights", fitted.weights), votes.space
         frame = frame_on(rt, settings)
         evidence = weigh(rt, patches, weights, space, frame, modes)
