@@ -18,7 +18,10 @@ def made(scalar) -> Iterator[Any]:
     yield gray_code._spreads(scalar)
     yield phase._decode_cuda(scalar)
     lines = laser._kernels(scalar)
-    yield from (lines.find, lines.peaks, lines.centroids, lines.ridges)
+    yield from (lines.peaks, lines.centroids, lines.ridges)
+    yield laser._find_in_columns_cuda(scalar)
+    yield laser._find_in_rows_cuda(scalar)
+    yield laser._find_ridges_cuda(scalar)
 
 
 @pytest.mark.parametrize("scalar", [wp.uint8, wp.uint16, wp.float32])
