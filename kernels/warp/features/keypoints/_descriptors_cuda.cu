@@ -1,4 +1,4 @@
-#include "_angles.h"
+#include "../../_angles.h"
 
 // needs BINS, PEAKS, LONGEST, BINS_PER_RADIAN, REACH
 // Directions of the gradient round the point of a block: the peaks of their histogram.
@@ -52,7 +52,8 @@ void orient(wp::array_t<wp::int64> octaves, wp::array_t<int> windows, wp::array_
         const int b = thread + 32 * i;
         height_of[i] = -1;
         if (b >= BINS) continue;
-        const wp::int64 v = smooth[b], l = smooth[(b + BINS - 1) % BINS], r = smooth[(b + 1) % BINS];
+        const wp::int64 v = smooth[b], l = smooth[(b + BINS - 1) % BINS],
+                        r = smooth[(b + 1) % BINS];
         if (v > l && v > r && 5 * v >= 4 * most) height_of[i] = v;
     }
     int count = 0;
