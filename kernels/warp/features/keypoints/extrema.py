@@ -90,7 +90,7 @@ def mark_extrema(
         inputs = [levels, threshold, margin]
         height = levels.shape[1]
         if words.device.is_cuda:
-            launch(cuda.mark, (marks.shape[0], *levels.shape[1:]), inputs, [marks])
+            launch(cuda.mark, levels.shape[1:], inputs, [marks])
         else:
             launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
     count_marks(octaves, words, ends)
