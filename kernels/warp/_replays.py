@@ -1,4 +1,4 @@
-"""Sequences of launches that are repeated on CUDA with the same arrays: graphs, kept for a thread."""
+"""Sequences of launches that CUDA repeats with the same arrays: graphs, kept for a thread."""
 
 from __future__ import annotations
 
