@@ -116,8 +116,8 @@ def main(command: list[str] | None = None) -> int:
         "degrees_off": off, "first_s": sum(first.values()), "seconds": took, "steps_s": best,
         "arrays": library,
     }  # fmt: skip
-    whole = surroundings(args.device, sys.argv[1:] if command is None else command)
     if args.json:
+        whole = surroundings(args.device, sys.argv[1:] if command is None else command)
         write_json(args.json, whole | result)
     return 0 if right and off <= LIMIT else 1
 
