@@ -24,6 +24,7 @@ class Folder:
             from cvkern.kernels.warp.features.keypoints import extrema as extrema
             from cvkern.kernels.warp.features.keypoints import refinement as refinement
     class filters:
+        from cvkern.kernels.warp.filters import channels as channels
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
@@ -85,6 +86,11 @@ class Folder:
             from cvkern.kernels.warp.raw.demosaicing import menon as menon
             from cvkern.kernels.warp.raw.demosaicing import planes as planes
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
+    class recognition:
+        from cvkern.kernels.warp.recognition import codebook as codebook
+        from cvkern.kernels.warp.recognition import hypotheses as hypotheses
+        from cvkern.kernels.warp.recognition import patches as patches
+        from cvkern.kernels.warp.recognition import votes as votes
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry

@@ -16,7 +16,7 @@ METHODS = ("poisson", "bilateral")
 FLATTEST = 0.01  # least z of a unit normal; steeper slopes are limited to that of this z
 COARSEST = 16  # largest number of pixels of the coarsest level, unless it is a line
 SETTLED = 8  # forward and backward sweeps that solve the coarsest level
-OFTEN = 4  # steps between checks of convergence
+OFTEN = 4  # steps between checks of convergence on a GPU, where the host waits for them
 MOST_STEPS = 400
 LEAST_GAIN = 1e-4  # relative decrease of the energy below which the weights are final
 
@@ -171,6 +171,7 @@ class Solver:
         self.rises = rt.scratch("relief.rises", (2, *shape))
         self.none = rt.scratch("relief.none", (0, 1, 1))
         self.levels = [(rt.scratch("relief.weights", (2, *shape)), inside, *self._fields(0, shape))]
+        # Each level halves a side above 2, so there are at most 16 of them.
         while np.prod(shape) > COARSEST and max(shape) > 2:
             shape = (shape[0] + 1) // 2, (shape[1] + 1) // 2
             n = len(self.levels)
@@ -202,11 +203,11 @@ class Solver:
             kernels.coarsen(fine[0], fine[1], coarse[0], coarse[1])
         self.rt.write(self.sums, np.zeros(3))
         pull(weights, self.rises, self.z, 1.0, self.r)
-        first = None
+        first, often = None, 1 if self.rt.device == "cpu" else OFTEN
         for step in range(MOST_STEPS):
             smoothed = self._cycle()
             kernels.weigh_rest(self.r, smoothed, self.partial, self.sums)
-            if step % OFTEN == 0:
+            if step % often == 0:
                 left = float(self.rt.to_numpy(self.sums)[0])
                 first = left if first is None else first
                 if not left > tolerance**2 * first:

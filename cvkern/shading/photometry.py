@@ -139,7 +139,8 @@ def photometric_stereo(
     depth = rt.scratch("shading.far", (0, 1), np.float32)
     for n in range(ROUNDS if near else 1):
         if near:
-            depth = _near_depth(rt, outputs[0] if n else None, inside, shape)
+            own = None if mask is None else inside
+            depth = _near_depth(rt, outputs[0] if n else None, own, shape)
         photometry.weigh(seen, ranks, lamps, depth, windows, weighing, *outputs)
     return PhotometricStereo(*(rt.release(a) for a in found))
 
@@ -148,7 +149,8 @@ def _near_depth(rt: Runtime, normals: Any, inside: Any, shape: tuple[int, int]) 
     """Return depth for kernels: integrated from the normals, or a plane if there are none yet."""
     if normals is None:
         return rt.send("shading.near", np.zeros(shape, np.float32))
-    depth = integrate_normals(rt.to_numpy(normals), mask=rt.to_numpy(inside))
+    mask = None if inside is None else rt.to_numpy(inside)
+    depth = integrate_normals(rt.to_numpy(normals), mask=mask)
     return rt.send("shading.near", np.asarray(depth, np.float32))
 
 

@@ -1,56 +1,5 @@
-// Photometric stereo on the CPU; taichi/shading/photometry.py has the equations. Least squares
-// take a part of a row at a time, which stays in the cache between the pass that solves and the one
-// that compares. Ranks and robust rules take LANES pixels at once.
-
-void solve_rows(int slab, int first, int last, wp::array_t<float> images,
-                wp::array_t<float> inverse, wp::array_t<float> lights, wp::array_t<wp::uint8> mask,
-                wp::array_t<float> normals, wp::array_t<float> albedo,
-                wp::array_t<float> residual) {
-#pragma clang fp contract(off)
-    enum { PART = 512 };
-    const int count = images.shape[0], width = images.shape[2];
-    const size_t plane = (size_t)images.shape[1] * width;
-    float a[PART], b[PART], c[PART], total[PART];
-    const size_t begin = (size_t)first * width, end = (size_t)last * width;
-    for (size_t here = begin; here < end; here += PART) {
-        const int n = end - here < PART ? (int)(end - here) : PART;
-        for (int i = 0; i < n; ++i) a[i] = b[i] = c[i] = total[i] = 0.0f;
-        for (int k = 0; k < count; ++k) {
-            const float* from = images.data + k * plane + here;
-            const float p = inverse.data[k], q = inverse.data[count + k];
-            const float r = inverse.data[2 * count + k];
-#pragma clang loop vectorize(assume_safety)
-            for (int i = 0; i < n; ++i) {
-                a[i] += p * from[i];
-                b[i] += q * from[i];
-                c[i] += r * from[i];
-            }
-        }
-        for (int k = 0; k < count; ++k) {
-            const float* from = images.data + k * plane + here;
-            const float* light = lights.data + 4 * k;
-            const float p = light[0], q = light[1], r = light[2];
-#pragma clang loop vectorize(assume_safety)
-            for (int i = 0; i < n; ++i) {
-                const float e = p * a[i] + q * b[i] + r * c[i];
-                const float off = from[i] - (e > 0.0f ? e : 0.0f);
-                total[i] += off * off;
-            }
-        }
-        for (int i = 0; i < n; ++i) {
-            const float length = __builtin_sqrtf(a[i] * a[i] + b[i] * b[i] + c[i] * c[i]);
-            const bool inside = mask.shape[0] == 0 || mask.data[here + i];
-            const bool found = inside && length > 0.0f && length < __builtin_inff();
-            const float none = __builtin_nanf("");
-            float* normal = normals.data + 3 * (here + i);
-            normal[0] = found ? a[i] / length : none;
-            normal[1] = found ? b[i] / length : none;
-            normal[2] = found ? c[i] / length : none;
-            albedo.data[here + i] = found ? length : 0.0f;
-            residual.data[here + i] = found ? __builtin_sqrtf(total[i] / (float)count) : 0.0f;
-        }
-    }
-}
+// Photometric stereo on the CPU; taichi/shading/photometry.py has the equations. Ranks and robust
+// rules take LANES pixels at once.
 
 // The ranks of a pixel's values among those that are finite and below the limit, LANES pixels at
 // once.
@@ -111,224 +60,183 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
                 wp::array_t<float> albedo, wp::array_t<float> residual) {
 #pragma clang fp contract(off)
     enum { LANES = 8 };
+    typedef double reals __attribute__((vector_size(8 * LANES)));
+    typedef long long flags __attribute__((vector_size(8 * LANES)));
     const int count = images.shape[0], width = images.shape[2];
     const int method = rule[0], sweeps = rule[1];
     const bool near = depth.shape[0] > 0;
     const size_t plane = (size_t)images.shape[1] * width;
     const size_t begin = (size_t)first * width, end = (size_t)last * width;
-    double value[MOST][LANES], weight[MOST][LANES], variance[MOST][LANES];
-    int rank[MOST][LANES];
+    const reals zero = {}, one = zero + 1.0;
+    const flags every = zero == zero;
+    reals value[MOST], weight[MOST], variance[MOST], rank[MOST];
+    const auto root = [](reals x) {
+        for (int i = 0; i < LANES; ++i) x[i] = __builtin_sqrt(x[i]);
+        return x;
+    };
     for (size_t here = begin; here < end; here += LANES) {
         const int n = end - here < LANES ? (int)(end - here) : LANES;
-        int number[LANES], low[LANES], high[LANES], inside[LANES];
-        bool found[LANES], any = false;
-        double brightest[LANES], px[LANES], py[LANES], pz[LANES];
-        for (int i = 0; i < LANES; ++i) {
-            number[i] = 0;
-            brightest[i] = 0.0;
-            found[i] = i < n;
-        }
+        reals number = zero, brightest = zero, px = zero, py = zero, pz = zero;
         for (int k = 0; k < count; ++k) {
             const float* from = images.data + k * plane + here;
             const wp::uint16* place = ranks.data + k * plane + here;
             for (int i = 0; i < LANES; ++i) {
                 rank[k][i] = i < n ? place[i] : LEFT_OUT;
-                const bool part = rank[k][i] != LEFT_OUT;
-                value[k][i] = part ? (double)from[i < n ? i : 0] : 0.0;
-                number[i] += part;
-                if (value[k][i] > brightest[i]) brightest[i] = value[k][i];
+                value[k][i] = from[i < n ? i : 0];
             }
+            const flags part = rank[k] != (double)LEFT_OUT;
+            value[k] = part ? value[k] : zero;
+            number += part ? one : zero;
+            brightest = value[k] > brightest ? value[k] : brightest;
         }
-        for (int i = 0; i < LANES; ++i) {
-            found[i] = found[i] && number[i] >= 3 && brightest[i] > 0.0;
-            px[i] = py[i] = pz[i] = 0.0;
-            if (near && i < n) {
+        flags found = (number >= 3.0) & (brightest > zero);
+        bool any = false;
+        for (int i = 0; i < n; ++i) {
+            if (near) {
                 px[i] = (double)((here + i) % width);
                 py[i] = -(double)((here + i) / width);
                 pz[i] = -(double)depth.data[here + i];
-                found[i] = found[i] && __builtin_fabs(pz[i]) < __builtin_inf();
+                if (!(__builtin_fabs(pz[i]) < __builtin_inf())) found[i] = 0;
             }
             any = any || found[i];
         }
-        double mx[LANES], my[LANES], mz[LANES], strength[LANES], total[LANES];
-        for (int i = 0; i < LANES; ++i) mx[i] = my[i] = mz[i] = strength[i] = total[i] = 0.0;
-        double lx[LANES], ly[LANES], lz[LANES];
-        auto light = [&](int k) {
+        reals mx = zero, my = zero, mz = zero, strength = zero, total = zero, lx, ly, lz;
+        const auto light = [&](int k) {
             const float* l = lights.data + 4 * k;
-            for (int i = 0; i < LANES; ++i) {
-                lx[i] = l[0] - px[i];
-                ly[i] = l[1] - py[i];
-                lz[i] = l[2] - pz[i];
+            lx = (double)l[0] - px;
+            ly = (double)l[1] - py;
+            lz = (double)l[2] - pz;
+            if (near) {
+                const reals r = root(lx * lx + ly * ly + lz * lz);
+                const reals f = (double)l[3] / (r * r * r);
+                lx *= f;
+                ly *= f;
+                lz *= f;
             }
-            if (near)
-                for (int i = 0; i < LANES; ++i) {
-                    const double r = __builtin_sqrt(lx[i] * lx[i] + ly[i] * ly[i] + lz[i] * lz[i]);
-                    const double f = (double)l[3] / (r * r * r);
-                    lx[i] *= f;
-                    ly[i] *= f;
-                    lz[i] *= f;
-                }
         };
         for (int m = 0; m < windows.shape[0] && any; ++m) {
+            reals low, high, inside = zero;
             for (int i = 0; i < LANES; ++i) {
-                low[i] = (int)__builtin_floorf(windows.data[2 * m] * (float)number[i] + 0.5f);
-                high[i] = (int)__builtin_floorf(windows.data[2 * m + 1] * (float)number[i] + 0.5f);
-                inside[i] = 0;
+                low[i] = __builtin_floorf(windows.data[2 * m] * (float)number[i] + 0.5f);
+                high[i] = __builtin_floorf(windows.data[2 * m + 1] * (float)number[i] + 0.5f);
             }
-            for (int k = 0; k < count; ++k)
-                for (int i = 0; i < LANES; ++i)
-                    inside[i] += (rank[k][i] >= low[i]) & (rank[k][i] < high[i]) &
-                                 ((method != CONSENSUS) | (value[k][i] > 0.0));
-            double sx[LANES], sy[LANES], sz[LANES], spread[LANES], turn[LANES];
-            for (int i = 0; i < LANES; ++i) {
-                if (inside[i] < 4) {  // too few to tell their spread
-                    low[i] = 0;
-                    high[i] = number[i];
-                }
-                sx[i] = sy[i] = sz[i] = spread[i] = turn[i] = 0.0;
-            }
+            const auto taken = [&](int k) {
+                const flags bright = method == CONSENSUS ? value[k] > zero : every;
+                return (rank[k] >= low) & (rank[k] < high) & bright;
+            };
+            for (int k = 0; k < count; ++k) inside += taken(k) ? one : zero;
+            low = inside < 4.0 ? zero : low;  // too few to tell their spread
+            high = inside < 4.0 ? number : high;
+            reals sx = zero, sy = zero, sz = zero, spread = zero, turn = zero;
             for (int sweep = 0; sweep <= sweeps; ++sweep) {
-                double xx[LANES], xy[LANES], xz[LANES], yy[LANES], yz[LANES], zz[LANES];
-                double bx[LANES], by[LANES], bz[LANES];
-                for (int i = 0; i < LANES; ++i)
-                    xx[i] = xy[i] = xz[i] = yy[i] = yz[i] = zz[i] = bx[i] = by[i] = bz[i] = 0.0;
+                reals xx = zero, xy = zero, xz = zero, yy = zero, yz = zero, zz = zero;
+                reals bx = zero, by = zero, bz = zero;
+                const reals scale = spread > zero ? spread : one;
                 for (int k = 0; k < count; ++k) {
-                    double w[LANES];
+                    reals w = one;
                     light(k);
-                    for (int i = 0; i < LANES; ++i) w[i] = 1.0;
                     if (method == BAYES) {
-                        if (sweep == 0)
-                            for (int i = 0; i < LANES; ++i) variance[k][i] = 1.0;
-                        for (int i = 0; i < LANES; ++i) w[i] = 1.0 / (variance[k][i] + NOISE);
-                    } else if (sweep > 0 && method == L1) {
-                        for (int i = 0; i < LANES; ++i) {
-                            const double e = lx[i] * sx[i] + ly[i] * sy[i] + lz[i] * sz[i];
-                            double off = __builtin_fabs(value[k][i] - e);
-                            off /= spread[i] > 0.0 ? spread[i] : 1.0;
-                            off = off > 1e-3 ? off : 1e-3;
-                            w[i] = 1.0 / (spread[i] > 0.0 ? off : 1.0);
+                        if (sweep == 0) variance[k] = one;
+                        w = 1.0 / (variance[k] + NOISE);
+                    } else if (sweep > 0 && (method == L1 || method == CONSENSUS)) {
+                        const reals e = lx * sx + ly * sy + lz * sz;
+                        const reals off = (value[k] - e) / scale;
+                        if (method == L1) {
+                            const reals size = off < zero ? -off : off;
+                            w = 1.0 / (size > 1e-3 ? size : zero + 1e-3);
+                        } else {
+                            const reals v = 1.0 / (1.0 + off * off);
+                            w = (e > zero ? v : zero) + FLOOR;
                         }
-                    } else if (sweep > 0 && method == CONSENSUS) {
-                        for (int i = 0; i < LANES; ++i) {
-                            const double e = lx[i] * sx[i] + ly[i] * sy[i] + lz[i] * sz[i];
-                            const double off =
-                                (value[k][i] - e) / (spread[i] > 0.0 ? spread[i] : 1.0);
-                            const double v = 1.0 / (1.0 + off * off);
-                            w[i] = (e > 0.0 ? v : 0.0) + FLOOR;
-                            w[i] = spread[i] > 0.0 ? w[i] : 1.0;
-                        }
+                        w = spread > zero ? w : one;
                     }
-                    for (int i = 0; i < LANES; ++i) {
-                        const bool part = (rank[k][i] >= low[i]) & (rank[k][i] < high[i]) &
-                                          ((method != CONSENSUS) | (value[k][i] > 0.0));
-                        w[i] = part ? w[i] : 0.0;
-                        weight[k][i] = w[i];
-                        const double ax = w[i] * lx[i], ay = w[i] * ly[i], az = w[i] * lz[i];
-                        xx[i] += ax * lx[i];
-                        xy[i] += ax * ly[i];
-                        xz[i] += ax * lz[i];
-                        yy[i] += ay * ly[i];
-                        yz[i] += ay * lz[i];
-                        zz[i] += az * lz[i];
-                        bx[i] += ax * value[k][i];
-                        by[i] += ay * value[k][i];
-                        bz[i] += az * value[k][i];
-                    }
+                    w = taken(k) ? w : zero;
+                    weight[k] = w;
+                    const reals ax = w * lx, ay = w * ly, az = w * lz;
+                    xx += ax * lx;
+                    xy += ax * ly;
+                    xz += ax * lz;
+                    yy += ay * ly;
+                    yz += ay * lz;
+                    zz += az * lz;
+                    bx += ax * value[k];
+                    by += ay * value[k];
+                    bz += az * value[k];
                 }
-                double ixx[LANES], ixy[LANES], ixz[LANES], iyy[LANES], iyz[LANES], izz[LANES];
-                double squares[LANES], weights[LANES];
-                for (int i = 0; i < LANES; ++i) {
-                    const double ridge = RIDGE * (xx[i] + yy[i] + zz[i]);
-                    const double p = xx[i] + ridge, q = yy[i] + ridge, r = zz[i] + ridge;
-                    const double a = q * r - yz[i] * yz[i], b = xz[i] * yz[i] - xy[i] * r;
-                    const double c = xy[i] * yz[i] - xz[i] * q;
-                    const double d = p * a + xy[i] * b + xz[i] * c;
-                    const double f = d != 0.0 ? 1.0 / d : 0.0;
-                    ixx[i] = a * f;
-                    ixy[i] = b * f;
-                    ixz[i] = c * f;
-                    iyy[i] = (p * r - xz[i] * xz[i]) * f;
-                    iyz[i] = (xy[i] * xz[i] - p * yz[i]) * f;
-                    izz[i] = (p * q - xy[i] * xy[i]) * f;
-                    sx[i] = ixx[i] * bx[i] + ixy[i] * by[i] + ixz[i] * bz[i];
-                    sy[i] = ixy[i] * bx[i] + iyy[i] * by[i] + iyz[i] * bz[i];
-                    sz[i] = ixz[i] * bx[i] + iyz[i] * by[i] + izz[i] * bz[i];
-                    squares[i] = weights[i] = 0.0;
-                }
+                const reals ridge = RIDGE * (xx + yy + zz);
+                const reals p = xx + ridge, q = yy + ridge, r = zz + ridge;
+                const reals a = q * r - yz * yz, b = xz * yz - xy * r, c = xy * yz - xz * q;
+                const reals d = p * a + xy * b + xz * c;
+                const reals f = d != zero ? 1.0 / d : zero;
+                const reals ixx = a * f, ixy = b * f, ixz = c * f;
+                const reals iyy = (p * r - xz * xz) * f, iyz = (xy * xz - p * yz) * f;
+                const reals izz = (p * q - xy * xy) * f;
+                sx = ixx * bx + ixy * by + ixz * bz;
+                sy = ixy * bx + iyy * by + iyz * bz;
+                sz = ixz * bx + iyz * by + izz * bz;
+                reals squares = zero, weights = zero;
                 for (int k = 0; k < count; ++k) {
                     light(k);
-                    for (int i = 0; i < LANES; ++i) {
-                        const double e = lx[i] * sx[i] + ly[i] * sy[i] + lz[i] * sz[i];
-                        const double off = value[k][i] - e;
-                        if (method == BAYES) {
-                            const double g = variance[k][i], d = 1.0 / (g + NOISE);
-                            const double u = ixx[i] * lx[i] + ixy[i] * ly[i] + ixz[i] * lz[i];
-                            const double v = ixy[i] * lx[i] + iyy[i] * ly[i] + iyz[i] * lz[i];
-                            const double t = ixz[i] * lx[i] + iyz[i] * ly[i] + izz[i] * lz[i];
-                            const double lever = lx[i] * u + ly[i] * v + lz[i] * t;
-                            const double of = g * d * off / brightest[i];
-                            const double h = of * of + (g - g * g * d * (1.0 - d * lever));
-                            variance[k][i] = (double)(float)(h > 0.0 ? h : 0.0);
-                        }
-                        const bool part = weight[k][i] > 0.0;
-                        const double w = method == BAYES ? (part ? 1.0 : 0.0) : weight[k][i];
-                        squares[i] += w * off * off;
-                        weights[i] += w;
+                    const reals off = value[k] - (lx * sx + ly * sy + lz * sz);
+                    reals w = weight[k];
+                    if (method == BAYES) {
+                        const reals g = variance[k], h = 1.0 / (g + NOISE);
+                        const reals u = ixx * lx + ixy * ly + ixz * lz;
+                        const reals v = ixy * lx + iyy * ly + iyz * lz;
+                        const reals t = ixz * lx + iyz * ly + izz * lz;
+                        const reals lever = lx * u + ly * v + lz * t;
+                        const reals error = g * h * off / brightest;
+                        const reals next = error * error + (g - g * g * h * (1.0 - h * lever));
+                        for (int i = 0; i < LANES; ++i)
+                            variance[k][i] = (float)(next[i] > 0.0 ? next[i] : 0.0);
+                        w = w > zero ? one : zero;
                     }
+                    squares += w * off * off;
+                    weights += w;
                 }
-                for (int i = 0; i < LANES; ++i) {
-                    const double free = weights[i] - 3.0;
-                    spread[i] = __builtin_sqrt(squares[i] / (free > 0.5 ? free : 0.5));
-                    const double power = sx[i] * sx[i] + sy[i] * sy[i] + sz[i] * sz[i];
-                    const double u = ixx[i] * sx[i] + ixy[i] * sy[i] + ixz[i] * sz[i];
-                    const double v = ixy[i] * sx[i] + iyy[i] * sy[i] + iyz[i] * sz[i];
-                    const double t = ixz[i] * sx[i] + iyz[i] * sy[i] + izz[i] * sz[i];
-                    if (power > 0.0)
-                        turn[i] = (ixx[i] + iyy[i] + izz[i] -
-                                   (sx[i] * u + sy[i] * v + sz[i] * t) / power) /
-                                  power;
-                }
+                const reals free = weights - 3.0;
+                spread = root(squares / (free > 0.5 ? free : zero + 0.5));
+                const reals power = sx * sx + sy * sy + sz * sz;
+                const reals u = ixx * sx + ixy * sy + ixz * sz;
+                const reals v = ixy * sx + iyy * sy + iyz * sz;
+                const reals t = ixz * sx + iyz * sy + izz * sz;
+                const reals along = (sx * u + sy * v + sz * t) / power;
+                turn = power > zero ? (ixx + iyy + izz - along) / power : turn;
             }
-            for (int i = 0; i < LANES; ++i) {
-                const double length = __builtin_sqrt(sx[i] * sx[i] + sy[i] * sy[i] + sz[i] * sz[i]);
-                if (length > 0.0 && length < __builtin_inf()) {
-                    const double t = turn[i] > 0.0 ? turn[i] : 0.0;
-                    const double share =
-                        windows.shape[0] > 1 ? 1.0 / (spread[i] * __builtin_sqrt(t) + 1e-6) : 1.0;
-                    mx[i] += share / length * sx[i];
-                    my[i] += share / length * sy[i];
-                    mz[i] += share / length * sz[i];
-                    strength[i] += share * length;
-                    total[i] += share;
-                }
-            }
+            const reals length = root(sx * sx + sy * sy + sz * sz);
+            const flags told = (length > zero) & (length < __builtin_inf());
+            reals share = one;
+            if (windows.shape[0] > 1)
+                share = 1.0 / (spread * root(turn > zero ? turn : zero) + 1e-6);
+            const reals part = share / length;
+            mx += told ? part * sx : zero;
+            my += told ? part * sy : zero;
+            mz += told ? part * sz : zero;
+            strength += told ? share * length : zero;
+            total += told ? share : zero;
         }
-        double squares[LANES];
-        for (int i = 0; i < LANES; ++i) {
-            const double length = __builtin_sqrt(mx[i] * mx[i] + my[i] * my[i] + mz[i] * mz[i]);
-            found[i] = found[i] && length > 0.0;
-            mx[i] /= found[i] ? length : 1.0;
-            my[i] /= found[i] ? length : 1.0;
-            mz[i] /= found[i] ? length : 1.0;
-            strength[i] /= found[i] ? total[i] : 1.0;
-            squares[i] = 0.0;
-        }
+        const reals length = root(mx * mx + my * my + mz * mz);
+        found &= length > zero;
+        mx /= found ? length : one;
+        my /= found ? length : one;
+        mz /= found ? length : one;
+        strength /= found ? total : one;
+        reals squares = zero;
         for (int k = 0; k < count && any; ++k) {
             light(k);
-            for (int i = 0; i < LANES; ++i) {
-                const double e = strength[i] * (mx[i] * lx[i] + my[i] * ly[i] + mz[i] * lz[i]);
-                const double off = value[k][i] - (e > 0.0 ? e : 0.0);
-                squares[i] += rank[k][i] != LEFT_OUT ? off * off : 0.0;
-            }
+            const reals e = strength * (mx * lx + my * ly + mz * lz);
+            const reals off = value[k] - (e > zero ? e : zero);
+            squares += rank[k] != (double)LEFT_OUT ? off * off : zero;
         }
+        const float none = __builtin_nanf("");
         for (int i = 0; i < n; ++i) {
             float* normal = normals.data + 3 * (here + i);
-            normal[0] = found[i] ? (float)mx[i] : __builtin_nanf("");
-            normal[1] = found[i] ? (float)my[i] : __builtin_nanf("");
-            normal[2] = found[i] ? (float)mz[i] : __builtin_nanf("");
+            normal[0] = found[i] ? (float)mx[i] : none;
+            normal[1] = found[i] ? (float)my[i] : none;
+            normal[2] = found[i] ? (float)mz[i] : none;
             albedo.data[here + i] = found[i] ? (float)strength[i] : 0.0f;
             residual.data[here + i] =
-                found[i] ? (float)__builtin_sqrt(squares[i] / (double)number[i]) : 0.0f;
+                found[i] ? (float)__builtin_sqrt(squares[i] / number[i]) : 0.0f;
         }
     }
 }

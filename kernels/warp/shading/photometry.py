@@ -1,16 +1,18 @@
 """Normals and albedo of pixels seen under several lights, in Warp.
 
-The Taichi set has the equations. Least squares is one pass over the images: on the CPU a part of a
-row at a time (`_photometry_cpu.h`), on CUDA one pixel a thread, whose values stay in shared memory
-if there are not too many images. Robust rules take a pixel a thread.
+The Taichi set has the equations. Least squares take 64 pixels at once on the CPU; on CUDA one pixel
+a thread, whose values stay in shared memory if there are not too many images. Robust rules take
+eight pixels at once on the CPU (`_photometry_cpu.h`), and one a thread on CUDA.
 """
 
 import warp as wp
 
 from cvkern.kernels.codes import shading as codes
 from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._lanes_cpu import WIDE
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
 from cvkern.kernels.warp.shading._mask import is_inside
+from cvkern.kernels.warp.shading._photometry_cpu import solve_lanes
 from cvkern.kernels.warp.shading._photometry_cuda import solve_kept, threads_for
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -23,23 +25,6 @@ CONSENSUS = wp.constant(int(codes.Photometric.CONSENSUS))
 RIDGE = wp.constant(wp.float64(codes.RIDGE))
 FLOOR = wp.constant(wp.float64(codes.FLOOR))
 NOISE = wp.constant(wp.float64(codes.SPARSE_NOISE))
-
-
-@_native.kernel("_photometry_cpu.h", OPTIONS)
-def solve_rows(
-    slab: int,
-    first: int,
-    last: int,
-    images: wp.array3d[float],
-    inverse: wp.array2d[float],
-    lights: wp.array2d[float],
-    mask: wp.array2d[wp.uint8],
-    # outputs
-    normals: wp.array3d[float],
-    albedo: wp.array2d[float],
-    residual: wp.array2d[float],
-):
-    """Forward to the native code."""
 
 
 @_native.kernel("_photometry_cpu.h", OPTIONS, LEFT_OUT=codes.LEFT_OUT)
@@ -97,15 +82,13 @@ def solve(
 ) -> None:
     """Write what least squares over all images give: the inverse (3, K) times each pixel."""
     inputs, outputs = [images, inverse, lights, mask], [normals, albedo, residual]
-    if albedo.device.is_cuda:
-        threads = threads_for(images.shape[0])
-        if threads:
-            launch(solve_kept, albedo.size, inputs, outputs, threads)
-        else:
-            launch(_solve, albedo.size, inputs, outputs)
+    size, threads = albedo.size, threads_for(images.shape[0])
+    if albedo.device.is_cuda and threads:
+        launch(solve_kept, size, inputs, outputs, threads)
+    elif albedo.device.is_cuda or size < WIDE:
+        launch(_solve, size, inputs, outputs)
     else:
-        count = slabs(albedo.shape[0], 2 * images.size)
-        launch_slabs(solve_rows, albedo.shape[0], count, inputs, outputs)
+        solve_lanes(*inputs, *outputs)
 
 
 @wp.kernel

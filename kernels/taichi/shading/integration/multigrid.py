@@ -93,14 +93,20 @@ def _neighbours(weights: ti.template(), x: ti.template(), v: ti.i32, u: ti.i32):
     return ti.math.vec2(total, value)
 
 
+@ti.func
+def _solve(weights: ti.template(), b: ti.template(), v: ti.i32, u: ti.i32, x: ti.template()):
+    """Solve the equation of a pixel for its own value."""
+    around = _neighbours(weights, x, v, u)
+    if around[0] > 0.0:
+        x[v, u] = (b[v, u] + around[1]) / around[0]
+
+
 @ti.kernel
 def _smooth(weights: f32_3, b: f32_2, color: ti.i32, x: f32_2):
     for v, half in ti.ndrange(x.shape[0], (x.shape[1] + 1) // 2):
         u = 2 * half + (v + color) % 2
         if u < x.shape[1]:
-            around = _neighbours(weights, x, v, u)
-            if around[0] > 0.0:
-                x[v, u] = (b[v, u] + around[1]) / around[0]
+            _solve(weights, b, v, u, x)
 
 
 @primitive
@@ -114,18 +120,20 @@ def _restrict(weights: f32_3, b: f32_2, x: f32_2, coarse: f32_2):
     for n, m in coarse:
         total = 0.0
         for k in range(2):
-            for j in range(2):
-                v = 2 * n + k
-                u = 2 * m + j
-                if v < x.shape[0] and u < x.shape[1]:
-                    around = _neighbours(weights, x, v, u)
-                    total += b[v, u] - (around[0] * x[v, u] - around[1])
+            v = 2 * n + k
+            u = 2 * m + k
+            if v < x.shape[0] and u < x.shape[1]:
+                around = _neighbours(weights, x, v, u)
+                total += b[v, u] - (around[0] * x[v, u] - around[1])
         coarse[n, m] = total
 
 
 @primitive
 def restrict(weights: np.ndarray, b: np.ndarray, x: np.ndarray, coarse: np.ndarray) -> None:
-    """Write what is left of the equations of each block of 2 x 2 pixels."""
+    """Write the residual of each block of 2 x 2 pixels, after colour 1 was smoothed last.
+
+    The residual of pixels of this colour is 0.
+    """
     _restrict(weights, b, x, coarse)
 
 
@@ -152,11 +160,7 @@ def _settle(weights: f32_3, b: f32_2, sweeps: ti.i32, x: f32_2):
                 j = i
                 if sweep % 2 == 1:
                     j = size - 1 - i
-                v = j // x.shape[1]
-                u = j % x.shape[1]
-                around = _neighbours(weights, x, v, u)
-                if around[0] > 0.0:
-                    x[v, u] = (b[v, u] + around[1]) / around[0]
+                _solve(weights, b, j // x.shape[1], j % x.shape[1], x)
 
 
 @primitive
@@ -165,30 +169,29 @@ def settle(weights: np.ndarray, b: np.ndarray, sweeps: int, x: np.ndarray) -> No
     _settle(weights, b, sweeps, x)
 
 
+@ti.func
+def _part(a: ti.template(), b: ti.template(), i: ti.i32) -> ti.f64:
+    """Return part i of the sum of a b."""
+    size = a.shape[0] * a.shape[1]
+    share = (size + CHUNKS - 1) // CHUNKS
+    total = ti.cast(0.0, ti.f64)
+    for k in range(i * share, ti.min((i + 1) * share, size)):
+        y = k // a.shape[1]
+        x = k % a.shape[1]
+        total += a[y, x] * ti.cast(b[y, x], ti.f64)
+    return total
+
+
 @ti.kernel
 def _weigh_rest(r: f64_2, s: f32_2, partial: f64_1):
-    size = r.shape[0] * r.shape[1]
-    share = (size + CHUNKS - 1) // CHUNKS
     for i in range(CHUNKS):
-        total = ti.cast(0.0, ti.f64)
-        for k in range(i * share, ti.min((i + 1) * share, size)):
-            y = k // r.shape[1]
-            x = k % r.shape[1]
-            total += r[y, x] * ti.cast(s[y, x], ti.f64)
-        partial[i] = total
+        partial[i] = _part(r, s, i)
 
 
 @ti.kernel
 def _weigh_step(p: f64_2, q: f64_2, partial: f64_1):
-    size = p.shape[0] * p.shape[1]
-    share = (size + CHUNKS - 1) // CHUNKS
     for i in range(CHUNKS):
-        total = ti.cast(0.0, ti.f64)
-        for k in range(i * share, ti.min((i + 1) * share, size)):
-            y = k // p.shape[1]
-            x = k % p.shape[1]
-            total += p[y, x] * q[y, x]
-        partial[i] = total
+        partial[i] = _part(p, q, i)
 
 
 @ti.kernel

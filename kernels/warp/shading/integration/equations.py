@@ -7,6 +7,7 @@ import warp as wp
 
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp.shading._mask import is_inside
+from cvkern.kernels.warp.shading._rows import launch_rows
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -25,7 +26,7 @@ def slopes(
     `cut` (1,) becomes 1 if there is a pixel outside, and stays as it is otherwise.
     """
     inputs = [normals, mask, flattest]
-    launch_each(_slopes, inside.size, 4 * inside.size, inputs, [inside, slope, cut])
+    launch_rows(_slopes, inside.shape, 4, inputs, [inside, slope, cut])
 
 
 @wp.kernel
@@ -33,6 +34,7 @@ def _slopes(
     stride: int,
     first: int,
     last: int,
+    run: int,
     normals: wp.array3d[float],
     mask: wp.array2d[wp.uint8],
     flattest: float,
@@ -42,26 +44,27 @@ def _slopes(
     cut: wp.array[int],
 ):
     for i in range(first + wp.tid(), last, stride):
-        y = i // inside.shape[1]
-        x = i % inside.shape[1]
-        nx = normals[y, x, 0]
-        ny = normals[y, x, 1]
-        nz = normals[y, x, 2]
-        length = wp.sqrt(nx * nx + ny * ny + nz * nz)
-        found = is_inside(mask, y, x) and wp.isfinite(length) and nz > 0.0
-        inside[y, x] = wp.where(found, wp.uint8(1), wp.uint8(0))
-        a = float(0.0)
-        b = float(0.0)
-        c = float(0.0)
-        if found:
-            c = wp.max(nz / length, flattest)
-            a = nx / length / c
-            b = (0.0 - ny) / length / c
-        else:
-            cut[0] = 1
-        slope[0, y, x] = a
-        slope[1, y, x] = b
-        slope[2, y, x] = c
+        y = i * run // inside.shape[1]
+        begin = i * run % inside.shape[1]
+        for x in range(begin, begin + run):
+            nx = normals[y, x, 0]
+            ny = normals[y, x, 1]
+            nz = normals[y, x, 2]
+            length = wp.sqrt(nx * nx + ny * ny + nz * nz)
+            found = is_inside(mask, y, x) and wp.isfinite(length) and nz > 0.0
+            inside[y, x] = wp.where(found, wp.uint8(1), wp.uint8(0))
+            a = float(0.0)
+            b = float(0.0)
+            c = float(0.0)
+            if found:
+                c = wp.max(nz / length, flattest)
+                a = nx / length / c
+                b = (0.0 - ny) / length / c
+            else:
+                cut[0] = 1
+            slope[0, y, x] = a
+            slope[1, y, x] = b
+            slope[2, y, x] = c
 
 
 @wp.func
@@ -90,7 +93,7 @@ def sides(
 ) -> None:
     """Write on which side of a pixel its surface goes on: right, and below."""
     inputs = [depth, inside, slope, sharpness]
-    launch_each(_sides, inside.size, 32 * inside.size, inputs, [shares])
+    launch_rows(_sides, inside.shape, 32, inputs, [shares])
 
 
 @wp.kernel
@@ -98,6 +101,7 @@ def _sides(
     stride: int,
     first: int,
     last: int,
+    run: int,
     depth: wp.array2d[wp.float64],
     inside: wp.array2d[wp.uint8],
     slope: wp.array3d[float],
@@ -106,15 +110,16 @@ def _sides(
     shares: wp.array3d[float],  # (2, H, W)
 ):
     for i in range(first + wp.tid(), last, stride):
-        y = i // inside.shape[1]
-        x = i % inside.shape[1]
-        z = slope[2, y, x]
-        left = _difference(depth, inside, y, x, y, x - 1)
-        right = _difference(depth, inside, y, x, y, x + 1)
-        above = _difference(depth, inside, y, x, y - 1, x)
-        below = _difference(depth, inside, y, x, y + 1, x)
-        shares[0, y, x] = _side(left, right, z, sharpness)
-        shares[1, y, x] = _side(above, below, z, sharpness)
+        y = i * run // inside.shape[1]
+        begin = i * run % inside.shape[1]
+        for x in range(begin, begin + run):
+            z = slope[2, y, x]
+            left = _difference(depth, inside, y, x, y, x - 1)
+            right = _difference(depth, inside, y, x, y, x + 1)
+            above = _difference(depth, inside, y, x, y - 1, x)
+            below = _difference(depth, inside, y, x, y + 1, x)
+            shares[0, y, x] = _side(left, right, z, sharpness)
+            shares[1, y, x] = _side(above, below, z, sharpness)
 
 
 def join(
@@ -125,7 +130,7 @@ def join(
     Without shares, of shape (0, 1, 1), all weights are 1.
     """
     inputs = [inside, slope, shares]
-    launch_each(_join, inside.size, 16 * inside.size, inputs, [weights, rises])
+    launch_rows(_join, inside.shape, 16, inputs, [weights, rises])
 
 
 @wp.kernel
@@ -133,6 +138,7 @@ def _join(
     stride: int,
     first: int,
     last: int,
+    run: int,
     inside: wp.array2d[wp.uint8],
     slope: wp.array3d[float],
     shares: wp.array3d[float],
@@ -141,24 +147,25 @@ def _join(
     rises: wp.array3d[float],
 ):
     for i in range(first + wp.tid(), last, stride):
-        y = i // inside.shape[1]
-        x = i % inside.shape[1]
-        for axis in range(2):
-            v = y + axis
-            u = x + 1 - axis
-            weight = float(0.0)
-            rise = float(0.0)
-            if v < inside.shape[0] and u < inside.shape[1]:
-                if inside[y, x] != wp.uint8(0) and inside[v, u] != wp.uint8(0):
-                    a = float(0.5)
-                    b = float(0.5)
-                    if shares.shape[0] > 0:
-                        a = shares[axis, y, x] * slope[2, y, x] * slope[2, y, x]
-                        b = (1.0 - shares[axis, v, u]) * slope[2, v, u] * slope[2, v, u]
-                    weight = a + b
-                    rise = a * slope[axis, y, x] + b * slope[axis, v, u]
-            weights[axis, y, x] = weight
-            rises[axis, y, x] = rise
+        y = i * run // inside.shape[1]
+        begin = i * run % inside.shape[1]
+        for x in range(begin, begin + run):
+            for axis in range(2):
+                v = y + axis
+                u = x + 1 - axis
+                weight = float(0.0)
+                rise = float(0.0)
+                if v < inside.shape[0] and u < inside.shape[1]:
+                    if inside[y, x] != wp.uint8(0) and inside[v, u] != wp.uint8(0):
+                        a = float(0.5)
+                        b = float(0.5)
+                        if shares.shape[0] > 0:
+                            a = shares[axis, y, x] * slope[2, y, x] * slope[2, y, x]
+                            b = (1.0 - shares[axis, v, u]) * slope[2, v, u] * slope[2, v, u]
+                        weight = a + b
+                        rise = a * slope[axis, y, x] + b * slope[axis, v, u]
+                weights[axis, y, x] = weight
+                rises[axis, y, x] = rise
 
 
 @wp.func
@@ -183,7 +190,7 @@ def pull(weights: wp.array, rises: wp.array, z: wp.array, sign: float, out: wp.a
     With the rises and sign 1 that is what is left of the equations; without, of shape (0, 1, 1),
     and sign -1, the product of their matrix and z.
     """
-    launch_each(_pull, z.size, 16 * z.size, [weights, rises, z, sign], [out])
+    launch_rows(_pull, z.shape, 16, [weights, rises, z, sign], [out])
 
 
 @wp.kernel
@@ -191,6 +198,7 @@ def _pull(
     stride: int,
     first: int,
     last: int,
+    run: int,
     weights: wp.array3d[float],
     rises: wp.array3d[float],
     z: wp.array2d[wp.float64],
@@ -199,14 +207,15 @@ def _pull(
     out: wp.array2d[wp.float64],
 ):
     for i in range(first + wp.tid(), last, stride):
-        y = i // z.shape[1]
-        x = i % z.shape[1]
-        total = _edge(weights, rises, z, 0, y, x) + _edge(weights, rises, z, 1, y, x)
-        if x > 0:
-            total = total - _edge(weights, rises, z, 0, y, x - 1)
-        if y > 0:
-            total = total - _edge(weights, rises, z, 1, y - 1, x)
-        out[y, x] = wp.float64(sign) * total
+        y = i * run // z.shape[1]
+        begin = i * run % z.shape[1]
+        for x in range(begin, begin + run):
+            total = _edge(weights, rises, z, 0, y, x) + _edge(weights, rises, z, 1, y, x)
+            if x > 0:
+                total = total - _edge(weights, rises, z, 0, y, x - 1)
+            if y > 0:
+                total = total - _edge(weights, rises, z, 1, y - 1, x)
+            out[y, x] = wp.float64(sign) * total
 
 
 def weigh_misfit(
@@ -249,7 +258,7 @@ def _weigh_misfit(
 
 def finish(z: wp.array, parts: wp.array, means: wp.array, depth: wp.array) -> None:
     """Write depth in float32, less the mean of each part, NaN in part 0."""
-    launch_each(_finish, z.size, 2 * z.size, [z, parts, means], [depth])
+    launch_rows(_finish, z.shape, 2, [z, parts, means], [depth])
 
 
 @wp.kernel
@@ -257,6 +266,7 @@ def _finish(
     stride: int,
     first: int,
     last: int,
+    run: int,
     z: wp.array2d[wp.float64],
     parts: wp.array2d[int],
     means: wp.array[wp.float64],
@@ -264,8 +274,9 @@ def _finish(
     depth: wp.array2d[float],
 ):
     for i in range(first + wp.tid(), last, stride):
-        y = i // z.shape[1]
-        x = i % z.shape[1]
-        depth[y, x] = wp.nan
-        if parts[y, x] > 0:
-            depth[y, x] = float(z[y, x] - means[parts[y, x]])
+        y = i * run // z.shape[1]
+        begin = i * run % z.shape[1]
+        for x in range(begin, begin + run):
+            depth[y, x] = wp.nan
+            if parts[y, x] > 0:
+                depth[y, x] = float(z[y, x] - means[parts[y, x]])

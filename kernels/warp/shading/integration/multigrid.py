@@ -1,15 +1,22 @@
 """Conjugate gradients, and a multigrid cycle that preconditions them, in Warp.
 
-The Taichi set has the equations. One thread has a pixel, on the CPU in slabs.
+The Taichi set has the equations. One thread has a pixel on CUDA, a row at a time on the CPU.
 """
+
+from typing import Any
 
 import warp as wp
 
 from cvkern.kernels.codes.shading import CHUNKS
-from cvkern.kernels.warp._launch import launch, launch_each
+from cvkern.kernels.warp._launch import launch, launch_each, view
+from cvkern.kernels.warp.shading._rows import launch_rows
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
+
+
+def _flat(array: wp.array) -> wp.array:
+    return view(array, array.dtype, (array.size,))
 
 
 @wp.func
@@ -36,8 +43,8 @@ def _series(weights: wp.array3d[float], inside: wp.array2d[wp.uint8], axis: int,
 
 def coarsen(weights: wp.array, inside: wp.array, coarse: wp.array, coarse_inside: wp.array) -> None:
     """Write the edges of blocks of 2 x 2 pixels, and where there are such."""
-    size = coarse_inside.size
-    launch_each(_coarsen, size, 32 * size, [weights, inside], [coarse, coarse_inside])
+    outputs = [coarse, coarse_inside]
+    launch_rows(_coarsen, coarse_inside.shape, 32, [weights, inside], outputs)
 
 
 @wp.kernel
@@ -45,6 +52,7 @@ def _coarsen(
     stride: int,
     first: int,
     last: int,
+    run: int,
     weights: wp.array3d[float],
     inside: wp.array2d[wp.uint8],
     # outputs
@@ -52,22 +60,23 @@ def _coarsen(
     coarse_inside: wp.array2d[wp.uint8],
 ):
     for i in range(first + wp.tid(), last, stride):
-        y = i // coarse_inside.shape[1]
-        x = i % coarse_inside.shape[1]
-        count = int(0)
-        right = float(0.0)
-        below = float(0.0)
-        for k in range(2):
-            for j in range(2):
-                if 2 * y + k < inside.shape[0] and 2 * x + j < inside.shape[1]:
-                    count += int(inside[2 * y + k, 2 * x + j])
-            if 2 * x + 2 < inside.shape[1] and 2 * y + k < inside.shape[0]:
-                right += _series(weights, inside, 0, 2 * y + k, 2 * x + 1)
-            if 2 * y + 2 < inside.shape[0] and 2 * x + k < inside.shape[1]:
-                below += _series(weights, inside, 1, 2 * y + 1, 2 * x + k)
-        coarse[0, y, x] = right
-        coarse[1, y, x] = below
-        coarse_inside[y, x] = wp.where(count > 0, wp.uint8(1), wp.uint8(0))
+        y = i * run // coarse_inside.shape[1]
+        begin = i * run % coarse_inside.shape[1]
+        for x in range(begin, begin + run):
+            count = int(0)
+            right = float(0.0)
+            below = float(0.0)
+            for k in range(2):
+                for j in range(2):
+                    if 2 * y + k < inside.shape[0] and 2 * x + j < inside.shape[1]:
+                        count += int(inside[2 * y + k, 2 * x + j])
+                if 2 * x + 2 < inside.shape[1] and 2 * y + k < inside.shape[0]:
+                    right += _series(weights, inside, 0, 2 * y + k, 2 * x + 1)
+                if 2 * y + 2 < inside.shape[0] and 2 * x + k < inside.shape[1]:
+                    below += _series(weights, inside, 1, 2 * y + 1, 2 * x + k)
+            coarse[0, y, x] = right
+            coarse[1, y, x] = below
+            coarse_inside[y, x] = wp.where(count > 0, wp.uint8(1), wp.uint8(0))
 
 
 @wp.func
@@ -94,10 +103,18 @@ def _neighbours(weights: wp.array3d[float], x: wp.array2d[float], v: int, u: int
     return wp.vec2(total, value)
 
 
+@wp.func
+def _solve(weights: wp.array3d[float], b: wp.array2d[float], v: int, u: int, x: wp.array2d[float]):
+    """Solve the equation of a pixel for its own value."""
+    around = _neighbours(weights, x, v, u)
+    if around[0] > 0.0:
+        x[v, u] = (b[v, u] + around[1]) / around[0]
+
+
 def smooth(weights: wp.array, b: wp.array, color: int, x: wp.array) -> None:
     """Solve each equation of the pixels of a colour, as of a chess board, for its own value."""
-    count = x.shape[0] * ((x.shape[1] + 1) // 2)
-    launch_each(_smooth, count, 8 * x.size, [weights, b, color], [x])
+    shape = x.shape[0], (x.shape[1] + 1) // 2
+    launch_rows(_smooth, shape, 16, [weights, b, color], [x])
 
 
 @wp.kernel
@@ -105,6 +122,7 @@ def _smooth(
     stride: int,
     first: int,
     last: int,
+    run: int,
     weights: wp.array3d[float],
     b: wp.array2d[float],
     color: int,
@@ -113,17 +131,18 @@ def _smooth(
 ):
     half = (x.shape[1] + 1) // 2
     for i in range(first + wp.tid(), last, stride):
-        v = i // half
-        u = 2 * (i % half) + (v + color) % 2
-        if u < x.shape[1]:
-            around = _neighbours(weights, x, v, u)
-            if around[0] > 0.0:
-                x[v, u] = (b[v, u] + around[1]) / around[0]
+        v = i * run // half
+        begin = 2 * (i * run % half) + (v + color) % 2
+        for u in range(begin, wp.min(begin + 2 * run, x.shape[1]), 2):
+            _solve(weights, b, v, u, x)
 
 
 def restrict(weights: wp.array, b: wp.array, x: wp.array, coarse: wp.array) -> None:
-    """Write what is left of the equations of each block of 2 x 2 pixels."""
-    launch_each(_restrict, coarse.size, 16 * x.size, [weights, b, x], [coarse])
+    """Write the residual of each block of 2 x 2 pixels, after colour 1 was smoothed last.
+
+    The residual of pixels of this colour is 0.
+    """
+    launch_rows(_restrict, coarse.shape, 32, [weights, b, x], [coarse])
 
 
 @wp.kernel
@@ -131,6 +150,7 @@ def _restrict(
     stride: int,
     first: int,
     last: int,
+    run: int,
     weights: wp.array3d[float],
     b: wp.array2d[float],
     x: wp.array2d[float],
@@ -138,20 +158,22 @@ def _restrict(
     coarse: wp.array2d[float],
 ):
     for i in range(first + wp.tid(), last, stride):
-        v = 2 * (i // coarse.shape[1])
-        u = 2 * (i % coarse.shape[1])
-        total = float(0.0)
-        for k in range(2):
-            for j in range(2):
-                if v + k < x.shape[0] and u + j < x.shape[1]:
-                    around = _neighbours(weights, x, v + k, u + j)
-                    total += b[v + k, u + j] - (around[0] * x[v + k, u + j] - around[1])
-        coarse[i // coarse.shape[1], i % coarse.shape[1]] = total
+        n = i * run // coarse.shape[1]
+        begin = i * run % coarse.shape[1]
+        for m in range(begin, begin + run):
+            total = float(0.0)
+            for k in range(2):
+                v = 2 * n + k
+                u = 2 * m + k
+                if v < x.shape[0] and u < x.shape[1]:
+                    around = _neighbours(weights, x, v, u)
+                    total += b[v, u] - (around[0] * x[v, u] - around[1])
+            coarse[n, m] = total
 
 
 def prolong(coarse: wp.array, x: wp.array) -> None:
     """Add to each pixel the value of its block."""
-    launch_each(_prolong, x.size, x.size, [coarse], [x])
+    launch_rows(_prolong, x.shape, 1, [coarse], [x])
 
 
 @wp.kernel
@@ -159,14 +181,16 @@ def _prolong(
     stride: int,
     first: int,
     last: int,
+    run: int,
     coarse: wp.array2d[float],
     # outputs
     x: wp.array2d[float],
 ):
     for i in range(first + wp.tid(), last, stride):
-        v = i // x.shape[1]
-        u = i % x.shape[1]
-        x[v, u] = x[v, u] + coarse[v // 2, u // 2]
+        v = i * run // x.shape[1]
+        begin = i * run % x.shape[1]
+        for u in range(begin, begin + run):
+            x[v, u] = x[v, u] + coarse[v // 2, u // 2]
 
 
 def settle(weights: wp.array, b: wp.array, sweeps: int, x: wp.array) -> None:
@@ -188,79 +212,54 @@ def _settle(
     for sweep in range(2 * sweeps):
         for i in range(size):
             j = wp.where(sweep % 2 == 0, i, size - 1 - i)
-            v = j // x.shape[1]
-            u = j % x.shape[1]
-            around = _neighbours(weights, x, v, u)
-            if around[0] > 0.0:
-                x[v, u] = (b[v, u] + around[1]) / around[0]
+            _solve(weights, b, j // x.shape[1], j % x.shape[1], x)
 
 
 def weigh_rest(r: wp.array, s: wp.array, partial: wp.array, sums: wp.array) -> None:
     """Write the sum of r s; the one before moves on by two places."""
-    across = int(r.device.is_cuda)
-    launch_each(_rest_parts, CHUNKS, r.size, [r, s, across], [partial])
-    launch(_add_parts, 1, [partial, 0], [sums])
-
-
-@wp.func
-def _place(i: int, j: int, chunks: int, share: int, across: int):
-    """Return the j-th pixel of a part: one after the other, or on CUDA side by side."""
-    return wp.where(across == 1, j * chunks + i, i * share + j)
-
-
-@wp.kernel
-def _rest_parts(
-    stride: int,
-    first: int,
-    last: int,
-    r: wp.array2d[wp.float64],
-    s: wp.array2d[float],
-    across: int,
-    # outputs
-    partial: wp.array[wp.float64],
-):
-    size = r.shape[0] * r.shape[1]
-    share = (size + partial.shape[0] - 1) // partial.shape[0]
-    for i in range(first + wp.tid(), last, stride):
-        total = wp.float64(0.0)
-        for j in range(share):
-            k = _place(i, j, partial.shape[0], share, across)
-            if k < size:
-                y = k // r.shape[1]
-                x = k % r.shape[1]
-                total += r[y, x] * wp.float64(s[y, x])
-        partial[i] = total
+    _add(r, s, 0, partial, sums)
 
 
 def weigh_step(p: wp.array, q: wp.array, partial: wp.array, sums: wp.array) -> None:
     """Write the sum of p q."""
-    across = int(p.device.is_cuda)
-    launch_each(_step_parts, CHUNKS, p.size, [p, q, across], [partial])
-    launch(_add_parts, 1, [partial, 1], [sums])
+    _add(p, q, 1, partial, sums)
+
+
+def _add(a: wp.array, b: wp.array, slot: int, partial: wp.array, sums: wp.array) -> None:
+    kernel = PARTS[b.dtype]
+    across = int(a.device.is_cuda)
+    launch_each(kernel, CHUNKS, a.size, [_flat(a), _flat(b), across], [partial])
+    launch(_add_parts, 1, [partial, slot], [sums])
 
 
 @wp.kernel
-def _step_parts(
+def _parts(
     stride: int,
     first: int,
     last: int,
-    p: wp.array2d[wp.float64],
-    q: wp.array2d[wp.float64],
-    across: int,
+    a: wp.array[wp.float64],
+    b: wp.array[Any],
+    across: int,  # whether the pixels of a part are apart, so that threads read side by side
     # outputs
     partial: wp.array[wp.float64],
 ):
-    size = p.shape[0] * p.shape[1]
+    size = a.shape[0]
     share = (size + partial.shape[0] - 1) // partial.shape[0]
     for i in range(first + wp.tid(), last, stride):
+        begin = i * share
+        end = wp.min(begin + share, size)
+        step = int(1)
+        if across == 1:
+            begin = i
+            end = size
+            step = partial.shape[0]
         total = wp.float64(0.0)
-        for j in range(share):
-            k = _place(i, j, partial.shape[0], share, across)
-            if k < size:
-                y = k // p.shape[1]
-                x = k % p.shape[1]
-                total += p[y, x] * q[y, x]
+        for k in range(begin, end, step):
+            total += a[k] * wp.float64(b[k])
         partial[i] = total
+
+
+PARTS = {t: wp.overload(_parts, {"b": wp.array[t]}) for t in (wp.float32, wp.float64)}
 
 
 @wp.kernel
@@ -280,7 +279,8 @@ def _add_parts(
 
 def advance(p: wp.array, q: wp.array, sums: wp.array, z: wp.array, r: wp.array) -> None:
     """Go along a direction to the least energy: z += a p, r -= a q, with a of the sums."""
-    launch_each(_advance, z.size, 4 * z.size, [p, q, sums], [z, r])
+    inputs = [_flat(p), _flat(q), sums]
+    launch_each(_advance, z.size, 4 * z.size, inputs, [_flat(z), _flat(r)])
 
 
 @wp.kernel
@@ -288,26 +288,24 @@ def _advance(
     stride: int,
     first: int,
     last: int,
-    p: wp.array2d[wp.float64],
-    q: wp.array2d[wp.float64],
+    p: wp.array[wp.float64],
+    q: wp.array[wp.float64],
     sums: wp.array[wp.float64],  # r times its smoothed self, p times q, the first before
     # outputs
-    z: wp.array2d[wp.float64],
-    r: wp.array2d[wp.float64],
+    z: wp.array[wp.float64],
+    r: wp.array[wp.float64],
 ):
     a = wp.float64(0.0)
     if sums[1] > wp.float64(0.0):
         a = sums[0] / sums[1]
     for i in range(first + wp.tid(), last, stride):
-        y = i // z.shape[1]
-        x = i % z.shape[1]
-        z[y, x] = z[y, x] + a * p[y, x]
-        r[y, x] = r[y, x] - a * q[y, x]
+        z[i] = z[i] + a * p[i]
+        r[i] = r[i] - a * q[i]
 
 
 def turn(s: wp.array, sums: wp.array, p: wp.array) -> None:
     """Turn the direction: p = s + b p, with b of the sums, 0 at the beginning."""
-    launch_each(_turn, p.size, 2 * p.size, [s, sums], [p])
+    launch_each(_turn, p.size, 2 * p.size, [_flat(s), sums], [_flat(p)])
 
 
 @wp.kernel
@@ -315,26 +313,23 @@ def _turn(
     stride: int,
     first: int,
     last: int,
-    s: wp.array2d[float],
+    s: wp.array[float],
     sums: wp.array[wp.float64],
     # outputs
-    p: wp.array2d[wp.float64],
+    p: wp.array[wp.float64],
 ):
-    b = wp.float64(0.0)
     if sums[2] > wp.float64(0.0):
         b = sums[0] / sums[2]
-    for i in range(first + wp.tid(), last, stride):
-        y = i // p.shape[1]
-        x = i % p.shape[1]
-        before = wp.float64(0.0)
-        if b > wp.float64(0.0):
-            before = b * p[y, x]
-        p[y, x] = wp.float64(s[y, x]) + before
+        for i in range(first + wp.tid(), last, stride):
+            p[i] = wp.float64(s[i]) + b * p[i]
+    else:
+        for i in range(first + wp.tid(), last, stride):
+            p[i] = wp.float64(s[i])
 
 
 def begin(r: wp.array, b: wp.array, x: wp.array) -> None:
     """Write the right side of the finest level in float32, and 0 for its solution."""
-    launch_each(_begin, r.size, 2 * r.size, [r], [b, x])
+    launch_each(_begin, r.size, 2 * r.size, [_flat(r)], [_flat(b), _flat(x)])
 
 
 @wp.kernel
@@ -342,13 +337,11 @@ def _begin(
     stride: int,
     first: int,
     last: int,
-    r: wp.array2d[wp.float64],
+    r: wp.array[wp.float64],
     # outputs
-    b: wp.array2d[float],
-    x: wp.array2d[float],
+    b: wp.array[float],
+    x: wp.array[float],
 ):
     for i in range(first + wp.tid(), last, stride):
-        v = i // r.shape[1]
-        u = i % r.shape[1]
-        b[v, u] = float(r[v, u])
-        x[v, u] = 0.0
+        b[i] = float(r[i])
+        x[i] = 0.0
