@@ -44,6 +44,15 @@ def check_image(
     return image
 
 
+def check_photograph(image: Any, name: str = "image") -> Any:
+    """Return a photograph as an array: grey (H, W), or with 3 or 4 channels along the last axis."""
+    image = check_image(image, ndim=(2, 3), name=name)
+    shape = tuple(image.shape)
+    if len(shape) == 3 and shape[2] not in (3, 4):
+        raise ValueError(f"{name} must have shape (H, W) or (H, W, 3 or 4), got {shape}")
+    return image
+
+
 def as_array(values: Any, name: str) -> Any:
     """Convert lists, buffers and data frames by NumPy; return arrays unchanged."""
     if type(values) is np.ndarray or _arrays.library(values, name) is not _arrays.NUMPY:
@@ -59,6 +68,7 @@ def as_array(values: Any, name: str) -> Any:
 
 def as_numbers(values: Any, name: str, dtype: Any = np.float64) -> np.ndarray:
     """Convert `values` to a host array of `dtype`, or refuse them."""
+    _arrays.library(values, name)  # refuses masks and placeholders
     try:
         array = np.asarray(values)
         if np.isrealobj(array):
@@ -170,6 +180,7 @@ def check_positive(value: Any, name: str) -> float:
 
 
 def _as_float(value: Any, name: str) -> float:
+    _arrays.library(value, name)
     try:
         if not isinstance(value, (str, bytes)) and np.ndim(value) == 0 and np.isrealobj(value):
             return float(value)

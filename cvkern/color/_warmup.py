@@ -42,3 +42,4 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "equalize_hist", partial(equalize_hist, image)
     yield "equalize_adapthist", partial(equalize_adapthist, image)
     yield "retinex", partial(retinex, image, 2.0)
+    yield "retinex", partial(retinex, image, method="gradients")

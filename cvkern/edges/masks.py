@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
-from cvkern._checks import check_choice, check_code, check_image, check_number
+from cvkern._arrays import NUMPY, library
+from cvkern._checks import check_choice, check_code, check_image, check_number, check_photograph
 from cvkern._runtime import Runtime, runtime
 from cvkern._tape import capturing
 from cvkern.edges.quantiles import SHARES, Thresholds, check_thresholds, find_limits, measures
 from cvkern.edges.slopes import OPERATORS, Surroundings, find_slopes
+from cvkern.filters.channels import Planes
 from cvkern.filters.linear import NO_SIGMA
 from cvkern.kernels.codes.edges import Norm, Thinning
 from cvkern.kernels.codes.filters import Border
@@ -54,8 +55,9 @@ def canny(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype. Convert colour images with :func:`cvkern.images.luma` first.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype. Of a colour image, each pixel has the gradient of the channel where it is
+        longest by `norm`, the first of equal ones; alpha is ignored.
     sigma : float, default 1.0
         Standard deviation of the Gaussian, in pixels. The operator 'gaussian' does not allow 0.
     low_threshold, high_threshold : float, optional
@@ -91,7 +93,7 @@ def canny(
     TypeError
         If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or not 2-D, `mask` has another shape, `sigma` is negative or not
+        If `image` is empty or of another shape, `mask` is not (H, W), `sigma` is negative or not
         finite (or 0 with 'gaussian'), a threshold is negative (or above 1 as a quantile),
         `low_threshold` is above `high_threshold`, only `low_threshold` is given with a `sigma`
         above 16, or an option is unknown.
@@ -110,7 +112,8 @@ def canny(
     have no edges.
 
     ``canny(x, 0, low, high, suppression="sectors", norm=norm, mode="nearest")`` of a uint8 image
-    equals ``cv2.Canny(x, low, high, L2gradient=norm == "l2")`` in every pixel. With 'sectors',
+    equals ``cv2.Canny(x, low, high, L2gradient=norm == "l2")`` in every pixel, of a colour image
+    too, whatever the order of its channels. With 'sectors',
     lengths must exceed the thresholds, and the 3 x 3 kernels continue the image as `mode` says.
 
     With the operator 'gaussian', too, lengths must exceed the thresholds; the first of two equal
@@ -131,7 +134,7 @@ def canny(
     >>> int(cvkern.canny(square, 0.5).sum())
     8
     """
-    image = check_image(image)
+    image = check_photograph(image)
     check_choice(operator, OPERATORS, "operator")
     check_choice(suppression, SUPPRESSIONS, "suppression")
     border = check_code(mode, Border, "mode")
@@ -140,9 +143,9 @@ def canny(
     sigma = check_number(sigma, "sigma", low=0)
     if mask is not None:
         mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != tuple(image.shape):
+        if tuple(mask.shape) != tuple(image.shape[:2]):
             raise ValueError(
-                f"mask must have the shape of the image, {tuple(image.shape)}, "
+                f"mask must have the shape of the image, {tuple(image.shape[:2])}, "
                 f"got {tuple(mask.shape)}"
             )
     dtype = library(image).dtype(image)
@@ -152,7 +155,7 @@ def canny(
         rule = Thinning.INTERPOLATED if operator == "gaussian" else Thinning.FRAMED
     around = Surroundings(border, cval, mask)
     rt = runtime(image, mask)
-    edges = rt.empty(tuple(image.shape), bool)
+    edges = rt.empty(tuple(image.shape[:2]), bool)
     options = EdgeOptions(sigma, thresholds, operator, length, rule, around)
     find_edges(rt, image, options, rt.adopt(edges, bool))
     return rt.release(edges)
@@ -180,22 +183,29 @@ def photograph_options(
 
 
 def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tuple[Any, Any]:
-    """Fill the kernel array `mask`; return dy and dx, or None twice if they were not stored."""
+    """Fill the kernel array `mask`; return dy and dx, or None twice if they were not stored.
+
+    `image` is the caller's, or `Planes` of it.
+    """
     sigma, thresholds, operator, norm, rule, around = options
-    shape = tuple(image.shape)
+    shape = tuple(image.shape[:2])
     states = rt.scratch("canny.states", shape, np.uint8)
     slopes: tuple[Any, Any] = (None, None)
     strict = rule != Thinning.FRAMED
     sectors = rule == Thinning.SECTORS
-    if sectors and sigma <= NO_SIGMA and _is_exact(image, options):
+    exact = sectors and sigma <= NO_SIGMA and _is_exact(image, options)
+    if exact and len(image.shape) == 2 and not isinstance(image, Planes):
         low, high = _integral(measures(thresholds, norm))
         src = rt.adopt(image, np.uint8)
         rt.edges.masks.thin_sobel(src, around.border, around.cval, norm, low, high, states)
     else:
         slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
         bare = sectors and around.mask is None
-        find_slopes(rt, image, sigma, operator, around, bare, *slopes)
-        limits = find_limits(rt, *slopes, norm, thresholds, strict)
+        find_slopes(rt, image, sigma, operator, around, bare, norm, *slopes)
+        if exact:
+            limits = rt.constant(np.array(_integral(measures(thresholds, norm)), np.float32))
+        else:
+            limits = find_limits(rt, *slopes, norm, thresholds, strict)
         rt.edges.masks.thin(*slopes, norm, rule, limits, states)
     if around.mask is not None:
         rt.edges.slopes.confine(rt.adopt(around.mask, bool), states)
@@ -209,7 +219,11 @@ def _is_exact(image: Any, options: EdgeOptions) -> bool:
     border, cval, mask = options.around
     integral = border != Border.CONSTANT or cval in range(256)
     plain = options.operator == "sobel" and mask is None and not options.thresholds.quantiles
-    return plain and integral and library(image).dtype(image) == np.uint8
+    return plain and integral and _dtype(image) == np.uint8
+
+
+def _dtype(image: Any) -> np.dtype:
+    return image.dtype if isinstance(image, Planes) else library(image).dtype(image)
 
 
 def _integral(limits: np.ndarray) -> list[float]:
@@ -224,14 +238,15 @@ def _integral(limits: np.ndarray) -> list[float]:
 def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> None:
     """Warn if the thresholds lie above all gradients; only where the check need not wait."""
     thresholds = options.thresholds
-    if rt.device != "cpu" or not isinstance(image, np.ndarray) or capturing():
+    if rt.device != "cpu" or rt.library is not NUMPY or capturing():
         return
     if thresholds.quantiles or thresholds.high <= 0 or rt.to_numpy(mask).any():
         return
-    shape = tuple(image.shape)
+    shape = tuple(image.shape[:2])
     slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
     bare = options.rule == Thinning.SECTORS and options.around.mask is None
-    find_slopes(rt, image, options.sigma, options.operator, options.around, bare, *slopes)
+    given = options.sigma, options.operator, options.around, bare, options.norm
+    find_slopes(rt, image, *given, *slopes)
     y, x = (np.nan_to_num(rt.to_numpy(a), posinf=0, neginf=0).astype(np.float64) for a in slopes)
     most = float((np.hypot(y, x) if options.norm == Norm.L2 else np.abs(y) + np.abs(x)).max())
     if 0 < most < thresholds.high:

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._runtime import Runtime
+from cvkern.filters.channels import planes_of, slopes_of_channels, take_longest
 from cvkern.filters.gradients import DIFFERENCE, SMOOTH, differentiate
 from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
+from cvkern.kernels.codes.edges import Norm
 from cvkern.kernels.codes.filters import Border
 
 OPERATORS = ("sobel", "scharr", "gaussian")
@@ -43,15 +44,42 @@ def find_slopes(
     operator: str,
     around: Surroundings,
     bare: bool,
+    norm: Norm,
     dy: Any,
     dx: Any,
 ) -> None:
-    """Fill the kernel arrays dy and dx; `bare` uses the border values plainly, as OpenCV does."""
+    """Fill the kernel arrays dy and dx; `bare` uses the border values plainly, as OpenCV does.
+
+    A colour image has the gradient of the channel where it is longest by `norm`.
+    """
     check_radius(4 * sigma)
+    planes = planes_of(rt, image)
+    options = planes.dtype, sigma, operator, around, bare
+    if len(planes.values) == 1:
+        _differentiate_plane(rt, planes.values[0], *options, dy, dx)
+        return
+    dys, dxs = slopes_of_channels(rt, planes.shape)
+    for c, plane in enumerate(planes.values):
+        _differentiate_plane(rt, plane, *options, dys[c], dxs[c])
+    take_longest(rt, dys, dxs, dy, dx, norm)
+
+
+def _differentiate_plane(
+    rt: Runtime,
+    plane: Any,
+    dtype: np.dtype,
+    sigma: float,
+    operator: str,
+    around: Surroundings,
+    bare: bool,
+    dy: Any,
+    dx: Any,
+) -> None:
+    """Fill dy and dx of one channel of an image of `dtype`."""
     if operator != "gaussian":
         gain = _SCHARR_GAIN if operator == "scharr" else 1.0
         smooth = _scaled(SMOOTH[operator].tobytes(), 1 / gain)
-        src = _blurred(rt, image, sigma, around, bare)
+        src = _blurred(rt, plane, dtype, sigma, around, bare)
         last = (around.border, around.cval) if bare else (Border.REFLECT, 0.0)
         differentiate(rt, src, smooth, DIFFERENCE, *last, dy, dx)
         return
@@ -60,20 +88,20 @@ def find_slopes(
     taps = gaussian_taps(sigma)
     slope = _scaled(gaussian_taps(sigma, 1).tobytes(), SOBEL_GAIN)
     if bare or not around.partial:
-        differentiate(rt, rt.adopt(image), taps, slope, around.border, around.cval, dy, dx)
+        differentiate(rt, plane, taps, slope, around.border, around.cval, dy, dx)
         return
-    shape = tuple(image.shape)
-    covered, weight = _covered(rt, image, around)
+    shape = tuple(plane.shape)
+    covered, weight = _covered(rt, plane, around)
     smooth, share = (rt.scratch(f"slopes.{name}", shape) for name in ("smooth", "share"))
     share_dy, share_dx = (rt.scratch(f"slopes.{name}", shape) for name in ("share_dy", "share_dx"))
-    cval = around.cval / full_range(library(image).dtype(image))
+    cval = around.cval / full_range(dtype)
     for src, beyond, blurred, down, along in (
         (covered, around.cval, smooth, dy, dx),
         (weight, cval, share, share_dy, share_dx),
     ):
         _smooth(rt, src, taps, around.border, beyond, blurred)
         differentiate(rt, src, taps, slope, around.border, beyond, down, along)
-    rt.edges.slopes.recover_slopes(smooth, share, share_dy, share_dx, _least(image), dy, dx)
+    rt.edges.slopes.recover_slopes(smooth, share, share_dy, share_dx, _least(dtype), dy, dx)
 
 
 def full_range(dtype: np.dtype) -> float:
@@ -81,13 +109,15 @@ def full_range(dtype: np.dtype) -> float:
     return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
 
 
-def _blurred(rt: Runtime, image: Any, sigma: float, around: Surroundings, bare: bool) -> Any:
-    """Return the smoothed image as a kernel array."""
-    shape = tuple(image.shape)
+def _blurred(
+    rt: Runtime, plane: Any, dtype: np.dtype, sigma: float, around: Surroundings, bare: bool
+) -> Any:
+    """Return the smoothed plane of an image of `dtype`."""
+    shape = tuple(plane.shape)
     if around.mask is not None:
-        src, weight = _covered(rt, image, around)
+        src, weight = _covered(rt, plane, around)
     else:
-        src, weight = rt.adopt(image), None
+        src, weight = plane, None
     if sigma <= NO_SIGMA:
         return src
     taps = gaussian_taps(sigma)
@@ -95,11 +125,11 @@ def _blurred(rt: Runtime, image: Any, sigma: float, around: Surroundings, bare: 
     _smooth(rt, src, taps, around.border, around.cval, blurred)
     if bare or not around.partial:
         return blurred
-    cval = around.cval / full_range(library(image).dtype(image))
+    cval = around.cval / full_range(dtype)
     if weight is not None:
         share = rt.scratch("slopes.share", shape)
         _smooth(rt, weight, taps, around.border, cval, share)
-        rt.edges.slopes.recover(share, _least(image), blurred)
+        rt.edges.slopes.recover(share, _least(dtype), blurred)
         return blurred
     rows, columns = _seen(shape[0], sigma, cval), _seen(shape[1], sigma, 0.0)
     reach = min(len(taps) // 2, max(shape))
@@ -115,12 +145,12 @@ def _smooth(rt: Runtime, src: Any, taps: np.ndarray, border: Border, cval: float
     )
 
 
-def _covered(rt: Runtime, image: Any, around: Surroundings) -> tuple[Any, Any]:
-    """Return two arrays: the image with 0 where it is masked, and 1 where it is not masked."""
-    shape = tuple(image.shape)
+def _covered(rt: Runtime, plane: Any, around: Surroundings) -> tuple[Any, Any]:
+    """Return two arrays: the plane with 0 where it is masked, and 1 where it is not masked."""
+    shape = tuple(plane.shape)
     mask = rt.constant(_ones(shape)) if around.mask is None else rt.adopt(around.mask, bool)
     covered, weight = (rt.scratch(f"slopes.{name}", shape) for name in ("covered", "weight"))
-    rt.edges.slopes.cover(rt.adopt(image), mask, covered, weight)
+    rt.edges.slopes.cover(plane, mask, covered, weight)
     return covered, weight
 
 
@@ -129,9 +159,8 @@ def _ones(shape: tuple[int, int]) -> np.ndarray:
     return np.ones(shape, bool)
 
 
-def _least(image: Any) -> float:
+def _least(dtype: np.dtype) -> float:
     """Return the epsilon that scikit-image adds to weights, of the dtype it works in."""
-    dtype = library(image).dtype(image)
     return float(np.finfo(dtype if dtype in (np.float32, np.float64) else np.float64).eps)
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_code, check_image, check_number
+from cvkern._checks import check_code, check_number, check_photograph
 from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import EdgeOptions, find_edges, photograph_options
 from cvkern.edges.slopes import Surroundings
@@ -42,8 +42,8 @@ def subpixel_edges(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`canny`.
     sigma : float, default 1.0
         Standard deviation of the Gaussian, in pixels; at least about 1 for accuracy.
     low_threshold, high_threshold, use_quantiles
@@ -84,7 +84,7 @@ def subpixel_edges(
     array([[0.  , 4.27],
            [1.  , 4.27]], dtype=float32)
     """
-    image = check_image(image)
+    image = check_photograph(image)
     around = Surroundings(check_code(mode, Border, "mode"), check_number(cval, "cval"))
     options = photograph_options(
         image, sigma, low_threshold, high_threshold, use_quantiles, automatic=None
@@ -97,7 +97,7 @@ def subpixel_edges(
 
 def locate_edges(rt: Runtime, image: Any, options: EdgeOptions) -> SubpixelEdges:
     """Return the sub-pixel edges as kernel arrays, not yet released to the caller."""
-    shape = tuple(image.shape)
+    shape = tuple(image.shape[:2])
     mask = rt.scratch("subpixel.mask", shape, bool)
     dy, dx = find_edges(rt, image, options, mask)
     counts = rt.scratch("subpixel.counts", shape[:1], np.int32)

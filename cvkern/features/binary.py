@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -128,27 +129,31 @@ def orb(
     if max_keypoints is not None:
         ends = np.floor(np.cumsum(areas) / areas.sum() * max_keypoints + 0.5).astype(int)
         quotas = np.diff(np.r_[0, ends]).tolist()
-    before = _bytes(rt, image, white)
-    pairs, taps = rt.constant(pattern()), rt.constant(gaussian_taps(SMOOTHING, 0, BLUR / SMOOTHING))
-    limit = min(int(threshold * 255), 255)
-    found = []
-    for n, (side, quota) in enumerate(zip(sides, quotas, strict=True)):
-        level = before
-        if n:
-            level = rt.scratch(f"orb.level{n}", side, np.uint8)
-            old, new = (1, *sides[n - 1], 1), (1, *side, 1)
-            resample(rt, before.reshape(old), old, "antialiased", level.reshape(new), new)
-        scale = (shape[0] / side[0], shape[1] / side[1])
-        cells, measures = _corners(rt, level, side, scale, limit, quota, spread, host)
-        found.append((cells, measures, *_described(rt, level, cells, taps, pairs, upright)))
-        before = level
-    cells, measures, angles, descriptors = (np.concatenate(p) for p in zip(*found, strict=True))
+    sizes = [_bytes(rt, image, white)]
+    for n, (old, new) in enumerate(pairwise(sides), 1):
+        sizes.append(rt.scratch(f"orb.level{n}", new, np.uint8))
+        old, new = (1, *old, 1), (1, *new, 1)
+        resample(rt, sizes[-2].reshape(old), old, "antialiased", sizes[-1].reshape(new), new)
+    cells, measures = _corners(rt, sizes, sides, min(int(threshold * 255), 255))
     scales = np.array(shape[:2]) / np.array(sides)
-    scales = np.repeat(scales, [len(f[0]) for f in found], axis=0)
+    if host is not None:
+        kept = unmasked(_on_image(cells[:, 2:], scales[cells[:, 0]]), host)
+        cells, measures = cells[kept], measures[kept]
+    bounds = np.searchsorted(cells[:, 0], np.arange(len(sides) + 1)).tolist()
+    parts = [slice(*bounds[n : n + 2]) for n in range(len(sides))]
+    kept = np.concatenate(
+        [
+            mine.start + best(measures[mine], cells[mine, 2:], side, quota, spread)
+            for mine, side, quota in zip(parts, sides, quotas, strict=True)
+        ]
+    )
+    cells, measures = cells[kept], measures[kept]
+    angles, descriptors = _described(rt, sizes, cells, upright)
+    scales = scales[cells[:, 0]]
     # Sums of 49 products of Sobel derivatives of bytes, of at most 1020 each.
     full = 25.0 * (49 * 1020.0**2) ** 2
     parts = (
-        _on_image(cells, scales),
+        _on_image(cells[:, 2:], scales),
         np.sqrt(scales[:, 0] * scales[:, 1]).astype(np.float32),
         angles,
         (measures / full).astype(np.float32),
@@ -168,56 +173,38 @@ def _bytes(rt: Runtime, image: Any, white: float) -> Any:
 
 
 def _corners(
-    rt: Runtime,
-    level: Any,
-    side: tuple[int, int],
-    scale: tuple[float, float],
-    threshold: int,
-    quota: int | None,
-    spread: bool,
-    mask: np.ndarray | None,
+    rt: Runtime, sizes: list[Any], sides: list[tuple[int, int]], threshold: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels of the best corners of one size of the image, and their measures."""
-    none = np.empty((0, 2), np.int32), np.empty(0, np.int64)
-    height, width = side
-    if min(side) <= 2 * EDGE:
+    """Return size, 1, row and column (N, 4) of all corners, in this order, and their measures."""
+    none = np.empty((0, 4), np.int32), np.empty(0, np.int64)
+    if min(sides[0]) <= 2 * EDGE:
         return none
     kernels = rt.features.binary
-    words = rt.scratch("orb.words", (1, height, -(-width // WORD)), np.int32)
-    counts = rt.scratch("orb.counts", (height,), np.int32)
-    kernels.mark_corners(level, threshold, EDGE, words, counts)
-    ends = np.cumsum(rt.to_numpy(counts), dtype=np.int64)
-    total = int(ends[-1])
+    words = rt.scratch("orb.words", (sum(h * -(-w // WORD) for h, w in sides),), np.int32)
+    ends = rt.scratch("orb.ends", (sum(h for h, _ in sides),), np.int32)
+    kernels.mark_corners(sizes, threshold, EDGE, words, ends)
+    total = int(rt.to_numpy(ends[-1:])[0])
     if not total:
         return none
-    starts = rt.send("orb.starts", np.r_[0, ends[:-1]].astype(np.int32))
-    places = rt.scratch("orb.places", (total,), np.int32)
+    cells = rt.scratch("orb.cells", (total, 4), np.int32)
     measures = rt.scratch("orb.measures", (total,), np.int64)
-    kernels.list_corners(level, words, starts, places, measures)
-    places, measures = rt.to_numpy(places), rt.to_numpy(measures)
-    if mask is not None:
-        kept = unmasked(_on_image(_cells(places, width), scale), mask)
-        places, measures = places[kept], measures[kept]
-    kept = best(measures, _cells(places, width) if spread else places, side, quota, spread)
-    return _cells(places[kept], width), measures[kept]
+    kernels.list_corners(sizes, words, ends, cells, measures)
+    return rt.to_numpy(cells), rt.to_numpy(measures)
 
 
 def _described(
-    rt: Runtime, level: Any, cells: np.ndarray, taps: Any, pairs: Any, upright: bool
+    rt: Runtime, sizes: list[Any], cells: np.ndarray, upright: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the directions and the bits of corners of one size of the image."""
+    """Return the directions and the bits of corners."""
     angles = rt.scratch("orb.angles", (len(cells),))
     descriptors = rt.scratch("orb.descriptors", (len(cells), PAIRS // 8), np.uint8)
     if len(cells):
+        taps = rt.constant(gaussian_taps(SMOOTHING, 0, BLUR / SMOOTHING))
         rt.features.binary.describe_corners(
-            level, taps, rt.send("orb.cells", cells), pairs, int(upright), angles, descriptors
-        )
+            sizes, taps, rt.send("orb.kept", cells), rt.constant(pattern()), int(upright), angles,
+            descriptors,
+        )  # fmt: skip
     return np.array(rt.to_numpy(angles)), np.array(rt.to_numpy(descriptors))
-
-
-def _cells(places: np.ndarray, width: int) -> np.ndarray:
-    """Return the rows and columns of places: (N, 2), int32."""
-    return np.stack(np.divmod(places, np.int32(width)), axis=1)
 
 
 def _on_image(cells: np.ndarray, scale: Any) -> np.ndarray:

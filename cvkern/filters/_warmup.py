@@ -21,6 +21,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "correlate_separable", partial(correlate_separable, image, taps, channel_axis=axis)
     for operator in ("gaussian", "sobel", "scharr"):
         yield "gradient", partial(gradient, real, operator=operator)
+    yield "gradient", partial(gradient, color)
     yield "sobel", partial(sobel, real)
     yield "scharr", partial(scharr, real)
     for dtype in (np.uint8, np.uint16, np.float32):

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_choice, check_code, check_image, check_number
+from cvkern._checks import check_choice, check_code, check_number, check_photograph
 from cvkern._runtime import Runtime, runtime
+from cvkern.filters.channels import planes_of, slopes_of_channels, take_longest
 from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
 from cvkern.kernels.codes.filters import Border, Outside
 
@@ -41,8 +42,8 @@ def sobel(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: f
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`gradient`.
     axis : {0, 1}, optional
         Differentiate along this axis. When omitted, both derivatives are combined:
         ``sqrt((dy^2 + dx^2) / 2)``.
@@ -59,11 +60,12 @@ def sobel(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: f
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If `image` is empty or not 2-D, or `axis` or `mode` is unknown.
+        If `image` is empty or of another shape, or `axis` or `mode` is unknown.
 
     Notes
     -----
-    Equal to :func:`skimage.filters.sobel` of the floating-point image; integers are not rescaled.
+    Equal to :func:`skimage.filters.sobel` of a grey floating-point image; integers are not
+    rescaled.
 
     Examples
     --------
@@ -79,8 +81,8 @@ def scharr(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: 
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`gradient`.
     axis, mode, cval
         As in :func:`sobel`.
 
@@ -96,7 +98,8 @@ def scharr(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: 
 
     Notes
     -----
-    Equal to :func:`skimage.filters.scharr` of the floating-point image; integers are not rescaled.
+    Equal to :func:`skimage.filters.scharr` of a grey floating-point image; integers are not
+    rescaled.
 
     Examples
     --------
@@ -119,8 +122,9 @@ def gradient(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype. Of a colour image, each pixel has the gradient of the channel where it is
+        longest, the first of equal ones; alpha is ignored.
     sigma : float, default 1.0
         Standard deviation of the Gaussian, in pixels. 0 does not smooth; the operator 'gaussian'
         does not allow it.
@@ -141,8 +145,8 @@ def gradient(
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If `image` is empty or not 2-D, `sigma` is negative or not finite, or 0 with the operator
-        'gaussian', or `operator` or `mode` is unknown.
+        If `image` is empty or of another shape, `sigma` is negative or not finite, or 0 with the
+        operator 'gaussian', or `operator` or `mode` is unknown.
 
     Examples
     --------
@@ -152,9 +156,9 @@ def gradient(
     >>> g.dx[1], g.orientation[1, 2]
     (array([4., 8., 8., 8., 4.], dtype=float32), np.float32(0.0))
     """
-    image = check_image(image)
+    image = check_photograph(image)
     rt = runtime(image)
-    results = Gradient(*(rt.empty(tuple(image.shape)) for _ in Gradient._fields))
+    results = Gradient(*(rt.empty(tuple(image.shape[:2])) for _ in Gradient._fields))
     derivatives(rt, image, sigma, operator, mode, cval, *(rt.adopt(a) for a in results))
     return Gradient(*(rt.release(a) for a in results))
 
@@ -174,7 +178,27 @@ def derivatives(
     sigma = check_number(sigma, "sigma", low=0)
     check_radius(4 * sigma)
     check_choice(operator, OPERATORS, "operator")
-    src = rt.adopt(image)
+    planes = planes_of(rt, image)
+    if len(planes.values) == 1:
+        _differentiate_plane(rt, planes.values[0], sigma, operator, border, cval, *outputs)
+        return
+    dys, dxs = slopes_of_channels(rt, planes.shape)
+    for c, src in enumerate(planes.values):
+        _differentiate_plane(rt, src, sigma, operator, border, cval, dys[c], dxs[c])
+    take_longest(rt, dys, dxs, *outputs[:2])
+    if len(outputs) > 2:
+        rt.filters.gradients.polar(*outputs)
+
+
+def _differentiate_plane(
+    rt: Runtime,
+    src: Any,
+    sigma: float,
+    operator: str,
+    border: Border,
+    cval: float,
+    *outputs: Any,
+) -> None:
     if operator == "gaussian":
         if sigma <= NO_SIGMA:
             raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
@@ -182,13 +206,14 @@ def derivatives(
     else:
         smooth, slope = SMOOTH[operator], DIFFERENCE
         if sigma > NO_SIGMA:
-            planes = (1, *image.shape)
+            shape = tuple(src.shape)
+            planes = (1, *shape)
             taps = rt.constant(gaussian_taps(sigma))
             blurred = rt.scratch("derivatives.blurred", planes)
             rt.filters.linear.correlate_separable(
                 src.reshape(planes), taps, taps, 1, border, cval, blurred
             )
-            src = blurred.reshape(tuple(image.shape))
+            src = blurred.reshape(shape)
     differentiate(rt, src, smooth, slope, border, cval, *outputs)
 
 
@@ -220,16 +245,23 @@ def _weighted(value: float, taps: np.ndarray) -> float:
 def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
     if axis is not None and (not isinstance(axis, (int, np.integer)) or axis not in (0, 1)):
         raise ValueError(f"axis must be 0, 1 or None, got {axis!r}")
-    image = check_image(image)
+    image = check_photograph(image)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
     rt = runtime(image)
-    shape = tuple(image.shape)
+    shape = tuple(image.shape[:2])
     result = rt.empty(shape)
     dst = rt.adopt(result)
     dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
     dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
-    differentiate(rt, rt.adopt(image), _MEAN[operator], DIFFERENCE, border, cval, dy, dx)
+    planes = planes_of(rt, image).values
+    if len(planes) == 1:
+        differentiate(rt, planes[0], _MEAN[operator], DIFFERENCE, border, cval, dy, dx)
+    else:
+        dys, dxs = slopes_of_channels(rt, shape)
+        for c, src in enumerate(planes):
+            differentiate(rt, src, _MEAN[operator], DIFFERENCE, border, cval, dys[c], dxs[c])
+        take_longest(rt, dys, dxs, dy, dx)
     if axis is None:
         rt.filters.gradients.root_mean_square(dy, dx, dst)
     return rt.release(result)

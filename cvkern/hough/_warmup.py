@@ -35,6 +35,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     for dtype in (np.uint8, np.float32):
         call = partial(hough.detect_circles, photo.astype(dtype), (25, 45), high_threshold=9)
         yield "detect_circles", call
+    colors = np.repeat(photo[..., None].astype(np.uint8), 3, axis=2)
+    yield "detect_circles", partial(hough.detect_circles, colors, (25, 45), high_threshold=9)
     yield "hough_ellipse", partial(hough.hough_ellipse, real > 240)
     yield "detect_ellipses", partial(hough.detect_ellipses, photo, (25, 45), high_threshold=9)
     yield "r_table", partial(hough.r_table, byte, low_threshold=1)

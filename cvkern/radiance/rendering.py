@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_flag, check_instance, check_integer, check_positive
+from cvkern._checks import as_items, check_flag, check_instance, check_integer, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import CameraSet
 from cvkern.radiance.fields.field import Field, Frame, View
@@ -277,7 +277,8 @@ def evaluate(
     check_instance(scene, Scene, "scene")
     if views is None:
         views = np.flatnonzero(scene.test == test)
-    chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in views]
+    given = as_items(views, "views", "a sequence of integers")
+    chosen = [check_integer(v, "views", 0, len(scene) - 1) for v in given]
     if not chosen:
         kind = "held out" if test else "to train from"
         raise ValueError(f"scene must have views {kind}, got {len(scene)} others")

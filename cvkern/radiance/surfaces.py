@@ -8,7 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_instance, check_integer, check_number, check_positive
+from cvkern._checks import (
+    as_array,
+    as_items,
+    check_instance,
+    check_integer,
+    check_number,
+    check_positive,
+)
 from cvkern._files import as_path, replacing
 from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
@@ -77,7 +84,8 @@ def point_cloud(
     cameras = model.cameras if cameras is None else cameras
     if views is None:
         views = range(0, len(cameras), max(1, len(cameras) // 12))
-    chosen = [check_integer(v, "views", 0, len(cameras) - 1) for v in views]
+    given = as_items(views, "views", "a sequence of integers")
+    chosen = [check_integer(v, "views", 0, len(cameras) - 1) for v in given]
     model.frame.inside(cameras.poses[chosen])  # refuses distant cameras before the work
     draw = Renderer(model.field, model.rt)
     points, colors = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.uint8)]
@@ -255,8 +263,10 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
     ------
     FileNotFoundError
         If the folder of `path` does not exist.
+    TypeError
+        If an array of `surface` has another kind of numbers.
     ValueError
-        If `path` does not end in ``.ply``.
+        If `path` does not end in ``.ply``, or the arrays do not match.
 
     Examples
     --------
@@ -275,12 +285,13 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
         raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")
     place = [(name, "<f4") for name in ("x", "y", "z")]
     tint = [(name, "u1") for name in ("red", "green", "blue")]
-    table = np.empty(len(surface.points), place + tint)
-    columns = [*np.asarray(surface.points).T, *np.asarray(surface.colors).T]
+    points, faces, colors = _checked(surface)
+    table = np.empty(len(points), place + tint)
+    columns = [*points.T, *colors.T]
     for (name, _), column in zip(place + tint, columns, strict=True):
         table[name] = column
-    triangles = np.empty(len(surface.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    triangles["count"], triangles["corners"] = 3, surface.faces
+    triangles = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
+    triangles["count"], triangles["corners"] = 3, faces
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(table)}"]
     head += [f"property float {name}" for name, _ in place]
     head += [f"property uchar {name}" for name, _ in tint]
@@ -289,3 +300,25 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
         file.write("\n".join([*head, "end_header", ""]).encode("ascii"))
         file.write(table.tobytes())
         file.write(triangles.tobytes())
+
+
+def _checked(surface: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return points, faces and colours as they are written."""
+    arrays = []
+    for name, kinds, rule in (
+        ("points", "f", "floating"), ("faces", "iu", "integers"), ("colors", "u", "uint8"),
+    ):  # fmt: skip
+        array = np.asarray(as_array(getattr(surface, name), f"surface.{name}"))
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise ValueError(f"surface.{name} must have shape (N, 3), got {array.shape}")
+        if array.dtype.kind not in kinds or (rule == "uint8" and array.dtype != np.uint8):
+            raise TypeError(f"surface.{name} must be {rule}, got {array.dtype}")
+        arrays.append(array)
+    points, faces, colors = arrays
+    if len(colors) != len(points):
+        raise ValueError(
+            f"surface.colors must be as many as points, {len(points)}, got {len(colors)}"
+        )
+    if len(faces) and not (faces.min() >= 0 and faces.max() < len(points)):
+        raise ValueError(f"surface.faces must be numbers of {len(points)} points, got others")
+    return points, faces, colors

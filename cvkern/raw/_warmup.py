@@ -34,8 +34,12 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     for dtype in (np.uint8, np.uint16, np.float32):
         yield "merge_exposures", partial(merge_exposures, stack.astype(dtype), [1, 2], deghost=1)
     yield "estimate_response", partial(estimate_response, stack.astype(np.uint8), [1, 2])
-    yield "fuse_exposures", partial(fuse_exposures, stack.astype(np.uint8))
-    yield "align_exposures", partial(align_exposures, stack)
+    for dtype in (np.uint8, np.float32):
+        yield "fuse_exposures", partial(fuse_exposures, stack.astype(dtype))
+        colours = np.repeat(stack.astype(dtype)[..., None], 3, axis=3)
+        yield "fuse_exposures", partial(fuse_exposures, colours)
+    for dtype in (np.uint8, np.uint16, np.float32):
+        yield "align_exposures", partial(align_exposures, stack.astype(dtype))
     for method in TONES:
         yield "tone_map", partial(tone_map, np.arange(48.0).reshape(6, 8), method)
     yield "develop", partial(develop, np.ones((6, 8)))

@@ -94,14 +94,14 @@ def tone_map(
     logs = rt.scratch("tone.logs", shape[:2])
     rt.raw.tone.luminance(light, 0.0, logs)
     ends = _measured(rt, logs)
-    if not ends.count:
+    if not ends.pixels:
         return rt.give(np.zeros(shape, np.float32))
     result = rt.empty(shape)
     out = rt.adopt(result, np.float32, tuple(light.shape))
     if method.startswith("reinhard"):
         _curved(rt, light, key, ends, method == "reinhard_local", out)
     else:
-        if ends.count < shape[0] * shape[1]:
+        if ends.pixels < shape[0] * shape[1]:
             rt.raw.tone.limit(ends.low, logs.reshape((logs.size,)))
         shrink = _smoothed if method == "bilateral" else _layered
         one, own, two, other, offset = shrink(rt, logs, ends, math.log2(contrast))
@@ -115,7 +115,7 @@ class Ends(NamedTuple):
     mean: float
     low: float
     high: float
-    count: int
+    pixels: int
 
     def share(self, contrast: float) -> float:
         """Return how much of the span is left, if it must not exceed a contrast in stops."""

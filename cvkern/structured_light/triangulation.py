@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_choice, check_image, check_integer
+from cvkern._checks import as_items, as_numbers, check_choice, check_image, check_integer
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_points, on_host, xy
-from cvkern.geometry.cameras.calibration import numbers_of
+from cvkern.geometry.cameras.calibration import host_points, numbers_of
 from cvkern.geometry.cameras.lens import Camera, check_lens, rays_of, turned
 from cvkern.geometry.cameras.stereo_calibration import (
+    Seen,
     StereoCalibration,
-    calibrate_stereo,
+    calibrate_two,
     check_stereo,
 )
 from cvkern.geometry.fitting import fit_homography
@@ -161,25 +162,26 @@ def calibrate_projector(
         board = cvkern.chessboard_points((7, 9), 75.0)
         found = cvkern.calibrate_projector(board, corners, decoded, (1024, 1280), (768, 1024))
     """
-    if len(decoded) != len(image_points):
+    views = as_items(image_points, "image_points", "a sequence of arrays")
+    codes = as_items(decoded, "decoded", "a sequence of results")
+    if len(codes) != len(views):
         raise ValueError(
-            f"decoded must be of as many views as image_points, {len(image_points)}, "
-            f"got {len(decoded)}"
+            f"decoded must be of as many views as image_points, {len(views)}, got {len(codes)}"
         )
     lit = [
-        _lit(points, found, n)
-        for n, (points, found) in enumerate(zip(image_points, decoded, strict=True))
+        _lit(points, found, n) for n, (points, found) in enumerate(zip(views, codes, strict=True))
     ]
-    return calibrate_stereo(
-        object_points, image_points, lit, shape, right_shape=projector_shape, left=camera,
-        fixed=fixed,
-    )  # fmt: skip
+    seen = Seen("image_points", views, "camera"), Seen("decoded", lit, "decoded")
+    shapes = shape, projector_shape
+    return calibrate_two(object_points, seen, shapes, (camera, None), fixed, fix_cameras=False)
 
 
 def _lit(points: Any, found: Any, number: int) -> np.ndarray:
     """Return the projector rows and columns that light points of an image."""
-    points = check_points(points, f"image_points[{number}]")
-    corners = on_host(runtime(points), points)
+    corners = host_points(points, f"image_points[{number}]", 2)
+    if not all(hasattr(found, name) for name in ("columns", "rows", "valid")):
+        said = type(found).__name__
+        raise TypeError(f"decoded[{number}] must be a GrayCode or a PhaseShift, got {said}")
     if found.columns is None or found.rows is None:
         raise ValueError(f"decoded[{number}] must have columns and rows, got one of them")
     columns, rows, valid = (np.asarray(a) for a in (found.columns, found.rows, found.valid))
@@ -238,13 +240,14 @@ def fit_laser_plane(
     camera = check_lens(camera)
     turns = check_matrix(rotations, (-1, 3, 3), "rotations")
     shifts = check_matrix(translations, (-1, 3), "translations")
-    if not len(lines) == len(turns) == len(shifts):
+    views = as_items(lines, "lines", "a sequence of arrays")
+    if not len(views) == len(turns) == len(shifts):
         raise ValueError(
-            f"rotations and translations must be of as many views as lines, {len(lines)}, "
+            f"rotations and translations must be of as many views as lines, {len(views)}, "
             f"got {len(turns)} and {len(shifts)}"
         )
     parts = []
-    for n, (line, turn, shift) in enumerate(zip(lines, turns, shifts, strict=True)):
+    for n, (line, turn, shift) in enumerate(zip(views, turns, shifts, strict=True)):
         line = check_points(line, f"lines[{n}]")
         places = on_host(runtime(line), line)
         rays = rays_of(xy(places[np.isfinite(places).all(axis=1)]), camera)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.ndimage import gaussian_filter
 from skimage import data, exposure
 
@@ -86,6 +87,38 @@ def test_retinex_takes_slow_light_out(backend):
     assert np.corrcoef(plain.ravel(), found.ravel())[0, 1] > 0.99
 
 
+@pytest.mark.parametrize("shape", [(24, 31), (1, 9), (17, 20, 3)])
+def test_gradients_solve_poissons_equation(backend, shape):
+    """The least squares of all steps, by SciPy, of mean 0; the solver's tolerance is 1e-5."""
+    image = np.random.default_rng(3).uniform(0.05, 1, shape).astype(np.float32)
+    got = cvkern.retinex(image, method="gradients", threshold=0.4, low=0.01)
+    height, width = shape[:2]
+    along, down = (sparse.csr_array(np.diff(np.eye(n), axis=0)) for n in (width, height))
+    edges = sparse.vstack(
+        [sparse.kron(sparse.eye(height), along), sparse.kron(down, sparse.eye(width))]
+    )
+    for k in range(int(np.prod(shape[2:]))):
+        logs = np.log(image.reshape(height, width, -1)[..., k].astype(float) + 0.01)
+        steps = edges @ logs.ravel()
+        steps[np.abs(steps) <= 0.4] = 0
+        want = sparse.linalg.lsqr(edges, steps, atol=1e-12, btol=1e-12)[0]
+        found = got.reshape(height, width, -1)[..., k].ravel()
+        np.testing.assert_allclose(found, want - want.mean(), atol=2e-4)
+
+
+def test_gradients_tell_paint_from_light(backend):
+    """Fields of paint under light that falls to a seventh: the paint, without the light."""
+    rng = np.random.default_rng(4)
+    paint = np.kron(rng.uniform(0.2, 0.9, (5, 7)), np.ones((12, 12)))
+    y, x = np.indices(paint.shape)
+    lit = paint * np.exp(-0.02 * x - 0.005 * y)
+    found = cvkern.retinex(lit, method="gradients", low=1e-6)
+    want = np.log(paint) - np.log(paint).mean()
+    # Steps of both fields and light are kept whole: on each edge, 0.02 or 0.005 of light is left.
+    assert np.abs(found - want).max() < 0.1
+    assert np.std(np.log(lit) - np.log(lit).mean() - want) > 0.4
+
+
 @pytest.mark.parametrize(
     ("message", "call"),
     [
@@ -98,6 +131,10 @@ def test_retinex_takes_slow_light_out(backend):
          lambda: cvkern.equalize_adapthist(np.ones((4, 4, 2)))),
         ("sigma must be one or more numbers above 0, got (1, 0)",
          lambda: cvkern.retinex(np.ones((4, 4)), (1, 0))),
+        ("method must be one of ('surroundings', 'gradients'), got 'x'",
+         lambda: cvkern.retinex(np.ones((4, 4)), method="x")),
+        ("threshold must be >= 0 and finite, got -1",
+         lambda: cvkern.retinex(np.ones((4, 4)), method="gradients", threshold=-1)),
         ("low must be above 0, got 0", lambda: cvkern.retinex(np.ones((4, 4)), low=0)),
     ],
 )  # fmt: skip

@@ -3,7 +3,7 @@
 ``python -m tests.fuzz --calls N --seed S`` makes the calls 0 to N - 1 of that seed; ``--first I``
 goes on from there, ``--only I`` makes one call. ``--workers W`` makes them in so many processes,
 and ``--minutes M`` ends after that time, whatever `--calls` says. ``--device cuda`` compares the
-sets there with Warp on the CPU.
+sets there with Warp on the CPU. ``--family F`` calls those of a module of `tests.fuzz.families`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ import re
 import sys
 import threading
 import time
+from pathlib import Path
 from typing import Any
 
 from tests.fuzz.processes import Process
 
-CHUNK = 500  # calls that a process is given at a time
+FAMILIES = sorted(path.stem for path in Path(__file__).parent.glob("families/[a-z]*.py"))
+CHUNK = 100  # calls that a process is given at a time
 EXAMPLES = 3  # faults of one kind that are printed
 
 
@@ -48,6 +50,7 @@ class Work:
         where = re.sub(r"'[^']*'|\d+|got .*", "", fault["fault"].replace("\n", " "))[:90]
         kind = f"{fault.get('name', 'the process')}: {where}"
         device = "" if self.given.device == "cpu" else f" --device {self.given.device}"
+        device += f" --family {self.given.family}" if self.given.family else ""
         with self.lock:
             self.kinds[kind] += 1
             if self.kinds[kind] <= EXAMPLES:
@@ -64,7 +67,8 @@ class Work:
 
 def serve(work: Work) -> None:
     """Let one process after another make calls, until there are none left."""
-    process = Process(work.given.seed, work.given.device, threads(work.given.workers))
+    given = work.given
+    process = Process(given.seed, given.device, threads(given.workers), given.family)
     try:
         while (chunk := work.take()) is not None:
             first, stop = chunk
@@ -91,6 +95,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--minutes", type=float)
     parser.add_argument("--device", default="cpu")
+    parser.add_argument("--family", choices=FAMILIES, default="")
     given = parser.parse_args()
     if given.only is not None:
         given.first, given.calls = given.only, 1

@@ -19,15 +19,15 @@ WORKER = ["-m", "tests.fuzz.worker"]
 class Process:
     """A worker of the fuzzer, started when it is first needed."""
 
-    def __init__(self, seed: int, device: str, threads: int):
-        self._seed, self._device, self._threads = seed, device, threads
+    def __init__(self, seed: int, device: str, threads: int, family: str = ""):
+        self._words, self._threads = [str(seed), device, family], threads
         self._process: subprocess.Popen[str] | None = None
 
     def _start(self) -> subprocess.Popen[str]:
         self._said = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         reads, writes = os.pipe()
         process = subprocess.Popen(
-            [sys.executable, *WORKER, str(self._seed), self._device, str(writes)],
+            [sys.executable, *WORKER, *self._words, str(writes)],
             stdin=subprocess.PIPE,
             stdout=self._said,
             stderr=self._said,

@@ -6,7 +6,7 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
-from cvkern.kernels.warp.raw import bands, exposures, tone
+from cvkern.kernels.warp.raw import bands, exposures, fusion, tone
 from cvkern.kernels.warp.raw.demosaicing import linear, menon, planes, residual
 
 MADE = {
@@ -18,6 +18,10 @@ MADE = {
     "linear f32": lambda: linear._kernels(wp.float32),
     "extend u16": lambda: planes._extend(wp.uint16),
     "join u8": lambda: planes._join(wp.uint8),
+    "weigh u8": lambda: fusion._weigh(wp.uint8, 3),
+    "begin f32": lambda: fusion._begin(wp.float32, 1),
+    "blend": lambda: fusion._blend(3),
+    "finish u8": lambda: fusion._finish(wp.uint8, 3),
     "begin": lambda: bands._begin,
     "reduce": lambda: bands._reduce,
     "collapse": lambda: bands._collapse,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from tests.raw import reference_pyramids as reference
 from tests.truth import truth
 
 TIMES = np.array([1 / 128, 1 / 32, 1 / 8, 1 / 2, 2.0])
@@ -122,7 +123,7 @@ def test_memorial_church():
 
 
 @pytest.mark.parametrize("shape", [(48, 64), (51, 37, 3)])
-def test_fusion_stays_inside(shape):
+def test_fusion_stays_inside(backend, shape):
     rng = np.random.default_rng(4)
     images = rng.integers(0, 256, (3, *shape)).astype(np.uint8)
     fused = cvkern.fuse_exposures(images)
@@ -131,6 +132,32 @@ def test_fusion_stays_inside(shape):
     assert fused.max() <= 1
     same = np.full((2, *shape), 0.4)
     np.testing.assert_allclose(cvkern.fuse_exposures(same), 0.4, atol=1e-5)
+
+
+@pytest.mark.parametrize("powers", [(1, 1, 1), (0.7, 0, 2)])
+@pytest.mark.parametrize("shape", [(3, 37, 150, 3), (2, 9, 14, 1), (2, 1, 5, 1)])
+def test_fusion_is_the_stated_method(backend, shape, powers):
+    """In float32, whose rounding is 6e-8 of 1, over some ten sums and the weights' quotients.
+
+    Where the edges of all images cancel, a rounding of 1e-7 to the power of 0.7 is 1e-5 of what is
+    left of the weights: there single pixels are off by more.
+    """
+    images = np.random.default_rng(5).integers(0, 256, shape).astype(np.uint8)
+    want = reference.fused(images / 255, *powers)
+    names = dict(zip(("contrast", "saturation", "exposure"), powers, strict=True))
+    for given in (images, (images / 255).astype(np.float32)):
+        off = np.abs(cvkern.fuse_exposures(given, **names) - want)
+        assert off.mean() < 5e-7
+        assert off.max() < (5e-6 if powers[0] == 1 else 1e-3)
+
+
+def test_fused_bits_are_equal():
+    images = np.random.default_rng(6).integers(0, 256, (3, 45, 70, 3)).astype(np.uint8)
+    answers = []
+    for name in ("warp", "taichi"):
+        with cvkern.use(name):
+            answers.append(cvkern.fuse_exposures(images))
+    np.testing.assert_array_equal(*answers)
 
 
 def test_fusion_is_that_of_opencv_but_for_its_range():
@@ -149,7 +176,7 @@ def test_fusion_keeps_the_order_of_light():
     assert np.corrcoef(ranks[0], ranks[1])[0, 1] > 0.985
 
 
-def test_alignment():
+def test_alignment(backend):
     images, *_ = scene(gamma, 1, (160, 200))
     moves = [(5, -3), (-7, 11), (0, 0), (2, 6), (-9, -4)]
     moved = np.stack([np.roll(i, m, (0, 1)) for i, m in zip(images, moves, strict=True)])
@@ -159,6 +186,27 @@ def test_alignment():
     inner = np.s_[:, 20:-20, 20:-20]
     first = np.roll(images, tuple(relative[0]), (1, 2))
     np.testing.assert_array_equal(found.images[inner], first[inner])
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float64])
+def test_both_sets_move_alike(dtype):
+    """In colour, with odd sides, out of reach of each other in part: what is moved is NumPy's."""
+    rng = np.random.default_rng(7)
+    soft = cv2.GaussianBlur(rng.random((71, 93, 3)), (0, 0), 3)
+    images = np.stack([np.roll(soft * t, m, (0, 1)) for t, m in ((1, (4, -7)), (2, (0, 0)))])
+    images = (images * (1 if dtype == np.float64 else 100)).astype(dtype)
+    answers = []
+    for name in ("warp", "taichi"):
+        with cvkern.use(name):
+            answers.append(cvkern.align_exposures(images, reach=8))
+    np.testing.assert_array_equal(answers[0].shifts, answers[1].shifts)
+    assert np.abs(answers[0].shifts).sum() == 11
+    rows, columns = (np.arange(n) for n in images.shape[1:3])
+    for k, (dy, dx) in enumerate(answers[0].shifts):
+        want = images[k][(rows - dy).clip(0, 70)][:, (columns - dx).clip(0, 92)]
+        for answer in answers:
+            assert answer.images.dtype == dtype
+            np.testing.assert_array_equal(answer.images[k], want)
 
 
 IMAGES = np.zeros((2, 4, 4), np.uint8)

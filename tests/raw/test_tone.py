@@ -6,7 +6,7 @@ import pytest
 import cvkern
 from cvkern._runtime import runtime
 from cvkern.raw.bands import local_laplacian
-from tests.raw import reference_tone as reference
+from tests.raw import reference_pyramids as reference
 
 METHODS = ("reinhard", "reinhard_local", "bilateral", "local_laplacian")
 

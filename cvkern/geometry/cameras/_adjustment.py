@@ -59,6 +59,8 @@ def adjust(
     begins = np.flatnonzero(np.diff(views, prepend=-1))
     found = evaluate(shared, poses)
     cost = _cost(found)
+    if not np.isfinite(cost):  # a point is behind the camera, and no derivative leads it out
+        raise np.linalg.LinAlgError("no finite solution")
     damping = FIRST_DAMPING
     for _ in range(MOST_STEPS):
         step, turns, equations = _step(found, begins, free, damping)

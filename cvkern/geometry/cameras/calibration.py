@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_choice, check_integer, check_positive
+from cvkern._checks import as_items, check_choice, check_integer, check_positive
 from cvkern._runtime import runtime
 from cvkern.geometry._points import check_points, on_host, xy
 from cvkern.geometry.cameras._adjustment import (
@@ -90,9 +91,8 @@ def chessboard_points(shape: tuple[int, int], square: float = 1.0) -> np.ndarray
            [ 0., 25.,  0.],
            [25., 25.,  0.]])
     """
-    if not isinstance(shape, Iterable):
-        raise TypeError(f"shape must be rows and columns of corners, got {shape!r}")
-    sides = tuple(check_integer(n, "shape", 2, 1000) for n in tuple(shape))
+    given = as_items(shape, "shape", "rows and columns of corners")
+    sides = tuple(check_integer(n, "shape", 2, 1000) for n in given)
     if len(sides) != 2:
         raise ValueError(f"shape must be rows and columns of corners, got {shape!r}")
     square = check_positive(square, "square")
@@ -173,14 +173,14 @@ def calibrate_camera(
     shape = check_shape(shape)
     boards, places = check_views(object_points, image_points, "image_points")
     free = free_of(fixed)
-    check_enough(boards, free)
+    check_enough(boards, free, "image_points")
     if camera is not None:
         check_lens(camera)
-    numbers, poses = begun(boards, places, shape, camera)
+    numbers, poses = begun(boards, places, shape, camera, "camera")
     if camera is None and not free[2:4].all():  # the middle of the image
         middle = (shape[1] - 1) / 2, (shape[0] - 1) / 2
         numbers[2:4] = np.where(free[2:4], numbers[2:4], middle)
-    found = adjusted_camera(boards, places, numbers, poses, free)
+    found = adjusted_camera(boards, places, numbers, poses, free, "image_points")
     off = found.residuals.off
     return Calibration(
         camera_of(found.shared, shape), rms_of(off), *found.poses, found.deviations,
@@ -189,9 +189,10 @@ def calibrate_camera(
 
 
 def begun(
-    boards: list[np.ndarray], places: list[np.ndarray], shape: tuple[int, int], camera: Any
-) -> tuple[np.ndarray, Poses]:
-    """Return the initial nine camera numbers and poses of boards."""
+    boards: list[np.ndarray], places: list[np.ndarray], shape: tuple[int, int], camera: Any,
+    name: str,
+) -> tuple[np.ndarray, Poses]:  # fmt: skip
+    """Return the initial nine numbers of a camera, the argument `name`, and poses of boards."""
     if camera is None:
         maps = [plane_map(b[:, :2], p) for b, p in zip(boards, places, strict=True)]
         matrix = first_camera(maps, shape)
@@ -200,7 +201,7 @@ def begun(
         numbers = numbers_of(camera)
         rays = [rays_of(p, camera)[:, :2] for p in places]
         if not all(np.isfinite(r).all() for r in rays):
-            raise ValueError("camera must see all points, got a lens that turns back before some")
+            raise ValueError(f"{name} must see all points, got a lens that turns back before some")
         maps = [plane_map(b[:, :2], r) for b, r in zip(boards, rays, strict=True)]
         matrix = np.eye(3)
     poses = [plane_pose(h, matrix) for h in maps]
@@ -209,9 +210,9 @@ def begun(
 
 def adjusted_camera(
     boards: list[np.ndarray], places: list[np.ndarray], numbers: np.ndarray, poses: Poses,
-    free: np.ndarray,
+    free: np.ndarray, name: str,
 ) -> Adjusted:  # fmt: skip
-    """Minimise the squared distances between seen and projected points."""
+    """Minimise the squared distances between projected and seen points, the argument `name`."""
     views = np.repeat(np.arange(len(boards)), [len(b) for b in boards])
     world, seen = np.concatenate(boards), np.concatenate(places)
 
@@ -221,12 +222,17 @@ def adjusted_camera(
         by_pose = np.concatenate((shown.by_point @ crossed(turned), shown.by_point), axis=2)
         return Residuals(shown.places - seen, shown.by_camera, by_pose)
 
-    try:
+    with seen_by_cameras(name):
         return adjust(evaluate, np.add, numbers, poses, views, free)
+
+
+@contextmanager
+def seen_by_cameras(name: str) -> Iterator[None]:
+    """Refuse points, the argument `name`, for which equations have no finite solution."""
+    try:
+        yield
     except np.linalg.LinAlgError:
-        raise ValueError(
-            "image_points must be of boards that one camera can see, got others"
-        ) from None
+        raise ValueError(f"{name} must be of boards that a camera can see, got others") from None
 
 
 def check_views(
@@ -251,8 +257,8 @@ def check_views(
         )
     worlds, places = [], []
     for n, (board, view) in enumerate(zip(boards, views, strict=True)):
-        world = _host(board, f"object_points[{n}]" if several else "object_points", 3)
-        seen = _host(view, f"{name}[{n}]", 2)
+        world = host_points(board, f"object_points[{n}]" if several else "object_points", 3)
+        seen = host_points(view, f"{name}[{n}]", 2)
         if len(world) != len(seen):
             raise ValueError(
                 f"{name}[{n}] must have as many points as the board, {len(world)}, got {len(seen)}"
@@ -266,7 +272,8 @@ def check_views(
     return worlds, places
 
 
-def _host(points: Any, name: str, columns: int) -> np.ndarray:
+def host_points(points: Any, name: str, columns: int) -> np.ndarray:
+    """Return points of so many columns on the host; refuse those that are not finite."""
     points = check_points(points, name, columns)
     values = on_host(runtime(points), points)
     if not np.isfinite(values).all():
@@ -285,25 +292,26 @@ def check_shape(shape: Any) -> tuple[int, int]:
 
 def free_of(fixed: Sequence[str]) -> np.ndarray:
     """Return which of the nine camera numbers are free."""
-    names = [fixed] if isinstance(fixed, str) else list(fixed)
+    rule = "a sequence of names of parameters"
+    names = (fixed,) if isinstance(fixed, str) else as_items(fixed, "fixed", rule)
     for name in names:
         check_choice(name, PARAMETERS, "fixed")
     return np.array([name not in names for name in PARAMETERS])
 
 
-def check_enough(boards: list[np.ndarray], free: np.ndarray) -> None:
+def check_enough(boards: list[np.ndarray], free: np.ndarray, name: str) -> None:
     """Refuse too few views: a plane determines two camera numbers in addition to its pose."""
     matrix = int(free[:4].sum())
     if 2 * len(boards) < matrix:
         raise ValueError(
-            f"image_points must be of {-(-matrix // 2)} views at least to tell {matrix} numbers of "
+            f"{name} must be of {-(-matrix // 2)} views at least to tell {matrix} numbers of "
             f"a camera matrix, got {len(boards)}: more views, or more in fixed"
         )
     points = sum(len(board) for board in boards)
     unknowns = int(free.sum()) + 6 * len(boards)
     if 2 * points < unknowns:
         raise ValueError(
-            f"image_points must be {-(-unknowns // 2)} points at least to tell {unknowns} "
+            f"{name} must be {-(-unknowns // 2)} points at least to tell {unknowns} "
             f"numbers, got {points}"
         )
 

@@ -102,7 +102,7 @@ class Rectification(NamedTuple):
     def sampler(self) -> _Sampler:
         """Return a callable that rectifies many pairs, with all parameters computed once."""
         numbers = (
-            undistortion_numbers(camera, self.matrix, turn)
+            undistortion_numbers(camera, self.matrix, turn, self.left.shape)
             for camera, turn in zip((self.left, self.right), self.rotations, strict=True)
         )
         return _Sampler(self.left.shape, *numbers)

@@ -18,6 +18,7 @@ from cvkern.geometry.cameras.calibration import (
     check_views,
     free_of,
     rms_of,
+    seen_by_cameras,
 )
 from cvkern.geometry.cameras.lens import Camera, check_lens, turned
 
@@ -138,29 +139,52 @@ def calibrate_stereo(
     >>> found.translation.round(3) + 0
     array([-1.,  0.,  0.])
     """
-    shapes = [check_shape(shape)]
-    shapes.append(shapes[0] if right_shape is None else check_shape(right_shape))
-    boards, lefts = check_views(object_points, left_points, "left_points")
-    again, rights = check_views(object_points, right_points, "right_points")
+    shapes = shape, shape if right_shape is None else right_shape
+    points = Seen("left_points", left_points, "left"), Seen("right_points", right_points, "right")
+    return calibrate_two(object_points, points, shapes, (left, right), fixed, fix_cameras)
+
+
+class Seen(NamedTuple):
+    """The argument that has the points that a camera sees, and the argument that is the camera."""
+
+    name: str
+    points: Sequence[Any]
+    camera: str
+
+
+def calibrate_two(
+    object_points: Any,
+    points: tuple[Seen, Seen],
+    sizes: tuple[Any, Any],
+    cameras: tuple[Camera | None, Camera | None],
+    fixed: Sequence[str],
+    fix_cameras: bool,
+) -> StereoCalibration:
+    """Do as :func:`calibrate_stereo`, with points whose refusals bear other names."""
+    shapes = [check_shape(size) for size in sizes]
+    boards, lefts = check_views(object_points, points[0].points, points[0].name)
+    again, rights = check_views(object_points, points[1].points, points[1].name)
     if len(again) != len(boards):
         raise ValueError(
-            f"right_points must be of as many views as left_points, {len(boards)}, got {len(again)}"
+            f"{points[1].name} must be of as many views as {points[0].name}, {len(boards)}, "
+            f"got {len(again)}"
         )
     fixed_names, keep = free_of(fixed), check_flag(fix_cameras, "fix_cameras")
-    check_enough(boards, fixed_names)
+    check_enough(boards, fixed_names, points[0].name)
     numbers, poses = [], []
-    for camera, places, shape in zip((left, right), (lefts, rights), shapes, strict=True):
+    for camera, places, shape, seen in zip(cameras, (lefts, rights), shapes, points, strict=True):
         if camera is not None:
             check_lens(camera)
-        given, stood = begun(boards, places, shape, camera)
+        given, stood = begun(boards, places, shape, camera, seen.camera)
         free = fixed_names & (camera is None)
-        alone = adjusted_camera(boards, places, given, stood, free)
+        alone = adjusted_camera(boards, places, given, stood, free, seen.name)
         numbers.append(alone.shared[:9])
         poses.append(alone.poses)
-    turn, shift = _beside(*poses)
+    with seen_by_cameras(points[1].name):
+        turn, shift = _beside(*poses)
 
     views = np.repeat(np.arange(len(boards)), [len(b) for b in boards])
-    world, seen = np.concatenate(boards), [np.concatenate(p) for p in (lefts, rights)]
+    world, images = np.concatenate(boards), [np.concatenate(p) for p in (lefts, rights)]
     both = np.repeat(views, 2)
 
     def evaluate(shared: np.ndarray, poses: Poses) -> Residuals:
@@ -177,7 +201,7 @@ def calibrate_stereo(
         off, shares, by_pose = (
             np.stack(pair, axis=1).reshape(2 * len(world), *pair[0].shape[1:])
             for pair in (
-                (one.places - seen[0], other.places - seen[1]),
+                (one.places - images[0], other.places - images[1]),
                 (
                     np.concatenate((one.by_camera, none, six), axis=2),
                     np.concatenate((none, other.by_camera, by_pair), axis=2),
@@ -191,9 +215,10 @@ def calibrate_stereo(
         return Residuals(off, shares, by_pose)
 
     begin = np.concatenate((*numbers, turn.ravel(), shift))
-    cameras = fixed_names & (not keep)
-    free = np.concatenate((cameras, cameras, np.ones(6, bool)))
-    found = adjust(evaluate, _moved, begin, poses[0], both, free)
+    moving = fixed_names & (not keep)
+    free = np.concatenate((moving, moving, np.ones(6, bool)))
+    with seen_by_cameras(points[0].name):
+        found = adjust(evaluate, _moved, begin, poses[0], both, free)
     return StereoCalibration(
         camera_of(found.shared[:9], shapes[0]), camera_of(found.shared[9:18], shapes[1]),
         found.shared[18:27].reshape(3, 3), found.shared[27:], rms_of(found.residuals.off),

@@ -11,13 +11,14 @@ from cvkern._arrays import library
 from cvkern._checks import (
     as_numbers,
     check_choice,
-    check_image,
     check_number,
+    check_photograph,
     check_positive,
     check_sides,
 )
 from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import find_edges, photograph_options
+from cvkern.filters.channels import Planes, planes_of
 from cvkern.hough.circles.peaks import local_maxima
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim
@@ -73,8 +74,8 @@ def detect_circles(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype. Convert colour images with :func:`cvkern.images.luma` first.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`canny`.
     radius_range : two floats
         Smallest and largest radius, in pixels; at least 3. If the smallest is 24 or more, the
         photograph is first reduced by an integer factor, so that it becomes less than 24.
@@ -102,9 +103,9 @@ def detect_circles(
     TypeError
         If `image` does not hold real numbers, or an option is not a number.
     ValueError
-        If `image` is empty, not 2-D, or longer than 65536 on a side; if `radius_range` is not two
-        ascending numbers of at least 3, or its first is larger than half the shorter side; if
-        `polarity` is unknown, `min_support` not in (0, 1], or `min_distance` negative; and as in
+        If `image` is empty, of another shape, or longer than 65536 on a side; if `radius_range` is
+        not two ascending numbers of at least 3, or its first is larger than half the shorter side;
+        if `polarity` is unknown, `min_support` not in (0, 1], or `min_distance` negative; and as in
         :func:`canny`.
 
     Notes
@@ -130,8 +131,8 @@ def detect_circles(
     >>> circles.centers.round(), circles.radii.round()
     (array([[41., 38.]], dtype=float32), array([20.], dtype=float32))
     """
-    image = check_image(image)
-    height, width = check_sides(image.shape, "image")
+    image = check_photograph(image)
+    height, width = check_sides(image.shape[:2], "image")
     low, high = check_range(radius_range, min(height, width), "radius_range")
     first, last = POLARITIES[check_choice(polarity, tuple(POLARITIES), "polarity")]
     least = check_support(min_support)
@@ -187,15 +188,9 @@ def edge_lines(
     Return None if there is no point. The points are those of a reduced image, whose pixels are the
     means of squares of `factor` x `factor` pixels.
     """
-    given = library(image).dtype(image)
     options = photograph_options(image, sigma, low, high)
-    small = image
-    if factor > 1:
-        dtype = np.uint8 if given == np.uint8 else np.float32
-        small = rt.empty((image.shape[0] // factor, image.shape[1] // factor))
-        rt.hough.circles.detection.shrink(rt.adopt(image, dtype), factor, rt.adopt(small))
-        small = rt.release(small)
-    shape = tuple(small.shape)
+    small = image if factor == 1 else _shrunk(rt, image, factor)
+    shape = tuple(small.shape[:2])
     mask = rt.scratch("circles.mask", shape, bool)
     dy, dx = find_edges(rt, small, options, mask)
     starts = rt.scratch("circles.starts", (shape[0] + 1,), np.int32)
@@ -208,6 +203,18 @@ def edge_lines(
     lines = rt.scratch("circles.lines", (4, count))
     rt.hough.circles.detection.aim(dy, dx, pixels, lines)
     return lines
+
+
+def _shrunk(rt: Runtime, image: Any, factor: int) -> Planes:
+    """Return the means of squares of `factor` x `factor` pixels, of each channel."""
+    byte = library(image).dtype(image) == np.uint8
+    planes = planes_of(rt, image, np.uint8 if byte else np.float32)
+    height, width = planes.shape
+    small = []
+    for c, plane in enumerate(planes.values):
+        small.append(rt.scratch(f"circles.small.{c}", (height // factor, width // factor)))
+        rt.hough.circles.detection.shrink(plane, factor, small[c])
+    return Planes(tuple(small), np.dtype(np.float32))
 
 
 def _centers(

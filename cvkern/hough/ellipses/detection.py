@@ -7,7 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_image, check_integer, check_number, check_positive, check_sides
+from cvkern._checks import (
+    check_integer,
+    check_number,
+    check_photograph,
+    check_positive,
+    check_sides,
+)
 from cvkern._runtime import Runtime, runtime
 from cvkern.hough.circles.detection import check_range, check_support, distinct, edge_lines
 from cvkern.hough.ellipses.votes import between, paired
@@ -55,8 +61,8 @@ def detect_ellipses(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype. Convert colour images with :func:`cvkern.images.luma` first.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`canny`.
     axis_range : two floats
         Smallest minor and largest major semi-axis, in pixels; at least 3. If the smallest is 40 or
         more, the photograph is first reduced by an integer factor, so that it becomes less than
@@ -87,10 +93,10 @@ def detect_ellipses(
     TypeError
         If `image` does not hold real numbers, or an option is not a number.
     ValueError
-        If `image` is empty, not 2-D, or longer than 65536 on a side; if `axis_range` is not two
-        ascending numbers of at least 3, or its first is larger than half the shorter side; if
-        `min_support` is not in (0, 1], `min_distance` negative, or `max_points` not in [3, 16384];
-        and as in :func:`canny`.
+        If `image` is empty, of another shape, or longer than 65536 on a side; if `axis_range` is
+        not two ascending numbers of at least 3, or its first is larger than half the shorter side;
+        if `min_support` is not in (0, 1], `min_distance` negative, or `max_points` not in [3,
+        16384]; and as in :func:`canny`.
 
     Notes
     -----
@@ -113,8 +119,9 @@ def detect_ellipses(
     >>> found.centers.round(), found.axes.round()
     (array([[41., 58.]], dtype=float32), array([[40., 20.]], dtype=float32))
     """
-    image = check_image(image)
-    low, high = check_range(axis_range, min(check_sides(image.shape, "image")), "axis_range")
+    image = check_photograph(image)
+    sides = check_sides(image.shape[:2], "image")
+    low, high = check_range(axis_range, min(sides), "axis_range")
     least = check_support(min_support)
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
     most = check_integer(max_points, "max_points", 3, 2**14)
@@ -125,7 +132,7 @@ def detect_ellipses(
     shapes, support = np.empty((0, 5)), np.empty(0)
     if lines is not None:
         points = rt.to_numpy(lines)
-        reach = low / factor, min(high / factor, math.hypot(*image.shape))
+        reach = low / factor, min(high / factor, math.hypot(*sides))
         exact = points.astype(np.float64)
         fits = [_fitted(exact, e) for e in _candidates(rt, points, reach, most, least)]
         shapes = np.array([shape for shape, _ in fits]).reshape(-1, 5)

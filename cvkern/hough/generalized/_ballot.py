@@ -171,6 +171,10 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
         dy, dx = find_edges(rt, image, photograph_options(image, *options), mask)
     else:
         orientation = check_image(orientation, name="orientation")
+        if len(image.shape) != 2:
+            raise ValueError(
+                f"{name} must be a mask (H, W) with orientation, got shape {tuple(image.shape)}"
+            )
         if tuple(orientation.shape) != shape:
             raise ValueError(
                 f"orientation must have the shape of the {name}, {shape}, "

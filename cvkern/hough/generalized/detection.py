@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_image
+from cvkern._checks import check_photograph
 from cvkern.hough.generalized.tables import SIGMA, r_table
 from cvkern.hough.generalized.votes import Shapes, generalized_hough
 
@@ -30,8 +30,8 @@ def find_shape(
 
     Parameters
     ----------
-    template, scene : arrays of shape (H, W)
-        Any real dtype.
+    template, scene : arrays of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`cvkern.canny`.
     reference
         As in :func:`r_table`.
     rotations : int or sequence of float, default 360
@@ -69,7 +69,7 @@ def find_shape(
     """
     if "orientation" in options:
         raise TypeError("find_shape takes pictures, got orientation: use generalized_hough")
-    scene = check_image(scene, name="scene")
+    scene = check_photograph(scene, "scene")
     edges = {
         "sigma": sigma,
         "low_threshold": low_threshold,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_image
+from cvkern._checks import as_numbers, check_photograph
 from cvkern.hough.generalized._ballot import MAX_ANGLE, scene_of
 from cvkern.kernels.codes.hough import DIRECTIONS
 
@@ -45,9 +45,9 @@ def r_table(
 
     Parameters
     ----------
-    template : array of shape (H, W)
+    template : array of shape (H, W) or (H, W, C) with C in 3, 4
         A picture of the shape, any real dtype; :func:`cvkern.canny` finds its edges. With
-        `orientation`, a mask that is not 0 on the boundary.
+        `orientation`, a mask (H, W) that is not 0 on the boundary.
     reference : pair of float, optional
         Row and column of the point whose position will be found; the centre by default.
     orientation : array of shape (H, W), optional
@@ -67,10 +67,10 @@ def r_table(
     TypeError
         If `template` or `orientation` do not hold real numbers.
     ValueError
-        If `template` is empty or not 2-D, has no boundary point, or one farther than 4096 pixels
-        from the reference; if `reference` is not two finite numbers; if `orientation` has another
-        shape than the mask, or is outside -7 to 7 at a point; as in :func:`cvkern.canny`; and
-        within :func:`cvkern.capture`, because the host counts the points.
+        If `template` is empty or of another shape, has no boundary point, or one farther than 4096
+        pixels from the reference; if `reference` is not two finite numbers; if `orientation` has
+        another shape than the mask, or is outside -7 to 7 at a point; as in :func:`cvkern.canny`;
+        and within :func:`cvkern.capture`, because the host counts the points.
 
     References
     ----------
@@ -89,9 +89,9 @@ def r_table(
     >>> bool((abs(table.vectors).max(axis=1) < 7).all())
     True
     """
-    template = check_image(template, name="template")
+    template = check_photograph(template, "template")
     options = sigma, low_threshold, high_threshold, use_quantiles
-    shape = tuple(template.shape)
+    shape = tuple(template.shape[:2])
     centre = _check_reference(reference, shape)
     scene = scene_of(template, orientation, options, "template")
     if not len(scene.points):

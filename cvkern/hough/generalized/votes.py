@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import MAX_ELEMENTS, check_image, check_integer, check_number
+from cvkern._checks import MAX_ELEMENTS, check_integer, check_number, check_photograph
 from cvkern._runtime import runtime
 from cvkern.hough.generalized._ballot import ballot_of, candidates, scene_of, voters_of
 from cvkern.hough.generalized._poses import Judge, Model
@@ -64,8 +64,9 @@ def generalized_hough(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype. With `orientation`, a mask of the edges.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`cvkern.canny`. With `orientation`, a mask (H, W) of the
+        edges.
     table : RTable
         The result of :func:`r_table`, made with the same `sigma` and thresholds.
     rotations : int or sequence of float, optional
@@ -115,10 +116,10 @@ def generalized_hough(
     TypeError
         If `image` or `orientation` do not hold real numbers, or an option is of a wrong type.
     ValueError
-        If `image` is empty or not 2-D, `table` has no entries or is not finite, `rotations` or
-        `scales` are empty, not finite or out of range, `cell` is none of the sizes, `max_bytes` is
-        too small for one rotation and scale, or another option is out of its range; as in
-        :func:`r_table` for `orientation`; as in :func:`cvkern.canny`; and within
+        If `image` is empty or of another shape, `table` has no entries or is not finite,
+        `rotations` or `scales` are empty, not finite or out of range, `cell` is none of the sizes,
+        `max_bytes` is too small for one rotation and scale, or another option is out of its range;
+        as in :func:`r_table` for `orientation`; as in :func:`cvkern.canny`; and within
         :func:`cvkern.capture`, because the host chooses among the peaks.
 
     Notes
@@ -150,7 +151,7 @@ def generalized_hough(
     >>> np.degrees(found.rotation).round()
     array([-90.], dtype=float32)
     """
-    image = check_image(image)
+    image = check_photograph(image)
     options = sigma, low_threshold, high_threshold, use_quantiles
     table = check_table(table)
     threshold = check_number(threshold, "threshold", low=0)
@@ -169,7 +170,7 @@ def generalized_hough(
         cell,
         max_entries,
     )
-    height, width = image.shape
+    height, width = image.shape[:2]
     batch = ballot.batch(height, width, check_integer(max_bytes, "max_bytes", 1, 2**62))
     rt = runtime(image)
     scene = scene_of(image, orientation, options, "image")
@@ -230,7 +231,7 @@ use_quantiles, orientation_tolerance, cell, max_entries
     >>> votes.shape
     (2, 1, 15, 20)
     """
-    image = check_image(image)
+    image = check_photograph(image)
     options = sigma, low_threshold, high_threshold, use_quantiles
     table = check_table(table)
     ballot = ballot_of(
@@ -242,7 +243,7 @@ use_quantiles, orientation_tolerance, cell, max_entries
         cell,
         max_entries,
     )
-    height, width = image.shape
+    height, width = image.shape[:2]
     rows, columns = ballot.cells(height, width)
     shape = (len(ballot.turns), len(ballot.scales), rows, columns)
     if math.prod(shape) > MAX_ELEMENTS:

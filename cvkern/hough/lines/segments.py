@@ -12,12 +12,13 @@ from cvkern._checks import (
     check_beside,
     check_image,
     check_number,
+    check_photograph,
     check_positive,
     check_sides,
 )
 from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import photograph_options
-from cvkern.edges.quantiles import FAINT_SHARES
+from cvkern.edges.quantiles import LINE_SHARES
 from cvkern.edges.subpixel import locate_edges
 from cvkern.hough._points import mask_points
 from cvkern.hough.lines._support import (
@@ -199,8 +200,8 @@ def detect_lines(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`canny`.
     sigma : float, default 1.0
         Standard deviation of the Gaussian under the edges, pixels.
     low_threshold, high_threshold : float, optional
@@ -238,12 +239,12 @@ def detect_lines(
     >>> votes.tolist(), abs(theta).round(3).tolist(), rho.round(2).tolist()
     ([60], [0.0], [29.5])
     """
-    image = check_image(image)
-    size = check_sides(image.shape, "image")
+    image = check_photograph(image)
+    size = check_sides(image.shape[:2], "image")
     distance = check_positive(distance, "distance")
     least = 0.1 * math.hypot(*size) if min_votes is None else check_positive(min_votes, "min_votes")
     options = photograph_options(
-        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=LINE_SHARES
     )
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
@@ -286,8 +287,8 @@ def detect_segments(
 
     Parameters
     ----------
-    image : array of shape (H, W)
-        Any real dtype.
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+        Any real dtype; colour as in :func:`canny`.
     sigma : float, default 1.0
         Standard deviation of the Gaussian under the edges, pixels.
     low_threshold, high_threshold : float, optional
@@ -326,13 +327,13 @@ def detect_segments(
     >>> cvkern.detect_segments(step).round(1)
     array([[ 0. , 29.5, 59. , 29.5]], dtype=float32)
     """
-    image = check_image(image)
-    size = check_sides(image.shape, "image")
+    image = check_photograph(image)
+    size = check_sides(image.shape[:2], "image")
     min_length = check_positive(min_length, "min_length")
     max_gap = check_number(max_gap, "max_gap", low=0)
     distance = check_positive(distance, "distance")
     options = photograph_options(
-        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=LINE_SHARES
     )
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])

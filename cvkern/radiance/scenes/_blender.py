@@ -181,7 +181,7 @@ def _photograph(file: Path, frame: dict[str, Any], number: int, outside: bool) -
 def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
     try:
         pose = np.array(frame["transform_matrix"], np.float64)
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         pose = np.empty(0)
     if pose.shape not in ((3, 4), (4, 4)):
         raise ValueError(

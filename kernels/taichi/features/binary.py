@@ -13,6 +13,8 @@ G. Bradski, "ORB: an efficient alternative to SIFT or SURF", ICCV 2011]. All dec
 integers, except for the angle. One thread takes a pixel, or a corner.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import taichi as ti
 
@@ -23,9 +25,8 @@ from cvkern.kernels.taichi._polar import gradient_angle
 from cvkern.kernels.taichi._rounding import product
 from cvkern.kernels.taichi.filters.linear import correlate_separable
 
-from .keypoints.extrema import count_marks, list_marks
+from ._marks import count_marks, list_marks, rows_of
 
-i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
@@ -63,16 +64,22 @@ def _widen(
 
 @primitive
 def mark_corners(
-    src: np.ndarray, threshold: int, margin: int, words: np.ndarray, counts: np.ndarray
+    images: Sequence[np.ndarray],
+    threshold: int,
+    margin: int,
+    words: np.ndarray,
+    ends: np.ndarray,
 ) -> None:
     """Mark FAST corners of 9 pixels of 16 that score most of 3 x 3, of equal ones the first.
 
-    A bit a pixel, and their number in each row.
+    A bit a pixel of all sizes of the image, rows of words one after the other, and their number up
+    to the end of each row.
     """
-    scores = scratch(src.shape, np.uint8)
-    _score(src, threshold, margin, scores)
-    _mark(scores, words)
-    count_marks(words, counts)
+    for src, (marks, _) in zip(images, rows_of(images, words), strict=True):
+        scores = scratch(src.shape, np.uint8)
+        _score(src, threshold, margin, scores)
+        _mark(scores, marks)
+    count_marks(images, words, ends)
 
 
 @ti.kernel
@@ -140,18 +147,19 @@ def _mark(
 
 @primitive
 def list_corners(
-    src: np.ndarray,
+    images: Sequence[np.ndarray],
     words: np.ndarray,
-    starts: np.ndarray,
-    places: np.ndarray,
+    ends: np.ndarray,
+    cells: np.ndarray,
     responses: np.ndarray,
 ) -> None:
-    """List the places (row times width plus column) of the bits, with Harris' measure of each.
+    """List size, 1, row and column of the N marks, in this order, with Harris' measure of each.
 
     It is that over 7 x 7 pixels, times 25, as an integer.
     """
-    list_marks(words, starts, src.shape[1], places)
-    _weigh(src, places, responses)
+    list_marks(images, words, ends, cells)
+    for n, src in enumerate(images):
+        _weigh(src, n, cells, responses)
 
 
 @ti.func
@@ -163,13 +171,16 @@ def _at(src: ti.template(), y: ti.i32, x: ti.i32) -> ti.i32:
 @ti.kernel
 def _weigh(
     src: u8_2,
-    places: i32_1,
+    image: ti.i32,
+    cells: i32_2,  # (N, 4)
     # outputs
     responses: i64_1,
 ):
     for n in responses:
-        row = places[n] // src.shape[1]
-        column = places[n] - row * src.shape[1]
+        if cells[n, 0] != image:
+            continue
+        row = cells[n, 2]
+        column = cells[n, 3]
         yy = 0
         xx = 0
         xy = 0
@@ -191,30 +202,32 @@ def _weigh(
 
 @primitive
 def describe_corners(
-    src: np.ndarray,
+    images: Sequence[np.ndarray],
     taps: np.ndarray,
-    points: np.ndarray,
+    cells: np.ndarray,
     pattern: np.ndarray,
     upright: int,
     angles: np.ndarray,
     descriptors: np.ndarray,
 ) -> None:
-    """Direction by the moments of a disc, bits by comparing pairs of smoothed pixels.
+    """Direction by the moments of a disc, bits by comparing pairs of pixels, smoothed by `taps`.
 
-    A thread a point.
+    Cells are as `list_corners` lists them. A thread a point.
     """
-    real = scratch((1, *src.shape), np.float32)
-    smooth = scratch((1, *src.shape), np.float32)
-    _widen(src, real)
-    correlate_separable(real, taps, taps, 1, int(Border.MIRROR), 0.0, smooth)
-    _describe(src, smooth, points, pattern, upright, 0, angles, descriptors)
+    for n, src in enumerate(images):
+        real = scratch((1, *src.shape), np.float32)
+        smooth = scratch((1, *src.shape), np.float32)
+        _widen(src, real)
+        correlate_separable(real, taps, taps, 1, int(Border.MIRROR), 0.0, smooth)
+        _describe(src, smooth, n, cells, pattern, upright, 0, angles, descriptors)
 
 
 @ti.kernel
 def _describe(
     src: u8_2,
     smooth: f32_3,  # (1, H, W)
-    points: i32_2,
+    image: ti.i32,
+    cells: i32_2,  # (N, 4)
     pattern: i32_3,  # (TURNS, PAIRS, 4): row, column, row, column
     upright: ti.i32,
     zero: ti.i32,
@@ -223,8 +236,10 @@ def _describe(
     descriptors: u8_2,
 ):
     for n in angles:
-        cy = points[n, 0]
-        cx = points[n, 1]
+        if cells[n, 0] != image:
+            continue
+        cy = cells[n, 2]
+        cx = cells[n, 3]
         angle = 0.0
         turn = 0
         if upright == 0:

@@ -52,6 +52,12 @@ def _polar(
 
 
 @primitive
+def polar(dy: np.ndarray, dx: np.ndarray, magnitude: np.ndarray, orientation: np.ndarray) -> None:
+    """Compute the length and the angle of each (dy, dx)."""
+    _polar(dy.reshape(-1), dx.reshape(-1), 0, magnitude.reshape(-1), orientation.reshape(-1))
+
+
+@primitive
 def differentiate_polar(
     src: np.ndarray,
     smooth: np.ndarray,
@@ -64,7 +70,7 @@ def differentiate_polar(
 ) -> None:
     """Differentiate, and compute the length and the angle of each (dy, dx) as well."""
     differentiate(src, smooth, slope, outside, dy, dx)
-    _polar(dy.reshape(-1), dx.reshape(-1), 0, magnitude.reshape(-1), orientation.reshape(-1))
+    polar(dy, dx, magnitude, orientation)
 
 
 @ti.kernel

@@ -1,7 +1,7 @@
 // FAST corners and binary descriptors on the CPU; taichi/features/binary.py has the rules. Corners
 // are found a row at a time, 64 pixels at once, and described one at a time.
 
-#include "keypoints/_angles.h"
+#include "../_angles.h"
 
 // Mark FAST corners of rows: pixels whose score none of the eight around exceeds, of equal ones
 // the first. The score is the largest threshold under which 9 neighbouring pixels of the circle are
@@ -107,20 +107,21 @@ void mark_rows(int slab, int first, int last, wp::array_t<wp::uint8> src, int th
     }
 }
 
-// List the marked pixels of a row, and Harris' measure over 7 x 7 pixels, times 25, of each.
-void list_row(int row, wp::array_t<wp::uint8> src, wp::array_t<int> words, wp::array_t<int> starts,
-              wp::array_t<int> places, wp::array_t<wp::int64> responses) {
+// List the marked pixels of a row, and Harris' measure over 7 x 7 pixels, times 25, of each. Rows
+// of larger images are listed `before`.
+void list_row(int row, wp::array_t<wp::uint8> src, wp::array_t<int> words, wp::array_t<int> ends,
+              int image, int before, wp::array_t<int> cells, wp::array_t<wp::int64> responses) {
     typedef unsigned char bytes __attribute__((vector_size(8)));
     typedef short lanes __attribute__((vector_size(16)));
     typedef int wide __attribute__((vector_size(32)));
     const int width = src.shape[1], stored = words.shape[2];
     const lanes seven = {-1, -1, -1, -1, -1, -1, -1, 0};
-    int at = starts.data[row];
+    int at = before + row > 0 ? ends.data[before + row - 1] : 0;
     for (int k = 0; k < stored; ++k) {
         unsigned word = (unsigned)words.data[(size_t)row * stored + k];
         for (; word; word &= word - 1, ++at) {
-            const int place = row * width + 32 * k + __builtin_ctz(word);
-            const unsigned char* const c = src.data + place - 4 * (size_t)width - 4;
+            const int column = 32 * k + __builtin_ctz(word);
+            const unsigned char* const c = src.data + (row - 4) * (size_t)width + column - 4;
             lanes sums[9], slopes[9];
 #pragma unroll
             for (int i = 0; i < 9; ++i) {
@@ -146,7 +147,8 @@ void list_row(int row, wp::array_t<wp::uint8> src, wp::array_t<int> words, wp::a
             }
             const long long a = __builtin_reduce_add(yy), b = __builtin_reduce_add(xx);
             const long long c2 = __builtin_reduce_add(xy);
-            places.data[at] = place;
+            int* const cell = cells.data + 4 * (size_t)at;
+            cell[0] = image, cell[1] = 1, cell[2] = row, cell[3] = column;
             responses.data[at] = 25 * (a * b - c2 * c2) - (a + b) * (a + b);
         }
     }
@@ -155,19 +157,22 @@ void list_row(int row, wp::array_t<wp::uint8> src, wp::array_t<int> words, wp::a
 // needs DISC, BLUR, PAIRS, TURNS, TURNS_PER_RADIAN
 // Direction of point `k` by the moments of a disc, and its bits: pairs of pixels compared, of the
 // image smoothed down the rows and then along the columns.
-void describe_one(int k, wp::array_t<wp::uint8> src, wp::array_t<float> taps,
-                  wp::array_t<int> points, wp::array_t<int> pattern, int upright,
+void describe_one(int k, wp::array_t<wp::int64> images, wp::array_t<float> taps,
+                  wp::array_t<int> cells, wp::array_t<int> pattern, int upright,
                   wp::array_t<float> angles, wp::array_t<wp::uint8> descriptors) {
 #pragma clang fp contract(off)
     enum { SIDE = 2 * DISC + 1, READ = SIDE + 2 * BLUR, PITCH = 48, OUT = 32 };
-    const size_t width = src.shape[1];
-    const int cy = points.data[2 * (size_t)k], cx = points.data[2 * (size_t)k + 1];
+    const int* const cell = cells.data + 4 * (size_t)k;
+    const wp::int64* const image = images.data + 4 * (size_t)cell[0];
+    const unsigned char* const src = (const unsigned char*)image[0];
+    const size_t width = (size_t)image[3];
+    const int cy = cell[2], cx = cell[3];
     float angle = 0.0f;
     int turn = 0;
     if (!upright) {
         int down = 0, along = 0;
         for (int i = -DISC; i <= DISC; ++i) {
-            const unsigned char* p = src.data + (cy + i) * width + cx - DISC;
+            const unsigned char* p = src + (cy + i) * width + cx - DISC;
             const int room = DISC * (DISC + 1) - i * i;
             int sum = 0;
             for (int j = 0; j < SIDE; ++j) {
@@ -183,7 +188,7 @@ void describe_one(int k, wp::array_t<wp::uint8> src, wp::array_t<float> taps,
     angles.data[k] = angle;
     // A row has a few pixels more than are used.
     float values[READ][PITCH], smooth[SIDE][OUT];
-    const unsigned char* from = src.data + (cy - DISC - BLUR) * width + cx - DISC - BLUR;
+    const unsigned char* from = src + (cy - DISC - BLUR) * width + cx - DISC - BLUR;
     for (int i = 0; i < READ; ++i)
         for (int j = 0; j < PITCH; ++j) values[i][j] = (float)from[i * width + j];
     const float* tap = taps.data;

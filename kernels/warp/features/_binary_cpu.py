@@ -33,8 +33,10 @@ def list_row(
     row: int,
     src: wp.array2d[wp.uint8],
     words: wp.array3d[int],
-    starts: wp.array[int],
-    places: wp.array[int],
+    ends: wp.array[int],
+    image: int,
+    before: int,
+    cells: wp.array2d[int],
     responses: wp.array[wp.int64],
 ): ...
 
@@ -49,9 +51,9 @@ def list_row(
 )
 def describe_one(
     k: int,
-    src: wp.array2d[wp.uint8],
+    images: wp.array2d[wp.int64],
     taps: wp.array[float],
-    points: wp.array2d[int],
+    cells: wp.array2d[int],
     pattern: wp.array3d[int],
     upright: int,
     angles: wp.array[float],
@@ -100,13 +102,15 @@ def gather(
     last: int,
     src: wp.array2d[wp.uint8],
     words: wp.array3d[int],
-    starts: wp.array[int],
+    ends: wp.array[int],
+    image: int,
+    before: int,  # rows of larger images
     # outputs
-    places: wp.array[int],
+    cells: wp.array2d[int],  # (N, 4)
     responses: wp.array[wp.int64],
 ):
     for row in range(first, last):
-        list_row(row, src, words, starts, places, responses)
+        list_row(row, src, words, ends, image, before, cells, responses)
 
 
 @wp.kernel
@@ -114,9 +118,9 @@ def describe(
     slab: int,
     first: int,
     last: int,
-    src: wp.array2d[wp.uint8],
+    images: wp.array2d[wp.int64],  # (O, 4)
     taps: wp.array[float],
-    points: wp.array2d[int],
+    cells: wp.array2d[int],  # (N, 4)
     pattern: wp.array3d[int],  # (TURNS, PAIRS, 4): row, column, row, column
     upright: int,
     # outputs
@@ -124,4 +128,4 @@ def describe(
     descriptors: wp.array2d[wp.uint8],
 ):
     for k in range(first, last):
-        describe_one(k, src, taps, points, pattern, upright, angles, descriptors)
+        describe_one(k, images, taps, cells, pattern, upright, angles, descriptors)

@@ -1,15 +1,17 @@
-"""FAST corners on CUDA, where a thread takes a pixel. The Taichi set has the rule."""
+"""FAST corners on CUDA, a thread a pixel, and their bits, a block a point: see the Taichi set."""
 
 import warp as wp
 
-from cvkern.kernels.codes.features import CIRCLE, WORD
+from cvkern.kernels.codes import features as codes
+from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-BITS = wp.constant(WORD)
+THREADS = 128  # threads of a block
+BITS = wp.constant(codes.WORD)
 circle_t = wp.types.matrix(shape=(16, 2), dtype=wp.int32)
 around_t = wp.types.vector(16, wp.int32)
-PLACES = wp.constant(circle_t(CIRCLE))
+PLACES = wp.constant(circle_t(codes.CIRCLE))
 
 
 @wp.kernel
@@ -20,16 +22,6 @@ def round_values(
 ):
     y, x = wp.tid()
     dst[y, x] = wp.uint8(int(wp.clamp(src[y, x], 0.0, 255.0) + 0.5))
-
-
-@wp.kernel
-def widen_values(
-    src: wp.array2d[wp.uint8],
-    # outputs
-    dst: wp.array2d[float],
-):
-    y, x = wp.tid()
-    dst[y, x] = float(src[y, x])
 
 
 @wp.func
@@ -83,3 +75,55 @@ def mark(
                 return
     # Sets a bit that no other thread sets: the order cannot show.
     wp.atomic_or(words, 0, y, x // BITS, 1 << (x % BITS))
+
+
+@wp.kernel
+def weigh(
+    images: wp.array2d[wp.int64],  # (O, 4)
+    cells: wp.array2d[int],  # (N, 4)
+    # outputs
+    responses: wp.array[wp.int64],
+):
+    n = wp.tid()
+    image = cells[n, 0]
+    shape = (int(images[image, 2]), int(images[image, 3]))
+    src = wp.array(ptr=wp.uint64(images[image, 0]), shape=shape, dtype=wp.uint8)
+    row = cells[n, 2]
+    column = cells[n, 3]
+    yy = int(0)
+    xx = int(0)
+    xy = int(0)
+    for y in range(row - 3, row + 4):
+        for x in range(column - 3, column + 4):
+            nw = int(src[y - 1, x - 1])
+            ne = int(src[y - 1, x + 1])
+            sw = int(src[y + 1, x - 1])
+            se = int(src[y + 1, x + 1])
+            gy = sw - nw + se - ne + 2 * (int(src[y + 1, x]) - int(src[y - 1, x]))
+            gx = ne - nw + se - sw + 2 * (int(src[y, x + 1]) - int(src[y, x - 1]))
+            yy += gy * gy
+            xx += gx * gx
+            xy += gx * gy
+    det = wp.int64(yy) * wp.int64(xx) - wp.int64(xy) * wp.int64(xy)
+    trace = wp.int64(yy) + wp.int64(xx)
+    responses[n] = wp.int64(25) * det - trace * trace
+
+
+@_native.kernel(
+    "_binary_cuda.cu",
+    DISC=codes.DISC,
+    BLUR=codes.BLUR,
+    PAIRS=codes.PAIRS,
+    TURNS=codes.TURNS,
+    TURNS_PER_RADIAN=f"{codes.TURNS_PER_RADIAN!r}f",
+)
+def describe(
+    images: wp.array2d[wp.int64],
+    taps: wp.array[float],
+    cells: wp.array2d[int],
+    pattern: wp.array3d[int],  # (TURNS, PAIRS, 4): row, column, row, column
+    upright: int,
+    # outputs
+    angles: wp.array[float],
+    descriptors: wp.array2d[wp.uint8],
+): ...

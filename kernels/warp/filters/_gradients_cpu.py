@@ -99,6 +99,23 @@ def differentiate(
 
 
 @wp.kernel
+def polar(
+    slab: int,
+    first: int,
+    last: int,
+    dy: wp.array2d[f32_wide],  # (1, N)
+    dx: wp.array2d[f32_wide],
+    # outputs
+    magnitude: wp.array2d[f32_wide],
+    orientation: wp.array2d[f32_wide],
+):
+    for lane in range(first, last):
+        i = wp.min(lane * WIDE, dy.shape[1] - 1)
+        magnitude[0, i] = lengths(dy[0, i], dx[0, i])
+        orientation[0, i] = angles(dy[0, i], dx[0, i])
+
+
+@wp.kernel
 def root_mean_square(
     slab: int,
     first: int,

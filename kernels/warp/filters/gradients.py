@@ -83,6 +83,21 @@ def _differentiate(
         unpad(a, b)
 
 
+def polar(dy: wp.array, dx: wp.array, magnitude: wp.array, orientation: wp.array) -> None:
+    """Compute the length and the angle of each (dy, dx)."""
+    size = dy.size
+    if dy.device.is_cuda:
+        launch(cuda.polar, size, _flat(dy, dx), _flat(magnitude, orientation))
+        return
+    given = [view(a, wp.float32, (1, size)) for a in (dy, dx, magnitude, orientation)]
+    wide = [padded(a, f"polar.{i}", WIDE) for i, a in enumerate(given)]
+    views = [vectors(a, f32_wide) for a in wide]
+    vectors_of_all = -(-size // WIDE)
+    launch_slabs(cpu.polar, vectors_of_all, slabs(vectors_of_all, size), views[:2], views[2:])
+    for a, b in zip(wide[2:], given[2:], strict=True):
+        unpad(a, b)
+
+
 def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
     """Compute ``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
     size = dy.size

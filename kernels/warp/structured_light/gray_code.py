@@ -97,7 +97,7 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
 def _decode_cuda(scalar: Any) -> wp.Kernel:
     @_native.kernel(
         "_gray_code_cuda.cu",
-        {"enable_backward": False, "default_grid_stride": False},
+        {"enable_backward": False},
         TYPE=_TYPES[scalar],
         NONE=NONE,
         QUAD=_QUAD,

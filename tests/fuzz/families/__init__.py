@@ -4,24 +4,53 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from functools import lru_cache
 from typing import Any
 
-from tests.fuzz.arguments import NONSENSE, Call, Draw
+import numpy as np
 
-CALLS: dict[str, Call] = {}
-for _module in sorted(info.name for info in pkgutil.iter_modules(__path__)):
-    CALLS |= importlib.import_module(f"{__name__}.{_module}").CALLS
-EVERY = list(CALLS)
-# What computes nothing of its own, or is a chain of functions that are called.
-NOT_CALLED = {"use", "capture", "devices", "release_memory", "reconstruct_pair"}
+from tests.fuzz.arguments import NONSENSE, Call, Draw, disguised
+
+# The calls of each module of this package, by its name.
+FAMILIES: dict[str, dict[str, Call]] = {
+    module: importlib.import_module(f"{__name__}.{module}").CALLS
+    for module in sorted(info.name for info in pkgutil.iter_modules(__path__))
+}
+CALLS: dict[str, Call] = {name: call for calls in FAMILIES.values() for name, call in calls.items()}
+# Public functions that are not called, and why.
+NOT_CALLED = {
+    "devices": "it names what is there, and has one option, which test_runtime.py tries",
+    "release_memory": "it takes no arguments; test_memory.py calls it between others",
+}
 
 
-def draw_call(draw: Draw) -> tuple[str, dict[str, Any]]:
-    """Return the name of a call and its arguments, one of which may be nonsense."""
-    name = draw.pick(EVERY)
+# Calls that take a tenth of a second and more come in one round of so many.
+SELDOM = 16
+SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene", "reconstruct_pair",
+        "recognize_panoramas", "stitch"}  # fmt: skip
+
+
+@lru_cache
+def turns(family: str) -> list[str]:
+    """Return the calls of all rounds, in their order; the first round has all."""
+    every = list(FAMILIES[family] if family else CALLS)
+    return every + (SELDOM - 1) * [name for name in every if name not in SLOW]
+
+
+def draw_call(draw: Draw, index: int, family: str = "") -> tuple[str, dict[str, Any]]:
+    """Return the name of a call and its arguments, one of which may be nonsense.
+
+    The functions take turns, all of them or those of a family.
+    """
+    order = turns(family)
+    name = order[index % len(order)]
     call = CALLS[name]
     chosen = {key: make(draw) for key, make in call.needed.items()}
     chosen |= {key: make(draw) for key, make in call.options.items() if draw.odd(0.35)}
     if draw.odd(0.2):
         chosen[draw.pick([*call.needed, *call.options])] = draw.pick(NONSENSE)
+    arrays = [key for key, value in chosen.items() if type(value) is np.ndarray and key != "out"]
+    if arrays and draw.odd(0.05):
+        key = draw.pick(arrays)
+        chosen[key] = disguised(draw, chosen[key])
     return name, chosen

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -59,6 +61,66 @@ def board(draw: Draw) -> Any:
     return (found + draw.rng.normal(0, 2, found.shape)).clip(0, 255).astype(np.uint8)
 
 
+PAIR = cvkern.make_scan("gray_code", (12, 16), (12, 16), seed=1).calibration
+
+
+def seen_by_two(draw: Draw, second: bool) -> Any:
+    """Return what one of two cameras sees of a board in some views; both have one salt."""
+    rng = np.random.default_rng(draw.salt)
+    count, noise = int(rng.choice([0, 1, 3, 4])), rng.choice([0, 0.1, 9])
+    camera = [CAMERA(draw._replace(rng=rng)) for _ in range(2)][second]
+    views = []
+    for _ in range(count):
+        turn, shift = rng.normal(0, 0.4, 3), np.array([-0.1, -0.05, rng.uniform(0.3, 0.6)])
+        found = cvkern.project_points(BOARD, camera, turn, shift - [0.05 * second, 0, 0])
+        views.append(np.asarray(found, np.float64) + rng.normal(0, noise, found.shape))
+    if views and draw.odd(0.1):
+        views = views[1:] if draw.odd(0.5) else [*views[1:], views[0][:-1]]
+    return views
+
+
+def file_of(calibration: Any, name: Any) -> Any:
+    """Write a calibration and read it again."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name if isinstance(name, str) else name
+        try:
+            cvkern.write_calibration(path, calibration)
+            return cvkern.read_calibration(path)
+        except (OSError, ValueError, TypeError) as error:  # its docstring names all of them
+            raise type(error)(f"path {str(error).replace(folder, '')}") from None
+
+
+def read_text(content: Any, shape: Any = None, name: str = "a.json") -> Any:
+    """Read a calibration from a file of any content."""
+    if not isinstance(content, bytes) or not isinstance(name, str):
+        raise TypeError("content")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(content)
+        try:
+            return cvkern.read_calibration(path, shape)
+        except ValueError as error:
+            raise ValueError(f"path {str(error).replace(folder, '')}") from None
+
+
+def harmed(ending: str) -> Maker:
+    """Return a maker of the content of a calibration's file, some of its characters changed."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"a{ending}"
+        cvkern.write_calibration(path, PAIR)
+        whole_text = path.read_bytes()
+
+    def make(draw: Draw) -> bytes:
+        content = bytearray(whole_text)
+        for _ in range(int(draw.rng.integers(0, 4))):
+            at = int(draw.rng.integers(len(content)))
+            part = draw.pick([b"", b"0", b"9" * 400, b"-", b"NaN", b"]", b"{", b"\xff", b"e9"])
+            content[at : at + int(draw.rng.integers(0, 9))] = part
+        return bytes(content[: len(content) if draw.odd(0.8) else draw.rng.integers(len(content))])
+
+    return make
+
+
 FIXED = one((), ("distortion",), ("k3",), ("fx", "fy"), ("no",))
 POSED: dict[str, Maker] = {"rotation": maybe(turned), "translation": maybe(moved)}
 ROBUST: dict[str, Maker] = {
@@ -72,6 +134,36 @@ CALLS: dict[str, Call] = {
         cvkern.calibrate_camera,
         {"object_points": one(BOARD), "image_points": seen, "shape": SHAPE},
         {"camera": maybe(CAMERA), "fixed": FIXED},
+    ),
+    "calibrate_stereo": Call(
+        cvkern.calibrate_stereo,
+        {
+            "object_points": one(BOARD),
+            "left_points": lambda draw: seen_by_two(draw, False),
+            "right_points": lambda draw: seen_by_two(draw, True),
+            "shape": SHAPE,
+        },
+        {
+            "right_shape": maybe(SHAPE),
+            "left": maybe(CAMERA),
+            "right": maybe(CAMERA),
+            "fixed": FIXED,
+            "fix_cameras": one(False, True),
+        },
+    ),
+    "write_calibration": Call(
+        file_of,
+        {"calibration": one(PAIR, PAIR.left), "name": one("a.json", "a.yml", "a.yaml", "a", "")},
+        {},
+    ),
+    "read_calibration": Call(read_text, {"content": harmed(".json")}, {"shape": maybe(SHAPE)}),
+    "read_calibration of YAML": Call(
+        read_text, {"content": harmed(".yml"), "name": one("a.yml")}, {"shape": maybe(SHAPE)}
+    ),
+    "rectify_stereo": Call(
+        cvkern.rectify_stereo,
+        {"calibration": one(PAIR, PAIR._replace(translation=np.array([0, 0, 1.0])), PAIR.left)},
+        {"keep": one("scale", "valid", "all", "none"), "zoom": number(0.01, 9)},
     ),
     "chessboard_points": Call(
         cvkern.chessboard_points,

@@ -53,6 +53,35 @@ CALLS: dict[str, Call] = {
         {"kL": number(0, 3), "kC": number(0.5, 2), "kH": number(-1, 2)},
         equal=False,
     ),
+    "equalize_adapthist": Call(
+        cvkern.equalize_adapthist,
+        {"image": one_of(image, three)},
+        {
+            "kernel_size": maybe(one(1, 4, (8, 3), 200, 0)),
+            "clip_limit": number(0, 1),
+            "nbins": one(256, 2, 1, 65536, 2**40),
+        },
+    ),
+    "equalize_hist": Call(
+        cvkern.equalize_hist, {"image": one_of(image, three)}, {"nbins": one(256, 2, 1, 65536, 0)}
+    ),
+    "illusion": Call(
+        cvkern.illusion,
+        {"kind": one("simultaneous_contrast", "checker_shadow", "mach_bands", "none")},
+        {"side": one(64, 65, 63, 2**40)},
+    ),
+    "lateral_inhibition": Call(
+        cvkern.lateral_inhibition,
+        {"image": image},
+        {"center": number(0, 3), "surround": number(0.5, 20), "weight": number(0, 1)},
+        equal=False,
+    ),
+    "retinex": Call(
+        cvkern.retinex,
+        {"image": one_of(image, three)},
+        {"sigma": one(5, (1, 8), (), (15.0, 80.0, 250.0), -1), "low": number(0.001, 0.5)},
+        equal=False,
+    ),
     "estimate_illuminant": Call(
         cvkern.estimate_illuminant,
         {"image": three},

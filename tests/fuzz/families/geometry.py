@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 import cvkern
-from tests.fuzz.arguments import Call, Draw, Maker, maybe, number, one, several, whole
+from tests.fuzz.arguments import Call, Draw, Maker, maybe, number, one, one_of, several, whole
 
+SHIFTED = np.array([[0, 0, 0], [0, 0, -1], [0, 1, 5.0]])  # rows meet rows, five below
 COUNTS = [0, 1, 2, 3, 4, 5, 7, 8, 9, 20, 60]
 
 
@@ -78,6 +79,14 @@ def seen(draw: Draw) -> Any:
     return draw.rng.uniform(-9, 9, (int(draw.pick([2, 2, 3])), int(draw.pick(COUNTS)), 2))
 
 
+def same_camera(draw: Draw) -> Any:
+    """Return one camera's matrix for pairs of points, or several."""
+    found = np.array([[500, 0, 250], [0, 500, 250], [0, 0, 1.0]])
+    return found if draw.odd(0.7) else np.stack([found] * int(draw.pick([1, 2, 3])))
+
+
+SHAPES = one((500, 500), ((500, 500), (300, 400)), (1, 1), (3,))
+CAMERAS: dict[str, Maker] = {"K0": same_camera, "K1": same_camera}
 POINTS: dict[str, Maker] = {"points0": first_of, "points1": second_of}
 ROBUST: dict[str, Maker] = {
     "threshold": number(0.1, 9),
@@ -92,6 +101,20 @@ CALLS: dict[str, Call] = {
     **{f"fit_{n}": Call(getattr(cvkern, f"fit_{n}"), POINTS, WEIGHTS) for n in FITS},
     "find_homographies": Call(cvkern.find_homographies, {"pairs": several(pair_of, 0, 3)}, ROBUST),
     "find_fundamentals": Call(cvkern.find_fundamentals, {"pairs": several(pair_of, 0, 3)}, ROBUST),
+    "find_essential": Call(cvkern.find_essential, {**POINTS, **CAMERAS}, ROBUST),
+    "find_essentials": Call(
+        cvkern.find_essentials, {"pairs": several(pair_of, 0, 3), **CAMERAS}, ROBUST
+    ),
+    "find_planes": Call(
+        cvkern.find_planes,
+        POINTS,
+        {**ROBUST, "min_inliers": whole(3, 20), "smoothness": number(0, 1)},
+    ),
+    "rectify_uncalibrated": Call(
+        cvkern.rectify_uncalibrated,
+        {**POINTS, "F": one_of(fundamental, one(SHIFTED)), "shape": SHAPES},
+        {},
+    ),
     "sampson_distance": Call(cvkern.sampson_distance, {"matrix": fundamental, **POINTS}, {}),
     "epipolar_lines": Call(
         cvkern.epipolar_lines, {"matrix": fundamental, "points": first_of}, {"image": one(0, 1, 2)}

@@ -8,9 +8,12 @@ import numpy as np
 
 import cvkern
 from tests.fuzz.arguments import Call, Draw, image, mask, maybe, number, one, whole
-from tests.fuzz.families.cameras import CAMERA
+from tests.fuzz.families.cameras import CAMERA, FIXED
 
 SCAN = cvkern.make_scan("gray_code", (12, 16), (12, 16), seed=1)
+LENS = cvkern.Camera(np.array([[40, 0, 31.5], [0, 40, 23.5], [0, 0, 1]]), (), (48, 64))
+BOARD = cvkern.chessboard_points((3, 4), 0.06)
+TILTS = ((0.5, 0, 0.1), (-0.2, 0.5, 0), (0.3, -0.4, 0.2))
 AXIS = one("columns", "rows", "none")
 
 
@@ -32,19 +35,77 @@ def lines(draw: Draw) -> Any:
     return found
 
 
+def decoded(draw: Draw) -> list[Any]:
+    """Return what a projector's patterns tell of a few views of a board, some pixels dark."""
+    found = []
+    for turn in TILTS[: int(draw.pick([0, 1, 3, 3, 3]))]:
+        y, x = np.indices(LENS.shape) * 0.4
+        columns = (x + 3 * turn[1] * y + draw.rng.normal(0, draw.pick([0, 9]), y.shape)) % 16
+        valid = draw.rng.random(y.shape) < draw.pick([1, 0.9, 0.1])
+        found.append(cvkern.GrayCode(columns.astype("f4"), (y % 16).astype("f4"), valid))
+    return found
+
+
+def corners(draw: Draw) -> list[np.ndarray]:
+    """Return what a camera sees of a board, as often as :func:`decoded` can."""
+    views = [cvkern.project_points(BOARD, LENS, turn, (-0.1, -0.1, 0.5)) for turn in TILTS]
+    return views if draw.odd(0.7) else views[: int(draw.pick([0, 1, 2]))]
+
+
+def beams(draw: Draw) -> list[np.ndarray]:
+    """Return points of a laser's line in some views, a few of them NaN."""
+    found = []
+    for _ in range(int(draw.pick([0, 1, 2, 3]))):
+        line = np.stack((np.arange(20.0), draw.rng.uniform(0, 64) + np.zeros(20)), axis=1)
+        line[draw.rng.random(20) < draw.pick([0, 0.1, 1])] = np.nan
+        found.append(line[: draw.pick([20, 20, 0])])
+    return found
+
+
+def turns(draw: Draw) -> Any:
+    """Return rotations of a few boards."""
+    return np.stack([np.eye(3)] * int(draw.pick([1, 2, 3]))) + draw.rng.normal(
+        0, draw.pick([0, 0.1, 1e9]), (3, 3)
+    )
+
+
+def shifts(draw: Draw) -> Any:
+    """Return places of a few boards."""
+    found = draw.rng.normal(0, 1, (int(draw.pick([1, 2, 3])), 3)) + np.array([0, 0, 5.0])
+    return found * draw.pick([1, 1, 0, 1e-300, 1e300])
+
+
 def plane(draw: Draw) -> Any:
     """Return a plane, or any four numbers."""
     return draw.pick([(0, 0.6, 0.8, -1.0), (0, 0, 0, 1), draw.rng.normal(size=4), (1, 2)])
 
 
 CALLS: dict[str, Call] = {
+    "calibrate_projector": Call(
+        cvkern.calibrate_projector,
+        {
+            "object_points": one(BOARD),
+            "image_points": corners,
+            "decoded": decoded,
+            "shape": one(LENS.shape),
+            "projector_shape": one((16, 16), (1, 1), (0, 3)),
+        },
+        {"camera": maybe(one(LENS)), "fixed": FIXED},
+    ),
+    "fit_laser_plane": Call(
+        cvkern.fit_laser_plane,
+        {"lines": beams, "camera": CAMERA, "rotations": turns, "translations": shifts},
+        {},
+    ),
     "make_scan": Call(
         cvkern.make_scan,
-        {"kind": one("gray_code", "phase_shift", "laser", "none")},
         {
+            "kind": one("gray_code", "phase_shift", "laser", "none"),
             "shape": one((24, 32), (12, 16), (1, 1), (0, 3)),
             "projector_shape": one((24, 32), (1, 1), (0, 3)),
             "frames": whole(0, 4),
+        },
+        {
             "noise": number(0, 3),
             "seed": whole(0, 9),
         },

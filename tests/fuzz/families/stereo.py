@@ -9,6 +9,7 @@ import numpy as np
 import cvkern
 from tests.fuzz.arguments import (
     Call,
+    Draw,
     channels,
     colour,
     costs,
@@ -23,6 +24,18 @@ from tests.fuzz.arguments import (
 )
 
 Q = np.array([[1, 0, 0, -20], [0, 1, 0, -10], [0, 0, 0, 700], [0, 0, 8.0, 0]])
+
+
+K = np.array([[100.0, 0, 64], [0, 100, 48], [0, 0, 1]])
+
+
+def view(draw: Draw) -> Any:
+    """Return one view of a slanted wall, or any image."""
+    if draw.odd(0.1):
+        return colour(draw)
+    wall = np.kron(np.random.default_rng(draw.salt).random((16, 30)), np.ones((6, 6)))
+    begin = int(draw.pick([0, 4, 9, 30]))
+    return (255 * wall[:, begin : begin + 128]).astype(draw.pick(["uint8", "uint8", "uint16"]))
 
 
 def not_finite(arguments: dict[str, Any]) -> bool:
@@ -118,6 +131,19 @@ CALLS: dict[str, Call] = {
         cvkern.point_cloud,
         {"disparity": disparity, "q": lambda draw: Q, "image": colour},
         {"valid": mask},
+    ),
+    "reconstruct_pair": Call(
+        cvkern.reconstruct_pair,
+        {"image0": view, "image1": view, "K": one(K, K, np.stack((K, K)), np.eye(3), None)},
+        {
+            "baseline": maybe(number(0.01, 9)),
+            "threshold": number(0.1, 9),
+            "max_keypoints": whole(1, 400),
+            "max_ratio": number(0.1, 1),
+            "max_side": one(64, 100, 1600, 63),
+            "seed": whole(0, 9),
+        },
+        equal=False,
     ),
     "reprojection_matrix": Call(
         cvkern.reprojection_matrix,

@@ -20,7 +20,8 @@ SEVERAL = {
 @pytest.mark.parametrize("name", SEVERAL)
 def test_pictures_of_circles(name):
     function, what = SEVERAL[name]
-    refused(ValueError, f"{what} must be 2-D, got shape (4, 5, 3)", function, DEEP)
+    flat = "2-D" if what == "mask" else "2-D or 3-D"
+    refused(ValueError, f"{what} must be {flat}, got shape (4, 5, 3, 1)", function, DEEP[..., None])
     refused(ValueError, f"{what} must not be empty, got shape (0, 5)", function, np.zeros((0, 5)))
     message = f"{what} must hold real numbers, got dtype complex128"
     refused(TypeError, message, function, FLAT * 1j)

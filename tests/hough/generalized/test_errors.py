@@ -24,7 +24,8 @@ TABLE = cvkern.RTable(np.ones((3, 2)), np.zeros(3), np.zeros(2), (4, 5))
     ],
 )
 def test_images_of_shapes(name, function):
-    refused(ValueError, f"{name} must be 2-D, got shape (4, 5, 3)", function, DEEP)
+    rule = f"{name} must have shape (H, W) or (H, W, 3 or 4), got (4, 5, 2)"
+    refused(ValueError, rule, function, DEEP[..., :2])
     refused(ValueError, f"{name} must not be empty, got shape (0, 5)", function, np.zeros((0, 5)))
     message = f"{name} must hold real numbers, got dtype complex128"
     refused(TypeError, message, function, FLAT.astype(complex))

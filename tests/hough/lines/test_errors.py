@@ -223,7 +223,8 @@ def test_detected_lines_and_segments():
     strip = np.broadcast_to(np.uint8(0), (70000, 3))
     for function in (cvkern.detect_lines, cvkern.detect_segments):
         refused(ValueError, "image must be in [1, 65536], got 70000", function, strip)
-        refused(ValueError, "image must be 2-D, got shape (4, 5, 3)", function, DEEP)
+        rule = "image must have shape (H, W) or (H, W, 3 or 4), got (4, 5, 2)"
+        refused(ValueError, rule, function, DEEP[..., :2])
         refused(
             TypeError, "image must hold real numbers, got dtype complex128", function, FLAT * 1j
         )

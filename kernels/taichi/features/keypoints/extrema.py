@@ -7,7 +7,7 @@ exceeds those of the 26 neighbours on three levels, or is below them [D. G. Lowe
 have the order of their places. One thread takes a pixel, or a row of bits.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import taichi as ti
@@ -16,10 +16,9 @@ from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product
+from cvkern.kernels.taichi.features._marks import count_marks, list_marks, rows_of
 from cvkern.kernels.taichi.filters.linear import correlate_separable
 
-i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
-i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
@@ -121,33 +120,9 @@ def mark_extrema(
     A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
     number up to the end of each row. One thread a word, then a sum by one thread.
     """
-    for o, (marks, rows) in enumerate(_parts(octaves, words)):
-        _mark(octaves[o], threshold, margin, marks)
-        _count(marks, ends[rows])
-    _add_up(ends)
-
-
-def _parts(octaves: Sequence[np.ndarray], words: np.ndarray) -> Iterator[tuple[np.ndarray, slice]]:
-    """Yield the words of each octave, (L - 3, H, ceil(W / 32)), and its part of all rows."""
-    word = row = 0
-    for levels in octaves:
-        count, height, width = levels.shape
-        shape = (count - 3, height, -(-width // WORD))
-        rows = shape[0] * height
-        yield words[word : word + rows * shape[2]].reshape(shape), slice(row, row + rows)
-        word, row = word + rows * shape[2], row + rows
-
-
-@ti.kernel
-def _add_up(
-    # in place
-    ends: i32_1,
-):
-    for _ in range(1):
-        total = 0
-        for row in range(ends.shape[0]):
-            total += ends[row]
-            ends[row] = total
+    for levels, (marks, _) in zip(octaves, rows_of(octaves, words), strict=True):
+        _mark(levels, threshold, margin, marks)
+    count_marks(octaves, words, ends)
 
 
 @ti.func
@@ -186,87 +161,8 @@ def _mark(
 
 
 @primitive
-def count_marks(words: np.ndarray, counts: np.ndarray) -> None:
-    """Count the bits of each row; one thread a row."""
-    _count(words, counts)
-
-
-@ti.kernel
-def _count(
-    words: i32_3,
-    # outputs
-    counts: i32_1,
-):
-    for row in counts:
-        s = row // words.shape[1]
-        y = row - s * words.shape[1]
-        total = 0
-        for k in range(words.shape[2]):
-            word = words[s, y, k]
-            if word != 0:
-                for bit in range(WORD):
-                    total += (word >> bit) & 1
-        counts[row] = total
-
-
-@primitive
-def list_marks(words: np.ndarray, starts: np.ndarray, width: int, places: np.ndarray) -> None:
-    """List the places (row times `width` plus column) of the bits; one thread a row."""
-    _list(words, starts, width, places)
-
-
-@ti.kernel
-def _list(
-    words: i32_3,
-    starts: i32_1,
-    width: ti.i32,
-    # outputs
-    places: i32_1,
-):
-    for row in starts:
-        s = row // words.shape[1]
-        y = row - s * words.shape[1]
-        at = starts[row]
-        for k in range(words.shape[2]):
-            word = words[s, y, k]
-            if word != 0:
-                for bit in range(WORD):
-                    if (word >> bit) & 1 == 1:
-                        places[at] = row * width + k * WORD + bit
-                        at += 1
-
-
-@primitive
 def list_extrema(
     octaves: Sequence[np.ndarray], words: np.ndarray, ends: np.ndarray, cells: np.ndarray
 ) -> None:
     """List octave, level, row and column of the N marks, in this order; one thread a row."""
-    for o, (marks, rows) in enumerate(_parts(octaves, words)):
-        _list_cells(marks, o, rows.start, ends, cells)
-
-
-@ti.kernel
-def _list_cells(
-    words: i32_3,  # (L - 3, H, K)
-    octave: ti.i32,
-    first: ti.i32,
-    ends: i32_1,
-    # outputs
-    cells: i32_2,  # (N, 4)
-):
-    for s, y in ti.ndrange(words.shape[0], words.shape[1]):
-        row = first + s * words.shape[1] + y
-        at = 0
-        if row > 0:
-            at = ends[row - 1]
-        if at < ends[row]:
-            for k in range(words.shape[2]):
-                word = words[s, y, k]
-                if word != 0:
-                    for bit in range(WORD):
-                        if (word >> bit) & 1 == 1:
-                            cells[at, 0] = octave
-                            cells[at, 1] = s + 1  # the first difference has no neighbour
-                            cells[at, 2] = y
-                            cells[at, 3] = k * WORD + bit
-                            at += 1
+    list_marks(octaves, words, ends, cells)

@@ -117,5 +117,3 @@ void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> d
     // NaN as well.
     for (int x = 0; x < width; ++x) to[x] = __builtin_fabsf(to[x]) <= MOST_GRAY ? to[x] : 0.0f;
 }
-
-int first_one(int word) { return __builtin_ctz((unsigned)word); }

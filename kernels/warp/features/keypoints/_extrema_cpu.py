@@ -6,13 +6,12 @@ first neighbours that exceed all.
 
 import warp as wp
 
-from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY
 from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FILE = "_extrema_cpu.h"
-BITS = wp.constant(WORD)
 
 
 @_native.func_native(FILE)
@@ -40,10 +39,6 @@ def halve_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
     **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
 )
 def gray_row(row: int, src: wp.array3d[float], scale: float, dst: wp.array2d[float]): ...
-
-
-@_native.func_native(FILE)
-def first_one(word: int) -> int: ...
 
 
 @wp.kernel
@@ -100,25 +95,3 @@ def mark(
 ):
     for row in range(first, last):
         mark_row(row, levels, threshold, margin, words, counts)
-
-
-@wp.kernel
-def gather(
-    slab: int,
-    first: int,
-    last: int,
-    words: wp.array2d[int],  # (rows, K)
-    starts: wp.array[int],  # (rows,)
-    width: int,
-    # outputs
-    places: wp.array[int],
-):
-    for row in range(first, last):
-        at = starts[row]
-        for k in range(words.shape[1]):
-            word = words[row, k]
-            while word != 0:
-                bit = first_one(word)
-                places[at] = row * width + k * BITS + bit
-                at += 1
-                word = word ^ (1 << bit)

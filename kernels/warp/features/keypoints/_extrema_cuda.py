@@ -4,8 +4,6 @@ import warp as wp
 
 from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
 
-from ._octaves import place_of
-
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BITS = wp.constant(WORD)
@@ -81,61 +79,3 @@ def mark(
                     return
     # Sets a bit that no other thread sets: the order cannot show.
     wp.atomic_or(words, s, y, x // BITS, 1 << (x % BITS))
-
-
-@wp.func
-def ones_of(word: int) -> int:
-    """Count the bits that are set."""
-    left = wp.uint32(word)
-    total = int(0)
-    while left != wp.uint32(0):
-        left = left & (left - wp.uint32(1))
-        total += 1
-    return total
-
-
-@wp.kernel
-def count_all(
-    octaves: wp.array2d[wp.int64],  # (O, 4)
-    words: wp.array[int],
-    # outputs
-    counts: wp.array[int],  # (rows,)
-):
-    row = wp.tid()
-    place = place_of(octaves, row)
-    total = int(0)
-    for k in range(place[4]):
-        total += ones_of(words[place[3] + k])
-    counts[row] = total
-
-
-@wp.kernel
-def count(
-    words: wp.array2d[int],  # (rows, K)
-    # outputs
-    counts: wp.array[int],
-):
-    row = wp.tid()
-    total = int(0)
-    for k in range(words.shape[1]):
-        total += ones_of(words[row, k])
-    counts[row] = total
-
-
-@wp.kernel
-def gather(
-    words: wp.array2d[int],  # (rows, K)
-    starts: wp.array[int],  # (rows,)
-    width: int,
-    # outputs
-    places: wp.array[int],
-):
-    row = wp.tid()
-    at = starts[row]
-    for k in range(words.shape[1]):
-        word = words[row, k]
-        if word != 0:
-            for bit in range(BITS):
-                if ((word >> bit) & 1) == 1:
-                    places[at] = row * width + k * BITS + bit
-                    at += 1

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+from cvkern.kernels.warp.features._levels import table
 
 from . import _descriptors_cpu as cpu
 from . import _descriptors_cuda as cuda
-from ._octaves import table
 
 PIXELS = 2000  # pixels of a window, about: what slabs are cut by
 

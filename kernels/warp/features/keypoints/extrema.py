@@ -4,24 +4,20 @@ The Taichi set has the rule. On the CPU a thread takes a slab of rows (_extrema_
 smoothed two at a time (_smoothing_cpu.h). On CUDA a thread takes a pixel (_extrema_cuda.py).
 """
 
-import math
 from collections.abc import Sequence
 
 import warp as wp
 
-from cvkern.kernels.codes.features import WORD
 from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
-from cvkern.kernels.warp._sums import scan
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._zeros import clear
+from cvkern.kernels.warp.features._levels import level_of, rows_of
+from cvkern.kernels.warp.features._marks import count_marks, list_marks
 from cvkern.kernels.warp.filters.linear import correlate_separable
 
 from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
-from ._octaves import BITS, cut, level_of, place_of, table
 from ._smoothing_cpu import smooth_rows
-
-wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LINE = 16  # floats of a line of the cache
 
@@ -88,80 +84,20 @@ def mark_extrema(
     A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
     number up to the end of each row.
     """
-    on_cuda = words.device.is_cuda
-    if on_cuda:
+    if words.device.is_cuda:
         clear(words)
-    word = row = 0
-    for levels in octaves:
-        count, height, width = levels.shape
-        shape = (count - 3, height, -(-width // WORD))
-        marks = cut(words, word, shape)
-        if on_cuda:
-            inputs = [levels, threshold, margin]
-            launch(cuda.mark, (count - 3, height, width), inputs, [marks])
+    for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
+        inputs = [levels, threshold, margin]
+        height = levels.shape[1]
+        if words.device.is_cuda:
+            launch(cuda.mark, (marks.shape[0], *levels.shape[1:]), inputs, [marks])
         else:
-            rows = cut(ends, row, (shape[0] * height,))
-            inputs = [levels, threshold, margin]
-            launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, rows])
-        word += math.prod(shape)
-        row += shape[0] * height
-    if on_cuda:
-        launch(cuda.count_all, row, [table(octaves), words], [ends])
-    scan(ends)
+            launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
+    count_marks(octaves, words, ends)
 
 
 def list_extrema(
     octaves: Sequence[wp.array], words: wp.array, ends: wp.array, cells: wp.array
 ) -> None:
     """List octave, level, row and column of the N marks, in this order; one thread a row."""
-    rows = ends.shape[0]
-    launch_each(_list, rows, 32 * words.size, [table(octaves), words, ends], [cells])
-
-
-@wp.kernel
-def _list(
-    stride: int,
-    first: int,
-    last: int,
-    octaves: wp.array2d[wp.int64],  # (O, 4)
-    words: wp.array[int],
-    ends: wp.array[int],  # (rows,)
-    # outputs
-    cells: wp.array2d[int],  # (N, 4)
-):
-    for row in range(first + wp.tid(), last, stride):
-        at = int(0)
-        if row > 0:
-            at = ends[row - 1]
-        if at < ends[row]:
-            place = place_of(octaves, row)
-            for k in range(place[4]):
-                word = words[place[3] + k]
-                if word != 0:
-                    for bit in range(BITS):
-                        if ((word >> bit) & 1) == 1:
-                            cells[at, 0] = place[0]
-                            cells[at, 1] = place[1]
-                            cells[at, 2] = place[2]
-                            cells[at, 3] = k * BITS + bit
-                            at += 1
-
-
-def count_marks(words: wp.array, counts: wp.array) -> None:
-    """Count the bits of each row, on CUDA, where they were not counted when they were set."""
-    rows = _rows(words)
-    launch(cuda.count, rows.shape[0], [rows], [counts])
-
-
-def list_marks(words: wp.array, starts: wp.array, width: int, places: wp.array) -> None:
-    """List the places (row times `width` plus column) of the bits; one thread a row."""
-    rows = _rows(words)
-    if words.device.is_cuda:
-        launch(cuda.gather, rows.shape[0], [rows, starts, width], [places])
-        return
-    parts = slabs(rows.shape[0], 32 * rows.size)
-    launch_slabs(cpu.gather, rows.shape[0], parts, [rows, starts, width], [places])
-
-
-def _rows(words: wp.array) -> wp.array:
-    return view(words, wp.int32, (words.shape[0] * words.shape[1], words.shape[2]))
+    list_marks(octaves, words, ends, cells)

@@ -9,8 +9,7 @@ import warp as wp
 
 from cvkern.kernels.codes.features import MOVES
 from cvkern.kernels.warp._launch import launch_each
-
-from ._octaves import table
+from cvkern.kernels.warp.features._levels import table
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -66,7 +65,7 @@ def _fit(
         width = int(octaves[o, 3])
         levels = wp.array(
             ptr=wp.uint64(octaves[o, 0]),
-            shape=(int(octaves[o, 1]), height, width),
+            shape=(int(octaves[o, 1]) + 3, height, width),
             dtype=wp.float32,
         )
         kept = int(0)

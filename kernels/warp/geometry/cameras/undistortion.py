@@ -12,37 +12,42 @@ from typing import Any
 
 import warp as wp
 
+from cvkern.kernels.codes.geometry import LENS_SEGMENT
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
+STEPS = 4  # pixels of a lane on CUDA
 NAMES = {wp.uint8: "wp::uint8", wp.float32: "float"}
 
 
 def sample(src: wp.array, numbers: wp.array, cval: float, dst: wp.array) -> None:
-    """Sample an image (H, W, C) where rays of another camera are seen; one thread a pixel.
+    """Sample an image (H, W, C) where rays of another camera are seen.
 
     `numbers` are a matrix (9), from (column, row, 1) of the result to rays of the old camera; then
-    fx, fy, cx, cy, k1, k2, p1, p2, k3 of that; and the square of the radius beyond which the lens
-    shows nothing.
+    fx, fy, cx, cy, k1, k2, p1, p2, k3 of that; the square of the radius beyond which the lens
+    shows nothing; and 1 where the places of `LENS_SEGMENT` pixels of a row may be a parabola.
     """
+    rows, columns, channels = dst.shape
+    inputs = [src, numbers, cval]
     if dst.device.is_cuda:
-        count = dst.shape[0] * dst.shape[1]
-        launch_each(sample_kernel(src.dtype), count, dst.size, [src, numbers, cval], [dst])
+        warps = rows * -(-columns // (32 * STEPS))
+        threads = -(-32 * warps // BLOCK) * BLOCK
+        launch(sample_parts_cuda(src.dtype, channels), threads, inputs, [dst], BLOCK)
         return
-    rows = dst.shape[0]
-    parts = slabs(rows, 8 * dst.shape[0] * dst.shape[1])
-    launch_slabs(sample_rows_cpu(src.dtype, dst.shape[2]), rows, parts, [src, numbers, cval], [dst])
+    parts = slabs(rows, 8 * rows * columns)
+    launch_slabs(sample_rows_cpu(src.dtype, channels), rows, parts, inputs, [dst])
 
 
 @lru_cache
 def sample_rows_cpu(scalar: Any, channels: int) -> wp.Kernel:
-    """Make the kernel for the CPU: a row at a time, the map of 256 pixels as vectors."""
+    """Make the kernel for the CPU: a row at a time, 256 pixels as vectors."""
     native = _native.func_native(
         "_undistortion_cpu.h",
         BYTES=int(scalar is wp.uint8),
         SCALAR=NAMES[scalar],
         CHANNELS=channels,
+        SEGMENT=LENS_SEGMENT,
     )
 
     @native
@@ -72,76 +77,24 @@ def sample_rows_cpu(scalar: Any, channels: int) -> wp.Kernel:
 
 
 @lru_cache
-def sample_kernel(scalar: Any) -> wp.Kernel:
-    """Make the kernel that samples arrays of `scalar`, a pixel at a time."""
-    byte = scalar is wp.uint8
+def sample_parts_cuda(scalar: Any, channels: int) -> wp.Kernel:
+    """Make the kernel for CUDA: a warp a part of a row."""
 
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def sample_pixels(
-        stride: int,
-        first: int,
-        last: int,
-        src: wp.array3d[scalar],  # (H, W, C)
-        numbers: wp.array[float],  # (19,)
+    @_native.kernel(
+        "_undistortion_cuda.cu",
+        OPTIONS,
+        BYTES=int(scalar is wp.uint8),
+        SCALAR=NAMES[scalar],
+        CHANNELS=channels,
+        SEGMENT=LENS_SEGMENT,
+        STEPS=STEPS,
+        WARPS=BLOCK // 32,
+    )
+    def sample_part(
+        src: wp.array3d[scalar],
+        numbers: wp.array[float],
         cval: float,
-        # outputs
-        dst: wp.array3d[scalar],  # (H', W', C)
-    ):
-        columns = dst.shape[1]
-        height = src.shape[0]
-        width = src.shape[1]
-        for item in range(first + wp.tid(), last, stride):
-            row = item // columns
-            column = item - row * columns
-            i = float(row)
-            j = float(column)
-            z = numbers[6] * j + (numbers[7] * i + numbers[8])
-            w = 1.0 / z
-            x = (numbers[0] * j + (numbers[1] * i + numbers[2])) * w
-            y = (numbers[3] * j + (numbers[4] * i + numbers[5])) * w
-            xx = x * x
-            yy = y * y
-            xy = x * y
-            r2 = xx + yy
-            radial = 1.0 + r2 * (numbers[13] + r2 * (numbers[14] + r2 * numbers[17]))
-            p1 = numbers[15]
-            p2 = numbers[16]
-            u = numbers[9] * (x * radial + (2.0 * (p1 * xy) + p2 * (r2 + 2.0 * xx))) + numbers[11]
-            v = numbers[10] * (y * radial + (p1 * (r2 + 2.0 * yy) + 2.0 * (p2 * xy))) + numbers[12]
-            inside = z > 0.0 and r2 < numbers[18] and u >= 0.0 and v >= 0.0
-            if inside and u <= float(width - 1) and v <= float(height - 1):
-                if wp.static(byte):
-                    ix = int(u * 256.0 + 0.5)
-                    iy = int(v * 256.0 + 0.5)
-                    x0 = wp.min(ix >> 8, width - 2)
-                    y0 = wp.min(iy >> 8, height - 2)
-                    wx = ix - (x0 << 8)
-                    wy = iy - (y0 << 8)
-                    for c in range(dst.shape[2]):
-                        a = int(src[y0, x0, c])
-                        b = int(src[y0 + 1, x0, c])
-                        top = (a << 8) + wx * (int(src[y0, x0 + 1, c]) - a)
-                        low = (b << 8) + wx * (int(src[y0 + 1, x0 + 1, c]) - b)
-                        dst[row, column, c] = scalar(((top << 8) + wy * (low - top) + 32768) >> 16)
-                else:
-                    x0 = wp.min(int(u), width - 2)
-                    y0 = wp.min(int(v), height - 2)
-                    fx = u - float(x0)
-                    fy = v - float(y0)
-                    for c in range(dst.shape[2]):
-                        a = float(src[y0, x0, c])
-                        b = float(src[y0 + 1, x0, c])
-                        top = a + fx * (float(src[y0, x0 + 1, c]) - a)
-                        low = b + fx * (float(src[y0 + 1, x0 + 1, c]) - b)
-                        dst[row, column, c] = scalar(top + fy * (low - top))
-            else:
-                outside = cval
-                if wp.static(byte):
-                    outside = wp.clamp(cval, 0.0, 255.0) + 0.5
-                for c in range(dst.shape[2]):
-                    if wp.static(byte):
-                        dst[row, column, c] = scalar(int(outside))
-                    else:
-                        dst[row, column, c] = scalar(outside)
+        dst: wp.array3d[scalar],
+    ): ...
 
-    return sample_pixels
+    return sample_part

@@ -10,7 +10,7 @@ import warp as wp
 
 from cvkern.kernels.codes.raw import Linear
 from cvkern.kernels.warp._spans import Spans, spans
-from cvkern.kernels.warp.raw.demosaicing._types import constants
+from cvkern.kernels.warp.raw._types import constants
 
 
 def interpolate(

@@ -11,7 +11,7 @@ import warp as wp
 
 from cvkern.kernels.codes.raw import MARGIN
 from cvkern.kernels.warp._spans import Spans, spans
-from cvkern.kernels.warp.raw.demosaicing._types import constants
+from cvkern.kernels.warp.raw._types import constants
 
 
 def extend(raw: wp.array, top: int, planes: wp.array) -> None:

@@ -1,6 +1,7 @@
-"""All octaves of a scale space in one table, so that one launch serves the points of all."""
+"""Octaves of a scale space, or sizes of an image, in one table: one launch serves all points."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -18,17 +19,37 @@ _tables: dict[tuple, wp.array] = {}
 
 
 def table(octaves: Sequence[wp.array]) -> wp.array:
-    """Return address, levels, height and width of each octave: (O, 4), int64, on their device."""
+    """Return address, marked levels, height and width of each: (O, 4), int64, on their device.
+
+    The marked levels of an octave (L, H, W) are the L - 3 inner ones; an image (H, W) is one.
+    """
     device = octaves[0].device
     key = (device.alias, *((octave.ptr, octave.shape) for octave in octaves))
     found = _tables.get(key)
     if found is None:
         if len(_tables) >= _MOST_TABLES:
             _tables.clear()
-        rows = np.array([[octave.ptr, *octave.shape] for octave in octaves], np.int64)
+        rows = np.array([[octave.ptr, *marked(octave)] for octave in octaves], np.int64)
         found = _tables[key] = wp.array(rows, dtype=wp.int64, device=device)
         wp.synchronize_device(device)  # the copy is on another stream than its readers
     return found
+
+
+def marked(octave: wp.array) -> tuple[int, int, int]:
+    """Return the number of levels whose pixels are marked, and their height and width."""
+    *levels, height, width = octave.shape
+    return (levels[0] - 3 if levels else 1), height, width
+
+
+def rows_of(octaves: Sequence[wp.array], words: wp.array, ends: wp.array) -> Iterator[Any]:
+    """Yield the words of each octave, (levels, H, ceil(W / 32)), its first row, and its ends."""
+    word = row = 0
+    for octave in octaves:
+        levels, height, width = marked(octave)
+        shape = (levels, height, -(-width // WORD))
+        count = levels * height
+        yield cut(words, word, shape), row, cut(ends, row, (count,))
+        word, row = word + count * shape[2], row + count
 
 
 def cut(array: wp.array, first: int, shape: tuple[int, ...]) -> wp.array:
@@ -46,16 +67,17 @@ def level_of(octave: wp.array, level: int) -> wp.array:
 def place_of(octaves: wp.array2d[wp.int64], row: int) -> place_t:
     """Return octave, level, row, first word and number of words of a row of marks.
 
-    The rows of all inner levels of all octaves are counted; level 1 is the first inner one.
+    The rows of all marked levels of all octaves are counted; the first such level is level 1.
     """
     o = int(0)
     left = row
     word = int(0)
-    while left >= (int(octaves[o, 1]) - 3) * int(octaves[o, 2]):
-        rows = (int(octaves[o, 1]) - 3) * int(octaves[o, 2])
+    rows = int(octaves[0, 1]) * int(octaves[0, 2])
+    while left >= rows:
         word += rows * ((int(octaves[o, 3]) + BITS - 1) // BITS)
         left -= rows
         o += 1
+        rows = int(octaves[o, 1]) * int(octaves[o, 2])
     words = (int(octaves[o, 3]) + BITS - 1) // BITS
     height = int(octaves[o, 2])
     s = left // height

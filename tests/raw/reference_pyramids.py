@@ -1,4 +1,4 @@
-"""Pyramids and local Laplacian filters in NumPy, float64."""
+"""Pyramids, local Laplacian filters and fusion in NumPy, float64."""
 
 from itertools import pairwise
 
@@ -81,3 +81,27 @@ def fast_local_laplacian(image, levels, sigma, slope, count):
             bands[level] += near * own[level]
     bands[-1] = slope * base[-1]
     return collapsed(bands)
+
+
+def fused(images, contrast, saturation, exposure):
+    """Follow Mertens, Kautz and Van Reeth 2007, for (K, H, W, C) in 0 to 1."""
+    weights = []
+    for image in images:
+        grey = image.mean(axis=2)
+        framed = np.pad(grey, 1, mode="reflect" if min(grey.shape) > 1 else "edge")
+        sides = framed[:-2, 1:-1] + framed[2:, 1:-1] + framed[1:-1, :-2] + framed[1:-1, 2:]
+        quality = np.abs(sides - 4 * grey) ** contrast
+        if image.shape[2] == 3:
+            quality *= image.std(axis=2) ** saturation
+        well = np.exp(-((image - 0.5) ** 2) / (2 * 0.2**2)).prod(axis=2)
+        weights.append(quality * well**exposure + 1e-12)
+    weights = np.array(weights) / np.sum(weights, axis=0)
+    levels = 1 + int(np.log2(min(images.shape[1:3])))
+    bands = [0.0] * levels
+    for image, weight in zip(images, weights, strict=True):
+        parts = zip(laplacians(image, levels), gaussians(weight, levels), strict=True)
+        bands = [b + d * w[..., None] for b, (d, w) in zip(bands, parts, strict=True)]
+    f, knee = collapsed(bands), 0.05
+    f = np.where(f < knee, knee * np.exp(np.minimum(f / knee - 1, 0)), f)
+    over = np.maximum((f - 1) / knee + 1, 0)
+    return np.where(over > 0, 1 - knee * np.exp(-over), f)

@@ -1,0 +1,55 @@
+"""Colour images, read channel by channel.
+
+The gradient of a colour image at a pixel is that of the channel where it is longest; of equal ones,
+the first channel's. This is the rule of :func:`cv2.Canny`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.edges import Norm
+
+COLORS = 3  # channels of a colour; a fourth one is alpha, which is ignored
+
+
+class Planes(NamedTuple):
+    """The channels of an image as kernel arrays."""
+
+    values: tuple[Any, ...]
+    """One (H, W) array, float32 or uint8, for each channel."""
+    dtype: np.dtype
+    """The dtype of the caller's image."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width."""
+        return tuple(self.values[0].shape)
+
+
+def planes_of(rt: Runtime, image: Any, dtype: Any = np.float32) -> Planes:
+    """Read an image (H, W), or (H, W, 3 or 4) as a colour image, as planes of `dtype`."""
+    if isinstance(image, Planes):
+        return image
+    given, src = library(image).dtype(image), rt.adopt(image, dtype)
+    if len(image.shape) == 2:
+        return Planes((src,), given)
+    kind = np.dtype(dtype).name
+    planes = rt.scratch(f"channels.planes.{kind}", (COLORS, *image.shape[:2]), dtype)
+    rt.filters.channels.split(src, planes)
+    return Planes(tuple(planes[c] for c in range(COLORS)), given)
+
+
+def slopes_of_channels(rt: Runtime, shape: tuple[int, int]) -> tuple[Any, Any]:
+    """Return kernel memory for dy and dx of each channel, (3, H, W) each."""
+    dys, dxs = (rt.scratch(f"channels.{name}", (COLORS, *shape)) for name in ("dy", "dx"))
+    return dys, dxs
+
+
+def take_longest(rt: Runtime, dys: Any, dxs: Any, dy: Any, dx: Any, norm: Norm = Norm.L2) -> None:
+    """Fill dy and dx with the longest of the channels' gradients."""
+    rt.filters.channels.longest(dys, dxs, norm, dy, dx)

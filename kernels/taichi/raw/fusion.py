@@ -1,0 +1,220 @@
+"""Fusion of exposures, in Taichi [Mertens, Kautz and Van Reeth 2007].
+
+An image weighs at a pixel as the product of three measures: the size of the Laplacian of its mean
+colour, the standard deviation of its colours, and ``exp(-(v - 1/2)^2 / (2 WELL^2))`` of each value
+v. Each band of a Laplacian pyramid is the weighted mean of those of the images, with weights
+smoothed as much as the level. Values may leave 0 to 1 a little; within KNEE of either end and
+beyond, they are bent by an exponential.
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.raw import KNEE, LEAST
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._rounding import product, quotient, root
+from cvkern.kernels.taichi.raw._mirror import mirror
+from cvkern.kernels.taichi.raw._powers import exp2, log2
+from cvkern.kernels.taichi.raw._pyramid import enlarged
+from cvkern.kernels.taichi.raw._pyramid import weigh as five
+
+any_4 = ti.types.ndarray(ndim=4)  # u8 or f32
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
+f32_4 = ti.types.ndarray(dtype=ti.f32, ndim=4)
+
+THIRD = float(np.float32(1) / np.float32(3))
+
+
+@ti.func
+def _given(frames: ti.template(), k: ti.i32, y: ti.i32, x: ti.i32, c: ti.i32, scale: ti.f32):
+    """Return a value as it is, floats limited to 0 to 1; NaN is 0."""
+    value = ti.cast(frames[k, y, x, c], ti.f32)
+    if scale == 1.0:
+        value = ti.min(value, 1.0) if value > 0.0 else 0.0
+    return value
+
+
+@ti.func
+def _value(
+    frames: ti.template(), k: ti.i32, y: ti.i32, x: ti.i32, c: ti.i32, scale: ti.f32, zero: ti.i32
+) -> ti.f32:
+    return product(_given(frames, k, y, x, c, scale), scale, zero)
+
+
+@ti.func
+def _mean(
+    frames: ti.template(), k: ti.i32, y: ti.i32, x: ti.i32, scale: ti.f32, zero: ti.i32
+) -> ti.f32:
+    v, u = mirror(y, frames.shape[1]), mirror(x, frames.shape[2])
+    found, share = _given(frames, k, v, u, 0, scale), scale
+    if frames.shape[3] == 3:
+        found += _given(frames, k, v, u, 1, scale)
+        found += _given(frames, k, v, u, 2, scale)
+        share = product(scale, THIRD, zero)
+    return product(found, share, zero)
+
+
+@ti.func
+def _power(x: ti.f32, p: ti.f32, zero: ti.i32) -> ti.f32:
+    found = x
+    if p == 0.0:
+        found = 1.0
+    elif p != 1.0:
+        found = exp2(product(p, log2(ti.max(x, 1e-30), zero), zero), zero) if x > 1e-30 else 0.0
+    return found
+
+
+@ti.kernel
+def _weigh(
+    frames: any_4,
+    scale: ti.f32,
+    contrast: ti.f32,
+    saturation: ti.f32,
+    exposure: ti.f32,
+    zero: ti.i32,
+    # outputs
+    weights: f32_3,
+):
+    for y, x in ti.ndrange(weights.shape[1], weights.shape[2]):
+        total = 0.0
+        for k in range(weights.shape[0]):
+            here = _mean(frames, k, y, x, scale, zero)
+            above = _mean(frames, k, y - 1, x, scale, zero)
+            before = _mean(frames, k, y, x - 1, scale, zero)
+            down = above + _mean(frames, k, y + 1, x, scale, zero)
+            along = before + _mean(frames, k, y, x + 1, scale, zero)
+            edge = _power(ti.abs((down + along) - 4.0 * here), contrast, zero)
+            far, spread = 0.0, 0.0
+            for c in range(frames.shape[3]):
+                v = _value(frames, k, y, x, c, scale, zero)
+                far += product(v - 0.5, v - 0.5, zero)
+                spread += product(v - here, v - here, zero)
+            if frames.shape[3] == 3:
+                deviation = root(product(spread, THIRD, zero), zero)
+                edge = product(edge, _power(deviation, saturation, zero), zero)
+            quality = product(edge, exp2(product(exposure, far, zero), zero), zero) + LEAST
+            total += quality
+            weights[k, y, x] = quality
+        for k in range(weights.shape[0]):
+            weights[k, y, x] = quotient(weights[k, y, x], total, zero)
+
+
+@primitive
+def weigh(
+    frames: np.ndarray,
+    scale: float,
+    contrast: float,
+    saturation: float,
+    exposure: float,
+    weights: np.ndarray,
+) -> None:
+    """Write the shares (K, H, W) of frames (K, H, W, C) at each pixel.
+
+    `exposure` is times the square of a value's distance from 1/2, as a power of 2. One thread a
+    pixel.
+    """
+    _weigh(frames, scale, contrast, saturation, exposure, 0, weights)
+
+
+@ti.kernel
+def _begin(frames: any_4, scale: ti.f32, weights: f32_3, zero: ti.i32, dst: f32_4):
+    for k, c, y, x in dst:
+        line = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0])
+        for t in ti.static(range(5)):
+            u = mirror(2 * x + t - 2, frames.shape[2])
+            column = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0])
+            for r in ti.static(range(5)):
+                v = mirror(2 * y + r - 2, frames.shape[1])
+                if c < frames.shape[3]:
+                    column[r] = _given(frames, k, v, u, c, scale)
+                else:
+                    column[r] = weights[k, v, u]
+            line[t] = five(column[0], column[1], column[2], column[3], column[4], zero)
+        found = five(line[0], line[1], line[2], line[3], line[4], zero)
+        dst[k, c, y, x] = product(found, scale, zero) if c < frames.shape[3] else found
+
+
+@primitive
+def begin(frames: np.ndarray, scale: float, weights: np.ndarray, dst: np.ndarray) -> None:
+    """Write the first smaller level (K, C + 1, h, w) of the channels and of the weights.
+
+    One thread a value.
+    """
+    _begin(frames, scale, weights, 0, dst)
+
+
+@ti.kernel
+def _blend(fine: f32_4, coarse: f32_3, alone: ti.i32, below: f32_3, zero: ti.i32, out: f32_3):
+    for c, y, x in out:
+        height, width = out.shape[1], out.shape[2]
+        total = 0.0
+        if alone == 0:
+            total = enlarged(below, c, height, width, y, x, zero)
+        for k in range(fine.shape[0]):
+            band = fine[k, c, y, x]
+            if alone == 0:
+                band -= enlarged(coarse, k * fine.shape[1] + c, height, width, y, x, zero)
+            total += product(fine[k, out.shape[0], y, x], band, zero)
+        out[c, y, x] = total
+
+
+@primitive
+def blend(
+    fine: np.ndarray, coarse: np.ndarray, alone: int, below: np.ndarray, out: np.ndarray
+) -> None:
+    """Add the weighted bands of a level to the result `below`, (C, h, w), enlarged.
+
+    The level that stands `alone` is its own band, and adds to nothing. One thread a value.
+    """
+    _blend(fine, coarse, alone, below, 0, out)
+
+
+@ti.kernel
+def _finish(
+    frames: any_4,
+    scale: ti.f32,
+    weights: f32_3,
+    coarse: f32_3,
+    alone: ti.i32,
+    below: f32_3,
+    zero: ti.i32,
+    # outputs
+    out: f32_3,
+):
+    for y, x, c in out:
+        height, width = out.shape[0], out.shape[1]
+        total = 0.0
+        if alone == 0:
+            total = enlarged(below, c, height, width, y, x, zero)
+        for k in range(frames.shape[0]):
+            band = _value(frames, k, y, x, c, scale, zero)
+            if alone == 0:
+                plane = k * (out.shape[2] + 1) + c
+                band -= enlarged(coarse, plane, height, width, y, x, zero)
+            total += product(weights[k, y, x], band, zero)
+        over = quotient(total - 1.0, KNEE, zero) + 1.0
+        low = total < KNEE
+        power = quotient(total, KNEE, zero) - 1.0 if low else -over
+        bent = product(KNEE, exp2(product(1.44269504, power, zero), zero), zero)
+        if low:
+            total = bent
+        elif over > 0.0:
+            total = 1.0 - bent
+        out[y, x, c] = total
+
+
+@primitive
+def finish(
+    frames: np.ndarray,
+    scale: float,
+    weights: np.ndarray,
+    coarse: np.ndarray,
+    alone: int,
+    below: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Add the bands of the frames themselves, and bend values into 0 to 1: (H, W, C).
+
+    One thread a value.
+    """
+    _finish(frames, scale, weights, coarse, alone, below, 0, out)

@@ -1,0 +1,141 @@
+"""Fusion of exposures, in Warp; the Taichi set has the equations."""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes import raw as codes
+from cvkern.kernels.warp._spans import Spans, spans
+from cvkern.kernels.warp.raw._types import constants
+
+PART = 2  # pixels that a thread of CUDA works on: even
+
+
+def weigh(
+    frames: wp.array,
+    scale: float,
+    contrast: float,
+    saturation: float,
+    exposure: float,
+    weights: wp.array,
+) -> None:
+    """Write the shares (K, H, W) of frames (K, H, W, C) at each pixel.
+
+    `exposure` is times the square of a value's distance from 1/2, as a power of 2.
+    """
+    _, rows, columns = weights.shape
+    inputs = [frames, scale, contrast, saturation, exposure]
+    kernel = _weigh(frames.dtype, frames.shape[3])
+    kernel.launch(rows, columns, 10 * weights.size, inputs, [weights])
+
+
+def begin(frames: wp.array, scale: float, weights: wp.array, dst: wp.array) -> None:
+    """Write the first smaller level (K, C + 1, h, w) of the channels and of the weights."""
+    count, _, rows, columns = dst.shape
+    kernel = _begin(frames.dtype, frames.shape[3])
+    kernel.launch(count * rows, columns, 4 * dst.size, [frames, scale, weights], [dst])
+
+
+def blend(fine: wp.array, coarse: wp.array, alone: int, below: wp.array, out: wp.array) -> None:
+    """Add the weighted bands of a level to the result `below`, (C, h, w), enlarged.
+
+    The level that stands `alone` is its own band, and adds to nothing.
+    """
+    channels, rows, columns = out.shape
+    kernel = _blend(channels)
+    kernel.launch(rows, columns, 4 * fine.size, [fine, coarse, alone, below], [out])
+
+
+def finish(
+    frames: wp.array,
+    scale: float,
+    weights: wp.array,
+    coarse: wp.array,
+    alone: int,
+    below: wp.array,
+    out: wp.array,
+) -> None:
+    """Add the bands of the frames themselves, and bend values into 0 to 1: (H, W, C)."""
+    rows, columns, channels = out.shape
+    inputs = [frames, scale, weights, coarse, alone, below]
+    kernel = _finish(frames.dtype, channels)
+    kernel.launch(rows, columns, 4 * frames.size, inputs, [out])
+
+
+def _names(scalar: Any, channels: int) -> dict[str, Any]:
+    types = constants(scalar)
+    return {
+        "TYPE": types["TYPE"], "INTEGRAL": types["INTEGRAL"], "CHANNELS": channels,
+        "KNEE": f"{codes.KNEE!r}f", "LEAST": f"{codes.LEAST!r}f",
+    }  # fmt: skip
+
+
+@lru_cache
+def _weigh(scalar: Any, channels: int) -> Spans:
+    @spans("_fusion.h", PART, **_names(scalar, channels))
+    def _weigh(
+        row: int,
+        left: int,
+        right: int,
+        frames: wp.array4d[scalar],
+        scale: float,
+        contrast: float,
+        saturation: float,
+        exposure: float,
+        weights: wp.array3d[float],
+    ): ...
+
+    return _weigh
+
+
+@lru_cache
+def _begin(scalar: Any, channels: int) -> Spans:
+    @spans("_fusion.h", PART, **_names(scalar, channels))
+    def _begin(
+        row: int,
+        left: int,
+        right: int,
+        frames: wp.array4d[scalar],
+        scale: float,
+        weights: wp.array3d[float],
+        dst: wp.array4d[float],
+    ): ...
+
+    return _begin
+
+
+@lru_cache
+def _blend(channels: int) -> Spans:
+    @spans("_fusion.h", PART, **_names(wp.float32, channels))
+    def _blend(
+        row: int,
+        left: int,
+        right: int,
+        fine: wp.array4d[float],
+        coarse: wp.array3d[float],
+        alone: int,
+        below: wp.array3d[float],
+        out: wp.array3d[float],
+    ): ...
+
+    return _blend
+
+
+@lru_cache
+def _finish(scalar: Any, channels: int) -> Spans:
+    @spans("_fusion.h", PART, **_names(scalar, channels))
+    def _finish(
+        row: int,
+        left: int,
+        right: int,
+        frames: wp.array4d[scalar],
+        scale: float,
+        weights: wp.array3d[float],
+        coarse: wp.array3d[float],
+        alone: int,
+        below: wp.array3d[float],
+        out: wp.array3d[float],
+    ): ...
+
+    return _finish

@@ -1,0 +1,188 @@
+"""Radiance fields that are trained, drawn and kept: two steps of a small one."""
+
+from __future__ import annotations
+
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cvkern import radiance
+from cvkern._runtime import runtime
+from cvkern.images import write_image
+from tests.fuzz.arguments import Call, Draw, maybe, number, one, whole
+
+SMALL = radiance.VoxelField(resolutions=(16,), shares=(), rays=64)
+CAMERAS = radiance.cameras(np.eye(4)[None, :3], [12, 12, 6, 4], 13, 9)
+MOST_STEPS = 3
+FACES = np.arange(9, dtype=np.int32).reshape(3, 3)
+SURFACE = radiance.Mesh(np.eye(9, 3, dtype=np.float32), FACES, np.zeros((9, 3), np.uint8))
+
+
+@lru_cache(1)
+def scene() -> radiance.Scene:
+    """Return a few small photographs."""
+    return radiance.make_scene(train=4, test=1, size=12)
+
+
+@lru_cache(4)
+def _model_of(backend: str, device: str) -> radiance.Model:
+    return radiance.fit(scene(), SMALL, steps=2, progress=False)
+
+
+def model() -> radiance.Model:
+    """Return a model on the device of the call."""
+    return _model_of(runtime().name, runtime().device)
+
+
+@lru_cache(1)
+def model_file() -> bytes:
+    """Return the file of a model."""
+    with tempfile.TemporaryDirectory() as folder:
+        model().save(Path(folder) / "m.npz")
+        return (Path(folder) / "m.npz").read_bytes()
+
+
+def trained(steps: Any, **options: Any) -> float:
+    """Train for a few steps; return the score of the last."""
+    if isinstance(steps, int) and steps > MOST_STEPS:  # it would do what it is told
+        raise ValueError("steps")
+    made = radiance.fit(scene(), SMALL, steps=steps, progress=False, **options)
+    return made.training.step
+
+
+def rendered(cameras: Any, view: Any, background: Any = None) -> Any:
+    """Render a view of a model."""
+    return radiance.render(model(), cameras, view, background=background)
+
+
+def filmed(cameras: Any, fps: Any = 20.0, background: Any = None) -> int:
+    """Render a film of a model, and return whether it has bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.gif"
+        radiance.render_path(model(), cameras, path, fps=fps, background=background)
+        return path.stat().st_size > 0
+
+
+def scored(test: Any = True, views: Any = None) -> Any:
+    """Compare a model with photographs."""
+    return radiance.evaluate(model(), scene(), test=test, views=views)
+
+
+def meshed(resolution: Any, density: Any = 25.0, pieces: Any = 1) -> Any:
+    """Make a mesh of a model."""
+    return radiance.mesh(model(), resolution=resolution, density=density, pieces=pieces)
+
+
+def clouded(cameras: Any, views: Any = None) -> Any:
+    """Make points of a model."""
+    return radiance.point_cloud(model(), cameras, views=views)
+
+
+def loaded(content: Any) -> int:
+    """Load a model from a file of any content."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "m.npz"
+        _write(path, content)
+        try:
+            return radiance.load_model(path).training.step
+        except ValueError as error:
+            raise ValueError(f"path: {str(error).replace(folder, '')}") from None
+
+
+def scene_of(content: Any, test_every: Any = 8) -> int:
+    """Load a scene from a file of any content."""
+    with tempfile.TemporaryDirectory() as folder:
+        _write(Path(folder) / "transforms.json", content)
+        for n in range(2):
+            pixels = np.full((4, 5, 3), 50 * n, np.uint8)
+            write_image(Path(folder) / f"{n}.png", pixels)
+        try:
+            return len(radiance.load_scene(folder, test_every=test_every).images)
+        except (ValueError, TypeError, FileNotFoundError) as error:  # its docstring names them
+            raise ValueError(f"path: {str(error).replace(folder, '')}") from None
+
+
+def written(surface: Any) -> bytes:
+    """Return the file of a mesh."""
+    with tempfile.TemporaryDirectory() as folder:
+        radiance.write_mesh(Path(folder) / "m.ply", surface)
+        return (Path(folder) / "m.ply").read_bytes()
+
+
+def _write(path: Path, content: Any) -> None:
+    try:
+        path.write_bytes(content)
+    except TypeError:
+        raise TypeError("content") from None
+
+
+def harmed(draw: Draw) -> bytes:
+    """Return a model's file, a few of whose bytes are others."""
+    content = bytearray(model_file())
+    for _ in range(int(draw.rng.integers(0, 4))):
+        content[int(draw.rng.integers(len(content)))] ^= int(draw.rng.integers(1, 256))
+    return bytes(content[: len(content) if draw.odd(0.8) else draw.rng.integers(len(content))])
+
+
+POSE = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]"
+FRAMES = ",".join(f'{{"file_path":"{n}.png","transform_matrix":{POSE}}}' for n in range(2))
+TRANSFORMS = f'{{"fl_x":5,"fl_y":5,"cx":2.5,"cy":2,"w":5,"h":4,"aabb_scale":1,"frames":[{FRAMES}]}}'
+
+
+def harmed_text(draw: Draw) -> bytes:
+    """Return a scene's file, a few of whose words are others."""
+    content = bytearray(TRANSFORMS.encode())
+    for _ in range(int(draw.rng.integers(0, 4))):
+        at = int(draw.rng.integers(len(content)))
+        part = draw.pick([b"", b"0", b"9" * 400, b"-", b"NaN", b"]", b"null", b"\xff", b"e9", b'"'])
+        content[at : at + int(draw.rng.integers(0, 9))] = part
+    return bytes(content)
+
+
+VIEWS = maybe(one([0], [0, 0], [], [9], [-1], np.array([True])))
+BEHIND = maybe(one("white", "black", (0.1, 0.2, 0.3), (1, 2), "none"))
+PLACES = one(CAMERAS, CAMERAS, CAMERAS, [])
+CALLS: dict[str, Call] = {
+    "radiance.fit": Call(
+        trained,
+        {"steps": whole(0, MOST_STEPS)},
+        {
+            "background": one("white", "black", "random", "learnt", "none", None),
+            "loss": one("squared", "huber", "none"),
+            "spread": number(0, 0.1),
+            "seed": whole(0, 9),
+            "deterministic": one(False, True),
+        },
+        equal=False,
+    ),
+    "radiance.render": Call(
+        rendered, {"cameras": PLACES, "view": whole(0, 1)}, {"background": BEHIND}, equal=False
+    ),
+    "radiance.render_path": Call(
+        filmed, {"cameras": PLACES}, {"fps": one(20.0, 1, 0, 1e9), "background": BEHIND}
+    ),
+    "radiance.evaluate": Call(scored, {}, {"test": one(True, False), "views": VIEWS}, equal=False),
+    "radiance.mesh": Call(
+        meshed,
+        {"resolution": one(2, 8, 17, 1, 2**20)},
+        {"density": number(0.01, 50), "pieces": maybe(whole(0, 3))},
+        equal=False,
+    ),
+    "radiance.point_cloud": Call(clouded, {"cameras": PLACES}, {"views": VIEWS}, equal=False),
+    "radiance.load_model": Call(loaded, {"content": harmed}, {}),
+    "radiance.load_scene": Call(scene_of, {"content": harmed_text}, {"test_every": whole(0, 9)}),
+    "radiance.make_scene": Call(
+        radiance.make_scene,
+        {"size": whole(1, 12)},
+        {"train": whole(0, 3), "test": whole(0, 2), "samples": whole(1, 3)},
+        equal=False,
+    ),
+    "radiance.write_mesh": Call(
+        written,
+        {"surface": one(SURFACE, SURFACE._replace(faces=FACES[:0]), SURFACE._replace(faces=[]))},
+        {},
+    ),
+}
