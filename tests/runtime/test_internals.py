@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import zlib
 from pathlib import Path
 
@@ -165,3 +166,29 @@ def test_one_thread_compiles():
         timeout=300,
     )
     assert done.stdout == "cvkern-compiler_0\n", done.stderr
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_work_is_shared_by_the_threads_that_the_user_wants(monkeypatch, threads):
+    """Each thread takes a part of a kernel's rows; without the variable, one for each core."""
+    from cvkern.kernels.warp import _launch
+
+    sent, send = [], _launch._send
+
+    def noted(*arguments):
+        sent.append(threading.current_thread().name)
+        send(*arguments)
+
+    monkeypatch.setattr(_launch, "_send", noted)
+    monkeypatch.setenv("CVKERN_NUM_THREADS", str(threads))
+    image = np.zeros((640, 640), np.float32)
+    with cvkern.use(backend="warp", device="cpu"):
+        cvkern.box(image, 3)
+    assert len(sent) % threads == 0
+    assert len(set(sent)) <= threads
+    whole = len(sent) // threads
+    monkeypatch.setenv("CVKERN_NUM_THREADS", "1")
+    sent.clear()
+    with cvkern.use(backend="warp", device="cpu"):
+        cvkern.box(image, 3)
+    assert len(sent) == whole
