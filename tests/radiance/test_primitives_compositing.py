@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.radiance import Background, Comparison, Seen
+from cvkern.kernels.codes.radiance import Background, Comparison, Composited
 from tests.radiance import reference_derived
 from tests.radiance import reference_radiance as reference
 
@@ -63,13 +63,13 @@ def forward(kernels, sigma, rgb, distances, spans, stop):
     rays = len(spans)
     return kernels(
         "radiance.compositing.forward", sigma, rgb, distances, spans, stop,
-        out=[Seen(((rays, 3), F32), ((rays,), F32), ((rays,), F32), ((rays,), F32))],
+        out=[Composited(((rays, 3), F32), ((rays,), F32), ((rays,), F32), ((rays,), F32))],
     )  # fmt: skip
 
 
 def backward(kernels, gradients, sigma, rgb, distances, spans, stop):
     return kernels(
-        "radiance.compositing.backward", Seen(*gradients), sigma, rgb, distances, spans, stop,
+        "radiance.compositing.backward", Composited(*gradients), sigma, rgb, distances, spans, stop,
         out=[(sigma.shape, F32), (rgb.shape, F32)],
     )  # fmt: skip
 

@@ -18,7 +18,7 @@ from cvkern._checks import (
 )
 from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import photograph_options
-from cvkern.edges.quantiles import FAINT_SHARES
+from cvkern.edges.quantiles import LINE_SHARES
 from cvkern.edges.subpixel import locate_edges
 from cvkern.hough._points import mask_points
 from cvkern.hough.lines._support import (
@@ -251,7 +251,7 @@ def detect_lines(
     distance = check_positive(distance, "distance")
     least = 0.1 * math.hypot(*size) if min_votes is None else check_positive(min_votes, "min_votes")
     options = photograph_options(
-        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=LINE_SHARES
     )
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
@@ -340,7 +340,7 @@ def detect_segments(
     max_gap = check_number(max_gap, "max_gap", low=0)
     distance = check_positive(distance, "distance")
     options = photograph_options(
-        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=FAINT_SHARES
+        image, sigma, low_threshold, high_threshold, use_quantiles, automatic=LINE_SHARES
     )
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])

@@ -1,4 +1,4 @@
-#include "keypoints/_angles.h"
+#include "../_angles.h"
 
 // needs DISC, BLUR, PAIRS, TURNS, TURNS_PER_RADIAN
 // Direction of the point of a block by the moments of a disc, and its bits: pairs of pixels

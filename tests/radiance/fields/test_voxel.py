@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.radiance import Grid, Learnt, March, Rays, Rule, Seen, Space
+from cvkern.kernels.codes.radiance import AdamRule, Composited, Grid, Learnt, March, Rays, Space
 from tests.radiance import reference_derived
 from tests.radiance.fields import reference_voxel as reference
 
@@ -97,7 +97,7 @@ CASES = [
 
 
 def outputs(count):
-    seen = Seen(((count, 3), F32), ((count,), F32), ((count,), F32), ((count,), F32))
+    seen = Composited(((count, 3), F32), ((count,), F32), ((count,), F32), ((count,), F32))
     return [seen, ((count,), I32)]
 
 
@@ -118,9 +118,9 @@ def backward(kernels, gradients, arguments, seen, grids):
     """Return the gradients of what was seen, by the primitive."""
     return kernels(
         "radiance.fields.voxel.rays.render_backward",
-        Seen(*gradients),
+        Composited(*gradients),
         *packed(arguments),
-        Seen(*seen[:4]),
+        Composited(*seen[:4]),
         seen[4],
         out=grids,
     )
@@ -337,7 +337,7 @@ def test_adam_moves_touched_nodes(kernels):
         "radiance.fields.voxel.nodes.adam",
         *rates,
         np.array([0.5], F32),
-        Rule(0.9, 0.99, 1e-8),
+        AdamRule(0.9, 0.99, 1e-8),
         out=before,
     )
     before = [touched, *before[1], *before[2]]
