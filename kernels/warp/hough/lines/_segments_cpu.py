@@ -3,7 +3,8 @@
 A point (y, x) is on a line if ``|x cos + y sin - rho|`` is at most a distance and its direction is
 within a tolerance of the line's. Each tile lists the lines that pass near its middle. Its points,
 64 at a time, are tested against one of these lines after the other, as vector code without
-branches."""
+branches.
+"""
 
 import warp as wp
 
