@@ -8,7 +8,16 @@ from functools import partial
 import numpy as np
 
 from cvkern.app.warmup import pictures
-from cvkern.filters import box, correlate_separable, gaussian, gradient, median, scharr, sobel
+from cvkern.filters import (
+    box,
+    correlate_separable,
+    gaussian,
+    gradient,
+    median,
+    prewitt,
+    scharr,
+    sobel,
+)
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
@@ -24,6 +33,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "gradient", partial(gradient, color)
     yield "sobel", partial(sobel, real)
     yield "scharr", partial(scharr, real)
+    yield "prewitt", partial(prewitt, real)
     for dtype in (np.uint8, np.uint16, np.float32):
         for radius in (1, 2, 3):
             yield "median", partial(median, real.astype(dtype), radius)

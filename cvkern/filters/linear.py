@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import (
-    check_channel_axis,
+    check_axes,
     check_code,
     check_image,
     check_integer,
@@ -37,13 +37,14 @@ def gaussian(
     cval: float = 0.0,
     truncate: float = 4.0,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
     out: Any = None,
 ) -> Any:
     """Convolve an image with a Gaussian or one of its derivatives.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype.
     sigma : float or (float, float), default 1.0
         Standard deviation down the rows and along the columns, in pixels. 0 does not filter an
@@ -58,7 +59,9 @@ def gaussian(
     truncate : float, default 4.0
         Radius of the kernel in standard deviations; ``int(truncate * sigma + 0.5)`` pixels.
     channel_axis : int, optional
-        Axis that is not filtered; needed for 3-D images.
+        Axis that is not filtered; needed for images with channels.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or with channels; all are filtered in one launch.
     out : array of the shape of `image`, float32, optional
         Filled and returned when given.
 
@@ -93,7 +96,7 @@ def gaussian(
     for s in sigmas:
         check_radius(truncate * s)
     taps = [gaussian_taps(s, o, truncate) for s, o in zip(sigmas, orders, strict=True)]
-    return separable(image, taps, mode, cval, channel_axis, out)
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, out)
 
 
 @lru_cache(maxsize=64)
@@ -129,18 +132,19 @@ def correlate_separable(
     mode: str = "reflect",
     cval: float = 0.0,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
     out: Any = None,
 ) -> Any:
     """Correlate an image with the outer product of two 1-D kernels.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype.
     taps : sequence of float, or pair of them
         Kernel of odd length for both axes, or one down the rows and one along the columns. The
         middle tap weighs the pixel itself.
-    mode, cval, channel_axis, out
+    mode, cval, channel_axis, batch_axis, out
         As in :func:`gaussian`.
 
     Returns
@@ -172,7 +176,8 @@ def correlate_separable(
         raise TypeError(f"taps must be a sequence, got {taps!r}") from None
     if len(kernels) != 2:
         raise ValueError(f"taps must be one kernel or two, got {len(kernels)}")
-    return separable(image, [_check_taps(t) for t in kernels], mode, cval, channel_axis, out)
+    taps = [_check_taps(t) for t in kernels]
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, out)
 
 
 def box(
@@ -182,17 +187,18 @@ def box(
     mode: str = "reflect",
     cval: float = 0.0,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
     out: Any = None,
 ) -> Any:
     """Average each window of ``2 radius + 1`` pixels a side.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype.
     radius : int or (int, int), default 1
         Half the side of the window, down the rows and along the columns, in pixels.
-    mode, cval, channel_axis, out
+    mode, cval, channel_axis, batch_axis, out
         As in :func:`gaussian`.
 
     Returns
@@ -213,7 +219,8 @@ def box(
     array([[0., 1., 1., 1., 0.]], dtype=float32)
     """
     radii = [check_integer(r, "radius", 0, MAX_RADIUS) for r in check_pair(radius, "radius")]
-    return separable(image, [_box_taps(r) for r in radii], mode, cval, channel_axis, out)
+    taps = [_box_taps(r) for r in radii]
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, out)
 
 
 @lru_cache(maxsize=64)
@@ -227,11 +234,12 @@ def separable(
     mode: str,
     cval: float,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
     out: Any = None,
 ) -> Any:
     """Check and run :func:`correlate_separable` or one of its special cases."""
-    image = check_image(image, ndim=(2, 3))
-    axis = check_channel_axis(image.shape, channel_axis)
+    image = check_image(image, ndim=(2, 3) if batch_axis is None else (3, 4))
+    axis = check_axes(image.shape, channel_axis, batch_axis)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
     check_out(out, image, np.float32)
@@ -241,31 +249,36 @@ def separable(
     down, along = (rt.constant(t) for t in taps)
     if axis == 1:
         # A step between columns would leave its row, so filter each axis separately.
-        height, channels, width = shape
-        middle = rt.scratch("separable.middle", (1, height, channels * width))
+        images = 1 if batch_axis is None else shape[0]
+        height, channels, width = shape[-3:]
+        middle = rt.scratch("separable.middle", (images, height, channels * width))
         alone = rt.constant(_ALONE)
-        src, dst = rt.adopt(image, shape=middle.shape), (1, height * channels, width)
+        src, dst = rt.adopt(image, shape=middle.shape), (1, images * height * channels, width)
         rt.filters.linear.correlate_separable(src, down, alone, 1, border, cval, middle)
         rt.filters.linear.correlate_separable(
             middle.reshape(dst), alone, along, 1, border, cval, rt.adopt(result, shape=dst)
         )
     else:
-        planes, step = image_layout(shape, axis)
+        planes, step = image_layout(shape, axis, batch_axis)
         src, dst = rt.adopt(image, shape=planes), rt.adopt(result, shape=planes)
         rt.filters.linear.correlate_separable(src, down, along, step, border, cval, dst)
     return rt.release(result, out)
 
 
 def image_layout(
-    shape: tuple[int, ...], channel_axis: int | None
+    shape: tuple[int, ...], channel_axis: int | None, batch_axis: int | None
 ) -> tuple[tuple[int, int, int], int]:
-    """Return the shape (P, H, W step) that kernels see, and the step between neighbours."""
+    """Return the shape (P, H, W step) that kernels see, and the step between neighbours.
+
+    `channel_axis` counts within one image, and is not 1.
+    """
+    images, one = (1, shape) if batch_axis is None else (shape[0], shape[1:])
     if channel_axis is None:
-        return (1, shape[0], shape[1]), 1
+        return (images, one[0], one[1]), 1
     if channel_axis == 0:
-        return (shape[0], shape[1], shape[2]), 1
-    height, width, channels = shape
-    return (1, height, width * channels), channels
+        return (images * one[0], one[1], one[2]), 1
+    height, width, channels = one
+    return (images, height, width * channels), channels
 
 
 def _check_taps(taps: Any) -> np.ndarray:

@@ -25,6 +25,7 @@ class Tiles:
     across: int  # tiles in a row of tiles
     order: wp.array[int]  # (N,): points, tile by tile
     starts: wp.array[int]  # (T + 1,): where the points of a tile begin in `order`
+    near: wp.array2d[int]  # (slabs, K + 1): scratch for the lines near a tile
 
 
 @wp.kernel
@@ -40,8 +41,6 @@ def claim(
     distance: float,
     tolerance: int,
     tiles: Tiles,
-    # scratch
-    near: wp.array2d[int],  # (slabs, K + 1)
     # outputs
     labels: wp.array[int],  # (N,)
 ):
@@ -58,7 +57,7 @@ def claim(
         if tiles.starts[tile] < end:
             for k in range(count):
                 passes = (middle_x * lines[0, k] + middle_y * lines[1, k]) - lines[2, k]
-                near[slab, number] = k
+                tiles.near[slab, number] = k
                 number += int(wp.abs(passes) <= reach)
         for begin in range(tiles.starts[tile], end, WIDE):
             size = wp.min(WIDE, end - begin)
@@ -74,7 +73,7 @@ def claim(
                 code[i] = codes[point]
                 past[i] = after[point]
             for n in range(number):
-                k = near[slab, n]
+                k = tiles.near[slab, n]
                 cosine = lines[0, k]
                 sine = lines[1, k]
                 rho = lines[2, k]

@@ -38,8 +38,8 @@ def claim(
     count = slabs(rows, number * lines.shape[1])
     if count > 1:  # edges cluster in parts of an image; smaller slabs balance the threads
         count = min(4 * count, rows)
-    near = scratch("claim.near", (count, lines.shape[1] + 1), wp.int32, points.device)
-    launch_slabs(cpu.claim, rows, count, [*inputs, tiles, near], [labels])
+    tiles.near = scratch("claim.near", (count, lines.shape[1] + 1), wp.int32, points.device)
+    launch_slabs(cpu.claim, rows, count, [*inputs, tiles], [labels])
 
 
 def _tiles_of(points: wp.array) -> cpu.Tiles:
