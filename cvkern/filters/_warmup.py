@@ -28,6 +28,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "gaussian", partial(gaussian, image, channel_axis=axis)
         yield "box", partial(box, image, channel_axis=axis)
         yield "correlate_separable", partial(correlate_separable, image, taps, channel_axis=axis)
+    yield "gaussian", partial(gaussian, byte, dtype="uint8")
+    yield "gaussian", partial(gaussian, byte.astype(np.uint16), dtype="uint16")
     for operator in ("gaussian", "sobel", "scharr"):
         yield "gradient", partial(gradient, real, operator=operator)
     yield "gradient", partial(gradient, color)

@@ -13,6 +13,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._runtime import Runtime
+from cvkern.filters.depths import as_floats
 from cvkern.kernels.codes.edges import Norm
 
 COLORS = 3  # channels of a colour; a fourth one is alpha, which is ignored
@@ -38,7 +39,8 @@ def planes_of(
     """Read an image (H, W), or (H, W, 3 or 4) as a colour image, as planes of `dtype`."""
     if isinstance(image, Planes):
         return image
-    given, src = library(image).dtype(image), rt.adopt(image, dtype)
+    given = library(image).dtype(image)
+    src = as_floats(rt, image) if dtype is np.float32 else rt.adopt(image, dtype)
     if len(image.shape) == (2 if batch_axis is None else 3):
         return Planes((src,), given)
     *shape, width, channels = image.shape

@@ -22,6 +22,7 @@ from cvkern._checks import (
     check_pair,
 )
 from cvkern._runtime import runtime
+from cvkern.filters.depths import as_floats, check_result
 from cvkern.kernels.codes.filters import Border
 
 MAX_RADIUS = 2**20
@@ -38,6 +39,7 @@ def gaussian(
     truncate: float = 4.0,
     channel_axis: int | None = None,
     batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Convolve an image with a Gaussian or one of its derivatives.
@@ -62,12 +64,15 @@ def gaussian(
         Axis that is not filtered; needed for images with channels.
     batch_axis : {0}, optional
         Axis of the images in a stack, (N, H, W) or with channels; all are filtered in one launch.
-    out : array of the shape of `image`, float32, optional
+    dtype : {'float32', 'uint8', 'uint16'}, optional
+        The dtype of the result, by default float32. Integers are rounded to the nearest, half to
+        even; values beyond their range become its limits.
+    out : array of the shape of `image` and of `dtype`, optional
         Filled and returned when given.
 
     Returns
     -------
-    array of the shape of `image`, float32
+    array of the shape of `image`, of `dtype`
         Of the same library and on the same device as `image`.
 
     Raises
@@ -96,7 +101,7 @@ def gaussian(
     for s in sigmas:
         check_radius(truncate * s)
     taps = [gaussian_taps(s, o, truncate) for s, o in zip(sigmas, orders, strict=True)]
-    return separable(image, taps, mode, cval, channel_axis, batch_axis, out)
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, dtype, out)
 
 
 @lru_cache(maxsize=64)
@@ -133,6 +138,7 @@ def correlate_separable(
     cval: float = 0.0,
     channel_axis: int | None = None,
     batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Correlate an image with the outer product of two 1-D kernels.
@@ -144,12 +150,12 @@ def correlate_separable(
     taps : sequence of float, or pair of them
         Kernel of odd length for both axes, or one down the rows and one along the columns. The
         middle tap weighs the pixel itself.
-    mode, cval, channel_axis, batch_axis, out
+    mode, cval, channel_axis, batch_axis, dtype, out
         As in :func:`gaussian`.
 
     Returns
     -------
-    array of the shape of `image`, float32
+    array of the shape of `image`, of `dtype`
 
     Raises
     ------
@@ -177,7 +183,7 @@ def correlate_separable(
     if len(kernels) != 2:
         raise ValueError(f"taps must be one kernel or two, got {len(kernels)}")
     taps = [_check_taps(t) for t in kernels]
-    return separable(image, taps, mode, cval, channel_axis, batch_axis, out)
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, dtype, out)
 
 
 def box(
@@ -188,6 +194,7 @@ def box(
     cval: float = 0.0,
     channel_axis: int | None = None,
     batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Average each window of ``2 radius + 1`` pixels a side.
@@ -198,12 +205,12 @@ def box(
         Any real dtype.
     radius : int or (int, int), default 1
         Half the side of the window, down the rows and along the columns, in pixels.
-    mode, cval, channel_axis, batch_axis, out
+    mode, cval, channel_axis, batch_axis, dtype, out
         As in :func:`gaussian`.
 
     Returns
     -------
-    array of the shape of `image`, float32
+    array of the shape of `image`, of `dtype`
 
     Raises
     ------
@@ -220,7 +227,7 @@ def box(
     """
     radii = [check_integer(r, "radius", 0, MAX_RADIUS) for r in check_pair(radius, "radius")]
     taps = [_box_taps(r) for r in radii]
-    return separable(image, taps, mode, cval, channel_axis, batch_axis, out)
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, dtype, out)
 
 
 @lru_cache(maxsize=64)
@@ -235,6 +242,7 @@ def separable(
     cval: float,
     channel_axis: int | None = None,
     batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Check and run :func:`correlate_separable` or one of its special cases."""
@@ -242,10 +250,13 @@ def separable(
     axis = check_axes(image.shape, channel_axis, batch_axis)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
-    check_out(out, image, np.float32)
+    kind = check_result(dtype)
+    check_out(out, image, kind)
     rt = runtime(image)
     shape = tuple(image.shape)
-    result = rt.empty(shape, out=out)
+    result = rt.empty(shape, kind, out=out)
+    whole = kind != np.float32
+    floats = rt.scratch("separable.floats", shape) if whole else rt.adopt(result)
     down, along = (rt.constant(t) for t in taps)
     if axis == 1:
         # A step between columns would leave its row, so filter each axis separately.
@@ -253,15 +264,17 @@ def separable(
         height, channels, width = shape[-3:]
         middle = rt.scratch("separable.middle", (images, height, channels * width))
         alone = rt.constant(_ALONE)
-        src, dst = rt.adopt(image, shape=middle.shape), (1, images * height * channels, width)
+        src, dst = as_floats(rt, image, middle.shape), (1, images * height * channels, width)
         rt.filters.linear.correlate_separable(src, down, alone, 1, border, cval, middle)
         rt.filters.linear.correlate_separable(
-            middle.reshape(dst), alone, along, 1, border, cval, rt.adopt(result, shape=dst)
+            middle.reshape(dst), alone, along, 1, border, cval, floats.reshape(dst)
         )
     else:
         planes, step = image_layout(shape, axis, batch_axis)
-        src, dst = rt.adopt(image, shape=planes), rt.adopt(result, shape=planes)
+        src, dst = as_floats(rt, image, planes), floats.reshape(planes)
         rt.filters.linear.correlate_separable(src, down, along, step, border, cval, dst)
+    if whole:
+        rt.filters.depths.narrow(floats, rt.adopt(result, kind))
     return rt.release(result, out)
 
 

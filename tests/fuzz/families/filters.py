@@ -65,6 +65,11 @@ CALLS: dict[str, Call] = {
     ),
     "gaussian of channels": Call(cvkern.gaussian, DEEP, {**BORDER, **SIGMAS}),
     "box of channels": Call(cvkern.box, DEEP, {**BORDER, "radius": pair(whole(0, 30))}),
+    "gaussian to integers": Call(
+        cvkern.gaussian,
+        IMAGE,
+        {**BORDER, **SIGMAS, "dtype": one("uint8", "uint16", "float32", None, "int8")},
+    ),
     "gaussian of a stack": Call(cvkern.gaussian, STACK, {**BORDER, **SIGMAS}),
     "median of a stack": Call(cvkern.median, STACK, {**BORDER, "radius": whole(0, 8)}),
     "sobel of a stack": Call(cvkern.sobel, STACK, {**BORDER, **AXIS}),
