@@ -107,7 +107,7 @@ class _Tile:
         rt.write(bounded, bounds)
         kernels = rt.panorama.warping
         kernels.claim(
-            rt.send("panorama.matrices", canvas.matrices.reshape(-1, 9)),
+            rt.send("panorama.matrices", canvas.cameras()),
             rt.send("panorama.sides", self.given.sides), rt.send("panorama.names", names),
             rt.send("panorama.columns", canvas.columns(self.left, self.width)),
             rt.send("panorama.rows", canvas.rows(self.top, self.height)), self.seams.labels,
@@ -162,7 +162,7 @@ class _Tile:
         canvas, kernels = self.canvas, rt.panorama.blending
         # The weights are not needed here: the mask overwrites them.
         draw(
-            rt, self.given.images[name], canvas.matrices[name],
+            rt, self.given.images[name], canvas.cameras()[name],
             rt.send("panorama.gain", np.ascontiguousarray(self.seams.gains[name])),
             canvas.columns(self.left + left, width), canvas.rows(self.top + top, height),
             values[0], masks[0][0],

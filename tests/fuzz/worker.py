@@ -46,7 +46,10 @@ def answer(name: str, backend: str, device: str, arguments: dict[str, Any]) -> A
     """Return what a call gives, or the exception that leaves it."""
     with cvkern.use(backend=backend, device=device), warnings.catch_warnings():
         warnings.simplefilter("error")
-        for said in ("no edge was found", "the focal length is guessed"):  # documented warnings
+        for said in (
+            "no edge was found",
+            "the focal length is guessed",
+        ):  # warnings that docstrings name
             warnings.filterwarnings("ignore", said)
         try:
             return CALLS[name].function(**arguments)
