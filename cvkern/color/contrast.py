@@ -249,6 +249,7 @@ def _limit(histogram: np.ndarray, limit: int) -> None:
     left -= int((limit - histogram[near]).sum())
     histogram[near] = limit
     start = 0
+    # While a bin is free, one cycle of `start` over all bins fills at least one place.
     while left > 0:
         free = np.flatnonzero(histogram < limit)
         if not free.size:

@@ -218,6 +218,7 @@ def _scale_space(
     extra = [math.sqrt(sigma**2 - before**2)]
     extra += [math.sqrt(sigmas[i + 1] ** 2 - sigmas[i] ** 2) for i in range(levels + 2)]
     octaves, steps = [], []
+    # Each octave halves the sides, so there are at most 17.
     while not octaves or min(height, width) >= SMALLEST:
         octaves.append(rt.scratch(f"sift.octave{len(octaves)}", (levels + 3, height, width)))
         steps.append(step)

@@ -140,6 +140,7 @@ class _Finder:
 
     def one_by_one(self) -> list[np.ndarray]:
         found, left = [], np.arange(len(self.matches))
+        # Each round takes out `least` matches or more, or ends.
         while (matrix := self.plane(left, NARROW)) is not None:
             outside = self.squares(matrix)[left] >= NARROW**2
             if outside.sum() > len(left) - self.least:

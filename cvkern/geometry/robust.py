@@ -229,6 +229,7 @@ class Explorer:
         active = np.flatnonzero(usable).astype(np.int32)
         done, room = 0, FIRST
         last = min(self.options.max_trials, most or self.options.max_trials)
+        # Each round draws at least `GROUP` samples.
         while len(active) and done < last:
             room = min(room, -(-(last - done) // GROUP) * GROUP)
             pairs = rt.send("robust.pairs", active)

@@ -25,7 +25,7 @@ from cvkern.panorama.registration import Link
 
 MOST_POINTS = 200  # largest number of matches of a pair in the adjustment
 ENOUGH_POINTS = 10_000  # matches of all pairs together: more take longer, and change little
-FEWEST_POINTS = 40  # of a pair, however many pairs there are
+FEWEST_POINTS = 40  # matches of a pair that are kept in any case
 HUBER = 2.0  # pixels of the small images: the cost of larger residuals is linear
 STEPS = 40
 ENOUGH = 1e-6  # the steps end when the relative decrease of the cost is below this
@@ -268,6 +268,7 @@ def adjust(
         normal, gradient = normal[np.ix_(free, free)], gradient[free]
         size = np.diag(normal)
         better = None
+        # Each round multiplies the damping by ten or leaves: at most 17 rounds.
         while damping < 1e8:
             damped = normal + np.diag(damping * size + WEAK * (1 + size.max()))
             change = np.zeros(fixed.size + 1)

@@ -38,6 +38,7 @@ def _in_histogram(heights: list[int]) -> tuple[int, int, int, int]:
     stack: list[tuple[int, int]] = []  # first column of a height, and the height; heights ascend
     for place, height in enumerate(heights):
         begin = place
+        # Each column is pushed once, so it is popped at most once.
         while stack and stack[-1][1] >= height:
             begin, tall = stack.pop()
             area = tall * (place - begin)

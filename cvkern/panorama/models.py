@@ -198,6 +198,7 @@ def spanning_tree(count: int, links: Sequence[Link]) -> tuple[np.ndarray, list[i
 
     centre = min(range(count), key=lambda i: (distances(i), i))
     parents, order = np.full(count, -1), [centre]
+    # The images are connected, so each round adds one.
     while len(order) < count:
         edges = [(-weights[i, j], j, i) for i in order for j in near[i] if j not in order]
         _, j, i = min(edges)

@@ -212,6 +212,7 @@ def connected(count: int, links: Sequence[tuple[int, int]]) -> list[list[int]]:
     parent = list(range(count))
 
     def root(i: int) -> int:
+        # A parent has a smaller index than its child, or is a root.
         while parent[i] != i:
             parent[i] = parent[parent[i]]
             i = parent[i]

@@ -133,6 +133,7 @@ def _quarter_turns(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """Return the number of right angles between each camera and the central one."""
     quarters = np.zeros(len(rotations), int)
     done = parents < 0
+    # The parents are a tree, so each round reaches at least one camera more.
     while not done.all():
         for i in np.flatnonzero(~done & done[parents]):
             across = rotations[i] @ rotations[parents[i]].T

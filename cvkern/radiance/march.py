@@ -168,6 +168,7 @@ class SampledField(Field):
         rays, march = Rays(origins, directions, counts), self._march(False, counts)
         views = Views(at, taken, *seen)
         view.set_out(rays, self.space, march, listing, counts, views)
+        # A round takes a sample of each living ray at least, and a ray has `most` at most.
         while living:
             s = viewing.samples
             few = min(viewing.room // living, VIEW_FEW)

@@ -171,6 +171,7 @@ class Solver:
         self.rises = rt.scratch("relief.rises", (2, *shape))
         self.none = rt.scratch("relief.none", (0, 1, 1))
         self.levels = [(rt.scratch("relief.weights", (2, *shape)), inside, *self._fields(0, shape))]
+        # Each level halves a side above 2, so there are at most 16 of them.
         while np.prod(shape) > COARSEST and max(shape) > 2:
             shape = (shape[0] + 1) // 2, (shape[1] + 1) // 2
             n = len(self.levels)

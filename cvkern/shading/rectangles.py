@@ -74,6 +74,7 @@ def tables(count: int) -> Tables:
 def factors(count: int) -> list[int]:
     """Return factors of a number: 8 as often as possible, then 4 or 2, then odd primes."""
     found, factor = [], 8
+    # A factor is at most the number that is left, so the loop ends below `count` rounds.
     while count > 1:
         if count % factor == 0:
             found.append(factor)

@@ -122,6 +122,7 @@ def _unwrapped(values: np.ndarray, there: np.ndarray) -> np.ndarray:
     # Sum along the path to the root by pointer doubling.
     parent = np.full(count + 1, root)
     parent[order] = before[order]
+    # Paths in the tree are shorter than `count`, and each round halves them: at most 31 rounds.
     while (parent != root).any():
         turns += np.where(parent == root, 0, turns[parent])
         parent = parent[parent]

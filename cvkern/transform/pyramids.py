@@ -65,6 +65,7 @@ def pyramid_gaussian(
     """
     image, axis, layers, sigma = _check(image, max_layer, downscale, sigma, channel_axis)
     levels = [_real(image)]
+    # A level is smaller than the one before, or the loop ends.
     while len(levels) - 1 != layers:
         smooth = gaussian(levels[-1], sigma, mode=mode, cval=cval, channel_axis=channel_axis)
         smaller = _shrunk(smooth, axis, downscale)

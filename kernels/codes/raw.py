@@ -51,3 +51,6 @@ EDGE = 0.05  # difference of scales that is an edge [Reinhard 2002]
 # Fusion: deviation of how well a value is exposed about the middle, distance from 0 and 1 at which
 # values are held back, and what is added to each weight.
 WELL, KNEE, LEAST = 0.2, 0.05, 1e-12
+# Alignment: levels of grey, and moves of one pixel, the shortest first.
+GREYS = 2**16
+MOVES = ((0, 0), (-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))

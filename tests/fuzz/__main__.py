@@ -21,7 +21,7 @@ from typing import Any
 from tests.fuzz.processes import Process
 
 FAMILIES = sorted(path.stem for path in Path(__file__).parent.glob("families/[a-z]*.py"))
-CHUNK = 500  # calls that a process is given at a time
+CHUNK = 100  # calls that a process is given at a time
 EXAMPLES = 3  # faults of one kind that are printed
 
 

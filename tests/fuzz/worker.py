@@ -46,10 +46,7 @@ def answer(name: str, backend: str, device: str, arguments: dict[str, Any]) -> A
     """Return what a call gives, or the exception that leaves it."""
     with cvkern.use(backend=backend, device=device), warnings.catch_warnings():
         warnings.simplefilter("error")
-        for said in (
-            "no edge was found",
-            "the focal length is guessed",
-        ):  # warnings that docstrings name
+        for said in ("no edge was found", "the focal length is guessed"):  # documented warnings
             warnings.filterwarnings("ignore", said)
         try:
             return CALLS[name].function(**arguments)
@@ -149,6 +146,8 @@ def shown(arguments: dict[str, Any]) -> str:
     """Return arguments in few words."""
     said = []
     for key, value in arguments.items():
+        if isinstance(value, memoryview):
+            value = Frame(np.asarray(value))
         if isinstance(value, np.ndarray) and value.size > 9:
             said.append(f"{key}=array{value.shape} {value.dtype}")
         else:

@@ -81,6 +81,7 @@ def grids(saddles: Saddles, smooth: np.ndarray) -> list[dict[tuple[int, int], in
     """Return the connected grids among saddles, the largest first: which is at (row, column)."""
     links = neighbours(saddles, smooth)
     left, found = set(range(len(links))), []
+    # Each round takes out `start` at least.
     while left:
         start = min(left)
         grid = _grown(links, start)

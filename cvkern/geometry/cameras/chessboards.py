@@ -109,6 +109,7 @@ def detect_chessboard(image: Any, shape: tuple[int, int]) -> Any:
 def _steps(height: int, width: int) -> list[int]:
     """Return by how much pictures are made smaller: first the smallest, then finer ones."""
     step = 1
+    # The step doubles.
     while max(height, width) > COARSE * step:
         step *= 2
     # The last one is for pictures out of focus.

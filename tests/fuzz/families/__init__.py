@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -23,14 +24,27 @@ NOT_CALLED = {
 }
 
 
+# Calls that take a tenth of a second and more come in one round of so many.
+SELDOM = 16
+SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene", "reconstruct_pair",
+        "recognize_panoramas", "stitch"}  # fmt: skip
+
+
+@lru_cache
+def turns(family: str) -> list[str]:
+    """Return the calls of all rounds, in their order; the first round has all."""
+    every = list(FAMILIES[family] if family else CALLS)
+    return every + (SELDOM - 1) * [name for name in every if name not in SLOW]
+
+
 def draw_call(draw: Draw, index: int, family: str = "") -> tuple[str, dict[str, Any]]:
     """Return the name of a call and its arguments, one of which may be nonsense.
 
     The functions take turns, all of them or those of a family.
     """
-    calls = FAMILIES[family] if family else CALLS
-    name = list(calls)[index % len(calls)]
-    call = calls[name]
+    order = turns(family)
+    name = order[index % len(order)]
+    call = CALLS[name]
     chosen = {key: make(draw) for key, make in call.needed.items()}
     chosen |= {key: make(draw) for key, make in call.options.items() if draw.odd(0.35)}
     if draw.odd(0.2):

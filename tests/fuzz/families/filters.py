@@ -1,6 +1,8 @@
-"""Filters: images with and without channels, and where results go."""
+"""Filters: images with and without channels, where results go, and filters that are captured."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import cvkern
 from tests.fuzz.arguments import (
@@ -26,7 +28,16 @@ OUT: dict[str, Maker] = {"out": place}
 DEEP: dict[str, Maker] = {"image": channels, "channel_axis": one(-1, 2, 2, 0)}
 AXIS: dict[str, Maker] = {"axis": one(None, 0, 1, 2, -1)}
 
+
+def repeated(image: Any, sigma: Any) -> Any:
+    """Capture a chain of calls and repeat it."""
+    return cvkern.capture(
+        lambda x: cvkern.gradient(cvkern.gaussian(x, sigma), sigma=sigma), image
+    )()
+
+
 CALLS: dict[str, Call] = {
+    "capture": Call(repeated, {**IMAGE, "sigma": number(0, 4)}, {}),
     "gaussian": Call(
         cvkern.gaussian,
         IMAGE,

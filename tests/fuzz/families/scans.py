@@ -99,11 +99,13 @@ CALLS: dict[str, Call] = {
     ),
     "make_scan": Call(
         cvkern.make_scan,
-        {"kind": one("gray_code", "phase_shift", "laser", "none")},
         {
+            "kind": one("gray_code", "phase_shift", "laser", "none"),
             "shape": one((24, 32), (12, 16), (1, 1), (0, 3)),
             "projector_shape": one((24, 32), (1, 1), (0, 3)),
             "frames": whole(0, 4),
+        },
+        {
             "noise": number(0, 3),
             "seed": whole(0, 9),
         },
