@@ -108,13 +108,13 @@ def scale(factor: Factor, plus: int, source: wp.array2d[float], out: wp.array2d[
 
 
 def test_commands_agree():
-    """The same launches again with other numbers, structures, arrays and layouts."""
+    """The same launches again with other numbers, structures, arrays, layouts and sizes."""
     wp.init()
     device = wp.get_device("cpu")
     _internals.load(scale, device, 1)
     rng = np.random.default_rng(0)
     made = {}
-    for shape in ((3, 4), (3, 4), (2, 6)):
+    for shape in ((3, 4), (3, 4), (2, 6), (5, 7), (3, 4)):
         factor = Factor()
         factor.value = float(rng.integers(1, 9))
         plus, image = int(rng.integers(9)), rng.random(shape).astype(np.float32)
@@ -122,9 +122,9 @@ def test_commands_agree():
         for kind in (_internals._QuickCommand, _internals._PlainCommand):
             out = wp.zeros(shape, dtype=float, device="cpu")
             arguments = factor, plus, wp.array(image, dtype=float, device="cpu"), out
-            if (kind, shape) not in made:
-                made[kind, shape] = kind(scale, shape, arguments, device, 1)
-            made[kind, shape].launch(arguments, None)
+            if kind not in made:
+                made[kind] = kind(scale, shape, arguments, device, 1)
+            made[kind].launch(shape, arguments, None)
             results.append(out.numpy())
         np.testing.assert_array_equal(*results)
         # One rounding of the product and one of the sum, or one of both.
