@@ -5,7 +5,7 @@ import numpy as np
 WINDOWS = [(a, b) for a in (0.0, 0.3, 0.6) for b in (0.8, 1.0)]
 
 
-def ranks(values, limit=np.inf, scales=1.0):
+def ranks(values, limit, scales):
     """Return ranks of scaled values that take part, -1 for the others; earlier ones are lower."""
     part = np.isfinite(values) & (values < limit)
     order = np.full(len(values), -1)
