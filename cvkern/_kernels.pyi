@@ -4,6 +4,7 @@ class Folder:
     class clouds:
         from cvkern.kernels.warp.clouds import turntables as turntables
     class color:
+        from cvkern.kernels.warp.color import constancy as constancy
         from cvkern.kernels.warp.color import contrast as contrast
         from cvkern.kernels.warp.color import differences as differences
         from cvkern.kernels.warp.color import spaces as spaces
@@ -24,6 +25,7 @@ class Folder:
             from cvkern.kernels.warp.features.keypoints import refinement as refinement
     class filters:
         from cvkern.kernels.warp.filters import channels as channels
+        from cvkern.kernels.warp.filters import depths as depths
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
@@ -74,6 +76,7 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
     class raw:
+        from cvkern.kernels.warp.raw import alignment as alignment
         from cvkern.kernels.warp.raw import bands as bands
         from cvkern.kernels.warp.raw import exposures as exposures
         from cvkern.kernels.warp.raw import fusion as fusion
@@ -84,6 +87,12 @@ class Folder:
             from cvkern.kernels.warp.raw.demosaicing import menon as menon
             from cvkern.kernels.warp.raw.demosaicing import planes as planes
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
+    class recognition:
+        from cvkern.kernels.warp.recognition import codebook as codebook
+        from cvkern.kernels.warp.recognition import figures as figures
+        from cvkern.kernels.warp.recognition import hypotheses as hypotheses
+        from cvkern.kernels.warp.recognition import patches as patches
+        from cvkern.kernels.warp.recognition import votes as votes
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry

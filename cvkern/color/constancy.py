@@ -9,11 +9,11 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_beside, check_choice, check_image, check_number
-from cvkern._runtime import runtime
+from cvkern._runtime import Runtime, runtime
 from cvkern.color.spaces import apply_matrix
+from cvkern.kernels.codes.color import SLOTS
 
 MOST = 2**18  # pixels that estimates are made of; larger images are averaged by blocks
-SATURATED = 0.98  # share of the largest value, which no channel of a pixel may reach
 GREY_SHARE, EXTREME_SHARE, WHITE_RANK = 0.01, 0.035, 99.0
 CONTRAST = 1e-4  # least local contrast of a grey pixel, as a share of the largest value
 
@@ -66,7 +66,8 @@ def estimate_illuminant(
 
     Notes
     -----
-    Images of more than 2^18 pixels are averaged by blocks first. The estimate is made on the host.
+    Kernels average images of more than 2^18 pixels by blocks, and leave out what does not count.
+    The estimate itself is made on the host, of what is left.
 
     References
     ----------
@@ -94,20 +95,16 @@ def estimate_illuminant(
     black = check_number(black, "black")
     mask = check_beside(mask, tuple(image.shape[:2]), "mask")
     rt = runtime(image)
-    values = np.array(rt.to_numpy(rt.adopt(image)), np.float64) - black
-    valid = np.isfinite(values).all(axis=2)
-    values[~valid] = 0
-    most = float(values.max()) if white is None else check_number(white, "white") - black
-    if white is not None and most <= 0:
-        raise ValueError(f"white must be above black, {black:g}, got {white:g}")
+    pixels = rt.adopt(image)
+    if white is None:
+        most = _peak(rt, pixels) - black
+    else:
+        most = check_number(white, "white") - black
+        if most <= 0:
+            raise ValueError(f"white must be above black, {black:g}, got {white:g}")
     if most <= 0:
         return np.ones(3)
-    if mask is not None:
-        own = runtime(mask)
-        valid &= np.asarray(own.to_numpy(own.adopt(mask, library(mask).dtype(mask)))) != 0
-    values /= most
-    valid &= (values.max(axis=2) < SATURATED) & (values.min(axis=2) > 0)
-    values, valid = _reduced(values, valid)
+    values, valid = _gathered(rt, pixels, mask, black, 1 / most)
     if not valid.any():
         return np.ones(3)
     light = METHODS[method](values, valid)
@@ -150,17 +147,34 @@ def white_balance(image: Any, illuminant: Any) -> Any:
     return apply_matrix(image, np.diag(light[1] / light), "rgb", "rgb")
 
 
-def _reduced(values: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Average blocks of an image that is too large; a block counts if all its pixels do."""
-    height, width = valid.shape
+def _peak(rt: Runtime, pixels: Any) -> float:
+    """Return the largest value of the finite pixels, or -inf."""
+    keys = rt.scratch("constancy.keys", (SLOTS,), np.int64)
+    rt.clear(keys)
+    rt.color.constancy.peak(pixels.reshape((pixels.shape[0] * pixels.shape[1], 3)), keys)
+    key = int(rt.to_numpy(keys).max())
+    if not key:
+        return -np.inf
+    bits = np.array([key - 2**32]).astype(np.int32)
+    return float((bits ^ ((bits >> 31) & 0x7FFFFFFF)).view(np.float32)[0])
+
+
+def _gathered(
+    rt: Runtime, pixels: Any, mask: Any, black: float, scale: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pixels on the host, averaged by blocks if they are many, and which count."""
+    height, width = pixels.shape[:2]
     side = int(np.ceil(np.sqrt(height * width / MOST)))
-    if side == 1:
-        return values, valid
-    rows, columns = max(1, height // side), max(1, width // side)
-    tall, wide = min(side, height), min(side, width)
-    blocks = values[: rows * tall, : columns * wide].reshape(rows, tall, columns, wide, 3)
-    all_valid = valid[: rows * tall, : columns * wide].reshape(rows, tall, columns, wide)
-    return blocks.mean(axis=(1, 3)), np.asarray(all_valid.all(axis=(1, 3)))
+    shape = max(1, height // side), max(1, width // side)
+    values = rt.scratch("constancy.values", (*shape, 3), np.float64)
+    valid = rt.scratch("constancy.valid", shape, np.uint8)
+    marked = rt.scratch("constancy.none", (0, 0), np.uint8)
+    if mask is not None:
+        own = runtime(mask)
+        host = np.asarray(own.to_numpy(own.adopt(mask, library(mask).dtype(mask))))
+        marked = rt.send("constancy.mask", (host != 0).astype(np.uint8))
+    rt.color.constancy.gather(pixels, marked, black, scale, side, values, valid)
+    return np.array(rt.to_numpy(values)), np.array(rt.to_numpy(valid)) != 0
 
 
 def _unit(light: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from cvkern.kernels.codes.edges import Norm
 # half size, with noise, darker, and as 12 bits in 16. The F-measure within 3 pixels is 0.55; with
 # 10 % and 20 % of the dtype's range it is 0.48 (0 for 12 bits in 16).
 SHARES = 0.7, 0.9
-FAINT_SHARES = 0.5, 0.7  # quantiles for votes for long lines, which tolerate clutter
+LINE_SHARES = 0.5, 0.7  # quantiles for votes for long lines, which tolerate clutter
 FAINTEST = 0.02  # share of the largest gradient; smaller ones are rounding errors of flat images
 LARGE_SIGMA = 16.0
 

@@ -6,6 +6,10 @@ images i and j gives the equation ``x_j = P_j P_i^-1 x_i`` up to scale. A small 
 ``-P_j P_i^-1 D x_i``. These two are the derivatives of all models. A model is described by the
 matrices D that it allows (its generators).
 
+The lens of rotating cameras may bend straight lines: it moves a pixel p to ``p (1 + k |p|^2)``,
+with one number k for all images of a panorama. Matches are straightened before they are mapped, and
+bent after it.
+
 The origin of pixel coordinates is the middle of an image; their unit is the longest side of all
 images.
 """
@@ -20,12 +24,18 @@ import numpy as np
 from cvkern.panorama.registration import Link
 
 MOST_POINTS = 200  # largest number of matches of a pair in the adjustment
+ENOUGH_POINTS = 10_000  # matches of all pairs together: more take longer, and change little
+FEWEST_POINTS = 40  # matches of a pair that are kept in any case
 HUBER = 2.0  # pixels of the small images: the cost of larger residuals is linear
 STEPS = 40
 ENOUGH = 1e-6  # the steps end when the relative decrease of the cost is below this
 NEAREST = 1e-4  # least depth of a point in front of a camera
 BEHIND = 1e3  # pixels: the residual of a point behind a camera
 FOCAL_SPREAD = 0.1  # standard deviation of the logarithms of focal lengths about their mean
+BEND_SPREAD = 0.2  # standard deviation of k
+BEND_STEP = 1e-6  # difference of k for derivatives
+NEWTON = 8  # steps of Newton that straighten a point
+STEEPEST = 0.1  # least slope of the lens, in them
 WEAK = 1e-9  # weight of the term that keeps the equations solvable
 
 
@@ -53,6 +63,7 @@ def observe(
 ) -> Observations:
     """Return the matches of links in both directions; `middles` (N, 2) are in the order x, y."""
     count = 2 * len(links)
+    most = min(most, max(FEWEST_POINTS, ENOUGH_POINTS // len(links)))
     longest = max(min(len(link.points0), most) for link in links)
     pairs = np.zeros((count, 2), int)
     points, targets = np.zeros((count, longest, 3)), np.zeros((count, longest, 2))
@@ -90,9 +101,16 @@ class Rotations:
         focals: np.ndarray,
         estimates: np.ndarray | None = None,
         spread: float = FOCAL_SPREAD,
+        bend: float = 0.0,
+        bends: bool = False,
     ):
         self.rotations, self.focals = rotations, focals
         self.estimates, self.spread = estimates, spread
+        self.bend, self.bends = bend, bends
+
+    def with_lens(self) -> Rotations:
+        """Return the same cameras with a lens that may bend."""
+        return Rotations(self.rotations, self.focals, self.estimates, self.spread, 0.0, True)
 
     def matrices(self) -> np.ndarray:
         """Return K R, (N, 3, 3)."""
@@ -111,23 +129,31 @@ class Rotations:
         return made
 
     def prior(self) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return cost, gradient (N, 4) and curvature (N, 4) of the prior on focal lengths."""
+        """Return cost, gradient and curvature, (4 N + 1,), of the prior on focal lengths and k."""
         logs = np.log(self.focals)
         centre = logs.mean() if self.estimates is None else np.log(self.estimates)
         off = (logs - centre) / self.spread
         gradient, curvature = np.zeros((2, len(logs), 4))
         gradient[:, 3], curvature[:, 3] = off / self.spread, 1 / self.spread**2
-        return float(off @ off) / 2, gradient, curvature
+        cost = (off @ off + (self.bend / BEND_SPREAD) ** 2) / 2
+        return (
+            float(cost),
+            np.append(gradient, self.bend / BEND_SPREAD**2),
+            np.append(curvature, 1 / BEND_SPREAD**2),
+        )
 
     def moved(self, steps: np.ndarray) -> Rotations:
-        """Return the cameras after small changes `steps`, (N, 4)."""
-        turned = turn(steps[:, :3]) @ self.rotations
-        focals = self.focals * np.exp(np.clip(steps[:, 3], -0.5, 0.5))
-        return Rotations(turned, focals, self.estimates, self.spread)
+        """Return the cameras after small changes `steps`, (4 N + 1,)."""
+        own, bend = steps[:-1].reshape(-1, 4), self.bend + float(steps[-1])
+        turned = turn(own[:, :3]) @ self.rotations
+        focals = self.focals * np.exp(np.clip(own[:, 3], -0.5, 0.5))
+        return Rotations(turned, focals, self.estimates, self.spread, bend, self.bends)
 
 
 class Planes:
     """Images of one plane: each has a matrix with `size` parameters."""
+
+    bend, bends = 0.0, False
 
     def __init__(self, given: np.ndarray, size: int):
         self.given, self.size = given, size
@@ -143,12 +169,13 @@ class Planes:
 
     def prior(self) -> tuple[float, np.ndarray, np.ndarray]:
         """Return zeros: all maps are equally likely."""
-        nothing = np.zeros((len(self.given), self.size))
+        nothing = np.zeros(len(self.given) * self.size + 1)
         return 0.0, nothing, nothing
 
     def moved(self, steps: np.ndarray) -> Planes:
-        """Return the images after small changes `steps`, (N, size)."""
-        change = np.eye(3) + np.einsum("np,pij->nij", steps, self._basis)
+        """Return the images after small changes `steps`, (N size + 1,)."""
+        own = steps[:-1].reshape(-1, self.size)
+        change = np.eye(3) + np.einsum("np,pij->nij", own, self._basis)
         return Planes(with_unit_determinant(change @ self.given), self.size)
 
 
@@ -180,43 +207,62 @@ def turn(vectors: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
 
 
-def residuals(seen: Observations, matrices: np.ndarray) -> np.ndarray:
+def straightened(points: np.ndarray, bend: float) -> np.ndarray:
+    """Return the points (..., 2) that the lens moves to the given ones, by Newton's method."""
+    squares = (points**2).sum(axis=-1, keepdims=True)
+    factor = np.ones_like(squares)
+    for _ in range(NEWTON if bend else 0):  # f (1 + k f^2 |q|^2) = 1
+        inner = bend * factor**2 * squares
+        factor -= (factor * (1 + inner) - 1) / np.maximum(1 + 3 * inner, STEEPEST)
+    return points * factor
+
+
+def residuals(seen: Observations, model: Any) -> np.ndarray:
     """Return the residuals (M, 2) of all matches, in pixels of the small images."""
-    return _seen_at(seen, matrices)[0][seen.there]
+    return _seen_at(seen, model)[0][seen.there]
 
 
-def medians(seen: Observations, matrices: np.ndarray) -> np.ndarray:
+def medians(seen: Observations, model: Any) -> np.ndarray:
     """Return the median of the residuals of each pair, (L,)."""
-    off = np.linalg.norm(_seen_at(seen, matrices)[0], axis=2)
-    return np.nanmedian(np.where(seen.there, off, np.nan), axis=1)
+    off = np.linalg.norm(_seen_at(seen, model)[0], axis=2)
+    ordered = np.sort(np.where(seen.there, off, np.inf), axis=1)
+    counts = seen.there.sum(axis=1)
+    pair, middle = np.arange(len(counts)), np.stack(((counts - 1) // 2, counts // 2))
+    return ordered[pair, middle].mean(axis=0)
 
 
-def _seen_at(seen: Observations, matrices: np.ndarray) -> tuple[np.ndarray, ...]:
+def _seen_at(seen: Observations, model: Any, more: float = 0.0) -> tuple[np.ndarray, ...]:
+    """Return residuals and what they come from, with a lens that bends by `more`."""
     i, j = seen.pairs.T
+    matrices, bend = model.matrices(), model.bend + more
     across = matrices[j] @ np.linalg.inv(matrices)[i]
-    there = seen.points @ across.swapaxes(1, 2)
+    points = seen.points
+    if bend:
+        points = np.concatenate((straightened(points[..., :2], bend), points[..., 2:]), axis=2)
+    there = points @ across.swapaxes(1, 2)
     front = there[..., 2] > NEAREST
     depth = np.where(front, there[..., 2], 1.0)
     place = there[..., :2] / depth[..., None]
-    off = (place - seen.targets) * seen.scales[:, None, None]
+    bent = place * (1 + bend * (place**2).sum(axis=2, keepdims=True)) if bend else place
+    off = (bent - seen.targets) * seen.scales[:, None, None]
     off[~front] = BEHIND
-    return off, across, there, place, depth, front
+    return off, across, points, there, place, depth, front
 
 
-def cost_of(off: np.ndarray, huber: float) -> float:
-    """Return Huber's cost of residuals (M, 2)."""
-    length = np.hypot(*off.T)
-    return float(np.where(length < huber, length**2 / 2, huber * (length - huber / 2)).sum())
+def cost(seen: Observations, model: Any, huber: float) -> float:
+    """Return Huber's cost of all residuals, and that of the prior."""
+    length = np.hypot(*residuals(seen, model).T)
+    costs = np.where(length < huber, length**2 / 2, huber * (length - huber / 2))
+    return float(costs.sum()) + model.prior()[0]
 
 
 def adjust(
     seen: Observations, model: Any, fixed: np.ndarray, huber: float, steps: int = STEPS
 ) -> Any:
     """Minimise the cost from a given model and return the result; keep `fixed` parameters."""
-    shape = fixed.shape
-    free = np.flatnonzero(~fixed.ravel())
-    cost = cost_of(residuals(seen, model.matrices()), huber) + model.prior()[0]
-    damping, now = 1e-3, cost
+    free = np.flatnonzero(np.append(~fixed.ravel(), model.bends))
+    best = now = cost(seen, model, huber)
+    damping = 1e-3
     for _ in range(steps):
         normal, gradient = _normal(seen, model, huber)
         normal, gradient = normal[np.ix_(free, free)], gradient[free]
@@ -225,56 +271,74 @@ def adjust(
         # Each round multiplies the damping by ten or leaves: at most 17 rounds.
         while damping < 1e8:
             damped = normal + np.diag(damping * size + WEAK * (1 + size.max()))
-            change = np.zeros(fixed.size)
+            change = np.zeros(fixed.size + 1)
             try:
                 change[free] = -np.linalg.solve(damped, gradient)
             except np.linalg.LinAlgError:
                 damping *= 10
                 continue
-            tried = model.moved(change.reshape(shape))
-            now = cost_of(residuals(seen, tried.matrices()), huber) + tried.prior()[0]
-            if np.isfinite(now) and now < cost:
+            tried = model.moved(change)
+            now = cost(seen, tried, huber)
+            if np.isfinite(now) and now < best:
                 better = tried
                 damping = max(damping / 10, 1e-9)
                 break
             damping *= 10
         if better is None:
             break
-        model, before, cost = better, cost, now
-        if before - cost <= ENOUGH * before:
+        model, before, best = better, best, now
+        if before - best <= ENOUGH * before:
             break
     return model
 
 
 def _normal(seen: Observations, model: Any, huber: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the normal equations of a step: a matrix (N p, N p) and the gradient (N p,)."""
-    matrices, made = model.matrices(), model.generators()
+    """Return the normal equations of a step: a square matrix and the gradient, (N p + 1,)."""
+    made = model.generators()
     count, size = made.shape[:2]
-    off, across, there, place, depth, front = _seen_at(seen, matrices)
+    off, across, points, there, place, depth, front = _seen_at(seen, model)
     length = np.linalg.norm(off, axis=2)
     weight = np.where(length < huber, 1.0, huber / np.maximum(length, 1e-300))
     weight *= front & seen.there
     i, j = seen.pairs.T
     # Derivatives of X with respect to the parameters of both images, (L, 2 p, 3, m).
-    number, most = seen.there.shape
-    first = (across[:, None] @ made[i]).reshape(number, 3 * size, 3) @ -seen.points.swapaxes(1, 2)
-    second = made[j].reshape(number, 3 * size, 3) @ there.swapaxes(1, 2)
-    moves = np.concatenate((first, second), axis=1).reshape(number, 2 * size, 3, most)
+    pairs, most = seen.there.shape
+    first = (across[:, None] @ made[i]).reshape(pairs, 3 * size, 3) @ -points.swapaxes(1, 2)
+    second = made[j].reshape(pairs, 3 * size, 3) @ there.swapaxes(1, 2)
+    moves = np.concatenate((first, second), axis=1).reshape(pairs, 2 * size, 3, most)
     slopes = moves[:, :, :2] - moves[:, :, 2:] * place.swapaxes(1, 2)[:, None]
     slopes *= (seen.scales[:, None] / depth)[:, None, None]
-    weighed = (slopes * weight[:, None, None]).reshape(number, 2 * size, 2 * most)
-    slopes = slopes.reshape(number, 2 * size, 2 * most)
+    if model.bend:  # the lens: (1 + k |p|^2) 1 + 2 k p p^T
+        p = place.swapaxes(1, 2)[:, None]
+        inner = (slopes * p).sum(axis=2, keepdims=True)
+        slopes = slopes * (1 + model.bend * (p**2).sum(axis=2, keepdims=True))
+        slopes += 2 * model.bend * p * inner
+    weighed = (slopes * weight[:, None, None]).reshape(pairs, 2 * size, 2 * most)
+    slopes = slopes.reshape(pairs, 2 * size, 2 * most)
     squares = weighed @ slopes.swapaxes(1, 2)
-    pulls = (weighed @ off.swapaxes(1, 2).reshape(number, 2 * most, 1))[..., 0]
-    _, gradient, curvature = model.prior()
-    normal, gradient = np.zeros((count, count, size, size)), gradient.copy()
-    for n in range(number):
+    pulls = (weighed @ off.swapaxes(1, 2).reshape(pairs, 2 * most, 1))[..., 0]
+    _, prior, curvature = model.prior()
+    normal, gradient = np.zeros((count, count, size, size)), np.zeros((count, size))
+    for n in range(pairs):
         for a, image in enumerate((i[n], j[n])):
             rows = slice(a * size, (a + 1) * size)
             gradient[image] += pulls[n, rows]
             normal[image, i[n]] += squares[n, rows, :size]
             normal[image, j[n]] += squares[n, rows, size:]
-    diagonal = np.arange(count)[:, None], np.arange(count)[:, None]
-    own = np.arange(size)
-    normal[(*diagonal, own, own)] += curvature
-    return normal.swapaxes(1, 2).reshape(count * size, -1), gradient.ravel()
+    number = count * size
+    whole = np.zeros((number + 1, number + 1))
+    whole[:number, :number] = normal.swapaxes(1, 2).reshape(number, number)
+    slope = np.append(gradient, 0.0)
+    if model.bends:
+        ahead, back = (_seen_at(seen, model, step)[0] for step in (BEND_STEP, -BEND_STEP))
+        by_bend = ((ahead - back) / (2 * BEND_STEP)).swapaxes(1, 2).reshape(len(i), -1, 1)
+        heavy = by_bend[..., 0] * np.tile(weight, 2)
+        mixed = (slopes @ (heavy[..., None]))[..., 0]
+        column = np.zeros((count, size))
+        np.add.at(column, i, mixed[:, :size])
+        np.add.at(column, j, mixed[:, size:])
+        whole[:number, number] = whole[number, :number] = column.ravel()
+        whole[number, number] = float((heavy * by_bend[..., 0]).sum())
+        slope[number] = float((heavy * off.swapaxes(1, 2).reshape(len(i), -1)).sum())
+    whole[np.diag_indices(number + 1)] += curvature
+    return whole, slope + prior

@@ -14,6 +14,7 @@ from cvkern.panorama.adjustment import (
     Planes,
     Rotations,
     adjust,
+    cost,
     medians,
     observe,
     part,
@@ -39,6 +40,9 @@ WORST = 5.0  # pixels of the small images: models with a larger residual are rej
 WRONG = 4.0  # a pair is wrong above this many times the median residual of all, and above WORST
 EARLY = 20.0  # Huber's threshold while images are added
 FEW_POINTS = 40  # matches of a pair in the adjustment while images are added
+STRAIGHT = 0.1  # pixels of the small images: with a smaller residual no lens is looked for
+CLEARLY_BENT = 0.8  # a lens is taken to bend lines if that reduces the cost to this share
+MOST_BENT = 0.3  # largest size of k: with a larger one, corners would lie where the lens turns back
 AT_ONCE = 1.6  # growth factor of the set of images between adjustments
 
 
@@ -57,6 +61,8 @@ class Alignment(NamedTuple):
     """(N,): the parent of each image in the spanning tree, -1 for the central one."""
     residual: float
     """Root mean square of the best distances, in pixels of the images as compared."""
+    bend: float = 0.0
+    """The lens moves a pixel p to ``p (1 + bend |p|^2)``."""
 
 
 def align(
@@ -67,14 +73,15 @@ def align(
     given = None if focals is None else focals / unit
     seen = observe(links, middles, unit, factors)
     name, model, parents, residual = _fitted(links, seen, middles, unit, factors, given)
-    kept = _without_wrong(links, seen, model.matrices())
+    kept = _without_wrong(links, seen, model)
     if len(kept) < len(links):
         seen = observe(kept, middles, unit, factors)
         name, model, parents, residual = _fitted(kept, seen, middles, unit, factors, given)
     scale = np.diag([unit, unit, 1.0])
     if isinstance(model, Rotations):
         return Alignment(
-            name, scale @ model.matrices(), model.focals * unit, model.rotations, parents, residual
+            name, scale @ model.matrices(), model.focals * unit, model.rotations, parents, residual,
+            model.bend / unit**2,
         )  # fmt: skip
     flat = scale @ model.matrices() @ np.linalg.inv(scale)
     return Alignment(name, flat, None, None, parents, residual)
@@ -125,7 +132,7 @@ def _fitted(
 
 def _left(seen: Observations, model: Any) -> float:
     """Return the root mean square of the best residuals of a model."""
-    off = np.sort(np.hypot(*residuals(seen, model.matrices()).T))
+    off = np.sort(np.hypot(*residuals(seen, model).T))
     most = off[: max(1, int(MOST * len(off)))]
     return float(np.sqrt(np.mean(most**2)))
 
@@ -140,13 +147,13 @@ def _in_front(model: Planes, reach: np.ndarray) -> bool:
     return True
 
 
-def _without_wrong(links: Sequence[Link], seen: Observations, matrices: np.ndarray) -> list[Link]:
+def _without_wrong(links: Sequence[Link], seen: Observations, model: Any) -> list[Link]:
     """Leave out pairs that contradict all others, if the rest stays connected."""
     # Each link has two directions: use the one from its first image.
-    off = medians(seen, matrices)[::2]
+    off = medians(seen, model)[::2]
     limit = max(WORST, WRONG * float(np.median(off)))
     kept = [link for link, median in zip(links, off, strict=True) if median <= limit]
-    joined = connected(len(matrices), [(link.first, link.second) for link in kept])
+    joined = connected(len(model.matrices()), [(link.first, link.second) for link in kept])
     return kept if len(joined) == 1 else list(links)
 
 
@@ -154,11 +161,11 @@ def _unit_maps(
     links: Sequence[Link], middles: np.ndarray, unit: float
 ) -> dict[tuple[int, int], np.ndarray]:
     """Return the homographies of linked images, in the coordinates of the adjustment."""
+    ends = np.stack([np.array([[unit, 0, x], [0, unit, y], [0, 0, 1]]) for x, y in middles])
+    begins = np.linalg.inv(ends)
     maps = {}
     for link in links:
-        ends = [np.array([[unit, 0, x], [0, unit, y], [0, 0, 1]]) for x, y in middles]
-        matrix = np.linalg.inv(ends[link.second]) @ link.matrix @ ends[link.first]
-        matrix = with_unit_determinant(matrix)
+        matrix = with_unit_determinant(begins[link.second] @ link.matrix @ ends[link.first])
         maps[link.first, link.second] = matrix
         maps[link.second, link.first] = np.linalg.inv(matrix)
     return maps
@@ -247,7 +254,13 @@ def _turned(
             fixed[there], fixed[order[0], :3] = False, True
             model = adjust(part(seen[0], there), model, fixed, EARLY, steps=6)
     model = adjust(seen[0], model, fixed, adjustment.HUBER)
-    return adjust(seen[1], model, fixed, adjustment.HUBER)
+    model = adjust(seen[1], model, fixed, adjustment.HUBER)
+    if _left(seen[1], model) < STRAIGHT:
+        return model
+    bent = adjust(seen[1], model.with_lens(), fixed, adjustment.HUBER)
+    costs = [cost(seen[1], found, adjustment.HUBER) for found in (bent, model)]
+    clearly = costs[0] < CLEARLY_BENT * costs[1]
+    return bent if clearly and abs(bent.bend) <= MOST_BENT else model
 
 
 def _flat(
@@ -261,7 +274,7 @@ def _flat(
     model = Planes(_chained(maps, parents, order, size), size)
     fixed = np.zeros((len(parents), size), bool)
     fixed[order[0]] = True
-    if not np.isfinite(residuals(seen, model.matrices())).all():
+    if not np.isfinite(residuals(seen, model)).all():
         return model
     for huber, steps in ((EARLY, 10), (adjustment.HUBER, adjustment.STEPS)):
         model = adjust(seen, model, fixed, huber, steps)

@@ -74,6 +74,10 @@ class Panorama(NamedTuple):
     they were compared: at most 0.6 megapixels each."""
     pairs: list[tuple[int, int]]
     """The pairs of members that overlap."""
+    lens: float = 0.0
+    """How much the lens of rotating cameras bends straight lines: what `matrices` or `rotations`
+    bring to p from the middle of an image, in longest sides of all images, is seen at
+    ``p (1 + lens |p|^2)``. 0 unless that explains the matches clearly better."""
 
 
 class Options(NamedTuple):
@@ -112,8 +116,9 @@ def stitch(
     """Make every panorama of an unordered set of images.
 
     The images are grouped as by :func:`recognize_panoramas`. Bundle adjustment finds three angles
-    and a focal length for each camera of a group that turned about one point. It finds a homography
-    for each image of one plane, such as the scans of a map. Then exposures are equalised, seams are
+    and a focal length for each camera of a group that turned about one point, and how much their
+    lens bends straight lines. It finds a homography for each image of one plane, such as the scans
+    of a map. Then exposures are equalised, seams are
     laid around objects that moved, and each frequency band of the images is blended over a width of
     its own. Images that cannot be adjusted jointly are joined by the homographies of the best
     pairs, with a warning.
@@ -309,4 +314,5 @@ def _drawn(rt: Runtime, heap: Heap, plan: Plan, options: Options, say: Any) -> P
         canvas.rotations if canvas.rotations is not None else none,
         placed / placed[:, 2:, 2:] if flat else none, seams.gains, alignment.residual,
         [(link.first, link.second) for link in plan.links],
+        alignment.bend * float(max(max(image.shape[:2]) for image in images)) ** 2,
     )  # fmt: skip

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cvkern.panorama.adjustment import straightened
 from cvkern.panorama.models import Alignment
 
 SURFACES = ("auto", "plane", "cylinder", "sphere")
@@ -46,6 +47,12 @@ class Canvas(NamedTuple):
     rects: np.ndarray
     """(N, 4): first column and row of each image, then one past its last ones. Columns of a closed
     canvas continue beyond its ends."""
+    bend: float = 0.0
+    """The lens moves a pixel at p from the middle of an image to ``p (1 + bend |p|^2)``."""
+
+    def cameras(self) -> np.ndarray:
+        """Return the matrices and the lens as kernels take them, (N, 10)."""
+        return with_lens(self.matrices, self.bend)
 
     def columns(self, first: int, count: int) -> np.ndarray:
         """Return the table of columns, (count, 2) float64."""
@@ -80,6 +87,12 @@ class Canvas(NamedTuple):
             height=height, width=width, step=self.step * factor, left=self.left + shift,
             top=self.top + shift, rects=np.concatenate((low, high), axis=1),
         )  # fmt: skip
+
+
+def with_lens(matrices: np.ndarray, bend: float) -> np.ndarray:
+    """Return matrices (..., 3, 3) and the number of the lens in one row each, (..., 10)."""
+    rows = matrices.reshape(*matrices.shape[:-2], 9)
+    return np.concatenate((rows, np.full((*rows.shape[:-1], 1), bend)), axis=-1)
 
 
 def straighten(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
@@ -135,34 +148,39 @@ def lay_out(alignment: Alignment, sides: np.ndarray, surface: str, scale: float)
     middles = np.stack([np.array([[1, 0, x], [0, 1, y], [0, 0, 1]]) for x, y in (sides - 1) / 2])
     focals = alignment.focals
     if alignment.rotations is None or focals is None:
-        return _plane(middles @ alignment.matrices, None, sides, 1.0 / scale)
+        return _plane(middles @ alignment.matrices, None, sides, 1.0 / scale, 0.0)
     step = 1.0 / (float(np.median(focals)) * scale)
     turned = straighten(alignment.rotations, alignment.parents)
     k = np.stack([np.diag([f, f, 1.0]) for f in focals])
-    views = [Outline(middles[i] @ k[i], turned[i], sides[i]) for i in range(len(focals))]
+    bend = alignment.bend
+    views = [Outline(middles[i] @ k[i], turned[i], sides[i], bend) for i in range(len(focals))]
     if surface in ("auto", "plane"):
         widest = max(view.farthest() for view in views)
         if widest <= (PLANE_SPAN if surface == "auto" else PLANE_MOST) / 2:
-            return _plane(middles @ k @ turned, turned, sides, step)
+            return _plane(middles @ k @ turned, turned, sides, step, bend)
     if surface in ("auto", "plane"):
         rise = max(abs(y) for view in views for y in view.rise())
         surface = "cylinder" if rise <= CYLINDER_RISE else "sphere"
-    return _round(views, surface, step)
+    return _round(views, surface, step)._replace(bend=bend)
 
 
 class Outline:
     """The directions of the rim of an image of a rotating camera."""
 
-    def __init__(self, camera: np.ndarray, rotation: np.ndarray, side: np.ndarray):
+    def __init__(
+        self, camera: np.ndarray, rotation: np.ndarray, side: np.ndarray, bend: float = 0.0
+    ):
         self.matrix, self.rotation = camera @ rotation, rotation
-        inverse = np.linalg.inv(self.matrix)
-        self.rim = (rim_of(side) @ inverse.T) / np.linalg.norm(
-            rim_of(side) @ inverse.T, axis=1, keepdims=True
-        )
+        rim = rim_of(side, bend) @ np.linalg.inv(self.matrix).T
+        self.rim = rim / np.linalg.norm(rim, axis=1, keepdims=True)
         self.poles = []
         for pole in (-1.0, 1.0):
             x, y, z = self.matrix[:, 1] * pole
-            if z > 0 and 0 <= x / z <= side[0] - 1 and 0 <= y / z <= side[1] - 1:
+            low, high = (
+                rim_of(side, bend)[:, :2].min(axis=0),
+                rim_of(side, bend)[:, :2].max(axis=0),
+            )
+            if z > 0 and low[0] <= x / z <= high[0] and low[1] <= y / z <= high[1]:
                 self.poles.append(pole)
         self.centre = math.atan2(rotation[2, 0], rotation[2, 2])
 
@@ -185,20 +203,26 @@ class Outline:
         return float(x.min()) + self.centre, float(x.max()) + self.centre
 
 
-def rim_of(side: np.ndarray) -> np.ndarray:
-    """Return points (x, y, 1) along the rim of an image."""
+def rim_of(side: np.ndarray, bend: float) -> np.ndarray:
+    """Return points (x, y, 1) that the lens moves to the rim of an image."""
     t = np.linspace(0, 1, ALONG)
     zero, one = np.zeros_like(t), np.ones_like(t)
     x, y = np.concatenate((t, t, zero, one)), np.concatenate((zero, one, t, t))
-    return np.stack((x * (side[0] - 1), y * (side[1] - 1), np.ones_like(x)), axis=1)
+    rim = np.stack((x * (side[0] - 1), y * (side[1] - 1)), axis=1)
+    middle = (np.asarray(side) - 1) / 2
+    return np.column_stack((straightened(rim - middle, bend) + middle, np.ones_like(x)))
 
 
 def _plane(
-    matrices: np.ndarray, rotations: np.ndarray | None, sides: np.ndarray, step: float
+    matrices: np.ndarray,
+    rotations: np.ndarray | None,
+    sides: np.ndarray,
+    step: float,
+    bend: float,
 ) -> Canvas:
     boxes = []
     for matrix, side in zip(matrices, sides, strict=True):
-        q = rim_of(side) @ np.linalg.inv(matrix).T
+        q = rim_of(side, bend) @ np.linalg.inv(matrix).T
         places = q[:, :2] / q[:, 2:] / step
         boxes.append(np.concatenate((places.min(axis=0), places.max(axis=0))))
     boxes = np.array(boxes)
@@ -208,7 +232,7 @@ def _plane(
     rects[:, 0] = rects[:, 0].clip(0, None)
     rects[:, 2] = rects[:, 2].clip(None, int(width))
     return Canvas("plane", int(height), int(width), step, left * step, top * step, False, matrices,
-                  rotations, rects)  # fmt: skip
+                  rotations, rects, bend)  # fmt: skip
 
 
 def _rects(boxes: np.ndarray, height: float) -> np.ndarray:

@@ -9,26 +9,24 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._runtime import Runtime
 from cvkern.panorama.registration import resized, to_small
-from cvkern.panorama.surfaces import Canvas
+from cvkern.panorama.surfaces import Canvas, with_lens
 
 
 def draw(
     rt: Runtime,
     image: Any,
-    matrix: np.ndarray,
+    camera: Any,
     gains: Any,
-    columns: np.ndarray,
-    rows: np.ndarray,
+    columns: Any,
+    rows: Any,
     values: Any,
     weights: Any,
 ) -> None:
-    """Draw an image on a part of a surface."""
+    """Draw an image on a part of a surface. All but the image are kernel arrays."""
     byte = library(image).dtype(image) == np.uint8
     shape = (*image.shape[:2], image.shape[2] if len(image.shape) == 3 else 1)
     rt.panorama.warping.project(
-        rt.adopt(image, np.uint8 if byte else np.float32, shape=shape),
-        rt.send("panorama.matrix", matrix.reshape(1, 9)),
-        rt.send("panorama.columns", columns), rt.send("panorama.rows", rows),
+        rt.adopt(image, np.uint8 if byte else np.float32, shape=shape), camera, columns, rows,
         gains, values, weights,
     )  # fmt: skip
 
@@ -36,14 +34,16 @@ def draw(
 def shrunk(
     image: Any, factors: np.ndarray, n: int, coarse: Canvas, canvas: Canvas
 ) -> tuple[Any, np.ndarray]:
-    """Return an image reduced to about the resolution of the coarse canvas, and its matrix."""
+    """Return an image reduced to about the resolution of the coarse canvas, and its camera."""
     finer = factors.mean() * _enlargement(canvas, n) * coarse.step / canvas.step
     if finer > 1.5:
         height, width = image.shape[:2]
         sides = max(1, round(height / finer)), max(1, round(width / finer))
         image = resized(image, sides)
         factors = factors * (sides[1] / width, sides[0] / height)
-    return image, to_small(factors) @ canvas.matrices[n]
+    # The length of a pixel is the mean of both sides': they differ by rounding alone.
+    bend = canvas.bend / float(np.mean(factors)) ** 2
+    return image, with_lens(to_small(factors) @ canvas.matrices[n], bend)
 
 
 def _enlargement(canvas: Canvas, n: int) -> float:

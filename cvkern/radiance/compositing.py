@@ -9,7 +9,7 @@ import numpy as np
 from cvkern._arrays import device, library
 from cvkern._checks import as_array, check_beside, check_flag, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.kernels.codes.radiance import Seen
+from cvkern.kernels.codes.radiance import Composited
 
 __all__ = ["Composite", "CompositeGradient", "composite_rays", "composite_rays_backward"]
 
@@ -121,7 +121,7 @@ def composite_rays(
     )
     views = Composite(*(rt.adopt(a) for a in results))
     if rays and len(samples.density):
-        rt.radiance.compositing.forward(*_adopted(rt, samples), stop, Seen(*views))
+        rt.radiance.compositing.forward(*_adopted(rt, samples), stop, Composited(*views))
     else:
         for view in views:
             rt.clear(view)
@@ -198,7 +198,7 @@ def composite_rays_backward(
                 rt.clear(carried[-1])
             else:
                 carried.append(rt.adopt(values))
-        rt.radiance.compositing.backward(Seen(*carried), *_adopted(rt, samples), stop, *views)
+        rt.radiance.compositing.backward(Composited(*carried), *_adopted(rt, samples), stop, *views)
     return CompositeGradient(*(rt.release(a) for a in results))
 
 

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._archives import shape_of
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes import radiance as codes
-from cvkern.kernels.codes.radiance import March, Rays, Seen, Space, Views
-from cvkern.radiance.checkpoints import shape_of
+from cvkern.kernels.codes.radiance import Composited, March, Rays, Space, Views
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 
 CELLS = 128  # cells of the occupancy grid along a side, in each level
@@ -99,10 +99,10 @@ class SampledField(Field):
         self.samples = self._room_for(room, rt.zeros((1,), np.int32))
         self.spans = rt.zeros((rays, 2), np.int32)
         self.d_sigma, self.d_rgb = rt.zeros((room,)), rt.zeros((room, 3))
-        self.rendered = Seen(
+        self.rendered = Composited(
             rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
         )
-        self._looks: dict[bool, Any] = {}
+        self._updates: dict[bool, Any] = {}
         self._viewing: Viewing | None = None
 
     @abc.abstractmethod
@@ -191,7 +191,7 @@ class SampledField(Field):
             frame.near, frame.far, self.finest, self.cone, STEPS, jittered, self.seed, step
         )
 
-    def forward(self, rays: Rays, step: Any) -> Seen:
+    def forward(self, rays: Rays, step: Any) -> Composited:
         """See :meth:`Field.forward`."""
         s = self.samples
         found = codes.Samples(s.positions, s.distances, s.rays)
@@ -204,7 +204,7 @@ class SampledField(Field):
         )
         return self.rendered
 
-    def backward(self, gradients: Seen) -> None:
+    def backward(self, gradients: Composited) -> None:
         """See :meth:`Field.backward`."""
         s = self.samples
         self.rt.radiance.compositing.backward(
@@ -241,19 +241,19 @@ class SampledField(Field):
         """Update the occupancy grid periodically."""
         if step % EVERY == 0:
             everywhere = step < SETTLED
-            if everywhere not in self._looks:
-                self._look(everywhere, learning.step)
-                self._looks[everywhere] = self.rt.record(
-                    lambda: self._look(everywhere, learning.step)
+            if everywhere not in self._updates:
+                self._update_occupancy(everywhere, learning.step)
+                self._updates[everywhere] = self.rt.record(
+                    lambda: self._update_occupancy(everywhere, learning.step)
                 )
             else:
-                self._looks[everywhere]()
+                self._updates[everywhere]()
 
     def rest(self) -> None:
         """See :meth:`Field.rest`."""
-        self._looks.clear()
+        self._updates.clear()
 
-    def _look(self, everywhere: bool, step: Any) -> None:
+    def _update_occupancy(self, everywhere: bool, step: Any) -> None:
         """Raise cells to the density at a random point in them: all cells, or a random part."""
         occupancy, count = self.rt.radiance.march.occupancy, self.levels * self.cells**3
         occupancy.fade(FADE, self.density)

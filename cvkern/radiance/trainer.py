@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import check_code
-from cvkern.kernels.codes.radiance import Background, Comparison, Rays, Rule, Seen
+from cvkern.kernels.codes.radiance import AdamRule, Background, Comparison, Composited, Rays
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
@@ -50,7 +50,7 @@ class Trainer:
         self.active = owned(rt, np.array([state.rays], np.int32))
         self.rays = Rays(rt.zeros((count, 3)), rt.zeros((count, 3)), self.active)
         self.targets, self.errors = rt.zeros((count, 4)), rt.zeros((count,))
-        self.gradients = Seen(*(rt.zeros((count, *tail)) for tail in ((3,), (), (), ())))
+        self.gradients = Composited(*(rt.zeros((count, *tail)) for tail in ((3,), (), (), ())))
         self.behind = Parameters(rt, model.behind, np.dtype(np.float32))
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
@@ -90,7 +90,7 @@ class Trainer:
                 at, self.learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate
             )
             self.clip.update(SHARE / field.gradient_scale)
-            rule = Rule(*BETAS, EPSILON)
+            rule = AdamRule(*BETAS, EPSILON)
             adam.adam(self.rate, self.clip.factor, rule, *self.behind.flat())
         rt.radiance.training.adam.advance(at)
 

@@ -1,9 +1,10 @@
 """Raw pictures: mosaics of colours, exposures, and what is made of them."""
 
+from cvkern.raw.alignment import Alignment, align_exposures
 from cvkern.raw.demosaicing import demosaic
 from cvkern.raw.development import develop, fit_color_matrix
 from cvkern.raw.exposures import estimate_response, merge_exposures
-from cvkern.raw.fusion import Alignment, align_exposures, fuse_exposures
+from cvkern.raw.fusion import fuse_exposures
 from cvkern.raw.mosaics import mosaic
 from cvkern.raw.tone import tone_map
 

@@ -38,7 +38,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "fuse_exposures", partial(fuse_exposures, stack.astype(dtype))
         colours = np.repeat(stack.astype(dtype)[..., None], 3, axis=3)
         yield "fuse_exposures", partial(fuse_exposures, colours)
-    yield "align_exposures", partial(align_exposures, stack)
+    for dtype in (np.uint8, np.uint16, np.float32):
+        yield "align_exposures", partial(align_exposures, stack.astype(dtype))
     for method in TONES:
         yield "tone_map", partial(tone_map, np.arange(48.0).reshape(6, 8), method)
     yield "develop", partial(develop, np.ones((6, 8)))

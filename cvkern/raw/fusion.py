@@ -1,28 +1,17 @@
-"""Exposures of one scene fused to a picture, without radiance; and their alignment."""
+"""Exposures of one scene fused to a picture, without radiance."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_integer, check_number
-from cvkern._runtime import Runtime, runtime
+from cvkern._checks import check_number
+from cvkern._runtime import runtime
 from cvkern.kernels.codes.raw import WELL
 from cvkern.raw.exposures import stacked
-
-NEAR_MEDIAN = 4  # values this close to the median are not compared
-
-
-class Alignment(NamedTuple):
-    """Exposures that lie above each other, and how they were moved."""
-
-    images: Any
-    """The exposures, of the shape and dtype given; beyond a border the last pixels are repeated."""
-    shifts: np.ndarray
-    """(K, 2) int64: rows and columns that each was moved by."""
 
 
 def fuse_exposures(
@@ -114,115 +103,3 @@ def fuse_exposures(
     out = rt.adopt(result, np.float32, shape[1:])
     kernels.finish(frames, scale, weights, coarse, int(not levels), below, out)
     return rt.release(result)
-
-
-def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
-    """Align exposures that a hand-held camera took, by whole pixels.
-
-    Parameters
-    ----------
-    images : array of shape (K, H, W) or (K, H, W, 3)
-        Exposures, any real dtype. NumPy also takes a sequence of images.
-    reach : int, default 64
-        Pixels that an image may be off the one in the middle, in each direction.
-
-    Returns
-    -------
-    Alignment
-        Named tuple of the moved `images` and their `shifts`, (0, 0) for the middle one.
-
-    Raises
-    ------
-    TypeError
-        If `images` do not hold real numbers.
-    ValueError
-        If there are fewer than two images, shapes differ, or `reach` is not in 1 to 1024.
-
-    Notes
-    -----
-    Median threshold bitmaps [1]_: whether a pixel is above its image's median hardly depends on
-    exposure. From coarse to fine, each level tries the nine moves by one pixel, and keeps the one
-    with the fewest pixels that differ, the least move on a tie. On the host, equal everywhere.
-
-    References
-    ----------
-    .. [1] G. Ward, "Fast, robust image registration for compositing high dynamic range photographs
-       from hand-held exposures", Journal of Graphics Tools 8, 2003.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import cvkern
-    >>> scene = np.random.default_rng(0).random((64, 80))
-    >>> images = np.stack([scene, np.roll(scene, (3, -2), (0, 1)) / 2])
-    >>> cvkern.align_exposures(images, reach=8).shifts
-    array([[ 0,  0],
-           [-3,  2]])
-    """
-    images, shape = stacked(images)
-    reach = check_integer(reach, "reach", 1, 1024)
-    rt = runtime(images)
-    grey = _host(rt, images, shape).mean(axis=3)
-    count = len(grey)
-    middle = int(np.argsort([float(np.median(g)) for g in grey], kind="stable")[count // 2])
-    levels = max(1, min(int(np.ceil(np.log2(reach))), int(np.log2(min(grey.shape[1:]) / 8))) + 1)
-    target = _bitmaps(grey[middle], levels)
-    shifts = np.zeros((count, 2), np.int64)
-    for k in range(count):
-        if k != middle:
-            shifts[k] = _shift(_bitmaps(grey[k], levels), target)
-    moved = np.asarray(rt.to_numpy(rt.adopt(images, library(images).dtype(images))))
-    rows, columns = (np.arange(n) for n in shape[1:3])
-    aligned = np.stack(
-        [
-            image[(rows - dy).clip(0, len(rows) - 1)][:, (columns - dx).clip(0, len(columns) - 1)]
-            for image, (dy, dx) in zip(moved, shifts, strict=True)
-        ]
-    )
-    return Alignment(rt.give(aligned), shifts)
-
-
-def _host(rt: Runtime, images: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Return the images on the host as (K, H, W, C) float32."""
-    return np.array(rt.to_numpy(rt.adopt(images)), np.float32).reshape(shape)
-
-
-def _bitmaps(grey: np.ndarray, levels: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return, from fine to coarse, what is above the median, and what is clearly off it."""
-    found = []
-    noise = NEAR_MEDIAN / 255 * float(np.ptp(grey))
-    for _ in range(levels):
-        median = np.median(grey)
-        found.append((grey > median, np.abs(grey - median) > noise))
-        grey = grey[: grey.shape[0] // 2 * 2, : grey.shape[1] // 2 * 2]
-        grey = (grey[::2, ::2] + grey[1::2, ::2] + grey[::2, 1::2] + grey[1::2, 1::2]) / 4
-    return found
-
-
-def _shift(
-    moving: list[tuple[np.ndarray, np.ndarray]], target: list[tuple[np.ndarray, np.ndarray]]
-) -> tuple[int, int]:
-    moves = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1)]
-    moves.sort(key=lambda move: move[0] ** 2 + move[1] ** 2)
-    dy = dx = 0
-    for (bits, clear), (other, other_clear) in reversed(list(zip(moving, target, strict=True))):
-        dy, dx = 2 * dy, 2 * dx
-        best, least = (dy, dx), float("inf")
-        for y, x in moves:
-            here, there = _overlap(bits.shape, dy + y, dx + x)
-            off = (bits[there] != other[here]) & clear[there] & other_clear[here]
-            share = off.mean() if off.size else float("inf")
-            if share < least:
-                best, least = (dy + y, dx + x), share
-        dy, dx = best
-    return dy, dx
-
-
-def _overlap(shape: tuple[int, ...], dy: int, dx: int) -> tuple[Any, Any]:
-    """Return the parts of a fixed image and of one moved by (dy, dx) that lie above each other."""
-
-    def parts(n: int, d: int) -> tuple[slice, slice]:
-        return slice(max(d, 0), n + min(d, 0)), slice(max(-d, 0), n + min(-d, 0))
-
-    (row, moved_row), (column, moved_column) = parts(shape[0], dy), parts(shape[1], dx)
-    return (row, column), (moved_row, moved_column)

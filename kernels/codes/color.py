@@ -21,3 +21,5 @@ BLUE = 25.0**7  # seventh power of the chroma about which CIEDE2000 changes
 BINS = 4096  # bins of linear values, each with at most one step of 8-bit sRGB
 LEVELS = 2**16  # brightness of 16 bits, which histograms equalise
 TONES = 2**14  # tones that tiles map brightness to
+SATURATED = 0.98  # share of the largest value, which no channel of a pixel may reach
+SLOTS = 1024  # maxima that are compared on the host

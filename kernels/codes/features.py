@@ -5,29 +5,28 @@ from enum import IntEnum
 
 
 class Corner(IntEnum):
-    """What is taken of a structure tensor A as the measure of a corner."""
+    """Measures of a corner, from its structure tensor A."""
 
     HARRIS = 0  # det(A) - k trace(A)^2
     NOBLE = 1  # 2 det(A) / (trace(A) + eps)
     SHI_TOMASI = 2  # the smaller eigenvalue
 
 
-# Keypoints are looked for this far from the border, and moved at most so often [Lowe 2004].
-MARGIN = 5
-MOVES = 5
+MARGIN = 5  # smallest distance of keypoints from the border, pixels [Lowe 2004]
+MOVES = 5  # largest number of moves of a keypoint to the next pixel
 WORD = 32  # pixels of a row whose marks are the bits of one word
 
-# Histograms are sums of integers: contributions are gradient lengths, cut off here (images are
-# within [0, 1], differences within sqrt(2)), times weights, times a power of two.
+# Histograms are sums of integers. A contribution is the length of a gradient, clipped to LONGEST
+# (differences in images of [0, 1] are at most sqrt(2)), times a weight, times a power of two.
 LONGEST = 1.5
 BINS = 36  # directions of the histogram of an orientation
-PEAKS = 4  # orientations of a point at most
+PEAKS = 4  # largest number of orientations of a point
 BINS_PER_RADIAN = BINS / (2 * math.pi)
 CELLS = 4  # cells along the side of a descriptor
 DIRECTIONS = 8  # directions of each cell
 DIRECTIONS_PER_RADIAN = DIRECTIONS / (2 * math.pi)
 ROOM = (CELLS + 2) * (CELLS + 2) * (DIRECTIONS + 1)  # with a margin of cells, and the first again
-REACH = 127  # pixels from a point to the end of its window, at most
+REACH = 127  # largest distance from a point to the end of its window, pixels
 LARGEST_SHARE = 0.2  # share of a descriptor's length that one number may have [Lowe 2004]
 DESCRIPTOR_ONE = 512.0
 
@@ -35,7 +34,7 @@ DESCRIPTOR_ONE = 512.0
 DECAY_TERMS = 7
 
 GRAY = (0.2125, 0.7154, 0.0721)  # Rec. 709, as skimage.color.rgb2gray
-MOST_GRAY = 1e15  # times white: the squares of what is beyond would pass float32
+MOST_GRAY = 1e15  # times white; squares of larger values would overflow float32
 
 
 def decay_factors() -> tuple[float, ...]:
@@ -43,18 +42,17 @@ def decay_factors() -> tuple[float, ...]:
     return tuple(1.0 / n for n in range(DECAY_TERMS, 1, -1))
 
 
-# Matching: the distance of what is not there, and rows of descriptors that are matched at once.
 # Squared distances of 128 bytes are at most 128 * 255^2 = 8.3e6.
-FARTHEST = 2**30
-BLOCK_ROWS = 64
+FARTHEST = 2**30  # distance that stands for a missing descriptor
+BLOCK_ROWS = 64  # rows of descriptors that are matched at a time
 MOST_BYTES = 4096  # largest size of a descriptor: squared distances stay below half of FARTHEST
 
-# ORB: FAST corners of 9 of the 16 pixels of a circle, directions by moments of a disc, and bits
-# that compare pairs of pixels, of a pattern turned in so many steps.
+# ORB: the circle of FAST corners (row, column), of whose 16 pixels 9 decide; then the disc whose
+# moments give a direction, and the comparisons of pairs of pixels in a turned pattern.
 CIRCLE = ((-3, 0), (-3, 1), (-2, 2), (-1, 3), (0, 3), (1, 3), (2, 2), (3, 1),
           (3, 0), (3, -1), (2, -2), (1, -3), (0, -3), (-1, -3), (-2, -2), (-3, -1))  # fmt: skip
 DISC = 15  # radius, pixels
 BLUR = 3  # radius of the Gaussian before pixels are compared
-TURNS = 64
-PAIRS = 256
+TURNS = 64  # directions of the pattern
+PAIRS = 256  # pairs of pixels, and bits of a descriptor
 TURNS_PER_RADIAN = TURNS / (2 * math.pi)

@@ -88,7 +88,7 @@ class Rays(NamedTuple):
     """Number of rays, (1,) int32; a field lowers it to the number that it has room for."""
 
 
-class Seen(NamedTuple):
+class Composited(NamedTuple):
     """The composited rays, without a background, or gradients by them; kernel arrays."""
 
     color: Any
@@ -156,7 +156,7 @@ class Grid(NamedTuple):
     """The raw density below which space is empty."""
 
 
-class Rule(NamedTuple):
+class AdamRule(NamedTuple):
     """The constants of a step of Adam."""
 
     beta1: float
@@ -201,7 +201,7 @@ class Views(NamedTuple):
     taken: Any
     """Number of samples of each ray so far, (R,) int32."""
     color: Any
-    """The result so far, as in :class:`Seen`, (R, 3) float32."""
+    """The result so far, as in :class:`Composited`, (R, 3) float32."""
     opacity: Any
     """(R,) float32."""
     depth: Any

@@ -46,7 +46,7 @@ def answer(name: str, backend: str, device: str, arguments: dict[str, Any]) -> A
     """Return what a call gives, or the exception that leaves it."""
     with cvkern.use(backend=backend, device=device), warnings.catch_warnings():
         warnings.simplefilter("error")
-        for said in ("no edge was found", "the focal length is guessed"):  # as documented
+        for said in ("no edge was found", "the focal length is guessed"):  # documented warnings
             warnings.filterwarnings("ignore", said)
         try:
             return CALLS[name].function(**arguments)

@@ -10,14 +10,18 @@ from cvkern.kernels.codes.panorama import FAR, OUTSIDE
 F32 = np.float32
 
 
-def places(matrix, columns, rows):
+def places(matrix, columns, rows, lens, side):
     """Return x, y and depth of the pixels of a surface in an image, (3, h, w)."""
     a, b = columns.T
     p, q = rows.T
     rays = np.stack((a * p[:, None], np.broadcast_to(q[:, None], (len(p), len(a))), b * p[:, None]))
     there = np.einsum("ij,jhw->ihw", matrix, rays)
     depth = np.maximum(there[2], 1e-9)
-    return np.stack((there[0] / depth, there[1] / depth, there[2]))
+    middle = (np.array(side)[::-1, None, None] - 1) / 2
+    p = there[:2] / depth - middle
+    bent = lens * (p**2).sum(axis=0)
+    ahead = 1 + 3 * bent > 0  # else the lens would turn back
+    return np.stack((*(middle + p * np.where(ahead, 1 + bent, 1)), np.where(ahead, there[2], -1)))
 
 
 def weights(at, height, width):
@@ -28,7 +32,7 @@ def weights(at, height, width):
 
 def samples(image, at, gains):
     """Return planes (C, h, w): linear between pixels, the rim repeated."""
-    where = np.stack((at[1], at[0]))
+    where = np.stack((at[1], at[0])).clip(-1e6, 1e6)  # SciPy takes it to an integer
     return np.stack(
         [
             g * ndi.map_coordinates(image[..., c].astype(float), where, order=1, mode="nearest")

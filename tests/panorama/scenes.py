@@ -30,10 +30,25 @@ def wall(focal, height):
     return np.concatenate(parts, axis=1)
 
 
-def photograph(picture, around, rotation, focal, shape):
+def bent(points, lens):
+    """Return where a lens shows points (2, ...) from the middle, in longest sides."""
+    return points * (1 + lens * (points**2).sum(axis=0))
+
+
+def straight(points, lens):
+    """Return the points (2, ...) that a lens shows at the given ones, by fixed-point steps."""
+    found = points
+    for _ in range(60):
+        found = points / (1 + lens * (found**2).sum(axis=0))
+    return found
+
+
+def photograph(picture, around, rotation, focal, shape, lens=0.0):
     """Return what a camera sees of a cylinder with a picture of focal length `around`."""
     y, x = np.mgrid[: shape[0], : shape[1]].astype(float)
-    rays = np.stack(((x - (shape[1] - 1) / 2) / focal, (y - (shape[0] - 1) / 2) / focal, 1 + 0 * x))
+    long = max(shape)
+    places = np.stack((x - (shape[1] - 1) / 2, y - (shape[0] - 1) / 2)) / long
+    rays = np.stack((*(straight(places, lens) * long / focal), 1 + 0 * x))
     world = np.einsum("ji,jhw->ihw", rotation, rays)
     columns = np.arctan2(world[0], world[2]) * around
     rows = world[1] / np.hypot(world[0], world[2]) * around + (len(picture) - 1) / 2

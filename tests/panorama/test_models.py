@@ -167,29 +167,32 @@ def test_the_tree_has_most_inliers():
     assert order == [0, 1, 2, 3]
 
 
-@pytest.mark.parametrize("kind", ["rotations", 4, 6, 8])
+@pytest.mark.parametrize("kind", ["rotations", "bent rotations", 4, 6, 8])
 def test_slopes(kind):
     """The normal equations are those of numerical derivatives."""
     rng = np.random.default_rng(6)
     cameras = [camera(turned(10 * i, i), FOCAL) for i in range(3)]
     links = links_of(cameras, [(0, 1), (1, 2), (0, 2)], rng, noise=2.0, count=8)
     seen = observe(links, np.tile(MIDDLE, (3, 1)), 400.0, np.ones((3, 2)))
-    if kind == "rotations":
+    if kind in ("rotations", "bent rotations"):
         model = Rotations(np.stack([turned(9 * i, i) for i in range(3)]), np.array([1.1, 1.2, 1.0]))
+        model.bend, model.bends = (0.15, True) if kind == "bent rotations" else (0.0, False)
     else:
         made = np.stack([np.eye(3)] * 3)
         made[:, :2, 2] = [(0, 0), (-0.2, 0.02), (-0.4, 0.01)]
         model = Planes(made, kind)
-    steps = np.zeros((3, model.size))
+    steps = np.zeros(3 * model.size + 1)
 
     def residuals(x):
-        return adjustment.residuals(seen, model.moved(x.reshape(steps.shape)).matrices()).ravel()
+        return adjustment.residuals(seen, model.moved(x)).ravel()
 
-    slopes = np.asarray(approx_fprime(steps.ravel(), residuals, 1e-7))
+    slopes = np.asarray(approx_fprime(steps, residuals, 1e-7))
     normal, gradient = adjustment._normal(seen, model, 1e9)
     extra, curvature = model.prior()[1:]
-    want = slopes.T @ slopes + np.diag(curvature.ravel())
+    if not model.bends:  # the last number is the lens
+        slopes[:, -1] = 0
+    want = slopes.T @ slopes + np.diag(curvature)
     # Differences of float64 over 1e-7 have about 1e-6 of error.
     np.testing.assert_allclose(normal, want, rtol=1e-4, atol=1e-4 * np.abs(want).max())
-    pull = slopes.T @ residuals(steps.ravel()) + extra.ravel()
+    pull = slopes.T @ residuals(steps) + extra
     np.testing.assert_allclose(gradient, pull, rtol=1e-4, atol=1e-4 * np.abs(pull).max())

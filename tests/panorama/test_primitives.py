@@ -11,22 +11,30 @@ SHAPE = 14, 22
 MATRIX = np.array([[15.0, 3, 9], [-2, 14, 8], [0.1, 0.05, 1]])
 
 
+LENSES = [0.0, -0.004, 0.01]
+
+
 def tables(height, width):
     """Return a cylinder's tables, which look beyond the image and behind its camera."""
     x, y = np.linspace(-1.9, 1.9, width), np.linspace(-0.7, 0.8, height)
     return np.stack((np.sin(x), np.cos(x)), 1), np.stack((np.ones_like(y), y), 1)
 
 
+def camera(matrix, lens):
+    return np.append(matrix, lens).reshape(1, 10)
+
+
+@pytest.mark.parametrize("lens", LENSES)
 @pytest.mark.parametrize(("dtype", "channels"), [(U8, 3), (F32, 1)])
-def test_project(kernels, dtype, channels):
+def test_project(kernels, dtype, channels, lens):
     image = np.random.default_rng(0).integers(0, 256, (17, 20, channels)).astype(dtype)
     columns, rows = tables(*SHAPE)
     gains = np.linspace(0.8, 1.2, channels, dtype=F32)
     values, weights = kernels(
-        "panorama.warping.project", image, MATRIX.reshape(1, 9), columns, rows, gains,
+        "panorama.warping.project", image, camera(MATRIX, lens), columns, rows, gains,
         out=[((channels, *SHAPE), F32), (SHAPE, F32)],
     )  # fmt: skip
-    at = reference.places(MATRIX, columns, rows)
+    at = reference.places(MATRIX, columns, rows, lens, (17, 20))
     # Rounding of float32: 2^-24 of 300, a few times.
     np.testing.assert_allclose(values, reference.samples(image, at, gains), rtol=0, atol=1e-4)
     np.testing.assert_allclose(weights, reference.weights(at, 17, 20), rtol=1e-6)
@@ -40,11 +48,15 @@ def test_claim_and_bound(kernels):
     coarse = np.random.default_rng(1).integers(-1, 3, (4, 5)).astype(I32)
     x, y = (np.arange(n, dtype=I32) * k // n for n, k in ((SHAPE[1], 5), (SHAPE[0], 4)))
     names = np.array([0, 1], I32)
+    cameras = np.concatenate([camera(m, 0.004) for m in matrices])
     labels = kernels(
-        "panorama.warping.claim", matrices.reshape(-1, 9), sides, names, columns, rows, coarse,
+        "panorama.warping.claim", cameras, sides, names, columns, rows, coarse,
         x, y, out=[(SHAPE, I32)],
     )  # fmt: skip
-    seen = [reference.places(matrix, columns, rows) for matrix in matrices]
+    seen = [
+        reference.places(matrix, columns, rows, 0.004, side)
+        for matrix, side in zip(matrices, sides, strict=True)
+    ]
     weights = np.stack([reference.weights(at, *s) for at, s in zip(seen, sides, strict=True)])
     wished = coarse[y[:, None], x]
     granted = np.take_along_axis(weights, wished.clip(0)[None], 0)[0] > 0

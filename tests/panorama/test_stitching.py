@@ -9,7 +9,7 @@ from skimage import data
 
 import cvkern
 from cvkern.panorama import blending, models, registration, stitching
-from tests.panorama.scenes import angle_between, photograph, through, turned, wall
+from tests.panorama.scenes import angle_between, bent, photograph, through, turned, wall
 
 SHAPE = 230, 300
 # Three views of one sheet, in perspective; each matrix takes the photograph to the view.
@@ -46,7 +46,10 @@ def seen_in(panorama, member, image):
     height, width = panorama.mask.shape
     y, x = np.mgrid[:height, :width].astype(float)
     u = panorama.matrices[member] @ np.stack((x, y, np.ones_like(x))).reshape(3, -1)
-    places = (u[1::-1] / u[2]).reshape(2, height, width)
+    middle = (np.array(image.shape[1::-1])[:, None] - 1) / 2
+    long = max(image.shape[:2])
+    u[:2] = middle + long * bent((u[:2] / u[2] - middle) / long, panorama.lens)
+    places = u[1::-1].reshape(2, height, width)
     inside = (places > -0.5).all(axis=0) & (u[2].reshape(height, width) > 0)
     inside &= (places[0] < image.shape[0] - 0.5) & (places[1] < image.shape[1] - 0.5)
     gray = image if image.ndim == 2 else image[..., 0]
@@ -125,6 +128,24 @@ def test_surfaces_and_focal_lengths(ring, surface):
     columns = np.arctan2(panorama.rotations[:, 2, 0], panorama.rotations[:, 2, 2])
     assert np.all(np.diff(columns) > np.radians(25))
     assert panorama.mask.mean() > 0.7
+
+
+@pytest.mark.parametrize("lens", [-0.12, 0.1])
+def test_a_lens_that_bends_lines(lens):
+    focal, shape = 210.0, (190, 240)
+    picture = wall(focal, 330)
+    views = [
+        photograph(picture, focal, turned(14 * i, 2 * i), focal, shape, lens) for i in range(3)
+    ]
+    (panorama,) = cvkern.stitch(views, surface="plane", compensate=False)
+    assert panorama.model == "rotation"
+    assert panorama.lens == pytest.approx(lens, abs=0.015)
+    assert panorama.residual < 0.3
+    for place, view in enumerate(views):
+        drawn, inside = seen_in(panorama, place, view)
+        assert np.median(np.abs(panorama.image - drawn)[inside]) < 2
+    covered = np.any([seen_in(panorama, i, view)[1] for i, view in enumerate(views)], axis=0)
+    np.testing.assert_array_equal(panorama.mask, covered)
 
 
 def test_strangers_one_and_none(strangers):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.radiance import Background, Comparison, Seen
+from cvkern.kernels.codes.radiance import Background, Comparison, Composited
 from tests.radiance import reference_derived
 from tests.radiance import reference_radiance as reference
 
@@ -14,12 +14,14 @@ BRANCHES = {
     "zero density": ([0.0, 0.0, 0.0], 1e-4),
     "zero density between": ([0.3, 0.0, 0.0, 0.5], 1e-4),
     "opaque first sample": ([60.0, 0.5, 0.5], 1e-4),
+    "nearly opaque first sample": ([5.0, 0.5, 0.5], 1e-4),
     "opaque last sample": ([0.2, 0.3, 60.0], 1e-4),
     "one sample": ([0.7], 1e-4),
     "no samples": ([], 1e-4),
     "early stop": ([0.5, 1.0, 1.5, 0.4, 0.4], 0.1),
     "stop at the last sample": ([0.5, 1.0, 1.5], 0.1),
     "transmittance underflows": ([0.5, 200.0, 300.0, 1.0, 0.0], 0.0),
+    "little transmittance": ([0.5, 4.0, 1.0, 0.5], 0.0),
     "thin": ([1e-3] * 6, 1e-4),
     "many": (list(np.linspace(0.0, 0.3, 24)), 1e-4),
     "more than a warp": ([0.05] * 40, 1e-4),
@@ -63,13 +65,13 @@ def forward(kernels, sigma, rgb, distances, spans, stop):
     rays = len(spans)
     return kernels(
         "radiance.compositing.forward", sigma, rgb, distances, spans, stop,
-        out=[Seen(((rays, 3), F32), ((rays,), F32), ((rays,), F32), ((rays,), F32))],
+        out=[Composited(((rays, 3), F32), ((rays,), F32), ((rays,), F32), ((rays,), F32))],
     )  # fmt: skip
 
 
 def backward(kernels, gradients, sigma, rgb, distances, spans, stop):
     return kernels(
-        "radiance.compositing.backward", Seen(*gradients), sigma, rgb, distances, spans, stop,
+        "radiance.compositing.backward", Composited(*gradients), sigma, rgb, distances, spans, stop,
         out=[(sigma.shape, F32), (rgb.shape, F32)],
     )  # fmt: skip
 

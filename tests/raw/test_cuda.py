@@ -41,6 +41,15 @@ def test_fusion_is_that_of_the_cpu(backend):
             assert_equal_bits(on_gpu(call, frames, backend), reference(call, frames))
 
 
+def test_alignment_is_that_of_the_cpu(backend):
+    for frames in (FRAMES, FRAMES[..., 0], np.float32(FRAMES) / 7):
+
+        def call(x):
+            return cvkern.align_exposures(x, reach=8)
+
+        assert_equal_bits(on_gpu(call, frames, backend), reference(call, frames))
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 @pytest.mark.parametrize("method", ["bilinear", "malvar", "menon", "residual"])
 def test_demosaicing_is_that_of_the_cpu(method, dtype, backend):

@@ -25,6 +25,8 @@ def kernels():
                 yield projective.warp_kernel(scalar, result, order)
     for order in (0, 1, 3):
         yield sampling.backward_kernel(order)
+    for channels in projective.FEW:
+        yield projective.warp_kernel_cuda(channels)
 
 
 def test_compiles_without_fused_products(tmp_path):
@@ -57,6 +59,20 @@ CALLS = {
 def test_bits_are_those_of_the_cpu(gpu, name, backend):
     for image in (blobs(61, 70), noise(61, 70)):
         assert_equal_bits(on_gpu(CALLS[name], image, backend), reference(CALLS[name], image))
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("mode", ["constant", "mirror"])
+@pytest.mark.parametrize("width", [70, 72])
+def test_bytes_are_those_of_the_cpu(gpu, channels, mode, width):
+    image = noise(61, width * channels, dtype="uint8").reshape(61, width, channels)
+
+    def call(image):
+        return cvkern.warp_perspective(
+            image, MATRIX, channel_axis=-1, mode=mode, cval=7.6, dtype=np.uint8
+        )
+
+    assert_equal_bits(on_gpu(call, image, "warp"), reference(call, image))
 
 
 @pytest.mark.parametrize("backend", KERNEL_SETS)

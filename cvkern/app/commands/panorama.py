@@ -49,7 +49,8 @@ def panorama(
     DIR is made if missing. Each panorama is panorama-N.png, the one of most photographs first
     (.tif for photographs of floats); report.json has which photographs show the same, the
     strangers, and of each panorama its members, model, surface, focal lengths in pixels, rotations,
-    gains and the residual of its matches. Photographs are turned as their EXIF orientation asks.
+    lens, gains and the residual of its matches. Photographs are turned as their EXIF orientation
+    asks.
     """
     from cvkern._files import write_text
     from cvkern.images._exif import focal_length
@@ -128,6 +129,7 @@ def _entry(one: Any, names: list[str], file: str) -> dict[str, Any]:
         "focal_lengths": numbers(one.focal_lengths),
         "rotations": numbers(one.rotations),
         "matrices": numbers(one.matrices),
+        "lens": round(one.lens, 9),
         "gains": numbers(one.gains),
         "residual": round(one.residual, 6),
     }

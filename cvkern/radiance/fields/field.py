@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import Rays, Seen
+from cvkern.kernels.codes.radiance import Composited, Rays
 from cvkern.radiance.scenes.photographs import Bounds, Scene
 
 FARTHEST = 2**15  # distance from the middle up to which float32 resolves the steps along a ray
@@ -101,11 +101,11 @@ class Field(abc.ABC):
         """Fill `seen` for rays with these origins and unit directions, (R, 3), for any R."""
 
     @abc.abstractmethod
-    def forward(self, rays: Rays, step: Any) -> Seen:
+    def forward(self, rays: Rays, step: Any) -> Composited:
         """Render rays in training; `step` (1,) int32 seeds the random positions of the samples."""
 
     @abc.abstractmethod
-    def backward(self, gradients: Seen) -> None:
+    def backward(self, gradients: Composited) -> None:
         """Add to the parameters' gradients, given those of the last result of :meth:`forward`."""
 
     @abc.abstractmethod

@@ -11,7 +11,7 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_number
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import Rule, network_layers, network_room
+from cvkern.kernels.codes.radiance import AdamRule, network_layers, network_room
 from cvkern.radiance.fields.field import Frame, Learning
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import CELLS, STEPS, SampledField, Samples, check_batch
@@ -188,7 +188,7 @@ class HashNetwork(SampledField):
             (self.table, s.table_decay, s.table_decay == 0.0),
             (self.layers, s.weight_decay, False),
         ):
-            rule = Rule(*BETAS, EPSILON, decay, sparse)
+            rule = AdamRule(*BETAS, EPSILON, decay, sparse)
             adam.adam(self._rate, self._clip.factor, rule, *parameters.flat())
 
     def state(self) -> dict[str, np.ndarray]:

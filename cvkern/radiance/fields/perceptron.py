@@ -11,7 +11,7 @@ import numpy as np
 
 from cvkern._checks import check_integer
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import Rule
+from cvkern.kernels.codes.radiance import AdamRule
 from cvkern.radiance.fields.field import Frame, Learning
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import SampledField, Samples, check_batch
@@ -263,7 +263,7 @@ class MLPNetwork(SampledField):
         )  # fmt: skip
         self._clip.update(learning.scale / self.gradient_scale, self.parameters.gradients)
         adam.adam(
-            self._rate, self._clip.factor, Rule(*BETAS, EPSILON, s.weight_decay),
+            self._rate, self._clip.factor, AdamRule(*BETAS, EPSILON, s.weight_decay),
             *self.parameters.flat(),
         )  # fmt: skip
 

@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._archives import shape_of
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import (
     MOST_LOG_DENSITY,
+    AdamRule,
+    Composited,
     Grid,
     Learnt,
     March,
     Rays,
-    Rule,
-    Seen,
     Space,
 )
-from cvkern.radiance.checkpoints import shape_of
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, flat
 from cvkern.radiance.march import STOP, taken
@@ -141,7 +141,7 @@ class VoxelGrid(Field):
         self.rt, self.frame, self.seed, self.settings = rt, frame, seed, settings
         self.rays = self.first_rays = rays = settings.rays
         self.basis = (settings.degree + 1) ** 2
-        self.rendered = Seen(
+        self.rendered = Composited(
             rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
         )
         self.samples = rt.zeros((rays,), np.int32)
@@ -206,15 +206,15 @@ class VoxelGrid(Field):
         samples = rt.scratch("view.samples", (count,), np.int32)
         # Any step will do: without training, no random positions are drawn.
         marched = self._marched(Rays(origins, directions, active), active, False)
-        rt.radiance.fields.voxel.rays.render(*marched, Seen(*seen, distortion), samples)
+        rt.radiance.fields.voxel.rays.render(*marched, Composited(*seen, distortion), samples)
 
-    def forward(self, rays: Rays, step: Any) -> Seen:
+    def forward(self, rays: Rays, step: Any) -> Composited:
         """See :meth:`Field.forward`."""
         self._last = self._marched(rays, step, True)
         self.rt.radiance.fields.voxel.rays.render(*self._last, self.rendered, self.samples)
         return self.rendered
 
-    def backward(self, gradients: Seen) -> None:
+    def backward(self, gradients: Composited) -> None:
         """See :meth:`Field.backward`."""
         self.rt.radiance.fields.voxel.rays.render_backward(
             gradients, *self._last, self.rendered, self.samples, *self._sums, self.touched
@@ -240,7 +240,7 @@ class VoxelGrid(Field):
         (mean, square), (color_mean, color_square) = self._density_means, self._color_means
         density = Learnt(self.d_density, mean, square, self.density)
         color = Learnt(self.d_color, color_mean, color_square, self.color)
-        rule = Rule(*BETAS, EPSILON)
+        rule = AdamRule(*BETAS, EPSILON)
         nodes.adam(*self._rates, self._clip.factor, rule, self.touched, density, color)
 
     def taken(self) -> int:

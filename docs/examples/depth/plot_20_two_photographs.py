@@ -1,6 +1,6 @@
 """
-Depth from two photographs
-==========================
+Two photographs that are not rectified
+======================================
 
 `reconstruct_pair` takes two photographs of a scene from different places. It matches keypoints,
 finds how the camera moved, turns both pictures so that their rows meet, and matches every pixel.

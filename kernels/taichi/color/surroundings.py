@@ -2,10 +2,10 @@
 
 Each scale of a retinex adds ``w log((I + c) / (S + c))``, where S is the smoothed image [D. Jobson,
 Z. Rahman and G. Woodell, "A multiscale retinex for bridging the gap between color images and the
-human observation of scenes", IEEE Transactions on Image Processing 6(7), 1997]. By gradients, a step
-between neighbours counts if their ratio is above a threshold [J. M. Morel, A. B. Petro and
+human observation of scenes", IEEE Transactions on Image Processing 6(7), 1997]. By gradients, a
+step between neighbours counts if their ratio is above a threshold [J. M. Morel, A. B. Petro and
 C. Sbert, "A PDE formalization of retinex theory", IEEE Transactions on Image Processing 19(11),
-2010]: ratios are compared by a product, so that all devices keep the same steps. Logarithms agree
+2010]; ratios are compared by a product, so that all devices keep the same steps. Logarithms agree
 between devices to rounding. One thread takes a value or a pixel.
 """
 

@@ -2,9 +2,10 @@
 
 Each match gives one linear equation ``(u, v, 1) F (x, y, 1)' = 0``. Seven of them leave two null
 vectors A and B, and ``det(a A + (1 - a) B) = 0`` is a cubic, whose real roots Sturm's chain and
-bisection find [R. Hartley and A. Zisserman, "Multiple View Geometry", 2004, section 11.1.2]. With
-the homography H of a plane and two matches off it, ``F = [e]x H`` [O. Chum, T. Werner and J. Matas,
-CVPR 2005]. The residual is Sampson's distance, ``(b' F a)^2 / (|(F a)_12|^2 + |(F' b)_12|^2)``.
+Newton's steps find [R. Hartley and A. Zisserman, "Multiple View Geometry", 2004, section 11.1.2].
+With the homography H of a plane and two matches off it, ``F = [e]x H`` [O. Chum, T. Werner and
+J. Matas, CVPR 2005]. The residual is Sampson's distance,
+``(b' F a)^2 / (|(F a)_12|^2 + |(F' b)_12|^2)``.
 
 A thread has a page of memory: `work` (rows, columns) float64 and `notes` (2, 12) int32, at `t`.
 The order of arithmetic is that of Warp's _epipolar.h, so both sets give the same bits.
@@ -15,6 +16,7 @@ import taichi as ti
 from cvkern.kernels.taichi._rounding import product, quotient, wide_product
 
 f32x12 = ti.types.vector(12, ti.f32)
+f64x2 = ti.types.vector(2, ti.f64)
 f64x9 = ti.types.vector(9, ti.f64)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f64_2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
@@ -36,25 +38,25 @@ def null_space(work: f64_3, notes: i32_3, t: ti.i32, r: ti.i32, zero: ti.i32) ->
         notes[t, NAMES, j] = j
     for k in range(r):
         most = ti.cast(0.0, ti.f64)
-        row, column = k, k
-        for i in range(k, r):
-            for j in range(k, 9):
-                if ti.abs(work[t, i, j]) > most:
-                    most = ti.abs(work[t, i, j])
-                    row, column = i, j
+        column = k
+        for j in range(k, 9):
+            if ti.abs(work[t, k, j]) > most:
+                most = ti.abs(work[t, k, j])
+                column = j
         if not most > ti.f64(1e-9):
             fixed = 0
         if fixed:
-            for j in range(9):
-                work[t, k, j], work[t, row, j] = work[t, row, j], work[t, k, j]
             for i in range(r):
                 work[t, i, k], work[t, i, column] = work[t, i, column], work[t, i, k]
             name = notes[t, NAMES, k]
             notes[t, NAMES, k] = notes[t, NAMES, column]
             notes[t, NAMES, column] = name
+            inverse = 1.0 / work[t, k, k]
+            for j in range(k + 1, 9):
+                work[t, k, j] = wide_product(work[t, k, j], inverse, zero)
             for i in range(r):
                 if i != k:
-                    factor = work[t, i, k] / work[t, k, k]
+                    factor = work[t, i, k]
                     for j in range(k + 1, 9):
                         work[t, i, j] = work[t, i, j] - wide_product(factor, work[t, k, j], zero)
     if fixed:
@@ -65,7 +67,7 @@ def null_space(work: f64_3, notes: i32_3, t: ti.i32, r: ti.i32, zero: ti.i32) ->
                     value = 1.0
                 work[t, NULL + n - r, notes[t, NAMES, j]] = value
             for i in range(r):
-                work[t, NULL + n - r, notes[t, NAMES, i]] = -work[t, i, n] / work[t, i, i]
+                work[t, NULL + n - r, notes[t, NAMES, i]] = -work[t, i, n]
     return fixed
 
 
@@ -83,15 +85,16 @@ def cofactors(f: f64x9, zero: ti.i32) -> f64x9:
 
 
 @ti.func
-def _scale(work: f64_3, t: ti.i32, row: ti.i32, begin: ti.i32) -> ti.i32:
+def _scale(work: f64_3, t: ti.i32, row: ti.i32, begin: ti.i32, zero: ti.i32) -> ti.i32:
     """Scale a polynomial to a largest coefficient of 1; return its degree, or -1."""
     degree = begin
     most = ti.cast(0.0, ti.f64)
     for k in range(begin + 1):
         most = ti.max(most, ti.abs(work[t, row, k]))
     if most > ti.f64(1e-300):
+        inverse = 1.0 / most
         for k in range(begin + 1):
-            work[t, row, k] = work[t, row, k] / most
+            work[t, row, k] = wide_product(work[t, row, k], inverse, zero)
         while degree > 0 and ti.abs(work[t, row, degree]) < ti.f64(1e-12):
             degree -= 1
     else:
@@ -100,11 +103,14 @@ def _scale(work: f64_3, t: ti.i32, row: ti.i32, begin: ti.i32) -> ti.i32:
 
 
 @ti.func
-def _value(work: f64_3, t: ti.i32, row: ti.i32, degree: ti.i32, x: ti.f64, zero: ti.i32) -> ti.f64:
+def _value(work: f64_3, t: ti.i32, row: ti.i32, degree: ti.i32, x: ti.f64, zero: ti.i32) -> f64x2:
+    """Return a polynomial at x, and its derivative."""
     value = work[t, row, degree]
+    slope = ti.cast(0.0, ti.f64)
     for back in range(degree):
+        slope = wide_product(slope, x, zero) + value
         value = wide_product(value, x, zero) + work[t, row, degree - 1 - back]
-    return value
+    return f64x2(value, slope)
 
 
 @ti.func
@@ -112,18 +118,14 @@ def _changes(
     work: f64_3, notes: i32_3, t: ti.i32, length: ti.i32, x: ti.f64, zero: ti.i32
 ) -> ti.i32:
     """Count how often the signs of Sturm's chain change at x."""
-    count, last = 0, 0
+    count = 0
+    last = ti.cast(0.0, ti.f64)
     for i in range(length):
-        value = _value(work, t, CHAIN + i, notes[t, DEGREES, i], x, zero)
-        sign = 0
-        if value > 0.0:
-            sign = 1
-        elif value < 0.0:
-            sign = -1
-        if sign != 0:
-            if last != 0 and sign != last:
-                count += 1
-            last = sign
+        value = _value(work, t, CHAIN + i, notes[t, DEGREES, i], x, zero)[0]
+        if wide_product(last, value, zero) < 0.0:  # 0 is no sign
+            count += 1
+        if value != 0.0:
+            last = value
     return count
 
 
@@ -132,35 +134,63 @@ def _divide(work: f64_3, notes: i32_3, t: ti.i32, length: ti.i32, zero: ti.i32) 
     """Append the negative remainder of the last two of the chain; return its new length."""
     above, by, rest = CHAIN + length - 2, CHAIN + length - 1, CHAIN + length
     begin, to = notes[t, DEGREES, length - 2], notes[t, DEGREES, length - 1]
+    inverse = 1.0 / work[t, by, to]
     for k in range(begin + 1):
-        work[t, rest, k] = work[t, above, k]
+        work[t, rest, k] = -work[t, above, k]
     for back in range(begin - to + 1):
         d = begin - back
-        factor = work[t, rest, d] / work[t, by, to]
-        for k in range(to + 1):
+        factor = wide_product(work[t, rest, d], inverse, zero)
+        for k in range(to):
             work[t, rest, d - to + k] = work[t, rest, d - to + k] - wide_product(
                 factor, work[t, by, k], zero
             )
-    for k in range(to):
-        work[t, rest, k] = -work[t, rest, k]
-    notes[t, DEGREES, length] = _scale(work, t, rest, to - 1)
+    notes[t, DEGREES, length] = _scale(work, t, rest, to - 1, zero)
     return length + 1
+
+
+@ti.func
+def _alone(work: f64_3, t: ti.i32, first: ti.i32, begin: ti.f64, end: ti.f64, zero: ti.i32):
+    """Return the only root in (begin, end], by Newton's steps.
+
+    Bisection takes their place where they leave the interval or do not halve the step before.
+    """
+    low, high = begin, end
+    top = _value(work, t, CHAIN, first, high, zero)[0]
+    x, last = (low + high) * 0.5, high - low
+    step = 0
+    while step < 48 and last > ti.f64(1e-11):
+        at = _value(work, t, CHAIN, first, x, zero)
+        if (top > 0.0 and at[0] >= 0.0) or (top < 0.0 and at[0] <= 0.0):
+            high = x
+        else:
+            low = x
+        there = x - at[0] / at[1]
+        moved = ti.abs(there - x)
+        if not (there > low and there < high and moved + moved <= last):
+            there = (low + high) * 0.5
+        last = ti.abs(there - x)
+        x = there
+        step += 1
+    return x
 
 
 @ti.func
 def roots(
     work: f64_3, notes: i32_3, t: ti.i32, row: ti.i32, degree: ti.i32, zero: ti.i32
 ) -> ti.i32:
-    """Find real roots in (-1, 1] of a polynomial, by 36 bisections each."""
+    """Find real roots in (-1, 1] of a polynomial.
+
+    Sturm's chain and bisection tell where a root is alone, and Newton's steps lead to it.
+    """
     for k in range(degree + 1):
         work[t, CHAIN, k] = work[t, row, k]
-    first = _scale(work, t, CHAIN, degree)
+    first = _scale(work, t, CHAIN, degree, zero)
     notes[t, DEGREES, 0] = first
     count = 0
     if first >= 1:
         for k in range(first):
             work[t, CHAIN + 1, k] = ti.cast(k + 1, ti.f64) * work[t, CHAIN, k + 1]
-        notes[t, DEGREES, 1] = _scale(work, t, CHAIN + 1, first - 1)
+        notes[t, DEGREES, 1] = _scale(work, t, CHAIN + 1, first - 1, zero)
         length = 2
         while notes[t, DEGREES, length - 1] > 0:
             length = _divide(work, notes, t, length, zero)
@@ -168,32 +198,23 @@ def roots(
             length -= 1
         before = _changes(work, notes, t, length, ti.f64(-1.0), zero)
         count = before - _changes(work, notes, t, length, ti.f64(1.0), zero)
+        begin = ti.f64(-1.0)
         for n in range(count):
-            low, high, top = ti.f64(-1.0), ti.f64(1.0), ti.f64(0.0)
-            # The number of roots in (-1, low] and in (-1, high]: Sturm's chain is needed until a
-            # root is alone, then the polynomial's sign tells.
-            below, upto, alone = 0, count, 0
-            for _ in range(36):
+            low, high = begin, ti.f64(1.0)
+            below, upto = n, count  # the number of roots in (-1, low] and in (-1, high]
+            step = 0
+            while step < 36 and upto - below > 1:
                 middle = (low + high) * 0.5
-                above = False
-                if alone == 0 and upto - below < 2:
-                    alone = 1
-                    top = _value(work, t, CHAIN, first, high, zero)
-                if alone == 0:
-                    now = before - _changes(work, notes, t, length, middle, zero)
-                    above = now > n
-                    if above:
-                        upto = now
-                    else:
-                        below = now
-                else:
-                    one = _value(work, t, CHAIN, first, middle, zero)
-                    above = (top > 0.0 and one >= 0.0) or (top < 0.0 and one <= 0.0)
-                if above:
+                now = before - _changes(work, notes, t, length, middle, zero)
+                if now > n:
                     high = middle
+                    upto = now
                 else:
                     low = middle
-            work[t, ROOTS, n] = (low + high) * 0.5
+                    below = now
+                step += 1
+            begin = high
+            work[t, ROOTS, n] = _alone(work, t, first, low, high, zero)
     return ti.max(count, 0)
 
 

@@ -1,8 +1,9 @@
 """Projection of images onto the surface of a panorama, in Taichi: map and sample in one kernel.
 
 Tables of columns (a, b) and rows (p, q) give the direction (a p, q, b p) of a pixel on any surface.
-A matrix maps the direction to a pixel (x, y, 1) of the image, up to scale. One thread computes one
-pixel of the panorama.
+A camera is ten numbers: a matrix that maps the direction to a pixel (x, y, 1) of the image, up to
+scale, and the number k of the lens, which moves a pixel at p from the middle of the image to
+p (1 + k |p|^2). One thread computes one pixel of the panorama.
 """
 
 import numpy as np
@@ -24,7 +25,7 @@ i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 @primitive
 def project(
     src: np.ndarray,
-    matrix: np.ndarray,
+    camera: np.ndarray,
     columns: np.ndarray,
     rows: np.ndarray,
     gains: np.ndarray,
@@ -36,12 +37,12 @@ def project(
     The rim is repeated outside the image. The weight is 1 in the middle of the image, falls towards
     its sides, and is 0 outside.
     """
-    _project(src, matrix, columns, rows, gains, 0, values, weights)
+    _project(src, camera, columns, rows, gains, 0, values, weights)
 
 
 @primitive
 def claim(
-    matrices: np.ndarray,
+    cameras: np.ndarray,
     sides: np.ndarray,
     names: np.ndarray,
     columns: np.ndarray,
@@ -55,7 +56,7 @@ def claim(
 
     Only the images `names` take part; among equal weights the first wins. One thread a pixel.
     """
-    _claim(matrices, sides, names, columns, rows, coarse, coarse_columns, coarse_rows, 0, labels)
+    _claim(cameras, sides, names, columns, rows, coarse, coarse_columns, coarse_rows, 0, labels)
 
 
 @primitive
@@ -85,9 +86,11 @@ def _place(
     rows: ti.template(),
     i: ti.i32,
     j: ti.i32,
+    height: ti.i32,
+    width: ti.i32,
     zero: ti.i32,
 ):
-    """Return x and y in image n, and the depth."""
+    """Return x and y in image n, and the depth: -1 where the lens would turn back."""
     dx = wide_product(columns[j, 0], rows[i, 0], zero)
     dz = wide_product(columns[j, 1], rows[i, 0], zero)
     d = ti.Vector([dx, rows[i, 1], dz], dt=ti.f64)
@@ -95,6 +98,19 @@ def _place(
     safe = ti.max(depth, ti.cast(NEAR, ti.f64))
     x = _row_of(m, n, 0, d, zero) / safe
     y = _row_of(m, n, 1, d, zero) / safe
+    k = m[n, 9]
+    if k != 0.0:
+        half = ti.cast(0.5, ti.f64)
+        middle_x = wide_product(half, ti.cast(width - 1, ti.f64), zero)
+        middle_y = wide_product(half, ti.cast(height - 1, ti.f64), zero)
+        p = x - middle_x
+        q = y - middle_y
+        bent = wide_product(k, wide_product(p, p, zero) + wide_product(q, q, zero), zero)
+        if 1.0 + wide_product(ti.cast(3.0, ti.f64), bent, zero) > 0.0:
+            x = middle_x + wide_product(p, 1.0 + bent, zero)
+            y = middle_y + wide_product(q, 1.0 + bent, zero)
+        else:
+            depth = -1.0
     return ti.Vector([x, y, depth], dt=ti.f64)
 
 
@@ -114,7 +130,7 @@ def _weight(at: ti.template(), height: ti.i32, width: ti.i32, zero: ti.i32) -> t
 @ti.kernel
 def _project(
     src: any_3,  # (H, W, C)
-    matrix: f64_2,  # (1, 9)
+    camera: f64_2,  # (1, 10)
     columns: f64_2,  # (w, 2)
     rows: f64_2,  # (h, 2)
     gains: f32_1,  # (c,)
@@ -124,7 +140,7 @@ def _project(
     weights: f32_2,  # (h, w)
 ):
     for i, j in ti.ndrange(weights.shape[0], weights.shape[1]):
-        at = _place(matrix, 0, columns, rows, i, j, zero)
+        at = _place(camera, 0, columns, rows, i, j, src.shape[0], src.shape[1], zero)
         weights[i, j] = _weight(at, src.shape[0], src.shape[1], zero)
         x = ti.max(ti.min(at[0], ti.cast(src.shape[1] - 1, ti.f64)), ti.cast(0.0, ti.f64))
         y = ti.max(ti.min(at[1], ti.cast(src.shape[0] - 1, ti.f64)), ti.cast(0.0, ti.f64))
@@ -147,7 +163,7 @@ def _project(
 
 @ti.kernel
 def _claim(
-    matrices: f64_2,  # (N, 9)
+    cameras: f64_2,  # (N, 10)
     sides: i32_2,  # (N, 2), heights and widths
     names: i32_1,  # (K,)
     columns: f64_2,  # (w, 2)
@@ -163,14 +179,14 @@ def _claim(
         found = coarse[coarse_rows[i], coarse_columns[j]]
         good = False
         if found >= 0:
-            at = _place(matrices, found, columns, rows, i, j, zero)
+            at = _place(cameras, found, columns, rows, i, j, sides[found, 0], sides[found, 1], zero)
             good = _weight(at, sides[found, 0], sides[found, 1], zero) > 0.0
         if not good:
             found = NOBODY
             most = 0.0
             for k in range(names.shape[0]):
                 n = names[k]
-                at = _place(matrices, n, columns, rows, i, j, zero)
+                at = _place(cameras, n, columns, rows, i, j, sides[n, 0], sides[n, 1], zero)
                 weight = _weight(at, sides[n, 0], sides[n, 1], zero)
                 if weight > most:
                     most = weight

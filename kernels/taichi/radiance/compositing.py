@@ -139,7 +139,7 @@ def forward(
     distances: np.ndarray,
     spans: np.ndarray,
     stop: float,
-    seen: codes.Seen,
+    seen: codes.Composited,
 ) -> None:
     """Composite each ray front to back.
 
@@ -151,7 +151,7 @@ def forward(
 
 @primitive
 def backward(
-    d_seen: codes.Seen,
+    d_seen: codes.Composited,
     sigma: np.ndarray,
     rgb: np.ndarray,
     distances: np.ndarray,

@@ -1,7 +1,7 @@
 // FAST corners and binary descriptors on the CPU; taichi/features/binary.py has the rules. Corners
 // are found a row at a time, 64 pixels at once, and described one at a time.
 
-#include "keypoints/_angles.h"
+#include "../_angles.h"
 
 // Mark FAST corners of rows: pixels whose score none of the eight around exceeds, of equal ones
 // the first. The score is the largest threshold under which 9 neighbouring pixels of the circle are

@@ -1,4 +1,4 @@
-// needs WORDS BINARY FARTHEST
+// needs WORDS WARPS BINARY FARTHEST
 // The two nearest of other rows, for 32 rows a block of threads: distances |a|^2 + |b|^2 - 2 a b by
 // products on tensor cores (`mma`), of bytes, or of bits, whose squares and products are counts of
 // ones. A warp has all 32 rows, two tiles of 16, and every WARPS-th group of eight other rows.
@@ -8,7 +8,7 @@
 // rows g and g + 8 with the others 2 t and 2 t + 1.
 void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<int> best,
            wp::array_t<int> second, wp::array_t<int> index) {
-    enum { WARPS = 8, EACH = WORDS / 4 };
+    enum { EACH = WORDS / 4 };
     struct Row {
         unsigned int word[EACH];
 
@@ -63,9 +63,12 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
         own[i].read(words, row < last ? row : last - 1, t);
         near[i] = {FARTHEST, FARTHEST, 0};
     }
+    // The next group is loaded before this one is compared.
+    Row next;
+    next.read(words, min(begin + 8 * warp + g, end - 1), t);
     for (int j = begin + 8 * warp; j < end; j += 8 * WARPS) {
-        Row other;
-        other.read(words, j + g < end ? j + g : end - 1, t);
+        const Row other = next;
+        next.read(words, min(j + 8 * WARPS + g, end - 1), t);
         const int square = other.square();
         const int squares[2] = {__shfl_sync(~0u, square, 8 * t),
                                 __shfl_sync(~0u, square, 8 * t + 4)};

@@ -12,7 +12,7 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LARGEST = wp.constant(FARTHEST)
-THREADS = 256  # threads of a block on tensor cores
+THREADS = 512  # threads of a block on tensor cores: warps wait for memory, so many share the rows
 PARTS = 2  # such blocks for BLOCK_ROWS rows
 OLDEST = 80  # architecture: `mma` has the products of bits since then
 SIZES = {(0, 128): 32, (1, 32): 8}  # words of a descriptor, by whether it is binary and its bytes
@@ -21,7 +21,9 @@ SIZES = {(0, 128): 32, (1, 32): 8}  # words of a descriptor, by whether it is bi
 def _match(binary: int, words: int) -> wp.Kernel:
     """Return the kernel for descriptors of so many words."""
 
-    @_native.kernel("_matching_cuda.cu", {}, WORDS=words, BINARY=binary, FARTHEST=FARTHEST)
+    @_native.kernel(
+        "_matching_cuda.cu", {}, WORDS=words, WARPS=THREADS // 32, BINARY=binary, FARTHEST=FARTHEST
+    )
     def match(
         words: wp.array2d[wp.uint32],  # (T, K / 4)
         blocks: wp.array2d[int],  # (B, 5)

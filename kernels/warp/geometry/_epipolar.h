@@ -33,38 +33,37 @@ struct Epipolar {
     }
 
     // Null vectors of r equations in nine unknowns, by Gauss-Jordan elimination with the largest
-    // pivot, of equals the first by row and column; false below a least pivot.
+    // pivot of a row, of equals the first; false below a least pivot.
     static bool null_space(double* m, int r, double* vectors) {
         int name[9];
         for (int j = 0; j < 9; ++j) name[j] = j;
         for (int k = 0; k < r; ++k) {
             double most = 0.0;
-            int row = k, column = k;
-            for (int i = k; i < r; ++i)
-                for (int j = k; j < 9; ++j)
-                    if (wp::abs(m[9 * i + j]) > most)
-                        most = wp::abs(m[9 * i + j]), row = i, column = j;
-            if (!(most > 1e-9)) return false;
-            for (int j = 0; j < 9; ++j) {
-                const double other = m[9 * k + j];
-                m[9 * k + j] = m[9 * row + j], m[9 * row + j] = other;
+            int column = k;
+            for (int j = k; j < 9; ++j) {
+                const double size = wp::abs(m[9 * k + j]);
+                column = size > most ? j : column;
+                most = size > most ? size : most;
             }
+            if (!(most > 1e-9)) return false;
             for (int i = 0; i < r; ++i) {
                 const double other = m[9 * i + k];
                 m[9 * i + k] = m[9 * i + column], m[9 * i + column] = other;
             }
             const int other = name[k];
             name[k] = name[column], name[column] = other;
+            const double inverse = 1.0 / m[9 * k + k];
+            for (int j = k + 1; j < 9; ++j) m[9 * k + j] = m[9 * k + j] * inverse;
             for (int i = 0; i < r; ++i) {
                 if (i == k) continue;
-                const double factor = m[9 * i + k] / m[9 * k + k];
+                const double factor = m[9 * i + k];
                 for (int j = k + 1; j < 9; ++j) m[9 * i + j] = m[9 * i + j] - factor * m[9 * k + j];
             }
         }
         for (int n = r; n < 9; ++n) {
             double* vector = vectors + 9 * (n - r);
             for (int j = r; j < 9; ++j) vector[name[j]] = j == n ? 1.0 : 0.0;
-            for (int i = 0; i < r; ++i) vector[name[i]] = -m[9 * i + n] / m[9 * i + i];
+            for (int i = 0; i < r; ++i) vector[name[i]] = -m[9 * i + n];
         }
         return true;
     }
@@ -77,89 +76,98 @@ struct Epipolar {
             }
     }
 
-    // Scale a polynomial to a largest coefficient of 1; return its degree, or -1.
+    // Scale a polynomial, whose coefficients lie 12 apart, to a largest one of 1; return its degree,
+    // or -1.
     static int scale(double* p, int degree) {
         double most = 0.0;
-        for (int k = 0; k <= degree; ++k) most = wp::abs(p[k]) > most ? wp::abs(p[k]) : most;
-        if (!(most > 1e-300)) return -1;
-        for (int k = 0; k <= degree; ++k) p[k] = p[k] / most;
-        while (degree > 0 && wp::abs(p[degree]) < 1e-12) --degree;
+        for (int k = 0; k <= degree; ++k)
+            most = wp::abs(p[12 * k]) > most ? wp::abs(p[12 * k]) : most;
+        const bool some = most > 1e-300;
+        const double inverse = 1.0 / most;
+        for (int k = 0; k <= degree; ++k) p[12 * k] = some ? p[12 * k] * inverse : 0.0;
+        if (!some) return -1;
+        while (degree > 0 && wp::abs(p[12 * degree]) < 1e-12) p[12 * degree--] = 0.0;
         return degree;
     }
 
-    static double value(const double* p, int degree, double t) {
-        double value = p[degree];
-        for (int k = degree - 1; k >= 0; --k) value = value * t + p[k];
-        return value;
-    }
-
-    // How often the signs of Sturm's chain change at t.
-    static int changes(const double* chain, const int* degrees, int length, double t) {
-        int count = 0, last = 0;
-        for (int i = 0; i < length; ++i) {
-            const double at = value(chain + 12 * i, degrees[i], t);
-            const int sign = at > 0.0 ? 1 : at < 0.0 ? -1 : 0;
-            if (sign != 0) {
-                if (last != 0 && sign != last) ++count;
-                last = sign;
-            }
+    // How often the signs of Sturm's chain change at t; all of its polynomials at once.
+    static int changes(const double* chain, int degree, double t) {
+        double at[12], last = 0.0;
+        int count = 0;
+        for (int i = 0; i < 12; ++i) at[i] = chain[12 * degree + i];
+        for (int k = degree - 1; k >= 0; --k)
+            for (int i = 0; i < 12; ++i) at[i] = at[i] * t + chain[12 * k + i];
+        for (int i = 0; i <= degree; ++i) {
+            count += last * at[i] < 0.0;  // 0 is no sign
+            last = at[i] != 0.0 ? at[i] : last;
         }
         return count;
     }
 
-    // Real roots in (-1, 1], by 36 bisections each; p has up to 12 coefficients, lowest first.
-    // Sturm's chain is needed until a root is alone: then the polynomial's sign tells.
-    static int roots(const double* p, int degree, double* found) {
-        double chain[144];
-        int degrees[12];
-        for (int k = 0; k <= degree; ++k) chain[k] = p[k];
-        degrees[0] = scale(chain, degree);
-        if (degrees[0] < 1) return 0;
-        for (int k = 0; k < degrees[0]; ++k) chain[12 + k] = (double)(k + 1) * chain[k + 1];
-        degrees[1] = scale(chain + 12, degrees[0] - 1);
-        int length = 2;
-        while (degrees[length - 1] > 0) {
-            const double *above = chain + 12 * (length - 2), *by = chain + 12 * (length - 1);
-            double* rest = chain + 12 * length;
-            const int from = degrees[length - 2], to = degrees[length - 1];
-            for (int k = 0; k <= from; ++k) rest[k] = above[k];
-            for (int d = from; d >= to; --d) {
-                const double factor = rest[d] / by[to];
-                for (int k = 0; k <= to; ++k) rest[d - to + k] = rest[d - to + k] - factor * by[k];
-            }
-            for (int k = 0; k < to; ++k) rest[k] = -rest[k];
-            degrees[length] = scale(rest, to - 1);
-            if (degrees[length] < 0) break;
-            ++length;
+    // A polynomial at t, and its derivative.
+    static double value(const double* p, int degree, double t, double& slope) {
+        double value = p[12 * degree];
+        slope = 0.0;
+        for (int k = degree - 1; k >= 0; --k) {
+            slope = slope * t + value;
+            value = value * t + p[12 * k];
         }
-        const int before = changes(chain, degrees, length, -1.0);
-        const int count = before - changes(chain, degrees, length, 1.0);
-        for (int n = 0; n < count; ++n) {
-            double low = -1.0, high = 1.0;
-            int below = 0, upto = count;  // the number of roots in (-1, low] and in (-1, high]
-            double top = 0.0;             // the polynomial at the high end, once the root is alone
-            bool alone = false;
-            for (int step = 0; step < 36; ++step) {
-                const double middle = (low + high) * 0.5;
-                bool above;
-                if (!alone && upto - below < 2) alone = true, top = value(chain, degrees[0], high);
-                if (!alone) {
-                    const int now = before - changes(chain, degrees, length, middle);
-                    above = now > n;
-                    if (above)
-                        upto = now;
-                    else
-                        below = now;
-                } else {
-                    const double one = value(chain, degrees[0], middle);
-                    above = top > 0.0 ? one >= 0.0 : (top < 0.0) & (one <= 0.0);
-                }
-                if (above)
-                    high = middle;
-                else
-                    low = middle;
+        return value;
+    }
+
+    // Real roots in (-1, 1]; p has up to 12 coefficients, lowest first. Sturm's chain and bisection
+    // tell where a root is alone. From there Newton's steps lead to it, and bisection where these
+    // leave the interval or do not halve the step before.
+    static int roots(const double* p, int degree, double* found) {
+        double chain[144];  // by powers: those of all polynomials lie side by side
+        for (int k = 0; k < 144; ++k) chain[k] = 0.0;
+        for (int k = 0; k <= degree; ++k) chain[12 * k] = p[k];
+        degree = scale(chain, degree);
+        if (degree < 1) return 0;
+        for (int k = 0; k < degree; ++k) chain[12 * k + 1] = (double)(k + 1) * chain[12 * k + 12];
+        int from = degree, to = scale(chain + 1, degree - 1);
+        for (int i = 2; to > 0; ++i) {
+            const double *above = chain + i - 2, *by = chain + i - 1;
+            double* rest = chain + i;
+            const double inverse = 1.0 / by[12 * to];
+            for (int k = 0; k <= from; ++k) rest[12 * k] = -above[12 * k];
+            for (int d = from; d >= to; --d) {
+                const double factor = rest[12 * d] * inverse;
+                for (int k = 0; k < to; ++k)
+                    rest[12 * (d - to + k)] = rest[12 * (d - to + k)] - factor * by[12 * k];
+                rest[12 * d] = 0.0;
             }
-            found[n] = (low + high) * 0.5;
+            from = to, to = scale(rest, to - 1);
+        }
+        const int before = changes(chain, degree, -1.0);
+        const int count = before - changes(chain, degree, 1.0);
+        double begin = -1.0;
+        for (int n = 0; n < count; ++n) {
+            double low = begin, high = 1.0, slope;
+            int below = n, upto = count;  // the number of roots in (-1, low] and in (-1, high]
+            for (int step = 0; step < 36 && upto - below > 1; ++step) {
+                const double middle = (low + high) * 0.5;
+                const int now = before - changes(chain, degree, middle);
+                if (now > n)
+                    high = middle, upto = now;
+                else
+                    low = middle, below = now;
+            }
+            begin = high;
+            const double top = value(chain, degree, high, slope);
+            double x = (low + high) * 0.5, last = high - low;
+            for (int step = 0; step < 48 && last > 1e-11; ++step) {
+                const double at = value(chain, degree, x, slope);
+                const bool above = top > 0.0 ? at >= 0.0 : (top < 0.0) & (at <= 0.0);
+                high = above ? x : high;
+                low = above ? low : x;
+                const double next = x - at / slope, moved = wp::abs(next - x);
+                const bool good = (next > low) & (next < high) & (moved + moved <= last);
+                const double there = good ? next : (low + high) * 0.5;
+                last = wp::abs(there - x);
+                x = there;
+            }
+            found[n] = x;
         }
         return count > 0 ? count : 0;
     }

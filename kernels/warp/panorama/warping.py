@@ -1,8 +1,9 @@
 """Projection of images onto the surface of a panorama, in Warp: map and sample in one kernel.
 
 Tables of columns (a, b) and rows (p, q) give the direction (a p, q, b p) of a pixel on any surface.
-A matrix maps the direction to a pixel (x, y, 1) of the image, up to scale. One thread computes one
-pixel of the panorama.
+A camera is ten numbers: a matrix that maps the direction to a pixel (x, y, 1) of the image, up to
+scale, and the number k of the lens, which moves a pixel at p from the middle of the image to
+p (1 + k |p|^2). One thread computes one pixel of the panorama.
 """
 
 from functools import lru_cache
@@ -22,7 +23,7 @@ NOBODY = wp.constant(codes.NOBODY)
 
 def project(
     src: wp.array,
-    matrix: wp.array,
+    camera: wp.array,
     columns: wp.array,
     rows: wp.array,
     gains: wp.array,
@@ -34,14 +35,14 @@ def project(
     The rim is repeated outside the image. The weight is 1 in the middle of the image, falls towards
     its sides, and is 0 outside.
     """
-    inputs = [src, matrix, columns, rows, gains]
+    inputs = [src, camera, columns, rows, gains]
     launch_each(
         project_kernel(src.dtype), weights.size, weights.size * 16, inputs, [values, weights]
     )
 
 
 def claim(
-    matrices: wp.array,
+    cameras: wp.array,
     sides: wp.array,
     names: wp.array,
     columns: wp.array,
@@ -55,7 +56,7 @@ def claim(
 
     Only the images `names` take part; among equal weights the first wins. One thread a pixel.
     """
-    inputs = [matrices, sides, names, columns, rows, coarse, coarse_columns, coarse_rows]
+    inputs = [cameras, sides, names, columns, rows, coarse, coarse_columns, coarse_rows]
     launch_each(_claim, labels.size, labels.size * 8, inputs, [labels])
 
 
@@ -73,8 +74,10 @@ def bound(labels: wp.array, bounds: wp.array) -> None:
 
 
 @wp.func
-def place(m: wp.array2d[wp.float64], n: int, ab: wp.vec2d, pq: wp.vec2d) -> wp.vec3d:
-    """Return x and y in image n, and the depth."""
+def place(
+    m: wp.array2d[wp.float64], n: int, ab: wp.vec2d, pq: wp.vec2d, height: int, width: int
+) -> wp.vec3d:
+    """Return x and y in image n, and the depth: -1 where the lens would turn back."""
     dx = ab[0] * pq[0]
     dy = pq[1]
     dz = ab[1] * pq[0]
@@ -82,6 +85,20 @@ def place(m: wp.array2d[wp.float64], n: int, ab: wp.vec2d, pq: wp.vec2d) -> wp.v
     safe = wp.max(depth, NEAR)
     x = (m[n, 0] * dx + m[n, 1] * dy + m[n, 2] * dz) / safe
     y = (m[n, 3] * dx + m[n, 4] * dy + m[n, 5] * dz) / safe
+    k = m[n, 9]
+    if k != wp.float64(0.0):
+        one = wp.float64(1.0)
+        half = wp.float64(0.5)
+        middle_x = half * wp.float64(width - 1)
+        middle_y = half * wp.float64(height - 1)
+        dx = x - middle_x
+        dy = y - middle_y
+        bent = k * (dx * dx + dy * dy)
+        if one + wp.float64(3.0) * bent > wp.float64(0.0):
+            x = middle_x + dx * (one + bent)
+            y = middle_y + dy * (one + bent)
+        else:
+            depth = -one
     return wp.vec3d(x, y, depth)
 
 
@@ -109,7 +126,7 @@ def project_kernel(scalar: Any) -> wp.Kernel:
         first: int,
         last: int,
         src: wp.array3d[scalar],  # (H, W, C)
-        matrix: wp.array2d[wp.float64],  # (1, 9)
+        camera: wp.array2d[wp.float64],  # (1, 10)
         columns: wp.array2d[wp.float64],  # (w, 2)
         rows: wp.array2d[wp.float64],  # (h, 2)
         gains: wp.array[float],  # (c,)
@@ -124,7 +141,7 @@ def project_kernel(scalar: Any) -> wp.Kernel:
             j = item - i * width
             ab = wp.vec2d(columns[j, 0], columns[j, 1])
             pq = wp.vec2d(rows[i, 0], rows[i, 1])
-            at = place(matrix, 0, ab, pq)
+            at = place(camera, 0, ab, pq, src.shape[0], src.shape[1])
             weights[i, j] = weight_of(at, src.shape[0], src.shape[1])
             x = wp.clamp(at[0], zero, wp.float64(src.shape[1] - 1))
             y = wp.clamp(at[1], zero, wp.float64(src.shape[0] - 1))
@@ -148,7 +165,7 @@ def _claim(
     stride: int,
     first: int,
     last: int,
-    matrices: wp.array2d[wp.float64],  # (N, 9)
+    cameras: wp.array2d[wp.float64],  # (N, 10)
     sides: wp.array2d[int],  # (N, 2), heights and widths
     names: wp.array[int],  # (K,)
     columns: wp.array2d[wp.float64],  # (w, 2)
@@ -168,13 +185,17 @@ def _claim(
         found = coarse[coarse_rows[i], coarse_columns[j]]
         good = bool(False)
         if found >= 0:
-            good = weight_of(place(matrices, found, ab, pq), sides[found, 0], sides[found, 1]) > 0.0
+            height = sides[found, 0]
+            wide = sides[found, 1]
+            at = place(cameras, found, ab, pq, height, wide)
+            good = weight_of(at, height, wide) > 0.0
         if not good:
             found = int(NOBODY)
             most = float(0.0)
             for k in range(names.shape[0]):
                 n = names[k]
-                weight = weight_of(place(matrices, n, ab, pq), sides[n, 0], sides[n, 1])
+                at = place(cameras, n, ab, pq, sides[n, 0], sides[n, 1])
+                weight = weight_of(at, sides[n, 0], sides[n, 1])
                 if weight > most:
                     most = weight
                     found = n

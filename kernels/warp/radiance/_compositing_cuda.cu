@@ -1,7 +1,7 @@
 #include "_compositing_walk.cu"
 
 void composite(int ray, wp::array_t<float> sigma, wp::array_t<float> rgb,
-               wp::array_t<float> distances, wp::array_t<int> spans, float stop, Seen seen) {
+               wp::array_t<float> distances, wp::array_t<int> spans, float stop, Composited seen) {
     const int begin = spans.data[2 * (size_t)ray], end = begin + spans.data[2 * (size_t)ray + 1];
     CompositingWalk at = {sigma.data, rgb.data, distances.data, end, stop};
     at.begin();
@@ -24,7 +24,7 @@ void composite(int ray, wp::array_t<float> sigma, wp::array_t<float> rgb,
     }
 }
 
-void take_back(int ray, Seen d_seen, wp::array_t<float> sigma, wp::array_t<float> rgb,
+void take_back(int ray, Composited d_seen, wp::array_t<float> sigma, wp::array_t<float> rgb,
                wp::array_t<float> distances, wp::array_t<int> spans, float stop,
                wp::array_t<float> d_sigma, wp::array_t<float> d_rgb) {
     const int begin = spans.data[2 * (size_t)ray], end = begin + spans.data[2 * (size_t)ray + 1];

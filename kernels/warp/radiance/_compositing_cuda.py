@@ -8,7 +8,7 @@ import warp as wp
 
 from cvkern.kernels.warp import _native
 
-from ._structs import Seen
+from ._structs import Composited
 
 wp.set_module_options({"enable_backward": False})
 
@@ -23,14 +23,14 @@ def composite(
     distances: wp.array2d[float],
     spans: wp.array2d[int],
     stop: float,
-    seen: Seen,
+    seen: Composited,
 ): ...
 
 
 @_native.func_native("_compositing_cuda.cu")
 def take_back(
     ray: int,
-    d_seen: Seen,
+    d_seen: Composited,
     sigma: wp.array[float],
     rgb: wp.array2d[float],
     distances: wp.array2d[float],
@@ -49,7 +49,7 @@ def forward(
     spans: wp.array2d[int],  # (R, 2)
     stop: float,
     # outputs
-    seen: Seen,
+    seen: Composited,
 ):
     """Walk along each ray once."""
     composite(wp.tid() // 32, sigma, rgb, distances, spans, stop, seen)
@@ -57,7 +57,7 @@ def forward(
 
 @wp.kernel
 def backward(
-    d_seen: Seen,
+    d_seen: Composited,
     sigma: wp.array[float],  # (M,)
     rgb: wp.array2d[float],  # (M, 3)
     distances: wp.array2d[float],  # (M, 2)

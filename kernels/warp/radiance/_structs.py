@@ -18,7 +18,7 @@ class Rays:
 
 
 @wp.struct
-class Seen:
+class Composited:
     """The composited rays, without a background, or gradients by them."""
 
     color: wp.array2d[float]  # (R, 3)

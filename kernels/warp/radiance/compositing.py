@@ -25,7 +25,7 @@ from cvkern.kernels.warp._launch import launch, launch_each
 
 from . import _compositing_cuda as cuda
 from ._space import row
-from ._structs import Seen, struct_of
+from ._structs import Composited, struct_of
 
 wp.set_module_options({"enable_backward": False})
 
@@ -41,7 +41,7 @@ def forward_kernel(
     spans: wp.array2d[int],  # (R, 2)
     stop: float,
     # outputs
-    seen: Seen,
+    seen: Composited,
 ):
     """Walk along each ray once."""
     for ray in range(first + wp.tid(), last, stride):
@@ -74,7 +74,7 @@ def backward_kernel(
     stride: int,
     first: int,
     last: int,
-    d_seen: Seen,
+    d_seen: Composited,
     sigma: wp.array[float],  # (M,)
     rgb: wp.array2d[float],  # (M, 3)
     distances: wp.array2d[float],  # (M, 2)
@@ -140,7 +140,7 @@ def forward(
     distances: wp.array,
     spans: wp.array,
     stop: float,
-    seen: codes.Seen,
+    seen: codes.Composited,
 ) -> None:
     """Composite each ray front to back.
 
@@ -149,7 +149,7 @@ def forward(
     """
     count = spans.shape[0]
     inputs = [sigma, rgb, distances, spans, stop]
-    outputs = [struct_of(Seen, seen)]
+    outputs = [struct_of(Composited, seen)]
     if spans.device.is_cuda:
         launch(cuda.forward, cuda.THREADS * count, inputs, outputs)
     else:
@@ -157,7 +157,7 @@ def forward(
 
 
 def backward(
-    d_seen: codes.Seen,
+    d_seen: codes.Composited,
     sigma: wp.array,
     rgb: wp.array,
     distances: wp.array,
@@ -172,7 +172,7 @@ def backward(
     """
     count = spans.shape[0]
     inputs, outputs = (
-        [struct_of(Seen, d_seen), sigma, rgb, distances, spans, stop],
+        [struct_of(Composited, d_seen), sigma, rgb, distances, spans, stop],
         [d_sigma, d_rgb],
     )
     if spans.device.is_cuda:

@@ -1,7 +1,9 @@
 // Phases of shifted fringes on the CPU: a row at a time, PART pixels at once, so that loops become
-// vector code.
+// vector code. taichi/structured_light/phase.py has the equations.
 
-// needs TYPE, A0, A1, A2, A3, A4, A5, A6, A7, PI, HALF_PI, TURN
+#include "../_angles.h"
+
+// needs TYPE, TURN
 void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequencies,
                 wp::array_t<float> waves, int size, wp::array_t<float> places,
                 wp::array_t<float> phases, wp::array_t<float> modulations) {
@@ -33,23 +35,7 @@ void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float>
             const bool first = j == 0;
 #pragma clang loop vectorize(assume_safety)
             for (int i = 0; i < count; ++i) {
-                // The arc tangent of _angles.py.
-                const float ax = __builtin_fabsf(c[i]), ay = __builtin_fabsf(s[i]);
-                const float high = ax < ay ? ay : ax, low = ax < ay ? ax : ay;
-                const float a = high > 0.0f ? low / (high > 0.0f ? high : 1.0f) : 0.0f;
-                const float b = a * a;
-                float r = A7;
-                r = r * b + A6;
-                r = r * b + A5;
-                r = r * b + A4;
-                r = r * b + A3;
-                r = r * b + A2;
-                r = r * b + A1;
-                r = r * b + A0;
-                r = r * a;
-                r = ay > ax ? HALF_PI - r : r;
-                r = c[i] < 0.0f ? PI - r : r;
-                r = s[i] < 0.0f ? -r : r;
+                const float r = Alike::angle(s[i], c[i]);
                 angle[i] = r;
                 const float length = __builtin_sqrtf(c[i] * c[i] + s[i] * s[i]);
                 const float bounded = length < __builtin_inff() ? length : __builtin_nanf("");

@@ -10,7 +10,6 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.codes.filters import ATAN
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._angles import atan2
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
@@ -19,11 +18,6 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
 _TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
-_NUMBERS = {f"A{i}": f"{a!r}f" for i, a in enumerate(ATAN)} | {
-    "PI": f"{math.pi!r}f",
-    "HALF_PI": f"{math.pi / 2!r}f",
-    "TURN": f"{1 / (2 * math.pi)!r}f",
-}
 TURN = wp.constant(1 / (2 * math.pi))
 
 
@@ -97,7 +91,7 @@ def _accept(
 
 @lru_cache
 def _decode_cpu(scalar: Any) -> wp.Kernel:
-    @_native.func_native("_phase_cpu.h", TYPE=_TYPES[scalar], **_NUMBERS)
+    @_native.func_native("_phase_cpu.h", TYPE=_TYPES[scalar], TURN=f"{TURN!r}f")
     def decode_row(
         row: int,
         frames: wp.array3d[scalar],

@@ -1,6 +1,8 @@
-"""Filters: images with and without channels, and where results go."""
+"""Filters: images with and without channels, where results go, and filters that are captured."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import cvkern
 from tests.fuzz.arguments import (
@@ -24,9 +26,19 @@ SIGMAS: dict[str, Maker] = {
 }
 OUT: dict[str, Maker] = {"out": place}
 DEEP: dict[str, Maker] = {"image": channels, "channel_axis": one(-1, 2, 2, 0)}
+STACK: dict[str, Maker] = {"image": channels, "batch_axis": one(0, 0, 0, None, 1)}
 AXIS: dict[str, Maker] = {"axis": one(None, 0, 1, 2, -1)}
 
+
+def repeated(image: Any, sigma: Any) -> Any:
+    """Capture a chain of calls and repeat it."""
+    return cvkern.capture(
+        lambda x: cvkern.gradient(cvkern.gaussian(x, sigma), sigma=sigma), image
+    )()
+
+
 CALLS: dict[str, Call] = {
+    "capture": Call(repeated, {**IMAGE, "sigma": number(0, 4)}, {}),
     "gaussian": Call(
         cvkern.gaussian,
         IMAGE,
@@ -45,6 +57,7 @@ CALLS: dict[str, Call] = {
     "median": Call(cvkern.median, IMAGE, {**BORDER, **OUT, "radius": whole(0, 8)}),
     "sobel": Call(cvkern.sobel, IMAGE, {**BORDER, **AXIS}),
     "scharr": Call(cvkern.scharr, IMAGE, {**BORDER, **AXIS}),
+    "prewitt": Call(cvkern.prewitt, IMAGE, {**BORDER, **AXIS}),
     "gradient": Call(
         cvkern.gradient,
         IMAGE,
@@ -52,5 +65,15 @@ CALLS: dict[str, Call] = {
     ),
     "gaussian of channels": Call(cvkern.gaussian, DEEP, {**BORDER, **SIGMAS}),
     "box of channels": Call(cvkern.box, DEEP, {**BORDER, "radius": pair(whole(0, 30))}),
+    "gaussian to integers": Call(
+        cvkern.gaussian,
+        IMAGE,
+        {**BORDER, **SIGMAS, "dtype": one("uint8", "uint16", "float32", None, "int8")},
+    ),
+    "gaussian of a stack": Call(cvkern.gaussian, STACK, {**BORDER, **SIGMAS}),
+    "median of a stack": Call(cvkern.median, STACK, {**BORDER, "radius": whole(0, 8)}),
+    "sobel of a stack": Call(cvkern.sobel, STACK, {**BORDER, **AXIS}),
+    "gradient of a stack": Call(cvkern.gradient, STACK, {**BORDER, "sigma": number(0, 5)}),
+    "gradient of colours": Call(cvkern.gradient, {"image": channels}, BORDER),
     "median of channels": Call(cvkern.median, DEEP, {**BORDER, "radius": whole(0, 8)}),
 }

@@ -8,7 +8,7 @@ import pytest
 import cvkern
 from cvkern._runtime import runtime
 from cvkern.radiance import cameras, march
-from cvkern.radiance.fields.field import Frame, Rays, Seen, View
+from cvkern.radiance.fields.field import Composited, Frame, Rays, View
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.scenes.photographs import Bounds, Scene
 
@@ -67,7 +67,7 @@ class Trial:
         """Return the gradients of the table and of the layers."""
         self.look()
         scale = self.field.gradient_scale
-        self.field.backward(Seen(*(self.keep(scale * g) for g in self.gradients)))
+        self.field.backward(Composited(*(self.keep(scale * g) for g in self.gradients)))
         parameters = self.field.table, self.field.layers
         return [self.rt.to_numpy(p.gradients) / F32(scale) for p in parameters]
 

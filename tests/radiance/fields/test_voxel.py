@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.radiance import Grid, Learnt, March, Rays, Rule, Seen, Space
+from cvkern.kernels.codes.radiance import AdamRule, Composited, Grid, Learnt, March, Rays, Space
 from tests.radiance import reference_derived
 from tests.radiance.fields import reference_voxel as reference
 
@@ -47,6 +47,8 @@ def case(name):
         shift, scale, least = -1.0, 3.0, -3.0
     elif name == "opaque first sample":
         shift, scale = 9.0, 0.1
+    elif name == "nearly opaque first sample":
+        shift, scale = 3.8, 0.1
     elif name == "underflowing transmittance":
         shift, scale, stop = 4.0, 0.5, -1.0
     elif name == "early stop":
@@ -90,6 +92,7 @@ def case(name):
 
 CASES = [
     "fog", "jittered", "zero density", "thin samples are empty", "opaque first sample",
+    "nearly opaque first sample",
     "underflowing transmittance", "early stop", "one sample", "a ray that misses",
     "along the axes", "unbounded", "degree 0", "degree 1", "blocks of cells",
     "random cells are empty", "not all rays",
@@ -97,7 +100,7 @@ CASES = [
 
 
 def outputs(count):
-    seen = Seen(((count, 3), F32), ((count,), F32), ((count,), F32), ((count,), F32))
+    seen = Composited(((count, 3), F32), ((count,), F32), ((count,), F32), ((count,), F32))
     return [seen, ((count,), I32)]
 
 
@@ -118,9 +121,9 @@ def backward(kernels, gradients, arguments, seen, grids):
     """Return the gradients of what was seen, by the primitive."""
     return kernels(
         "radiance.fields.voxel.rays.render_backward",
-        Seen(*gradients),
+        Composited(*gradients),
         *packed(arguments),
-        Seen(*seen[:4]),
+        Composited(*seen[:4]),
         seen[4],
         out=grids,
     )
@@ -337,7 +340,7 @@ def test_adam_moves_touched_nodes(kernels):
         "radiance.fields.voxel.nodes.adam",
         *rates,
         np.array([0.5], F32),
-        Rule(0.9, 0.99, 1e-8),
+        AdamRule(0.9, 0.99, 1e-8),
         out=before,
     )
     before = [touched, *before[1], *before[2]]

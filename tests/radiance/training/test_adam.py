@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cvkern.kernels.codes.radiance import Learnt, Rule
+from cvkern.kernels.codes.radiance import AdamRule, Learnt
 from tests.radiance import reference_radiance as reference
 
 F16, F32, I32 = np.float16, np.float32, np.int32
@@ -38,7 +38,7 @@ def schedule(kernels, step, progress=0.0, base=0.02, warmup=0, final=0.1):
 
 def learn(kernels, rate, arrays, *, factor=1.0, decay=0.0, sparse=False):
     """Take a step with gradients, means, squares, weights and their copy."""
-    given = rate, np.array([factor], F32), Rule(BETA1, BETA2, EPSILON, decay, sparse)
+    given = rate, np.array([factor], F32), AdamRule(BETA1, BETA2, EPSILON, decay, sparse)
     *learnt, copy = arrays
     return kernels("radiance.training.adam.adam", *given, out=[Learnt(*learnt), copy])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.kernels.codes.radiance import Grid, March, Rays, Seen, Space
+from cvkern.kernels.codes.radiance import Composited, Grid, March, Rays, Space
 from cvkern.radiance import fit, make_scene
 from tests.radiance import reference_radiance as reference
 from tests.radiance.fields.test_hash import Trial
@@ -117,9 +117,9 @@ def test_sums_of_a_grid_have_no_order(exact):
         zeros = [np.zeros(density.shape, dtype), np.zeros(color.shape, dtype)]
         return exact(
             "radiance.fields.voxel.rays.render_backward",
-            Seen(*(g[at] for g in gradients)),
+            Composited(*(g[at] for g in gradients)),
             *along,
-            Seen(*seen[:4]),
+            Composited(*seen[:4]),
             seen[4],
             out=[*zeros, np.zeros(density.shape, U8)],
         )

@@ -47,7 +47,7 @@ def _adam(
 def adam(
     rate: np.ndarray,
     factor: np.ndarray,
-    rule: codes.Rule,
+    rule: codes.AdamRule,
     learnt: codes.Learnt,
     copy: np.ndarray,
 ) -> None:

@@ -1,7 +1,7 @@
 // Orientations and descriptors of keypoints on the CPU, 16 pixels of a window at once;
 // taichi/features/keypoints/descriptors.py has the rules.
 
-#include "_angles.h"
+#include "../../_angles.h"
 
 // needs BINS, PEAKS, LONGEST, BINS_PER_RADIAN, REACH
 // Directions of the gradient round point `k`: the peaks of their histogram.

@@ -1,4 +1,4 @@
-#include "_angles.h"
+#include "../../_angles.h"
 
 // needs BINS, PEAKS, LONGEST, BINS_PER_RADIAN, REACH
 // Directions of the gradient round the point of a block: the peaks of their histogram.

@@ -1,7 +1,7 @@
 #include "_adam_step.h"
 
 // One step for weights `first` to `last`; a sparse step leaves weights with gradient 0 unchanged.
-void move(int first, int last, wp::array_t<float> rate, wp::array_t<float> factor, Rule rule,
+void move(int first, int last, wp::array_t<float> rate, wp::array_t<float> factor, AdamRule rule,
           Learnt learnt, wp::array_t<float> copy) {
 #pragma clang fp contract(fast)
     const Adam adam = {rule.beta1, rule.beta2, rule.epsilon, 1.0f / rate.data[2]};

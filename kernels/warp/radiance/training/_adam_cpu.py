@@ -8,7 +8,7 @@ import warp as wp
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance._fixed_point import fraction
 
-from ._structs import Learnt, Rule
+from ._structs import AdamRule, Learnt
 
 wp.set_module_options({"enable_backward": False})
 
@@ -19,7 +19,7 @@ def move(
     last: int,
     rate: wp.array[float],
     factor: wp.array[float],
-    rule: Rule,
+    rule: AdamRule,
     learnt: Learnt,
     copy: wp.array[float],
 ): ...
@@ -32,7 +32,7 @@ def adam(
     last: int,
     rate: wp.array[float],  # (3,): of learning, and what the two means have to be divided by
     factor: wp.array[float],  # (1,): of the gradients
-    rule: Rule,
+    rule: AdamRule,
     # outputs
     learnt: Learnt,  # the gradients are set to 0
     copy: wp.array[float],  # (N,): the weights again

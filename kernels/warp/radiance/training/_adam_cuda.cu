@@ -2,8 +2,8 @@
 
 // needs HALF
 // One step for four weights, or for one of the remaining ones.
-void move(int thread, wp::array_t<float> rate, wp::array_t<float> factor, Rule rule, Learnt learnt,
-          wp::array_t<Scalar> copy) {
+void move(int thread, wp::array_t<float> rate, wp::array_t<float> factor, AdamRule rule,
+          Learnt learnt, wp::array_t<Scalar> copy) {
     const Adam adam = {rule.beta1, rule.beta2, rule.epsilon, 1.0f / rate.data[2]};
     const float learning = rate.data[0] / rate.data[1], scale = factor.data[0];
     auto move_one = [&](float slope, float& m, float& v, float& w) {

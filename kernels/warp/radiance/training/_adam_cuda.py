@@ -12,7 +12,7 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance._fixed_point import NATIVE
 from cvkern.kernels.warp.radiance._sums_cuda import WARPS
 
-from ._structs import Learnt, Rule
+from ._structs import AdamRule, Learnt
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
@@ -32,7 +32,7 @@ def adam(scalar: Any) -> wp.Kernel:
         thread: int,
         rate: wp.array[float],
         factor: wp.array[float],
-        rule: Rule,
+        rule: AdamRule,
         learnt: Learnt,
         copy: wp.array[scalar],
     ): ...
@@ -41,7 +41,7 @@ def adam(scalar: Any) -> wp.Kernel:
     def adam(
         rate: wp.array[float],  # (3,): of learning, and what the two means have to be divided by
         factor: wp.array[float],  # (1,): of the gradients
-        rule: Rule,
+        rule: AdamRule,
         # outputs
         learnt: Learnt,  # the gradients are set to 0
         copy: wp.array[scalar],  # (N,): the weights again

@@ -4,7 +4,7 @@ import warp as wp
 
 
 @wp.struct
-class Rule:
+class AdamRule:
     """The constants of a step of Adam."""
 
     beta1: float

@@ -8,7 +8,7 @@ from cvkern.kernels.warp.radiance._structs import struct_of
 
 from . import _adam_cpu as cpu
 from . import _adam_cuda as cuda
-from ._structs import Learnt, Rule
+from ._structs import AdamRule, Learnt
 
 wp.set_module_options({"enable_backward": False})
 
@@ -46,7 +46,7 @@ def advance_kernel(
 def adam(
     rate: wp.array,
     factor: wp.array,
-    rule: codes.Rule,
+    rule: codes.AdamRule,
     learnt: codes.Learnt,
     copy: wp.array,
 ) -> None:
@@ -57,7 +57,7 @@ def adam(
     bytes.
     """
     count = copy.shape[0]
-    inputs = [rate, factor, struct_of(Rule, rule)]
+    inputs = [rate, factor, struct_of(AdamRule, rule)]
     outputs = [struct_of(Learnt, learnt), copy]
     if copy.device.is_cuda:
         launch(cuda.adam(copy.dtype), cuda.threads(count), inputs, outputs)

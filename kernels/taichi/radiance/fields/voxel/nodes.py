@@ -157,7 +157,7 @@ def adam(
     rate_density: np.ndarray,
     rate_color: np.ndarray,
     factor: np.ndarray,
-    rule: codes.Rule,
+    rule: codes.AdamRule,
     touched: np.ndarray,
     density: codes.Learnt,
     color: codes.Learnt,

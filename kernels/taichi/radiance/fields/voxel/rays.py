@@ -33,7 +33,7 @@ def render(
     march: codes.March,
     grid: codes.Grid,
     stop: float,
-    seen: codes.Seen,
+    seen: codes.Composited,
     samples: np.ndarray,
 ) -> None:
     """Render rays, and count their samples that are not empty.
@@ -51,13 +51,13 @@ def render(
 
 @primitive
 def render_backward(
-    d_seen: codes.Seen,
+    d_seen: codes.Composited,
     rays: codes.Rays,
     space: codes.Space,
     march: codes.March,
     grid: codes.Grid,
     stop: float,
-    seen: codes.Seen,
+    seen: codes.Composited,
     samples: np.ndarray,
     d_density: np.ndarray,
     d_color: np.ndarray,

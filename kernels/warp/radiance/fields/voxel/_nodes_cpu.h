@@ -4,7 +4,7 @@
 // needs WIDTH
 // One step of Adam at the touched nodes of plane k.
 void adam_plane(int k, int side, wp::array_t<float> rate_density, wp::array_t<float> rate_color,
-                wp::array_t<float> factor, Rule rule, wp::array_t<wp::uint8> touched,
+                wp::array_t<float> factor, AdamRule rule, wp::array_t<wp::uint8> touched,
                 Learnt density, Learnt color) {
 #pragma clang fp contract(fast)
     // Both means of squares have the same age.

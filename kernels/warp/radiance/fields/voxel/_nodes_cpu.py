@@ -9,7 +9,7 @@ from typing import NamedTuple
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp.radiance.training._structs import Learnt, Rule
+from cvkern.kernels.warp.radiance.training._structs import AdamRule, Learnt
 
 wp.set_module_options({"enable_backward": False})
 
@@ -32,7 +32,7 @@ def kernels(width: int) -> Kernels:
         rate_density: wp.array[float],
         rate_color: wp.array[float],
         factor: wp.array[float],
-        rule: Rule,
+        rule: AdamRule,
         touched: wp.array[wp.uint8],
         density: Learnt,
         color: Learnt,
@@ -58,7 +58,7 @@ def kernels(width: int) -> Kernels:
         rate_density: wp.array[float],  # (3,)
         rate_color: wp.array[float],  # (3,)
         factor: wp.array[float],  # (1,)
-        rule: Rule,
+        rule: AdamRule,
         side: int,
         # outputs
         touched: wp.array[wp.uint8],  # (N^3,): set to 0

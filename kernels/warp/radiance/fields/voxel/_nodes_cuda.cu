@@ -48,7 +48,7 @@ void smooth(int thread, float weight_density, float weight_color, wp::array_t<wp
 // needs NODES, BLOCK
 // One step of Adam at touched nodes.
 void move(int thread, wp::array_t<float> rate_density, wp::array_t<float> rate_color,
-          wp::array_t<float> factor, Rule rule, int width, wp::array_t<wp::uint8> touched,
+          wp::array_t<float> factor, AdamRule rule, int width, wp::array_t<wp::uint8> touched,
           Learnt density, Learnt color) {
     const TouchedNodes nodes(touched.data, touched.shape[0], thread);
     if (nodes.count == 0) return;

@@ -8,7 +8,7 @@ one of these, or four coefficients of one.
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp.radiance.training._structs import Learnt, Rule
+from cvkern.kernels.warp.radiance.training._structs import AdamRule, Learnt
 
 wp.set_module_options({"enable_backward": False, "default_grid_stride": False})
 
@@ -61,7 +61,7 @@ def move(
     rate_density: wp.array[float],
     rate_color: wp.array[float],
     factor: wp.array[float],
-    rule: Rule,
+    rule: AdamRule,
     width: int,
     touched: wp.array[wp.uint8],
     density: Learnt,
@@ -74,7 +74,7 @@ def adam(
     rate_density: wp.array[float],  # (3,)
     rate_color: wp.array[float],  # (3,)
     factor: wp.array[float],  # (1,)
-    rule: Rule,
+    rule: AdamRule,
     width: int,
     # outputs
     touched: wp.array[wp.uint8],  # (N^3,): set to 0

@@ -3,8 +3,8 @@
 
 // needs MOST_LOG_DENSITY, Rays, Space, March, Grid, FIXED, UNIT, LIMIT
 // Add to float32 numbers, or, if FIXED, to fixed-point numbers in int64.
-void walk_backward(int ray, float jitter, Seen d_seen, Rays rays, Space space, March march,
-                   Grid grid, float stop, Seen seen, wp::array_t<Sum> d_density,
+void walk_backward(int ray, float jitter, Composited d_seen, Rays rays, Space space, March march,
+                   Grid grid, float stop, Composited seen, wp::array_t<Sum> d_density,
                    wp::array_t<Sum> d_color, wp::array_t<wp::uint8> touched) {
     const unsigned all = 0xffffffffu;
     VoxelWalk at(ray, jitter, rays, space, march, grid, stop);

@@ -2,7 +2,7 @@
 
 // needs WIDTH, MOST_LOG_DENSITY, Rays, Space, March, Grid
 void walk_forward(int ray, float jitter, Rays rays, Space space, March march, Grid grid, float stop,
-                  Seen seen, wp::array_t<int> samples) {
+                  Composited seen, wp::array_t<int> samples) {
 #pragma clang fp contract(fast)
 #pragma clang fp reassociate(on)
     VoxelBands bands(rays.directions.data + 3 * (size_t)ray, grid.basis);
@@ -29,8 +29,8 @@ void walk_forward(int ray, float jitter, Rays rays, Space space, March march, Gr
 
 // needs WIDTH, MOST_LOG_DENSITY, Rays, Space, March, Grid, RECORD
 // Write records of samples, beginning at `begin`, up to the room that there is.
-void walk_backward(int ray, float jitter, Seen d_seen, Rays rays, Space space, March march,
-                   Grid grid, float stop, Seen seen, int begin, int room,
+void walk_backward(int ray, float jitter, Composited d_seen, Rays rays, Space space, March march,
+                   Grid grid, float stop, Composited seen, int begin, int room,
                    wp::array_t<float> records) {
 #pragma clang fp contract(fast)
 #pragma clang fp reassociate(on)

@@ -12,7 +12,7 @@ import warp as wp
 
 from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp.radiance._structs import NATIVE, Grid, March, Rays, Seen, Space
+from cvkern.kernels.warp.radiance._structs import NATIVE, Composited, Grid, March, Rays, Space
 
 from ._march import jitter_of
 
@@ -45,7 +45,7 @@ def kernels(width: int) -> Kernels:
         march: March,
         grid: Grid,
         stop: float,
-        seen: Seen,
+        seen: Composited,
         samples: wp.array[int],
     ): ...
 
@@ -53,13 +53,13 @@ def kernels(width: int) -> Kernels:
     def walk_backward(
         ray: int,
         jitter: float,
-        d_seen: Seen,
+        d_seen: Composited,
         rays: Rays,
         space: Space,
         march: March,
         grid: Grid,
         stop: float,
-        seen: Seen,
+        seen: Composited,
         begin: int,
         room: int,
         records: wp.array2d[float],
@@ -91,7 +91,7 @@ def kernels(width: int) -> Kernels:
         grid: Grid,
         stop: float,
         # outputs
-        seen: Seen,
+        seen: Composited,
         samples: wp.array[int],  # (R,)
     ):
         for ray in range(first, last):
@@ -106,13 +106,13 @@ def kernels(width: int) -> Kernels:
         slab: int,
         first: int,
         last: int,
-        d_seen: Seen,
+        d_seen: Composited,
         rays: Rays,
         space: Space,
         march: March,
         grid: Grid,
         stop: float,
-        seen: Seen,
+        seen: Composited,
         ends: wp.array[wp.int64],  # (R,): of the records of each ray
         # outputs
         records: wp.array2d[float],  # (M, 8)

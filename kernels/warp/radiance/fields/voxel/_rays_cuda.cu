@@ -2,7 +2,7 @@
 
 // needs MOST_LOG_DENSITY, Rays, Space, March, Grid
 void walk_forward(int ray, float jitter, Rays rays, Space space, March march, Grid grid, float stop,
-                  Seen seen, wp::array_t<int> samples) {
+                  Composited seen, wp::array_t<int> samples) {
     VoxelWalk at(ray, jitter, rays, space, march, grid, stop);
     float out[4] = {0.0f, 0.0f, 0.0f, 0.0f};  // this lane's colour and distortion
     int found = 0;

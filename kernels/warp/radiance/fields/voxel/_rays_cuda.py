@@ -13,7 +13,7 @@ import warp as wp
 from cvkern.kernels.codes.radiance import MOST_LOG_DENSITY
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance import _fixed_point
-from cvkern.kernels.warp.radiance._structs import NATIVE, Grid, March, Rays, Seen, Space
+from cvkern.kernels.warp.radiance._structs import NATIVE, Composited, Grid, March, Rays, Space
 
 from ._march import jitter_of
 
@@ -41,7 +41,7 @@ def walk_forward(
     march: March,
     grid: Grid,
     stop: float,
-    seen: Seen,
+    seen: Composited,
     samples: wp.array[int],
 ): ...
 
@@ -54,7 +54,7 @@ def render(
     grid: Grid,
     stop: float,
     # outputs
-    seen: Seen,
+    seen: Composited,
     samples: wp.array[int],  # (R,)
 ):
     ray = warp_number()
@@ -73,13 +73,13 @@ def render_backward(sums: Any) -> wp.Kernel:
     def walk_backward(
         ray: int,
         jitter: float,
-        d_seen: Seen,
+        d_seen: Composited,
         rays: Rays,
         space: Space,
         march: March,
         grid: Grid,
         stop: float,
-        seen: Seen,
+        seen: Composited,
         d_density: wp.array3d[sums],
         d_color: wp.array4d[sums],
         touched: wp.array3d[wp.uint8],
@@ -87,13 +87,13 @@ def render_backward(sums: Any) -> wp.Kernel:
 
     @wp.kernel(launch_bounds=BOUNDS, module="unique", module_options=OPTIONS)
     def render_backward(
-        d_seen: Seen,
+        d_seen: Composited,
         rays: Rays,
         space: Space,
         march: March,
         grid: Grid,
         stop: float,
-        seen: Seen,
+        seen: Composited,
         samples: wp.array[int],  # (R,)
         # outputs
         d_density: wp.array3d[sums],  # added to

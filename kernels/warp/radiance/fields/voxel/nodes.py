@@ -11,7 +11,7 @@ from cvkern.kernels.warp._launch import (
     view,
 )
 from cvkern.kernels.warp.radiance._structs import struct_of
-from cvkern.kernels.warp.radiance.training._structs import Learnt, Rule
+from cvkern.kernels.warp.radiance.training._structs import AdamRule, Learnt
 
 from . import _nodes_cpu as planes
 from . import _nodes_cuda as nodes
@@ -134,7 +134,7 @@ def adam(
     rate_density: wp.array,
     rate_color: wp.array,
     factor: wp.array,
-    rule: codes.Rule,
+    rule: codes.AdamRule,
     touched: wp.array,
     density: codes.Learnt,
     color: codes.Learnt,
@@ -146,7 +146,7 @@ def adam(
     (N, N, N), those of `color` (N, N, N, C). The rule's decay is 0, and it is not sparse.
     """
     side, width = touched.shape[0], color.weights.shape[3]
-    rates = [rate_density, rate_color, factor, struct_of(Rule, rule)]
+    rates = [rate_density, rate_color, factor, struct_of(AdamRule, rule)]
     outputs = [_flat(touched), *(struct_of(Learnt, map(_flat, a)) for a in (density, color))]
     if touched.device.is_cuda:
         count = nodes.threads(touched.size)

@@ -30,7 +30,7 @@ from cvkern.kernels.warp._launch import (
     launch_slabs,
     scratch,
 )
-from cvkern.kernels.warp.radiance._structs import Grid, March, Rays, Seen, Space, struct_of
+from cvkern.kernels.warp.radiance._structs import Composited, Grid, March, Rays, Space, struct_of
 
 from . import _rays_cpu as cpu
 from . import _rays_cuda as cuda
@@ -48,7 +48,7 @@ def render(
     march: codes.March,
     grid: codes.Grid,
     stop: float,
-    seen: codes.Seen,
+    seen: codes.Composited,
     samples: wp.array,
 ) -> None:
     """Render rays, and count their samples that are not empty.
@@ -60,7 +60,7 @@ def render(
     other rays.
     """
     count = rays.origins.shape[0]
-    inputs, outputs = _given(rays, space, march, grid, stop), [struct_of(Seen, seen), samples]
+    inputs, outputs = _given(rays, space, march, grid, stop), [struct_of(Composited, seen), samples]
     if grid.density.device.is_cuda:
         launch(cuda.render, cuda.THREADS * count, inputs, outputs, cuda.BLOCK)
     else:
@@ -69,13 +69,13 @@ def render(
 
 
 def render_backward(
-    d_seen: codes.Seen,
+    d_seen: codes.Composited,
     rays: codes.Rays,
     space: codes.Space,
     march: codes.March,
     grid: codes.Grid,
     stop: float,
-    seen: codes.Seen,
+    seen: codes.Composited,
     samples: wp.array,
     d_density: wp.array,
     d_color: wp.array,
@@ -89,8 +89,8 @@ def render_backward(
     numbers, whose sums do not depend on the order.
     """
     count = rays.origins.shape[0]
-    given = [*_given(rays, space, march, grid, stop), struct_of(Seen, seen)]
-    inputs, outputs = [struct_of(Seen, d_seen), *given], [d_density, d_color, touched]
+    given = [*_given(rays, space, march, grid, stop), struct_of(Composited, seen)]
+    inputs, outputs = [struct_of(Composited, d_seen), *given], [d_density, d_color, touched]
     if d_density.device.is_cuda:
         kernel = cuda.render_backward(d_color.dtype)
         launch(kernel, cuda.THREADS * count, [*inputs, samples], outputs, cuda.BLOCK)

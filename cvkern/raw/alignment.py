@@ -1,0 +1,165 @@
+"""Exposures that a hand-held camera took, moved above each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._arrays import library
+from cvkern._checks import check_integer
+from cvkern._runtime import Runtime, runtime
+from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
+from cvkern.raw.demosaicing import CARRIED
+from cvkern.raw.exposures import stacked
+
+NOISE = (GREYS - 1) * 4 // 255  # levels about the median that do not count
+GREY = (("grey", np.float32), ("levels", np.int32))
+
+
+class Alignment(NamedTuple):
+    """Exposures that lie above each other, and how they were moved."""
+
+    images: Any
+    """The exposures, of the shape and dtype given; beyond a border the last pixels are repeated."""
+    shifts: np.ndarray
+    """(K, 2) int64: rows and columns that each was moved by."""
+
+
+def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
+    """Align exposures that a hand-held camera took, by whole pixels.
+
+    Parameters
+    ----------
+    images : array of shape (K, H, W) or (K, H, W, 3)
+        Exposures, any real dtype. NumPy also takes a sequence of images.
+    reach : int, default 64
+        Pixels that an image may be off the one in the middle, in each direction.
+
+    Returns
+    -------
+    Alignment
+        Named tuple of the moved `images` and their `shifts`, (0, 0) for the middle one.
+
+    Raises
+    ------
+    TypeError
+        If `images` do not hold real numbers.
+    ValueError
+        If there are fewer than two images, shapes differ, or `reach` is not in 1 to 1024.
+
+    Notes
+    -----
+    Median threshold bitmaps [1]_: whether a pixel is above its image's median hardly depends on
+    exposure. From coarse to fine, each level tries the nine moves by one pixel, and keeps the one
+    with the smallest share of pixels that differ, the shortest move on a tie. Levels of 16 bits
+    stand for the mean of the channels, so that all that is compared are integers: equal on all
+    devices. Values that are not finite count as 0.
+
+    References
+    ----------
+    .. [1] G. Ward, "Fast, robust image registration for compositing high dynamic range photographs
+       from hand-held exposures", Journal of Graphics Tools 8, 2003.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> scene = np.random.default_rng(0).random((64, 80))
+    >>> images = np.stack([scene, np.roll(scene, (3, -2), (0, 1)) / 2])
+    >>> cvkern.align_exposures(images, reach=8).shifts
+    array([[ 0,  0],
+           [-3,  2]])
+    """
+    images, shape = stacked(images)
+    reach = check_integer(reach, "reach", 1, 1024)
+    rt = runtime(images)
+    levels, middles = _graded(rt, images, shape)
+    grey = [levels]
+    least = min(shape[1:3])
+    for n in range(min(math.ceil(math.log2(reach)), max(int(math.log2(least / 8)), 0))):
+        sides = (grey[n].shape[1] // 2, grey[n].shape[2] // 2)
+        grey.append(rt.scratch(f"align.level{n + 1}", (shape[0], *sides), np.int32))
+        rt.raw.alignment.halve(grey[n], grey[n + 1])
+    sides, medians = zip(*(_split(rt, n, level) for n, level in enumerate(grey)), strict=True)
+    fixed = int(np.argsort(middles(medians[0]), kind="stable")[shape[0] // 2])
+    shifts = np.zeros((shape[0], 2), np.int64)
+    for k in range(shape[0]):
+        if k != fixed:
+            shifts[k] = _shift(rt, sides, k, fixed)
+    if library(images).writable:
+        return Alignment(_moved(images, shifts), shifts)
+    host = np.asarray(rt.to_numpy(rt.adopt(images, library(images).dtype(images))))
+    return Alignment(rt.give(_moved(host, shifts)), shifts)
+
+
+def _graded(
+    rt: Runtime, images: Any, shape: tuple[int, ...]
+) -> tuple[Any, Callable[[np.ndarray], np.ndarray]]:
+    """Return levels of grey (K, H, W), and what takes a level of each image to its value."""
+    count, height, width, channels = shape
+    flat = (count, height * width)
+    grey, levels = (rt.scratch(f"align.{n}", flat, t) for n, t in GREY)
+    ends = rt.scratch("align.ends", (count, 2), np.int64)
+    rt.clear(ends)
+    kernels = rt.raw.alignment
+    dtype = library(images).dtype(images)
+    carried = dtype if dtype in CARRIED else np.dtype(np.float32)
+    kernels.mix(rt.adopt(images, carried, (*flat, channels)), 1 / channels, grey, ends)
+    found = np.array(rt.to_numpy(ends))
+    keys = (np.stack([2**32 - found[:, 0], found[:, 1]]) - 2**31).astype(np.int32)
+    low, high = (keys ^ ((keys >> 31) & 0x7FFFFFFF)).view(np.float32).astype(np.float64)
+    units = (GREYS - 1) / np.where(high > low, high - low, 1)
+    scales = np.stack([low, units], axis=1).astype(np.float32)
+    kernels.grade(grey, rt.send("align.scales", scales), levels)
+    return levels.reshape(shape[:3]), lambda medians: low + medians / units
+
+
+def _split(rt: Runtime, n: int, levels: Any) -> tuple[Any, np.ndarray]:
+    """Return on which side of its image's median each pixel is, and these lower medians."""
+    shape = levels.shape
+    flat = levels.reshape((shape[0], shape[1] * shape[2]))
+    counts = rt.scratch("align.counts", (shape[0], GREYS), np.int32)
+    rt.clear(counts)
+    rt.raw.alignment.count(flat, counts)
+    sums = np.cumsum(rt.to_numpy(counts), axis=1, dtype=np.int64)
+    medians = np.argmax(2 * sums >= sums[:, -1:], axis=1).astype(np.int32)
+    sides = rt.scratch(f"align.sides{n}", tuple(flat.shape), np.uint8)
+    rt.raw.alignment.split(flat, rt.send("align.medians", medians), NOISE, sides)
+    return sides.reshape(shape), medians
+
+
+def _shift(rt: Runtime, sides: Sequence[Any], k: int, fixed: int) -> tuple[int, int]:
+    """Return the rows and columns by which image k is moved to lie above the fixed one."""
+    dy = dx = 0
+    sums = rt.scratch("align.sums", (SLOTS, len(MOVES)), np.int32)
+    for level in sides[::-1]:
+        dy, dx = 2 * dy, 2 * dx
+        rt.clear(sums)
+        rt.raw.alignment.compare(level, k, fixed, dy, dx, sums)
+        off = rt.to_numpy(sums).sum(axis=0, dtype=np.int64)
+        _, height, width = level.shape
+        sizes = [max(height - abs(dy + y), 0) * max(width - abs(dx + x), 0) for y, x in MOVES]
+        shares = [n / size if size else math.inf for n, size in zip(off, sizes, strict=True)]
+        y, x = MOVES[int(np.argmin(shares))]
+        dy, dx = dy + y, dx + x
+    return dy, dx
+
+
+def _moved(images: Any, shifts: np.ndarray) -> Any:
+    """Move images of any library, and repeat their last pixels."""
+    moved = images * 1  # a copy, in any library
+    height, width = images.shape[1:3]
+    for k, (dy, dx) in enumerate(shifts.tolist()):
+        dy, dx = max(-height + 1, min(dy, height - 1)), max(-width + 1, min(dx, width - 1))
+        rows = slice(max(dy, 0), height + min(dy, 0))
+        columns = slice(max(dx, 0), width + min(dx, 0))
+        own = images[k, max(-dy, 0) : height - max(dy, 0), max(-dx, 0) : width - max(dx, 0)]
+        moved[k, rows, columns] = own
+        moved[k, rows, : columns.start] = moved[k, rows, columns.start : columns.start + 1]
+        moved[k, rows, columns.stop :] = moved[k, rows, columns.stop - 1 : columns.stop]
+        moved[k, : rows.start] = moved[k, rows.start : rows.start + 1]
+        moved[k, rows.stop :] = moved[k, rows.stop - 1 : rows.stop]
+    return moved

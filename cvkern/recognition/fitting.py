@@ -1,0 +1,225 @@
+"""The steps of learning a shape model from objects and negatives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, Patches
+from cvkern.recognition.codebook import cluster
+from cvkern.recognition.hypotheses import weigh
+from cvkern.recognition.training import (
+    DOUBTFUL,
+    HARDEST,
+    MOST_TRAINED,
+    ROUNDS,
+    SPREAD_RARE,
+    UNIT,
+    ZOOMS,
+    Example,
+    Learnt,
+    Settings,
+    Window,
+    columns,
+    dense_modes,
+    halves,
+    look,
+    occurrences_of,
+    quantised,
+    separate,
+    surprise,
+    window_at,
+)
+from cvkern.recognition.votes import layout
+
+SHEET = 2.5  # least sides of a negative, in sides of the object's box; smaller ones are mirrored
+MOST_PASTED = 100  # negatives that objects are put into
+NEAR = 0.3  # part of a box: places as near to an object are the object
+
+
+# The patches of a picture, its shape, and the middle of the object in it, if there is one.
+Scene = tuple[Example, tuple[int, ...], np.ndarray | None]
+
+
+class Fitted(NamedTuple):
+    """What a model has learnt, on the host."""
+
+    words: np.ndarray
+    """Normalised patches (K, D) int8."""
+    starts: np.ndarray
+    """First occurrence of each word, and their number, (K + 1,) int32."""
+    entries: np.ndarray
+    """Occurrences: rows and columns to the centre, scale, weight, (O, 4) int32."""
+    figures: np.ndarray
+    """Share of the object in each pixel of each occurrence, (O, S S) uint8, or (0, 0)."""
+    weights: np.ndarray
+    """Evidence of each word in each cell of the frame, (K, cells) int32."""
+    bias: int
+    """Evidence of an empty frame."""
+    threshold: float
+    """Least score of what is found by default."""
+
+
+def fit(
+    rt: Runtime,
+    objects: np.ndarray,
+    masks: np.ndarray | None,
+    negatives: list[np.ndarray],
+    settings: Settings,
+) -> Fitted:
+    """Learn from objects (N, h, w) in parts of white, and from pictures without any."""
+    step = settings.sampling.step
+    firsts = [(0, 0)]
+    if settings.sampling.points == "grid" and step > 1:
+        half = step // 2
+        firsts += [(half, half), (0, half), (half, 0)]
+    patches = np.concatenate(
+        [look(rt, picture, settings, None).sampled.patches for picture in objects]
+    )
+    patches = patches[patches.any(axis=1)]
+    if not len(patches):
+        raise ValueError("images must have patches that are not flat, got none")
+    patches = patches[:: -(-len(patches) // MOST_TRAINED)]
+    words, _ = cluster(
+        rt, patches, settings.words, settings.method, settings.correlation, settings.sampling
+    )
+    count, frame = len(words), settings.frame
+    seen = [look(rt, picture, settings, words, first=f) for picture in objects for f in firsts]
+    shown = [None if masks is None else masks[i // len(firsts)] for i in range(len(seen))]
+    starts, entries, figures = occurrences_of(seen, shown, settings, count)
+    middle = settings.middle
+    found = [window_at(example, 0, middle, 1 << FACTOR_BITS, frame) for example in seen]
+    if not negatives:
+        learnt = quantised(surprise(found, count, frame), 0.0, count)
+        totals = [learnt.weights[w.words, w.cells].sum() for w in found]
+        threshold = float(np.median(totals)) / UNIT / 2
+    else:
+        sheets = [sheet_of(negative, settings) for negative in negatives]
+        backgrounds = [look(rt, sheet, settings, words, ZOOMS) for sheet in sheets]
+        entries = discounted(entries, starts, seen, backgrounds, settings)
+        learnt = learn_evidence(rt, objects, sheets, backgrounds, found, words, settings)
+        threshold = 0.0
+    return Fitted(
+        words, starts, entries, np.empty((0, 0), np.uint8) if figures is None else figures,
+        learnt.weights, learnt.bias, threshold,
+    )  # fmt: skip
+
+
+def sheet_of(negative: np.ndarray, settings: Settings) -> np.ndarray:
+    """Return a negative that is large enough to look for objects, mirrored at its borders."""
+    missing = [
+        max(0, int(SHEET * size) - side)
+        for side, size in zip(negative.shape, (settings.height, settings.width), strict=True)
+    ]
+    return np.pad(negative, [(m // 2, m - m // 2) for m in missing], mode="symmetric")
+
+
+def discounted(
+    entries: np.ndarray,
+    starts: np.ndarray,
+    objects: list[Example],
+    backgrounds: list[Example],
+    settings: Settings,
+) -> np.ndarray:
+    """Multiply the votes of a word by the share of its activations that is on objects."""
+    count = len(starts) - 1
+
+    def rate(examples: list[Example]) -> np.ndarray:
+        """Return activations of each word in a patch."""
+        words = np.concatenate([e.matches[e.matches != NOBODY] for e in examples])
+        return np.bincount(words, minlength=count) / sum(len(e.matches) for e in examples)
+
+    own, other = rate(objects), rate(backgrounds)
+    rare = SPREAD_RARE * own.sum() / count
+    share = own / (own + other + rare)
+    entries[:, 3] = np.floor(entries[:, 3] * np.repeat(share, np.diff(starts)))
+    return entries
+
+
+def learn_evidence(
+    rt: Runtime,
+    objects: np.ndarray,
+    sheets: list[np.ndarray],
+    backgrounds: list[Example],
+    found: list[Window],
+    words: np.ndarray,
+    settings: Settings,
+) -> Learnt:
+    """Learn weights by logistic regression, in rounds: each adds what was mistaken before.
+
+    Objects come whole and half hidden. Negatives are places of the sheets, and places beside
+    objects that are put into sheets.
+    """
+    count, frame = len(words), settings.frame
+    own = columns(halves(found, frame), count, frame)
+    scenes: list[Scene] = [
+        (e, sheet.shape, None) for e, sheet in zip(backgrounds, sheets, strict=True)
+    ]
+    for number, sheet in enumerate(sheets[:MOST_PASTED]):
+        pasted, place = paste(sheet, objects[number * len(objects) // len(sheets)])
+        scenes.append((look(rt, pasted, settings, words, ZOOMS), sheet.shape, place))
+    learnt = quantised(surprise(found, count, frame), 0.0, count)
+    others: list[Window] = []
+    taken: list[set[int]] = [set() for _ in scenes]
+    floor = -np.inf
+    for _ in range(ROUNDS):
+        for scene, seen in zip(scenes, taken, strict=True):
+            others += list(mistaken(rt, scene, seen, learnt, floor, settings))
+        learnt = quantised(*separate(own, columns(others, count, frame)), count)
+        floor = DOUBTFUL * UNIT
+    return learnt
+
+
+def paste(sheet: np.ndarray, thing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a sheet with an object in its middle, and the middle of the object."""
+    made = sheet.copy()
+    first = (np.array(sheet.shape) - thing.shape) // 2
+    made[tuple(slice(f, f + n) for f, n in zip(first, thing.shape, strict=True))] = thing
+    return made, first + (np.array(thing.shape) - 1) / 2
+
+
+def mistaken(
+    rt: Runtime,
+    scene: Scene,
+    taken: set[int],
+    learnt: Learnt,
+    floor: float,
+    settings: Settings,
+) -> Iterator[Window]:
+    """Yield the places of a scene with most evidence for an object where there is none."""
+    example, shape, place = scene
+    space, _, _ = layout((shape[0], shape[1]), ZOOMS)
+    given = zip(Patches._fields, (*example.sampled[:3], example.matches), strict=True)
+    patches = Patches(*(rt.send(f"recognition.{name}", array) for name, array in given))
+    levels = example.sampled.levels
+    modes = np.concatenate(
+        [
+            dense_modes(shape, settings, zoom, int(code))
+            for zoom, code in zip(ZOOMS, levels[:, 0], strict=True)
+        ]
+    )
+    size = np.array([settings.height, settings.width])
+    if place is not None:
+        apart = np.abs(modes[:, :2] / FINE - place) / size
+        modes = modes[(apart > NEAR).any(axis=1)]
+    weights = rt.send("recognition.weights", learnt.weights)
+    known = space._replace(factors=rt.constant(space.factors))
+    evidence = weigh(rt, patches, weights, known, settings.frame, modes) + learnt.bias
+    chosen: list[int] = []
+    for index in np.argsort(-evidence.astype(np.int64), kind="stable").tolist():
+        if evidence[index] < floor or len(chosen) == HARDEST:
+            break
+        near = modes[chosen] if chosen else np.empty((0, 4))
+        apart = np.abs(near[:, :2] - modes[index, :2]) / FINE / size
+        same = (apart < 0.1).all(axis=1) & (near[:, 2] == modes[index, 2])
+        if same.any():
+            continue
+        chosen.append(index)
+        if index not in taken:
+            taken.add(index)
+            level = int(np.flatnonzero(levels[:, 0] == modes[index, 2])[0])
+            factor = int(space.factors[modes[index, 2] - space.lowest])
+            yield window_at(example, level, modes[index, :2], factor, settings.frame)

@@ -1,0 +1,419 @@
+"""An implicit shape model: learnt from pictures of objects, it finds them in other pictures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._checks import (
+    check_choice,
+    check_flag,
+    check_integer,
+    check_number,
+)
+from cvkern._runtime import runtime
+from cvkern.kernels.codes.recognition import FINE, MOST_WORDS, OCTAVE, Occurrences
+from cvkern.recognition import files
+from cvkern.recognition._arguments import (
+    Box,
+    check_boxes,
+    check_masks,
+    check_picture,
+    check_scales,
+    cut_all,
+    grays_of,
+)
+from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
+from cvkern.recognition.figures import Found, paint
+from cvkern.recognition.fitting import Fitted, fit
+from cvkern.recognition.hypotheses import explain, weigh
+from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
+from cvkern.recognition.training import MOST_SIZE, UNIT, Settings
+from cvkern.recognition.votes import activate, find_modes
+
+OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
+LONGEST = 96  # pixels of the longer side of the model's box, at most unless asked
+
+
+class Objects(NamedTuple):
+    """Objects that a model found, the strongest first."""
+
+    boxes: Any
+    """First row and column, and those behind the last, (N, 4) float32."""
+    scores: Any
+    """Logarithm of the odds that there is an object, (N,) float32."""
+    centers: Any
+    """Row and column of the middle, (N, 2) float32."""
+    scales: Any
+    """Size, in sizes of the model, (N,) float32."""
+
+
+class Segmentation(NamedTuple):
+    """Objects that a model found, and their pixels."""
+
+    objects: Objects
+    masks: Any
+    """Pixels of each object, (N, H, W) bool."""
+
+
+class ShapeModel:
+    """Find objects by patches that vote for their centres: an implicit shape model.
+
+    Parameters
+    ----------
+    words : int, default 1000
+        Number of visual words that `kmeans` looks for.
+    patch : int, default 16
+        Side of a patch, pixels of the model; 8 to 25.
+    points : {'grid', 'harris', 'dog'}, default 'grid'
+        Where patches are: on a grid, at Harris corners, or at the keypoints of :func:`sift`.
+    step : int, default 4
+        Pixels between the points of the grid; the least distance of Harris corners.
+    method : {'kmeans', 'agglomerative'}, default 'kmeans'
+        How words are found, see :func:`learn_codebook`.
+    correlation : float, default 0.5
+        A patch activates words that correlate with it by at least this, in (0, 1]. It is also the
+        threshold of `agglomerative`.
+    max_words : int, default 5
+        Number of words that a patch activates, at most 8: those that correlate best.
+    size : int, optional
+        Longer side of the model's box, pixels. By default that of the median box, at most 96.
+    mirror : bool, default True
+        Learn from mirrored objects too.
+
+    Attributes
+    ----------
+    box : (int, int) or None
+        Height and width of an object of scale 1, pixels.
+    threshold : float or None
+        Least score of what :meth:`detect` finds by default.
+
+    Raises
+    ------
+    TypeError
+        If an option is of a wrong type.
+    ValueError
+        If an option is unknown or out of its range.
+
+    Notes
+    -----
+    Patches are normalised and rounded to integers, and correlated with all words. The words of a
+    patch vote for the centre and the scale of an object, by where they were seen in training. The
+    weights of a patch add up to 1, the share of the background included. Maxima of the votes move
+    to modes of their density by mean shift, with a kernel that grows with the scale. At each mode,
+    the words in the cells of the box are weighed: the sum is the logarithm of the odds. Hypotheses
+    share the patches by minimum description length: each patch is explained once.
+
+    Votes, places and scores are integers or fractions of integers: the same on every device.
+
+    References
+    ----------
+    .. [1] B. Leibe, A. Leonardis and B. Schiele, "Robust object detection with interleaved
+       categorization and segmentation", IJCV 77, 2008.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import cvkern
+    >>> y, x = np.mgrid[:32, :32]
+    >>> ring = np.abs(np.hypot(y - 15.5, x - 15.5) - 10) < 3.0
+    >>> model = cvkern.ShapeModel(words=50, patch=8).fit([ring])
+    >>> photo = np.zeros((80, 90))
+    >>> photo[20:52, 40:72] = ring
+    >>> found = model.detect(photo, scales=[1.0])
+    >>> found.boxes.round().tolist()
+    [[20.0, 40.0, 52.0, 72.0]]
+    """
+
+    def __init__(
+        self,
+        words: int = 1000,
+        *,
+        patch: int = 16,
+        points: str = "grid",
+        step: int = 4,
+        method: str = "kmeans",
+        correlation: float = 0.5,
+        max_words: int = 5,
+        size: int | None = None,
+        mirror: bool = True,
+    ):
+        self._words = check_integer(words, "words", 1, MOST_CODEBOOK)
+        side = check_integer(patch, "patch", LEAST_SIDE, MOST_SIDE)
+        check_choice(points, POINTS, "points")
+        step = check_integer(step, "step", 1, MOST_STEP)
+        self._method = check_choice(method, METHODS[1:], "method")
+        self._correlation = check_number(correlation, "correlation")
+        if not 0 < self._correlation <= 1:
+            raise ValueError(f"correlation must be in (0, 1], got {self._correlation:g}")
+        self._most = check_integer(max_words, "max_words", 1, MOST_WORDS)
+        self._size = None if size is None else check_integer(size, "size", side, MOST_SIZE)
+        self._mirror = check_flag(mirror, "mirror")
+        self._sampling = Sampling(side, points, step)
+        self._settings: Settings | None = None
+        self._fitted: Fitted | None = None
+
+    @property
+    def box(self) -> tuple[int, int] | None:
+        """Height and width of an object of scale 1, pixels."""
+        return None if self._settings is None else (self._settings.height, self._settings.width)
+
+    @property
+    def threshold(self) -> float | None:
+        """Least score of what is found by default."""
+        return None if self._fitted is None else self._fitted.threshold
+
+    def fit(
+        self,
+        images: Sequence[Any],
+        boxes: Sequence[Any] | None = None,
+        masks: Sequence[Any] | None = None,
+        negatives: Sequence[Any] | None = None,
+        *,
+        data_range: float | None = None,
+    ) -> ShapeModel:
+        """Learn from pictures of objects.
+
+        Parameters
+        ----------
+        images : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4)
+            Pictures with objects; sizes may differ.
+        boxes : sequence of arrays of shape (N, 4), optional
+            Boxes of the objects of each picture: first row and column, and those behind the last.
+            By default each picture is one object.
+        masks : sequence of arrays of shape (H, W), optional
+            Pixels of objects are not 0; for :meth:`segment`.
+        negatives : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4), optional
+            Pictures without objects, which teach what is none. Small ones are mirrored at their
+            borders.
+        data_range : float, optional
+            The value of white. By default the largest number of an integer dtype, else 1.
+
+        Returns
+        -------
+        ShapeModel
+            The model itself.
+
+        Raises
+        ------
+        TypeError
+            If a picture or a mask does not hold real numbers.
+        ValueError
+            If shapes do not agree, boxes are not within their pictures, or nothing is to be learnt.
+        """
+        pictures = grays_of(images, "images", data_range)
+        if not pictures:
+            raise ValueError("images must have at least one picture, got none")
+        spans = check_boxes(boxes, pictures)
+        figures = None if masks is None else check_masks(masks, pictures)
+        others = grays_of(negatives or (), "negatives", data_range)
+        height, width = self._model_box([box for found in spans for box in found])
+        settings = Settings(
+            self._words, self._method, self._correlation, self._most, self._sampling, height, width
+        )
+        if min(height, width) < self._sampling.side:
+            raise ValueError(
+                f"patch must be at most {min(height, width)}, the side of the model's box of "
+                f"{height} x {width}, got {self._sampling.side}"
+            )
+        objects = cut_all(pictures, spans, (height, width))
+        shown = None if figures is None else cut_all(figures, spans, (height, width)) > 0.5
+        if self._mirror:
+            objects = np.concatenate([objects, objects[:, :, ::-1]])
+            shown = None if shown is None else np.concatenate([shown, shown[:, :, ::-1]])
+        self._fitted = fit(runtime(), objects, shown, others, settings)
+        self._settings = settings
+        return self
+
+    def _model_box(self, boxes: list[Box]) -> tuple[int, int]:
+        """Return height and width of the model's box: those of the median, or of the asked size."""
+        sides = np.array([(b[2] - b[0], b[3] - b[1]) for b in boxes], np.float64)
+        height, width = np.median(sides, axis=0)
+        longer = self._size or min(max(height, width), LONGEST)
+        zoom = longer / max(height, width)
+        return max(round(height * zoom), 1), max(round(width * zoom), 1)
+
+    def detect(
+        self,
+        image: Any,
+        *,
+        scales: Sequence[float] | None = None,
+        threshold: float | None = None,
+        data_range: float | None = None,
+    ) -> Objects:
+        """Find objects in a picture.
+
+        Parameters
+        ----------
+        image : array of shape (H, W), (H, W, 3) or (H, W, 4)
+            Any real dtype.
+        scales : sequence of float, optional
+            Sizes of objects to look for, in sizes of the model. By default 0.71, 0.84, 1, 1.19 and
+            1.41.
+        threshold : float, optional
+            Least score; by default that of the model.
+        data_range : float, optional
+            The value of white. By default the largest number of an integer dtype, else 1.
+
+        Returns
+        -------
+        Objects
+            Named tuple of `boxes` (N, 4), `scores` (N,), `centers` (N, 2) and `scales` (N,), all
+            float32, the strongest first.
+
+        Raises
+        ------
+        TypeError
+            If `image` does not hold real numbers.
+        ValueError
+            If the model is not fitted, `image` has a wrong shape, or an option is out of range.
+        """
+        found = self._search(image, scales, threshold, data_range)
+        return self._objects(found)
+
+    def segment(
+        self,
+        image: Any,
+        *,
+        scales: Sequence[float] | None = None,
+        threshold: float | None = None,
+        data_range: float | None = None,
+    ) -> Segmentation:
+        """Find objects in a picture, and the pixels of each.
+
+        The votes of an object are followed back to their patches: each adds the mask that its word
+        had in training, with its weight. A pixel belongs to the object where more weight says so.
+
+        Parameters
+        ----------
+        image, scales, threshold, data_range
+            As in :meth:`detect`.
+
+        Returns
+        -------
+        Segmentation
+            Named tuple of `objects`, as :meth:`detect` returns them, and `masks` (N, H, W), bool.
+
+        Raises
+        ------
+        TypeError
+            If `image` does not hold real numbers.
+        ValueError
+            If the model is not fitted or was fitted without masks, or as in :meth:`detect`.
+        """
+        settings, fitted = self._ready()
+        if not fitted.figures.size:
+            raise ValueError("the model must be fitted with masks, got one without")
+        found = self._search(image, scales, threshold, data_range)
+        masks = found.rt.empty((len(found.modes), *found.shape), np.bool_)
+        if found.votes is not None and len(found.modes):
+            paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
+        return Segmentation(self._objects(found), found.rt.release(masks))
+
+    def _search(
+        self, image: Any, scales: Any, threshold: float | None, data_range: float | None
+    ) -> Found:
+        """Return what is found in a picture, for kernels."""
+        settings, fitted = self._ready()
+        image, white = check_picture(image, "image", data_range)
+        sizes = check_scales(scales)
+        least = fitted.threshold if threshold is None else check_number(threshold, "threshold")
+        rt = runtime(image)
+        shape = tuple(image.shape[:2])
+        nothing = Found(rt, shape, np.empty((0, 4), np.int32), np.empty(0), None)
+        sampled = sample(rt, image, white, sizes, settings.sampling)
+        if not len(sampled.places):
+            return nothing
+        patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
+        occurrences = Occurrences(
+            rt.send("recognition.begins", fitted.starts),
+            rt.send("recognition.entries", fitted.entries),
+        )
+        votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
+        modes = modes[self._inside(modes, np.array(shape))]
+        if not len(modes):
+            return nothing
+        weights, space = rt.send("recognition.weights", fitted.weights), votes.space
+        evidence = weigh(rt, patches, weights, space, settings.frame, modes)
+        floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
+        chosen, left = explain(rt, patches, weights, space, settings.frame, modes, evidence, floor)
+        return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.npz``; a file that exists is replaced.
+
+        Raises
+        ------
+        FileNotFoundError, PermissionError
+            If the folder does not exist, or cannot be written to.
+        ValueError
+            If the model is not fitted, or `path` does not end in ``.npz``.
+        """
+        settings, fitted = self._ready()
+        files.write(path, settings, fitted)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> ShapeModel:
+        """Read a model that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            A file of arrays; nothing in it is executed.
+
+        Returns
+        -------
+        ShapeModel
+            It finds what the saved one does.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        ValueError
+            If it is not a shape model, has another version, or is incomplete or damaged.
+        """
+        settings, fitted = files.read(path)
+        model = ShapeModel(
+            settings.words,
+            patch=settings.sampling.side,
+            points=settings.sampling.points,
+            step=settings.sampling.step,
+            method=settings.method,
+            correlation=settings.correlation,
+            max_words=settings.most,
+            size=max(settings.height, settings.width),
+        )
+        model._settings, model._fitted = settings, fitted
+        return model
+
+    def _ready(self) -> tuple[Settings, Fitted]:
+        if self._settings is None or self._fitted is None:
+            raise ValueError("the model must be fitted or loaded first, got one that is not")
+        return self._settings, self._fitted
+
+    def _inside(self, modes: np.ndarray, shape: np.ndarray) -> np.ndarray:
+        """Return which boxes lie within the picture, but for `OVERHANG` of their sides."""
+        settings, _ = self._ready()
+        half = 2.0 ** (modes[:, 2:3] / OCTAVE) * np.array([settings.height, settings.width]) / 2
+        low = (1 - 2 * OVERHANG) * half - 0.5
+        inside = (modes[:, :2] / FINE >= low) & (modes[:, :2] / FINE <= shape - 1 - low)
+        return np.flatnonzero(inside.all(axis=1))
+
+    def _objects(self, found: Found) -> Objects:
+        """Return what was found, in pixels."""
+        settings, _ = self._ready()
+        centers = found.modes[:, :2] / FINE
+        scales = 2.0 ** (found.modes[:, 2] / OCTAVE)
+        half = scales[:, None] * np.array([settings.height, settings.width]) / 2
+        boxes = np.concatenate([centers + 0.5 - half, centers + 0.5 + half], axis=1)
+        result = (boxes, found.scores, centers, scales)
+        return Objects(*(found.rt.give(np.ascontiguousarray(a, np.float32)) for a in result))

@@ -1,0 +1,235 @@
+"""Learning of a shape model: words, their occurrences, and the evidence that tells objects."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, ONE, Frame
+from cvkern.recognition.patches import Sampled, Sampling, sample
+from cvkern.recognition.votes import activate
+
+if TYPE_CHECKING:
+    import scipy.sparse
+
+UNIT = 2**14  # evidence of 1, a factor of e in the odds
+LARGEST_WEIGHT = 8 * UNIT
+MERGED = 2 * FINE  # places of occurrences are rounded to this
+MOST_TRAINED = 100_000  # patches that are clustered
+PENALTY = 1e-3  # factor of the squares of weights
+STEPS = 60  # steps of the solver
+MOST_SIZE = 512  # pixels of a side of the model's box
+ROUNDS = 3  # times that weights are learnt, each time with what was mistaken before
+ZOOMS = (0.7, 1.0, 1.4)  # sizes at which negatives are looked at
+WINDOW_STEP = 4 * FINE  # between places at which negatives are looked at
+DOUBTFUL = -1.5  # evidence above which a place in a negative is learnt from
+HARDEST = 20  # places of a negative that are learnt from in a round
+SPREAD_RARE = 0.05  # activations added to those of a word in negatives
+
+
+class Settings(NamedTuple):
+    """What a model is made with."""
+
+    words: int
+    method: str
+    correlation: float
+    most: int
+    sampling: Sampling
+    height: int
+    width: int
+
+    @property
+    def least(self) -> int:
+        """Least product of a patch and a word that it activates."""
+        return int(np.ceil(self.correlation * self.sampling.norm))
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Row and column of the middle of the box, from its first pixel, in parts of a pixel."""
+        return FINE * np.array([self.height - 1, self.width - 1]) // 2
+
+    @property
+    def frame(self) -> Frame:
+        """Where the centres of patches lie that are within the box of an object."""
+        side, step = self.sampling.side, self.sampling.step
+        high, wide = (2 * n - 2 * side + step for n in (self.height, self.width))
+        down, along = (max(1, round(n / 16)) for n in (high, wide))
+        whole = (FINE * self.height // 2, FINE * self.width // 2)
+        return Frame(FINE * high // 4, FINE * wide // 4, *whole, down, along)
+
+
+class Example(NamedTuple):
+    """The patches of a picture, on the host."""
+
+    sampled: Sampled
+    """Places, rows and levels; the patches are on the host too, if they have no words yet."""
+    level: np.ndarray
+    """Level of each patch, (N,)."""
+    matches: np.ndarray
+    """Words of each patch, (N, M) int32."""
+
+
+class Window(NamedTuple):
+    """Words of the patches in a frame, and the cells that they lie in."""
+
+    words: np.ndarray
+    cells: np.ndarray
+
+
+class Learnt(NamedTuple):
+    """Weights of evidence, and what is added to their sum."""
+
+    weights: np.ndarray
+    bias: int
+
+
+def look(
+    rt: Runtime,
+    image: np.ndarray,
+    settings: Settings,
+    words: np.ndarray | None,
+    scales: tuple[float, ...] = (1.0,),
+    first: tuple[int, int] = (0, 0),
+) -> Example:
+    """Return the patches of a picture from a first pixel on, and their words if there are any."""
+    image = np.ascontiguousarray(image[first[0] :, first[1] :])
+    sampled = sample(rt, image, 1.0, scales, settings.sampling)
+    count = len(sampled.places)
+    level = np.zeros(count, np.int32)
+    for number, (_, begin, end) in enumerate(sampled.levels.tolist()):
+        if begin < end:
+            level[sampled.rows[begin, 1] : sampled.rows[end - 1, 2]] = number
+    matches = np.empty((count, 0), np.int32)
+    if words is None:
+        sampled = sampled._replace(patches=np.array(rt.to_numpy(sampled.patches)))
+    elif count:
+        active = activate(rt, sampled, words, settings.least, settings.most)
+        matches = np.array(rt.to_numpy(active.matches))
+    shift = FINE * np.array([*first, 0], np.int32)
+    rows = sampled.rows + shift[[0, 2, 2]]
+    return Example(sampled._replace(places=sampled.places + shift, rows=rows), level, matches)
+
+
+def occurrences_of(
+    examples: list[Example], masks: list[np.ndarray | None], settings: Settings, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Return starts and entries of the occurrences of `count` words, and their mean masks.
+
+    Weights of a word add up to `ONE`, but for what rounding takes.
+    """
+    side = settings.sampling.side
+    middle = settings.middle
+    found, figures = [], []
+    for example, mask in zip(examples, masks, strict=True):
+        patch, _ = active = np.nonzero(example.matches != NOBODY)
+        offset = np.rint((middle - example.sampled.places[patch, :2]) / MERGED) * MERGED
+        found.append(np.column_stack([example.matches[active], offset]).astype(np.int64))
+        if mask is not None:
+            corner = np.rint(example.sampled.places[patch, :2] / FINE - (side - 1) / 2).astype(
+                np.int64
+            )
+            seen = np.lib.stride_tricks.sliding_window_view(mask, (side, side))
+            figures.append(seen[corner[:, 0], corner[:, 1]].reshape(len(patch), -1))
+    rows, of, seen = np.unique(
+        np.concatenate(found), axis=0, return_inverse=True, return_counts=True
+    )
+    totals = np.bincount(rows[:, 0], weights=seen, minlength=count)
+    weights = np.floor(ONE * seen / totals[rows[:, 0]])
+    entries = np.column_stack([rows[:, 1:], np.zeros(len(rows)), weights]).astype(np.int32)
+    starts = np.searchsorted(rows[:, 0], np.arange(count + 1)).astype(np.int32)
+    if not figures:
+        return starts, entries, None
+    import scipy.sparse
+
+    sums = scipy.sparse.csr_matrix(
+        (np.ones(len(of)), (of.reshape(-1), np.arange(len(of)))), (len(rows), len(of))
+    ) @ np.concatenate(figures).astype(np.float64)
+    return starts, entries, np.rint(255 * sums / seen[:, None]).astype(np.uint8)
+
+
+def window_at(example: Example, level: int, place: np.ndarray, factor: int, frame: Frame) -> Window:
+    """Return what lies in the frame at a place, as kernels find it with the factor of a level."""
+    half = np.array([frame.half_height, frame.half_width])
+    u = ((example.sampled.places[:, :2].astype(np.int64) - place) << FACTOR_BITS) // factor + half
+    patch = np.flatnonzero(((u >= 0) & (u < 2 * half)).all(axis=1) & (example.level == level))
+    cell = u[patch] * (frame.down, frame.along) // (2 * half)
+    cell = cell[:, 0] * frame.along + cell[:, 1]
+    row, column = np.nonzero(example.matches[patch] != NOBODY)
+    return Window(example.matches[patch[row], column], cell[row])
+
+
+def surprise(windows: list[Window], count: int, frame: Frame) -> np.ndarray:
+    """Return the logarithm of how much more often a word is in a cell than any word, if more."""
+    cells = frame.down * frame.along
+    seen = np.zeros((count, cells))
+    for words, where in windows:
+        np.add.at(seen, (words, where), 1)
+    share = (seen + 1 / count) / (seen.sum(axis=0) + 1)
+    return np.log(share * count).clip(0)
+
+
+def columns(windows: list[Window], count: int, frame: Frame) -> scipy.sparse.csr_matrix:
+    """Return the windows as rows of counts of (word, cell)."""
+    import scipy.sparse
+
+    cells = frame.down * frame.along
+    of = np.repeat(np.arange(len(windows)), [len(w.words) for w in windows])
+    key = np.concatenate([w.words * cells + w.cells for w in windows] or [np.empty(0, int)])
+    shape = (len(windows), count * cells)
+    return scipy.sparse.csr_matrix((np.ones(len(key)), (of, key)), shape)
+
+
+def halves(windows: list[Window], frame: Frame) -> list[Window]:
+    """Return each window whole, and either half of it along its longer side."""
+    found = list(windows)
+    for window in windows:
+        if frame.along >= frame.down:
+            second = window.cells % frame.along >= frame.along // 2
+        else:
+            second = window.cells // frame.along >= frame.down // 2
+        for part in (second, ~second):
+            found.append(Window(window.words[part], window.cells[part]))
+    return found
+
+
+def separate(objects: Any, others: Any) -> tuple[np.ndarray, float]:
+    """Return weights and bias of logistic regression, both classes of equal weight."""
+    import scipy.optimize
+    import scipy.sparse
+
+    matrix = scipy.sparse.vstack([objects, others]).tocsr()
+    across: Any = matrix.T.tocsr()
+    count = len(objects.indptr) - 1, len(others.indptr) - 1
+    sign = np.r_[np.ones(count[0]), -np.ones(count[1])]
+    share = np.r_[np.full(count[0], 1 / count[0]), np.full(count[1], 1 / max(count[1], 1))]
+
+    def loss(solution: np.ndarray) -> tuple[float, np.ndarray]:
+        margin = sign * (matrix @ solution[:-1] + solution[-1])
+        slope = -sign * share * np.exp(-np.logaddexp(0, margin))
+        gradient = np.r_[across @ slope + PENALTY * solution[:-1], slope.sum()]
+        size = PENALTY / 2 * (solution[:-1] ** 2).sum()
+        return float((share * np.logaddexp(0, -margin)).sum() + size), gradient
+
+    start = np.zeros(across.shape[0] + 1)
+    found: Any = scipy.optimize.minimize(
+        loss, start, jac=True, method="L-BFGS-B", options={"maxiter": STEPS}
+    )
+    return found.x[:-1], float(found.x[-1])
+
+
+def quantised(weights: np.ndarray, bias: float, count: int) -> Learnt:
+    """Return weights (K, cells) and bias as integers."""
+    whole = np.rint(weights * UNIT).clip(-LARGEST_WEIGHT, LARGEST_WEIGHT).astype(np.int32)
+    return Learnt(whole.reshape(count, -1), round(bias * UNIT))
+
+
+def dense_modes(shape: tuple[int, ...], settings: Settings, scale: float, code: int) -> np.ndarray:
+    """Return places (T, 4) all over a picture where an object of a size would be inside."""
+    spans = []
+    for side, size in zip(shape, (settings.height, settings.width), strict=True):
+        half = FINE * size * scale / 2
+        spans.append(np.arange(half, max(FINE * side - half, half + 1), WINDOW_STEP * scale))
+    y, x = (np.rint(a.ravel()) for a in np.meshgrid(*spans, indexing="ij"))
+    return np.column_stack([y, x, np.full(len(y), code), np.zeros(len(y))]).astype(np.int32)

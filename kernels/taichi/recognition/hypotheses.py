@@ -1,0 +1,164 @@
+"""Evidence of patches for objects at given places, in Taichi.
+
+A patch within the frame of an object is evidence for it: the sum of the weights of its words for
+the cell of the frame in which it lies. Only patches of the level whose scale is nearest count.
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.recognition import FACTOR_BITS, NOBODY, Frame, Patches, Space
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi.recognition.votes import _factor, _scaled
+
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+i32_6 = ti.types.vector(6, ti.i32)
+
+
+@ti.func
+def _level(levels: ti.template(), scale: ti.i32) -> ti.i32:
+    """Return the level whose scale is nearest, the first of several."""
+    found = 0
+    for level in range(1, levels.shape[0]):
+        if ti.abs(levels[level, 0] - scale) < ti.abs(levels[found, 0] - scale):
+            found = level
+    return found
+
+
+@ti.func
+def _cell(
+    dy: ti.i32,
+    dx: ti.i32,
+    factor: ti.i32,
+    frame: ti.template(),
+) -> ti.i32:
+    """Return the cell of the frame at a distance from its middle, or -1 outside of it."""
+    height, width, down, along = frame[0], frame[1], frame[4], frame[5]
+    one = 1 << FACTOR_BITS
+    y = ti.cast(ti.cast(dy, ti.i64) * one // factor, ti.i32) + height
+    x = ti.cast(ti.cast(dx, ti.i64) * one // factor, ti.i32) + width
+    found = -1
+    if 0 <= y < 2 * height and 0 <= x < 2 * width:
+        found = y * down // (2 * height) * along + x * along // (2 * width)
+    return found
+
+
+@ti.func
+def _evidence(
+    places: ti.template(),
+    rows: ti.template(),
+    levels: ti.template(),
+    matches: ti.template(),
+    weights: ti.template(),
+    modes: ti.template(),
+    t: ti.i32,
+    by: ti.i32,
+    factors: ti.template(),
+    lowest: ti.i32,
+    frame: ti.template(),
+) -> ti.i32:
+    """Return the evidence for mode t of the patches in the box of mode `by` too, if not -1."""
+    total = 0
+    y = modes[t, 0]
+    x = modes[t, 1]
+    level = _level(levels, modes[t, 2])
+    factor = _factor(factors, lowest, levels[level, 0])
+    height = _scaled(frame[0], factor) + 1
+    width = _scaled(frame[1], factor) + 1
+    other = by
+    if by < 0:
+        other = t
+    wide = _factor(factors, lowest, modes[other, 2])
+    high = _scaled(frame[2], wide)
+    broad = _scaled(frame[3], wide)
+    for row in range(levels[level, 1], levels[level, 2]):
+        if ti.abs(rows[row, 0] - y) <= height:
+            for i in range(rows[row, 1], rows[row, 2]):
+                dy = places[i, 0] - y
+                dx = places[i, 1] - x
+                cell = -1
+                if ti.abs(dx) <= width:
+                    cell = _cell(dy, dx, factor, frame)
+                if by >= 0:
+                    above = ti.abs(places[i, 0] - modes[other, 0]) > high
+                    beside = ti.abs(places[i, 1] - modes[other, 1]) > broad
+                    if above or beside:
+                        cell = -1
+                if cell >= 0:
+                    for m in range(matches.shape[1]):
+                        if matches[i, m] != NOBODY:
+                            total += weights[matches[i, m], cell]
+    return total
+
+
+@primitive
+def weigh_evidence(
+    patches: Patches,
+    weights: np.ndarray,
+    space: Space,
+    frame: Frame,
+    modes: np.ndarray,
+    evidence: np.ndarray,
+) -> None:
+    """Add up the evidence of all patches for each of T modes; a thread a mode.
+
+    `weights` (K, cells) are those of each word, cells row by row.
+    """
+    _weigh(*patches, weights, space.factors, space.lowest, i32_6(*frame), modes, evidence)
+
+
+@ti.kernel
+def _weigh(
+    places: i32_2,
+    rows: i32_2,
+    levels: i32_2,
+    matches: i32_2,
+    weights: i32_2,
+    factors: i32_1,
+    lowest: ti.i32,
+    frame: i32_6,
+    modes: i32_2,
+    # outputs
+    evidence: i32_1,
+):
+    for t in range(modes.shape[0]):
+        evidence[t] = _evidence(
+            places, rows, levels, matches, weights, modes, t, -1, factors, lowest, frame
+        )
+
+
+@primitive
+def weigh_overlaps(
+    patches: Patches,
+    weights: np.ndarray,
+    space: Space,
+    frame: Frame,
+    modes: np.ndarray,
+    shared: np.ndarray,
+) -> None:
+    """Add up the evidence for mode i of the patches in the box of mode j, (T, T); a thread a pair.
+
+    The box is that of the mode's scale.
+    """
+    _weigh_pairs(*patches, weights, space.factors, space.lowest, i32_6(*frame), modes, shared)
+
+
+@ti.kernel
+def _weigh_pairs(
+    places: i32_2,
+    rows: i32_2,
+    levels: i32_2,
+    matches: i32_2,
+    weights: i32_2,
+    factors: i32_1,
+    lowest: ti.i32,
+    frame: i32_6,
+    modes: i32_2,
+    # outputs
+    shared: i32_2,
+):
+    for i, j in shared:
+        shared[i, j] = _evidence(
+            places, rows, levels, matches, weights, modes, i, j, factors, lowest, frame
+        )

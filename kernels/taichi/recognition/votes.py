@@ -1,0 +1,313 @@
+"""Votes of words for centres of objects, their maxima, and mean shift on them, in Taichi.
+
+A patch with m words casts the weights of each word's occurrences, divided by m and rounded down.
+Every sum is of integers, so that no order shows.
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.recognition import (
+    FACTOR_BITS,
+    KERNEL_ONE,
+    NOBODY,
+    Occurrences,
+    Patches,
+    Space,
+    Window,
+)
+from cvkern.kernels.taichi._launch import primitive, scratch
+
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+
+
+@ti.func
+def _scaled(size: ti.i32, factor: ti.i32) -> ti.i32:
+    """Return a size times a factor of scale, halves rounded up."""
+    wide = ti.cast(size, ti.i64) * ti.cast(factor, ti.i64)
+    return ti.cast((wide + (1 << (FACTOR_BITS - 1))) >> FACTOR_BITS, ti.i32)
+
+
+@ti.func
+def _factor(factors: ti.template(), lowest: ti.i32, scale: ti.i32) -> ti.i32:
+    return factors[ti.min(ti.max(scale - lowest, 0), factors.shape[0] - 1)]
+
+
+@ti.func
+def _bin(bins: ti.template(), scale: ti.i32, slack: ti.i32) -> ti.i32:
+    """Return the bin whose scale is nearest, the first of several, or -1 beyond the slack."""
+    found = -1
+    least = slack + 1
+    for s in range(bins.shape[0]):
+        apart = ti.abs(scale - bins[s, 3])
+        if apart < least:
+            least = apart
+            found = s
+    return found
+
+
+@ti.func
+def _cell(bins: ti.template(), s: ti.i32, y: ti.i32, x: ti.i32) -> ti.i32:
+    """Return the cell of a place, or -1 outside of the image."""
+    found = -1
+    if s >= 0 and y >= 0 and x >= 0:
+        row = y // bins[s, 4]
+        column = x // bins[s, 4]
+        if row < bins[s, 1] and column < bins[s, 2]:
+            found = bins[s, 0] + row * bins[s, 2] + column
+    return found
+
+
+@primitive
+def count_votes(
+    patches: Patches, occurrences: Occurrences, space: Space, sums: np.ndarray, starts: np.ndarray
+) -> None:
+    """Add up the votes of each of C cells, and list where the votes of each would begin.
+
+    `starts` (C + 1,) ends with the number of all votes. One thread a patch; then one adds up.
+    """
+    places, _, _, matches = patches
+    _count(places, matches, *occurrences, *space, sums, starts)
+    _begin(starts)
+
+
+@ti.kernel
+def _count(
+    places: i32_2,
+    matches: i32_2,
+    begins: i32_1,
+    entries: i32_2,
+    bins: i32_2,
+    slack: ti.i32,
+    factors: i32_1,
+    lowest: ti.i32,
+    # outputs
+    sums: i32_1,
+    starts: i32_1,
+):
+    for c in range(sums.shape[0]):
+        sums[c] = 0
+        starts[c + 1] = 0
+    for i in range(places.shape[0]):
+        factor = _factor(factors, lowest, places[i, 2])
+        active = 0
+        for m in range(matches.shape[1]):
+            active += ti.cast(matches[i, m] != NOBODY, ti.i32)
+        for m in range(active):
+            word = matches[i, m]
+            for e in range(begins[word], begins[word + 1]):
+                s = _bin(bins, places[i, 2] + entries[e, 2], slack)
+                y = places[i, 0] + _scaled(entries[e, 0], factor)
+                x = places[i, 1] + _scaled(entries[e, 1], factor)
+                c = _cell(bins, s, y, x)
+                if c >= 0:
+                    ti.atomic_add(sums[c], entries[e, 3] // active)
+                    ti.atomic_add(starts[c + 1], 1)
+
+
+@ti.kernel
+def _begin(
+    # outputs
+    starts: i32_1,  # (C + 1,): counts from the second on before
+):
+    for _ in range(1):
+        total = 0
+        for c in range(starts.shape[0]):
+            if c > 0:
+                total += starts[c]
+            starts[c] = total
+
+
+@primitive
+def list_votes(
+    patches: Patches,
+    occurrences: Occurrences,
+    space: Space,
+    starts: np.ndarray,
+    votes: np.ndarray,
+    sources: np.ndarray,
+) -> None:
+    """List the votes of each cell, in any order: V rows of place, scale and weight.
+
+    `sources` (V, 2) has the patch and the occurrence of each. One thread a patch.
+    """
+    places, _, _, matches = patches
+    counts = scratch((starts.shape[0],), np.int32)
+    _list(places, matches, *occurrences, *space, starts, counts, votes, sources)
+
+
+@ti.kernel
+def _list(
+    places: i32_2,
+    matches: i32_2,
+    begins: i32_1,
+    entries: i32_2,
+    bins: i32_2,
+    slack: ti.i32,
+    factors: i32_1,
+    lowest: ti.i32,
+    starts: i32_1,
+    # outputs
+    counts: i32_1,
+    votes: i32_2,
+    sources: i32_2,
+):
+    for c in range(counts.shape[0]):
+        counts[c] = 0
+    for i in range(places.shape[0]):
+        factor = _factor(factors, lowest, places[i, 2])
+        active = 0
+        for m in range(matches.shape[1]):
+            active += ti.cast(matches[i, m] != NOBODY, ti.i32)
+        for m in range(active):
+            word = matches[i, m]
+            for e in range(begins[word], begins[word + 1]):
+                scale = places[i, 2] + entries[e, 2]
+                y = places[i, 0] + _scaled(entries[e, 0], factor)
+                x = places[i, 1] + _scaled(entries[e, 1], factor)
+                c = _cell(bins, _bin(bins, scale, slack), y, x)
+                if c >= 0:
+                    at = starts[c] + ti.atomic_add(counts[c], 1)
+                    votes[at, 0] = y
+                    votes[at, 1] = x
+                    votes[at, 2] = scale
+                    votes[at, 3] = entries[e, 3] // active
+                    sources[at, 0] = i
+                    sources[at, 1] = e
+
+
+@primitive
+def find_maxima(sums: np.ndarray, space: Space, tiles: np.ndarray, maxima: np.ndarray) -> None:
+    """Find the best place of each of T tiles of cells; a thread a tile.
+
+    A tile is (bin, first row, first column, row behind the last, column behind the last). The value
+    of a cell is the sum over 3 x 3 cells; the first cell wins a tie. `maxima` (T, 4) are row,
+    column and scale of the middle of the cell, and its value divided by 9, or all `NOBODY` without
+    votes.
+    """
+    _find(sums, space.bins, tiles, maxima)
+
+
+@ti.kernel
+def _find(
+    sums: i32_1,
+    bins: i32_2,
+    tiles: i32_2,  # (T, 5)
+    # outputs
+    maxima: i32_2,  # (T, 4)
+):
+    for t in range(tiles.shape[0]):
+        s = tiles[t, 0]
+        first = bins[s, 0]
+        rows = bins[s, 1]
+        columns = bins[s, 2]
+        top = ti.cast(0, ti.i64)
+        where = NOBODY
+        for row in range(tiles[t, 1], tiles[t, 3]):
+            for column in range(tiles[t, 2], tiles[t, 4]):
+                value = ti.cast(0, ti.i64)
+                for y in range(ti.max(row - 1, 0), ti.min(row + 2, rows)):
+                    for x in range(ti.max(column - 1, 0), ti.min(column + 2, columns)):
+                        value += sums[first + y * columns + x]
+                if value > top:
+                    top = value
+                    where = row * columns + column
+        for k in range(4):
+            maxima[t, k] = NOBODY
+        if where != NOBODY:
+            side = bins[s, 4]
+            maxima[t, 0] = where // columns * side + side // 2
+            maxima[t, 1] = where % columns * side + side // 2
+            maxima[t, 2] = bins[s, 3]
+            maxima[t, 3] = ti.cast(top // 9, ti.i32)
+
+
+@primitive
+def shift_modes(
+    votes: np.ndarray,
+    starts: np.ndarray,
+    space: Space,
+    window: Window,
+    maxima: np.ndarray,
+    modes: np.ndarray,
+) -> None:
+    """Move each of T maxima to a mode of the votes' density by mean shift; a thread each.
+
+    The kernel of Epanechnikov, 1 - d^2, grows with the scale of the place: its gradient leads to
+    the mean of the votes within. `modes` (T, 4) are row, column, scale and density.
+    """
+    _shift(votes, starts, *space, *window, maxima, modes)
+
+
+@ti.kernel
+def _shift(
+    votes: i32_2,  # (V, 4)
+    starts: i32_1,
+    bins: i32_2,
+    slack: ti.i32,
+    factors: i32_1,
+    lowest: ti.i32,
+    radius: ti.i32,
+    scales: ti.i32,
+    rounds: ti.i32,
+    maxima: i32_2,
+    # outputs
+    modes: i32_2,
+):
+    for t in range(maxima.shape[0]):
+        y = maxima[t, 0]
+        x = maxima[t, 1]
+        z = maxima[t, 2]
+        density = ti.cast(0, ti.i64)
+        moving = ti.cast(maxima[t, 3] > 0, ti.i32)
+        left = rounds + 1
+        while moving == 1 and left > 0:
+            left -= 1
+            reach = _scaled(radius, _factor(factors, lowest, z))
+            square = ti.cast(reach, ti.i64) * reach
+            mass = ti.cast(0, ti.i64)
+            down = ti.cast(0, ti.i64)
+            along = ti.cast(0, ti.i64)
+            deep = ti.cast(0, ti.i64)
+            density = 0
+            for s in range(bins.shape[0]):
+                if ti.abs(bins[s, 3] - z) <= scales + slack:
+                    side = bins[s, 4]
+                    columns = bins[s, 2]
+                    above = ti.max(y - reach, 0) // side
+                    below = ti.min((y + reach) // side + 1, bins[s, 1])
+                    before = ti.min(ti.max(x - reach, 0) // side, columns)
+                    behind = ti.max(ti.min((x + reach) // side + 1, columns), before)
+                    for row in range(above, below):
+                        cell = bins[s, 0] + row * columns
+                        for v in range(starts[cell + before], starts[cell + behind]):
+                            dy = ti.cast(votes[v, 0] - y, ti.i64)
+                            dx = ti.cast(votes[v, 1] - x, ti.i64)
+                            dz = ti.cast(votes[v, 2] - z, ti.i64)
+                            height = (
+                                KERNEL_ONE
+                                - KERNEL_ONE * (dy * dy + dx * dx) // square
+                                - KERNEL_ONE * dz * dz // (scales * scales)
+                            )
+                            if height > 0:
+                                weight = ti.cast(votes[v, 3], ti.i64)
+                                mass += weight
+                                down += weight * votes[v, 0]
+                                along += weight * votes[v, 1]
+                                deep += weight * (votes[v, 2] - lowest)
+                                density += weight * height
+            moving = 0
+            if mass > 0 and left > 0:
+                row = ti.cast((2 * down + mass) // (2 * mass), ti.i32)
+                column = ti.cast((2 * along + mass) // (2 * mass), ti.i32)
+                scale = ti.cast((2 * deep + mass) // (2 * mass), ti.i32) + lowest
+                if row != y or column != x or scale != z:
+                    moving = 1
+                y = row
+                x = column
+                z = scale
+        modes[t, 0] = y
+        modes[t, 1] = x
+        modes[t, 2] = z
+        modes[t, 3] = ti.cast(density // KERNEL_ONE, ti.i32)

@@ -1,0 +1,246 @@
+"""Median threshold bitmaps, in Warp.
+
+Whether a pixel is above the median of its image hardly depends on the exposure [G. Ward, "Fast,
+robust image registration for compositing high dynamic range photographs from hand-held exposures",
+Journal of Graphics Tools 8(2), 2003]. Grey values are levels of 16 bits between the least and the
+largest of an image; all that follows are integers. One thread takes a pixel, or every so many
+pixels where these are counted; on the CPU, a slab of them, or one image.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+
+OPTIONS = {"enable_backward": False, "fuse_fp": False}
+wp.set_module_options(OPTIONS)
+
+_THREADS = 2**16  # threads of CUDA that count
+_SLOTS, _TOP, _MOVES = wp.constant(SLOTS), wp.constant(GREYS - 1), wp.constant(len(MOVES))
+_Each = wp.types.vector(len(MOVES), wp.int32)
+_DOWN, _ALONG = (wp.constant(_Each(*steps)) for steps in zip(*MOVES, strict=True))
+
+
+def mix(frames: wp.array, share: float, grey: wp.array, ends: wp.array) -> None:
+    """Write the means of (K, N, C) values, each with its share, and the keys of both ends, (K, 2).
+
+    A key is the bits of a float32 as an integer of the same order, plus 2^31; that of the least is
+    taken off 2^32, so that both are maxima.
+    """
+    images, pixels = grey.shape
+    each = min(_THREADS, pixels) if grey.device.is_cuda else 1
+    kernel = _mix(frames.dtype)
+    launch_each(kernel, images * each, frames.size, [frames, share, each], [grey, ends])
+
+
+def grade(grey: wp.array, scales: wp.array, levels: wp.array) -> None:
+    """Write the level of each value; `scales` (K, 2) has the least one and the levels a unit."""
+    launch_each(_grade, levels.size, 2 * levels.size, [grey, scales], [levels])
+
+
+def halve(src: wp.array, dst: wp.array) -> None:
+    """Write the means of blocks of 2 x 2 pixels, rounded down."""
+    launch_each(_halve, dst.size, 4 * dst.size, [src], [dst])
+
+
+def count(levels: wp.array, counts: wp.array) -> None:
+    """Count the pixels (K, N) of each level, (K, GREYS)."""
+    images, pixels = levels.shape
+    each = min(_THREADS, pixels) if levels.device.is_cuda else 1
+    launch_each(_count, images * each, levels.size, [levels, each], [counts])
+
+
+def split(levels: wp.array, medians: wp.array, noise: int, sides: wp.array) -> None:
+    """Write 2 above the median of (K, N) levels, 1 below, 0 within `noise` of it."""
+    launch_each(_split, levels.size, levels.size, [levels, medians, noise], [sides])
+
+
+def compare(sides: wp.array, k: int, fixed: int, dy: int, dx: int, sums: wp.array) -> None:
+    """Count where image k, moved by (dy, dx) and one of MOVES, is on the other side.
+
+    The counts of a move are spread over SLOTS sums.
+    """
+    _, height, width = sides.shape
+    inputs = [sides, k, fixed, dy, dx]
+    if sides.device.is_cuda:
+        threads = min(_THREADS, height * width)
+        launch(_compare, threads, [threads, *inputs], [sums])
+    else:
+        count = min(slabs(height, 9 * height * width), SLOTS)
+        launch_slabs(_compare_rows, height, count, inputs, [sums])
+
+
+@_native.func_native("_alignment_cpu.h", MOVES=len(MOVES))
+def _differ_row(
+    slot: int,
+    y: int,
+    sides: wp.array3d[wp.uint8],
+    k: int,
+    fixed: int,
+    dy: int,
+    dx: int,
+    sums: wp.array2d[int],
+): ...
+
+
+@wp.kernel
+def _compare_rows(
+    slab: int,
+    first: int,
+    last: int,
+    sides: wp.array3d[wp.uint8],
+    k: int,
+    fixed: int,
+    dy: int,
+    dx: int,
+    # outputs
+    sums: wp.array2d[int],
+):
+    for y in range(first, last):
+        _differ_row(slab, y, sides, k, fixed, dy, dx, sums)
+
+
+@lru_cache
+def _mix(scalar: Any) -> wp.Kernel:
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def mix_pixels(
+        stride: int,
+        first: int,
+        last: int,
+        frames: wp.array3d[scalar],
+        share: float,
+        each: int,
+        # outputs
+        grey: wp.array2d[float],
+        ends: wp.array2d[wp.int64],
+    ):
+        for item in range(first + wp.tid(), last, stride):
+            k = item // each
+            low = wp.int64(0)
+            high = wp.int64(0)
+            for i in range(item - k * each, grey.shape[1], each):
+                total = float(0.0)
+                for c in range(frames.shape[2]):
+                    v = float(frames[k, i, c])
+                    if wp.abs(v) < 1.0e30:
+                        total += v
+                mean = total * share
+                grey[k, i] = mean
+                # Keys of the same order: the bits, with those below the sign turned if it is set.
+                bits = wp.cast(mean, wp.int32)
+                key = wp.int64(bits ^ ((bits >> 31) & 0x7FFFFFFF)) + wp.int64(2147483648)
+                low = wp.max(low, wp.int64(4294967296) - key)
+                high = wp.max(high, key)
+            wp.atomic_max(ends, k, 0, low)
+            wp.atomic_max(ends, k, 1, high)
+
+    return mix_pixels
+
+
+@wp.kernel
+def _grade(
+    stride: int,
+    first: int,
+    last: int,
+    grey: wp.array2d[float],
+    scales: wp.array2d[float],
+    # outputs
+    levels: wp.array2d[int],
+):
+    for item in range(first + wp.tid(), last, stride):
+        k = item // grey.shape[1]
+        i = item - k * grey.shape[1]
+        level = int((grey[k, i] - scales[k, 0]) * scales[k, 1])
+        levels[k, i] = wp.clamp(level, 0, _TOP)
+
+
+@wp.kernel
+def _halve(
+    stride: int,
+    first: int,
+    last: int,
+    src: wp.array3d[int],
+    # outputs
+    dst: wp.array3d[int],
+):
+    for item in range(first + wp.tid(), last, stride):
+        row = item // dst.shape[2]
+        x = item - row * dst.shape[2]
+        k = row // dst.shape[1]
+        y = row - k * dst.shape[1]
+        above = src[k, 2 * y, 2 * x] + src[k, 2 * y, 2 * x + 1]
+        below = src[k, 2 * y + 1, 2 * x] + src[k, 2 * y + 1, 2 * x + 1]
+        dst[k, y, x] = (above + below) // 4
+
+
+@wp.kernel
+def _count(
+    stride: int,
+    first: int,
+    last: int,
+    levels: wp.array2d[int],
+    each: int,
+    # outputs
+    counts: wp.array2d[int],
+):
+    for item in range(first + wp.tid(), last, stride):
+        k = item // each
+        for i in range(item - k * each, levels.shape[1], each):
+            wp.atomic_add(counts, k, levels[k, i], 1)
+
+
+@wp.kernel
+def _split(
+    stride: int,
+    first: int,
+    last: int,
+    levels: wp.array2d[int],
+    medians: wp.array[int],
+    noise: int,
+    # outputs
+    sides: wp.array2d[wp.uint8],
+):
+    for item in range(first + wp.tid(), last, stride):
+        k = item // levels.shape[1]
+        i = item - k * levels.shape[1]
+        off = levels[k, i] - medians[k]
+        side = int(0)
+        if off > noise:
+            side = 2
+        if off < -noise:
+            side = 1
+        sides[k, i] = wp.uint8(side)
+
+
+@wp.kernel
+def _compare(
+    stride: int,
+    sides: wp.array3d[wp.uint8],
+    k: int,
+    fixed: int,
+    dy: int,
+    dx: int,
+    # outputs
+    sums: wp.array2d[int],
+):
+    height = sides.shape[1]
+    width = sides.shape[2]
+    found = _Each()
+    for i in range(wp.tid(), height * width, stride):
+        y = i // width
+        x = i - y * width
+        there = int(sides[fixed, y, x])
+        if there > 0:
+            for n in range(_MOVES):
+                v = y - dy - _DOWN[n]
+                u = x - dx - _ALONG[n]
+                if v >= 0 and v < height and u >= 0 and u < width:
+                    if int(sides[k, v, u]) + there == 3:
+                        found[n] += 1
+    slot = wp.tid() % _SLOTS
+    for n in range(_MOVES):
+        wp.atomic_add(sums, slot, n, found[n])

@@ -1,0 +1,92 @@
+"""Normalised patches of an image, in Warp: integers throughout."""
+
+import warp as wp
+
+from cvkern.kernels.codes import recognition as codes
+from cvkern.kernels.warp._launch import launch_each
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+WHITE = wp.constant(float(codes.WHITE))
+SPREAD = wp.constant(wp.int64(codes.SPREAD))
+LARGEST = wp.constant(wp.int64(codes.LARGEST))
+
+
+def round_pixels(image: wp.array, pixels: wp.array) -> None:
+    """Round pixels between 0 and 1 to integers between 0 and `WHITE`; a thread a pixel."""
+    launch_each(_round, pixels.size, pixels.size, [image], [pixels])
+
+
+@wp.kernel
+def _round(
+    stride: int,
+    first: int,
+    last: int,
+    image: wp.array2d[float],  # (H, W)
+    # outputs
+    pixels: wp.array2d[int],  # (H, W)
+):
+    for i in range(first + wp.tid(), last, stride):
+        row = i // pixels.shape[1]
+        column = i - row * pixels.shape[1]
+        value = wp.min(wp.max(image[row, column], 0.0), 1.0)
+        pixels[row, column] = int(wp.floor(value * WHITE + 0.5))
+
+
+def sample_patches(
+    pixels: wp.array, corners: wp.array, side: int, least: int, patches: wp.array
+) -> None:
+    """Cut out patches and normalise them: mean 0, standard deviation `SPREAD`; a thread a patch.
+
+    `corners` (N, 2) are first pixels. Deviations are (n x - sum x) / R for n pixels, with
+    R^2 = n sum x^2 - (sum x)^2. A patch with R < `least` is 0, and so is what is behind its pixels.
+    """
+    count = corners.shape[0]
+    inputs = [pixels, corners, side, wp.int64(least)]
+    launch_each(_sample, count, count * patches.shape[1], inputs, [patches])
+
+
+@wp.func
+def _root(square: wp.int64) -> wp.int64:
+    """Return the largest integer whose square is not larger."""
+    root = wp.int64(wp.sqrt(wp.float64(square)))
+    while root * root > square:
+        root -= wp.int64(1)
+    while (root + wp.int64(1)) * (root + wp.int64(1)) <= square:
+        root += wp.int64(1)
+    return root
+
+
+@wp.kernel
+def _sample(
+    stride: int,
+    first: int,
+    last: int,
+    pixels: wp.array2d[int],  # (H, W)
+    corners: wp.array2d[int],  # (N, 2)
+    side: int,
+    least: wp.int64,
+    # outputs
+    patches: wp.array2d[wp.int8],  # (N, D)
+):
+    for i in range(first + wp.tid(), last, stride):
+        top = corners[i, 0]
+        left = corners[i, 1]
+        count = wp.int64(side * side)
+        total = wp.int64(0)
+        squares = wp.int64(0)
+        for row in range(top, top + side):
+            for column in range(left, left + side):
+                x = wp.int64(pixels[row, column])
+                total += x
+                squares += x * x
+        root = _root(count * squares - total * total)
+        for k in range(patches.shape[1]):
+            value = wp.int64(0)
+            if k < side * side and root >= least:
+                row = k // side
+                x = wp.int64(pixels[top + row, left + k - row * side])
+                # Halves are rounded up. The sum is positive, where every division rounds alike.
+                above = wp.int64(2) * SPREAD * (count * x - total) + root * wp.int64(8193)
+                value = above // (wp.int64(2) * root) - wp.int64(4096)
+            patches[i, k] = wp.int8(wp.min(wp.max(value, -LARGEST), LARGEST))

@@ -1,0 +1,163 @@
+"""Shape models find objects made of an alphabet of parts, at any scale and half hidden."""
+
+import numpy as np
+import pytest
+import skimage.transform
+
+import cvkern
+from tests.recognition import reference_recognition as reference
+from tests.recognition.alphabet import clutter, overlap, put, thing, things
+
+SHAPE = (120, 160)
+
+
+@pytest.fixture(scope="module")
+def model():
+    with cvkern.use(backend="warp"):
+        return cvkern.ShapeModel(60, patch=12, mirror=False).fit(
+            things(6), negatives=[clutter((90, 130), seed) for seed in range(8)]
+        )
+
+
+def found_one(found, box, least):
+    """Tell whether the strongest is the object, and others are not nearly as strong."""
+    return overlap(found.boxes[0], box) > least and (found.scores[1:] < 0.2 * found.scores[0]).all()
+
+
+def test_places(backend, model):
+    for seed in range(4):
+        image = clutter(SHAPE, 100 + seed)
+        row, column = np.random.default_rng(seed).integers(0, (88, 112))
+        box = put(image, thing(noise=0.05, seed=90 + seed), row, column)
+        found = model.detect(image, scales=[1.0])
+        assert found_one(found, box, 0.75)
+        middle = np.array([box[0] + box[2], box[1] + box[3]]) / 2 - 0.5
+        # The grid has a point every four pixels.
+        assert np.abs(found.centers[0] - middle).max() <= 2.5
+        assert found.scales[0] == 1
+        np.testing.assert_allclose(found.boxes[0, :2] + (16, 24), found.centers[0] + 0.5)
+
+
+@pytest.mark.parametrize("scale", [0.75, 1.0, 1.3])
+def test_scales(backend, model, scale):
+    what = skimage.transform.rescale(thing(), scale, anti_aliasing=True).astype(np.float32)
+    image = clutter(SHAPE, 7)
+    box = put(image, what, 40, 50)
+    found = model.detect(image)
+    assert found_one(found, box, 0.6)
+    assert abs(np.log2(found.scales[0] / scale)) < 0.2
+
+
+@pytest.mark.parametrize("side", [slice(0, 24), slice(24, 48)])
+def test_half_hidden(backend, model, side):
+    what = thing(noise=0.05, seed=5)
+    what[:, side] = 0.5
+    image = clutter(SHAPE, 9)
+    box = put(image, what, 33, 61)
+    assert found_one(model.detect(image, scales=[1.0]), box, 0.7)
+
+
+def test_two_beside_each_other_and_none(backend, model):
+    image = clutter(SHAPE, 11)
+    boxes = [put(image, thing(), 30, column) for column in (20, 70)]
+    found = model.detect(image, scales=[1.0])
+    for box in boxes:
+        assert max(overlap(box, b) for b in found.boxes[:2]) > 0.75
+    assert (np.diff(found.scores) <= 0).all()
+    assert found.scores[-1] >= model.threshold
+    nothing = model.detect(clutter(SHAPE, 12), scales=[1.0])
+    assert (nothing.scores < 0.2 * found.scores[1]).all()
+    again = model.detect(image, scales=[1.0], threshold=found.scores[0] + 1)
+    assert again.boxes.shape == (0, 4)
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5])
+def test_one_colour_and_tiny(backend, model, value):
+    for shape in ((90, 90), (11, 50), (1, 1)):
+        found = model.detect(np.full(shape, value))
+        assert [a.shape for a in found] == [(0, 4), (0,), (0, 2), (0,)]
+        assert all(a.dtype == np.float32 for a in found)
+
+
+def test_weights_of_a_word_add_up_to_its_share(model):
+    fitted = model._fitted
+    sums = np.add.reduceat(fitted.entries[:, 3], fitted.starts[:-1])
+    assert (sums <= 2**16).all()
+    assert (fitted.entries[:, 3] >= 0).all()
+    with cvkern.use(backend="warp"):
+        alone = cvkern.ShapeModel(60, patch=12).fit(things(2))._fitted
+    sums = np.add.reduceat(alone.entries[:, 3], alone.starts[:-1])
+    counts = np.diff(alone.starts)
+    assert (2**16 - sums <= counts).all()  # each weight was rounded down
+    assert (sums <= 2**16).all()
+
+
+def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatch):
+    from cvkern.recognition import hypotheses
+
+    image = clutter(SHAPE, 11)
+    put(image, thing(), 30, 20)
+    put(image, thing(), 42, 60)
+    seen = {}
+
+    def spy(rt, patches, weights, space, frame, modes, evidence, least):
+        chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, least)
+        on_host = [np.array(rt.to_numpy(a)) for a in (*patches, weights)]
+        seen.update(host=on_host, frame=frame, modes=modes, evidence=evidence, least=least)
+        seen.update(chosen=chosen, left=left)
+        return chosen, left
+
+    explain = hypotheses.explain
+    monkeypatch.setattr("cvkern.recognition.models.explain", spy)
+    model.detect(image, scales=[1.0], threshold=-8.0)
+    places, _, levels, matches, weights = seen["host"]
+    given = places, matches, levels[:, 0], weights, seen["frame"]
+    order = np.argsort(-seen["evidence"], kind="stable")
+    order = order[seen["evidence"][order] >= seen["least"]]
+    assert len(order) > 10
+    modes = seen["modes"][order].tolist()
+    shared = [[reference.evidence(*given, a, b) for b in modes] for a in modes]
+    want = reference.shortest(seen["evidence"][order].tolist(), shared, seen["least"])
+    assert seen["chosen"].tolist() == order[want].tolist()
+    assert len(want) > 2
+
+
+@pytest.mark.parametrize("points", ["harris", "dog"])
+def test_points_of_interest(backend, points):
+    model = cvkern.ShapeModel(60, patch=12, points=points, step=2, mirror=False).fit(
+        things(4), negatives=[clutter((90, 130), seed) for seed in range(4)]
+    )
+    image = clutter(SHAPE, 21)
+    box = put(image, thing(), 50, 70)
+    found = model.detect(image, scales=[1.0])
+    assert len(found.boxes)
+    assert overlap(found.boxes[0], box) > 0.6
+
+
+def test_sets_learn_and_find_the_same():
+    """Models, and what they find, are equal in every bit."""
+    image = clutter(SHAPE, 31)
+    put(image, thing(), 50, 70)
+    answers = []
+    for name in ("warp", "taichi"):
+        with cvkern.use(backend=name):
+            model = cvkern.ShapeModel(30, patch=8).fit(things(2), negatives=[clutter((60, 90), 1)])
+            answers.append((*model._fitted, *model.detect(image, threshold=-3.0)))
+    assert len(answers[0][-1]) > 0
+    for a, b in zip(*answers, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_boxes_and_masks_of_larger_pictures(backend):
+    image = clutter(SHAPE, 41)
+    boxes = [put(image, thing(noise=0.03, seed=s), r, c) for s, r, c in ((1, 10, 20), (2, 70, 90))]
+    model = cvkern.ShapeModel(40, patch=12, mirror=False).fit(
+        [image, thing()], [boxes, [(0, 0, 32, 48)]]
+    )
+    assert model.box == (32, 48)
+    other = clutter(SHAPE, 42)
+    box = put(other, thing(), 44, 52)
+    found = model.detect(other, scales=[1.0])
+    assert overlap(found.boxes[0], box) > 0.7
+    smaller = cvkern.ShapeModel(40, patch=8, size=32, mirror=False).fit([image], [boxes])
+    assert smaller.box == (21, 32)
