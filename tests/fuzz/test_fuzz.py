@@ -30,7 +30,7 @@ def test_every_function_is_called():
     """One that is not called is excused by name, with the reason."""
     called = {name.partition(" ")[0] for name in CALLS}
     assert set(public_functions()) - called == set(NOT_CALLED)
-    assert called <= set(public_functions())
+    assert called - set(public_functions()) <= set(cvkern.__all__)  # classes
 
 
 def test_options_are_those_of_the_function():
