@@ -41,7 +41,7 @@ _NAMES = {
     ),
     "filters": (
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median",
-        "scharr", "sobel",
+        "prewitt", "scharr", "sobel",
     ),
     "geometry": (
         "Calibration", "Camera", "FoundPose", "PlanePose", "Planes", "RecoveredPose",

@@ -25,6 +25,7 @@ class Folder:
             from cvkern.kernels.warp.features.keypoints import refinement as refinement
     class filters:
         from cvkern.kernels.warp.filters import channels as channels
+        from cvkern.kernels.warp.filters import depths as depths
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians

@@ -14,7 +14,9 @@ METHODS = ("debevec", "robertson")
 SAMPLES = 2**17  # pixels that a response is made of
 CODES = 256
 ENDS = 4  # codes at either end of the scale that may be clipped
-SMOOTH = 100.0  # weight of the curve's second differences, beside the mean weight of a code
+SMOOTH = (
+    1000.0  # weight of how the curve bends over log2 of its codes, beside the mean weight of one
+)
 ROUNDS, STILL = 40, 1e-4  # at most so many of Robertson's, until the curve moves less
 
 
@@ -52,7 +54,8 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     -----
     All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid. Values
     near 0 and 255, which may be clipped, count less, by the square of their distance. The curve is
-    made on the host. Robertson's turns converge slowly, and take photographs to be linear first.
+    made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
+    curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
 
     References
     ----------
@@ -214,7 +217,11 @@ def _centre(codes: np.ndarray) -> np.ndarray:
 
 
 def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Minimise ``sum w (g(z) - log2 E - log2 t)^2`` and second differences of g."""
+    """Minimise ``sum w (g(z) - log2 E - log2 t)^2``, and how g bends over log2 z.
+
+    Second differences of g are those of a line over ``u = log2(z + 1/2)``, which a power of z is,
+    and what is left of them: only that is held small.
+    """
     z, logs = values.astype(np.int64), np.log2(times)
     weight = _centre(np.arange(CODES)) ** 2
     w = weight[z]
@@ -229,7 +236,10 @@ def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
             found = np.bincount(a * CODES + b, w[i] * w[j] / total, CODES**2)
             matrix -= found.reshape(CODES, CODES)
     scale = max(float(np.trace(matrix)) / CODES, 1e-12)
-    second = np.diff(np.eye(CODES), 2, axis=0)
+    u = np.log2(np.arange(CODES) + 0.5)
+    straight = np.diff(u, 2) / (u[2:] - u[:-2])
+    first = np.eye(CODES)[2:] - np.eye(CODES)[:-2]
+    second = np.diff(np.eye(CODES), 2, axis=0) - straight[:, None] * first
     bend = np.sqrt(weight[1:-1]) + 0.02
     matrix = matrix / scale + SMOOTH * (second.T * bend**2) @ second
     matrix[CODES // 2, CODES // 2] += 1
@@ -238,15 +248,21 @@ def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def _robertson(values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Find radiance from the curve and the curve from radiance, in turns."""
-    z = values.astype(np.int64)
+    """Find radiance from the curve and the curve from radiance, in turns.
+
+    Long exposures weigh more, by the square of their time: a small weight of their clipped values
+    would outweigh the others, so these have none.
+    """
     codes = np.arange(CODES)
-    weight = np.exp(-4 * ((codes - 127.5) / 127.5) ** 2)
-    w, t = weight[z], times[:, None]
+    away = 1 - _centre(codes)
+    weight = np.where(away < 1, np.exp(-4 * away**2), 0)
+    z, t = values.astype(np.int64), times[:, None]
+    z = z[:, weight[z].any(axis=0)]
+    w = weight[z]
     curve = (codes + 0.5) / (CODES / 2)
     held = np.bincount(z.ravel(), minlength=CODES)
-    seen = np.flatnonzero(held)
-    for _ in range(ROUNDS):
+    seen = np.flatnonzero((held > 0) & (weight > 0))
+    for _ in range(ROUNDS if seen.size else 0):
         light = (w * t * curve[z]).sum(axis=0) / (w * t * t).sum(axis=0)
         sums = np.bincount(z.ravel(), (t * light).ravel(), CODES)
         new = np.interp(codes, seen, sums[seen] / held[seen])

@@ -1,7 +1,7 @@
 """Census and Hamming distance on CUDA: one thread per pixel, and threads along the disparities.
 
-census.py describes the transform. The code is native, so that most pixels skip the arithmetic of
-borders, and the distances of a tile are stored in order.
+census.py describes the transform. The code of the distances is native, so that a block stores those
+of a tile in order.
 """
 
 from functools import lru_cache
@@ -12,7 +12,7 @@ import warp as wp
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch
 
-from ._windows_cpu import C_TYPES, OPTIONS
+from ._windows_cpu import OPTIONS
 
 _BLOCK = 256
 _TILE = 16  # pixels whose distances a block computes
@@ -22,7 +22,7 @@ _TILE = 16  # pixels whose distances a block computes
 def census_kernel(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type; it is compiled at the first use."""
 
-    @_native.kernel("_census_cuda.cu", OPTIONS, TYPE=C_TYPES[scalar], BLOCK=_BLOCK)
+    @wp.kernel(module="unique", module_options=OPTIONS)
     def census(
         image: wp.array3d[scalar],  # (H, W, C)
         radius_y: int,
@@ -31,7 +31,26 @@ def census_kernel(scalar: Any) -> wp.Kernel:
         symmetric: bool,
         # outputs
         bits: wp.array3d[wp.uint64],  # (H, W, C)
-    ): ...
+    ):
+        y, x, c = wp.tid()
+        last_y = image.shape[0] - 1
+        last_x = image.shape[1] - 1
+        last_dy = wp.where(symmetric, 0, radius_y)
+        word = wp.uint64(0)
+        n = wp.uint64(0)
+        for dy in range(-radius_y, last_dy + 1):
+            v = wp.clamp(y + dy * spacing, 0, last_y)
+            opposite_v = wp.clamp(y - dy * spacing, 0, last_y)
+            for dx in range(-radius_x, radius_x + 1):
+                if dy < 0 or dx < 0 or (not symmetric and (dy > 0 or dx > 0)):
+                    u = wp.clamp(x + dx * spacing, 0, last_x)
+                    other = image[y, x, c]
+                    if symmetric:
+                        other = image[opposite_v, wp.clamp(x - dx * spacing, 0, last_x), c]
+                    if image[v, u, c] < other:
+                        word = word | (wp.uint64(1) << n)
+                    n += wp.uint64(1)
+        bits[y, x, c] = word
 
     return census
 
@@ -50,9 +69,8 @@ def census(
     image: wp.array, radius_y: int, radius_x: int, spacing: int, symmetric: bool, bits: wp.array
 ) -> None:
     """Launch a thread for each value."""
-    count = -(-image.size // _BLOCK) * _BLOCK
     inputs = [image, radius_y, radius_x, spacing, symmetric]
-    launch(census_kernel(image.dtype), count, inputs, [bits])
+    launch(census_kernel(image.dtype), image.shape, inputs, [bits])
 
 
 def hamming(left: wp.array, right: wp.array, first: int, costs: wp.array) -> None:

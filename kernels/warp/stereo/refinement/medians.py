@@ -28,8 +28,8 @@ def guided_median(
     across = scratch("guided_median.across", (height, width), wp.float32, smooth.device)
     if smooth.device.is_cuda:
         along, down = cuda.medians(radius)
-        launch(along, smooth.size, [disparity, guide, contrast], [across])
-        launch(down, smooth.size, [across, guide, contrast], [smooth])
+        launch(along, smooth.shape, [disparity, guide, contrast], [across])
+        launch(down, smooth.shape, [across, guide, contrast], [smooth])
         return
     options = [guide, radius, contrast]
     count = slabs(height, smooth.size * (2 * radius + 1))
