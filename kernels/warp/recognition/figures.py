@@ -42,7 +42,8 @@ def paint_figures(
     lanes = LANES if balance.device.is_cuda else 1
     count, side = modes.shape[0], math.isqrt(figures.shape[1])
     cells = cells_of(votes, starts, space)
-    inputs = [lanes, cells, window.radius, window.scales, sources, places, figures, side, modes]
+    reach = wp.vec2i(window.radius, window.scales)
+    inputs = [lanes, cells, reach, sources, places, figures, side, modes]
     launch_each(_paint, count * lanes, count * WORK, inputs, [balance])
 
 
@@ -75,8 +76,7 @@ def _paint(
     end: int,
     lanes: int,
     cells: Cells,
-    radius: int,
-    scales: int,
+    window: wp.vec2i,  # radius, in places and in scales
     sources: wp.array2d[int],  # (V, 2)
     places: wp.array2d[int],  # (N, 3)
     figures: wp.array2d[wp.uint8],  # (O, S S)
@@ -92,7 +92,8 @@ def _paint(
         lane = item - t * lanes
         place = wp.vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
         own = factor_of(cells.factors, cells.lowest, place[2])
-        reach = scaled(radius, own)
+        reach = scaled(window[0], own)
+        scales = window[1]
         for s in range(cells.bins.shape[0]):
             if wp.abs(cells.bins[s, 3] - place[2]) <= scales + cells.slack:
                 wide = cells.bins[s, 4]
