@@ -41,7 +41,7 @@ _NAMES = {
     ),
     "filters": (
         "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median",
-        "scharr", "sobel",
+        "prewitt", "scharr", "sobel",
     ),
     "geometry": (
         "Calibration", "Camera", "FoundPose", "PlanePose", "Planes", "RecoveredPose",
@@ -68,7 +68,7 @@ _NAMES = {
         "Alignment", "align_exposures", "demosaic", "develop", "estimate_response",
         "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
     ),
-    "recognition": ("Codebook", "Objects", "ShapeModel", "learn_codebook"),
+    "recognition": ("Codebook", "Objects", "Segmentation", "ShapeModel", "learn_codebook"),
     "shading": (
         "LambertianGradient", "Mesh", "PhotometricStereo", "ShapeFromShading",
         "estimate_lights", "integrate_normals", "lambertian", "lambertian_backward",

@@ -74,8 +74,8 @@ class Library(ABC):
         return array.view(dtype)
 
     def swap(self, array: Any) -> Any:
-        """Exchange the last two axes of a 3-D array."""
-        return array.swapaxes(1, 2)
+        """Exchange the last two axes of an array."""
+        return array.swapaxes(-1, -2)
 
     def last(self, array: Any, axis: int) -> Any:
         """Move an axis to the end."""
@@ -250,8 +250,9 @@ class Warp(Library):
         return array.view(self._carried(dtype))
 
     def swap(self, array: Any) -> Any:
-        """Exchange the last two axes of a 3-D array."""
-        return array.transpose((0, 2, 1))
+        """Exchange the last two axes of an array."""
+        last = array.ndim - 1
+        return array.transpose((*range(last - 1), last, last - 1))
 
     def last(self, array: Any, axis: int) -> Any:
         """Move an axis to the end."""

@@ -44,8 +44,18 @@ def check_image(
     return image
 
 
-def check_photograph(image: Any, name: str = "image") -> Any:
-    """Return a photograph as an array: grey (H, W), or with 3 or 4 channels along the last axis."""
+def check_photograph(image: Any, name: str = "image", batch_axis: int | None = None) -> Any:
+    """Return a photograph as an array: grey (H, W), or with 3 or 4 channels along the last axis.
+
+    With `batch_axis` 0 it is a stack of photographs.
+    """
+    if batch_axis is not None:
+        check_integer(batch_axis, "batch_axis", 0, 0)
+        image = check_image(image, ndim=(3, 4), name=name)
+        if len(image.shape) == 4 and image.shape[3] not in (3, 4):
+            shape = tuple(image.shape)
+            raise ValueError(f"{name} must have shape (N, H, W) or (N, H, W, 3 or 4), got {shape}")
+        return image
     image = check_image(image, ndim=(2, 3), name=name)
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):
@@ -139,6 +149,26 @@ def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int 
     if channel_axis is None:
         return None
     return check_integer(channel_axis, "channel_axis", -3, 2) % 3
+
+
+def check_axes(
+    shape: tuple[int, ...], channel_axis: int | None, batch_axis: int | None
+) -> int | None:
+    """Return the axis of the channels within one image of a stack, or None."""
+    if batch_axis is None:
+        return check_channel_axis(shape, channel_axis)
+    check_integer(batch_axis, "batch_axis", 0, 0)
+    if len(shape) not in (3, 4) or (len(shape) == 4) != (channel_axis is not None):
+        raise ValueError(
+            f"image must have 3 axes with batch_axis, and 4 with channel_axis too, "
+            f"got shape {tuple(shape)} and channel_axis {channel_axis}"
+        )
+    if channel_axis is None:
+        return None
+    axis = check_integer(channel_axis, "channel_axis", -3, 3) % 4
+    if axis == 0:
+        raise ValueError(f"channel_axis must differ from batch_axis, got {channel_axis}")
+    return axis - 1
 
 
 def check_code(value: str, codes: type[E], name: str) -> E:

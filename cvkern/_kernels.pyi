@@ -25,6 +25,7 @@ class Folder:
             from cvkern.kernels.warp.features.keypoints import refinement as refinement
     class filters:
         from cvkern.kernels.warp.filters import channels as channels
+        from cvkern.kernels.warp.filters import depths as depths
         from cvkern.kernels.warp.filters import gradients as gradients
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
@@ -88,6 +89,7 @@ class Folder:
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
     class recognition:
         from cvkern.kernels.warp.recognition import codebook as codebook
+        from cvkern.kernels.warp.recognition import figures as figures
         from cvkern.kernels.warp.recognition import hypotheses as hypotheses
         from cvkern.kernels.warp.recognition import patches as patches
         from cvkern.kernels.warp.recognition import votes as votes

@@ -8,12 +8,12 @@ import cvkern
 FLAT, DEEP = np.zeros((4, 5)), np.zeros((4, 5, 3))
 HUGE = np.broadcast_to(np.uint8(0), (2**15, 2**15))
 
-# Functions of an image, by the ranks they take.
-FLAT_ONLY = ["sobel", "scharr", "gradient", "canny", "subpixel_edges"]
+# Functions of an image, by the shapes they take.
+PHOTOGRAPHS = ["sobel", "scharr", "prewitt", "gradient", "canny", "subpixel_edges"]
 FLAT_OR_DEEP = ["gaussian", "box", "median"]
 FILTERS = {name: getattr(cvkern, name) for name in FLAT_OR_DEEP}
 FILTERS["correlate_separable"] = lambda x, **options: cvkern.correlate_separable(x, [1], **options)
-EVERY = {**FILTERS, **{name: getattr(cvkern, name) for name in FLAT_ONLY}}
+EVERY = {**FILTERS, **{name: getattr(cvkern, name) for name in PHOTOGRAPHS}}
 
 
 def refused(error, message, function, *args, **options):

@@ -8,7 +8,7 @@ import warp
 
 import cvkern
 from cvkern._checks import MAX_ELEMENTS
-from tests.refusals import DEEP, EVERY, FILTERS, FLAT, FLAT_ONLY, HUGE, refused
+from tests.refusals import DEEP, EVERY, FILTERS, FLAT, HUGE, PHOTOGRAPHS, refused
 
 pytestmark = pytest.mark.usefixtures("no_kernel_runs")
 
@@ -21,9 +21,8 @@ BORDERS = "('reflect', 'constant', 'nearest', 'mirror', 'wrap')"
 @pytest.mark.parametrize("name", EVERY)
 def test_images(name):
     function = EVERY[name]
-    ranks = "2-D or 3-D" if name in FILTERS else "2-D"
     for image, shape in ((5, "()"), ([1, 2], "(2,)"), (np.zeros((1, 1, 1, 1)), "(1, 1, 1, 1)")):
-        refused(ValueError, f"image must be {ranks}, got shape {shape}", function, image)
+        refused(ValueError, f"image must be 2-D or 3-D, got shape {shape}", function, image)
     for shape in ((0, 5), (5, 0), (0, 0)):
         refused(
             ValueError, f"image must not be empty, got shape {shape}", function, np.zeros(shape)
@@ -41,9 +40,34 @@ def test_images(name):
     refused(ValueError, message, function, HUGE)
 
 
-@pytest.mark.parametrize("name", FLAT_ONLY)
+@pytest.mark.parametrize("name", PHOTOGRAPHS)
 def test_images_with_channels(name):
-    refused(ValueError, "image must be 2-D, got shape (4, 5, 3)", EVERY[name], DEEP)
+    for shape in ((4, 5, 1), (4, 5, 2), (4, 5, 5)):
+        message = f"image must have shape (H, W) or (H, W, 3 or 4), got {shape}"
+        refused(ValueError, message, EVERY[name], np.zeros(shape))
+
+
+@pytest.mark.parametrize("name", [*FILTERS, "sobel", "scharr", "prewitt", "gradient"])
+def test_batch_axis(name):
+    function = EVERY[name]
+    refused(ValueError, "batch_axis must be in [0, 0], got 1", function, DEEP, batch_axis=1)
+    message = "image must be 3-D or 4-D, got shape (4, 5)"
+    refused(ValueError, message, function, FLAT, batch_axis=0)
+    if name in FILTERS:
+        rule = "image must have 3 axes with batch_axis, and 4 with channel_axis too, got shape"
+        message = f"{rule} (4, 5, 3) and channel_axis -1"
+        refused(ValueError, message, function, DEEP, batch_axis=0, channel_axis=-1)
+        message = f"{rule} (4, 5, 3, 1) and channel_axis None"
+        refused(ValueError, message, function, DEEP[..., None], batch_axis=0)
+        for axis, message in (
+            (0, "channel_axis must differ from batch_axis, got 0"),
+            (4, "channel_axis must be in [-3, 3], got 4"),
+        ):
+            stack = DEEP[..., None]
+            refused(ValueError, message, function, stack, batch_axis=0, channel_axis=axis)
+    else:
+        message = "image must have shape (N, H, W) or (N, H, W, 3 or 4), got (4, 5, 3, 1)"
+        refused(ValueError, message, function, DEEP[..., None], batch_axis=0)
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -200,7 +224,7 @@ def test_cval_of_median(dtype, cval):
     refused(ValueError, message, cvkern.median, FLAT.astype(dtype), cval=cval)
 
 
-@pytest.mark.parametrize("name", ["sobel", "scharr"])
+@pytest.mark.parametrize("name", ["sobel", "scharr", "prewitt"])
 def test_axis(name):
     for axis in (2, -1, 0.5):
         message = f"axis must be 0, 1 or None, got {axis}"

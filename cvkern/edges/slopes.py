@@ -53,6 +53,8 @@ def find_slopes(
     A colour image has the gradient of the channel where it is longest by `norm`.
     """
     check_radius(4 * sigma)
+    if operator == "gaussian" and sigma <= NO_SIGMA:
+        raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
     planes = planes_of(rt, image)
     options = planes.dtype, sigma, operator, around, bare
     if len(planes.values) == 1:
@@ -83,8 +85,6 @@ def _differentiate_plane(
         last = (around.border, around.cval) if bare else (Border.REFLECT, 0.0)
         differentiate(rt, src, smooth, DIFFERENCE, *last, dy, dx)
         return
-    if sigma <= NO_SIGMA:
-        raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
     taps = gaussian_taps(sigma)
     slope = _scaled(gaussian_taps(sigma, 1).tobytes(), SOBEL_GAIN)
     if bare or not around.partial:

@@ -19,23 +19,36 @@ def best(
     """
     if count is None or count >= len(responses):
         return np.arange(len(responses))
-    if not spread and count:
-        least = np.partition(responses, -count)[-count]
-        kept = responses > least
-        equal = np.flatnonzero(responses == least)
-        kept[equal[: count - np.count_nonzero(kept)]] = True
-        return np.flatnonzero(kept)
+    if not count:
+        return np.empty(0, np.int64)
+    if not spread:
+        return np.flatnonzero(_strongest(responses, count))
+    side = max(1.0, np.sqrt(4.0 * shape[0] * shape[1] / count))
+    across = int(shape[1] / side) + 1
+    row, column = (points / side).astype(np.int64).T
+    square = row * across + column
     order = np.argsort(-responses, kind="stable")
-    if spread and count:
-        side = max(1.0, np.sqrt(4.0 * shape[0] * shape[1] / count))
-        across = int(shape[1] / side) + 1
-        row, column = (points[order] / side).astype(np.int64).T
-        square = row * across + column
-        by_square = np.argsort(square, kind="stable")
-        ordered = square[by_square]
-        begins = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
-        lengths = np.diff(np.r_[begins, len(ordered)])
-        rank = np.empty(len(order), np.int64)
-        rank[by_square] = np.arange(len(order)) - np.repeat(begins, lengths)
-        order = order[np.argsort(rank, kind="stable")]
-    return np.sort(order[:count])
+    # NumPy sorts numbers of 16 bits by counting.
+    small = square[order].astype(np.min_scalar_type(square.max()))
+    order = order[np.argsort(small, kind="stable")]
+    begins = np.flatnonzero(np.diff(square[order], prepend=-1))
+    lengths = np.diff(begins, append=len(order))
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order)) - np.repeat(begins, lengths)
+    # All points of low ranks are kept, and the strongest ones of the rank that is too much.
+    last = int(np.searchsorted(np.cumsum(np.bincount(rank)), count, side="right"))
+    kept = rank < last
+    left = np.flatnonzero(rank == last)
+    missing = count - np.count_nonzero(kept)
+    if missing:
+        kept[left[_strongest(responses[left], missing)]] = True
+    return np.flatnonzero(kept)
+
+
+def _strongest(responses: np.ndarray, count: int) -> np.ndarray:
+    """Return, as booleans, the `count` largest of more responses; of equal ones the first."""
+    least = np.partition(responses, -count)[-count]
+    kept = responses > least
+    equal = np.flatnonzero(responses == least)
+    kept[equal[: count - np.count_nonzero(kept)]] = True
+    return kept

@@ -1,6 +1,6 @@
 """Linear filters, gradients and the median."""
 
-from cvkern.filters.gradients import Gradient, gradient, scharr, sobel
+from cvkern.filters.gradients import Gradient, gradient, prewitt, scharr, sobel
 from cvkern.filters.linear import box, correlate_separable, gaussian
 from cvkern.filters.medians import median
 
@@ -11,6 +11,7 @@ __all__ = [
     "gaussian",
     "gradient",
     "median",
+    "prewitt",
     "scharr",
     "sobel",
 ]

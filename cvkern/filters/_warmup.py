@@ -8,7 +8,16 @@ from functools import partial
 import numpy as np
 
 from cvkern.app.warmup import pictures
-from cvkern.filters import box, correlate_separable, gaussian, gradient, median, scharr, sobel
+from cvkern.filters import (
+    box,
+    correlate_separable,
+    gaussian,
+    gradient,
+    median,
+    prewitt,
+    scharr,
+    sobel,
+)
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
@@ -19,11 +28,14 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         yield "gaussian", partial(gaussian, image, channel_axis=axis)
         yield "box", partial(box, image, channel_axis=axis)
         yield "correlate_separable", partial(correlate_separable, image, taps, channel_axis=axis)
+    yield "gaussian", partial(gaussian, byte, dtype="uint8")
+    yield "gaussian", partial(gaussian, byte.astype(np.uint16), dtype="uint16")
     for operator in ("gaussian", "sobel", "scharr"):
         yield "gradient", partial(gradient, real, operator=operator)
     yield "gradient", partial(gradient, color)
     yield "sobel", partial(sobel, real)
     yield "scharr", partial(scharr, real)
+    yield "prewitt", partial(prewitt, real)
     for dtype in (np.uint8, np.uint16, np.float32):
         for radius in (1, 2, 3):
             yield "median", partial(median, real.astype(dtype), radius)

@@ -6,12 +6,14 @@ the first channel's. This is the rule of :func:`cv2.Canny`.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._arrays import library
 from cvkern._runtime import Runtime
+from cvkern.filters.depths import as_floats
 from cvkern.kernels.codes.edges import Norm
 
 COLORS = 3  # channels of a colour; a fourth one is alpha, which is ignored
@@ -21,35 +23,43 @@ class Planes(NamedTuple):
     """The channels of an image as kernel arrays."""
 
     values: tuple[Any, ...]
-    """One (H, W) array, float32 or uint8, for each channel."""
+    """One array (H, W), or (N, H, W) of a stack, float32 or uint8, for each channel."""
     dtype: np.dtype
     """The dtype of the caller's image."""
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """Height and width."""
+    def shape(self) -> tuple[int, ...]:
+        """Height and width, after the number of images of a stack."""
         return tuple(self.values[0].shape)
 
 
-def planes_of(rt: Runtime, image: Any, dtype: Any = np.float32) -> Planes:
+def planes_of(
+    rt: Runtime, image: Any, dtype: Any = np.float32, batch_axis: int | None = None
+) -> Planes:
     """Read an image (H, W), or (H, W, 3 or 4) as a colour image, as planes of `dtype`."""
     if isinstance(image, Planes):
         return image
-    given, src = library(image).dtype(image), rt.adopt(image, dtype)
-    if len(image.shape) == 2:
+    given = library(image).dtype(image)
+    src = as_floats(rt, image) if dtype is np.float32 else rt.adopt(image, dtype)
+    if len(image.shape) == (2 if batch_axis is None else 3):
         return Planes((src,), given)
+    *shape, width, channels = image.shape
+    height = math.prod(shape)  # rows of all images of a stack
     kind = np.dtype(dtype).name
-    planes = rt.scratch(f"channels.planes.{kind}", (COLORS, *image.shape[:2]), dtype)
-    rt.filters.channels.split(src, planes)
-    return Planes(tuple(planes[c] for c in range(COLORS)), given)
+    planes = rt.scratch(f"channels.planes.{kind}", (COLORS, height, width), dtype)
+    rt.filters.channels.split(src.reshape((height, width, channels)), planes)
+    return Planes(tuple(planes[c].reshape((*shape, width)) for c in range(COLORS)), given)
 
 
-def slopes_of_channels(rt: Runtime, shape: tuple[int, int]) -> tuple[Any, Any]:
-    """Return kernel memory for dy and dx of each channel, (3, H, W) each."""
+def slopes_of_channels(rt: Runtime, shape: tuple[int, ...]) -> tuple[Any, Any]:
+    """Return kernel memory for dy and dx of each channel, (3, *shape) each."""
     dys, dxs = (rt.scratch(f"channels.{name}", (COLORS, *shape)) for name in ("dy", "dx"))
     return dys, dxs
 
 
 def take_longest(rt: Runtime, dys: Any, dxs: Any, dy: Any, dx: Any, norm: Norm = Norm.L2) -> None:
     """Fill dy and dx with the longest of the channels' gradients."""
-    rt.filters.channels.longest(dys, dxs, norm, dy, dx)
+    *shape, width = dy.shape
+    one = math.prod(shape), width  # the rows of all images of a stack
+    downs, alongs = (a.reshape((COLORS, *one)) for a in (dys, dxs))
+    rt.filters.channels.longest(downs, alongs, norm, dy.reshape(one), dx.reshape(one))

@@ -19,7 +19,11 @@ from cvkern.kernels.codes.filters import Border, Outside
 OPERATORS = ("gaussian", "sobel", "scharr")
 
 # Smoothing halves of the 3 x 3 operators; the other half is the difference (-1, 0, 1).
-SMOOTH = {"sobel": frozen_taps([1, 2, 1]), "scharr": frozen_taps([3, 10, 3])}
+SMOOTH = {
+    "sobel": frozen_taps([1, 2, 1]),
+    "scharr": frozen_taps([3, 10, 3]),
+    "prewitt": frozen_taps([1, 1, 1]),
+}
 _MEAN = {name: frozen_taps(taps / taps.sum()) for name, taps in SMOOTH.items()}
 DIFFERENCE = frozen_taps([-1, 0, 1])
 
@@ -37,17 +41,24 @@ class Gradient(NamedTuple):
     """``atan2(dy, dx)``, radians in (-pi, pi], (H, W) float32."""
 
 
-def sobel(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: float = 0.0) -> Any:
+def sobel(
+    image: Any,
+    *,
+    axis: int | None = None,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    batch_axis: int | None = None,
+) -> Any:
     """Find edges by the Sobel operator.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`gradient`.
     axis : {0, 1}, optional
         Differentiate along this axis. When omitted, both derivatives are combined:
         ``sqrt((dy^2 + dx^2) / 2)``.
-    mode, cval
+    mode, cval, batch_axis
         As in :func:`gaussian`.
 
     Returns
@@ -73,17 +84,24 @@ def sobel(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: f
     >>> cvkern.sobel([[0, 0, 4, 4]] * 3, axis=1)[1]
     array([0., 4., 4., 0.], dtype=float32)
     """
-    return _edge_strength(image, "sobel", axis, mode, cval)
+    return _edge_strength(image, "sobel", axis, mode, cval, batch_axis)
 
 
-def scharr(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: float = 0.0) -> Any:
+def scharr(
+    image: Any,
+    *,
+    axis: int | None = None,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    batch_axis: int | None = None,
+) -> Any:
     """Find edges by the Scharr operator, which favours no direction.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`gradient`.
-    axis, mode, cval
+    axis, mode, cval, batch_axis
         As in :func:`sobel`.
 
     Returns
@@ -107,7 +125,48 @@ def scharr(image: Any, *, axis: int | None = None, mode: str = "reflect", cval: 
     >>> cvkern.scharr([[0, 0, 4, 4]] * 3, axis=1)[1]
     array([0., 4., 4., 0.], dtype=float32)
     """
-    return _edge_strength(image, "scharr", axis, mode, cval)
+    return _edge_strength(image, "scharr", axis, mode, cval, batch_axis)
+
+
+def prewitt(
+    image: Any,
+    *,
+    axis: int | None = None,
+    mode: str = "reflect",
+    cval: float = 0.0,
+    batch_axis: int | None = None,
+) -> Any:
+    """Find edges by the Prewitt operator, which weights the three pixels of a side alike.
+
+    Parameters
+    ----------
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
+        Any real dtype; colour as in :func:`gradient`.
+    axis, mode, cval, batch_axis
+        As in :func:`sobel`.
+
+    Returns
+    -------
+    array of shape (H, W), float32
+        In units of `image`: a mean of differences across two pixels.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`sobel`.
+
+    Notes
+    -----
+    Equal to :func:`skimage.filters.prewitt` of a grey floating-point image; integers are not
+    rescaled.
+
+    Examples
+    --------
+    >>> import cvkern
+    >>> cvkern.prewitt([[0, 0, 4, 4]] * 3, axis=1)[1]
+    array([0., 4., 4., 0.], dtype=float32)
+    """
+    return _edge_strength(image, "prewitt", axis, mode, cval, batch_axis)
 
 
 def gradient(
@@ -117,12 +176,13 @@ def gradient(
     operator: str = "gaussian",
     mode: str = "reflect",
     cval: float = 0.0,
+    batch_axis: int | None = None,
 ) -> Gradient:
     """Differentiate an image.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype. Of a colour image, each pixel has the gradient of the channel where it is
         longest, the first of equal ones; alpha is ignored.
     sigma : float, default 1.0
@@ -132,13 +192,14 @@ def gradient(
         'gaussian' convolves with the derivatives of the Gaussian, in units of `image` per pixel.
         'sobel' and 'scharr' smooth with the Gaussian, then apply the integer 3 x 3 kernels of
         :func:`cv2.Sobel` and :func:`cv2.Scharr`, with their gains of 8 and 32.
-    mode, cval
+    mode, cval, batch_axis
         As in :func:`gaussian`.
 
     Returns
     -------
     Gradient
-        Named tuple of `dy`, `dx`, `magnitude` and `orientation`, each (H, W) float32.
+        Named tuple of `dy`, `dx`, `magnitude` and `orientation`, each (H, W) float32, or (N, H, W)
+        of a stack.
 
     Raises
     ------
@@ -156,10 +217,12 @@ def gradient(
     >>> g.dx[1], g.orientation[1, 2]
     (array([4., 8., 8., 8., 4.], dtype=float32), np.float32(0.0))
     """
-    image = check_photograph(image)
+    image = check_photograph(image, batch_axis=batch_axis)
     rt = runtime(image)
-    results = Gradient(*(rt.empty(tuple(image.shape[:2])) for _ in Gradient._fields))
-    derivatives(rt, image, sigma, operator, mode, cval, *(rt.adopt(a) for a in results))
+    shape = _without_channels(image, batch_axis)
+    results = Gradient(*(rt.empty(shape) for _ in Gradient._fields))
+    views = (rt.adopt(a) for a in results)
+    derivatives(rt, image, sigma, operator, mode, cval, *views, batch_axis=batch_axis)
     return Gradient(*(rt.release(a) for a in results))
 
 
@@ -171,6 +234,7 @@ def derivatives(
     mode: str,
     cval: float,
     *outputs: Any,
+    batch_axis: int | None = None,
 ) -> None:
     """Fill kernel arrays with the results of :func:`gradient`: dy and dx, or all four."""
     border = check_code(mode, Border, "mode")
@@ -178,7 +242,9 @@ def derivatives(
     sigma = check_number(sigma, "sigma", low=0)
     check_radius(4 * sigma)
     check_choice(operator, OPERATORS, "operator")
-    planes = planes_of(rt, image)
+    if operator == "gaussian" and sigma <= NO_SIGMA:
+        raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
+    planes = planes_of(rt, image, batch_axis=batch_axis)
     if len(planes.values) == 1:
         _differentiate_plane(rt, planes.values[0], sigma, operator, border, cval, *outputs)
         return
@@ -200,14 +266,12 @@ def _differentiate_plane(
     *outputs: Any,
 ) -> None:
     if operator == "gaussian":
-        if sigma <= NO_SIGMA:
-            raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
         smooth, slope = gaussian_taps(sigma), gaussian_taps(sigma, 1)
     else:
         smooth, slope = SMOOTH[operator], DIFFERENCE
         if sigma > NO_SIGMA:
             shape = tuple(src.shape)
-            planes = (1, *shape)
+            planes = (1, *shape)[-3:]
             taps = rt.constant(gaussian_taps(sigma))
             blurred = rt.scratch("derivatives.blurred", planes)
             rt.filters.linear.correlate_separable(
@@ -242,19 +306,31 @@ def _weighted(value: float, taps: np.ndarray) -> float:
     return float(total)
 
 
-def _edge_strength(image: Any, operator: str, axis: int | None, mode: str, cval: float) -> Any:
+def _without_channels(image: Any, batch_axis: int | None) -> tuple[int, ...]:
+    """Return the shape of an image, or of a stack, without its channels."""
+    return tuple(image.shape[: 2 if batch_axis is None else 3])
+
+
+def _edge_strength(
+    image: Any,
+    operator: str,
+    axis: int | None,
+    mode: str,
+    cval: float,
+    batch_axis: int | None,
+) -> Any:
     if axis is not None and (not isinstance(axis, (int, np.integer)) or axis not in (0, 1)):
         raise ValueError(f"axis must be 0, 1 or None, got {axis!r}")
-    image = check_photograph(image)
+    image = check_photograph(image, batch_axis=batch_axis)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
     rt = runtime(image)
-    shape = tuple(image.shape[:2])
+    shape = _without_channels(image, batch_axis)
     result = rt.empty(shape)
     dst = rt.adopt(result)
     dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
     dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
-    planes = planes_of(rt, image).values
+    planes = planes_of(rt, image, batch_axis=batch_axis).values
     if len(planes) == 1:
         differentiate(rt, planes[0], _MEAN[operator], DIFFERENCE, border, cval, dy, dx)
     else:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import (
-    check_channel_axis,
+    check_axes,
     check_code,
     check_image,
     check_integer,
@@ -22,6 +22,7 @@ from cvkern._checks import (
     check_pair,
 )
 from cvkern._runtime import runtime
+from cvkern.filters.depths import as_floats, check_result
 from cvkern.kernels.codes.filters import Border
 
 MAX_RADIUS = 2**20
@@ -37,13 +38,15 @@ def gaussian(
     cval: float = 0.0,
     truncate: float = 4.0,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Convolve an image with a Gaussian or one of its derivatives.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype.
     sigma : float or (float, float), default 1.0
         Standard deviation down the rows and along the columns, in pixels. 0 does not filter an
@@ -58,13 +61,18 @@ def gaussian(
     truncate : float, default 4.0
         Radius of the kernel in standard deviations; ``int(truncate * sigma + 0.5)`` pixels.
     channel_axis : int, optional
-        Axis that is not filtered; needed for 3-D images.
-    out : array of the shape of `image`, float32, optional
+        Axis that is not filtered; needed for images with channels.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or with channels; all are filtered in one launch.
+    dtype : {'float32', 'uint8', 'uint16'}, optional
+        The dtype of the result, by default float32. Integers are rounded to the nearest, half to
+        even; values beyond their range become its limits.
+    out : array of the shape of `image` and of `dtype`, optional
         Filled and returned when given.
 
     Returns
     -------
-    array of the shape of `image`, float32
+    array of the shape of `image`, of `dtype`
         Of the same library and on the same device as `image`.
 
     Raises
@@ -93,7 +101,7 @@ def gaussian(
     for s in sigmas:
         check_radius(truncate * s)
     taps = [gaussian_taps(s, o, truncate) for s, o in zip(sigmas, orders, strict=True)]
-    return separable(image, taps, mode, cval, channel_axis, out)
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, dtype, out)
 
 
 @lru_cache(maxsize=64)
@@ -129,23 +137,25 @@ def correlate_separable(
     mode: str = "reflect",
     cval: float = 0.0,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Correlate an image with the outer product of two 1-D kernels.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype.
     taps : sequence of float, or pair of them
         Kernel of odd length for both axes, or one down the rows and one along the columns. The
         middle tap weighs the pixel itself.
-    mode, cval, channel_axis, out
+    mode, cval, channel_axis, batch_axis, dtype, out
         As in :func:`gaussian`.
 
     Returns
     -------
-    array of the shape of `image`, float32
+    array of the shape of `image`, of `dtype`
 
     Raises
     ------
@@ -172,7 +182,8 @@ def correlate_separable(
         raise TypeError(f"taps must be a sequence, got {taps!r}") from None
     if len(kernels) != 2:
         raise ValueError(f"taps must be one kernel or two, got {len(kernels)}")
-    return separable(image, [_check_taps(t) for t in kernels], mode, cval, channel_axis, out)
+    taps = [_check_taps(t) for t in kernels]
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, dtype, out)
 
 
 def box(
@@ -182,22 +193,24 @@ def box(
     mode: str = "reflect",
     cval: float = 0.0,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Average each window of ``2 radius + 1`` pixels a side.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype.
     radius : int or (int, int), default 1
         Half the side of the window, down the rows and along the columns, in pixels.
-    mode, cval, channel_axis, out
+    mode, cval, channel_axis, batch_axis, dtype, out
         As in :func:`gaussian`.
 
     Returns
     -------
-    array of the shape of `image`, float32
+    array of the shape of `image`, of `dtype`
 
     Raises
     ------
@@ -213,7 +226,8 @@ def box(
     array([[0., 1., 1., 1., 0.]], dtype=float32)
     """
     radii = [check_integer(r, "radius", 0, MAX_RADIUS) for r in check_pair(radius, "radius")]
-    return separable(image, [_box_taps(r) for r in radii], mode, cval, channel_axis, out)
+    taps = [_box_taps(r) for r in radii]
+    return separable(image, taps, mode, cval, channel_axis, batch_axis, dtype, out)
 
 
 @lru_cache(maxsize=64)
@@ -227,45 +241,57 @@ def separable(
     mode: str,
     cval: float,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
+    dtype: Any = None,
     out: Any = None,
 ) -> Any:
     """Check and run :func:`correlate_separable` or one of its special cases."""
-    image = check_image(image, ndim=(2, 3))
-    axis = check_channel_axis(image.shape, channel_axis)
+    image = check_image(image, ndim=(2, 3) if batch_axis is None else (3, 4))
+    axis = check_axes(image.shape, channel_axis, batch_axis)
     border = check_code(mode, Border, "mode")
     cval = check_number(cval, "cval")
-    check_out(out, image, np.float32)
+    kind = check_result(dtype)
+    check_out(out, image, kind)
     rt = runtime(image)
     shape = tuple(image.shape)
-    result = rt.empty(shape, out=out)
+    result = rt.empty(shape, kind, out=out)
+    whole = kind != np.float32
+    floats = rt.scratch("separable.floats", shape) if whole else rt.adopt(result)
     down, along = (rt.constant(t) for t in taps)
     if axis == 1:
         # A step between columns would leave its row, so filter each axis separately.
-        height, channels, width = shape
-        middle = rt.scratch("separable.middle", (1, height, channels * width))
+        images = 1 if batch_axis is None else shape[0]
+        height, channels, width = shape[-3:]
+        middle = rt.scratch("separable.middle", (images, height, channels * width))
         alone = rt.constant(_ALONE)
-        src, dst = rt.adopt(image, shape=middle.shape), (1, height * channels, width)
+        src, dst = as_floats(rt, image, middle.shape), (1, images * height * channels, width)
         rt.filters.linear.correlate_separable(src, down, alone, 1, border, cval, middle)
         rt.filters.linear.correlate_separable(
-            middle.reshape(dst), alone, along, 1, border, cval, rt.adopt(result, shape=dst)
+            middle.reshape(dst), alone, along, 1, border, cval, floats.reshape(dst)
         )
     else:
-        planes, step = image_layout(shape, axis)
-        src, dst = rt.adopt(image, shape=planes), rt.adopt(result, shape=planes)
+        planes, step = image_layout(shape, axis, batch_axis)
+        src, dst = as_floats(rt, image, planes), floats.reshape(planes)
         rt.filters.linear.correlate_separable(src, down, along, step, border, cval, dst)
+    if whole:
+        rt.filters.depths.narrow(floats, rt.adopt(result, kind))
     return rt.release(result, out)
 
 
 def image_layout(
-    shape: tuple[int, ...], channel_axis: int | None
+    shape: tuple[int, ...], channel_axis: int | None, batch_axis: int | None
 ) -> tuple[tuple[int, int, int], int]:
-    """Return the shape (P, H, W step) that kernels see, and the step between neighbours."""
+    """Return the shape (P, H, W step) that kernels see, and the step between neighbours.
+
+    `channel_axis` counts within one image, and is not 1.
+    """
+    images, one = (1, shape) if batch_axis is None else (shape[0], shape[1:])
     if channel_axis is None:
-        return (1, shape[0], shape[1]), 1
+        return (images, one[0], one[1]), 1
     if channel_axis == 0:
-        return (shape[0], shape[1], shape[2]), 1
-    height, width, channels = shape
-    return (1, height, width * channels), channels
+        return (images * one[0], one[1], one[2]), 1
+    height, width, channels = one
+    return (images, height, width * channels), channels
 
 
 def _check_taps(taps: Any) -> np.ndarray:

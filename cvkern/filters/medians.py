@@ -8,7 +8,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import (
-    check_channel_axis,
+    check_axes,
     check_code,
     check_image,
     check_integer,
@@ -27,17 +27,18 @@ def median(
     mode: str = "reflect",
     cval: float = 0.0,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
     out: Any = None,
 ) -> Any:
     """Replace each pixel by the median of the window of ``2 radius + 1`` pixels a side.
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype. NaN counts as larger than every number.
     radius : int, default 1
         Half the side of the window: 1 (3 x 3) to 7 (15 x 15).
-    mode, channel_axis
+    mode, channel_axis, batch_axis
         As in :func:`gaussian`.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant'; must be a value of the image's dtype.
@@ -69,8 +70,8 @@ def median(
     np.uint8(1)
     """
     order = image.dtype if type(image) is np.ndarray and not image.dtype.isnative else None
-    image = check_image(image, ndim=(2, 3))
-    axis = check_channel_axis(image.shape, channel_axis)
+    image = check_image(image, ndim=(2, 3) if batch_axis is None else (3, 4))
+    axis = check_axes(image.shape, channel_axis, batch_axis)
     radius = check_integer(radius, "radius", 1, 7)
     border = check_code(mode, Border, "mode")
     lib = library(image)
@@ -78,27 +79,29 @@ def median(
     check_out(out, image, dtype)
     cval = _value(check_number(cval, "cval"), dtype)
     refuse_capture("median")
+    axes = axis, batch_axis
     if axis == 1:  # rare: move the channels to the last axis, and back
-        swapped = median(lib.swap(image), radius, mode=mode, cval=cval, channel_axis=2)
+        last = {"channel_axis": len(image.shape) - 1, "batch_axis": batch_axis}
+        swapped = median(lib.swap(image), radius, mode=mode, cval=cval, **last)
         result = lib.contiguous(lib.swap(swapped), dtype)
     elif dtype == np.uint8:
-        result = _median_of_keys(image, radius, axis, 0, 8, border, int(cval), carrier=dtype)
+        result = _median_of_keys(image, radius, axes, 0, 8, border, int(cval), carrier=dtype)
     elif dtype in _INTEGERS:
         low, bits = _INTEGERS[dtype]
-        keys = _median_of_keys(image, radius, axis, low, bits, border, int(cval))
+        keys = _median_of_keys(image, radius, axes, low, bits, border, int(cval))
         result = lib.contiguous(keys, dtype)
     elif dtype in (np.float16, np.float32):
         # Bits of a float, as integers; kernels reverse the order of the negative ones.
         floats = lib.view(lib.contiguous(image, np.dtype(np.float32)), np.dtype(np.int32))
         bits = int(np.float32(cval).view(np.int32))
         outside = bits ^ 0x7FFFFFFF if bits < 0 else bits
-        keys = _median_of_keys(floats, radius, axis, -(2**31), 32, border, outside, floats=True)
+        keys = _median_of_keys(floats, radius, axes, -(2**31), 32, border, outside, floats=True)
         result = lib.contiguous(lib.view(keys, np.dtype(np.float32)), dtype)
     else:
         # Replace values of wider dtypes by their rank among all values of the image.
         values, ranks, outside = lib.ranks(image, cval)
         bits = max(1, (len(values) - 1).bit_length())
-        result = values[_median_of_keys(ranks, radius, axis, 0, bits, border, outside)]
+        result = values[_median_of_keys(ranks, radius, axes, 0, bits, border, outside)]
     if out is None:
         return result if order is None else result.astype(order)
     lib.fill(out, result)
@@ -133,7 +136,7 @@ def _value(cval: float, dtype: np.dtype) -> float:
 def _median_of_keys(
     keys: Any,
     radius: int,
-    axis: int | None,
+    axes: tuple[int | None, int | None],
     low: int,
     bits: int,
     border: Border,
@@ -145,7 +148,7 @@ def _median_of_keys(
     """Return the median of integers, or of floats as integer bits, in the dtype of `carrier`."""
     rt = runtime(keys)
     shape = tuple(keys.shape)
-    planes, step = image_layout(shape, axis)
+    planes, step = image_layout(shape, *axes)
     src = rt.adopt(keys, carrier, planes)
     result = rt.empty(shape, carrier)
     dst = rt.adopt(result, carrier, planes)

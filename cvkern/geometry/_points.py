@@ -47,7 +47,7 @@ def check_pairs(
 
 def on_host(rt: Runtime, array: Any) -> np.ndarray:
     """Return an array of any library as float64 of the host."""
-    if rt.device == "cpu" or not len(array):
+    if rt.device == "cpu" or isinstance(array, np.ndarray) or not len(array):
         return np.asarray(array, np.float64)
     dtype = _arrays.library(array).dtype(array)
     wide = np.float64 if dtype == np.float64 else np.float32

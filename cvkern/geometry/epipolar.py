@@ -98,12 +98,14 @@ def _singular_pencil(a: np.ndarray, b: np.ndarray) -> list[tuple[float, float]]:
     return found
 
 
-def rank_two(matrix: np.ndarray) -> np.ndarray:
-    """Return the nearest matrix of rank 2, scaled to a sum of squares of 1; NaN as it is."""
-    if np.isnan(matrix).any():
-        return matrix
-    u, s, vt = np.linalg.svd(matrix)
-    return (u[:, :2] * s[:2]) @ vt[:2] / np.hypot(s[0], s[1])
+def rank_two(matrices: np.ndarray) -> np.ndarray:
+    """Return the nearest matrices of rank 2, scaled to a sum of squares of 1; keep NaN."""
+    found = np.full(matrices.shape, np.nan)
+    known = np.isfinite(matrices).all(axis=(-2, -1))
+    u, s, vt = np.linalg.svd(matrices[known])
+    length = np.hypot(s[..., 0], s[..., 1])[..., None, None]
+    found[known] = (u[..., :2] * s[..., None, :2]) @ vt[..., :2, :] / length
+    return found
 
 
 def find_fundamental(
@@ -223,7 +225,7 @@ def _find(pairs: Sequence[tuple[Any, Any]], options: Search) -> RobustFits:
     found = _beside_planes(explorer, explorer.explore(Model.FUNDAMENTAL))
     matrices, marks, costs = explorer.finish(Model.FUNDAMENTAL, found)
     matrices = batch.to_unit[1].swapaxes(1, 2) @ matrices @ batch.to_unit[0]
-    return batched.fits(batch, np.stack([rank_two(m) for m in matrices]), marks, costs)
+    return batched.fits(batch, rank_two(matrices), marks, costs)
 
 
 def _beside_planes(explorer: Explorer, found: Found) -> Found:

@@ -148,12 +148,13 @@ def _find(pairs: Sequence[tuple[Any, Any]], K0: Any, K1: Any, options: Search) -
     explorer = Explorer(batched.rt, batch, options, np.ascontiguousarray(known))
     matrices, marks, costs = explorer.finish(Model.ESSENTIAL, explorer.explore(Model.ESSENTIAL))
     matrices = back[1].swapaxes(1, 2) @ matrices @ back[0]
-    return batched.fits(batch, np.stack([equalised(m) for m in matrices]), marks, costs)
+    return batched.fits(batch, equalised(matrices), marks, costs)
 
 
-def equalised(matrix: np.ndarray) -> np.ndarray:
-    """Return the nearest matrix with singular values 1, 1 and 0, up to scale; keep NaN."""
-    if np.isnan(matrix).any():
-        return matrix
-    u, _, vt = np.linalg.svd(matrix)
-    return u[:, :2] @ vt[:2]
+def equalised(matrices: np.ndarray) -> np.ndarray:
+    """Return the nearest matrices with singular values 1, 1 and 0, up to scale; keep NaN."""
+    found = np.full(matrices.shape, np.nan)
+    known = np.isfinite(matrices).all(axis=(-2, -1))
+    u, _, vt = np.linalg.svd(matrices[known])
+    found[known] = u[..., :2] @ vt[..., :2, :]
+    return found

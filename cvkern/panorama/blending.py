@@ -90,6 +90,11 @@ class _Tile:
         self.rt, self.canvas, self.seams, self.given = rt, canvas, seams, given
         self.top, self.left, self.height, self.width = top, left, height, width
         self.labels = rt.scratch("panorama.tile", (height, width), np.int32)
+        # What the kernels need of all images is sent at once: each transfer waits for the kernels.
+        self.cameras = rt.send("panorama.cameras", canvas.cameras())
+        self.gains = rt.send("panorama.gains", seams.gains)
+        self.columns = rt.send("panorama.columns", canvas.columns(left, width))
+        self.rows = rt.send("panorama.rows", canvas.rows(top, height))
         self.parts = self._claimed()
 
     def _claimed(self) -> list[tuple[int, tuple[int, ...]]]:
@@ -107,10 +112,8 @@ class _Tile:
         rt.write(bounded, bounds)
         kernels = rt.panorama.warping
         kernels.claim(
-            rt.send("panorama.matrices", canvas.cameras()),
-            rt.send("panorama.sides", self.given.sides), rt.send("panorama.names", names),
-            rt.send("panorama.columns", canvas.columns(self.left, self.width)),
-            rt.send("panorama.rows", canvas.rows(self.top, self.height)), self.seams.labels,
+            self.cameras, rt.send("panorama.sides", self.given.sides),
+            rt.send("panorama.names", names), self.columns, self.rows, self.seams.labels,
             rt.send("panorama.coarse_columns", x),
             rt.send("panorama.coarse_rows", y.clip(0, coarse.height - 1)), self.labels,
         )  # fmt: skip
@@ -159,13 +162,11 @@ class _Tile:
         sizes = [(height >> level, width >> level) for level in range(bands + 1)]
         values = [rt.scratch(f"panorama.band{k}", (channels, *s)) for k, s in enumerate(sizes)]
         masks = [rt.scratch(f"panorama.mask{k}", (1, *s)) for k, s in enumerate(sizes)]
-        canvas, kernels = self.canvas, rt.panorama.blending
+        kernels = rt.panorama.blending
         # The weights are not needed here: the mask overwrites them.
         draw(
-            rt, self.given.images[name], canvas.cameras()[name],
-            rt.send("panorama.gain", np.ascontiguousarray(self.seams.gains[name])),
-            canvas.columns(self.left + left, width), canvas.rows(self.top + top, height),
-            values[0], masks[0][0],
+            rt, self.given.images[name], self.cameras[name : name + 1], self.gains[name],
+            self.columns[left:right], self.rows[top:bottom], values[0], masks[0][0],
         )  # fmt: skip
         rt.panorama.warping.mark(self.labels, name, top, left, masks[0][0])
         for level in range(bands + 1):

@@ -56,11 +56,21 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     values = rt.scratch("panorama.values", (count, channels, height, width))
     weights = rt.scratch("panorama.weights", (count, height, width))
     ones = rt.constant(np.ones(channels, np.float32))
-    for n in range(count):
-        left, top = map(int, coarse.rects[n, :2])
+    # What the kernels need of all images is sent at once: each transfer waits for the kernels.
+    images, cameras = zip(
+        *(shrunk(sources.images[n], sources.factors[n], n, coarse, canvas) for n in range(count)),
+        strict=True,
+    )
+    corners = coarse.rects[:, :2] - coarse.rects[:, :2].min(axis=0)
+    left, top = map(int, coarse.rects[:, :2].min(axis=0))
+    wide, tall = map(int, corners.max(axis=0))
+    seen_by = rt.send("panorama.cameras", np.stack(cameras))
+    columns = rt.send("panorama.columns", coarse.columns(left, wide + width))
+    rows = rt.send("panorama.rows", coarse.rows(top, tall + height))
+    for n, (x, y) in enumerate(corners.tolist()):
         draw(
-            rt, *shrunk(sources.images[n], sources.factors[n], n, coarse, canvas), ones,
-            coarse.columns(left, width), coarse.rows(top, height), values[n], weights[n],
+            rt, images[n], seen_by[n : n + 1], ones, columns[x : x + width], rows[y : y + height],
+            values[n], weights[n],
         )  # fmt: skip
     rects = rt.send("panorama.rects", coarse.rects.astype(np.int32))
     gains = np.ones((count, channels), np.float32)
@@ -98,21 +108,19 @@ def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: f
     count, channels = values.shape[:2]
     normal = np.tile(np.eye(count) / GAIN_SPREAD**2, (channels, 1, 1))
     right = np.zeros((channels, count))
-    for i in range(count):
-        for j in range(i + 1, count):
-            for shift in (-1, 0, 1) if coarse.closed else (0,):
-                found = _overlap(values, weights, coarse, white, i, j, shift * coarse.width)
-                if found is None:
-                    continue
-                a, b, number = found
-                weight = number / GAIN_SAMPLES * (np.sqrt(a * b) / NOISE) ** 2
-                wanted = weight * np.log(b / a)
-                normal[:, i, i] += weight
-                normal[:, j, j] += weight
-                normal[:, i, j] -= weight
-                normal[:, j, i] -= weight
-                right[:, i] += wanted
-                right[:, j] -= wanted
+    for i, j, shift in _overlapping(coarse):
+        found = _overlap(values, weights, coarse, white, i, j, shift)
+        if found is None:
+            continue
+        a, b, number = found
+        weight = number / GAIN_SAMPLES * (np.sqrt(a * b) / NOISE) ** 2
+        wanted = weight * np.log(b / a)
+        normal[:, i, i] += weight
+        normal[:, j, j] += weight
+        normal[:, i, j] -= weight
+        normal[:, j, i] -= weight
+        right[:, i] += wanted
+        right[:, j] -= wanted
     gains = np.exp(np.linalg.solve(normal, right[..., None])[..., 0].T)
     return (gains * _dimming(values[..., ::DENSITY, ::DENSITY], weights, gains, white)).astype(
         np.float32
@@ -128,6 +136,18 @@ def _dimming(values: np.ndarray, weights: np.ndarray, gains: np.ndarray, white: 
     return float(np.clip(1 / max(np.quantile(lit, WHITEST), 1e-6), DIMMEST, 1.0))
 
 
+def _overlapping(coarse: Canvas) -> list[tuple[int, int, int]]:
+    """Return pairs i < j whose rectangles overlap if columns of j are moved by a shift; sorted."""
+    rects, found = coarse.rects, []
+    for turn in (-1, 0, 1) if coarse.closed else (0,):
+        moved = rects + np.array([1, 0, 1, 0]) * (turn * coarse.width)
+        low = np.maximum(rects[:, None, :2], moved[None, :, :2])
+        high = np.minimum(rects[:, None, 2:], moved[None, :, 2:])
+        pairs = np.argwhere(np.triu((high > low).all(axis=2), 1)).tolist()
+        found += [(i, j, turn * coarse.width) for i, j in pairs]
+    return sorted(found)
+
+
 def _overlap(
     values: np.ndarray,
     weights: np.ndarray,
@@ -137,11 +157,12 @@ def _overlap(
     j: int,
     shift: int,
 ) -> tuple[np.ndarray, np.ndarray, int] | None:
-    """Return the mean colours of two images in their overlap, in parts of white, and its size."""
+    """Return the mean colours of two images in their overlap, in parts of white, and its size.
+
+    None if the overlap has too few pixels that measure an exposure.
+    """
     one, other = coarse.rects[i], coarse.rects[j] + (shift, 0, shift, 0)
     low, high = np.maximum(one[:2], other[:2]), np.minimum(one[2:], other[2:])
-    if (high <= low).any():
-        return None
     step = max(1, int(math.sqrt((high - low).prod() / GAIN_SAMPLES)))
     cuts = []
     for rect in (one, other):

@@ -15,20 +15,18 @@ from cvkern.panorama.surfaces import Canvas, with_lens
 def draw(
     rt: Runtime,
     image: Any,
-    camera: np.ndarray,
+    camera: Any,
     gains: Any,
-    columns: np.ndarray,
-    rows: np.ndarray,
+    columns: Any,
+    rows: Any,
     values: Any,
     weights: Any,
 ) -> None:
-    """Draw an image on a part of a surface; `camera` (10,) is its matrix and its lens."""
+    """Draw an image on a part of a surface. All but the image are kernel arrays."""
     byte = library(image).dtype(image) == np.uint8
     shape = (*image.shape[:2], image.shape[2] if len(image.shape) == 3 else 1)
     rt.panorama.warping.project(
-        rt.adopt(image, np.uint8 if byte else np.float32, shape=shape),
-        rt.send("panorama.matrix", camera.reshape(1, 10)),
-        rt.send("panorama.columns", columns), rt.send("panorama.rows", rows),
+        rt.adopt(image, np.uint8 if byte else np.float32, shape=shape), camera, columns, rows,
         gains, values, weights,
     )  # fmt: skip
 

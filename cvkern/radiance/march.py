@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._archives import shape_of
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Composited, March, Rays, Space, Views
-from cvkern.radiance.checkpoints import shape_of
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 
 CELLS = 128  # cells of the occupancy grid along a side, in each level

@@ -8,16 +8,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_array, as_items, check_instance, check_integer, check_positive
+from cvkern._checks import (
+    as_array,
+    as_items,
+    check_instance,
+    check_integer,
+    check_number,
+    check_positive,
+)
 from cvkern._files import as_path, replacing
 from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
-from cvkern.radiance.pinhole import Cameras, pixel_rays
+from cvkern.radiance.pinhole import Cameras, pixel_rays, project
 from cvkern.radiance.rendering import RAYS, Renderer
 
 __all__ = ["Cloud", "Mesh", "mesh", "point_cloud", "write_mesh"]
 
 BEFORE = 2.0  # cells: distance from a surface at which its colour is viewed
+VIEWS, PIXELS = 16, 128  # views, and pixels of their longer side, that tell which pieces are seen
+CLOSE = 3.0  # cells between a corner and a surface that a view shows
+SEEN = 0.1  # share of a piece's corners that views must show
 SMOOTH, MOST = 2.0, 4.0  # sigma in cells, and bound as a multiple of the density at the surface
 
 
@@ -90,7 +100,12 @@ def point_cloud(
 
 
 def mesh(
-    model: Model, *, resolution: int = 128, density: float = 25.0, pieces: int | None = 1
+    model: Model,
+    *,
+    resolution: int = 128,
+    density: float = 10.0,
+    smooth: float = 1.0,
+    pieces: int | None = 1,
 ) -> Mesh:
     """Return the surface on which a model's density has a given value, by marching cubes.
 
@@ -100,12 +115,16 @@ def mesh(
     resolution : int, default 128
         Cells along a side of the scene's cube, from 8 to 1024. The part of the scene outside the
         cube is left out.
-    density : float, default 25.0
+    density : float, default 10.0
         The value, per half of the cube's side, > 0. Over that length, the share ``exp(-density)``
         of the light gets through.
+    smooth : float, default 1.0
+        Standard deviation, in cells, of the Gaussian that smooths the density first, which is
+        bounded to 4 times the value for that; 0 for none. Rough densities make many small pieces.
     pieces : int, optional
-        Number of connected pieces to keep, those with the largest area; None for all. The default
-        is one, because noise in space that no photograph shows makes thousands of small pieces.
+        Number of connected pieces to keep, those with the largest area; None for all. Pieces that
+        the cameras of the photographs do not see are left out before: noise in space that no
+        photograph shows makes thousands of them. If no piece is seen, all are kept.
 
     Returns
     -------
@@ -125,6 +144,7 @@ def mesh(
     check_instance(model, Model, "model")
     cells = check_integer(resolution, "resolution", 8, 1024)
     density = check_positive(density, "density")
+    smooth = check_number(smooth, "smooth", low=0)
     if pieces is not None:
         pieces = check_integer(pieces, "pieces", 1, 2**31 - 1)
     try:
@@ -147,21 +167,24 @@ def mesh(
         raise ValueError(
             f"density must be below the model's largest, {grid.max():g}, got {density:g}"
         )
-    at, faces, _, _ = marching_cubes(grid, density, gradient_direction="ascent")
-    if pieces is not None:
-        at, faces = _largest(at, faces, pieces)
+    bounded = np.minimum(grid, MOST * density)  # it grows without limit in solids
+    shape = gaussian_filter(bounded, smooth) if smooth else grid
+    if not shape.max() > density:
+        raise ValueError(f"smooth must leave a density above {density:g}, got {smooth:g}")
+    at, faces, _, _ = marching_cubes(shape, density, gradient_direction="ascent")
+    side = 2 / cells
+    seen = _seen(model, bounds.half * (side * (at - 1) - 1) + bounds.center, CLOSE * side)
+    at, faces = _chosen(at, faces, seen, pieces)
     # Colours are reliable only along directions that photographs have. The density is rough, so
-    # view along the normals of a smoothed density, bounded because it grows without limit in
-    # solids.
-    smooth = gaussian_filter(np.minimum(grid, MOST * density), SMOOTH)
+    # view along the normals of a smoothed density.
+    even = gaussian_filter(bounded, SMOOTH)
     slopes = [
-        map_coordinates(smooth, (at + step).T, order=1)
-        - map_coordinates(smooth, (at - step).T, order=1)
+        map_coordinates(even, (at + step).T, order=1)
+        - map_coordinates(even, (at - step).T, order=1)
         for step in np.eye(3)
     ]
     normals = -np.stack(slopes, axis=1).astype(np.float32)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
-    side = 2 / cells
     corners = (side * (at - 1) - 1).astype(np.float32)
     faces = np.ascontiguousarray(faces, np.int32)
     # Rays begin at the distance `near`, so their origins are that much farther away.
@@ -171,19 +194,42 @@ def mesh(
     return Mesh(points.astype(np.float32), faces, colors)
 
 
-def _largest(points: np.ndarray, faces: np.ndarray, pieces: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points and faces of the connected pieces with the largest areas."""
+def _seen(model: Model, points: np.ndarray, close: float) -> np.ndarray:
+    """Tell which points lie on a surface that a photograph's camera sees, up to a distance."""
+    views = model.cameras
+    views = views.resized(
+        max(1, min(max(views.height, views.width) // PIXELS, views.height, views.width))
+    )
+    seen = np.zeros(len(points), bool)
+    draw = Renderer(model.field, model.rt)
+    for view in range(0, len(views), -(-len(views) // VIEWS)):
+        depth = np.asarray(draw(views, view, model.behind).depth)
+        at = project(views, view, points)
+        within = ((at > -0.5) & (at < np.array(depth.shape) - 0.5)).all(axis=1)  # NaN is not
+        row, column = np.round(at[within]).astype(int).T
+        away = np.linalg.norm(points[within] - views.poses[view][:, 3], axis=1)
+        seen[within] |= np.abs(away - depth[row, column]) < close * model.frame.bounds.half
+    return seen
+
+
+def _chosen(
+    points: np.ndarray, faces: np.ndarray, seen: np.ndarray, pieces: int | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points and faces of connected pieces that are seen, those with large areas."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     edges = np.concatenate((faces[:, :2], faces[:, 1:]))
     links = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(points),) * 2)
     count, piece_of = connected_components(links, directed=False)
-    a, b, c = points[faces.T]
-    areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    sizes = np.bincount(piece_of[faces[:, 0]], areas, count)
-    kept = np.zeros(count, bool)
-    kept[np.argsort(-sizes, kind="stable")[:pieces]] = True
+    kept = np.bincount(piece_of, seen, count) >= SEEN * np.bincount(piece_of, minlength=count)
+    if not kept.any():
+        kept[:] = True
+    if pieces is not None:
+        a, b, c = points[faces.T]
+        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        sizes = np.where(kept, np.bincount(piece_of[faces[:, 0]], areas, count), -1)
+        kept[np.argsort(-sizes, kind="stable")[pieces:]] = False
     own = kept[piece_of]
     number = np.cumsum(own) - 1
     return points[own], number[faces[own[faces[:, 0]]]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_image
 from cvkern._runtime import Runtime, runtime
-from cvkern.kernels.codes.raw import MARGIN, Linear, Menon, Step
+from cvkern.kernels.codes.raw import MARGIN, Linear, Step
 from cvkern.raw.mosaics import red_place
 
 CARRIED = (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32))
@@ -94,47 +93,27 @@ def demosaic(raw: Any, pattern: str = "RGGB", method: str = "residual") -> Any:
     if method in ("bilinear", "malvar"):
         code = int(Linear[method.upper()])
         rt.raw.demosaicing.linear.interpolate(samples, *place, code, colours)
+    elif method == "menon":
+        rt.raw.demosaicing.menon.menon(samples, *place, colours)
     else:
-        fill, count = {"menon": (_menon, 5), "residual": (_residual, 10)}[method]
-        _by_strips(rt, samples, place, fill, count, colours)
+        _residual(rt, samples, place, colours)
     found = rt.release(result)
     return found if carried == dtype else library(found).contiguous(found, dtype)
 
 
-def _by_strips(
-    rt: Runtime,
-    samples: Any,
-    place: tuple[int, int],
-    fill: Callable[[Runtime, tuple[int, int], Any], tuple[int, int, int]],
-    count: int,
-    colours: Any,
-) -> None:
-    """Fill planes of a strip after the other, and put its colours into the result."""
+def _residual(rt: Runtime, samples: Any, place: tuple[int, int], colours: Any) -> None:
+    """Fill planes of a strip of rows after the other, and put its colours into the result."""
     height, width = samples.shape
     most = STRIP[rt.device.partition(":")[0]]
+    kernels = rt.raw.demosaicing
     for top in range(0, height, most):
         rows = min(most, height - top)
-        shape = (count, rows + 2 * MARGIN, width + 2 * MARGIN)
+        shape = (10, rows + 2 * MARGIN, width + 2 * MARGIN)
         planes = rt.scratch("demosaic.planes", shape)
-        rt.raw.demosaicing.planes.extend(samples, top, planes)
-        found = fill(rt, place, planes)
-        rt.raw.demosaicing.planes.join(planes, *found, top, rows, colours)
-
-
-def _menon(rt: Runtime, place: tuple[int, int], planes: Any) -> tuple[int, int, int]:
-    """Return which planes are red, green and blue. Each step reaches further than the last."""
-    margins = (2, 6, 7, 8, 9, 10, 11)
-    for step, margin in zip(Menon, margins, strict=True):
-        rt.raw.demosaicing.menon.menon(int(step), *place, margin, planes)
-    return 1, 3, 2
-
-
-def _residual(rt: Runtime, place: tuple[int, int], planes: Any) -> tuple[int, int, int]:
-    """Return which planes are red, green and blue."""
-    kernels = rt.raw.demosaicing.residual
-    kernels.directions(*place, planes)
-    kernels.green(*place, planes)
-    for plane, (row, column) in ((1, place), (2, (1 - place[0], 1 - place[1]))):
-        for step in Step:
-            kernels.chroma(int(step), row, column, plane, planes)
-    return 1, 3, 2
+        kernels.planes.extend(samples, top, planes)
+        kernels.residual.directions(*place, planes)
+        kernels.residual.green(*place, planes)
+        for plane, (row, column) in ((1, place), (2, (1 - place[0], 1 - place[1]))):
+            for step in Step:
+                kernels.residual.chroma(int(step), row, column, plane, planes)
+        kernels.planes.join(planes, 1, 3, 2, top, rows, colours)

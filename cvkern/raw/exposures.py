@@ -14,7 +14,9 @@ METHODS = ("debevec", "robertson")
 SAMPLES = 2**17  # pixels that a response is made of
 CODES = 256
 ENDS = 4  # codes at either end of the scale that may be clipped
-SMOOTH = 100.0  # weight of the curve's second differences, beside the mean weight of a code
+SMOOTH = (
+    1000.0  # weight of how the curve bends over log2 of its codes, beside the mean weight of one
+)
 ROUNDS, STILL = 40, 1e-4  # at most so many of Robertson's, until the curve moves less
 
 
@@ -214,7 +216,11 @@ def _centre(codes: np.ndarray) -> np.ndarray:
 
 
 def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Minimise ``sum w (g(z) - log2 E - log2 t)^2`` and second differences of g."""
+    """Minimise ``sum w (g(z) - log2 E - log2 t)^2``, and how g bends over log2 z.
+
+    Second differences of g are those of a line over ``u = log2(z + 1/2)``, which a power of z is,
+    and what is left of them: only that is held small.
+    """
     z, logs = values.astype(np.int64), np.log2(times)
     weight = _centre(np.arange(CODES)) ** 2
     w = weight[z]
@@ -229,7 +235,10 @@ def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
             found = np.bincount(a * CODES + b, w[i] * w[j] / total, CODES**2)
             matrix -= found.reshape(CODES, CODES)
     scale = max(float(np.trace(matrix)) / CODES, 1e-12)
-    second = np.diff(np.eye(CODES), 2, axis=0)
+    u = np.log2(np.arange(CODES) + 0.5)
+    straight = np.diff(u, 2) / (u[2:] - u[:-2])
+    first = np.eye(CODES)[2:] - np.eye(CODES)[:-2]
+    second = np.diff(np.eye(CODES), 2, axis=0) - straight[:, None] * first
     bend = np.sqrt(weight[1:-1]) + 0.02
     matrix = matrix / scale + SMOOTH * (second.T * bend**2) @ second
     matrix[CODES // 2, CODES // 2] += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -13,8 +14,9 @@ from cvkern._checks import (
     check_integer,
     check_number,
 )
-from cvkern._runtime import Runtime, runtime
+from cvkern._runtime import runtime
 from cvkern.kernels.codes.recognition import FINE, MOST_WORDS, OCTAVE, Occurrences
+from cvkern.recognition import files
 from cvkern.recognition._arguments import (
     Box,
     check_boxes,
@@ -25,16 +27,15 @@ from cvkern.recognition._arguments import (
     grays_of,
 )
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
+from cvkern.recognition.figures import Found, paint
 from cvkern.recognition.fitting import Fitted, fit
 from cvkern.recognition.hypotheses import explain, weigh
-from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, POINTS, Sampling, sample
-from cvkern.recognition.training import UNIT, Settings
+from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
+from cvkern.recognition.training import MOST_SIZE, UNIT, Settings
 from cvkern.recognition.votes import activate, find_modes
 
 OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
 LONGEST = 96  # pixels of the longer side of the model's box, at most unless asked
-MOST_SIZE = 512
-MOST_STEP = 64
 
 
 class Objects(NamedTuple):
@@ -48,6 +49,14 @@ class Objects(NamedTuple):
     """Row and column of the middle, (N, 2) float32."""
     scales: Any
     """Size, in sizes of the model, (N,) float32."""
+
+
+class Segmentation(NamedTuple):
+    """Objects that a model found, and their pixels."""
+
+    objects: Objects
+    masks: Any
+    """Pixels of each object, (N, H, W) bool."""
 
 
 class ShapeModel:
@@ -115,8 +124,8 @@ class ShapeModel:
     >>> photo = np.zeros((80, 90))
     >>> photo[20:52, 40:72] = ring
     >>> found = model.detect(photo, scales=[1.0])
-    >>> found.centers.round().tolist()
-    [[36.0, 56.0]]
+    >>> found.boxes.round().tolist()
+    [[20.0, 40.0, 52.0, 72.0]]
     """
 
     def __init__(
@@ -262,29 +271,129 @@ class ShapeModel:
         ValueError
             If the model is not fitted, `image` has a wrong shape, or an option is out of range.
         """
+        found = self._search(image, scales, threshold, data_range)
+        return self._objects(found)
+
+    def segment(
+        self,
+        image: Any,
+        *,
+        scales: Sequence[float] | None = None,
+        threshold: float | None = None,
+        data_range: float | None = None,
+    ) -> Segmentation:
+        """Find objects in a picture, and the pixels of each.
+
+        The votes of an object are followed back to their patches: each adds the mask that its word
+        had in training, with its weight. A pixel belongs to the object where more weight says so.
+
+        Parameters
+        ----------
+        image, scales, threshold, data_range
+            As in :meth:`detect`.
+
+        Returns
+        -------
+        Segmentation
+            Named tuple of `objects`, as :meth:`detect` returns them, and `masks` (N, H, W), bool.
+
+        Raises
+        ------
+        TypeError
+            If `image` does not hold real numbers.
+        ValueError
+            If the model is not fitted or was fitted without masks, or as in :meth:`detect`.
+        """
+        settings, fitted = self._ready()
+        if not fitted.figures.size:
+            raise ValueError("the model must be fitted with masks, got one without")
+        found = self._search(image, scales, threshold, data_range)
+        masks = found.rt.empty((len(found.modes), *found.shape), np.bool_)
+        if found.votes is not None and len(found.modes):
+            paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
+        return Segmentation(self._objects(found), found.rt.release(masks))
+
+    def _search(
+        self, image: Any, scales: Any, threshold: float | None, data_range: float | None
+    ) -> Found:
+        """Return what is found in a picture, for kernels."""
         settings, fitted = self._ready()
         image, white = check_picture(image, "image", data_range)
         sizes = check_scales(scales)
         least = fitted.threshold if threshold is None else check_number(threshold, "threshold")
         rt = runtime(image)
         shape = tuple(image.shape[:2])
+        nothing = Found(rt, shape, np.empty((0, 4), np.int32), np.empty(0), None)
         sampled = sample(rt, image, white, sizes, settings.sampling)
         if not len(sampled.places):
-            return self._objects(rt, np.empty((0, 4), np.int32), np.empty(0))
+            return nothing
         patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
         occurrences = Occurrences(
             rt.send("recognition.begins", fitted.starts),
             rt.send("recognition.entries", fitted.entries),
         )
-        space, modes, _ = find_modes(rt, patches, occurrences, shape, sizes)
+        votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
         modes = modes[self._inside(modes, np.array(shape))]
         if not len(modes):
-            return self._objects(rt, modes, np.empty(0))
-        weights = rt.send("recognition.weights", fitted.weights)
+            return nothing
+        weights, space = rt.send("recognition.weights", fitted.weights), votes.space
         evidence = weigh(rt, patches, weights, space, settings.frame, modes)
         floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
         chosen, left = explain(rt, patches, weights, space, settings.frame, modes, evidence, floor)
-        return self._objects(rt, modes[chosen], (left + fitted.bias) / UNIT)
+        return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to a file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            Ends in ``.npz``; a file that exists is replaced.
+
+        Raises
+        ------
+        FileNotFoundError, PermissionError
+            If the folder does not exist, or cannot be written to.
+        ValueError
+            If the model is not fitted, or `path` does not end in ``.npz``.
+        """
+        settings, fitted = self._ready()
+        files.write(path, settings, fitted)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> ShapeModel:
+        """Read a model that :meth:`save` wrote.
+
+        Parameters
+        ----------
+        path : path
+            A file of arrays; nothing in it is executed.
+
+        Returns
+        -------
+        ShapeModel
+            It finds what the saved one does.
+
+        Raises
+        ------
+        FileNotFoundError
+            If there is no such file.
+        ValueError
+            If it is not a shape model, has another version, or is incomplete or damaged.
+        """
+        settings, fitted = files.read(path)
+        model = ShapeModel(
+            settings.words,
+            patch=settings.sampling.side,
+            points=settings.sampling.points,
+            step=settings.sampling.step,
+            method=settings.method,
+            correlation=settings.correlation,
+            max_words=settings.most,
+            size=max(settings.height, settings.width),
+        )
+        model._settings, model._fitted = settings, fitted
+        return model
 
     def _ready(self) -> tuple[Settings, Fitted]:
         if self._settings is None or self._fitted is None:
@@ -299,12 +408,12 @@ class ShapeModel:
         inside = (modes[:, :2] / FINE >= low) & (modes[:, :2] / FINE <= shape - 1 - low)
         return np.flatnonzero(inside.all(axis=1))
 
-    def _objects(self, rt: Runtime, modes: np.ndarray, scores: np.ndarray) -> Objects:
+    def _objects(self, found: Found) -> Objects:
         """Return what was found, in pixels."""
         settings, _ = self._ready()
-        centers = modes[:, :2] / FINE
-        scales = 2.0 ** (modes[:, 2] / OCTAVE)
+        centers = found.modes[:, :2] / FINE
+        scales = 2.0 ** (found.modes[:, 2] / OCTAVE)
         half = scales[:, None] * np.array([settings.height, settings.width]) / 2
         boxes = np.concatenate([centers + 0.5 - half, centers + 0.5 + half], axis=1)
-        found = (boxes, scores, centers, scales)
-        return Objects(*(rt.give(np.ascontiguousarray(a, np.float32)) for a in found))
+        result = (boxes, found.scores, centers, scales)
+        return Objects(*(found.rt.give(np.ascontiguousarray(a, np.float32)) for a in result))

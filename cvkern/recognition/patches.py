@@ -16,6 +16,7 @@ from cvkern.transform.resampling import resample
 
 POINTS = ("grid", "harris", "dog")
 LEAST_SIDE, MOST_SIDE = 8, 25
+MOST_STEP = 64
 FLAT = 0.015  # standard deviation, in parts of white, below which a patch shows nothing
 HARRIS_SIGMA = 1.0
 PATCH_SIGMAS = 5.0  # side of a patch, in scales of the DoG keypoint that it surrounds

@@ -20,6 +20,7 @@ MERGED = 2 * FINE  # places of occurrences are rounded to this
 MOST_TRAINED = 100_000  # patches that are clustered
 PENALTY = 1e-3  # factor of the squares of weights
 STEPS = 60  # steps of the solver
+MOST_SIZE = 512  # pixels of a side of the model's box
 ROUNDS = 3  # times that weights are learnt, each time with what was mistaken before
 ZOOMS = (0.7, 1.0, 1.4)  # sizes at which negatives are looked at
 WINDOW_STEP = 4 * FINE  # between places at which negatives are looked at

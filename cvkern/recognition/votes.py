@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,21 @@ RADIUS = 5.0  # pixels of the model: the kernel of mean shift
 ROUNDS = 10  # steps of mean shift
 MARGIN = 2 * OCTAVE  # scales beyond those of the levels that have a factor
 WIDEST = 2.0  # least spacing of scales that counts as one, octaves
+
+
+class Votes(NamedTuple):
+    """The votes of a picture by their cells, for kernels."""
+
+    space: Space
+    window: Window
+    listed: Any
+    """Place, scale and weight of each, (V, 4) int32."""
+    sources: Any
+    """Patch and occurrence of each, (V, 2) int32."""
+    starts: Any
+    """First vote of each cell, and the number of all, (C + 1,) int32."""
+    places: Any
+    """Places of the patches, (N, 3) int32."""
 
 
 @lru_cache(maxsize=32)
@@ -78,8 +93,8 @@ def find_modes(
     occurrences: Occurrences,
     shape: tuple[int, int],
     scales: Sequence[float],
-) -> tuple[Space, np.ndarray, Any]:
-    """Return the accumulator, the modes (T, 4) on the host, and the votes, for kernels."""
+) -> tuple[Votes, np.ndarray]:
+    """Return the votes of patches, and their modes (T, 4) on the host."""
     space, window, tiles = layout(tuple(shape), tuple(scales))
     kernels = rt.recognition.votes
     cells = int((space.bins[:, 1] * space.bins[:, 2]).sum())
@@ -90,13 +105,13 @@ def find_modes(
     count = int(rt.to_numpy(starts[cells : cells + 1])[0])
     votes = rt.scratch("recognition.votes", (count, 4), np.int32)
     sources = rt.scratch("recognition.sources", (count, 2), np.int32)
+    found = Votes(space, window, votes, sources, starts, patches.places)
     if not count:
-        return space, np.empty((0, 4), np.int32), None
+        return found, np.empty((0, 4), np.int32)
     kernels.list_votes(patches, occurrences, space, starts, votes, sources)
     maxima = rt.scratch("recognition.maxima", (len(tiles), 4), np.int32)
     kernels.find_maxima(sums, space, rt.constant(tiles), maxima)
     modes = rt.scratch("recognition.modes", (len(tiles), 4), np.int32)
     kernels.shift_modes(votes, starts, space, window, maxima, modes)
-    found = np.array(rt.to_numpy(modes))
-    found = np.unique(found[found[:, 0] != NOBODY], axis=0)
-    return space, found, (votes, starts, sources)
+    places = np.array(rt.to_numpy(modes))
+    return found, np.unique(places[places[:, 0] != NOBODY], axis=0)

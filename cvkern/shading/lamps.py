@@ -246,6 +246,8 @@ def _integrability(normals: np.ndarray, sigma: float) -> tuple[np.ndarray, np.nd
     scale = np.linalg.norm(b, axis=1, keepdims=True) ** 2 + 1e-30
     rows = np.hstack([np.cross(b, by), -np.cross(b, bx)]) / scale
     size = np.linalg.norm(rows, axis=1)
+    if not len(size):
+        return rows, seen
     return rows[size <= 5 * np.median(size) + 1e-30], seen  # leave out edges
 
 

@@ -65,8 +65,7 @@ def triangulate_columns(
     Notes
     -----
     A column of a projector lights a plane, and the ray of the pixel meets it in one point. If the
-    projector has a lens, the column is a curve. The point determines the place along the curve, and
-    with it the plane; four rounds of this converge.
+    projector has a lens, the column is a curve, and four steps of Newton's method find the point.
 
     Examples
     --------

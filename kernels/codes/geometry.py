@@ -57,7 +57,7 @@ FLAT = 1e-4
 SUMS = (33, 33, 33, 54, 54, 54, 27)
 
 # Pixels along a row for which the place through a lens may be a parabola through three places.
-LENS_SEGMENT = 16
+LENS_SEGMENT = 32
 
 # Chessboards.
 LUMA = (0.2125, 0.7154, 0.0721)  # weights of red, green and blue in grey

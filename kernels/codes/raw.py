@@ -22,6 +22,10 @@ class Menon(IntEnum):
     REFINE_AT_CHROMA = 6
 
 
+# Pixels at the border of planes that each of Menon's steps leaves out.
+MENON_MARGINS = (2, 6, 7, 8, 9, 10, 11)
+
+
 class Step(IntEnum):
     """Steps of the residual interpolation of red or blue, in their order."""
 
@@ -34,6 +38,7 @@ class Step(IntEnum):
 BORDER = 26  # pixels at the border of planes whose green is not found
 # Pixels at their border that a step towards red or blue leaves out.
 MARGINS = {Step.DEVIATIONS: 28, Step.WINDOWS: 31, Step.TENTATIVE: 34, Step.RESIDUAL: 35}
+STRIP = 256  # rows that Menon's steps take at once on the CPU: even
 MARGIN = 36  # pixels by which planes are extended: even, so that colours stay where they are
 # Residual interpolation: what the slope's prior weighs along rows and columns, and in windows.
 PRIOR, WINDOW_PRIOR = 1.0, 0.3

@@ -5,4 +5,5 @@ MOST_MOVES = 6  # largest distance in pixels of a ridge from the brightest posit
 LEAST_BEND = 1e-18  # smaller second derivatives count as 0, for their squares are denormal
 MOST_OFFSET = 0.75  # largest distance in pixels of a ridge from the middle of its pixel
 
-LENS_STEPS = 4  # iterations for the point on a column that the projector's lens bends
+LENS_STEPS = 4  # Newton's steps to the point on a column that the projector's lens bends
+NEAR = 1e-3  # largest distance from that column before the last step, of a focal length of 1

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from . import _pages, _scratch, _streams
+from . import _pages, _replays, _scratch, _streams
 from ._internals import replace_cache, view_at
 
 _LINE = 64  # bytes of a cache line; rows of this size should not cross two lines
@@ -177,6 +177,7 @@ def free_memory(device: str) -> int:
 def release_memory() -> None:
     """Free the memory that is kept for later calls."""
     _scratch.release()
+    _replays.release()
     _pages.release()
 
 

@@ -76,11 +76,11 @@ class _PlainCommand:
         self, kernel: wp.Kernel, dim: Any, arguments: Sequence[Any], device: wp.Device, block: int
     ):
         self._given: dict[str, Any] = {"device": device, "block_dim": block}
-        self._kernel, self._dim = kernel, dim
+        self._kernel = kernel
 
-    def launch(self, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
-        """Launch with these arguments."""
-        wp.launch(self._kernel, self._dim, arguments, stream=stream, **self._given)
+    def launch(self, dim: Any, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
+        """Launch with this size and these arguments."""
+        wp.launch(self._kernel, dim, arguments, stream=stream, **self._given)
 
 
 class _QuickCommand:
@@ -95,11 +95,15 @@ class _QuickCommand:
         self._command = wp.launch(
             kernel, dim, arguments, device=device, record_cmd=True, block_dim=block
         )
+        self._dim = dim
         self._known: list[Any] = [None] * len(arguments)  # numbers, and the layouts of arrays
         self._descriptors: list[Any] = [None] * len(arguments)
 
-    def launch(self, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
-        """Launch with these arguments; None means the same array as at the first launch."""
+    def launch(self, dim: Any, arguments: Sequence[Any], stream: wp.Stream | None) -> None:
+        """Launch with this size and these arguments; None means the first launch's array."""
+        if dim != self._dim:
+            self._command.set_dim(dim)
+            self._dim = dim
         known, descriptors = self._known, self._descriptors
         for i, argument in enumerate(arguments):
             if isinstance(argument, wp.array):

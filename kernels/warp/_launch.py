@@ -22,6 +22,9 @@ __all__ = ["BLOCK", "cpu_threads", "launch", "launch_each", "launch_slabs", "scr
 # For fewer elements, handing a slab to another thread takes longer than the work.
 _SLAB_ELEMENTS = 1 << 16
 _MAX_COMMANDS = 512
+_MAX_DIMS = (
+    24  # sizes of a kernel with a launch of their own; all others share one, and set its size
+)
 BLOCK = 256  # threads of a CUDA block, unless a launch says otherwise
 
 
@@ -30,6 +33,7 @@ class _Commands(threading.local):
 
     def __init__(self) -> None:
         self.kept: dict[Any, Any] = {}
+        self.dims: dict[Any, int] = {}  # numbers of sizes of each kernel
 
 
 _commands = _Commands()
@@ -138,11 +142,19 @@ def _send(
     if command is None:
         if len(kept) >= _MAX_COMMANDS:
             kept.clear()
-        # Load the variant that launches use, or every slab would load the module again.
-        threads = 1 if device.is_cpu else block
-        _load(kernel, device, threads)
-        command = kept[key] = Command(kernel, dim, arguments, device, threads)
-    command.launch(arguments, current_stream(device) if device.is_cuda else None)
+            _commands.dims.clear()
+        shared = (kernel, None, *key[2:])
+        number = _commands.dims.get(shared, 0)
+        if number >= _MAX_DIMS:
+            key = shared
+            command = kept.get(key)
+        if command is None:
+            _commands.dims[shared] = number + 1
+            # Load the variant that launches use, or every slab would load the module again.
+            threads = 1 if device.is_cpu else block
+            _load(kernel, device, threads)
+            command = kept[key] = Command(kernel, dim, arguments, device, threads)
+    command.launch(dim, arguments, current_stream(device) if device.is_cuda else None)
 
 
 def _load(kernel: wp.Kernel, device: wp.Device, threads: int) -> None:

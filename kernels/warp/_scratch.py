@@ -125,6 +125,11 @@ def _most() -> int:
     return int(asked) << 20
 
 
+def age() -> int:
+    """Return the number of times that memory was released."""
+    return _age
+
+
 def release() -> None:
     """Free all blocks on the host and this thread's on GPUs; other threads free theirs later."""
     global _age

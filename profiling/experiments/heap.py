@@ -3,7 +3,7 @@
 Renders three rings of 30 photographs and ten strangers, 2 megapixels each, in no order, and makes
 their panoramas, about 60 megapixels together: no file is read. Prints the seconds of a second call,
 step by step, how far the angles between neighbours are from those of the cameras, and whether the
-groups are right. Writes profiling/results/heap.json.
+groups are right. With --json, writes what it measured.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -19,7 +20,7 @@ import numpy as np
 import cvkern
 from profiling.arrays import carrier, load
 from profiling.clock import clock
-from profiling.record import ROOT, surroundings, write_json
+from profiling.record import surroundings, write_json
 
 SHAPE = 1250, 1600  # rows, columns of a photograph
 FOCAL = 1.2  # widths of a photograph
@@ -79,6 +80,7 @@ def main(command: list[str] | None = None) -> int:
     parser.add_argument("--views", type=int, default=30, help="photographs of a ring")
     parser.add_argument("--strangers", type=int, default=10)
     parser.add_argument("--scale", type=float, default=1.0, help="of the sides of a photograph")
+    parser.add_argument("--json", type=Path)
     args = parser.parse_args(command)
     rng = np.random.default_rng(0)
     shape = round(SHAPE[0] * args.scale), round(SHAPE[1] * args.scale)
@@ -114,8 +116,9 @@ def main(command: list[str] | None = None) -> int:
         "degrees_off": off, "first_s": sum(first.values()), "seconds": took, "steps_s": best,
         "arrays": library,
     }  # fmt: skip
-    whole = surroundings(args.device, sys.argv[1:] if command is None else command)
-    write_json(ROOT / "profiling" / "results" / "heap.json", whole | result)
+    if args.json:
+        whole = surroundings(args.device, sys.argv[1:] if command is None else command)
+        write_json(args.json, whole | result)
     return 0 if right and off <= LIMIT else 1
 
 

@@ -22,8 +22,8 @@ def test_warmup_calls_everything():
     functions = {n for n in cvkern.__all__ if inspect.isfunction(getattr(cvkern, n))} - without
     called = {name for name, _ in warmup.calls()}
     others = {
-        "composite_rays", "composite_rays_backward", "fit", "make_scene", "positional_encoding",
-        "spherical_harmonics", "turntable",
+        "ShapeModel", "composite_rays", "composite_rays_backward", "fit", "make_scene",
+        "positional_encoding", "spherical_harmonics", "turntable",
     }  # fmt: skip
     assert called == functions | others
 

@@ -92,20 +92,24 @@ def test_gif(tmp_path):
             np.testing.assert_array_equal(np.asarray(movie.convert("RGB")), frames[k])
 
 
-def test_mp4(tmp_path, monkeypatch):
+def test_mp4(tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
     frames = np.zeros((6, 32, 48, 3), U8)
     frames[3:] = 200, 100, 50
+    write_animation(tmp_path / "a.mp4", frames, fps=10)
+    movie = cv2.VideoCapture(str(tmp_path / "a.mp4"))
+    assert movie.get(cv2.CAP_PROP_FPS) == 10
+    read = np.array([movie.read()[1][..., ::-1] for _ in frames])
+    assert read.shape == frames.shape
+    assert not movie.read()[0]
+    # Eight bits of luma and half as many of colour, compressed: within a few grey levels.
+    assert np.abs(read[[0, 5]].astype(int) - frames[[0, 5]]).max() < 12
+
+
+def test_mp4_is_refused(tmp_path, monkeypatch):
+    frames = np.zeros((6, 32, 48, 3), U8)
     with pytest.raises(ValueError, match=r"^frames must have an even height and width for \.mp4"):
         write_animation(tmp_path / "a.mp4", frames[:, 1:])
-    if importlib.util.find_spec("imageio_ffmpeg"):
-        write_animation(tmp_path / "a.mp4", frames, fps=10)
-        movie = cv2.VideoCapture(str(tmp_path / "a.mp4"))
-        assert movie.get(cv2.CAP_PROP_FPS) == 10
-        read = np.array([movie.read()[1][..., ::-1] for _ in frames])
-        assert read.shape == frames.shape
-        assert not movie.read()[0]
-        # Eight bits of luma and half as many of colour, compressed: within a few grey levels.
-        assert np.abs(read[[0, 5]].astype(int) - frames[[0, 5]]).max() < 12
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ModuleNotFoundError, match="MP4 needs imageio-ffmpeg: pip install"):
         write_animation(tmp_path / "b.mp4", frames)
@@ -193,6 +197,22 @@ def test_the_nearest_is_seen_and_all_round(backend):
         first, half = turntable(points, colors, **options)
         np.testing.assert_array_equal(first[20, 20], red[0])
         np.testing.assert_array_equal(half[20, 20], blue[0])
+
+
+@pytest.mark.parametrize("swing", [60.0, 180.0])
+def test_the_camera_turns_by_the_angle(backend, swing):
+    """A quarter of the loop turns by the swing, or by 90 degrees all round."""
+    points = plane(60, 80, 3.0)
+    white = np.full((len(points), 3), 255, U8)
+    movie = turntable(points, white, shape=(60, 80), frames=8, swing=swing)
+    widths = (movie == 255).all(axis=-1).any(axis=1).sum(axis=1)
+    for k in range(8):
+        turn = 2 * np.pi * k / 8
+        angle = turn if swing == 180 else np.deg2rad(swing) * np.sin(turn)
+        # The plane is 2.4 wide at a distance of 3, so perspective makes it wider by a share of up
+        # to (1.2 / 3)^2; points are drawn some three pixels wide.
+        want = widths[0] * abs(np.cos(angle))
+        assert -3 <= widths[k] - want < 5 + 0.16 * want
 
 
 def test_of_points_at_one_place_the_first_is_seen(backend):

@@ -6,6 +6,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import scipy.ndimage
 
 import cvkern
 from cvkern.color.constancy import METHODS
@@ -32,6 +33,34 @@ def test_grey_scenes_tell_their_light(backend, method):
     grey = np.random.default_rng(1).uniform(0.02, 0.9, (60, 50, 1)) * LIGHT
     assert angle(cvkern.estimate_illuminant(grey, method), LIGHT) < 0.6
     assert angle(cvkern.estimate_illuminant(scene(), method), LIGHT) < 8
+
+
+@pytest.mark.parametrize(("method", "order", "p"), [("grey_edge", 1, 1), ("grey_edge_2", 2, 2)])
+def test_edges_are_means_of_derivatives(method, order, p):
+    """J. van de Weijer et al. 2007: a Minkowski norm of lengths of derivatives of a Gaussian."""
+    image = np.random.default_rng(5).uniform(0.05, 0.9, (40, 50, 3)) ** [1, 2, 3]
+    image[0, 0] = 0.94  # below what counts as saturated, and the largest value of all channels
+    found = []
+    for channel in np.moveaxis(image, 2, 0) / image.max():
+
+        def part(*orders, channel=channel):
+            return scipy.ndimage.gaussian_filter(channel, 1.0, order=orders)
+
+        if order == 1:
+            square = part(1, 0) ** 2 + part(0, 1) ** 2
+        else:
+            square = part(2, 0) ** 2 + part(0, 2) ** 2 + 4 * part(1, 1) ** 2
+        found.append(np.mean(np.sqrt(square)[3:-3, 3:-3] ** p) ** (1 / p))
+    got = cvkern.estimate_illuminant(image, method, white=0.99)
+    np.testing.assert_allclose(got, np.array(found) / max(found), rtol=1e-6)
+
+
+def test_the_default_is_a_mean_of_three():
+    image = scene()
+    parts = [cvkern.estimate_illuminant(image, m) for m in
+             ("grayness_index", "grayness_index", "grey_edge", "white_patch")]  # fmt: skip
+    want = sum(part / part.sum() for part in parts)
+    np.testing.assert_allclose(cvkern.estimate_illuminant(image), want / want.max(), rtol=1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)

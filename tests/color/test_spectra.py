@@ -56,6 +56,23 @@ def test_the_chart_is_grey_where_it_is(backend):
     assert (np.diff(lab[18:, 0]) < 0).all()
 
 
+def test_unequal_steps_weigh_what_they_span(backend):
+    """Steps of 1, 2 and 4 nm: the sums near those of 1 nm throughout."""
+    fine = np.arange(380.0, 781)
+    uneven = np.concatenate((np.arange(380, 480), np.arange(480, 600, 2), np.arange(600, 781, 4.0)))
+    want, got = (
+        cvkern.spectrum_to_xyz(0.5 + 0.4 * np.sin(grid / 40), grid, light="A")
+        for grid in (fine, uneven)
+    )
+    np.testing.assert_allclose(got, want, rtol=3e-4)  # measured: 9e-5
+
+
+def test_metamers_are_sought_in_all_directions():
+    """A grey's farthest metamer lies where luminance rises: 22.5; without these 21.5."""
+    grey = np.full(81, 0.5)
+    assert cvkern.metameric_difference(grey, cvkern.metamer(grey), "A") > 22.4
+
+
 def test_metamers_match_under_one_light_only():
     grid, chart = np.arange(380.0, 781.0, 5.0), cvkern.color_chart(np.arange(380.0, 781.0, 5.0))
     light = cvkern.standard_light("D65", grid).values

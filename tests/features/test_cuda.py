@@ -48,3 +48,14 @@ def test_arrays_of_other_libraries(gpu, library):
     found = cvkern.sift(give(library, CAMERA))
     for a, b in zip(found, want, strict=True):
         np.testing.assert_array_equal(take(a), b)
+
+
+def test_replays_of_several_sizes_give_the_bits_of_the_cpu(gpu):
+    """From its second time on, a scale space is one graph; released memory is not used again."""
+    images = [CAMERA, np.ascontiguousarray(CAMERA[::-1]), CAMERA[:150, :170].copy()]
+    wanted = [reference(cvkern.sift, image) for image in images]
+    for turn in range(4):
+        for image, want in zip(images, wanted, strict=True):
+            assert_equal_bits(on_gpu(cvkern.sift, image, "warp"), want)
+        if turn == 1:
+            cvkern.release_memory()

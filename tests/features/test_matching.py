@@ -86,3 +86,12 @@ def test_images(backend):
         np.testing.assert_array_equal(a, b)
     assert cvkern.match_images(heap[:1]) == []
     assert cvkern.match_images([]) == []
+
+
+def test_many_sizes(backend):
+    """Kernels are launched with more sizes than launches are kept for, and again with the first."""
+    other = made(40, 128, 1)
+    for count in [*range(5, 40), 5, 38]:
+        one = made(count, 128, 0)
+        found = cvkern.match_descriptors(one, other)
+        np.testing.assert_array_equal(found, matches(one, other, 1, True, "euclidean"))

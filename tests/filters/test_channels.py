@@ -78,12 +78,3 @@ def test_split(kernels, dtype):
     image = np.random.default_rng(2).integers(0, 256, (33, 65, 4)).astype(dtype)
     planes = kernels("filters.channels.split", image, out=[((3, 33, 65), dtype)])
     np.testing.assert_array_equal(planes, np.moveaxis(image[..., :3], 2, 0))
-
-
-@pytest.mark.parametrize(
-    "function", [cvkern.gradient, cvkern.sobel, cvkern.canny, cvkern.detect_segments]
-)
-@pytest.mark.parametrize("shape", [(4, 5, 1), (4, 5, 2), (4, 5, 5)])
-def test_other_numbers_of_channels_are_refused(function, shape):
-    with pytest.raises(ValueError, match=r"image must have shape \(H, W\) or \(H, W, 3 or 4\)"):
-        function(np.ones(shape))

@@ -14,7 +14,7 @@ from tests.edges.reference_canny import slopes
 from tests.reference_rounding import U, gaussian_error, gaussian_kernel, separable_error
 
 SHAPES = [(1, 1), (1, 40), (37, 1), (2, 2), (33, 70)]
-SMOOTH = {"sobel": [1, 2, 1], "scharr": [3, 10, 3]}
+SMOOTH = {"sobel": [1, 2, 1], "scharr": [3, 10, 3], "prewitt": [1, 1, 1]}
 CV2_BORDERS = {
     "reflect": cv2.BORDER_REFLECT,
     "nearest": cv2.BORDER_REPLICATE,

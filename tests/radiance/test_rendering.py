@@ -122,6 +122,24 @@ def test_pictures(backend):
     assert (black.color[~hit & sure] == 0).all()
 
 
+@pytest.mark.parametrize(("opacity", "shown"), [(0.49, False), (0.51, True)])
+def test_rays_through_half_of_the_light_have_a_depth(backend, opacity, shown, monkeypatch):
+    plain = Ball.see
+
+    def see(self, origins, directions, seen):
+        plain(self, origins, directions, seen)
+        for array in (seen.color, seen.opacity, seen.depth):
+            self.rt.write(array, self.rt.to_numpy(array) * np.float32(opacity))
+
+    monkeypatch.setattr(Ball, "see", see)
+    model, views = ball(), some_cameras()
+    hit, away, sure = hits(views, 0)
+    depth = render(model, views, 0).depth
+    np.testing.assert_array_equal(np.isfinite(depth)[hit & sure], shown)
+    if shown:  # the mean distance
+        np.testing.assert_allclose(depth[hit & sure], away[hit & sure], atol=1e-4)
+
+
 @pytest.mark.parametrize("most", [1, 100, 431, 432, 500])
 def test_large_pictures_are_made_part_by_part(backend, most, monkeypatch):
     model, views = ball(), some_cameras()

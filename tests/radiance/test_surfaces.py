@@ -4,12 +4,15 @@ import sys
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from cvkern.radiance import (
     mesh,
     orbit_cameras,
     point_cloud,
     render,
+    surfaces,
     write_mesh,
 )
 from tests.radiance.test_rendering import (
@@ -37,7 +40,7 @@ def test_point_cloud(backend):
 
 
 def test_mesh():
-    surface = mesh(ball(), resolution=32, density=50.0)
+    surface = mesh(ball(), resolution=32, density=50.0, smooth=0)
     away = np.linalg.norm(surface.points - BOUNDS.center, axis=1)
     # The density is 50 on the ball, and linear along the radius; chords of cells of 1/16 are off
     # by less than (1/16)^2 / (8 * 0.5), twice that in the world.
@@ -51,11 +54,53 @@ def test_mesh():
     assert surface.faces.dtype == np.int32
 
 
-def test_colors_of_a_rough_mesh_are_seen_across_it(monkeypatch):
-    """Looked at from without, a ball of noise has the colour of its directions."""
+def pieces_of(surface):
+    edges = np.concatenate((surface.faces[:, :2], surface.faces[:, 1:]))
+    links = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(surface.points),) * 2)
+    return connected_components(links, directed=False)[0]
+
+
+def test_pieces_that_no_camera_sees_are_left_out(monkeypatch):
+    """A ball with hollows of noise within, whose cameras see its outside alone."""
+    plain = Ball.densities
     noise = np.random.default_rng(0)
 
+    def densities(self, points):
+        deep = np.linalg.norm(points, axis=1) < 0.6 * RADIUS
+        return np.where(deep, 30 * noise.lognormal(size=len(points)), plain(self, points))
+
+    monkeypatch.setattr(Ball, "densities", densities)
+    rough = mesh(ball(), resolution=32, density=50.0, smooth=0, pieces=None)
+    assert pieces_of(rough) == 1
+    monkeypatch.setattr(surfaces, "SEEN", 0)
+    assert pieces_of(mesh(ball(), resolution=32, density=50.0, smooth=0, pieces=None)) >= 3
+
+
+def test_smoothed_mesh(monkeypatch):
+    """Noise outside makes no pieces, and the surface stays where it was."""
+    plain = Ball.densities
+    noise = np.random.default_rng(0)
+
+    def densities(self, points):
+        return plain(self, points) + 20 * noise.lognormal(sigma=0.7, size=len(points))
+
+    monkeypatch.setattr(Ball, "densities", densities)
+    monkeypatch.setattr(surfaces, "SEEN", 0)  # all pieces count
+    assert pieces_of(mesh(ball(), resolution=32, density=75.0, smooth=0, pieces=None)) > 100
+    surface = mesh(ball(), resolution=32, density=75.0, pieces=None)
+    assert pieces_of(surface) == 1
+    # The noise adds 25.6 to the density, which falls by 200 per unit of the frame; smoothing with
+    # a cell of 1/16 moves a sphere of radius r inwards by (1/16)^2 / r.
+    away = np.linalg.norm(surface.points - BOUNDS.center, axis=1) / BOUNDS.half
+    assert away.mean() == pytest.approx(RADIUS + 0.5 * 0.006 - (1 / 16) ** 2 / RADIUS, abs=0.005)
+
+
+def test_colors_of_a_rough_mesh_are_seen_across_it(monkeypatch):
+    """Looked at from without, a ball of noise has the colour of its directions."""
+    noise, plain = np.random.default_rng(0), Ball.see
+
     def see(self, origins, directions, seen):
+        plain(self, origins, directions, seen)
         towards = self.rt.to_numpy(directions)
         self.rt.write(seen.color, np.ascontiguousarray(0.5 - 0.5 * towards))
         self.rt.write(seen.opacity, np.ones(len(towards), np.float32))
@@ -66,7 +111,7 @@ def test_colors_of_a_rough_mesh_are_seen_across_it(monkeypatch):
 
     monkeypatch.setattr(Ball, "see", see)
     monkeypatch.setattr(Ball, "densities", densities)
-    surface = mesh(ball(), resolution=40, density=25.0)
+    surface = mesh(ball(), resolution=40, density=25.0, smooth=0)
     arms = surface.points - BOUNDS.center
     away = np.linalg.norm(arms, axis=1, keepdims=True)
     outer = away[:, 0] > (RADIUS - 2 / 40) * BOUNDS.half  # within there are pits

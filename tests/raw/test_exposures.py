@@ -64,6 +64,23 @@ def test_robertson_is_near_the_curve():
     assert np.std(response[10:246, 0] - true[10:246]) < 0.3
 
 
+def test_robertson_is_the_stated_iteration():
+    images, _, _ = scene(gamma, 1, (30, 40))
+    z, t = images.reshape(len(TIMES), -1), TIMES[:, None]
+    w, curve = np.exp(-4 * ((z - 127.5) / 127.5) ** 2), (CODES + 0.5) / 128
+    for _ in range(40):
+        light = np.sum(w * t * curve[z], axis=0) / np.sum(w * t**2, axis=0)
+        held = [m for m in CODES if (z == m).any()]
+        new = np.interp(CODES, held, [np.mean((t * light)[z == m]) for m in held])
+        new, before = new / new[128], curve
+        curve = new
+        if np.abs(new - before).max() < 1e-4:
+            break
+    rising = np.maximum.accumulate(np.log2(curve))
+    got = cvkern.estimate_response(images, TIMES, "robertson")[:, 0]
+    np.testing.assert_allclose(got, rising - rising[128], atol=1e-9)  # float64, 40 rounds
+
+
 def test_merging_is_the_stated_mean(backend):
     rng = np.random.default_rng(2)
     images = rng.integers(0, 256, (3, 7, 9, 3)).astype(np.uint8)
@@ -103,6 +120,17 @@ def test_what_moved_does_not_count(backend):
     clean = cvkern.merge_exposures(images, [0.5, 1, 2], deghost=0.5)
     np.testing.assert_allclose(clean, 0.2, rtol=1e-6)
     assert plain[3, 3] > 0.25
+
+
+def test_the_middle_exposure_tells_what_moved(backend):
+    """What only the middle one of five shows stays; what only another one shows goes."""
+    times = [4, 0.25, 1, 0.5, 2]
+    images = np.stack([np.full((5, 6), 0.05 * t) for t in times])
+    images[2, 1, 1], images[1, 3, 3], images[4, 3, 4] = 0.1, 0.05, 0.02
+    got = cvkern.merge_exposures(images, times, deghost=0.3)
+    want = np.full((5, 6), 0.05)
+    want[1, 1] = 0.1
+    np.testing.assert_allclose(got, want, rtol=1e-6)
 
 
 def test_memorial_church():
@@ -174,6 +202,18 @@ def test_fusion_keeps_the_order_of_light():
     images, radiance, _ = scene(gamma, 1, (200, 300))
     ranks = [np.argsort(np.argsort(v.ravel())) for v in (cvkern.fuse_exposures(images), radiance)]
     assert np.corrcoef(ranks[0], ranks[1])[0, 1] > 0.985
+
+
+@pytest.mark.parametrize("seed", [1, 5])
+def test_noise_about_the_median_does_not_count(seed):
+    """Two thirds of the picture are the median and noise; a third tells how it moved."""
+    rng = np.random.default_rng(seed)
+    soft = cv2.GaussianBlur(rng.normal(size=(64, 96)), (0, 0), 4)
+    soft = 120 + 60 * soft / np.abs(soft).max()
+    soft[:, 32:] = 120
+    noise = rng.integers(-1, 2, (2, 64, 96))
+    images = (np.stack([soft, np.roll(soft, (3, -2), (0, 1))]) + noise).astype(np.uint8)
+    assert cvkern.align_exposures(images, reach=8).shifts.tolist() == [[3, -2], [0, 0]]
 
 
 def test_alignment(backend):

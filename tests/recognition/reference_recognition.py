@@ -138,3 +138,44 @@ def shortest(evidence, shared, least):
         if best is None or left[best] < least:
             return chosen
         chosen.append(best)
+
+
+def balance(votes, places, figures, at, window, shape):
+    """What the votes in the kernel of a place say of each pixel of the box."""
+    side = int(np.sqrt(figures.shape[1]))
+    reach = int(np.floor(window.radius * factor(at[2]) / 2**16 + 0.5))
+    found = np.zeros(shape, int)
+    for _, y, x, z, weight, patch, entry in votes.tolist():
+        apart = (y - at[0]) ** 2 + (x - at[1]) ** 2
+        near = 1024 - 1024 * apart // reach**2 - 1024 * (z - at[2]) ** 2 // window.scales**2
+        if near <= 0:
+            continue
+        first = [
+            ((int(places[patch, i]) - at[i]) * 2**16 // factor(at[2]) + 8 * (shape[i] - side) + 8)
+            // 16
+            for i in (0, 1)
+        ]
+        for k, share in enumerate(figures[entry].tolist()):
+            row, column = first[0] + k // side, first[1] + k % side
+            if 0 <= row < shape[0] and 0 <= column < shape[1]:
+                found[row, column] += (weight * near // 1024) * (2 * share - 255) // 256
+    return found
+
+
+def mask(box, at, shape):
+    """Where the balance of a box, linear between its pixels, is above 0."""
+    padded = np.pad(box, 1)
+    found = np.zeros(shape, bool)
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            y, x = (
+                (16 * n - at[i]) * 2**16 // factor(at[2]) + 8 * (box.shape[i] - 1)
+                for i, n in enumerate((row, column))
+            )
+            top, left = y // 16, x // 16
+            if not (-1 <= top < box.shape[0] and -1 <= left < box.shape[1]):
+                continue
+            (a, b), (c, d) = padded[top + 1 : top + 3, left + 1 : left + 3]
+            upper, lower = ((16 - x % 16) * p + x % 16 * q for p, q in ((a, b), (c, d)))
+            found[row, column] = (16 - y % 16) * upper + y % 16 * lower > 0
+    return found

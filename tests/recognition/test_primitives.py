@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cvkern.kernels.codes.recognition import Frame, Occurrences, Patches, Space, Window
-from tests.primitives import F32, I32
+from tests.primitives import F32, I32, U8
 from tests.recognition import reference_recognition as reference
 
 I8, I64 = np.int8, np.int64
@@ -192,3 +192,26 @@ def test_evidence(kernels):
     want = [[reference.evidence(*given, a, b) for b in modes.tolist()] for a in modes.tolist()]
     np.testing.assert_array_equal(shared, want)
     assert np.count_nonzero(shared) > 20
+
+
+def test_figures(kernels):
+    patches, occurrences, space = scene(4)
+    _, starts, votes, sources = cast(kernels, patches, occurrences, space)
+    figures = np.random.default_rng(5).integers(0, 256, (len(occurrences.entries), 25)).astype(U8)
+    window = Window(120, 40, 6)
+    modes = np.array([(500, 600, 0, 1), (300, 200, 32, 1), (700, 900, 11, 1)], I32)
+    shape = (3, 40, 50)
+    balance = kernels(
+        "recognition.figures.paint_figures", votes, sources, starts, space, window, patches.places,
+        figures, modes, out=[(shape, I32)],
+    )  # fmt: skip
+    listed = reference.votes(patches.places, patches.matches, *occurrences, space.bins, space.slack)
+    masks = kernels(
+        "recognition.figures.spread_figures", balance, modes, space, out=[((3, 60, 80), U8)]
+    )
+    for mode, box, mask in zip(modes.tolist(), balance, masks, strict=True):
+        want = reference.balance(listed, patches.places, figures, mode, window, shape[1:])
+        assert (want != 0).sum() > 100
+        np.testing.assert_array_equal(box, want)
+        np.testing.assert_array_equal(mask, reference.mask(box, mode, (60, 80)))
+    assert 0.01 < masks.mean() < 0.5

@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import zlib
 from pathlib import Path
 
@@ -107,13 +108,13 @@ def scale(factor: Factor, plus: int, source: wp.array2d[float], out: wp.array2d[
 
 
 def test_commands_agree():
-    """The same launches again with other numbers, structures, arrays and layouts."""
+    """The same launches again with other numbers, structures, arrays, layouts and sizes."""
     wp.init()
     device = wp.get_device("cpu")
     _internals.load(scale, device, 1)
     rng = np.random.default_rng(0)
     made = {}
-    for shape in ((3, 4), (3, 4), (2, 6)):
+    for shape in ((3, 4), (3, 4), (2, 6), (5, 7), (3, 4)):
         factor = Factor()
         factor.value = float(rng.integers(1, 9))
         plus, image = int(rng.integers(9)), rng.random(shape).astype(np.float32)
@@ -121,9 +122,9 @@ def test_commands_agree():
         for kind in (_internals._QuickCommand, _internals._PlainCommand):
             out = wp.zeros(shape, dtype=float, device="cpu")
             arguments = factor, plus, wp.array(image, dtype=float, device="cpu"), out
-            if (kind, shape) not in made:
-                made[kind, shape] = kind(scale, shape, arguments, device, 1)
-            made[kind, shape].launch(arguments, None)
+            if kind not in made:
+                made[kind] = kind(scale, shape, arguments, device, 1)
+            made[kind].launch(shape, arguments, None)
             results.append(out.numpy())
         np.testing.assert_array_equal(*results)
         # One rounding of the product and one of the sum, or one of both.
@@ -165,3 +166,29 @@ def test_one_thread_compiles():
         timeout=300,
     )
     assert done.stdout == "cvkern-compiler_0\n", done.stderr
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_work_is_shared_by_the_threads_that_the_user_wants(monkeypatch, threads):
+    """Each thread takes a part of a kernel's rows; without the variable, one for each core."""
+    from cvkern.kernels.warp import _launch
+
+    sent, send = [], _launch._send
+
+    def noted(*arguments):
+        sent.append(threading.current_thread().name)
+        send(*arguments)
+
+    monkeypatch.setattr(_launch, "_send", noted)
+    monkeypatch.setenv("CVKERN_NUM_THREADS", str(threads))
+    image = np.zeros((640, 640), np.float32)
+    with cvkern.use(backend="warp", device="cpu"):
+        cvkern.box(image, 3)
+    assert len(sent) % threads == 0
+    assert len(set(sent)) <= threads
+    whole = len(sent) // threads
+    monkeypatch.setenv("CVKERN_NUM_THREADS", "1")
+    sent.clear()
+    with cvkern.use(backend="warp", device="cpu"):
+        cvkern.box(image, 3)
+    assert len(sent) == whole

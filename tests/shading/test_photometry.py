@@ -163,7 +163,7 @@ def test_captured(backend, method):
 
 @pytest.mark.parametrize("count", [14, 100, 400])
 def test_captured_on_cuda(gpu, count):
-    """Values fit into shared memory for up to 384 images."""
+    """Values fit into shared memory for up to 288 images."""
     images, lights, _ = scene((37, 53), count)
     mask = np.arange(images[0].size).reshape(37, 53) % 3 > 0
     for method in ("least_squares", "trimmed", "consensus"):

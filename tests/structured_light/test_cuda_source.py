@@ -8,7 +8,7 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
-from cvkern.kernels.warp.structured_light import gray_code, laser, phase
+from cvkern.kernels.warp.structured_light import gray_code, laser, phase, triangulation
 
 
 def made(scalar) -> Iterator[Any]:
@@ -18,7 +18,10 @@ def made(scalar) -> Iterator[Any]:
     yield gray_code._spreads(scalar)
     yield phase._decode_cuda(scalar)
     lines = laser._kernels(scalar)
-    yield from (lines.find, lines.peaks, lines.centroids, lines.ridges)
+    yield from (lines.peaks, lines.centroids, lines.ridges)
+    yield laser._find_in_columns_cuda(scalar)
+    yield laser._find_in_rows_cuda(scalar)
+    yield laser._find_ridges_cuda(scalar)
 
 
 @pytest.mark.parametrize("scalar", [wp.uint8, wp.uint16, wp.float32])
@@ -28,3 +31,11 @@ def test_compiles_for_hopper(scalar, tmp_path):
         folder = tmp_path / f"{n}"
         (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
         assert "fma.rn.f32" not in Path(ptx).read_text(), kernel.key
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_triangulation_compiles_for_hopper(axis, tmp_path):
+    kernels.start("cpu", None)
+    kernel = triangulation._intersect_cuda(axis)
+    (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=tmp_path, use_ptx=True)
+    assert Path(ptx).stat().st_size > 0

@@ -113,6 +113,14 @@ def test_margins_and_contrasts(backend):
     np.testing.assert_array_equal(listed.columns, given.columns)
 
 
+@pytest.mark.parametrize(("light", "valid"), [(19, False), (21, True)])
+def test_the_default_contrast_is_two_margins(backend, light, valid):
+    seen = cvkern.gray_code_patterns((4, 6), axes=["columns"])
+    white, black = np.full((4, 6), 50 + light, np.uint8), np.full((4, 6), 50, np.uint8)
+    found = cvkern.decode_gray_code(seen, (4, 6), white, black, axes=["columns"], margin=10)
+    assert (found.valid == valid).all()
+
+
 def test_codes_beyond_the_projector_are_none(backend):
     wide = cvkern.gray_code_patterns((1, 8), axes=["columns"])
     found = cvkern.decode_gray_code(wide, (1, 6), axes=["columns"], margin=1)

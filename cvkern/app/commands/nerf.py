@@ -224,7 +224,7 @@ def export(
         bool, typer.Option("--points", help="Write a point cloud instead of a mesh.")
     ] = False,
     resolution: Annotated[int, typer.Option(help="Cells of the mesh along a side.")] = 128,
-    density: Annotated[float, typer.Option(help="Density at the surface of the mesh.")] = 25.0,
+    density: Annotated[float, typer.Option(help="Density at the surface of the mesh.")] = 10.0,
     pieces: Annotated[
         int, typer.Option(help="Pieces of the mesh to keep, the largest first; 0 for all.")
     ] = 1,

@@ -74,7 +74,7 @@ def undistort(
     -----
     The result is that of ``cv2.initUndistortRectifyMap`` and ``cv2.remap`` with linear weights, in
     one kernel and without a map in memory. The weights of bytes are multiples of 1/256. The place
-    of a pixel is computed for every eighth, and lies on parabolas between them, where these are
+    of a pixel is computed for every sixteenth, and lies on parabolas between them, where these are
     within 1/1000 of a pixel of it.
 
     Examples

@@ -27,7 +27,7 @@ _LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photogr
 _LENGTH = 320  # pixels: lines up to this length fall into one bin; longer ones into several
 _APART = 3  # bins of rho and theta between the peaks of one round
 FITS = 2  # fits of a line; each uses the points that are on the line of the previous fit
-_CHANGES = 2  # times that a point may move to the next line
+CHANGES = 0, 1  # times that a point may move to the next line, in each of the fits of a segment
 _TUKEY = 4.685 / 0.6745  # farthest point that counts, in medians: 95 % efficient for normal errors
 _LEAST_SCALE = 0.1  # pixels: the farthest point that counts is at least this far away
 DENSITY = 0.6  # least points per pixel of a segment; a thin edge has 0.7 to 1
@@ -111,12 +111,27 @@ def runs(
     y, x = points[claimed].T.astype(np.float64)
     along = y * np.cos(theta)[line] - x * np.sin(theta)[line]
     key = 2 * line + (0 if side is None else side[claimed])
-    order = np.lexsort((along, key))
+    order = _order(key, along)
     claimed, along, key = claimed[order], along[order], key[order]
     cut = (np.diff(key) != 0) | (np.diff(along) > max_gap)
     inner = np.flatnonzero(cut) + 1
     bounds = np.concatenate(([0], inner, [len(key)])) if len(key) else np.zeros(1, np.intp)
     return Runs(claimed, along, bounds[:-1], bounds[1:], key[bounds[:-1]] // 2)
+
+
+def _order(key: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Return the order by key, then by position; positions within 2^-14 pixels keep their order.
+
+    NumPy sorts 16-bit numbers by counting, so a sort by each digit is faster than one by values.
+    """
+    place = np.rint((along + 2.0**17) * 2.0**14).astype(np.uint32)  # no line is longer than 2^17
+    order = np.argsort(place.astype(np.uint16), kind="stable")
+    digits = [place >> 16, key]
+    if len(key) and key.max() >> 16:
+        digits.append(key >> 16)
+    for digit in digits:
+        order = order[np.argsort(digit.astype(np.uint16)[order], kind="stable")]
+    return order
 
 
 def supported(
@@ -128,14 +143,15 @@ def supported(
     distance: float,
     min_length: float,
     max_gap: float,
+    changes: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of the segments along the lines, and the number of points of each segment.
 
     A stronger line that only crosses a segment must not take points from it. So a point that
-    belongs to no segment of its line is moved to the next line that it is on.
+    belongs to no segment of its line is moved to the next line that it is on, `changes` times.
     """
     labels = claim(rt, points, directions, theta, rho, distance, AIM)
-    for _ in range(_CHANGES):
+    for _ in range(changes):
         chosen, _ = _segments(points, directions, labels, theta, min_length, max_gap)
         loose = labels < len(theta)
         loose[chosen] = False

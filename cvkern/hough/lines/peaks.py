@@ -155,7 +155,8 @@ def peak_bins(
     """Return row and column of the peaks of a kernel array, the largest first."""
     mask = rt.scratch("peaks.mask", tuple(values.shape), bool)
     rt.hough.lines.peaks.local_maxima(values, limit, min_distance, min_angle, wraps, mask)
-    row, column = np.nonzero(rt.to_numpy(mask))
+    # NumPy lists set elements several times faster on one axis than on two, and as bool.
+    row, column = np.divmod(np.flatnonzero(rt.to_numpy(mask).view(bool)), values.shape[1])
     order = np.argsort(-rt.to_numpy(values)[row, column].astype(np.float64), kind="stable")
     return row[order], column[order]
 

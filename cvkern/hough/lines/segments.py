@@ -23,6 +23,7 @@ from cvkern.edges.subpixel import locate_edges
 from cvkern.hough._points import mask_points
 from cvkern.hough.lines._support import (
     AIM,
+    CHANGES,
     DENSITY,
     FITS,
     claim,
@@ -36,6 +37,9 @@ from cvkern.hough.lines._support import (
 from cvkern.hough.lines._tables import check_listed, values_at
 from cvkern.hough.lines.peaks import HoughLinePeaks
 from cvkern.hough.lines.votes import check_points
+
+# Rounds of votes for segments. All rounds together, up to ten, find 1.5 % more segments.
+ROUNDS = 3
 
 
 class LineFit(NamedTuple):
@@ -126,7 +130,10 @@ def hough_line_segments(
         directions = check_listed(rt, found, listed, "orientation", -math.inf)
     labels = claim(rt, points, directions, theta, rho, distance, tolerance)
     parts = runs(points, labels, theta, max_gap)
-    first, last = parts.along[parts.begin], parts.along[parts.end - 1]
+    first, last = (
+        end.reduceat(parts.along, parts.begin) if len(parts.begin) else np.zeros(0)
+        for end in (np.minimum, np.maximum)
+    )
     long = last - first >= min_length
     c, s, r = np.cos(theta)[parts.line], np.sin(theta)[parts.line], rho[parts.line]
     ends = [(r * s + t * c, r * c - t * s) for t in (first, last)]
@@ -283,7 +290,7 @@ def detect_segments(
 
     Sub-pixel edges vote for lines across their gradients. Along the line of each peak, a segment is
     fitted to edges that follow one another without a gap, and these edges are removed. The others
-    vote again, until no more segments are found.
+    vote again, twice.
 
     Parameters
     ----------
@@ -338,12 +345,12 @@ def detect_segments(
     rt = runtime(image)
     points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
     segments = [np.zeros((0, 4))]
-    for _ in range(len(points) + 1):  # each round but the last removes the points of a segment
+    for _ in range(ROUNDS):
         theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
         new, chosen = np.zeros((0, 4)), np.zeros(0, np.intp)
-        for _ in range(FITS):
+        for changes in CHANGES:
             chosen, number = supported(
-                rt, points, directions, theta, rho, distance, min_length, max_gap
+                rt, points, directions, theta, rho, distance, min_length, max_gap, changes
             )
             new, theta, rho = fitted_segments(points[chosen], directions[chosen], number)
         if not len(new):

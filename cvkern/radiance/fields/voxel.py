@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._archives import shape_of
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import (
@@ -22,7 +23,6 @@ from cvkern.kernels.codes.radiance import (
     Rays,
     Space,
 )
-from cvkern.radiance.checkpoints import shape_of
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, flat
 from cvkern.radiance.march import STOP, taken

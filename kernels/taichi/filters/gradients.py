@@ -28,7 +28,7 @@ def differentiate(
     dx: np.ndarray,
 ) -> None:
     """Correlate with slope down the rows and smooth along the columns (dy), or exchanged (dx)."""
-    planes = (1, *src.shape)
+    planes = (1, *src.shape)[-3:]
     border, cval, cval_smooth, cval_slope = outside
     down = scratch(planes, np.float32)
     correlate_down(src.reshape(planes), slope, border, cval, 0, down)

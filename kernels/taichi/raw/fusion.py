@@ -46,12 +46,12 @@ def _mean(
     frames: ti.template(), k: ti.i32, y: ti.i32, x: ti.i32, scale: ti.f32, zero: ti.i32
 ) -> ti.f32:
     v, u = mirror(y, frames.shape[1]), mirror(x, frames.shape[2])
-    found, share = _given(frames, k, v, u, 0, scale), scale
+    found = _given(frames, k, v, u, 0, scale)
     if frames.shape[3] == 3:
         found += _given(frames, k, v, u, 1, scale)
-        found += _given(frames, k, v, u, 2, scale)
-        share = product(scale, THIRD, zero)
-    return product(found, share, zero)
+        # The quotient is exact where all are equal: grey has no saturation.
+        found = quotient(found + _given(frames, k, v, u, 2, scale), 3.0, zero)
+    return product(found, scale, zero)
 
 
 @ti.func

@@ -2,21 +2,23 @@
 
 A column of the projector lights a plane. The ray d of a camera pixel meets it at the depth
 ``z = (x t_z - t_x) / ((R d)_x - x (R d)_z)``, where (R, t) is the pose of the projector and x the
-undistorted column over its focal length. A lens bends the column into a curve, so x depends on the
-row: a few iterations find the row from the point. One thread computes one pixel.
+undistorted column over its focal length. A lens bends the column into a curve. The depth is then
+found by Newton's method in w = 1 / z, of which the column where the projector sees R d + w t is
+almost a linear function. One thread computes one pixel.
 """
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.structured_light import LENS_STEPS
+from cvkern.kernels.codes.structured_light import LENS_STEPS, NEAR
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi.geometry._lens import bent, straightened
+from cvkern.kernels.taichi.geometry._lens import straightened
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
+vec3 = ti.types.vector(3, ti.f32)
 
 
 @primitive
@@ -35,6 +37,32 @@ def intersect(
     projector, `pose` is the rotation and the translation between them.
     """
     _intersect(places, valid, lenses, pose, axis, points)
+
+
+@ti.func
+def _bent(lenses: ti.template(), x: ti.f32, y: ti.f32, axis: ti.template()) -> vec3:
+    """Return a coordinate of the projector's view, for f = 1, and its derivatives by x and y."""
+    k1 = lenses[1, 4]
+    k2 = lenses[1, 5]
+    p1 = lenses[1, 6]
+    p2 = lenses[1, 7]
+    k3 = lenses[1, 8]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2))  # d radial / d x = slope x
+    mixed = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+    found = vec3(
+        x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+        radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
+        mixed,
+    )
+    if ti.static(axis == 1):
+        found = vec3(
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+            mixed,
+            radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
+        )
+    return found
 
 
 @ti.kernel
@@ -58,25 +86,26 @@ def _intersect(
         across = pose[0] * x + pose[1] * y + pose[2]
         down = pose[3] * x + pose[4] * y + pose[5]
         ahead = pose[6] * x + pose[7] * y + pose[8]
+        wanted = (place - lenses[1, 2 + axis]) / lenses[1, axis]
+        along = across
         shift = pose[9]
-        turned = across
-        other = lenses[1, 3]  # coordinate along the projector's line: starts at its middle
         if ti.static(axis == 1):
+            along = down
             shift = pose[10]
-            turned = down
-            other = lenses[1, 2]
-        z = 0.0
+        w = (along - wanted * ahead) / (wanted * pose[11] - shift)  # without a lens
+        off = 0.0
+        depth = 0.0
         for _ in range(LENS_STEPS):
-            line = 0.0
-            if ti.static(axis == 0):
-                line = straightened(lenses, 1, other, place)[0]
-            else:
-                line = straightened(lenses, 1, place, other)[1]
-            z = (line * pose[11] - shift) / (turned - line * ahead)
-            depth = z * ahead + pose[11]
-            seen = bent(lenses, 1, (z * across + pose[9]) / depth, (z * down + pose[10]) / depth)
-            other = seen[axis]
-            known = known and z > 0.0 and depth > 0.0
+            depth = ahead + w * pose[11]
+            p = (across + w * pose[9]) / depth
+            q = (down + w * pose[10]) / depth
+            seen = _bent(lenses, p, q, axis)
+            dp = (pose[9] - p * pose[11]) / depth
+            dq = (pose[10] - q * pose[11]) / depth
+            off = seen[0] - wanted
+            w -= off / (seen[1] * dp + seen[2] * dq)
+        z = 1.0 / w
+        known = known and ti.abs(off) < NEAR and w > 0.0 and depth > 0.0
         if not known or ti.math.isnan(z) or ti.math.isinf(z):
             z = ti.math.nan
         points[i, j, 0] = z * x

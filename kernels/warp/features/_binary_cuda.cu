@@ -15,8 +15,8 @@ void describe(wp::array_t<wp::int64> images, wp::array_t<float> taps, wp::array_
     const int* cell = cells.data + 4 * (size_t)k;
     const wp::int64* image = images.data + 4 * (size_t)cell[0];
     const size_t width = (size_t)image[3];
-    const unsigned char* const from = (const unsigned char*)image[0] +
-                                      (cell[2] - DISC - BLUR) * width + cell[3] - DISC - BLUR;
+    const unsigned char* const from =
+        (const unsigned char*)image[0] + (cell[2] - DISC - BLUR) * width + cell[3] - DISC - BLUR;
     for (int n = thread; n < READ * READ; n += threads)
         pixels[n / READ][n % READ] = from[n / READ * width + n % READ];
     if (thread < TAPS) tap[thread] = taps.data[thread];

@@ -61,12 +61,12 @@ def _list(
         if at < ends[row]:
             place = place_of(octaves, row)
             for k in range(place[4]):
-                word = words[place[3] + k]
-                if word != 0:
-                    for bit in range(BITS):
-                        if ((word >> bit) & 1) == 1:
-                            cells[at, 0] = place[0]
-                            cells[at, 1] = place[1]
-                            cells[at, 2] = place[2]
-                            cells[at, 3] = k * BITS + bit
-                            at += 1
+                word = wp.uint32(words[place[3] + k])
+                while word != wp.uint32(0):
+                    rest = word & (word - wp.uint32(1))  # without its lowest bit
+                    cells[at, 0] = place[0]
+                    cells[at, 1] = place[1]
+                    cells[at, 2] = place[2]
+                    cells[at, 3] = k * BITS + ones_of((word ^ rest) - wp.uint32(1))
+                    word = rest
+                    at += 1

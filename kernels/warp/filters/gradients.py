@@ -50,10 +50,10 @@ def _differentiate(
     outside: Outside,
     outputs: list[wp.array],
 ) -> None:
-    """Fill dy and dx, and magnitude and orientation if they are given."""
+    """Fill dy and dx, and magnitude and orientation if they are given; (H, W) or (N, H, W)."""
     polar = len(outputs) == 4
     if src.device.is_cuda:
-        planes = (1, *src.shape)
+        planes = (1, *src.shape)[-3:]
         middle = scratch("differentiate.middle", planes, wp.float32, src.device)
         image, dy, dx = (view(a, wp.float32, planes) for a in (src, *outputs[:2]))
         border, cval, cval_smooth, cval_slope = outside
@@ -64,6 +64,10 @@ def _differentiate(
         if polar:
             flat = _flat(*outputs)
             launch(cuda.polar, src.size, flat[:2], flat[2:])
+        return
+    if src.ndim == 3:
+        for i in range(src.shape[0]):
+            _differentiate(src[i], smooth, slope, outside, [a[i] for a in outputs])
         return
     height, columns = src.shape
     wide_src = padded(src, "differentiate.src", WIDE)

@@ -1,4 +1,4 @@
-"""The lens of OpenCV: where a ray is seen, and which ray is seen at a pixel.
+"""The lens of OpenCV: which ray is seen at a pixel.
 
 A lens is the nine numbers fx, fy, cx, cy, k1, k2, p1, p2, k3. The equations stand in
 cvkern/geometry/cameras/lens.py.
@@ -46,15 +46,3 @@ def straightened(lenses: wp.array2d[float], view: int, row: float, column: float
         if not (wp.abs(found[0]) < WIDEST and wp.abs(found[1]) < WIDEST):
             found = want
     return found
-
-
-@wp.func
-def bent(lenses: wp.array2d[float], view: int, x: float, y: float) -> wp.vec2:
-    """Return the row and column at which a point, for f = 1, is seen."""
-    r2 = x * x + y * y
-    radial = 1.0 + r2 * (lenses[view, 4] + r2 * (lenses[view, 5] + r2 * lenses[view, 8]))
-    p1 = lenses[view, 6]
-    p2 = lenses[view, 7]
-    u = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)
-    v = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y
-    return wp.vec2(lenses[view, 1] * v + lenses[view, 3], lenses[view, 0] * u + lenses[view, 2])

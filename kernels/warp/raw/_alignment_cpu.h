@@ -2,7 +2,7 @@
 
 // needs MOVES
 void _differ_row(int slot, int y, wp::array_t<uint8_t> sides, int k, int fixed, int dy, int dx,
-                wp::array_t<int> sums) {
+                 wp::array_t<int> sums) {
     const int down[MOVES] = {0, -1, 0, 0, 1, -1, -1, 1, 1};
     const int along[MOVES] = {0, 0, -1, 1, 0, -1, 1, -1, 1};
     const int height = sides.shape[1], width = sides.shape[2];

@@ -9,15 +9,16 @@ void _weigh(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
 #pragma clang fp contract(off)
     const int count = frames.shape[0], height = frames.shape[1], width = frames.shape[2];
     const size_t size = (size_t)height * width;
-    const float third = 1.0f / 3.0f, share = CHANNELS == 1 ? scale : scale * third;
+    const float third = 1.0f / 3.0f;
     float grey[3][PART + 2], edge[PART], spread[PART], quality[PART], total[PART];
     const auto value = [](TYPE v) {
         const float x = (float)v;
         return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     };
     const auto mean = [=](const TYPE* v) {
-        if (CHANNELS == 1) return value(v[0]) * share;
-        return ((value(v[0]) + value(v[CHANNELS / 2])) + value(v[CHANNELS - 1])) * share;
+        if (CHANNELS == 1) return value(v[0]) * scale;
+        // The quotient is exact where all are equal: grey has no saturation.
+        return ((value(v[0]) + value(v[CHANNELS / 2])) + value(v[CHANNELS - 1])) / 3.0f * scale;
     };
     const auto power = [](float* x, float p, int count) {
         if (p == 1.0f) return;

@@ -3,17 +3,59 @@
 import warp as wp
 
 from cvkern.kernels.codes import recognition as codes
+from cvkern.kernels.codes.recognition import Space
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BITS = wp.constant(wp.int64(codes.FACTOR_BITS))
+ONE = wp.constant(wp.int64(1 << codes.FACTOR_BITS))
+LARGE = wp.constant(wp.int64(1 << 30))
+KERNEL_ONE = wp.constant(wp.int64(codes.KERNEL_ONE))
 HALF = wp.constant(wp.int64(1 << (codes.FACTOR_BITS - 1)))
+
+
+@wp.struct
+class Cells:
+    """Votes by their cells."""
+
+    votes: wp.array2d[int]  # (V, 4)
+    starts: wp.array[int]
+    bins: wp.array2d[int]  # (S, 5)
+    factors: wp.array[int]
+    slack: int
+    lowest: int
+
+
+def cells_of(votes: wp.array, starts: wp.array, space: Space) -> Cells:
+    """Return votes by their cells, for kernels."""
+    cells = Cells()
+    cells.votes, cells.starts = votes, starts
+    cells.bins, cells.slack, cells.factors, cells.lowest = space
+    return cells
 
 
 @wp.func
 def scaled(size: int, factor: int) -> int:
     """Return a size times a factor of scale, halves rounded up."""
     return int((wp.int64(size) * wp.int64(factor) + HALF) >> BITS)
+
+
+@wp.func
+def below(size: int, factor: int) -> int:
+    """Return size / factor in parts of 2^16, rounded down; |size| stays below 2^14 factors."""
+    wide = wp.int64(size) * ONE + LARGE * wp.int64(factor)
+    return int(wide // wp.int64(factor) - LARGE)
+
+
+@wp.func
+def kernel_at(apart: wp.vec3i, reach: int, scales: int) -> wp.int64:
+    """Return the kernel of Epanechnikov at a distance, at most 0 outside."""
+    dy = wp.int64(apart[0])
+    dx = wp.int64(apart[1])
+    dz = wp.int64(apart[2])
+    flat = KERNEL_ONE * (dy * dy + dx * dx) // (wp.int64(reach) * wp.int64(reach))
+    deep = KERNEL_ONE * dz * dz // (wp.int64(scales) * wp.int64(scales))
+    return KERNEL_ONE - flat - deep
 
 
 @wp.func

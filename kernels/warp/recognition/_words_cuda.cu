@@ -24,8 +24,7 @@ void match(wp::array_t<wp::uint32> patches, wp::array_t<wp::uint32> words, int l
         int product[MOST], word[MOST];
 
         void see(int other, int index) {
-            if (other < product[MOST - 1] ||
-                (other == product[MOST - 1] && index > word[MOST - 1]))
+            if (other < product[MOST - 1] || (other == product[MOST - 1] && index > word[MOST - 1]))
                 return;
 #pragma unroll
             for (int m = 0; m < MOST; ++m) {
@@ -55,8 +54,8 @@ void match(wp::array_t<wp::uint32> patches, wp::array_t<wp::uint32> words, int l
             asm("mma.sync.aligned.m16n8k32.row.col.s32.s8.s8.s32 "
                 "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
                 : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
-                : "r"(low.part[k]), "r"(high.part[k]), "r"(low.part[k + 1]),
-                  "r"(high.part[k + 1]), "r"(other.part[k]), "r"(other.part[k + 1]));
+                : "r"(low.part[k]), "r"(high.part[k]), "r"(low.part[k + 1]), "r"(high.part[k + 1]),
+                  "r"(other.part[k]), "r"(other.part[k + 1]));
 #pragma unroll
         for (int i = 0; i < 4; ++i) {
             const int word = j + 2 * t + i % 2;

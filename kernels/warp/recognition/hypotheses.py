@@ -6,16 +6,13 @@ the cell of the frame in which it lies. Only patches of the level whose scale is
 
 import warp as wp
 
-from cvkern.kernels.codes import recognition as codes
 from cvkern.kernels.codes.recognition import Frame, Patches, Space
 from cvkern.kernels.warp._launch import launch_each
 
-from ._space import factor_of, scaled
+from ._space import below, factor_of, scaled
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-ONE = wp.constant(wp.int64(1 << codes.FACTOR_BITS))
-LARGE = wp.constant(wp.int64(1 << 30))
 WORK = 1024  # steps for a mode, roughly: for the number of threads only
 
 
@@ -79,13 +76,6 @@ def weigh_overlaps(
     count = shared.size
     scene = _scene(patches, weights, space, frame)
     launch_each(_weigh_pairs, count, count * WORK, [scene, modes], [shared])
-
-
-@wp.func
-def below(a: int, factor: int) -> int:
-    """Return a / factor in parts of 2^16, rounded down; |a| stays below 2^14 factors."""
-    wide = wp.int64(a) * ONE + LARGE * wp.int64(factor)
-    return int(wide // wp.int64(factor) - LARGE)
 
 
 @wp.func

@@ -12,7 +12,7 @@ from cvkern.kernels.codes.recognition import Occurrences, Patches, Space, Window
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
 from cvkern.kernels.warp._zeros import clear
 
-from ._space import active_words, bin_of, cell_of, factor_of, scaled
+from ._space import Cells, active_words, bin_of, cell_of, cells_of, factor_of, kernel_at, scaled
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -237,23 +237,8 @@ def shift_modes(
     the mean of the votes within. `modes` (T, 4) are row, column, scale and density.
     """
     count = maxima.shape[0]
-    cells = Cells()
-    cells.votes, cells.starts = votes, starts
-    cells.bins, cells.slack, cells.factors, cells.lowest = space
-    inputs = [cells, *window, maxima]
+    inputs = [cells_of(votes, starts, space), *window, maxima]
     launch_each(_shift, count, count * 1024, inputs, [modes])
-
-
-@wp.struct
-class Cells:
-    """Votes by their cells."""
-
-    votes: wp.array2d[int]  # (V, 4)
-    starts: wp.array[int]
-    bins: wp.array2d[int]  # (S, 5)
-    factors: wp.array[int]
-    slack: int
-    lowest: int
 
 
 @wp.struct
@@ -279,8 +264,6 @@ def sums_within(
     y = place[0]
     x = place[1]
     z = place[2]
-    square = wp.int64(reach) * wp.int64(reach)
-    deep = wp.int64(scales) * wp.int64(scales)
     for s in range(cells.bins.shape[0]):
         if wp.abs(cells.bins[s, 3] - z) <= scales + cells.slack:
             side = cells.bins[s, 4]
@@ -292,14 +275,8 @@ def sums_within(
             for row in range(above, below):
                 cell = cells.bins[s, 0] + row * columns
                 for v in range(cells.starts[cell + before], cells.starts[cell + behind]):
-                    dy = wp.int64(cells.votes[v, 0] - y)
-                    dx = wp.int64(cells.votes[v, 1] - x)
-                    dz = wp.int64(cells.votes[v, 2] - z)
-                    height = (
-                        KERNEL_ONE
-                        - KERNEL_ONE * (dy * dy + dx * dx) // square
-                        - KERNEL_ONE * dz * dz // deep
-                    )
+                    other = wp.vec3i(cells.votes[v, 0], cells.votes[v, 1], cells.votes[v, 2])
+                    height = kernel_at(other - place, reach, scales)
                     if height > wp.int64(0):
                         weight = wp.int64(cells.votes[v, 3])
                         found.mass += weight

@@ -5,16 +5,13 @@ import warp as wp
 from cvkern.kernels.warp import _native
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-KEPT = 12288  # values that the static shared memory of a block holds
+KEPT = 9216  # values in the static shared memory of a block: six blocks fit into a multiprocessor
 MOST_THREADS = 128
 
 
 def threads_for(count: int) -> int:
     """Return the threads of a block that keeps `count` values a thread; 0 if that is too many."""
-    threads = MOST_THREADS
-    while threads * count > KEPT:
-        threads //= 2
-    return threads if threads >= 32 else 0
+    return min(KEPT // count // 32 * 32, MOST_THREADS)
 
 
 @_native.kernel("_photometry_cuda.cu", OPTIONS, KEPT=KEPT)

@@ -1,7 +1,8 @@
 """Detection of laser lines, one position in each column or row of a frame, in Warp.
 
-The Taichi set has the equations. On CUDA a thread computes one line. On the CPU it computes a slab
-of lines, and `find` reads the frame row by row, in the order of memory.
+The Taichi set has the equations. On the CPU a thread computes a slab of lines, and `find` reads the
+frame row by row, in the order of memory. On CUDA a warp computes one line, or finds the brightest
+windows of 32 columns in some of the rows.
 """
 
 from functools import lru_cache
@@ -11,7 +12,7 @@ import warp as wp
 
 from cvkern.kernels.codes.structured_light import LEAST_BEND, MOST_MOVES, MOST_OFFSET
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -19,6 +20,7 @@ wp.set_module_options(OPTIONS)
 MOVES = wp.constant(MOST_MOVES)
 OFFSET = wp.constant(MOST_OFFSET)
 LEAST = wp.constant(LEAST_BEND)
+WARPS = 32  # warps of a block on CUDA, each with some of the rows of its 32 columns
 _TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
 
 
@@ -26,7 +28,13 @@ def find(frames: wp.array, axis: int, half: int, places: wp.array) -> None:
     """Find the brightest window of each line, -1 where all is NaN."""
     lines = places.shape[1]
     if places.device.is_cuda:
-        launch(_kernels(frames.dtype).find, places.size, [frames, axis, half], [places])
+        if axis == 0:
+            blocks = places.shape[0] * -(-lines // 32)
+            kernel = _find_in_columns_cuda(frames.dtype)
+            launch(kernel, blocks * 32 * WARPS, [frames, half], [places], 32 * WARPS)
+        else:
+            kernel = _find_in_rows_cuda(frames.dtype)
+            launch(kernel, _warps(places.size), [frames, half], [places], BLOCK)
         return
     parts = max(1, min(slabs(lines, frames.size), lines))
     launch_slabs(_find_cpu(frames.dtype), lines, parts, [frames, axis, half], [places])
@@ -73,6 +81,10 @@ def ridges(
     `curve` is 1 over the variance of the smoothed profile.
     """
     inputs = [frames, axis, places, taps, scale, curve]
+    if places.device.is_cuda:
+        kernel = _find_ridges_cuda(frames.dtype)
+        launch(kernel, _warps(places.size), inputs, [positions, strengths], BLOCK)
+        return
     kernel = _kernels(frames.dtype).ridges
     work = places.size * taps.shape[1] ** 2
     launch_each(kernel, places.size, work, inputs, [positions, strengths])
@@ -123,6 +135,51 @@ def _find_cpu(scalar: Any) -> wp.Kernel:
     return find_slab
 
 
+def _warps(lines: int) -> int:
+    """Return the threads of a launch with a warp a line, in whole blocks."""
+    return -(-32 * lines // BLOCK) * BLOCK
+
+
+@lru_cache
+def _find_in_columns_cuda(scalar: Any) -> wp.Kernel:
+    @_native.kernel("_laser_cuda.cu", OPTIONS, TYPE=_TYPES[scalar], WARPS=WARPS)
+    def find_in_columns(frames: wp.array3d[scalar], half: int, places: wp.array2d[int]): ...
+
+    return find_in_columns
+
+
+@lru_cache
+def _find_in_rows_cuda(scalar: Any) -> wp.Kernel:
+    @_native.kernel("_laser_cuda.cu", OPTIONS, TYPE=_TYPES[scalar])
+    def find_in_rows(frames: wp.array3d[scalar], half: int, places: wp.array2d[int]): ...
+
+    return find_in_rows
+
+
+@lru_cache
+def _find_ridges_cuda(scalar: Any) -> wp.Kernel:
+    @_native.kernel(
+        "_laser_cuda.cu",
+        OPTIONS,
+        TYPE=_TYPES[scalar],
+        MOVES=MOST_MOVES,
+        OFFSET=f"{MOST_OFFSET}f",
+        LEAST=f"{LEAST_BEND}f",
+    )
+    def find_ridges(
+        frames: wp.array3d[scalar],
+        axis: int,
+        places: wp.array2d[int],
+        taps: wp.array2d[float],
+        scale: float,
+        curve: float,
+        positions: wp.array2d[float],
+        strengths: wp.array2d[float],
+    ): ...
+
+    return find_ridges
+
+
 class _Kernels:
     """The kernels for frames of one dtype."""
 
@@ -136,29 +193,6 @@ class _Kernels:
             if axis == 0:
                 return float(frames[n, at, line])
             return float(frames[n, line, at])
-
-        @wp.kernel(module="unique", module_options=OPTIONS)
-        def find(
-            frames: wp.array3d[scalar],
-            axis: int,
-            half: int,
-            # outputs
-            places: wp.array2d[int],
-        ):
-            number = wp.tid()
-            n = number // places.shape[1]
-            line = number % places.shape[1]
-            size = wp.where(axis == 0, frames.shape[1], frames.shape[2])
-            best = float(-wp.inf)
-            place = int(-1)
-            for p in range(size):
-                total = float(0.0)
-                for i in range(-half, half + 1):
-                    total += value(frames, n, p + i, line, axis, size)
-                if total > best:
-                    best = total
-                    place = p
-            places[n, line] = place
 
         @wp.kernel(module="unique", module_options=OPTIONS)
         def peaks(
@@ -304,7 +338,7 @@ class _Kernels:
                 positions[n, line] = position
                 strengths[n, line] = strength
 
-        self.find, self.peaks, self.centroids, self.ridges = find, peaks, centroids, ridges
+        self.peaks, self.centroids, self.ridges = peaks, centroids, ridges
 
 
 @lru_cache

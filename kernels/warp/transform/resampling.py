@@ -12,7 +12,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 
 from ._taps import stored
 
@@ -50,38 +50,34 @@ def resample(
 
 def _resample_along(src: wp.array, starts: wp.array, weights: wp.array, dst: wp.array) -> None:
     """Weigh the pixels of each line from its start on, for each pixel."""
-    count = dst.shape[0] * dst.shape[1]
-    launch_each(resample_kernel(src.dtype, dst.dtype), count, dst.size * weights.shape[1],
-                [src, starts, weights], [dst])  # fmt: skip
+    launch(resample_kernel(src.dtype, dst.dtype), dst.size, [src, starts, weights], [dst])
 
 
 @lru_cache
 def resample_kernel(scalar: Any, result: Any) -> wp.Kernel:
-    """Make the kernel that weighs arrays of `scalar`."""
+    """Make the kernel of CUDA that weighs arrays of `scalar`: a thread an element."""
     store = stored(result)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def resample_lines(
-        stride: int,
-        first: int,
-        last: int,
         src: wp.array3d[scalar],  # (outer, n, inner)
         starts: wp.array[int],  # (m,)
         weights: wp.array2d[float],  # (m, T)
         # outputs
         dst: wp.array3d[result],  # (outer, m, inner)
     ):
-        m = dst.shape[1]
-        for item in range(first + wp.tid(), last, stride):
-            o = item // m
-            k = item - o * m
-            start = starts[k]
-            for i in range(dst.shape[2]):
-                total = float(0.0)
-                for t in range(weights.shape[1]):
-                    if weights[k, t] != 0.0:
-                        total += weights[k, t] * float(src[o, start + t, i])
-                dst[o, k, i] = store(total)
+        item = wp.tid()
+        line = item // dst.shape[2]
+        i = item - line * dst.shape[2]
+        o = line // dst.shape[1]
+        k = line - o * dst.shape[1]
+        start = starts[k]
+        total = float(0.0)
+        for t in range(weights.shape[1]):
+            weight = weights[k, t]
+            if weight != 0.0:
+                total += weight * float(src[o, start + t, i])
+        dst[o, k, i] = store(total)
 
     return resample_lines
 

@@ -26,6 +26,7 @@ SIGMAS: dict[str, Maker] = {
 }
 OUT: dict[str, Maker] = {"out": place}
 DEEP: dict[str, Maker] = {"image": channels, "channel_axis": one(-1, 2, 2, 0)}
+STACK: dict[str, Maker] = {"image": channels, "batch_axis": one(0, 0, 0, None, 1)}
 AXIS: dict[str, Maker] = {"axis": one(None, 0, 1, 2, -1)}
 
 
@@ -56,6 +57,7 @@ CALLS: dict[str, Call] = {
     "median": Call(cvkern.median, IMAGE, {**BORDER, **OUT, "radius": whole(0, 8)}),
     "sobel": Call(cvkern.sobel, IMAGE, {**BORDER, **AXIS}),
     "scharr": Call(cvkern.scharr, IMAGE, {**BORDER, **AXIS}),
+    "prewitt": Call(cvkern.prewitt, IMAGE, {**BORDER, **AXIS}),
     "gradient": Call(
         cvkern.gradient,
         IMAGE,
@@ -63,5 +65,15 @@ CALLS: dict[str, Call] = {
     ),
     "gaussian of channels": Call(cvkern.gaussian, DEEP, {**BORDER, **SIGMAS}),
     "box of channels": Call(cvkern.box, DEEP, {**BORDER, "radius": pair(whole(0, 30))}),
+    "gaussian to integers": Call(
+        cvkern.gaussian,
+        IMAGE,
+        {**BORDER, **SIGMAS, "dtype": one("uint8", "uint16", "float32", None, "int8")},
+    ),
+    "gaussian of a stack": Call(cvkern.gaussian, STACK, {**BORDER, **SIGMAS}),
+    "median of a stack": Call(cvkern.median, STACK, {**BORDER, "radius": whole(0, 8)}),
+    "sobel of a stack": Call(cvkern.sobel, STACK, {**BORDER, **AXIS}),
+    "gradient of a stack": Call(cvkern.gradient, STACK, {**BORDER, "sigma": number(0, 5)}),
+    "gradient of colours": Call(cvkern.gradient, {"image": channels}, BORDER),
     "median of channels": Call(cvkern.median, DEEP, {**BORDER, "radius": whole(0, 8)}),
 }

@@ -208,17 +208,23 @@ def test_saved_models_render_the_same(scene, tmp_path):
     np.testing.assert_allclose(other.color, want.color, atol=1e-4)
 
 
-def test_densities_are_those_of_the_network(backend, scene):
-    model = fit(scene, TINY, steps=20)
+@pytest.mark.parametrize("unbounded", [False, True])
+def test_densities_are_those_of_the_network(backend, unbounded):
+    rt, s = runtime(), TINY
+    network = s.build(rt, Frame(Bounds((0, 0, 0), 1.0, unbounded), 0.1, 10.0), 0)
     points = np.random.default_rng(0).uniform(-1, 1, (3000, 3))  # more than a batch holds
-    s, network = TINY, model.field
-    assert isinstance(network, MLPNetwork)
+    places = points
+    if unbounded:
+        points = points * 4
+        away = np.linalg.norm(points, axis=1, keepdims=True)
+        # Space beyond the unit ball is contracted into the ball of twice the radius.
+        places = np.where(away > 1, points / away * (2 - 1 / away), points) / 2
     weights = reference.split(
-        model.rt.to_numpy(network.parameters.values).astype(float),
+        rt.to_numpy(network.parameters.values).astype(float),
         reference.shapes(s.width, s.layers, s.skip, s.frequencies, s.view_frequencies),
     )
     want, _ = reference.field(
-        points / 2 + 0.5, 0 * points, weights, s.skip, s.frequencies, s.view_frequencies
+        places / 2 + 0.5, 0 * points, weights, s.skip, s.frequencies, s.view_frequencies
     )
     # The place is rounded to float32, and one part in 2^24 of it is 2^4 pi times as much there.
     np.testing.assert_allclose(network.densities(points), want, rtol=1e-4)

@@ -47,6 +47,8 @@ def case(name):
         shift, scale, least = -1.0, 3.0, -3.0
     elif name == "opaque first sample":
         shift, scale = 9.0, 0.1
+    elif name == "nearly opaque first sample":
+        shift, scale = 3.8, 0.1
     elif name == "underflowing transmittance":
         shift, scale, stop = 4.0, 0.5, -1.0
     elif name == "early stop":
@@ -90,6 +92,7 @@ def case(name):
 
 CASES = [
     "fog", "jittered", "zero density", "thin samples are empty", "opaque first sample",
+    "nearly opaque first sample",
     "underflowing transmittance", "early stop", "one sample", "a ray that misses",
     "along the axes", "unbounded", "degree 0", "degree 1", "blocks of cells",
     "random cells are empty", "not all rays",

@@ -294,8 +294,9 @@ def test_colmap(tmp_path, write, where):
     scene = load_scene(tmp_path)
     assert_views(scene, poses, images, distortion=[*LENS[:4], 0])
     depths = ((POINTS[None] - poses[:, None, :, 3]) * poses[:, None, :, 2]).sum(axis=2)
-    assert 0 < scene.near < depths.min()
-    assert scene.far > depths.max()
+    # A tenth of a percent of the points may be astray, on either side; behind is another half.
+    low, high = np.quantile(depths[depths > 0], [0.001, 0.999])
+    assert (scene.near, scene.far) == (pytest.approx(0.8 * low), pytest.approx(1.5 * high))
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,10 @@ measured colour less green, by rows and by columns.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.raw import Menon
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.codes.raw import MARGIN, MENON_MARGINS, STRIP, Menon
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product
+from cvkern.kernels.taichi.raw.demosaicing import planes as extended
 
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 
@@ -128,6 +129,16 @@ def _menon(
 
 
 @primitive
-def menon(step: int, red_row: int, red_column: int, margin: int, planes: np.ndarray) -> None:
-    """Do one step for all pixels but those at the border, `margin` wide; one thread a pixel."""
-    _menon(step, red_row, red_column, margin, 0, planes)
+def menon(raw: np.ndarray, red_row: int, red_column: int, colours: np.ndarray) -> None:
+    """Fill in the two colours that each pixel misses; red is at (red_row, red_column).
+
+    The steps go over a strip of rows after the other; one thread a pixel.
+    """
+    height, width = raw.shape
+    for top in range(0, height, 4 * STRIP):
+        rows = min(4 * STRIP, height - top)
+        strip = scratch((5, rows + 2 * MARGIN, width + 2 * MARGIN), np.float32)
+        extended.extend(raw, top, strip)
+        for step, margin in zip(Menon, MENON_MARGINS, strict=True):
+            _menon(int(step), red_row, red_column, margin, 0, strip)
+        extended.join(strip, RED, GREEN, BLUE, top, rows, colours)

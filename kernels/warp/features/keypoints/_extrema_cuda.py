@@ -53,6 +53,16 @@ def double(
     dst[v, u] = 0.5 * (left + 0.5 * (src[y, right] + src[below, right]))
 
 
+@wp.func
+def exceeded(levels: wp.array3d[float], l: int, y: int, x: int, v: float, sign: float) -> bool:
+    """Tell whether one of the nine differences about a pixel exceeds `v`; `sign` turns minima."""
+    for i in range(y - 1, y + 2):
+        for j in range(x - 1, x + 2):
+            if sign * (levels[l + 1, i, j] - levels[l, i, j]) > v:
+                return True
+    return False
+
+
 @wp.kernel
 def mark(
     levels: wp.array3d[float],  # (L, H, W)
@@ -61,21 +71,21 @@ def mark(
     # outputs
     words: wp.array3d[int],  # (L - 3, H, ceil(W / 32)), cleared
 ):
-    s, y, x = wp.tid()
+    y, x = wp.tid()
     height = levels.shape[1]
     width = levels.shape[2]
     if y < margin or y >= height - margin or x < margin or x >= width - margin:
         return
-    v = levels[s + 2, y, x] - levels[s + 1, y, x]
-    if wp.abs(v) <= threshold:
-        return
-    for l in range(s, s + 3):
-        for i in range(y - 1, y + 2):
-            for j in range(x - 1, x + 2):
-                near = levels[l + 1, i, j] - levels[l, i, j]
-                if v > 0.0 and near > v:
-                    return
-                if v < 0.0 and near < v:
-                    return
-    # Sets a bit that no other thread sets: the order cannot show.
-    wp.atomic_or(words, s, y, x // BITS, 1 << (x % BITS))
+    low = levels[1, y, x]
+    for l in range(1, levels.shape[0] - 2):
+        high = levels[l + 1, y, x]
+        v = high - low
+        low = high
+        if wp.abs(v) > threshold:
+            sign = wp.where(v < 0.0, -1.0, 1.0)
+            v = sign * v
+            if not exceeded(levels, l, y, x, v, sign):
+                if not exceeded(levels, l - 1, y, x, v, sign):
+                    if not exceeded(levels, l + 1, y, x, v, sign):
+                        # Sets a bit that no other thread sets: the order cannot show.
+                        wp.atomic_or(words, l - 1, y, x // BITS, 1 << (x % BITS))

@@ -10,6 +10,7 @@ import warp as wp
 
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._replays import repeat
 from cvkern.kernels.warp._zeros import clear
 from cvkern.kernels.warp.features._levels import level_of, rows_of
 from cvkern.kernels.warp.features._marks import count_marks, list_marks
@@ -43,8 +44,16 @@ def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.a
 
     An octave begins with every second pixel of the larger one's level that is third from its end.
     Taps are applied down the rows and then along the columns, mirrored: the first ones to the
-    image, the others to the levels. On the CPU two rows are done together.
+    image, the others to the levels. On the CPU two rows are done together; CUDA repeats a graph.
     """
+    if src.device.is_cuda:
+        arrays = [src, *taps, *octaves]
+        repeat("fill_octaves", lambda: _fill(src, taps, octaves), arrays)
+    else:
+        _fill(src, taps, octaves)
+
+
+def _fill(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> None:
     for o, octave in enumerate(octaves):
         level = level_of(octave, 0)
         if o:
@@ -90,7 +99,7 @@ def mark_extrema(
         inputs = [levels, threshold, margin]
         height = levels.shape[1]
         if words.device.is_cuda:
-            launch(cuda.mark, (marks.shape[0], *levels.shape[1:]), inputs, [marks])
+            launch(cuda.mark, levels.shape[1:], inputs, [marks])
         else:
             launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
     count_marks(octaves, words, ends)

@@ -1,8 +1,9 @@
 #include "_distortion.h"
 
-// needs BYTES, SCALAR, CHANNELS, SEGMENT, STEPS, WARPS
+// needs BYTES, SCALAR, CHANNELS, SEGMENT, STEPS, GROUP, WARPS
 // An image seen through a lens. A warp makes STEPS * 32 pixels of a row: its lanes first find the
-// places of the nodes, every half segment, then the parabolas between them.
+// places of the nodes, every half segment, then the parabolas between them. GROUP pixels of a lane
+// are fetched before the first of them is used.
 void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval,
                  wp::array_t<SCALAR> dst) {
     enum { PART = STEPS * 32, PARABOLAS = PART / SEGMENT };
@@ -34,63 +35,99 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
         __syncwarp();
     }
     const float last_x = (float)(width - 1), last_y = (float)(height - 1);
-    const unsigned below = (unsigned)width * CHANNELS;
     SCALAR* to = dst.data + ((size_t)row * columns + begin) * CHANNELS;
 #if BYTES
     const int outside = (int)(fminf(fmaxf(cval, 0.0f), 255.0f) + 0.5f);
-    // Four lanes put the bytes of their pixels together, where rows begin at whole words.
-    const bool words = CHANNELS == 3 && columns % 4 == 0 && (size_t)dst.data % 4 == 0;
+    // Three bytes a pixel are read, and those of four lanes written, as words where these are whole.
+    const unsigned below = (unsigned)width * CHANNELS;
+    const bool reads = CHANNELS == 3 && below % 4 == 0 && (size_t)src.data % 4 == 0;
+    const bool writes = CHANNELS == 3 && columns % 4 == 0 && (size_t)dst.data % 4 == 0;
 #else
     const float outside = cval;
+    const unsigned below = (unsigned)width * CHANNELS;
 #endif
-    const float t = (float)(lane % SEGMENT);
-#pragma unroll
-    for (int step = 0; step < STEPS; ++step) {
-        const int k = 32 * step + lane;
-        if (begin + 32 * step >= columns) break;  // the whole warp
-        const float4 p = *(const float4*)parabolas[k / SEGMENT];
-        const float4 q = *(const float4*)(parabolas[k / SEGMENT] + 4);
-        float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
-        bool met = true;
-        if (p.w == 0.0f) met = lens.see((float)(begin + k), u, v);
-        met = met && u >= 0.0f && v >= 0.0f && u <= last_x && v <= last_y;
-        u = met ? u : 0.0f, v = met ? v : 0.0f;
+    for (int base = 0; base < STEPS && begin + 32 * base < columns; base += GROUP) {
+        bool met[GROUP];
+        SCALAR a[GROUP][2 * CHANNELS], b[GROUP][2 * CHANNELS];
 #if BYTES
-        const int ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
-        const int x0 = min(ix >> 8, width - 2), y0 = min(iy >> 8, height - 2);
-        const int along = ix - (x0 << 8), down = iy - (y0 << 8);
+        int along[GROUP], down[GROUP];
 #else
-        const int x0 = min((int)u, width - 2), y0 = min((int)v, height - 2);
-        const float along = u - (float)x0, down = v - (float)y0;
+        float along[GROUP], down[GROUP];
 #endif
-        const SCALAR* a = src.data + ((size_t)y0 * width + x0) * CHANNELS;
-        const SCALAR* b = a + below;
-#if BYTES
-        unsigned made[CHANNELS], all = 0;
 #pragma unroll
-        for (int c = 0; c < CHANNELS; ++c) {
-            const int top = a[c] * (256 - along) + a[c + CHANNELS] * along;
-            const int low = b[c] * (256 - along) + b[c + CHANNELS] * along;
-            made[c] = (unsigned)(top * (256 - down) + low * down + 32768) >> 16;
-            made[c] = met ? made[c] : (unsigned)outside;
-            all |= made[c] << 8 * c;
-        }
-        if (words) {
-            const unsigned next = __shfl_down_sync(0xffffffffu, all, 1);
-            const int turn = lane & 3;
-            if (begin + k < columns && turn < 3)
-                *(unsigned*)(to + (k >> 2) * 12 + 4 * turn) =
-                    all >> 8 * turn | next << (24 - 8 * turn);
-        } else if (begin + k < columns) {
-            for (int c = 0; c < CHANNELS; ++c) to[k * CHANNELS + c] = (SCALAR)made[c];
-        }
+        for (int g = 0; g < GROUP; ++g) {
+            const int k = 32 * (base + g) + lane;
+            const float t = (float)(k % SEGMENT);
+            const float4 p = *(const float4*)parabolas[k / SEGMENT];
+            const float4 q = *(const float4*)(parabolas[k / SEGMENT] + 4);
+            float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
+            bool in = true;
+            if (p.w == 0.0f) in = lens.see((float)(begin + k), u, v);
+            in = in && u >= 0.0f && v >= 0.0f && u <= last_x && v <= last_y;
+            u = in ? u : 0.0f, v = in ? v : 0.0f;
+            met[g] = in;
+#if BYTES
+            const int ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
+            const int x0 = min(ix >> 8, width - 2), y0 = min(iy >> 8, height - 2);
+            along[g] = ix - (x0 << 8), down[g] = iy - (y0 << 8);
 #else
-        if (begin + k < columns)
-            for (int c = 0; c < CHANNELS; ++c) {
-                const float top = a[c] + along * (a[c + CHANNELS] - a[c]);
-                const float low = b[c] + along * (b[c + CHANNELS] - b[c]);
-                to[k * CHANNELS + c] = met ? top + down * (low - top) : outside;
+            const int x0 = min((int)u, width - 2), y0 = min((int)v, height - 2);
+            along[g] = u - (float)x0, down[g] = v - (float)y0;
+#endif
+            const size_t first = ((size_t)y0 * width + x0) * CHANNELS;
+#if BYTES && CHANNELS == 3
+            if (reads) {
+                // Six bytes lie in two words, or in three if they begin with the last byte of one.
+                const unsigned* word = (const unsigned*)src.data + (first >> 2);
+                const int turn = (int)(first & 3) * 8, third = turn == 24 ? 2 : 1;
+                const unsigned* under = word + (below >> 2);
+                const unsigned w0 = word[0], w1 = word[1], w2 = word[third];
+                const unsigned z0 = under[0], z1 = under[1], z2 = under[third];
+                const unsigned one = __funnelshift_r(w0, w1, turn);
+                const unsigned two = __funnelshift_r(w1, w2, turn);
+                const unsigned three = __funnelshift_r(z0, z1, turn);
+                const unsigned four = __funnelshift_r(z1, z2, turn);
+#pragma unroll
+                for (int c = 0; c < 4; ++c) a[g][c] = one >> 8 * c, b[g][c] = three >> 8 * c;
+#pragma unroll
+                for (int c = 0; c < 2; ++c) a[g][4 + c] = two >> 8 * c, b[g][4 + c] = four >> 8 * c;
+                continue;
             }
 #endif
+#pragma unroll
+            for (int c = 0; c < 2 * CHANNELS; ++c)
+                a[g][c] = src.data[first + c], b[g][c] = src.data[first + below + c];
+        }
+#pragma unroll
+        for (int g = 0; g < GROUP; ++g) {
+            const int k = 32 * (base + g) + lane;
+#if BYTES
+            unsigned made[CHANNELS], all = 0;
+#pragma unroll
+            for (int c = 0; c < CHANNELS; ++c) {
+                const int top = a[g][c] * (256 - along[g]) + a[g][c + CHANNELS] * along[g];
+                const int low = b[g][c] * (256 - along[g]) + b[g][c + CHANNELS] * along[g];
+                made[c] = (unsigned)(top * (256 - down[g]) + low * down[g] + 32768) >> 16;
+                made[c] = met[g] ? made[c] : (unsigned)outside;
+                all |= made[c] << 8 * c;
+            }
+            if (writes) {
+                const unsigned next = __shfl_down_sync(0xffffffffu, all, 1);
+                const int turn = lane & 3;
+                if (begin + k < columns && turn < 3)
+                    *(unsigned*)(to + (k >> 2) * 12 + 4 * turn) =
+                        all >> 8 * turn | next << (24 - 8 * turn);
+            } else if (begin + k < columns) {
+                for (int c = 0; c < CHANNELS; ++c) to[k * CHANNELS + c] = (SCALAR)made[c];
+            }
+#else
+            if (begin + k < columns)
+                for (int c = 0; c < CHANNELS; ++c) {
+                    const float top = a[g][c] + along[g] * (a[g][c + CHANNELS] - a[g][c]);
+                    const float low = b[g][c] + along[g] * (b[g][c + CHANNELS] - b[g][c]);
+                    to[k * CHANNELS + c] = met[g] ? top + down[g] * (low - top) : outside;
+                }
+#endif
+        }
     }
 }

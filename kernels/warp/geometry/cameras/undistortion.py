@@ -17,7 +17,7 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-STEPS = 4  # pixels of a lane on CUDA
+STEPS, GROUP = 8, 2  # pixels of a lane on CUDA, and those of them that are fetched at once
 NAMES = {wp.uint8: "wp::uint8", wp.float32: "float"}
 
 
@@ -88,6 +88,7 @@ def sample_parts_cuda(scalar: Any, channels: int) -> wp.Kernel:
         CHANNELS=channels,
         SEGMENT=LENS_SEGMENT,
         STEPS=STEPS,
+        GROUP=GROUP,
         WARPS=BLOCK // 32,
     )
     def sample_part(

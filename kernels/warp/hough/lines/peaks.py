@@ -9,6 +9,7 @@ from typing import Any
 
 import warp as wp
 
+from cvkern.kernels.warp._lanes_cpu import WIDE, padded, vectors
 from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 
 wp.set_module_options({"enable_backward": False})
@@ -16,6 +17,7 @@ wp.set_module_options({"enable_backward": False})
 
 def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
     """Return the kernels, for the CPU and for CUDA, for values of one type."""
+    vector = wp.types.vector(WIDE, scalar)
 
     @wp.func
     def is_maximum(
@@ -52,19 +54,26 @@ def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
         first: int,
         last: int,
         values: wp.array2d[scalar],  # (R, T)
+        wide: wp.array2d[vector],  # (R, N - 63), rows of N >= T values
         threshold: scalar,
         min_distance: int,
         min_angle: int,
         wraps: bool,
         # outputs
-        mask: wp.array2d[wp.uint8],  # (R, T)
+        mask: wp.array2d[wp.uint8],  # (R, T), 0
     ):
+        angles = values.shape[1]
         for bin in range(first, last):
-            for angle in range(values.shape[1]):
-                found = values[bin, angle] > threshold
-                if found:
-                    found = is_maximum(values, bin, angle, min_distance, min_angle, wraps)
-                mask[bin, angle] = wp.where(found, wp.uint8(1), wp.uint8(0))
+            for begin in range(0, angles, WIDE):
+                # Few values are above the threshold: skip a vector without any.
+                votes = wide[bin, wp.min(begin, wide.shape[1] - 1)]
+                some = int(0)
+                for k in range(WIDE):
+                    some = some | int(votes[k] > threshold)
+                for angle in range(begin, wp.where(some != 0, wp.min(begin + WIDE, angles), begin)):
+                    if values[bin, angle] > threshold:
+                        if is_maximum(values, bin, angle, min_distance, min_angle, wraps):
+                            mask[bin, angle] = wp.uint8(1)
 
     @wp.kernel
     def maxima(
@@ -101,10 +110,12 @@ def local_maxima(
     """Mark values above the threshold that are the first largest in their window."""
     of_rows, of_elements = _maxima_of[values.dtype]
     limit = int(threshold) if values.dtype is wp.int32 else float(threshold)
-    inputs = [values, limit, min_distance, min_angle, wraps]
+    options = [limit, min_distance, min_angle, wraps]
     if values.device.is_cuda:
-        launch(of_elements, values.size, inputs, [mask])
+        launch(of_elements, values.size, [values, *options], [mask])
         return
+    mask.zero_()
+    wide = vectors(padded(values, "maxima.values", WIDE), wp.types.vector(WIDE, values.dtype))
     count = slabs(values.shape[0], values.size)
     count = min(4 * count, values.shape[0]) if count > 1 else 1  # maxima gather in few rows
-    launch_slabs(of_rows, values.shape[0], count, inputs, [mask])
+    launch_slabs(of_rows, values.shape[0], count, [values, wide, *options], [mask])

@@ -1,4 +1,4 @@
-"""Demosaicing by fixed filters, in Warp: 128 pixels at once on the CPU, two a thread on CUDA.
+"""Demosaicing by fixed filters, in Warp: 128 pixels at once on the CPU, eight a thread on CUDA.
 
 The Taichi set states the filters.
 """
@@ -24,7 +24,7 @@ def interpolate(
 
 @lru_cache
 def _kernels(scalar: Any) -> Spans:
-    @spans("_linear.h", 2, MALVAR=int(Linear.MALVAR), **constants(scalar))
+    @spans("_linear.h", 8, MALVAR=int(Linear.MALVAR), **constants(scalar))
     def interpolate(
         row: int,
         left: int,

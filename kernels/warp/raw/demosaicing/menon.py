@@ -1,22 +1,35 @@
-"""Menon's demosaicing on extended planes, in Warp.
+"""Menon's demosaicing, in Warp.
 
-The Taichi set has the equations. On the CPU a thread takes a slab of rows, on CUDA a run of pixels
-of a row; the code of both is _menon.h.
+The Taichi set has the equations. On the CPU the steps go over extended planes of a strip of rows,
+of which a thread takes a slab; on CUDA a block of threads takes a tile, and keeps it between steps.
 """
 
 import warp as wp
 
-from cvkern.kernels.codes.raw import Menon
+from cvkern.kernels.codes.raw import MARGIN, MENON_MARGINS, STRIP, Menon
+from cvkern.kernels.warp._launch import scratch
 from cvkern.kernels.warp._spans import spans
+from cvkern.kernels.warp.raw.demosaicing import _tiles_cuda, planes
 
 STEPS = ("DIFFERENCES", "GREEN", "AT_GREEN", "AT_CHROMA", "REFINE_GREEN", "REFINE_AT_CHROMA")
 
 
-def menon(step: int, red_row: int, red_column: int, margin: int, planes: wp.array) -> None:
-    """Do one step for all pixels but those at the border, `margin` wide."""
-    rows, columns = planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin
-    inputs = [step, red_row, red_column, margin]
-    _menon.launch(rows, columns, 4 * rows * columns, inputs, [planes])
+def menon(raw: wp.array, red_row: int, red_column: int, colours: wp.array) -> None:
+    """Fill in the two colours that each pixel misses; red is at (red_row, red_column)."""
+    if raw.device.is_cuda:
+        _tiles_cuda.demosaic(raw, red_row, red_column, colours)
+        return
+    height, width = raw.shape
+    for top in range(0, height, STRIP):
+        rows = min(STRIP, height - top)
+        shape = (5, rows + 2 * MARGIN, width + 2 * MARGIN)
+        strip = scratch("menon.planes", shape, wp.float32, raw.device)
+        planes.extend(raw, top, strip)
+        for step, margin in zip(Menon, MENON_MARGINS, strict=True):
+            tall, wide = shape[1] - 2 * margin, shape[2] - 2 * margin
+            inputs = [int(step), red_row, red_column, margin]
+            _menon.launch(tall, wide, 4 * tall * wide, inputs, [strip])
+        planes.join(strip, 1, 3, 2, top, rows, colours)
 
 
 @spans("_menon.h", 2, **{name: int(Menon[name]) for name in STEPS})

@@ -1,0 +1,59 @@
+"""Sequences of launches that CUDA repeats with the same arrays: graphs, kept for a thread."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Hashable, Sequence
+
+import warp as wp
+
+from . import _scratch
+from ._streams import current_stream
+
+_MOST = 3  # sequences that a thread keeps; each keeps the memory alive that it addresses
+
+
+class _Thread(threading.local):
+    """The graphs of a thread, None before the second time, and the age of their memory."""
+
+    def __init__(self) -> None:
+        self.kept: dict[Hashable, Callable[[], None] | None] = {}
+        self.age = -1
+
+
+_thread = _Thread()
+
+
+def repeat(name: str, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
+    """Launch what `call` launches, from the second time on as one graph.
+
+    All that `call` does must follow from its name and from the addresses and shapes of the arrays.
+    """
+    device = arrays[0].device
+    stream = current_stream(device)
+    if stream.is_capturing:
+        call()
+        return
+    if _thread.age != _scratch.age():
+        release()
+    kept = _thread.kept
+    key = (name, device.alias, stream.cuda_stream, *((a.ptr, a.shape) for a in arrays))
+    if key not in kept:
+        call()  # loads modules, and allocates scratch memory
+        while len(kept) >= _MOST:
+            kept.pop(next(iter(kept)))
+        kept[key] = None
+        return
+    graph = kept.pop(key)
+    if graph is None:
+        from . import record
+
+        graph = record(call, device.alias)
+    kept[key] = graph  # the last one used is the last one forgotten
+    graph()
+
+
+def release() -> None:
+    """Forget the graphs of this thread."""
+    _thread.kept.clear()
+    _thread.age = _scratch.age()
