@@ -94,9 +94,9 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
         gain[radius + i] = Alike::decay((float)(i * i) * spread);
         gain[radius - i] = gain[radius + i];
     }
-    // The votes of a pixel for the four cells around it are adjacent. One sum holds the votes of two
-    // neighbouring directions, the next one's in the upper half. All votes are positive, so no lower
-    // half overflows. Neighbouring pixels often vote for the same place, so they are added to
+    // The votes of a pixel for the four cells around it are adjacent. One sum holds the votes of
+    // two neighbouring directions, the next one's in the upper half. All votes are positive, so no
+    // lower half overflows. Neighbouring pixels often vote for the same place, so they are added to
     // different sums, and none waits for another.
     typedef unsigned long long both;
     typedef both quad __attribute__((vector_size(32)));
