@@ -202,8 +202,8 @@ def test_radius():
         message = f"radius must be in [0, 1048576], got {wrong}"
         refused(ValueError, message, cvkern.box, FLAT, radius)
     refused(ValueError, "radius must be one number or two, got 3", cvkern.box, FLAT, (1, 1, 1))
-    for radius in (-1, 0, 8):
-        message = f"radius must be in [1, 7], got {radius}"
+    for radius in (-1, 0, 16):
+        message = f"radius must be in [1, 15], got {radius}"
         refused(ValueError, message, cvkern.median, FLAT, radius)
 
 

@@ -128,7 +128,8 @@ def lateral_inhibition(
     image = check_image(image, ndim=(2,))
     center, surround = check_positive(center, "center"), check_positive(surround, "surround")
     weight = check_number(weight, "weight", low=0)
-    return gaussian(image, center) - weight * gaussian(image, surround)
+    with np.errstate(invalid="ignore"):  # the light may be infinite around a place and in it
+        return gaussian(image, center) - weight * gaussian(image, surround)
 
 
 def _box(rows: np.ndarray, columns: np.ndarray, middle: float) -> np.ndarray:

@@ -19,6 +19,9 @@ from cvkern._runtime import refuse_capture, runtime
 from cvkern.filters.linear import image_layout
 from cvkern.kernels.codes.filters import Border
 
+MAX_RADIUS = 15
+BYTE_RADIUS = 7  # largest window, of 15 x 15 pixels, whose counts fit into bytes
+
 
 def median(
     image: Any,
@@ -37,7 +40,8 @@ def median(
     image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype. NaN counts as larger than every number.
     radius : int, default 1
-        Half the side of the window: 1 (3 x 3) to 7 (15 x 15).
+        Half the side of the window: 1 (3 x 3) to 15 (31 x 31). The time grows with the window's
+        area.
     mode, channel_axis, batch_axis
         As in :func:`gaussian`.
     cval : float, default 0.0
@@ -72,7 +76,7 @@ def median(
     order = image.dtype if type(image) is np.ndarray and not image.dtype.isnative else None
     image = check_image(image, ndim=(2, 3) if batch_axis is None else (3, 4))
     axis = check_axes(image.shape, channel_axis, batch_axis)
-    radius = check_integer(radius, "radius", 1, 7)
+    radius = check_integer(radius, "radius", 1, MAX_RADIUS)
     border = check_code(mode, Border, "mode")
     lib = library(image)
     dtype = lib.dtype(image)
@@ -84,7 +88,7 @@ def median(
         last = {"channel_axis": len(image.shape) - 1, "batch_axis": batch_axis}
         swapped = median(lib.swap(image), radius, mode=mode, cval=cval, **last)
         result = lib.contiguous(lib.swap(swapped), dtype)
-    elif dtype == np.uint8:
+    elif dtype == np.uint8 and radius <= BYTE_RADIUS:
         result = _median_of_keys(image, radius, axes, 0, 8, border, int(cval), carrier=dtype)
     elif dtype in _INTEGERS:
         low, bits = _INTEGERS[dtype]
@@ -113,6 +117,7 @@ _INTEGERS = {  # carried as int32
     np.dtype(name): (low, bits)
     for name, low, bits in (
         ("bool", 0, 1),
+        ("uint8", 0, 8),
         ("int8", -(2**7), 8),
         ("uint16", 0, 16),
         ("int16", -(2**15), 16),

@@ -29,8 +29,9 @@ FIRST, MOST = 256, 8192  # hypotheses of the first round, and largest number in 
 LEAST = 512  # least number of hypotheses in all rounds
 CANDIDATES = 2  # models of a round that are refined
 _INDEX = np.uint64(MAX_MATCHES - 1)
-# Squared thresholds of the least-squares steps, over the square of the caller's threshold.
-COARSE = np.array([9.0, 4.0, 2.0, 2.0], np.float32)
+# Squared thresholds of the least-squares steps, over the square of the caller's threshold. The
+# first ones are wide, because the model of a noisy sample is far from many of its inliers.
+COARSE = np.array([25.0, 9.0, 4.0, 2.0], np.float32)
 FINE = np.array([2.0] * 4, np.float32)  # maps, whose inliers weigh alike
 LAST = np.array([3.0] * 6, np.float32)  # other models, whose far matches weigh less
 # Required number of samples without outliers: noise spoils some of them.

@@ -93,8 +93,10 @@ def develop(
     most = float(values.max()) if white is None else check_number(white, "white") - black
     if white is not None and most <= 0:
         raise ValueError(f"white must be above black, {black:g}, got {white:g}")
-    with np.errstate(invalid="ignore"):  # NaN where the brightest value is infinite
-        values = (values / np.float32(most if most > 0 else 1)).clip(0, 1)
+    # NaN where the brightest value is infinite; with a white too small for float32, light is white.
+    with np.errstate(invalid="ignore", over="ignore"):
+        smallest = float(np.finfo(np.float32).tiny)
+        values = (values / np.float32(max(most, smallest) if most > 0 else 1)).clip(0, 1)
     if illuminant is None:
         light = estimate_illuminant(demosaic(values, pattern, "bilinear"), white=1.0)
     else:

@@ -54,7 +54,8 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     -----
     All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid. Values
     near 0 and 255, which may be clipped, count less, by the square of their distance. The curve is
-    made on the host. Robertson's turns converge slowly, and take photographs to be linear first.
+    made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
+    curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
 
     References
     ----------
@@ -247,15 +248,21 @@ def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def _robertson(values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Find radiance from the curve and the curve from radiance, in turns."""
-    z = values.astype(np.int64)
+    """Find radiance from the curve and the curve from radiance, in turns.
+
+    Long exposures weigh more, by the square of their time: a small weight of their clipped values
+    would outweigh the others, so these have none.
+    """
     codes = np.arange(CODES)
-    weight = np.exp(-4 * ((codes - 127.5) / 127.5) ** 2)
-    w, t = weight[z], times[:, None]
+    away = 1 - _centre(codes)
+    weight = np.where(away < 1, np.exp(-4 * away**2), 0)
+    z, t = values.astype(np.int64), times[:, None]
+    z = z[:, weight[z].any(axis=0)]
+    w = weight[z]
     curve = (codes + 0.5) / (CODES / 2)
     held = np.bincount(z.ravel(), minlength=CODES)
-    seen = np.flatnonzero(held)
-    for _ in range(ROUNDS):
+    seen = np.flatnonzero((held > 0) & (weight > 0))
+    for _ in range(ROUNDS if seen.size else 0):
         light = (w * t * curve[z]).sum(axis=0) / (w * t * t).sum(axis=0)
         sums = np.bincount(z.ravel(), (t * light).ravel(), CODES)
         new = np.interp(codes, seen, sums[seen] / held[seen])

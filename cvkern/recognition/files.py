@@ -13,7 +13,7 @@ from cvkern.kernels.codes.recognition import MOST_WORDS
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
 from cvkern.recognition.fitting import Fitted
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling
-from cvkern.recognition.training import MOST_SIZE, Settings
+from cvkern.recognition.training import MOST_LAYERS, MOST_SIZE, Settings
 
 ARRAYS = {"words": np.int8, "starts": np.int32, "entries": np.int32, "figures": np.uint8,
           "weights": np.int32}  # fmt: skip
@@ -58,7 +58,7 @@ def _settings(given: Any) -> Settings:
     ranges = (
         (settings.words, 1, MOST_CODEBOOK), (settings.most, 1, MOST_WORDS),
         (side, LEAST_SIDE, MOST_SIDE), (step, 1, MOST_STEP), (settings.height, side, MOST_SIZE),
-        (settings.width, side, MOST_SIZE),
+        (settings.width, side, MOST_SIZE), (settings.layers, 1, MOST_LAYERS),
     )  # fmt: skip
     if (
         any(not isinstance(n, int) or not low <= n <= high for n, low, high in ranges)
@@ -73,12 +73,12 @@ def _settings(given: Any) -> Settings:
 def _check_shapes(shapes: dict[str, tuple[int, ...]], settings: Settings) -> None:
     """Refuse arrays that do not fit each other, before any is read."""
     count, occurrences = shapes["words"][0], shapes["entries"][0]
-    frame, side = settings.frame, settings.sampling.side
+    side = settings.sampling.side
     wanted = {
         "words": (count, settings.sampling.size),
         "starts": (count + 1,),
         "entries": (occurrences, 4),
-        "weights": (count, frame.down * frame.along),
+        "weights": (count, settings.cells),
         "figures": (occurrences, side * side) if shapes["figures"][0] else (0, 0),
     }
     if not (1 <= count <= MOST_CODEBOOK and occurrences <= MOST_OCCURRENCES) or wanted != shapes:

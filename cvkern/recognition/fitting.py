@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, Patches
+from cvkern.kernels.codes.recognition import FINE, NOBODY, Frame, Patches, Space
 from cvkern.recognition.codebook import cluster
 from cvkern.recognition.hypotheses import weigh
+from cvkern.recognition.patches import scale_code
 from cvkern.recognition.training import (
     DOUBTFUL,
     HARDEST,
@@ -20,6 +21,7 @@ from cvkern.recognition.training import (
     UNIT,
     ZOOMS,
     Example,
+    Factors,
     Learnt,
     Settings,
     Window,
@@ -86,14 +88,15 @@ def fit(
     words, _ = cluster(
         rt, patches, settings.words, settings.method, settings.correlation, settings.sampling
     )
-    count, frame = len(words), settings.frame
+    count, cells = len(words), settings.cells
     seen = [look(rt, picture, settings, words, first=f) for picture in objects for f in firsts]
     shown = [None if masks is None else masks[i // len(firsts)] for i in range(len(seen))]
     starts, entries, figures = occurrences_of(seen, shown, settings, count)
-    middle = settings.middle
-    found = [window_at(example, 0, middle, 1 << FACTOR_BITS, frame) for example in seen]
+    middle = np.r_[settings.middle, 0]
+    factors = factors_of(layout((1, 1), ZOOMS)[0])
+    found = [window_at(example, middle, factors, settings) for example in seen]
     if not negatives:
-        learnt = quantised(surprise(found, count, frame), 0.0, count)
+        learnt = quantised(surprise(found, count, cells), 0.0, count)
         totals = [learnt.weights[w.words, w.cells].sum() for w in found]
         threshold = float(np.median(totals)) / UNIT / 2
     else:
@@ -153,22 +156,22 @@ def learn_evidence(
     Objects come whole and half hidden. Negatives are places of the sheets, and places beside
     objects that are put into sheets.
     """
-    count, frame = len(words), settings.frame
-    own = columns(halves(found, frame), count, frame)
+    count, cells = len(words), settings.cells
+    own = columns(halves(found), count, cells)
     scenes: list[Scene] = [
         (e, sheet.shape, None) for e, sheet in zip(backgrounds, sheets, strict=True)
     ]
     for number, sheet in enumerate(sheets[:MOST_PASTED]):
         pasted, place = paste(sheet, objects[number * len(objects) // len(sheets)])
         scenes.append((look(rt, pasted, settings, words, ZOOMS), sheet.shape, place))
-    learnt = quantised(surprise(found, count, frame), 0.0, count)
+    learnt = quantised(surprise(found, count, cells), 0.0, count)
     others: list[Window] = []
     taken: list[set[int]] = [set() for _ in scenes]
     floor = -np.inf
     for _ in range(ROUNDS):
         for scene, seen in zip(scenes, taken, strict=True):
             others += list(mistaken(rt, scene, seen, learnt, floor, settings))
-        learnt = quantised(*separate(own, columns(others, count, frame)), count)
+        learnt = quantised(*separate(own, columns(others, count, cells)), count)
         floor = DOUBTFUL * UNIT
     return learnt
 
@@ -194,20 +197,14 @@ def mistaken(
     space, _, _ = layout((shape[0], shape[1]), ZOOMS)
     given = zip(Patches._fields, (*example.sampled[:3], example.matches), strict=True)
     patches = Patches(*(rt.send(f"recognition.{name}", array) for name, array in given))
-    levels = example.sampled.levels
-    modes = np.concatenate(
-        [
-            dense_modes(shape, settings, zoom, int(code))
-            for zoom, code in zip(ZOOMS, levels[:, 0], strict=True)
-        ]
-    )
+    modes = np.concatenate([dense_modes(shape, settings, zoom, scale_code(zoom)) for zoom in ZOOMS])
     size = np.array([settings.height, settings.width])
     if place is not None:
         apart = np.abs(modes[:, :2] / FINE - place) / size
         modes = modes[(apart > NEAR).any(axis=1)]
     weights = rt.send("recognition.weights", learnt.weights)
     known = space._replace(factors=rt.constant(space.factors))
-    evidence = weigh(rt, patches, weights, known, settings.frame, modes) + learnt.bias
+    evidence = weigh(rt, patches, weights, known, frame_on(rt, settings), modes) + learnt.bias
     chosen: list[int] = []
     for index in np.argsort(-evidence.astype(np.int64), kind="stable").tolist():
         if evidence[index] < floor or len(chosen) == HARDEST:
@@ -220,6 +217,15 @@ def mistaken(
         chosen.append(index)
         if index not in taken:
             taken.add(index)
-            level = int(np.flatnonzero(levels[:, 0] == modes[index, 2])[0])
-            factor = int(space.factors[modes[index, 2] - space.lowest])
-            yield window_at(example, level, modes[index, :2], factor, settings.frame)
+            yield window_at(example, modes[index, :3], factors_of(space), settings)
+
+
+def factors_of(space: Space) -> Factors:
+    """Return a function of a scale: the size there, in parts of 2^16."""
+    return lambda code: int(space.factors[code - space.lowest])
+
+
+def frame_on(rt: Runtime, settings: Settings) -> Frame:
+    """Return the frame for kernels."""
+    frame = settings.frame
+    return frame._replace(layers=rt.constant(frame.layers))

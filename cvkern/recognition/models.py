@@ -28,11 +28,11 @@ from cvkern.recognition._arguments import (
 )
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
 from cvkern.recognition.figures import Found, paint
-from cvkern.recognition.fitting import Fitted, fit
+from cvkern.recognition.fitting import Fitted, fit, frame_on
 from cvkern.recognition.hypotheses import explain, weigh
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
-from cvkern.recognition.training import MOST_SIZE, UNIT, Settings
-from cvkern.recognition.votes import activate, find_modes
+from cvkern.recognition.training import MOST_LAYERS, MOST_SIZE, UNIT, Settings
+from cvkern.recognition.votes import activate, find_modes, layout
 
 OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
 LONGEST = 96  # pixels of the longer side of the model's box, at most unless asked
@@ -79,6 +79,9 @@ class ShapeModel:
         threshold of `agglomerative`.
     max_words : int, default 5
         Number of words that a patch activates, at most 8: those that correlate best.
+    layers : int, default 1
+        Sizes of patches, 1 to 3: each layer has patches of twice the size, in an image of half the
+        size.
     size : int, optional
         Longer side of the model's box, pixels. By default that of the median box, at most 96.
     mirror : bool, default True
@@ -90,6 +93,8 @@ class ShapeModel:
         Height and width of an object of scale 1, pixels.
     threshold : float or None
         Least score of what :meth:`detect` finds by default.
+    words : array of shape (K, S, S), int8, or None
+        Visual words.
 
     Raises
     ------
@@ -138,6 +143,7 @@ class ShapeModel:
         method: str = "kmeans",
         correlation: float = 0.5,
         max_words: int = 5,
+        layers: int = 1,
         size: int | None = None,
         mirror: bool = True,
     ):
@@ -151,6 +157,7 @@ class ShapeModel:
             raise ValueError(f"correlation must be in (0, 1], got {self._correlation:g}")
         self._most = check_integer(max_words, "max_words", 1, MOST_WORDS)
         self._size = None if size is None else check_integer(size, "size", side, MOST_SIZE)
+        self._layers = check_integer(layers, "layers", 1, MOST_LAYERS)
         self._mirror = check_flag(mirror, "mirror")
         self._sampling = Sampling(side, points, step)
         self._settings: Settings | None = None
@@ -212,11 +219,13 @@ class ShapeModel:
         others = grays_of(negatives or (), "negatives", data_range)
         height, width = self._model_box([box for found in spans for box in found])
         settings = Settings(
-            self._words, self._method, self._correlation, self._most, self._sampling, height, width
-        )
-        if min(height, width) < self._sampling.side:
+            self._words, self._method, self._correlation, self._most, self._sampling, height, width,
+            self._layers,
+        )  # fmt: skip
+        least = min(height, width) >> (self._layers - 1)
+        if least < self._sampling.side:
             raise ValueError(
-                f"patch must be at most {min(height, width)}, the side of the model's box of "
+                f"patch must be at most {least} for {self._layers} layers in the model's box of "
                 f"{height} x {width}, got {self._sampling.side}"
             )
         objects = cut_all(pictures, spans, (height, width))
@@ -313,6 +322,48 @@ class ShapeModel:
             paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
         return Segmentation(self._objects(found), found.rt.release(masks))
 
+    def votes(
+        self,
+        image: Any,
+        *,
+        scales: Sequence[float] | None = None,
+        data_range: float | None = None,
+    ) -> list[np.ndarray]:
+        """Return the votes for centres of objects, to look at.
+
+        Parameters
+        ----------
+        image, scales, data_range
+            As in :meth:`detect`.
+
+        Returns
+        -------
+        list of arrays of shape (rows, columns), int32
+            The sums of weights in the cells of each scale, ascending, on the host. A cell has four
+            pixels of the model on each side; 65536 is the weight of a patch.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As in :meth:`detect`.
+        """
+        found = self._search(image, scales, None, data_range)
+        bins, _, _ = layout((found.shape[0], found.shape[1]), check_scales(scales))
+        if found.votes is None:
+            return [np.zeros((rows, columns), np.int32) for _, rows, columns, _, _ in bins[0]]
+        sums = np.array(found.rt.to_numpy(found.votes.sums))
+        ends = np.cumsum([rows * columns for _, rows, columns, _, _ in bins[0]])
+        parts = np.split(sums, ends[:-1])
+        return [part.reshape(b[1], b[2]) for part, b in zip(parts, bins[0], strict=True)]
+
+    @property
+    def words(self) -> np.ndarray | None:
+        """Visual words: normalised patches, (K, S, S) int8."""
+        if self._fitted is None:
+            return None
+        side = self._sampling.side
+        return self._fitted.words[:, : side * side].reshape(-1, side, side).copy()
+
     def _search(
         self, image: Any, scales: Any, threshold: float | None, data_range: float | None
     ) -> Found:
@@ -324,7 +375,7 @@ class ShapeModel:
         rt = runtime(image)
         shape = tuple(image.shape[:2])
         nothing = Found(rt, shape, np.empty((0, 4), np.int32), np.empty(0), None)
-        sampled = sample(rt, image, white, sizes, settings.sampling)
+        sampled = sample(rt, image, white, settings.sizes(sizes), settings.sampling)
         if not len(sampled.places):
             return nothing
         patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
@@ -335,11 +386,12 @@ class ShapeModel:
         votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
         modes = modes[self._inside(modes, np.array(shape))]
         if not len(modes):
-            return nothing
+            return nothing._replace(votes=votes)
         weights, space = rt.send("recognition.weights", fitted.weights), votes.space
-        evidence = weigh(rt, patches, weights, space, settings.frame, modes)
+        frame = frame_on(rt, settings)
+        evidence = weigh(rt, patches, weights, space, frame, modes)
         floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
-        chosen, left = explain(rt, patches, weights, space, settings.frame, modes, evidence, floor)
+        chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, floor)
         return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -390,6 +442,7 @@ class ShapeModel:
             method=settings.method,
             correlation=settings.correlation,
             max_words=settings.most,
+            layers=settings.layers,
             size=max(settings.height, settings.width),
         )
         model._settings, model._fitted = settings, fitted

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, ONE, Frame
+from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, OCTAVE, ONE, Frame
 from cvkern.recognition.patches import Sampled, Sampling, sample
 from cvkern.recognition.votes import activate
 
@@ -20,12 +21,15 @@ MERGED = 2 * FINE  # places of occurrences are rounded to this
 MOST_TRAINED = 100_000  # patches that are clustered
 PENALTY = 1e-3  # factor of the squares of weights
 STEPS = 60  # steps of the solver
+MOST_LAYERS = 3
 MOST_SIZE = 512  # pixels of a side of the model's box
+CELL_SIDE = 16  # half pixels of the model, roughly, along the side of a cell of evidence
 ROUNDS = 3  # times that weights are learnt, each time with what was mistaken before
 ZOOMS = (0.7, 1.0, 1.4)  # sizes at which negatives are looked at
 WINDOW_STEP = 4 * FINE  # between places at which negatives are looked at
 DOUBTFUL = -1.5  # evidence above which a place in a negative is learnt from
 HARDEST = 20  # places of a negative that are learnt from in a round
+SEEN = 2.0  # pixels of a patch that may be hidden, where half of an object is
 SPREAD_RARE = 0.05  # activations added to those of a word in negatives
 
 
@@ -39,6 +43,8 @@ class Settings(NamedTuple):
     sampling: Sampling
     height: int
     width: int
+    layers: int
+    """Sizes of patches, each twice the one before."""
 
     @property
     def least(self) -> int:
@@ -54,10 +60,27 @@ class Settings(NamedTuple):
     def frame(self) -> Frame:
         """Where the centres of patches lie that are within the box of an object."""
         side, step = self.sampling.side, self.sampling.step
-        high, wide = (2 * n - 2 * side + step for n in (self.height, self.width))
-        down, along = (max(1, round(n / 16)) for n in (high, wide))
+        layers, cells = [], 0
+        for layer in range(self.layers):
+            zoom = 2**layer
+            high, wide = (
+                max(2 * n // zoom - 2 * side + step, step) for n in (self.height, self.width)
+            )
+            down, along = (max(1, round(n / CELL_SIDE)) for n in (high, wide))
+            layers.append((FINE * high // 4, FINE * wide // 4, down, along, OCTAVE * layer, cells))
+            cells += down * along
         whole = (FINE * self.height // 2, FINE * self.width // 2)
-        return Frame(FINE * high // 4, FINE * wide // 4, *whole, down, along)
+        return Frame(np.array(layers, np.int32), *whole)
+
+    @property
+    def cells(self) -> int:
+        """Number of cells of evidence."""
+        _, _, down, along, _, first = self.frame.layers[-1].tolist()
+        return first + down * along
+
+    def sizes(self, scales: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the scales of all patches that objects of these scales are looked for by."""
+        return tuple(sorted({s * 2**layer for s in scales for layer in range(self.layers)}))
 
 
 class Example(NamedTuple):
@@ -76,6 +99,12 @@ class Window(NamedTuple):
 
     words: np.ndarray
     cells: np.ndarray
+    low: np.ndarray
+    """First pixels of the patches along the longer side of the box, from its middle."""
+    high: np.ndarray
+
+
+Factors = Callable[[int], int]
 
 
 class Learnt(NamedTuple):
@@ -95,7 +124,7 @@ def look(
 ) -> Example:
     """Return the patches of a picture from a first pixel on, and their words if there are any."""
     image = np.ascontiguousarray(image[first[0] :, first[1] :])
-    sampled = sample(rt, image, 1.0, scales, settings.sampling)
+    sampled = sample(rt, image, 1.0, settings.sizes(scales), settings.sampling)
     count = len(sampled.places)
     level = np.zeros(count, np.int32)
     for number, (_, begin, end) in enumerate(sampled.levels.tolist()):
@@ -124,20 +153,23 @@ def occurrences_of(
     found, figures = [], []
     for example, mask in zip(examples, masks, strict=True):
         patch, _ = active = np.nonzero(example.matches != NOBODY)
-        offset = np.rint((middle - example.sampled.places[patch, :2]) / MERGED) * MERGED
-        found.append(np.column_stack([example.matches[active], offset]).astype(np.int64))
+        places = example.sampled.places[patch]
+        own = 2.0 ** (places[:, 2:] / OCTAVE)  # offsets are in pixels of the patch
+        offset = np.rint((middle - places[:, :2]) / own / MERGED) * MERGED
+        row = [example.matches[active], offset, -places[:, 2]]
+        found.append(np.column_stack(row).astype(np.int64))
         if mask is not None:
-            corner = np.rint(example.sampled.places[patch, :2] / FINE - (side - 1) / 2).astype(
-                np.int64
-            )
+            corner = np.rint(places[:, :2] / FINE - (side - 1) / 2).astype(np.int64)
             seen = np.lib.stride_tricks.sliding_window_view(mask, (side, side))
-            figures.append(seen[corner[:, 0], corner[:, 1]].reshape(len(patch), -1))
+            # The masks of larger patches are not used.
+            row, column = (corner[:, i].clip(0, seen.shape[i] - 1) for i in (0, 1))
+            figures.append(seen[row, column].reshape(len(patch), -1))
     rows, of, seen = np.unique(
         np.concatenate(found), axis=0, return_inverse=True, return_counts=True
     )
     totals = np.bincount(rows[:, 0], weights=seen, minlength=count)
     weights = np.floor(ONE * seen / totals[rows[:, 0]])
-    entries = np.column_stack([rows[:, 1:], np.zeros(len(rows)), weights]).astype(np.int32)
+    entries = np.column_stack([rows[:, 1:], weights]).astype(np.int32)
     starts = np.searchsorted(rows[:, 0], np.arange(count + 1)).astype(np.int32)
     if not figures:
         return starts, entries, None
@@ -149,48 +181,54 @@ def occurrences_of(
     return starts, entries, np.rint(255 * sums / seen[:, None]).astype(np.uint8)
 
 
-def window_at(example: Example, level: int, place: np.ndarray, factor: int, frame: Frame) -> Window:
-    """Return what lies in the frame at a place, as kernels find it with the factor of a level."""
-    half = np.array([frame.half_height, frame.half_width])
-    u = ((example.sampled.places[:, :2].astype(np.int64) - place) << FACTOR_BITS) // factor + half
-    patch = np.flatnonzero(((u >= 0) & (u < 2 * half)).all(axis=1) & (example.level == level))
-    cell = u[patch] * (frame.down, frame.along) // (2 * half)
-    cell = cell[:, 0] * frame.along + cell[:, 1]
-    row, column = np.nonzero(example.matches[patch] != NOBODY)
-    return Window(example.matches[patch[row], column], cell[row])
+def window_at(example: Example, place: np.ndarray, factors: Factors, settings: Settings) -> Window:
+    """Return what lies in the frame at a place (row, column, scale), as kernels find it."""
+    sampled, side = example.sampled, settings.sampling.side
+    axis = int(settings.width >= settings.height)
+    parts = []
+    for layer, (high, wide, down, along, offset, first) in enumerate(settings.frame.layers):
+        half = np.array([high, wide])
+        codes = sampled.levels[:, 0]
+        level = int(np.abs(codes - place[2] - offset).argmin())
+        apart = sampled.places[:, :2].astype(np.int64) - place[:2]
+        u = (apart << FACTOR_BITS) // factors(int(codes[level])) + half
+        inside = ((u >= 0) & (u < 2 * half)).all(axis=1) & (example.level == level)
+        patch = np.flatnonzero(inside)
+        cell = u[patch] * (down, along) // (2 * half)
+        cell = first + cell[:, 0] * along + cell[:, 1]
+        middle = (u[patch, axis] - half[axis]) / FINE * 2**layer
+        reach = side / 2 * 2**layer
+        row, column = np.nonzero(example.matches[patch] != NOBODY)
+        words = example.matches[patch[row], column]
+        parts.append(Window(words, cell[row], middle[row] - reach, middle[row] + reach))
+    return Window(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def surprise(windows: list[Window], count: int, frame: Frame) -> np.ndarray:
+def surprise(windows: list[Window], count: int, cells: int) -> np.ndarray:
     """Return the logarithm of how much more often a word is in a cell than any word, if more."""
-    cells = frame.down * frame.along
     seen = np.zeros((count, cells))
-    for words, where in windows:
-        np.add.at(seen, (words, where), 1)
+    for window in windows:
+        np.add.at(seen, (window.words, window.cells), 1)
     share = (seen + 1 / count) / (seen.sum(axis=0) + 1)
     return np.log(share * count).clip(0)
 
 
-def columns(windows: list[Window], count: int, frame: Frame) -> scipy.sparse.csr_matrix:
+def columns(windows: list[Window], count: int, cells: int) -> scipy.sparse.csr_matrix:
     """Return the windows as rows of counts of (word, cell)."""
     import scipy.sparse
 
-    cells = frame.down * frame.along
     of = np.repeat(np.arange(len(windows)), [len(w.words) for w in windows])
     key = np.concatenate([w.words * cells + w.cells for w in windows] or [np.empty(0, int)])
     shape = (len(windows), count * cells)
     return scipy.sparse.csr_matrix((np.ones(len(key)), (of, key)), shape)
 
 
-def halves(windows: list[Window], frame: Frame) -> list[Window]:
-    """Return each window whole, and either half of it along its longer side."""
+def halves(windows: list[Window]) -> list[Window]:
+    """Return each window whole, and what is seen of it with either half hidden."""
     found = list(windows)
     for window in windows:
-        if frame.along >= frame.down:
-            second = window.cells % frame.along >= frame.along // 2
-        else:
-            second = window.cells // frame.along >= frame.down // 2
-        for part in (second, ~second):
-            found.append(Window(window.words[part], window.cells[part]))
+        for seen in (window.high <= SEEN, window.low >= -SEEN):
+            found.append(Window(*(part[seen] for part in window)))
     return found
 
 

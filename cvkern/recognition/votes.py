@@ -43,6 +43,8 @@ class Votes(NamedTuple):
     """First vote of each cell, and the number of all, (C + 1,) int32."""
     places: Any
     """Places of the patches, (N, 3) int32."""
+    sums: Any
+    """Sum of the weights in each cell, (C,) int32."""
 
 
 @lru_cache(maxsize=32)
@@ -105,7 +107,7 @@ def find_modes(
     count = int(rt.to_numpy(starts[cells : cells + 1])[0])
     votes = rt.scratch("recognition.votes", (count, 4), np.int32)
     sources = rt.scratch("recognition.sources", (count, 2), np.int32)
-    found = Votes(space, window, votes, sources, starts, patches.places)
+    found = Votes(space, window, votes, sources, starts, patches.places, sums)
     if not count:
         return found, np.empty((0, 4), np.int32)
     kernels.list_votes(patches, occurrences, space, starts, votes, sources)

@@ -18,6 +18,9 @@ WINDOWS = {
     Photometric.TRIMMED: ((0.3, 0.9),),
     Photometric.CONSENSUS: tuple((a, b) for a in (0.0, 0.3, 0.6) for b in (0.8, 1.0)),
 }
+# Rules that divide each image by the strength of its light, so that brightness tells shadows and
+# highlights from the rest under strong and weak lights alike.
+EVEN = Photometric.TRIMMED, Photometric.CONSENSUS
 SWEEPS = {Photometric.L1: 20, Photometric.SPARSE_BAYES: 50, Photometric.CONSENSUS: 3}
 FLATTEST = 1e-3  # least singular value of light directions, as a share of the largest
 ROUNDS = 8  # alternations of depth and normals under near lights
@@ -58,9 +61,12 @@ def photometric_stereo(
         `consensus`, the default, averages robust solutions of six windows of brightness, weighted
         by how well each determines the normal. `least_squares` suits a matt surface without
         shadows. `trimmed` uses the values of ranks 30 % to 90 % of each pixel. `l1` minimises the
-        sum of absolute residuals. `sparse_bayes` assumes large errors in few images.
+        sum of absolute residuals. `sparse_bayes` assumes large errors in few images. `consensus`
+        and `trimmed` first divide each image by the strength of its light; the others give images
+        under strong lights a larger weight.
     mask : array of shape (H, W), optional
-        Pixels of the surface are not 0. By default all pixels.
+        Pixels of the surface are not 0. By default all pixels. :func:`capture` records bool and
+        uint8 masks on a GPU.
     saturation : float, optional
         Values of at least this are ignored.
     near : bool, default False
@@ -126,14 +132,17 @@ def photometric_stereo(
     seen = rt.adopt(images)
     found = PhotometricStereo(rt.empty((*shape, 3)), rt.empty(shape), rt.empty(shape))
     outputs = [rt.adopt(a) for a in found]
-    lamps = rt.constant(given.astype(np.float32))
     photometry = rt.shading.photometry
     if code is Photometric.LEAST_SQUARES and limit == np.inf and not near:
+        lamps = rt.constant(given.astype(np.float32))
         inverse = rt.constant(np.linalg.pinv(given[:, :3]).astype(np.float32))
         photometry.solve(seen, inverse, lamps, inside, *outputs)
         return PhotometricStereo(*(rt.release(a) for a in found))
+    given = scaled(given, near, code in EVEN)
+    lamps = rt.constant(given.astype(np.float32))
+    scales = rt.constant(given[:, 4].astype(np.float32))
     ranks = rt.scratch("shading.ranks", tuple(images.shape), np.uint16)
-    photometry.rank(seen, inside, float(limit), ranks)
+    photometry.rank(seen, scales, inside, float(limit), ranks)
     windows = rt.constant(np.array(WINDOWS.get(code, ((0, 1),)), np.float32))
     weighing = Weighing(int(code), SWEEPS.get(code, 0))
     depth = rt.scratch("shading.far", (0, 1), np.float32)
@@ -152,6 +161,18 @@ def _near_depth(rt: Runtime, normals: Any, inside: Any, shape: tuple[int, int]) 
     mask = None if inside is None else rt.to_numpy(inside)
     depth = integrate_normals(rt.to_numpy(normals), mask=mask)
     return rt.send("shading.near", np.asarray(depth, np.float32))
+
+
+def scaled(lamps: np.ndarray, near: bool, even: bool) -> np.ndarray:
+    """Return lamps with a scale for the values of their images, (K, 5).
+
+    The scales are 1, or if images count evenly, one over the strengths, which become 1.
+    """
+    strengths = lamps[:, 3] if near else np.linalg.norm(lamps[:, :3], axis=1)
+    scales = 1 / np.where(strengths > 0, strengths, 1) if even else np.ones(len(lamps))
+    lamps = lamps.copy()
+    lamps[:, 3 if near else slice(3)] *= scales if near else scales[:, None]
+    return np.hstack([lamps, scales[:, None]])
 
 
 def check_images(images: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from cvkern._arrays import device, library
 from cvkern._capture import capture
-from cvkern._checks import check_image
+from cvkern._checks import MAX_ELEMENTS, as_items, check_image, check_integer
 from cvkern._runtime import pinned, runtime
 from cvkern.geometry.cameras.rectification import Rectification, rectify_stereo
 from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
@@ -217,7 +217,8 @@ class StereoMatcher:
     def __init__(
         self, shape: tuple[int, ...], disparities: tuple[int, int] = (0, 64), **options: Any
     ):
-        self.shape = tuple(shape)
+        sides = as_items(shape, "shape", "rows and columns of an image, and channels if it has any")
+        self.shape = tuple(check_integer(n, "shape", 1, MAX_ELEMENTS) for n in sides)
         blank = np.broadcast_to(np.uint8(0), self.shape)  # takes no memory
         check_image(blank, ndim=(2, 3), name="shape")
         call = inspect.signature(stereo_match).bind(blank, blank, disparities, **options)
@@ -332,6 +333,7 @@ class _Frames:
         self._rt = rt = runtime(left, right)
         self._library, self._place = library(left), device(left)
         self._dtype = dtype = self._library.dtype(left)
+        self._check(left, right)
         on_cpu = rt.device == "cpu"
         # If kernels cannot write to the caller's arrays, use NumPy's or Warp's instead.
         self._own = self._library.writable and (on_cpu or self._library is not _NUMPY)
@@ -344,7 +346,7 @@ class _Frames:
         given = {**options, "left": self._images[0], "right": self._images[1]}
         self._replay = capture(match, **{**given, "data_range": range_})
 
-    def match(self, left: Any, right: Any) -> Any:
+    def _check(self, left: Any, right: Any) -> None:
         for name, image in (("left", left), ("right", right)):
             given = library(image)
             if given is not self._library or given.dtype(image) != self._dtype:
@@ -354,6 +356,9 @@ class _Frames:
                 )
             if device(image) != self._place:
                 raise ValueError(f"{name} must be on {self._place}, got {device(image)}")
+
+    def match(self, left: Any, right: Any) -> Any:
+        self._check(left, right)
         self._load(left, right)
         result = self._replay()
         return result if self._own else type(result)(*map(self._copied, result))

@@ -61,15 +61,12 @@ class Patches(NamedTuple):
 class Frame(NamedTuple):
     """The box of an object at scale 0, in places, and its cells of evidence."""
 
-    half_height: int
-    """Half of what the middle of a patch lies in to be evidence."""
-    half_width: int
+    layers: Any
+    """For patches of each size, (B, 6) int32: half height and width of what their middles lie in
+    to be evidence, at their own scale; cells down and along; scale; first cell."""
     box_height: int
     """Half of what an object explains: its whole box."""
     box_width: int
-    down: int
-    """Number of cells down the rows."""
-    along: int
 
 
 class Window(NamedTuple):

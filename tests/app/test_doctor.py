@@ -11,6 +11,8 @@ import pytest
 
 import cvkern
 from cvkern.app import doctor, warmup
+from cvkern.kernels.warp import _launch
+from tests.calls import CALLS, blobs
 
 
 def test_warmup_calls_everything():
@@ -43,6 +45,19 @@ def test_warmup_calls_work(kernels):
     with cvkern.use(backend=kernels):
         for _, call in warmup.calls():
             call()
+
+
+def test_warmup_leaves_nothing_to_compile():
+    """Warp's modules, for the calls of the tests, of a photograph's dtypes."""
+    with cvkern.use(backend="warp"):
+        for _, call in warmup.calls():
+            call()
+        warm = {kernel.module for kernel, *_ in _launch._loaded}
+        for name, call in CALLS.items():
+            for dtype in ("uint8", "float32"):
+                call(blobs(25, 41).astype(dtype))
+                late = {kernel.module for kernel, *_ in _launch._loaded} - warm
+                assert not late, (name, dtype)
 
 
 def test_doctor(command):

@@ -62,6 +62,11 @@ def test_an_edge_tells_its_sign_and_the_fields_nothing():
     np.testing.assert_allclose(seen[:24], seen[-24:], atol=1e-4)
 
 
+def test_infinite_light_has_no_answer():
+    seen = cvkern.lateral_inhibition(np.full((3, 4), np.inf))
+    assert np.isnan(seen).all()
+
+
 def test_errors():
     with pytest.raises(ValueError, match="kind must be"):
         cvkern.illusion("hermann")

@@ -88,6 +88,15 @@ def test_images(backend):
     assert cvkern.match_images([]) == []
 
 
+@pytest.mark.parametrize(("metric", "kept"), [("euclidean", (0.84, 0.83)), ("hamming", (0.7, 0.6))])
+def test_the_ratio_is_of_distances(backend, metric, kept):
+    """10 and 12 from zero: a ratio of 0.833. Two bits and three: of 0.667."""
+    a, b = np.zeros((1, 32), np.uint8), np.zeros((2, 32), np.uint8)
+    b[:, 0] = (10, 12) if metric == "euclidean" else (3, 7)
+    found = [len(cvkern.match_descriptors(a, b, ratio, metric=metric)) for ratio in kept]
+    assert found == [1, 0]
+
+
 def test_many_sizes(backend):
     """Kernels are launched with more sizes than launches are kept for, and again with the first."""
     other = made(40, 128, 1)

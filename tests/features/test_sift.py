@@ -12,6 +12,7 @@ from scipy.spatial import KDTree
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
+from cvkern.features._choice import best
 from tests.features import reference_sift as reference
 
 CAMERA = skimage.data.camera()[140:270, 180:330]
@@ -172,3 +173,17 @@ def test_a_photograph_seen_through_a_homography(backend):
     seen = cvkern.warp_perspective(smooth, matrix, dtype=np.uint8)
     pair = [(f.points, f.descriptors) for f in (cvkern.sift(i, 300) for i in (smooth, seen))]
     assert correct(pair[0], pair[1], matrix) > 90
+
+
+@pytest.mark.parametrize("shape", [(100, 60), (50, 120)])
+def test_squares_take_turns(shape):
+    """The strongest of each square first, then the second of each, by their responses."""
+    rng = np.random.default_rng(shape[0])
+    points, responses = rng.random((300, 2)) * shape, rng.permutation(300).astype(np.float32)
+    side = np.sqrt(4 * shape[0] * shape[1] / 40)
+    squares: dict[tuple[int, int], list[int]] = {}
+    for n in np.argsort(-responses):
+        squares.setdefault((int(points[n, 0] // side), int(points[n, 1] // side)), []).append(n)
+    ranked = [(k, -responses[n], n) for members in squares.values() for k, n in enumerate(members)]
+    want = sorted(int(n) for _, _, n in sorted(ranked)[:40])
+    assert best(responses, points, shape, 40, spread=True).tolist() == want

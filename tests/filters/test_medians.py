@@ -37,6 +37,15 @@ def assert_same(got, want):
     np.testing.assert_array_equal(got, want)
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (5, 40), (33, 70)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("radius", [8, 15])
+def test_large_windows_are_scipys(backend, shape, dtype, radius):
+    image = (np.random.default_rng(radius).random(shape) * 255).astype(dtype)
+    got = cvkern.median(image, radius, mode="mirror")
+    assert_same(got, ndi.median_filter(image, 2 * radius + 1, mode="mirror"))
+
+
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("radius", [1, 2, 7])
 @pytest.mark.parametrize("shape", SHAPES)

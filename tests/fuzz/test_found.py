@@ -93,6 +93,12 @@ REFUSED = {
     "shape must": lambda: cvkern.chessboard_points(np.array(2)),
     "sigma must": lambda: cvkern.gaussian(IMAGE, np.ma.masked_array([1, 2.0], [True, False])),
     "weights": lambda: cvkern.fit_affine(PAIR, PAIR, np.ma.masked_array(np.ones(9), True)),
+    "right must": lambda: cvkern.StereoMatcher((4, 5), (0, 2))(IMAGE.astype("u1"), IMAGE * np.nan),
+    "shape must have": lambda: cvkern.StereoMatcher(0),  # pyright: ignore[reportArgumentType]
+    "shape must name": lambda: cvkern.Camera(np.eye(3), shape=3),
+    "mask must have": lambda: cvkern.estimate_lights(
+        np.random.default_rng(0).random((4, 8, 9)), mask=np.indices((8, 9)).sum(0) % 2
+    ),
     "left_points": lambda: cvkern.calibrate_stereo(BOARD, TILTED[:1], TILTED[:1], (48, 64)),
     "right": lambda: cvkern.calibrate_stereo(
         BOARD,

@@ -30,7 +30,7 @@ def test_every_function_is_called():
     """One that is not called is excused by name, with the reason."""
     called = {name.partition(" ")[0] for name in CALLS}
     assert set(public_functions()) - called == set(NOT_CALLED)
-    assert called <= set(public_functions())
+    assert called - set(public_functions()) <= set(cvkern.__all__)  # classes
 
 
 def test_options_are_those_of_the_function():
@@ -41,6 +41,7 @@ def test_options_are_those_of_the_function():
             assert {*call.needed, *call.options} <= set(parameters), name
 
 
+@pytest.mark.filterwarnings("ignore")  # as the worker does
 def test_a_call_is_known_by_its_seed_and_number():
     for index in range(len(CALLS)):
         (name, first), (again, second) = (draw_call(begin(5, index), index) for _ in range(2))
@@ -65,11 +66,11 @@ def test_what_is_wrong_is_seen(monkeypatch, function, said):
 
 
 def test_a_small_budget_finds_nothing():
-    """A few hundred calls; CONTRIBUTING.md says how to make more."""
-    words = [sys.executable, "-m", "tests.fuzz", "--calls", "300", "--seed", "1"]
+    """A few calls of each family; CONTRIBUTING.md says how to make more."""
+    words = [sys.executable, "-m", "tests.fuzz", "--calls", "80", "--seed", "1"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.endswith("300 calls from 0 on with seed 1, 0 at fault\n")
+    assert done.stdout.endswith("80 calls from 0 on with seed 1, 0 at fault\n")
 
 
 def test_a_process_that_dies_or_hangs_is_replaced(monkeypatch):

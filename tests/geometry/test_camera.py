@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.geometry.cameras.lens import turn_of, turned
+from cvkern.geometry.cameras.lens import turn_of, turned, turning_radius
 from tests.refusals import refused
 
 MATRIX = np.array([[520.0, 0, 318.25], [0, 530.5, 236.5], [0, 0, 1]])
@@ -110,3 +110,12 @@ def test_errors():
         ValueError, "translation must be finite, got [0.0, 0.0, inf]",
         cvkern.project_points, [[0, 0, 1]], CAMERA, np.eye(3), [0, 0, np.inf],
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("lens", [(-0.2,), (0.1, -0.3), (0.2, -0.1, 0, 0, -0.05), (0, 0, 0, 0, -1)])
+def test_a_lens_turns_back_where_its_slope_is_0(lens):
+    lens = np.pad(np.array(lens, float), (0, 5 - len(lens)))
+    r = np.linspace(0, 3, 300001)
+    bend = r * (1 + lens[0] * r**2 + lens[1] * r**4 + lens[4] * r**6)
+    first = r[np.argmax(np.diff(bend) < 0)]
+    assert turning_radius(lens) == pytest.approx(first, abs=2e-5)

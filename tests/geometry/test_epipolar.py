@@ -6,6 +6,7 @@ import pytest
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
+from cvkern.geometry.epipolar import _singular_pencil
 from tests.geometry.reference_robust import ROTATION, TRANSLATION, distances
 from tests.refusals import refused
 from tests.truth import truth
@@ -224,3 +225,12 @@ def test_refusals():
     refused(ValueError, message, cvkern.epipolar_lines, RECTIFIED, a, 2)
     refused(ValueError, "threshold must be > 0, got 0", cvkern.find_fundamental, a, b, 0)
     refused(ValueError, "pairs must not be empty, got none", cvkern.find_fundamentals, [])
+
+
+def test_a_pencil_with_a_singular_matrix():
+    """Its first matrix is a solution itself, at infinity for the roots of a polynomial."""
+    a, b = np.diag([1.0, 2, 0]).ravel(), np.diag([3.0, -1, 1]).ravel()
+    found = _singular_pencil(a, b)
+    ratios = sorted(y / x if x else np.inf for x, y in found)
+    # det = (x + 3 y) (2 x - y) y
+    np.testing.assert_allclose(ratios, [-1 / 3, 0, 2], atol=1e-9)

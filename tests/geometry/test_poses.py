@@ -148,3 +148,12 @@ def test_refusals():
     message = "H must put the origin of the plane before the camera, got it beside"
     beside = CAMERA @ np.array([[1.0, 0, 1], [0, 0, 1], [0, 1, 0]])
     refused(ValueError, message, cvkern.pose_from_homography, beside, CAMERA)
+
+
+def test_the_scale_of_a_plane_is_the_mean_of_both_axes():
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    turn *= np.sign(np.linalg.det(turn))
+    matrix = np.column_stack((turn[:, 0] * 1.1, turn[:, 1] * 0.9, [0.1, 0.2, 3.0]))
+    found = cvkern.pose_from_homography(matrix, np.eye(3))
+    np.testing.assert_allclose(found.translation, [0.1, 0.2, 3.0], rtol=1e-12)
+    np.testing.assert_allclose(found.rotation, turn, atol=1e-12)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from cvkern.geometry.uncalibrated import _corners, _squared
 from tests.geometry.reference_robust import ROTATION
 from tests.geometry.test_epipolar import scene
 from tests.refusals import refused
@@ -128,3 +129,17 @@ def test_refusals():
     wide = np.diag((30.0, 30, 1)) @ f @ np.eye(3)
     with pytest.raises(ValueError, match=message):
         cvkern.rectify_uncalibrated(a, a, wide, (480, 640))
+
+
+def test_the_middle_of_a_picture_stays_square():
+    """Loop and Zhang 1999, 6: its axes stay at right angles, and in proportion."""
+    width, height = 300.0, 120.0
+    corners = _corners((width + 1, height + 1)) - [width / 2, height / 2, 0]
+    h = np.array([[1.1, 0.3, 5], [0.05, 0.9, -3], [2e-4, 3e-4, 1]])
+    left, right, top, bottom = (
+        (q := _squared(h, corners) @ ((corners[i] + corners[j]) / 2))[:2] / q[2]
+        for i, j in ((0, 2), (1, 3), (0, 1), (2, 3))
+    )
+    along, down = right - left, bottom - top
+    assert abs(along @ down) < 1e-9 * np.linalg.norm(along) * np.linalg.norm(down)
+    assert np.linalg.norm(along) / np.linalg.norm(down) == pytest.approx(width / height, rel=1e-9)

@@ -6,6 +6,7 @@ import pytest
 import scipy.optimize
 
 import cvkern
+from cvkern.geometry.views import _in_front
 from tests.geometry.reference_robust import ROTATION, TRANSLATION
 from tests.geometry.test_epipolar import CAMERA, scene, true_matrix
 from tests.refusals import refused
@@ -134,3 +135,13 @@ def test_refusals():
     refused(ValueError, message, cvkern.triangulate, [FIRST, SECOND], np.zeros((3, 6, 2)))
     message = "matrices must have shape (N, 3, 4), got (2, 3, 3)"
     refused(ValueError, message, cvkern.triangulate, np.ones((2, 3, 3)), np.zeros((2, 6, 2)))
+
+
+@pytest.mark.parametrize(
+    ("depth", "shift", "front"), [(3, -5, False), (8, -5, True), (-3, 5, False), (3, 5, True)]
+)
+def test_in_front_of_both_cameras(depth, shift, front):
+    """A second camera ahead of the first one, or behind it."""
+    point, t = np.array([0.3, 0.2, 1.0]) * depth, np.array([0.4, 0, shift])
+    rays = [q[None] / q[2] for q in (point, point + t)]
+    assert _in_front(*rays, np.eye(3), t).tolist() == [front]

@@ -68,6 +68,11 @@ def test_highlights_are_white():
         assert (got == 255).all()
 
 
+def test_a_white_too_small_for_float32():
+    got = cvkern.develop(np.full((4, 6), 3.0), white=1e-320, illuminant=(1, 1, 1))
+    assert (got == 255).all()
+
+
 def test_color_matrix():
     true = np.array([[1.6, -0.4, -0.2], [-0.3, 1.5, -0.2], [0.1, -0.6, 1.5]])
     measured = RNG.random((24, 3))

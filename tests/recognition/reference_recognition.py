@@ -103,25 +103,23 @@ def mode(votes, place, radius, scales, rounds):
 
 def evidence(places, matches, levels, weights, frame, at, inside=None):
     """The evidence at a place, of the patches that are in the box of another place too."""
-    half_height, half_width, box_height, box_width, down, along = frame
-    level = int(np.abs(levels - at[2]).argmin())
-    scale = int(levels[level])
+    layers, *box = frame
     total = 0
-    for (y, x, z), words in zip(places.tolist(), matches.tolist(), strict=True):
-        if z != scale:
-            continue
-        row = (y - int(at[0])) * 2**16 // factor(scale) + half_height
-        column = (x - int(at[1])) * 2**16 // factor(scale) + half_width
-        if not (0 <= row < 2 * half_height and 0 <= column < 2 * half_width):
-            continue
-        if inside is not None:
-            high, wide = (
-                int(np.floor(n * factor(inside[2]) / 2**16 + 0.5)) for n in (box_height, box_width)
-            )
-            if abs(y - inside[0]) > high or abs(x - inside[1]) > wide:
+    for half_height, half_width, down, along, offset, first in layers.tolist():
+        scale = int(levels[np.abs(levels - at[2] - offset).argmin()])
+        for (y, x, z), words in zip(places.tolist(), matches.tolist(), strict=True):
+            if z != scale:
                 continue
-        cell = row * down // (2 * half_height) * along + column * along // (2 * half_width)
-        total += sum(int(weights[w, cell]) for w in words if w >= 0)
+            row = (y - int(at[0])) * 2**16 // factor(scale) + half_height
+            column = (x - int(at[1])) * 2**16 // factor(scale) + half_width
+            if not (0 <= row < 2 * half_height and 0 <= column < 2 * half_width):
+                continue
+            if inside is not None:
+                high, wide = (int(np.floor(n * factor(inside[2]) / 2**16 + 0.5)) for n in box)
+                if abs(y - inside[0]) > high or abs(x - inside[1]) > wide:
+                    continue
+            cell = row * down // (2 * half_height) * along + column * along // (2 * half_width)
+            total += sum(int(weights[w, first + cell]) for w in words if w >= 0)
     return total
 
 
@@ -148,7 +146,7 @@ def balance(votes, places, figures, at, window, shape):
     for _, y, x, z, weight, patch, entry in votes.tolist():
         apart = (y - at[0]) ** 2 + (x - at[1]) ** 2
         near = 1024 - 1024 * apart // reach**2 - 1024 * (z - at[2]) ** 2 // window.scales**2
-        if near <= 0:
+        if near <= 0 or abs(int(places[patch, 2]) - at[2]) >= 32:
             continue
         first = [
             ((int(places[patch, i]) - at[i]) * 2**16 // factor(at[2]) + 8 * (shape[i] - side) + 8)

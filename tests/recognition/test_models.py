@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.ndimage as ndi
 import skimage.transform
 
 import cvkern
@@ -79,6 +80,23 @@ def test_one_colour_and_tiny(backend, model, value):
         assert all(a.dtype == np.float32 for a in found)
 
 
+def test_votes_to_look_at(backend, model):
+    image = clutter(SHAPE, 13)
+    put(image, thing(), 44, 56)
+    small, own = model.votes(image, scales=[1.0, 0.8])
+    assert own.shape == (30, 40)
+    assert small.shape == (38, 51)  # cells of 51 sixteenths of a pixel
+    # The middle of the object is at (59.5, 79.5); its cells have most votes.
+    smooth = ndi.uniform_filter(own.astype(float), 3)
+    best = np.unravel_index(smooth.argmax(), own.shape)
+    assert np.abs(np.array(best) - (14.5, 19.5)).max() < 1.6
+    assert own.sum() <= 2**16 * 30 * 40
+    assert model.words.shape[1:] == (12, 12)
+    (none,) = model.votes(np.zeros((40, 50)), scales=[1.0])
+    assert none.shape == (10, 13)
+    assert not none.any()
+
+
 def test_weights_of_a_word_add_up_to_its_share(model):
     fitted = model._fitted
     sums = np.add.reduceat(fitted.entries[:, 3], fitted.starts[:-1])
@@ -103,7 +121,7 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
     def spy(rt, patches, weights, space, frame, modes, evidence, least):
         chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, least)
         on_host = [np.array(rt.to_numpy(a)) for a in (*patches, weights)]
-        seen.update(host=on_host, frame=frame, modes=modes, evidence=evidence, least=least)
+        seen.update(host=on_host, modes=modes, evidence=evidence, least=least)
         seen.update(chosen=chosen, left=left)
         return chosen, left
 
@@ -111,7 +129,7 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
     monkeypatch.setattr("cvkern.recognition.models.explain", spy)
     model.detect(image, scales=[1.0], threshold=-8.0)
     places, _, levels, matches, weights = seen["host"]
-    given = places, matches, levels[:, 0], weights, seen["frame"]
+    given = places, matches, levels[:, 0], weights, model._settings.frame
     order = np.argsort(-seen["evidence"], kind="stable")
     order = order[seen["evidence"][order] >= seen["least"]]
     assert len(order) > 10

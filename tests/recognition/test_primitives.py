@@ -171,8 +171,9 @@ def test_modes(kernels):
 def test_evidence(kernels):
     patches, _, space = scene(2)
     rng = np.random.default_rng(3)
-    frame = Frame(150, 260, 120, 300, 3, 5)
-    weights = rng.integers(-9999, 9999, (12, 15)).astype(I32)
+    layers = np.array([(150, 260, 3, 5, 0, 0), (90, 110, 1, 4, 32, 15)], I32)
+    frame = Frame(layers, 120, 300)
+    weights = rng.integers(-9999, 9999, (12, 19)).astype(I32)
     modes = np.column_stack(
         [rng.integers(0, 900, 12), rng.integers(0, 1300, 12), rng.integers(-9, 50, 12), np.ones(12)]
     ).astype(I32)

@@ -5,13 +5,13 @@ import numpy as np
 WINDOWS = [(a, b) for a in (0.0, 0.3, 0.6) for b in (0.8, 1.0)]
 
 
-def ranks(values, limit=np.inf):
-    """Return ranks among the values that take part, -1 for the others; earlier ones are lower."""
+def ranks(values, limit, scales):
+    """Return ranks of scaled values that take part, -1 for the others; earlier ones are lower."""
     part = np.isfinite(values) & (values < limit)
     order = np.full(len(values), -1)
     # What is not finite is left out; what is saturated is not, but it is brighter than the rest.
     numbers = np.flatnonzero(part)
-    order[numbers[np.argsort(values[numbers], kind="stable")]] = np.arange(len(numbers))
+    order[numbers[np.argsort((values * scales)[numbers], kind="stable")]] = np.arange(len(numbers))
     return order
 
 
@@ -62,7 +62,11 @@ def window(values, lights, order, share, method, sweeps):
 
 def pixel(values, lights, method, limit=np.inf):
     """Return the normal, the albedo and the residual of a pixel."""
-    order = ranks(values, limit)
+    scales = np.ones(len(values))
+    if method in ("trimmed", "consensus"):
+        scales = 1 / np.linalg.norm(lights, axis=1)
+    order = ranks(values, limit, scales)
+    values, lights = values * scales, lights * scales[:, None]
     shares = {"trimmed": [(0.3, 0.9)], "consensus": WINDOWS}.get(method, [(0.0, 1.0)])
     sweeps = {"l1": 20, "sparse_bayes": 50, "consensus": 3}.get(method, 0)
     found = [window(values, lights, order, share, method, sweeps) for share in shares]
@@ -73,4 +77,4 @@ def pixel(values, lights, method, limit=np.inf):
     albedo = (trust * lengths).sum() / trust.sum()
     part = order >= 0
     off = values[part] - np.maximum(albedo * (lights[part] @ normal), 0)
-    return normal, albedo, np.sqrt(np.mean(off**2))
+    return normal, albedo, np.sqrt(np.mean((off / scales[part]) ** 2))

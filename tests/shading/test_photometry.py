@@ -23,7 +23,7 @@ def scene(shape=(7, 11), count=14, seed=2):
     rng = np.random.default_rng(seed)
     normals = rng.normal(0, 0.5, (*shape, 3)) + np.array([0, 0, 1])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    lights = lamps(count)
+    lights = lamps(count) * rng.uniform(0.5, 1.5, (count, 1))
     images = cvkern.lambertian(normals, lights, albedo=0.3 + rng.random(shape))
     images += rng.normal(0, 0.01, images.shape).astype(F32)
     images[rng.random(images.shape) < 0.1] *= F32(1.8)
@@ -35,13 +35,14 @@ def test_ranks(kernels):
     images[3, 2, 4], images[5, 2, 5], images[6, 2, 6] = np.nan, np.inf, -np.inf
     mask = np.ones(images.shape[1:], U8)
     mask[5:, 3:] = 0
-    got = kernels("shading.photometry.rank", images, mask, 0.8, out=[(images.shape, U16)])
+    scales = np.random.default_rng(1).uniform(0.5, 2, len(images)).astype(F32)
+    got = kernels("shading.photometry.rank", images, scales, mask, 0.8, out=[(images.shape, U16)])
     assert (got[:, mask == 0] == 65535).all()
     got, images = got[:, :5], images[:, :5]
     part = np.isfinite(images) & (images < F32(0.8))
     for y, x in np.ndindex(*images.shape[1:]):
         own = images[:, y, x]
-        want = reference.ranks(own, float(F32(0.8)))
+        want = reference.ranks(own, float(F32(0.8)), scales)
         np.testing.assert_array_equal(got[:, y, x], np.where(want < 0, 65535, want))
     assert (got[~part] == 65535).all()
 

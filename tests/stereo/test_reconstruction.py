@@ -8,6 +8,7 @@ import skimage.data
 
 import cvkern
 from cvkern.images import write_image
+from cvkern.stereo.reconstruction import _dense, _depths, _reduced
 from tests.refusals import refused
 
 STEP = 2  # photographs at half size
@@ -138,3 +139,31 @@ def test_refusals(motorcycle):
     nearer = cvkern.warp_perspective(left, zoom, left.shape[:2], channel_axis=-1, dtype=np.uint8)
     with pytest.raises(ValueError, match="image0 and image1 must"):
         cvkern.reconstruct_pair(left, nearer, K0)
+
+
+def test_reduced_photographs_keep_their_rays():
+    """A pixel's middle (x, y) is at ((x + 1/2) s - 1/2) of a picture s times as wide."""
+    camera = np.array([[300.0, 0, 140], [0, 310, 95], [0, 0, 1]])
+    small, reduced = _reduced(np.zeros((200, 300), np.uint8), camera, 75)
+    assert small.shape == (50, 75)
+    np.testing.assert_allclose((reduced @ np.linalg.inv(camera) @ [8, 5, 1])[:2], [1.625, 0.875])
+
+
+def test_behind_the_second_camera_depths_are_negative():
+    for depth, shift in ((3.0, -5.0), (8.0, -5.0), (3.0, 5.0)):
+        point, t = np.array([0.3, 0.2, 1]) * depth, np.array([0.4, 0, shift])
+        rays = [q[None] / q[2] for q in (point, point + t)]
+        (found,) = _depths(*rays, np.eye(3), t)
+        assert found == pytest.approx(depth if depth + shift > 0 else -depth)
+
+
+def test_disparities_reach_beyond_those_of_the_matches():
+    rng = np.random.default_rng(1)
+    scene = np.repeat(rng.integers(0, 256, (60, 80)), 2, axis=1).astype(np.uint8)
+    left, right = scene[:, :120], scene.copy()[:, :120]
+    right[:30], right[30:] = scene[:30, 6:126], scene[30:, 14:134]  # to the left by 6 and 14
+    disparity, valid = _dense([left, right], np.array([8.0, 12, 9, 11]), np.array([12.0, 8, 11, 9]))
+    for rows, want in ((slice(4, 26), 6), (slice(34, 56), 14)):
+        part = disparity[rows, 20:100][valid[rows, 20:100]]
+        assert len(part) > 1000
+        assert np.median(part) == pytest.approx(want, abs=0.5)

@@ -10,7 +10,6 @@ from cvkern.app.tour.page import Chapter, Figure, Panel
 
 LAMP = np.array([1.0, 0.62, 0.3], np.float32)  # linear colour of an old bulb's light
 STEPS = (-5, -3, -1, 1, 3)  # log2 of the exposures in seconds
-CONTRAST = 20  # between the brightest and the darkest of the smoothed picture
 NOISE = 0.001  # standard deviation, as a share of white
 
 
@@ -109,16 +108,16 @@ def _exposures(clock: Clock) -> Figure:
     fused = clock(cvkern.fuse_exposures, images)
     curve = cvkern.estimate_response(images, seconds)
     radiance = clock(cvkern.merge_exposures, images, seconds, response=curve)
-    toned = clock(cvkern.tone_map, radiance, method="bilateral", contrast=CONTRAST)
+    toned = clock(cvkern.tone_map, radiance, method="local_laplacian")
     return Figure(
         "Several exposures become one picture",
         f"The right side is {2**9} times as bright as the left. {len(STEPS)} frames hold "
         "it all. They are fused by how well each pixel is exposed, or merged to radiance, whose "
-        "smooth part is then compressed while the details are kept.",
+        "edges are then shrunk at every scale while the details are kept.",
         "fused = cvkern.fuse_exposures(images)\n"
         "curve = cvkern.estimate_response(images, seconds)\n"
         "radiance = cvkern.merge_exposures(images, seconds, response=curve)\n"
-        'shown = cvkern.tone_map(radiance, method="bilateral", contrast=20)',
+        'shown = cvkern.tone_map(radiance, method="local_laplacian")',
         (
             Panel("colour-short", images[0], f"the shortest, 1/{2 ** -STEPS[0]} second"),
             Panel("colour-long", images[-1], f"the longest, {2 ** STEPS[-1]} seconds"),

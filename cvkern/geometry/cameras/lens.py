@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_integer
+from cvkern._checks import as_items, as_numbers, check_integer
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_points, on_host, xy
@@ -80,7 +80,8 @@ class Camera:
                 "matrix must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "
                 f"got {matrix.round(6).tolist()}"
             )
-        sides = tuple(check_integer(n, "shape", 1, MOST_SIDE) for n in tuple(self.shape))
+        given = as_items(self.shape, "shape", "rows and columns")
+        sides = tuple(check_integer(n, "shape", 1, MOST_SIDE) for n in given)
         if len(sides) != 2:
             raise ValueError(f"shape must be rows and columns, got {len(sides)} numbers")
         object.__setattr__(self, "matrix", matrix.copy())

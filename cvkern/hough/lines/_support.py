@@ -170,8 +170,9 @@ def _segments(
     max_gap: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of long and dense runs, and the number of points of each run."""
-    normal = np.append(theta, 0.0)[labels]
-    brighter = np.cos(directions.astype(np.float64) - normal) > 0
+    normal = np.append(_codes(theta), 0)[labels]
+    quarter = DIRECTIONS // 4  # a gradient is along the normal, or against it
+    brighter = ((_codes(directions) - normal + quarter) & (DIRECTIONS - 1)) < 2 * quarter
     found = runs(points, labels, theta, max_gap, brighter.astype(np.intp))
     length = found.along[found.end - 1] - found.along[found.begin]
     number = found.end - found.begin

@@ -42,16 +42,14 @@ def _value(
 
 
 @ti.func
-def _mean(
-    frames: ti.template(), k: ti.i32, y: ti.i32, x: ti.i32, scale: ti.f32, zero: ti.i32
-) -> ti.f32:
+def _sum(frames: ti.template(), k: ti.i32, y: ti.i32, x: ti.i32, scale: ti.f32) -> ti.f32:
+    """Return the sum of a pixel's values. That of bytes is exact: where edges cancel, 0 is left."""
     v, u = mirror(y, frames.shape[1]), mirror(x, frames.shape[2])
     found = _given(frames, k, v, u, 0, scale)
     if frames.shape[3] == 3:
         found += _given(frames, k, v, u, 1, scale)
-        # The quotient is exact where all are equal: grey has no saturation.
-        found = quotient(found + _given(frames, k, v, u, 2, scale), 3.0, zero)
-    return product(found, scale, zero)
+        found += _given(frames, k, v, u, 2, scale)
+    return found
 
 
 @ti.func
@@ -78,12 +76,16 @@ def _weigh(
     for y, x in ti.ndrange(weights.shape[1], weights.shape[2]):
         total = 0.0
         for k in range(weights.shape[0]):
-            here = _mean(frames, k, y, x, scale, zero)
-            above = _mean(frames, k, y - 1, x, scale, zero)
-            before = _mean(frames, k, y, x - 1, scale, zero)
-            down = above + _mean(frames, k, y + 1, x, scale, zero)
-            along = before + _mean(frames, k, y, x + 1, scale, zero)
-            edge = _power(ti.abs((down + along) - 4.0 * here), contrast, zero)
+            own = _sum(frames, k, y, x, scale)
+            down = _sum(frames, k, y - 1, x, scale) + _sum(frames, k, y + 1, x, scale)
+            along = _sum(frames, k, y, x - 1, scale) + _sum(frames, k, y, x + 1, scale)
+            share, mean = scale, own
+            if frames.shape[3] == 3:
+                # The quotient is exact where all are equal: grey has no saturation.
+                share, mean = product(scale, THIRD, zero), quotient(own, 3.0, zero)
+            here = product(mean, scale, zero)
+            size = product(ti.abs((down + along) - 4.0 * own), share, zero)
+            edge = _power(size, contrast, zero)
             far, spread = 0.0, 0.0
             for c in range(frames.shape[3]):
                 v = _value(frames, k, y, x, c, scale, zero)

@@ -7,6 +7,7 @@ from cvkern.kernels.codes.recognition import (
     FACTOR_BITS,
     FINE,
     KERNEL_ONE,
+    OCTAVE,
     Space,
     Window,
 )
@@ -37,7 +38,8 @@ def paint_figures(
 
     `figures` (O, S S) have the share of the object in each pixel at each occurrence, in parts of
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
-    of the object at scale 0 with a margin. Pixels are the nearest ones. One thread a mode.
+    of the object at scale 0 with a margin. Pixels are the nearest ones. Patches
+    of another size, half an octave off, say nothing. One thread a mode.
     """
     given = i32_5(space.slack, space.lowest, *window)
     _paint(
@@ -97,9 +99,9 @@ def _paint(
                             - KERNEL_ONE * (dy * dy + dx * dx) // square
                             - KERNEL_ONE * dz * dz // (scales * scales)
                         )
-                        if near > 0:
+                        i = sources[v, 0]
+                        if near > 0 and ti.abs(places[i, 2] - z) < OCTAVE // 2:
                             weight = ti.cast(votes[v, 3] * near // KERNEL_ONE, ti.i32)
-                            i = sources[v, 0]
                             # First pixel of the patch in the box, in parts of a pixel.
                             top = _below(places[i, 0] - y, own) + FINE * (height - side) // 2
                             left = _below(places[i, 1] - x, own) + FINE * (width - side) // 2

@@ -1,7 +1,8 @@
 """Evidence of patches for objects at given places, in Taichi.
 
 A patch within the frame of an object is evidence for it: the sum of the weights of its words for
-the cell of the frame in which it lies. Only patches of the level whose scale is nearest count.
+the cell of the frame in which it lies. For patches of each size, those of
+the level whose scale is nearest count.
 """
 
 import numpy as np
@@ -13,7 +14,7 @@ from cvkern.kernels.taichi.recognition.votes import _factor, _scaled
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
-i32_6 = ti.types.vector(6, ti.i32)
+i32_two = ti.types.vector(2, ti.i32)
 
 
 @ti.func
@@ -27,20 +28,17 @@ def _level(levels: ti.template(), scale: ti.i32) -> ti.i32:
 
 
 @ti.func
-def _cell(
-    dy: ti.i32,
-    dx: ti.i32,
-    factor: ti.i32,
-    frame: ti.template(),
-) -> ti.i32:
-    """Return the cell of the frame at a distance from its middle, or -1 outside of it."""
-    height, width, down, along = frame[0], frame[1], frame[4], frame[5]
+def _cell(layers: ti.template(), b: ti.i32, dy: ti.i32, dx: ti.i32, factor: ti.i32) -> ti.i32:
+    """Return the cell of a layer at a distance from the middle, or -1 outside of its frame."""
     one = 1 << FACTOR_BITS
+    height = layers[b, 0]
+    width = layers[b, 1]
     y = ti.cast(ti.cast(dy, ti.i64) * one // factor, ti.i32) + height
     x = ti.cast(ti.cast(dx, ti.i64) * one // factor, ti.i32) + width
     found = -1
     if 0 <= y < 2 * height and 0 <= x < 2 * width:
-        found = y * down // (2 * height) * along + x * along // (2 * width)
+        row = y * layers[b, 2] // (2 * height)
+        found = layers[b, 5] + row * layers[b, 3] + x * layers[b, 3] // (2 * width)
     return found
 
 
@@ -56,39 +54,41 @@ def _evidence(
     by: ti.i32,
     factors: ti.template(),
     lowest: ti.i32,
-    frame: ti.template(),
+    layers: ti.template(),
+    box: ti.template(),
 ) -> ti.i32:
     """Return the evidence for mode t of the patches in the box of mode `by` too, if not -1."""
     total = 0
     y = modes[t, 0]
     x = modes[t, 1]
-    level = _level(levels, modes[t, 2])
-    factor = _factor(factors, lowest, levels[level, 0])
-    height = _scaled(frame[0], factor) + 1
-    width = _scaled(frame[1], factor) + 1
     other = by
     if by < 0:
         other = t
     wide = _factor(factors, lowest, modes[other, 2])
-    high = _scaled(frame[2], wide)
-    broad = _scaled(frame[3], wide)
-    for row in range(levels[level, 1], levels[level, 2]):
-        if ti.abs(rows[row, 0] - y) <= height:
-            for i in range(rows[row, 1], rows[row, 2]):
-                dy = places[i, 0] - y
-                dx = places[i, 1] - x
-                cell = -1
-                if ti.abs(dx) <= width:
-                    cell = _cell(dy, dx, factor, frame)
-                if by >= 0:
-                    above = ti.abs(places[i, 0] - modes[other, 0]) > high
-                    beside = ti.abs(places[i, 1] - modes[other, 1]) > broad
-                    if above or beside:
-                        cell = -1
-                if cell >= 0:
-                    for m in range(matches.shape[1]):
-                        if matches[i, m] != NOBODY:
-                            total += weights[matches[i, m], cell]
+    high = _scaled(box[0], wide)
+    broad = _scaled(box[1], wide)
+    for b in range(layers.shape[0]):
+        level = _level(levels, modes[t, 2] + layers[b, 4])
+        factor = _factor(factors, lowest, levels[level, 0])
+        height = _scaled(layers[b, 0], factor) + 1
+        width = _scaled(layers[b, 1], factor) + 1
+        for row in range(levels[level, 1], levels[level, 2]):
+            if ti.abs(rows[row, 0] - y) <= height:
+                for i in range(rows[row, 1], rows[row, 2]):
+                    dy = places[i, 0] - y
+                    dx = places[i, 1] - x
+                    cell = -1
+                    if ti.abs(dx) <= width:
+                        cell = _cell(layers, b, dy, dx, factor)
+                    if by >= 0:
+                        above = ti.abs(places[i, 0] - modes[other, 0]) > high
+                        beside = ti.abs(places[i, 1] - modes[other, 1]) > broad
+                        if above or beside:
+                            cell = -1
+                    if cell >= 0:
+                        for m in range(matches.shape[1]):
+                            if matches[i, m] != NOBODY:
+                                total += weights[matches[i, m], cell]
     return total
 
 
@@ -105,7 +105,16 @@ def weigh_evidence(
 
     `weights` (K, cells) are those of each word, cells row by row.
     """
-    _weigh(*patches, weights, space.factors, space.lowest, i32_6(*frame), modes, evidence)
+    _weigh(
+        *patches,
+        weights,
+        space.factors,
+        space.lowest,
+        frame.layers,
+        i32_two(*frame[1:]),
+        modes,
+        evidence,
+    )
 
 
 @ti.kernel
@@ -117,14 +126,15 @@ def _weigh(
     weights: i32_2,
     factors: i32_1,
     lowest: ti.i32,
-    frame: i32_6,
+    layers: i32_2,
+    box: i32_two,
     modes: i32_2,
     # outputs
     evidence: i32_1,
 ):
     for t in range(modes.shape[0]):
         evidence[t] = _evidence(
-            places, rows, levels, matches, weights, modes, t, -1, factors, lowest, frame
+            places, rows, levels, matches, weights, modes, t, -1, factors, lowest, layers, box
         )
 
 
@@ -141,7 +151,16 @@ def weigh_overlaps(
 
     The box is that of the mode's scale.
     """
-    _weigh_pairs(*patches, weights, space.factors, space.lowest, i32_6(*frame), modes, shared)
+    _weigh_pairs(
+        *patches,
+        weights,
+        space.factors,
+        space.lowest,
+        frame.layers,
+        i32_two(*frame[1:]),
+        modes,
+        shared,
+    )
 
 
 @ti.kernel
@@ -153,12 +172,13 @@ def _weigh_pairs(
     weights: i32_2,
     factors: i32_1,
     lowest: ti.i32,
-    frame: i32_6,
+    layers: i32_2,
+    box: i32_two,
     modes: i32_2,
     # outputs
     shared: i32_2,
 ):
     for i, j in shared:
         shared[i, j] = _evidence(
-            places, rows, levels, matches, weights, modes, i, j, factors, lowest, frame
+            places, rows, levels, matches, weights, modes, i, j, factors, lowest, layers, box
         )

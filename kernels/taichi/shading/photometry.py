@@ -24,6 +24,7 @@ from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product, quotient, root
 from cvkern.kernels.taichi.shading._mask import is_inside
 
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
@@ -113,27 +114,33 @@ def solve(
 
 
 @ti.kernel
-def _rank(images: f32_3, mask: u8_2, limit: ti.f32, ranks: u16_3):
+def _rank(images: f32_3, scales: f32_1, mask: u8_2, limit: ti.f32, ranks: u16_3):
     for y, x in ti.ndrange(images.shape[1], images.shape[2]):
         for k in range(images.shape[0]):
             value = images[k, y, x]
             below = LEFT_OUT
             if is_inside(mask, y, x) and _finite(value) and value < limit:
                 below = 0
+                value *= scales[k]
                 for j in range(images.shape[0]):
-                    other = images[j, y, x]
-                    if (other < value or (other == value and j < k)) and _finite(other):
-                        below += 1
+                    given = images[j, y, x]
+                    other = given * scales[j]
+                    if _finite(given) and given < limit:
+                        if other < value or (other == value and j < k):
+                            below += 1
             ranks[k, y, x] = ti.cast(below, ti.u16)
 
 
 @primitive
-def rank(images: np.ndarray, mask: np.ndarray, limit: float, ranks: np.ndarray) -> None:
+def rank(
+    images: np.ndarray, scales: np.ndarray, mask: np.ndarray, limit: float, ranks: np.ndarray
+) -> None:
     """Write how many images show a pixel darker; of equal ones the earlier is the darker.
 
-    What is not finite, or `limit` or above, or outside of the mask, is left out.
+    Images are compared after multiplication by their scales (K,). What is not finite, or `limit` or
+    above, or outside of the mask, is left out.
     """
-    _rank(images, mask, limit, ranks)
+    _rank(images, scales, mask, limit, ranks)
 
 
 @ti.func
@@ -149,6 +156,12 @@ def _light(lights: ti.template(), depth: ti.template(), k: ti.i32, y: ti.i32, x:
         length = ti.sqrt(light.dot(light))
         light *= ti.cast(lights[k, 3], ti.f64) / (length * length * length)
     return light
+
+
+@ti.func
+def _value(images: ti.template(), lights: ti.template(), k: ti.i32, y: ti.i32, x: ti.i32) -> ti.f64:
+    """Return the value of an image, times the scale of its light."""
+    return ti.cast(images[k, y, x], ti.f64) * ti.cast(lights[k, 4], ti.f64)
 
 
 @ti.func
@@ -195,7 +208,7 @@ def _weigh(
         for k in range(images.shape[0]):
             if ranks[k, y, x] != LEFT_OUT:
                 number += 1
-                brightest = ti.max(brightest, ti.cast(images[k, y, x], ti.f64))
+                brightest = ti.max(brightest, _value(images, lights, k, y, x))
         mean = vec3(0.0)
         strength = ti.cast(0.0, ti.f64)
         total = ti.cast(0.0, ti.f64)
@@ -223,7 +236,7 @@ def _weigh(
                 for k in range(images.shape[0]):
                     r = ti.cast(ranks[k, y, x], ti.i32)
                     if _takes_part(r, low, high, images[k, y, x], method):
-                        value = ti.cast(images[k, y, x], ti.f64)
+                        value = _value(images, lights, k, y, x)
                         light = _light(lights, depth, k, y, x)
                         weight = ti.cast(1.0, ti.f64)
                         if method == BAYES:
@@ -246,7 +259,7 @@ def _weigh(
                 for k in range(images.shape[0]):
                     r = ti.cast(ranks[k, y, x], ti.i32)
                     if _takes_part(r, low, high, images[k, y, x], method):
-                        value = ti.cast(images[k, y, x], ti.f64)
+                        value = _value(images, lights, k, y, x)
                         light = _light(lights, depth, k, y, x)
                         off = value - light.dot(s)
                         weight = ti.cast(1.0, ti.f64)
@@ -283,7 +296,8 @@ def _weigh(
             for k in range(images.shape[0]):
                 if ranks[k, y, x] != LEFT_OUT:
                     shown = strength * mean.dot(_light(lights, depth, k, y, x))
-                    off = ti.cast(images[k, y, x], ti.f64) - ti.max(shown, 0.0)
+                    off = _value(images, lights, k, y, x) - ti.max(shown, 0.0)
+                    off /= ti.cast(lights[k, 4], ti.f64)
                     squares += off * off
             for j in ti.static(range(3)):
                 normals[y, x, j] = ti.cast(mean[j], ti.f32)
@@ -305,7 +319,11 @@ def weigh(
     albedo: np.ndarray,
     residual: np.ndarray,
 ) -> None:
-    """Write the solution of a robust rule, the mean of those of several windows of ranks."""
+    """Write the solution of a robust rule, the mean of those of several windows of ranks.
+
+    The lights (K, 5) are a vector or a position, the strength of a near light, and the scale of the
+    image.
+    """
     bayes = weighing.method == codes.Photometric.SPARSE_BAYES
     shape = tuple(images.shape) if bayes else (1, 1, 1)
     _weigh(

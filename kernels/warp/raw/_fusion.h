@@ -9,16 +9,16 @@ void _weigh(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
 #pragma clang fp contract(off)
     const int count = frames.shape[0], height = frames.shape[1], width = frames.shape[2];
     const size_t size = (size_t)height * width;
-    const float third = 1.0f / 3.0f;
+    const float third = 1.0f / 3.0f, share = CHANNELS == 1 ? scale : scale * third;
     float grey[3][PART + 2], edge[PART], spread[PART], quality[PART], total[PART];
     const auto value = [](TYPE v) {
         const float x = (float)v;
         return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     };
-    const auto mean = [=](const TYPE* v) {
-        if (CHANNELS == 1) return value(v[0]) * scale;
-        // The quotient is exact where all are equal: grey has no saturation.
-        return ((value(v[0]) + value(v[CHANNELS / 2])) + value(v[CHANNELS - 1])) / 3.0f * scale;
+    // Sums of bytes are exact: where edges cancel, nothing is left.
+    const auto sum = [=](const TYPE* v) {
+        if (CHANNELS == 1) return value(v[0]);
+        return (value(v[0]) + value(v[CHANNELS / 2])) + value(v[CHANNELS - 1]);
     };
     const auto power = [](float* x, float p, int count) {
         if (p == 1.0f) return;
@@ -36,16 +36,18 @@ void _weigh(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
                     frame + (size_t)Mirror::at(row - 1 + r, height) * width * CHANNELS;
                 if (inner)
                     for (int i = 0; i < some + 2; ++i)
-                        grey[r][i] = mean(from + (begin - 1 + i) * CHANNELS);
+                        grey[r][i] = sum(from + (begin - 1 + i) * CHANNELS);
                 else
                     for (int i = 0; i < some + 2; ++i)
-                        grey[r][i] = mean(from + Mirror::at(begin - 1 + i, width) * CHANNELS);
+                        grey[r][i] = sum(from + Mirror::at(begin - 1 + i, width) * CHANNELS);
             }
             const TYPE* from = frame + ((size_t)row * width + begin) * CHANNELS;
             for (int i = 0; i < some; ++i) {
-                const float here = grey[1][i + 1];
+                // The quotient is exact where all are equal: grey has no saturation.
+                const float own = grey[1][i + 1];
+                const float here = (CHANNELS == 1 ? own : own / 3.0f) * scale;
                 const float down = grey[0][i + 1] + grey[2][i + 1];
-                const float off = (down + (grey[1][i] + grey[1][i + 2])) - 4.0f * here;
+                const float off = (down + (grey[1][i] + grey[1][i + 2])) - 4.0f * own;
                 float far = 0.0f, apart = 0.0f;
                 for (int c = 0; c < CHANNELS; ++c) {
                     const int x = Pyramid::within(begin + i, right) ? i : 0;
@@ -53,7 +55,7 @@ void _weigh(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
                     far += (v - 0.5f) * (v - 0.5f);
                     apart += (v - here) * (v - here);
                 }
-                edge[i] = off < 0.0f ? -off : off;
+                edge[i] = (off < 0.0f ? -off : off) * share;
                 spread[i] = wp::sqrt(apart * third);
                 quality[i] = Powers::exp2(exposure * far);
             }

@@ -15,6 +15,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FINE = wp.constant(codes.FINE)
 WIDE = wp.constant(wp.int64(codes.FINE))
+APART = wp.constant(codes.OCTAVE // 2)
 LANES = 256  # threads of a mode on CUDA, which share the pixels of each patch
 WORK = 1 << 17  # pixels of the patches of a mode, roughly: for the number of threads only
 
@@ -34,7 +35,8 @@ def paint_figures(
 
     `figures` (O, S S) have the share of the object in each pixel at each occurrence, in parts of
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
-    of the object at scale 0 with a margin. Pixels are the nearest ones. One thread a mode.
+    of the object at scale 0 with a margin. Pixels are the nearest ones. Patches
+    of another size, half an octave off, say nothing. One thread a mode.
     """
     clear(balance)
     lanes = LANES if balance.device.is_cuda else 1
@@ -104,9 +106,9 @@ def _paint(
                     for v in range(cells.starts[cell + before], cells.starts[cell + behind]):
                         other = wp.vec3i(cells.votes[v, 0], cells.votes[v, 1], cells.votes[v, 2])
                         near = kernel_at(other - place, reach, scales)
-                        if near > wp.int64(0):
+                        i = sources[v, 0]
+                        if near > wp.int64(0) and wp.abs(places[i, 2] - place[2]) < APART:
                             weight = int(wp.int64(cells.votes[v, 3]) * near >> wp.int64(10))
-                            i = sources[v, 0]
                             # First pixel of the patch in the box, halves rounded up.
                             top = below(places[i, 0] - place[0], own) + FINE // 2
                             left = below(places[i, 1] - place[1], own) + FINE // 2

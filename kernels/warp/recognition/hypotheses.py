@@ -1,7 +1,8 @@
 """Evidence of patches for objects at given places, in Warp.
 
 A patch within the frame of an object is evidence for it: the sum of the weights of its words for
-the cell of the frame in which it lies. Only patches of the level whose scale is nearest count.
+the cell of the frame in which it lies. For patches of each size, those of
+the level whose scale is nearest count.
 """
 
 import warp as wp
@@ -27,20 +28,16 @@ class Scene:
     weights: wp.array2d[int]  # (K, cells)
     factors: wp.array[int]
     lowest: int
-    half_height: int
-    half_width: int
+    layers: wp.array2d[int]  # (B, 6)
     box_height: int
     box_width: int
-    down: int
-    along: int
 
 
 def _scene(patches: Patches, weights: wp.array, space: Space, frame: Frame) -> Scene:
     scene = Scene()
     scene.places, scene.rows, scene.levels, scene.matches = patches
     scene.weights, scene.factors, scene.lowest = weights, space.factors, space.lowest
-    scene.half_height, scene.half_width, scene.box_height, scene.box_width = frame[:4]
-    scene.down, scene.along = frame[4:]
+    scene.layers, scene.box_height, scene.box_width = frame
     return scene
 
 
@@ -79,14 +76,16 @@ def weigh_overlaps(
 
 
 @wp.func
-def cell_at(scene: Scene, dy: int, dx: int, factor: int) -> int:
-    """Return the cell of the frame at a distance from its middle, or -1 outside of it."""
-    y = below(dy, factor) + scene.half_height
-    x = below(dx, factor) + scene.half_width
-    if y < 0 or x < 0 or y >= 2 * scene.half_height or x >= 2 * scene.half_width:
+def cell_at(layers: wp.array2d[int], b: int, dy: int, dx: int, factor: int) -> int:
+    """Return the cell of a layer at a distance from the middle, or -1 outside of its frame."""
+    half_height = layers[b, 0]
+    half_width = layers[b, 1]
+    y = below(dy, factor) + half_height
+    x = below(dx, factor) + half_width
+    if y < 0 or x < 0 or y >= 2 * half_height or x >= 2 * half_width:
         return -1
-    row = y * scene.down // (2 * scene.half_height)
-    return row * scene.along + x * scene.along // (2 * scene.half_width)
+    row = y * layers[b, 2] // (2 * half_height)
+    return layers[b, 5] + row * layers[b, 3] + x * layers[b, 3] // (2 * half_width)
 
 
 @wp.func
@@ -105,26 +104,28 @@ def evidence_of(scene: Scene, modes: wp.array2d[int], t: int, by: int) -> int:
     total = int(0)
     y = modes[t, 0]
     x = modes[t, 1]
-    level = level_of(scene.levels, modes[t, 2])
-    factor = factor_of(scene.factors, scene.lowest, scene.levels[level, 0])
-    height = scaled(scene.half_height, factor) + 1
-    width = scaled(scene.half_width, factor) + 1
     other = by
     if by < 0:
         other = t
     wide = factor_of(scene.factors, scene.lowest, modes[other, 2])
     high = scaled(scene.box_height, wide)
     broad = scaled(scene.box_width, wide)
-    for row in range(scene.levels[level, 1], scene.levels[level, 2]):
-        dy = scene.rows[row, 0] - y
-        if wp.abs(dy) <= height:
-            if by < 0 or wp.abs(scene.rows[row, 0] - modes[other, 0]) <= high:
+    for b in range(scene.layers.shape[0]):
+        level = level_of(scene.levels, modes[t, 2] + scene.layers[b, 4])
+        factor = factor_of(scene.factors, scene.lowest, scene.levels[level, 0])
+        height = scaled(scene.layers[b, 0], factor) + 1
+        width = scaled(scene.layers[b, 1], factor) + 1
+        for row in range(scene.levels[level, 1], scene.levels[level, 2]):
+            dy = scene.rows[row, 0] - y
+            if wp.abs(dy) <= height and (
+                by < 0 or wp.abs(scene.rows[row, 0] - modes[other, 0]) <= high
+            ):
                 for i in range(scene.rows[row, 1], scene.rows[row, 2]):
                     dx = scene.places[i, 1] - x
                     if wp.abs(dx) <= width and (
                         by < 0 or wp.abs(scene.places[i, 1] - modes[other, 1]) <= broad
                     ):
-                        cell = cell_at(scene, dy, dx, factor)
+                        cell = cell_at(scene.layers, b, dy, dx, factor)
                         if cell >= 0:
                             for m in range(scene.matches.shape[1]):
                                 word = scene.matches[i, m]

@@ -3,50 +3,36 @@
 
 // The ranks of a pixel's values among those that are finite and below the limit, LANES pixels at
 // once.
-// needs LEFT_OUT
-void rank_rows(int slab, int first, int last, wp::array_t<float> images,
+// needs LEFT_OUT, MOST
+void rank_rows(int slab, int first, int last, wp::array_t<float> images, wp::array_t<float> scales,
                wp::array_t<wp::uint8> mask, float limit, wp::array_t<wp::uint16> ranks) {
     enum { LANES = 16 };
     const int count = images.shape[0], width = images.shape[2];
     const size_t plane = (size_t)images.shape[1] * width;
     const size_t begin = (size_t)first * width, end = (size_t)last * width;
     const float none = __builtin_nanf("");
-    float value[LANES];
-    int below[LANES];
+    const bool all = mask.shape[0] == 0;
+    float value[MOST][LANES];
     for (size_t here = begin; here < end; here += LANES) {
         const int n = end - here < LANES ? (int)(end - here) : LANES;
-        bool any = false;
-        const bool all = mask.shape[0] == 0;
-        for (int i = 0; i < n; ++i) any = any || all || mask.data[here + i];
-        if (!any) {
-            for (int k = 0; k < count; ++k)
-                for (int i = 0; i < n; ++i) ranks.data[k * plane + here + i] = LEFT_OUT;
-            continue;
+        for (int k = 0; k < count; ++k) {
+            const float* from = images.data + k * plane + here;
+            for (int i = 0; i < LANES; ++i) {
+                const float given = i < n ? from[i] : none;
+                const bool part = __builtin_fabsf(given) < __builtin_inff() && given < limit;
+                value[k][i] = part ? given * scales.data[k] : none;  // neither darker nor brighter
+            }
         }
         for (int k = 0; k < count; ++k) {
-            const float* own = images.data + k * plane + here;
-            for (int i = 0; i < LANES; ++i) {
-                value[i] = i < n ? own[i] : none;
-                below[i] = 0;
-            }
-            for (int j = 0; j < count; ++j) {
-                const float* other = images.data + j * plane + here;
-                if (n == LANES) {
-                    // Not finite and darker is minus infinity alone; NaN compares as false.
-                    for (int i = 0; i < LANES; ++i)
-                        below[i] += ((other[i] < value[i]) | ((other[i] == value[i]) & (j < k))) &
-                                    (other[i] > -__builtin_inff());
-                } else {
-                    for (int i = 0; i < n; ++i)
-                        below[i] += ((other[i] < value[i]) | ((other[i] == value[i]) & (j < k))) &
-                                    (other[i] > -__builtin_inff());
-                }
-            }
+            int below[LANES] = {};
+            for (int j = 0; j < count; ++j)
+                for (int i = 0; i < LANES; ++i)
+                    below[i] +=
+                        (value[j][i] < value[k][i]) | ((value[j][i] == value[k][i]) & (j < k));
             wp::uint16* to = ranks.data + k * plane + here;
             for (int i = 0; i < n; ++i) {
-                const bool in = (all || mask.data[here + i]) &&
-                                __builtin_fabsf(value[i]) < __builtin_inff() && value[i] < limit;
-                to[i] = in ? below[i] : LEFT_OUT;
+                const bool part = value[k][i] == value[k][i];
+                to[i] = part && (all || mask.data[here + i]) ? below[i] : LEFT_OUT;
             }
         }
     }
@@ -85,7 +71,7 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
                 value[k][i] = from[i < n ? i : 0];
             }
             const flags part = rank[k] != (double)LEFT_OUT;
-            value[k] = part ? value[k] : zero;
+            value[k] = part ? value[k] * (double)lights.data[5 * k + 4] : zero;
             number += part ? one : zero;
             brightest = value[k] > brightest ? value[k] : brightest;
         }
@@ -102,7 +88,7 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
         }
         reals mx = zero, my = zero, mz = zero, strength = zero, total = zero, lx, ly, lz;
         const auto light = [&](int k) {
-            const float* l = lights.data + 4 * k;
+            const float* l = lights.data + 5 * k;
             lx = (double)l[0] - px;
             ly = (double)l[1] - py;
             lz = (double)l[2] - pz;
@@ -225,7 +211,7 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
         for (int k = 0; k < count && any; ++k) {
             light(k);
             const reals e = strength * (mx * lx + my * ly + mz * lz);
-            const reals off = value[k] - (e > zero ? e : zero);
+            const reals off = (value[k] - (e > zero ? e : zero)) / (double)lights.data[5 * k + 4];
             squares += rank[k] != (double)LEFT_OUT ? off * off : zero;
         }
         const float none = __builtin_nanf("");

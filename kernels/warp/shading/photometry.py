@@ -27,12 +27,13 @@ FLOOR = wp.constant(wp.float64(codes.FLOOR))
 NOISE = wp.constant(wp.float64(codes.SPARSE_NOISE))
 
 
-@_native.kernel("_photometry_cpu.h", OPTIONS, LEFT_OUT=codes.LEFT_OUT)
+@_native.kernel("_photometry_cpu.h", OPTIONS, LEFT_OUT=codes.LEFT_OUT, MOST=codes.MOST_LIGHTS)
 def rank_rows(
     slab: int,
     first: int,
     last: int,
     images: wp.array3d[float],
+    scales: wp.array[float],
     mask: wp.array2d[wp.uint8],
     limit: float,
     # outputs
@@ -132,22 +133,25 @@ def _solve(
         residual[y, x] = 0.0
 
 
-def rank(images: wp.array, mask: wp.array, limit: float, ranks: wp.array) -> None:
+def rank(images: wp.array, scales: wp.array, mask: wp.array, limit: float, ranks: wp.array) -> None:
     """Write how many images show a pixel darker; of equal ones the earlier is the darker.
 
-    What is not finite, or `limit` or above, or outside of the mask, is left out.
+    Images are compared after multiplication by their scales (K,). What is not finite, or `limit` or
+    above, or outside of the mask, is left out.
     """
+    inputs = [images, scales, mask, limit]
     size = ranks.shape[1] * ranks.shape[2]
     if ranks.device.is_cuda:
-        launch(_rank, size, [images, mask, limit], [ranks])
+        launch(_rank, size, inputs, [ranks])
     else:
         count = slabs(ranks.shape[1], images.shape[0] * images.size)
-        launch_slabs(rank_rows, ranks.shape[1], count, [images, mask, limit], [ranks])
+        launch_slabs(rank_rows, ranks.shape[1], count, inputs, [ranks])
 
 
 @wp.kernel
 def _rank(
     images: wp.array3d[float],
+    scales: wp.array[float],
     mask: wp.array2d[wp.uint8],
     limit: float,
     # outputs
@@ -161,10 +165,13 @@ def _rank(
         below = int(65535)
         if is_inside(mask, y, x) and wp.isfinite(value) and value < limit:
             below = int(0)
+            value = value * scales[k]
             for j in range(images.shape[0]):
-                other = images[j, y, x]
-                if (other < value or (other == value and j < k)) and wp.isfinite(other):
-                    below += 1
+                given = images[j, y, x]
+                other = given * scales[j]
+                if wp.isfinite(given) and given < limit:
+                    if other < value or (other == value and j < k):
+                        below += 1
         ranks[k, y, x] = wp.uint16(below)
 
 
@@ -179,7 +186,11 @@ def weigh(
     albedo: wp.array,
     residual: wp.array,
 ) -> None:
-    """Write the solution of a robust rule, the mean of those of several windows of ranks."""
+    """Write the solution of a robust rule, the mean of those of several windows of ranks.
+
+    The lights (K, 5) are a vector or a position, the strength of a near light, and the scale of the
+    image.
+    """
     inputs = [images, ranks, lights, depth, windows, wp.vec2i(weighing.method, weighing.sweeps)]
     outputs = [normals, albedo, residual]
     if albedo.device.is_cuda:
@@ -202,6 +213,12 @@ def _light(lights: wp.array2d[float], depth: wp.array2d[float], k: int, y: int, 
         length = wp.sqrt(wp.dot(light, light))
         light = light * (wp.float64(lights[k, 3]) / (length * length * length))
     return light
+
+
+@wp.func
+def _value(images: wp.array3d[float], lights: wp.array2d[float], k: int, y: int, x: int):
+    """Return the value of an image, times the scale of its light."""
+    return wp.float64(images[k, y, x]) * wp.float64(lights[k, 4])
 
 
 @wp.func
@@ -246,7 +263,7 @@ def _weigh(
     for k in range(images.shape[0]):
         if ranks[k, y, x] != LEFT_OUT:
             number += 1
-            brightest = wp.max(brightest, wp.float64(images[k, y, x]))
+            brightest = wp.max(brightest, _value(images, lights, k, y, x))
     mean = wp.vec3d()
     strength = zero
     total = zero
@@ -274,7 +291,7 @@ def _weigh(
             b = wp.vec3d()
             for k in range(images.shape[0]):
                 r = int(ranks[k, y, x])
-                value = wp.float64(images[k, y, x])
+                value = _value(images, lights, k, y, x)
                 if r >= low and r < high and (method != CONSENSUS or value > zero):
                     light = _light(lights, depth, k, y, x)
                     weight = one
@@ -296,7 +313,7 @@ def _weigh(
             weights = zero
             for k in range(images.shape[0]):
                 r = int(ranks[k, y, x])
-                value = wp.float64(images[k, y, x])
+                value = _value(images, lights, k, y, x)
                 if r >= low and r < high and (method != CONSENSUS or value > zero):
                     light = _light(lights, depth, k, y, x)
                     off = value - wp.dot(light, s)
@@ -333,7 +350,8 @@ def _weigh(
         for k in range(images.shape[0]):
             if ranks[k, y, x] != LEFT_OUT:
                 shown = strength * wp.dot(mean, _light(lights, depth, k, y, x))
-                off = wp.float64(images[k, y, x]) - wp.max(shown, zero)
+                off = _value(images, lights, k, y, x) - wp.max(shown, zero)
+                off = off / wp.float64(lights[k, 4])
                 squares += off * off
         for j in range(3):
             normals[y, x, j] = float(mean[j])

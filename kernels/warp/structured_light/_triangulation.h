@@ -1,9 +1,10 @@
 #pragma once
 
-// needs NEWTON_STEPS, WIDEST, LENS_STEPS, NEAR
+// needs NEWTON_STEPS, WIDEST, LENS_STEPS, NEAR, STOPS, STILL
 // A ray of a camera and the line of a projector that lights it, for either device. Nothing is
 // compared bit for bit: products may be fused with sums. cvkern/geometry/cameras/lens.py has the
-// equations of a lens, fx, fy, cx, cy, k1, k2, p1, p2, k3.
+// equations of a lens, fx, fy, cx, cy, k1, k2, p1, p2, k3. With STOPS, steps end where the last one
+// was shorter than STILL: vectors of pixels take all of them.
 struct Light {
     // The place where a ray is seen, for f = 1, and its derivatives.
     static void bend(const float* lens, float x, float y, float& u, float& v, float& xx, float& xy,
@@ -31,8 +32,9 @@ struct Light {
             bend(lens, x, y, u, v, xx, xy, yy);
             const float inverse = 1.0f / (xx * yy - xy * xy);
             const float off_x = (u - wanted_x) * inverse, off_y = (v - wanted_y) * inverse;
-            x -= yy * off_x - xy * off_y;
-            y -= xx * off_y - xy * off_x;
+            const float step_x = yy * off_x - xy * off_y, step_y = xx * off_y - xy * off_x;
+            x -= step_x, y -= step_y;
+            if (STOPS && wp::abs(step_x) < STILL && wp::abs(step_y) < STILL) break;
         }
         const bool near = (x < WIDEST) & (x > -WIDEST) & (y < WIDEST) & (y > -WIDEST);
         x = near ? x : wanted_x, y = near ? y : wanted_y;
@@ -62,6 +64,7 @@ struct Light {
             const float slope = axis ? xy * dp + yy * dq : xx * dp + xy * dq;
             off = (axis ? v : u) - wanted;
             w -= off / slope;
+            if (STOPS && wp::abs(off) < STILL) break;
         }
         const bool met = (off < NEAR) & (off > -NEAR) & (w > 0.0f) & (depth > 0.0f);
         const float z = 1.0f / w;

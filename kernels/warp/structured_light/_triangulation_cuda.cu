@@ -1,6 +1,6 @@
 #include "_triangulation.h"
 
-// needs NEWTON_STEPS, WIDEST, LENS_STEPS, NEAR, AXIS
+// needs NEWTON_STEPS, WIDEST, LENS_STEPS, NEAR, STOPS, STILL, AXIS
 // The point of a pixel.
 void intersect_pixel(wp::array_t<float> places, wp::array_t<wp::uint8> valid,
                      wp::array_t<float> lenses, wp::array_t<float> pose,

@@ -1,7 +1,7 @@
 """Phases of shifted fringes, and projector coordinates from them, in Warp.
 
 The Taichi set has the equations. All frames of a pixel are read once. On the CPU a thread decodes a
-slab of rows, one row at a time; on CUDA it decodes one pixel.
+slab of rows, one row at a time; on CUDA it decodes four neighbouring pixels.
 """
 
 import math
@@ -11,14 +11,14 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._angles import atan2
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
 _TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
-TURN = wp.constant(1 / (2 * math.pi))
+TURN = 1 / (2 * math.pi)
+_QUAD = 4  # pixels of a thread on CUDA
 
 
 def decode(
@@ -38,7 +38,7 @@ def decode(
     inputs = [frames, begin, frequencies, waves, size]
     outputs = [places, phases, modulations]
     if places.device.is_cuda:
-        launch(_decode_cuda(frames.dtype), places.size, inputs, outputs)
+        launch(_decode_cuda(frames.dtype), -(-places.size // _QUAD), inputs, outputs)
         return
     height = places.shape[0]
     work = waves.shape[0] * frequencies.size * places.size
@@ -129,54 +129,16 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
 
 @lru_cache
 def _decode_cuda(scalar: Any) -> wp.Kernel:
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def decode_pixel(
-        frames: wp.array3d[scalar],  # (K, H, W)
+    @_native.kernel("_phase_cuda.cu", OPTIONS, TYPE=_TYPES[scalar], QUAD=_QUAD, TURN=f"{TURN!r}f")
+    def decode_quad(
+        frames: wp.array3d[scalar],
         begin: int,
         frequencies: wp.array[float],
-        waves: wp.array2d[float],  # (steps, 2): sine, cosine
+        waves: wp.array2d[float],
         size: int,
-        # outputs
         places: wp.array2d[float],
         phases: wp.array2d[float],
         modulations: wp.array2d[float],
-    ):
-        i = wp.tid()
-        y = i // places.shape[1]
-        x = i % places.shape[1]
-        steps = waves.shape[0]
-        t = float(0.0)
-        angle = float(0.0)
-        least = float(wp.inf)
-        seen = int(1)
-        f = float(1.0)
-        for j in range(frequencies.shape[0]):
-            s = float(0.0)
-            c = float(0.0)
-            for n in range(steps):
-                value = float(frames[begin + j * steps + n, y, x])
-                s += value * waves[n, 0]
-                c += value * waves[n, 1]
-            angle = atan2(s, c)
-            length = wp.sqrt(c * c + s * s)
-            if not (length < wp.inf):  # NaN as well
-                seen = int(0)
-            modulation = 2.0 * length / float(steps)
-            if modulation < least:
-                least = modulation
-            p = angle * TURN
-            f = frequencies[j]
-            k = wp.floor(f * t - p + 0.5)
-            if j == 0:
-                k = wp.where(p < 0.0, 1.0, 0.0)
-            t = (p + k) / f
-        # Noise may have moved a position across the end of the first period.
-        f = frequencies[0]
-        u = f * t
-        t = (u - wp.floor(u)) / f
-        nowhere = wp.float32(wp.nan)
-        places[y, x] = wp.where(seen == 1, t * float(size) - 0.5, nowhere)
-        phases[y, x] = wp.where(seen == 1, angle, nowhere)
-        modulations[y, x] = wp.where(seen == 1, least, nowhere)
+    ): ...
 
-    return decode_pixel
+    return decode_quad

@@ -13,8 +13,9 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 from cvkern.kernels.warp.geometry._lens import NEWTON_STEPS, WIDEST
 
 OPTIONS = {"enable_backward": False}
+# STILL: the square of this step, by which the next one would be shorter, is below a rounding.
 _NUMBERS = {"NEWTON_STEPS": NEWTON_STEPS, "WIDEST": f"{WIDEST:.1f}f", "LENS_STEPS": LENS_STEPS,
-            "NEAR": f"{NEAR}f"}  # fmt: skip
+            "NEAR": f"{NEAR}f", "STILL": "1e-4f"}  # fmt: skip
 
 
 def intersect(
@@ -41,7 +42,7 @@ def intersect(
 
 @lru_cache
 def _intersect_cpu(axis: int) -> wp.Kernel:
-    native = _native.func_native("_triangulation_cpu.h", AXIS=axis, **_NUMBERS)
+    native = _native.func_native("_triangulation_cpu.h", AXIS=axis, STOPS=0, **_NUMBERS)
 
     @native
     def intersect_row(
@@ -73,7 +74,7 @@ def _intersect_cpu(axis: int) -> wp.Kernel:
 
 @lru_cache
 def _intersect_cuda(axis: int) -> wp.Kernel:
-    @_native.kernel("_triangulation_cuda.cu", OPTIONS, AXIS=axis, **_NUMBERS)
+    @_native.kernel("_triangulation_cuda.cu", OPTIONS, AXIS=axis, STOPS=1, **_NUMBERS)
     def intersect_pixel(
         places: wp.array2d[float],
         valid: wp.array2d[wp.uint8],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.spatial import KDTree
 
 import cvkern
 from profiling.arrays import noise, noise_uint8, photograph, photograph_uint8
-from profiling.case import Case, Peer, disagreeing, kornia_peers, skimage_peers
+from profiling.case import Case, Peer, Shape, disagreeing, kornia_peers, skimage_peers
 
 LOW, HIGH = 100.0, 200.0  # thresholds of the integer Sobel
 SIGMA, SOFT_LOW, SOFT_HIGH = 2.0, 0.16, 0.32  # in Sobel's units, of an image in [0, 1]
@@ -116,6 +117,11 @@ def _as_opencv(norm: str, image: str, make: Any) -> Case:
     )
 
 
+def _colours(shape: Shape, rng: np.random.Generator) -> np.ndarray:
+    """A photograph whose channels show different parts of it."""
+    return np.dstack([photograph_uint8(shape, rng) for _ in range(3)])
+
+
 def _gaussian(image: str, make: Any) -> Case:
     return Case(
         name=f"canny_gaussian_{image}",
@@ -143,6 +149,12 @@ CASES = (
     _as_opencv("l1", "noise", noise_uint8),
     _as_opencv("l2", "photograph", photograph_uint8),
     _as_opencv("l2", "noise", noise_uint8),
+    replace(
+        _as_opencv("l2", "colours", _colours),
+        bytes_per_pixel=4,
+        operations_per_pixel=3 * 16 + 24,
+        peers=(Peer("OpenCV", "cv2", lambda m, x: m.Canny(x, LOW, HIGH, L2gradient=True)),),
+    ),
     _gaussian("photograph", photograph),
     _gaussian("noise", noise),
     Case(

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.ndimage
 
 import cvkern
-from profiling.arrays import noise
+from profiling.arrays import noise, noise_uint8
 from profiling.case import (
     Case,
     Peer,
@@ -108,6 +108,19 @@ CASES = (
             kornia_peers(lambda m, x: m.gaussian_blur(x, (TAPS, TAPS), (SIGMA, SIGMA)))[1],
             Peer("CV-CUDA", "cvcuda", _cvcuda_gaussian, "cuda"),
         ),
+    ),
+    Case(
+        name="gaussian_bytes",
+        title="Gaussian, sigma 2, uint8 to uint8",
+        image=noise_uint8,
+        call=lambda x: cvkern.gaussian(x, SIGMA, dtype="uint8"),
+        oracle=lambda x: np.rint(scipy.ndimage.gaussian_filter(x.astype(np.float64), SIGMA)),
+        oracle_name="scipy.ndimage.gaussian_filter in float64, rounded",
+        difference=relative,
+        tolerance=1 / 250,  # float32 may round half a step to the other side
+        bytes_per_pixel=2,
+        operations_per_pixel=2 * 2 * TAPS,
+        peers=(Peer("OpenCV", "cv2", _opencv_gaussian, note="taps of 8 bits"),),
     ),
     Case(
         name="correlate_separable",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from functools import lru_cache
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -32,8 +33,9 @@ SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene",
 
 @lru_cache
 def turns(family: str) -> list[str]:
-    """Return the calls of all rounds, in their order; the first round has all."""
-    every = list(FAMILIES[family] if family else CALLS)
+    """Return the calls of all rounds, in their order; the first round has all, family by turns."""
+    groups = [FAMILIES[family]] if family else FAMILIES.values()
+    every = [name for names in zip_longest(*groups) for name in names if name]
     return every + (SELDOM - 1) * [name for name in every if name not in SLOW]
 
 

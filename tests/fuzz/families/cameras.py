@@ -165,6 +165,22 @@ CALLS: dict[str, Call] = {
         {"calibration": one(PAIR, PAIR._replace(translation=np.array([0, 0, 1.0])), PAIR.left)},
         {"keep": one("scale", "valid", "all", "none"), "zoom": number(0.01, 9)},
     ),
+    "Rectification": Call(
+        lambda calibration, left, right, cval=0.0: tuple(
+            cvkern.rectify_stereo(calibration)(left, right, cval=cval)
+        ),
+        {
+            "calibration": one(PAIR),
+            "left": lambda draw: image(draw, (12, 16)),
+            "right": lambda draw: image(draw, (12, 16)),
+        },
+        {"cval": number(-5, 300)},
+    ),
+    "Camera": Call(
+        lambda matrix, distortion=(), shape=(1, 1): repr(cvkern.Camera(matrix, distortion, shape)),
+        {"matrix": inside},
+        {"distortion": one((), (0.1,), (0.1, 0, 0, 0, 0), np.zeros(6), np.nan), "shape": SHAPE},
+    ),
     "chessboard_points": Call(
         cvkern.chessboard_points,
         {"shape": one((5, 7), (2, 2), (1, 1), 3)},

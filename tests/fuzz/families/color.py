@@ -79,7 +79,12 @@ CALLS: dict[str, Call] = {
     "retinex": Call(
         cvkern.retinex,
         {"image": one_of(image, three)},
-        {"sigma": one(5, (1, 8), (), (15.0, 80.0, 250.0), -1), "low": number(0.001, 0.5)},
+        {
+            "sigma": one(5, (1, 8), (), (15.0, 80.0, 250.0), -1),
+            "low": number(0.001, 0.5),
+            "method": one("surroundings", "gradients", "none"),
+            "threshold": number(-0.1, 0.5),
+        },
         equal=False,
     ),
     "estimate_illuminant": Call(

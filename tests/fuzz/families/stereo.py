@@ -38,6 +38,12 @@ def view(draw: Draw) -> Any:
     return (255 * wall[:, begin : begin + 128]).astype(draw.pick(["uint8", "uint8", "uint16"]))
 
 
+def matched(shape: Any, disparities: Any, left: Any, right: Any) -> Any:
+    """Make a matcher and match a pair."""
+    with cvkern.StereoMatcher(shape, disparities) as matcher:
+        return tuple(matcher(left, right))
+
+
 def not_finite(arguments: dict[str, Any]) -> bool:
     """Tell whether values are not finite and the cost makes no promise for such values."""
     if arguments.get("cost") not in ("zncc", "birchfield_tomasi"):
@@ -97,6 +103,16 @@ CALLS: dict[str, Call] = {
             "speckle_difference": number(0, 5),
             "max_bytes": maybe(whole(1, 2**20)),
         },
+    ),
+    "StereoMatcher": Call(
+        matched,
+        {
+            "shape": lambda draw: draw.shape,
+            "disparities": disparities,
+            "left": image,
+            "right": image,
+        },
+        {},
     ),
     "left_right_check": Call(
         cvkern.left_right_check,

@@ -3,9 +3,9 @@
 
 #include "../_mirror.h"
 
-// needs TYPE, PART, MALVAR, INTEGRAL, HIGHEST
+// needs TYPE, PART, SHARP, INTEGRAL, HIGHEST
 void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_row, int red_column,
-                 int method, wp::array_t<TYPE> colours) {
+                 wp::array_t<TYPE> colours) {
 #pragma clang fp contract(off)
     const int height = raw.shape[0], width = raw.shape[1];
     float near[5][PART + 4], own[PART], other[PART], green[PART];
@@ -48,7 +48,6 @@ void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_ro
                 for (int i = 0; i < count + 4; ++i)
                     near[k][i] = (float)from[Mirror::at(begin + i - 2, width)];
         }
-        const bool sharp = method == MALVAR;
 #pragma clang loop vectorize(assume_safety)
         for (int i = 0; i < count; ++i) {
             const float c = near[2][i + 2];
@@ -57,7 +56,7 @@ void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_ro
             const float far_h = near[2][i] + near[2][i + 4];
             const float far_v = near[0][i + 2] + near[4][i + 2];
             float cross = 0.25f * (h + v), across = 0.5f * h, down = 0.5f * v, corners = 0.25f * d;
-            if (sharp) {
+            if (SHARP) {
                 cross = 0.125f * ((4.0f * c + 2.0f * (h + v)) - (far_h + far_v));
                 across = 0.125f * (((5.0f * c + 4.0f * h) - (d + far_h)) + 0.5f * far_v);
                 down = 0.125f * (((5.0f * c + 4.0f * v) - (d + far_v)) + 0.5f * far_h);
@@ -96,11 +95,14 @@ void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_ro
         }
 #else
         const float *red = blue ? other : own, *last = blue ? own : other;
+        TYPE values[3][PART];
         for (int i = 0; i < count; ++i) {
-            to[3 * i] = rounded(red[i]);
-            to[3 * i + 1] = rounded(green[i]);
-            to[3 * i + 2] = rounded(last[i]);
+            values[0][i] = rounded(red[i]);
+            values[1][i] = rounded(green[i]);
+            values[2][i] = rounded(last[i]);
         }
+        for (int i = 0; i < count; ++i)
+            for (int k = 0; k < 3; ++k) to[3 * i + k] = values[k][i];
 #endif
     }
 }

@@ -18,13 +18,13 @@ def interpolate(
 ) -> None:
     """Fill in the two colours that each pixel misses; red is at (red_row, red_column)."""
     height, width = raw.shape
-    inputs = [raw, red_row, red_column, method]
-    _kernels(raw.dtype).launch(height, width, 3 * raw.size, inputs, [colours])
+    inputs = [raw, red_row, red_column]
+    _kernels(raw.dtype, method).launch(height, width, 3 * raw.size, inputs, [colours])
 
 
 @lru_cache
-def _kernels(scalar: Any) -> Spans:
-    @spans("_linear.h", 8, MALVAR=int(Linear.MALVAR), **constants(scalar))
+def _kernels(scalar: Any, method: int) -> Spans:
+    @spans("_linear.h", 8, SHARP=int(method == Linear.MALVAR), **constants(scalar))
     def interpolate(
         row: int,
         left: int,
@@ -32,7 +32,6 @@ def _kernels(scalar: Any) -> Spans:
         raw: wp.array2d[scalar],
         red_row: int,
         red_column: int,
-        method: int,
         colours: wp.array3d[scalar],
     ): ...
 
