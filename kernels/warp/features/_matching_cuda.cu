@@ -39,7 +39,7 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
             best = nearer ? distance : best;
         }
 
-        // What both have seen; the smallest index wins a tie.
+        // Join the nearest descriptors of two threads; the smallest index wins a tie.
         void join(int other, int other_second, int other_index) {
             const bool nearer = other < best || (other == best && other_index < index);
             const int last = nearer ? best : other;

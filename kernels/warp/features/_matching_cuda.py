@@ -52,12 +52,13 @@ matches = {
 }
 
 
-@_native.func_native("_bytes_cuda.cu")
-def ones_of(word: wp.uint32) -> int: ...
-
-
-@_native.func_native("_bytes_cuda.cu")
-def dot4(a: wp.uint32, b: wp.uint32, sum: wp.uint32) -> wp.uint32: ...
+@wp.func
+def dot4(a: wp.uint32, b: wp.uint32, sum: wp.uint32) -> wp.uint32:
+    """Add the products of four pairs of bytes."""
+    for i in range(4):
+        shift = wp.uint32(8 * i)
+        sum += ((a >> shift) & wp.uint32(255)) * ((b >> shift) & wp.uint32(255))
+    return sum
 
 
 @wp.kernel
@@ -86,7 +87,7 @@ def match_any(
         d = int(0)
         if binary == 1:
             for k in range(words.shape[1]):
-                d += ones_of(words[row, k] ^ words[j, k])
+                d += int(wp.bit_count(words[row, k] ^ words[j, k]))
         else:
             dot = wp.uint32(0)
             norm = wp.uint32(0)
