@@ -35,8 +35,8 @@ void green_tiles(wp::array_t<TYPE> raw, int red_row, int red_column, wp::array_t
             samples[i] = (float)raw.data[(size_t)y * width + x];
         }
         wait();
-        // Only red and blue among the colours that change along a direction have differences. At green
-        // pixels nothing changes, and the direction is along the row.
+        // Only red and blue samples have differences. At green pixels nothing changes, and the
+        // direction is along the row.
         const auto first = [=](int v, int u) {
             return u + (((top + v) ^ red_row ^ (left + u) ^ red_column) & 1);
         };
