@@ -103,7 +103,7 @@ def fit(
         sheets = [sheet_of(negative, settings) for negative in negatives]
         backgrounds = [look(rt, sheet, settings, words, ZOOMS) for sheet in sheets]
         entries = discounted(entries, starts, seen, backgrounds, settings)
-        learnt = learn_evidence(rt, objects, sheets, backgrounds, found, words, settings)
+        learnt = learn_evidence(rt, objects, sheets, backgrounds, found, words, firsts, settings)
         threshold = 0.0
     return Fitted(
         words, starts, entries, np.empty((0, 0), np.uint8) if figures is None else figures,
@@ -149,6 +149,7 @@ def learn_evidence(
     backgrounds: list[Example],
     found: list[Window],
     words: np.ndarray,
+    firsts: list[tuple[int, int]],
     settings: Settings,
 ) -> Learnt:
     """Learn weights by logistic regression, in rounds: each adds what was mistaken before.
@@ -157,7 +158,14 @@ def learn_evidence(
     objects that are put into sheets.
     """
     count, cells = len(words), settings.cells
-    own = columns(halves(found), count, cells)
+    where = np.r_[settings.middle, 0], factors_of(layout((1, 1), ZOOMS)[0])
+    behind = [
+        window_at(look(rt, hidden, settings, words, first=f), *where, settings)
+        for thing in objects
+        for hidden in half_hidden(thing)
+        for f in firsts[:2]
+    ]
+    own = columns(halves(found) + behind, count, cells)
     scenes: list[Scene] = [
         (e, sheet.shape, None) for e, sheet in zip(backgrounds, sheets, strict=True)
     ]
@@ -174,6 +182,16 @@ def learn_evidence(
         learnt = quantised(*separate(own, columns(others, count, cells)), count)
         floor = DOUBTFUL * UNIT
     return learnt
+
+
+def half_hidden(thing: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield an object with either half, along its longer side, behind its mean grey."""
+    along = int(thing.shape[1] >= thing.shape[0])
+    middle = thing.shape[along] // 2
+    for part in (slice(0, middle), slice(middle, None)):
+        hidden = thing.copy()
+        hidden[(slice(None), part) if along else (part, slice(None))] = thing.mean()
+        yield hidden
 
 
 def paste(sheet: np.ndarray, thing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

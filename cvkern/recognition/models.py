@@ -79,9 +79,9 @@ class ShapeModel:
         threshold of `agglomerative`.
     max_words : int, default 5
         Number of words that a patch activates, at most 8: those that correlate best.
-    layers : int, default 1
+    layers : int, optional
         Sizes of patches, 1 to 3: each layer has patches of twice the size, in an image of half the
-        size.
+        size. By default 2, or 1 if the box of the model has no room for the larger patches.
     size : int, optional
         Longer side of the model's box, pixels. By default that of the median box, at most 96.
     mirror : bool, default True
@@ -143,7 +143,7 @@ class ShapeModel:
         method: str = "kmeans",
         correlation: float = 0.5,
         max_words: int = 5,
-        layers: int = 1,
+        layers: int | None = None,
         size: int | None = None,
         mirror: bool = True,
     ):
@@ -157,7 +157,7 @@ class ShapeModel:
             raise ValueError(f"correlation must be in (0, 1], got {self._correlation:g}")
         self._most = check_integer(max_words, "max_words", 1, MOST_WORDS)
         self._size = None if size is None else check_integer(size, "size", side, MOST_SIZE)
-        self._layers = check_integer(layers, "layers", 1, MOST_LAYERS)
+        self._layers = layers if layers is None else check_integer(layers, "layers", 1, MOST_LAYERS)
         self._mirror = check_flag(mirror, "mirror")
         self._sampling = Sampling(side, points, step)
         self._settings: Settings | None = None
@@ -218,16 +218,17 @@ class ShapeModel:
         figures = None if masks is None else check_masks(masks, pictures)
         others = grays_of(negatives or (), "negatives", data_range)
         height, width = self._model_box([box for found in spans for box in found])
-        settings = Settings(
-            self._words, self._method, self._correlation, self._most, self._sampling, height, width,
-            self._layers,
-        )  # fmt: skip
-        least = min(height, width) >> (self._layers - 1)
+        layers = self._layers or (2 if min(height, width) // 2 >= self._sampling.side else 1)
+        least = min(height, width) >> (layers - 1)
         if least < self._sampling.side:
             raise ValueError(
-                f"patch must be at most {least} for {self._layers} layers in the model's box of "
+                f"patch must be at most {least} for {layers} layers in the model's box of "
                 f"{height} x {width}, got {self._sampling.side}"
             )
+        settings = Settings(
+            self._words, self._method, self._correlation, self._most, self._sampling, height, width,
+            layers,
+        )  # fmt: skip
         objects = cut_all(pictures, spans, (height, width))
         shown = None if figures is None else cut_all(figures, spans, (height, width)) > 0.5
         if self._mirror:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 UNIT = 2**14  # evidence of 1, a factor of e in the odds
 LARGEST_WEIGHT = 8 * UNIT
+MOST_PLACES = 32  # occurrences of a word that are kept
 MERGED = 2 * FINE  # places of occurrences are rounded to this
 MOST_TRAINED = 100_000  # patches that are clustered
 PENALTY = 1e-3  # factor of the squares of weights
@@ -167,10 +168,12 @@ def occurrences_of(
     rows, of, seen = np.unique(
         np.concatenate(found), axis=0, return_inverse=True, return_counts=True
     )
-    totals = np.bincount(rows[:, 0], weights=seen, minlength=count)
-    weights = np.floor(ONE * seen / totals[rows[:, 0]])
-    entries = np.column_stack([rows[:, 1:], weights]).astype(np.int32)
-    starts = np.searchsorted(rows[:, 0], np.arange(count + 1)).astype(np.int32)
+    kept = most_frequent(rows[:, 0], seen)
+    of_word = rows[kept, 0]
+    totals = np.bincount(of_word, weights=seen[kept], minlength=count)
+    weights = np.floor(ONE * seen[kept] / totals[of_word])
+    entries = np.column_stack([rows[kept, 1:], weights]).astype(np.int32)
+    starts = np.searchsorted(of_word, np.arange(count + 1)).astype(np.int32)
     if not figures:
         return starts, entries, None
     import scipy.sparse
@@ -178,7 +181,14 @@ def occurrences_of(
     sums = scipy.sparse.csr_matrix(
         (np.ones(len(of)), (of.reshape(-1), np.arange(len(of)))), (len(rows), len(of))
     ) @ np.concatenate(figures).astype(np.float64)
-    return starts, entries, np.rint(255 * sums / seen[:, None]).astype(np.uint8)
+    return starts, entries, np.rint(255 * sums / seen[:, None])[kept].astype(np.uint8)
+
+
+def most_frequent(words: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the `MOST_PLACES` entries of each word that were seen most, in their order."""
+    order = np.lexsort((np.arange(len(words)), -seen, words))
+    first = np.searchsorted(words[order], words[order])
+    return np.sort(order[np.arange(len(words)) - first < MOST_PLACES])
 
 
 def window_at(example: Example, place: np.ndarray, factors: Factors, settings: Settings) -> Window:

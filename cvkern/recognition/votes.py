@@ -13,7 +13,6 @@ from cvkern.features._elementary import exp2
 from cvkern.kernels.codes.recognition import (
     FACTOR_BITS,
     FINE,
-    NOBODY,
     OCTAVE,
     Occurrences,
     Patches,
@@ -25,7 +24,8 @@ from cvkern.recognition.patches import Sampled, scale_code
 CELL = 4  # pixels of the model along the side of a cell of votes
 TILE = 3  # cells along the side of a tile, of which the best place is followed up
 RADIUS = 5.0  # pixels of the model: the kernel of mean shift
-ROUNDS = 10  # steps of mean shift
+ROUNDS = 5  # steps of mean shift
+MOST_MODES = 512  # maxima that are followed up, the highest
 MARGIN = 2 * OCTAVE  # scales beyond those of the levels that have a factor
 WIDEST = 2.0  # least spacing of scales that counts as one, octaves
 
@@ -113,7 +113,12 @@ def find_modes(
     kernels.list_votes(patches, occurrences, space, starts, votes, sources)
     maxima = rt.scratch("recognition.maxima", (len(tiles), 4), np.int32)
     kernels.find_maxima(sums, space, rt.constant(tiles), maxima)
-    modes = rt.scratch("recognition.modes", (len(tiles), 4), np.int32)
-    kernels.shift_modes(votes, starts, space, window, maxima, modes)
-    places = np.array(rt.to_numpy(modes))
-    return found, np.unique(places[places[:, 0] != NOBODY], axis=0)
+    highest = np.array(rt.to_numpy(maxima))
+    order = np.argsort(-highest[:, 3].astype(np.int64), kind="stable")[:MOST_MODES]
+    highest = np.ascontiguousarray(highest[order[highest[order, 3] > 0]])
+    if not len(highest):
+        return found, np.empty((0, 4), np.int32)
+    modes = rt.scratch("recognition.modes", highest.shape, np.int32)
+    sent = rt.send("recognition.highest", highest)
+    kernels.shift_modes(votes, starts, space, window, sent, modes)
+    return found, np.unique(rt.to_numpy(modes), axis=0)

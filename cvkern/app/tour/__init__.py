@@ -30,6 +30,7 @@ from cvkern.app.tour import (
     pair,
     panorama,
     radiance,
+    recognition,
     scanning,
     shading,
     shapes,
@@ -46,9 +47,8 @@ FRAME_MILLISECONDS = 50
 
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
-    panorama.chapter, stereo.chapter, pair.chapter, scanning.chapter, colour.chapter,
-    shading.chapter,
-    radiance.chapter,
+    panorama.chapter, recognition.chapter, stereo.chapter, pair.chapter, scanning.chapter,
+    colour.chapter, shading.chapter, radiance.chapter,
 )  # fmt: skip
 
 

@@ -8,8 +8,11 @@ from cvkern.kernels.warp._launch import launch_each
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 WHITE = wp.constant(float(codes.WHITE))
-SPREAD = wp.constant(wp.int64(codes.SPREAD))
-LARGEST = wp.constant(wp.int64(codes.LARGEST))
+SPREAD = wp.constant(wp.float64(codes.SPREAD))
+LARGEST = wp.constant(codes.LARGEST)
+# Halves are rounded up. A quotient by R < 2^24 that is no multiple of 1 / 2 is at least 2^-25 from
+# one, and is computed to 2^-40, so that adding 2^-30 makes no difference but to multiples.
+HALF = wp.constant(wp.float64(0.5 + 2.0**-30))
 
 
 def round_pixels(image: wp.array, pixels: wp.array) -> None:
@@ -72,21 +75,21 @@ def _sample(
     for i in range(first + wp.tid(), last, stride):
         top = corners[i, 0]
         left = corners[i, 1]
-        count = wp.int64(side * side)
-        total = wp.int64(0)
+        count = side * side
+        total = int(0)
         squares = wp.int64(0)
         for row in range(top, top + side):
             for column in range(left, left + side):
-                x = wp.int64(pixels[row, column])
+                x = pixels[row, column]
                 total += x
-                squares += x * x
-        root = _root(count * squares - total * total)
+                squares += wp.int64(x * x)
+        wide = wp.int64(total)
+        root = _root(wp.int64(count) * squares - wide * wide)
+        scale = SPREAD / wp.float64(wp.max(root, wp.int64(1)))
         for k in range(patches.shape[1]):
-            value = wp.int64(0)
-            if k < side * side and root >= least:
+            value = int(0)
+            if k < count and root >= least:
                 row = k // side
-                x = wp.int64(pixels[top + row, left + k - row * side])
-                # Halves are rounded up. The sum is positive, where every division rounds alike.
-                above = wp.int64(2) * SPREAD * (count * x - total) + root * wp.int64(8193)
-                value = above // (wp.int64(2) * root) - wp.int64(4096)
-            patches[i, k] = wp.int8(wp.min(wp.max(value, -LARGEST), LARGEST))
+                x = count * pixels[top + row, left + k - row * side] - total
+                value = int(wp.floor(wp.float64(x) * scale + HALF))
+            patches[i, k] = wp.int8(wp.clamp(value, -LARGEST, LARGEST))
