@@ -36,7 +36,5 @@ axes[2].imshow(np.where(found.masks.any(axis=0), 1.0, np.nan), cmap="autumn", al
 for top, left, bottom, right in found.objects.boxes:
     axes[2].plot([left, right, right, left, left], [top, top, bottom, bottom, top], "y", lw=1)
 for axis, name in zip(axes, ("learnt from", "votes", "found"), strict=True):
-    axis.set_title(name)
-    axis.axis("off")
-figure.tight_layout()
+    axis.set(title=name, xticks=[], yticks=[])
 plt.show()
