@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,48 +15,28 @@ from cvkern._checks import (
     check_number,
 )
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.recognition import FINE, MOST_WORDS, OCTAVE, Occurrences
+from cvkern.kernels.codes.recognition import MOST_WORDS
 from cvkern.recognition import files
 from cvkern.recognition._arguments import (
     Box,
     check_boxes,
     check_masks,
-    check_picture,
-    check_scales,
     cut_all,
     grays_of,
 )
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
-from cvkern.recognition.figures import Found, paint
-from cvkern.recognition.fitting import Fitted, fit, frame_on
-from cvkern.recognition.hypotheses import explain, weigh
-from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling, sample
-from cvkern.recognition.training import MOST_LAYERS, MOST_SIZE, UNIT, Settings
-from cvkern.recognition.votes import activate, find_modes, layout
+from cvkern.recognition.figures import (
+    Objects,
+    Segmentation,
+    objects_of,
+    paint,
+)
+from cvkern.recognition.fitting import Fitted, fit
+from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling
+from cvkern.recognition.search import search, votes_of
+from cvkern.recognition.training import MOST_LAYERS, MOST_SIZE, Settings
 
-OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
 LONGEST = 96  # pixels of the longer side of the model's box, at most unless asked
-
-
-class Objects(NamedTuple):
-    """Objects that a model found, the strongest first."""
-
-    boxes: Any
-    """First row and column, and those behind the last, (N, 4) float32."""
-    scores: Any
-    """Logarithm of the odds that there is an object, (N,) float32."""
-    centers: Any
-    """Row and column of the middle, (N, 2) float32."""
-    scales: Any
-    """Size, in sizes of the model, (N,) float32."""
-
-
-class Segmentation(NamedTuple):
-    """Objects that a model found, and their pixels."""
-
-    objects: Objects
-    masks: Any
-    """Pixels of each object, (N, H, W) bool."""
 
 
 class ShapeModel:
@@ -281,8 +261,8 @@ class ShapeModel:
         ValueError
             If the model is not fitted, `image` has a wrong shape, or an option is out of range.
         """
-        found = self._search(image, scales, threshold, data_range)
-        return self._objects(found)
+        found = search(image, scales, threshold, data_range, *self._ready())
+        return objects_of(found, self._ready()[0])
 
     def segment(
         self,
@@ -317,11 +297,11 @@ class ShapeModel:
         settings, fitted = self._ready()
         if not fitted.figures.size:
             raise ValueError("the model must be fitted with masks, got one without")
-        found = self._search(image, scales, threshold, data_range)
+        found = search(image, scales, threshold, data_range, *self._ready())
         masks = found.rt.empty((len(found.modes), *found.shape), np.bool_)
         if found.votes is not None and len(found.modes):
             paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
-        return Segmentation(self._objects(found), found.rt.release(masks))
+        return Segmentation(objects_of(found, self._ready()[0]), found.rt.release(masks))
 
     def votes(
         self,
@@ -348,14 +328,7 @@ class ShapeModel:
         TypeError, ValueError
             As in :meth:`detect`.
         """
-        found = self._search(image, scales, None, data_range)
-        bins, _, _ = layout((found.shape[0], found.shape[1]), check_scales(scales))
-        if found.votes is None:
-            return [np.zeros((rows, columns), np.int32) for _, rows, columns, _, _ in bins[0]]
-        sums = np.array(found.rt.to_numpy(found.votes.sums))
-        ends = np.cumsum([rows * columns for _, rows, columns, _, _ in bins[0]])
-        parts = np.split(sums, ends[:-1])
-        return [part.reshape(b[1], b[2]) for part, b in zip(parts, bins[0], strict=True)]
+        return votes_of(search(image, scales, None, data_range, *self._ready()), scales)
 
     @property
     def words(self) -> np.ndarray | None:
@@ -364,36 +337,6 @@ class ShapeModel:
             return None
         side = self._sampling.side
         return self._fitted.words[:, : side * side].reshape(-1, side, side).copy()
-
-    def _search(
-        self, image: Any, scales: Any, threshold: float | None, data_range: float | None
-    ) -> Found:
-        """Return what is found in a picture, for kernels."""
-        settings, fitted = self._ready()
-        image, white = check_picture(image, "image", data_range)
-        sizes = check_scales(scales)
-        least = fitted.threshold if threshold is None else check_number(threshold, "threshold")
-        rt = runtime(image)
-        shape = tuple(image.shape[:2])
-        nothing = Found(rt, shape, np.empty((0, 4), np.int32), np.empty(0), None)
-        sampled = sample(rt, image, white, settings.sizes(sizes), settings.sampling)
-        if not len(sampled.places):
-            return nothing
-        patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
-        occurrences = Occurrences(
-            rt.send("recognition.begins", fitted.starts),
-            rt.send("recognition.entries", fitted.entries),
-        )
-        votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
-        modes = modes[self._inside(modes, np.array(shape))]
-        if not len(modes):
-            return nothing._replace(votes=votes)
-        weights, space = rt.send("recognition.weights", fitted.weights), votes.space
-        frame = frame_on(rt, settings)
-        evidence = weigh(rt, patches, weights, space, frame, modes)
-        floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
-        chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, floor)
-        return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to a file, whole or not at all.
@@ -453,21 +396,3 @@ class ShapeModel:
         if self._settings is None or self._fitted is None:
             raise ValueError("the model must be fitted or loaded first, got one that is not")
         return self._settings, self._fitted
-
-    def _inside(self, modes: np.ndarray, shape: np.ndarray) -> np.ndarray:
-        """Return which boxes lie within the picture, but for `OVERHANG` of their sides."""
-        settings, _ = self._ready()
-        half = 2.0 ** (modes[:, 2:3] / OCTAVE) * np.array([settings.height, settings.width]) / 2
-        low = (1 - 2 * OVERHANG) * half - 0.5
-        inside = (modes[:, :2] / FINE >= low) & (modes[:, :2] / FINE <= shape - 1 - low)
-        return np.flatnonzero(inside.all(axis=1))
-
-    def _objects(self, found: Found) -> Objects:
-        """Return what was found, in pixels."""
-        settings, _ = self._ready()
-        centers = found.modes[:, :2] / FINE
-        scales = 2.0 ** (found.modes[:, 2] / OCTAVE)
-        half = scales[:, None] * np.array([settings.height, settings.width]) / 2
-        boxes = np.concatenate([centers + 0.5 - half, centers + 0.5 + half], axis=1)
-        result = (boxes, found.scores, centers, scales)
-        return Objects(*(found.rt.give(np.ascontiguousarray(a, np.float32)) for a in result))

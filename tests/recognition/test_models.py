@@ -126,7 +126,7 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
         return chosen, left
 
     explain = hypotheses.explain
-    monkeypatch.setattr("cvkern.recognition.models.explain", spy)
+    monkeypatch.setattr("cvkern.recognition.search.explain", spy)
     model.detect(image, scales=[1.0], threshold=-8.0)
     places, _, levels, matches, weights = seen["host"]
     given = places, matches, levels[:, 0], weights, model._settings.frame
