@@ -56,7 +56,7 @@ def cost_kernels():
 
     byte, word, integer, real, wide = wp.uint8, wp.uint16, wp.int32, wp.float32, wp.float64
     for scalar in (byte, real):
-        yield census.census_kernel(scalar)
+        yield from (census.census_kernel(scalar, symmetric) for symmetric in (False, True))
     for cost in (Cost.SAD, Cost.SSD, Cost.BIRCHFIELD_TOMASI):
         for scalar, kept in ((byte, word), (byte, integer), (real, real)):
             yield windows.sum_down(cost, scalar, kept)

@@ -72,7 +72,7 @@ def gaussian(
 
     Returns
     -------
-    array of the shape of `image`, of `dtype`
+    array of the shape of `image`, float32 or `dtype`
         Of the same library and on the same device as `image`.
 
     Raises
@@ -155,7 +155,7 @@ def correlate_separable(
 
     Returns
     -------
-    array of the shape of `image`, of `dtype`
+    array of the shape of `image`, float32 or `dtype`
 
     Raises
     ------
@@ -210,7 +210,7 @@ def box(
 
     Returns
     -------
-    array of the shape of `image`, of `dtype`
+    array of the shape of `image`, float32 or `dtype`
 
     Raises
     ------

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_number
 
 SAMPLES = 4  # samples per side of a pixel; each of the 16 has an anti-aliasing ramp
@@ -189,6 +190,7 @@ def blend(
 
 
 def check_numbers(array: ArrayLike, name: str) -> np.ndarray:
+    library(array, name)  # refuses masks and placeholders
     try:
         array = np.asarray(array)
     except (TypeError, ValueError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,7 +76,7 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
     images, shape = stacked(images)
     reach = check_integer(reach, "reach", 1, 1024)
     rt = runtime(images)
-    levels, middles = _graded(rt, images, shape)
+    levels, low, units = _graded(rt, images, shape)
     grey = [levels]
     least = min(shape[1:3])
     for n in range(min(math.ceil(math.log2(reach)), max(int(math.log2(least / 8)), 0))):
@@ -84,7 +84,7 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
         grey.append(rt.scratch(f"align.level{n + 1}", (shape[0], *sides), np.int32))
         rt.raw.alignment.halve(grey[n], grey[n + 1])
     sides, medians = zip(*(_split(rt, n, level) for n, level in enumerate(grey)), strict=True)
-    fixed = int(np.argsort(middles(medians[0]), kind="stable")[shape[0] // 2])
+    fixed = _middle(low + medians[0] / units, 2 / float(units.min()))
     shifts = np.zeros((shape[0], 2), np.int64)
     for k in range(shape[0]):
         if k != fixed:
@@ -95,10 +95,8 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
     return Alignment(rt.give(_moved(host, shifts)), shifts)
 
 
-def _graded(
-    rt: Runtime, images: Any, shape: tuple[int, ...]
-) -> tuple[Any, Callable[[np.ndarray], np.ndarray]]:
-    """Return levels of grey (K, H, W), and what takes a level of each image to its value."""
+def _graded(rt: Runtime, images: Any, shape: tuple[int, ...]) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Return levels of grey (K, H, W), and of each image the least value and the levels a unit."""
     count, height, width, channels = shape
     flat = (count, height * width)
     grey, levels = (rt.scratch(f"align.{n}", flat, t) for n, t in GREY)
@@ -114,7 +112,15 @@ def _graded(
     units = (GREYS - 1) / np.where(high > low, high - low, 1)
     scales = np.stack([low, units], axis=1).astype(np.float32)
     kernels.grade(grey, rt.send("align.scales", scales), levels)
-    return levels.reshape(shape[:3]), lambda medians: low + medians / units
+    return levels.reshape(shape[:3]), low, units
+
+
+def _middle(values: np.ndarray, apart: float) -> int:
+    """Return which of the values is in the middle; those less `apart` are equal, in their order."""
+    order = np.argsort(values, kind="stable")
+    ranks = np.zeros(len(values), np.int64)
+    ranks[order[1:]] = np.cumsum(np.diff(values[order]) > apart)
+    return int(np.argsort(ranks, kind="stable")[len(values) // 2])
 
 
 def _split(rt: Runtime, n: int, levels: Any) -> tuple[Any, np.ndarray]:

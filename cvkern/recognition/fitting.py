@@ -133,7 +133,7 @@ def discounted(
     def rate(examples: list[Example]) -> np.ndarray:
         """Return activations of each word in a patch."""
         words = np.concatenate([e.matches[e.matches != NOBODY] for e in examples])
-        return np.bincount(words, minlength=count) / sum(len(e.matches) for e in examples)
+        return np.bincount(words, minlength=count) / max(sum(len(e.matches) for e in examples), 1)
 
     own, other = rate(objects), rate(backgrounds)
     rare = SPREAD_RARE * own.sum() / count

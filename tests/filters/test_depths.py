@@ -94,3 +94,11 @@ def test_derivatives_of_integers_are_those_of_floats(backend, function, dtype):
 def test_other_dtypes_are_refused(no_kernel_runs, dtype):
     with pytest.raises(ValueError, match=r"dtype must be one of \('float32', 'uint8', 'uint16'\)"):
         cvkern.gaussian(np.ones((4, 5)), dtype=dtype)
+
+
+def test_calls_on_bytes_are_captured(gpu):
+    torch = pytest.importorskip("torch")
+    values = torch.from_numpy(image((40, 71), BYTE)).cuda()
+    replay = cvkern.capture(cvkern.gaussian, values, 2.0, dtype="uint8")
+    want = cvkern.gaussian(values.cpu().numpy(), 2.0, dtype="uint8")
+    np.testing.assert_array_equal(replay().cpu().numpy(), want)

@@ -13,6 +13,8 @@ from collections.abc import Callable
 from typing import Any
 
 PATIENCE = 180.0  # seconds for one call, compilation included
+# Each pool of threads of a worker: kernels, and BLAS.
+POOLS = ("CVKERN_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 WORKER = ["-m", "tests.fuzz.worker"]
 
 
@@ -34,7 +36,7 @@ class Process:
             pass_fds=[writes],
             start_new_session=True,  # Ctrl-C is for the command, which lets calls end
             text=True,
-            env={**os.environ, "CVKERN_NUM_THREADS": str(self._threads)},
+            env={**os.environ, **dict.fromkeys(POOLS, str(self._threads))},
         )
         os.close(writes)
         self._log, self._rest = reads, b""

@@ -99,6 +99,15 @@ REFUSED = {
     "mask must have": lambda: cvkern.estimate_lights(
         np.random.default_rng(0).random((4, 8, 9)), mask=np.indices((8, 9)).sum(0) % 2
     ),
+    "object_points": lambda: cvkern.calibrate_camera(3.5, TILTED, (48, 64)),
+    "left": lambda: cvkern.calibrate_stereo(
+        BOARD,
+        TILTED,
+        TILTED,
+        (48, 64),
+        left=0,  # pyright: ignore[reportArgumentType]
+    ),
+    "values": lambda: cvkern.images.apply_colormap(np.ma.masked_array(IMAGE, IMAGE == 0)),
     "left_points": lambda: cvkern.calibrate_stereo(BOARD, TILTED[:1], TILTED[:1], (48, 64)),
     "right": lambda: cvkern.calibrate_stereo(
         BOARD,

@@ -41,7 +41,7 @@ def test_options_are_those_of_the_function():
             assert {*call.needed, *call.options} <= set(parameters), name
 
 
-@pytest.mark.filterwarnings("ignore")  # as the worker does
+@pytest.mark.filterwarnings("ignore")  # the worker ignores them too
 def test_a_call_is_known_by_its_seed_and_number():
     for index in range(len(CALLS)):
         (name, first), (again, second) = (draw_call(begin(5, index), index) for _ in range(2))

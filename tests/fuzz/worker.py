@@ -48,6 +48,7 @@ def answer(name: str, backend: str, device: str, arguments: dict[str, Any]) -> A
         warnings.simplefilter("error")
         for said in ("no edge was found", "the focal length is guessed"):  # documented warnings
             warnings.filterwarnings("ignore", said)
+        warnings.filterwarnings("ignore", module="skimage")
         try:
             return CALLS[name].function(**arguments)
         except Exception as error:

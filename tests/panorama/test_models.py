@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.special
 from scipy.optimize import approx_fprime
 
 from cvkern.panorama import adjustment, models
@@ -196,3 +197,13 @@ def test_slopes(kind):
     np.testing.assert_allclose(normal, want, rtol=1e-4, atol=1e-4 * np.abs(want).max())
     pull = slopes.T @ residuals(steps) + extra
     np.testing.assert_allclose(gradient, pull, rtol=1e-4, atol=1e-4 * np.abs(pull).max())
+    # Half of the residuals are beyond the limit, from which on the cost is linear.
+    lengths = np.linalg.norm(adjustment.residuals(seen, model), axis=-1)
+    limit = float(np.median(lengths[lengths > 0]))
+    want = scipy.special.huber(limit, lengths).sum() + model.prior()[0]
+    assert adjustment.cost(seen, model, limit) == pytest.approx(want, rel=1e-12)
+    pull = approx_fprime(steps, lambda x: adjustment.cost(seen, model.moved(x), limit), 1e-7)
+    if not model.bends:
+        pull[-1] = 0
+    gradient = adjustment._normal(seen, model, limit)[1]
+    np.testing.assert_allclose(gradient, pull, rtol=1e-3, atol=1e-3 * np.abs(pull).max())

@@ -244,6 +244,16 @@ def test_lights_of_nobody(backend, equal):
         cvkern.estimate_lights(images + rng.normal(0, 0.3, images.shape), equal=equal)
 
 
+def test_shadows_tell_nothing_of_the_lights():
+    """A tenth of all values are shadows; taken as they are, lights are off by 7 degrees."""
+    y, x = np.indices((40, 40)) - 19.5
+    depth = (x**2 + 1.5 * y**2) / 20 + 2 * np.sin(x / 4) * np.cos(y / 5)
+    images = cvkern.lambertian(depth, lamps(8, seed=1), albedo=0.9)
+    assert 0.1 < (images == 0).mean() < 0.11
+    found = cvkern.estimate_lights(images)
+    assert between(found, lamps(8, seed=1)).max() < 0.9  # measured: 0.78
+
+
 def test_lights_of_nobody_on_real_and_rendered_surfaces():
     for images, true, mask, _ in (data.ball(), data.bunny()):
         found = cvkern.estimate_lights(images, mask=mask)

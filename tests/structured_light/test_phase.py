@@ -130,3 +130,14 @@ def test_every_so_many_pixels(kernels):
     out = [((3, 4), np.float32)]
     found = kernels("structured_light.phase.pick", src, 3, out=out)
     np.testing.assert_array_equal(found, src[::3, ::3])
+
+
+def test_a_pixel_needs_strong_fringes_along_both_axes(backend):
+    images = cvkern.phase_shift_patterns((12, 20), (1, 4)).astype(np.float32)
+    half = len(images) // 2
+    images[:half, 2:4] *= 0.01  # those that tell the columns
+    images[half:, 7:9] *= 0.01  # those that tell the rows
+    found = cvkern.decode_phase_shift(images, (12, 20), (1, 4), threshold=20)
+    want = np.ones((12, 20), bool)
+    want[2:4] = want[7:9] = False
+    np.testing.assert_array_equal(found.valid, want)

@@ -248,8 +248,11 @@ def check_views(
     missing = [n for n, view in enumerate(views) if view is None]
     if missing:
         raise ValueError(f"{name} must have points in each view, got None for view {missing[0]}")
-    several = not hasattr(object_points, "shape") and np.ndim(object_points[0]) == 2
-    several |= getattr(object_points, "ndim", 2) == 3
+    if not hasattr(object_points, "shape"):
+        object_points = as_items(object_points, "object_points", "an array or several")
+        several = len(object_points) > 0 and np.ndim(object_points[0]) == 2
+    else:
+        several = getattr(object_points, "ndim", 2) == 3
     boards = list(object_points) if several else [object_points] * len(views)
     if len(boards) != len(views):
         raise ValueError(

@@ -174,7 +174,7 @@ def calibrate_two(
     numbers, poses = [], []
     for camera, places, shape, seen in zip(cameras, (lefts, rights), shapes, points, strict=True):
         if camera is not None:
-            check_lens(camera)
+            check_lens(camera, seen.camera)
         given, stood = begun(boards, places, shape, camera, seen.camera)
         free = fixed_names & (camera is None)
         alone = adjusted_camera(boards, places, given, stood, free, seen.name)

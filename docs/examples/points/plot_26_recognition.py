@@ -3,7 +3,7 @@ Coins by the words of their patches
 ===================================
 
 `ShapeModel` learns from the coins in the left half of a photograph, with their masks, and from
-pictures without coins. In the right half, votes lead it to coins of other sizes.
+pictures without coins. In the right half it finds coins of other sizes, and their pixels.
 """
 
 import matplotlib.pyplot as plt
@@ -26,6 +26,7 @@ others = [data.camera()[::2, ::2], data.page()[:, :200], data.brick()[:200, :250
 model.fit([photo[:, :split]], [boxes], [mask[:, :split]], others)
 scales = (0.71, 0.84, 1.0, 1.19, 1.41, 1.68)
 found = model.segment(photo[:, split:], scales=scales, threshold=6.0)
+print("scores", found.objects.scores.round(1))
 
 figure, axes = plt.subplots(1, 3, figsize=(7, 3.9))
 axes[0].imshow(photo[:, :split], cmap="gray")
@@ -34,7 +35,6 @@ axes[2].imshow(photo[:, split:], cmap="gray")
 axes[2].imshow(np.where(found.masks.any(axis=0), 1.0, np.nan), cmap="autumn", alpha=0.4)
 for top, left, bottom, right in found.objects.boxes:
     axes[2].plot([left, right, right, left, left], [top, top, bottom, bottom, top], "y", lw=1)
-for axis in axes:
-    axis.axis("off")
-figure.tight_layout()
+for axis, name in zip(axes, ("learnt from", "votes", "found"), strict=True):
+    axis.set(title=name, xticks=[], yticks=[])
 plt.show()

@@ -8,7 +8,6 @@ from cvkern.kernels.warp._launch import launch, launch_each
 from cvkern.kernels.warp._sums import scan
 
 from ._levels import BITS, place_of, table
-from ._matching_cuda import ones_of
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -39,7 +38,7 @@ def _count(
     place = place_of(octaves, row)
     total = int(0)
     for k in range(place[4]):
-        total += ones_of(wp.uint32(words[place[3] + k]))
+        total += int(wp.bit_count(wp.uint32(words[place[3] + k])))
     counts[row] = total
 
 
@@ -67,6 +66,6 @@ def _list(
                     cells[at, 0] = place[0]
                     cells[at, 1] = place[1]
                     cells[at, 2] = place[2]
-                    cells[at, 3] = k * BITS + ones_of((word ^ rest) - wp.uint32(1))
+                    cells[at, 3] = k * BITS + int(wp.bit_count((word ^ rest) - wp.uint32(1)))
                     word = rest
                     at += 1

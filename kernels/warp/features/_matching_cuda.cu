@@ -1,4 +1,4 @@
-// needs WORDS WARPS BINARY FARTHEST
+// needs WORDS WARPS AHEAD BINARY FARTHEST
 // The two nearest of other rows, for 32 rows a block of threads: distances |a|^2 + |b|^2 - 2 a b by
 // products on tensor cores (`mma`), of bytes, or of bits, whose squares and products are counts of
 // ones. A warp has all 32 rows, two tiles of 16, and every WARPS-th group of eight other rows.
@@ -39,7 +39,7 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
             best = nearer ? distance : best;
         }
 
-        // What both have seen; the smallest index wins a tie.
+        // Join the nearest descriptors of two threads; the smallest index wins a tie.
         void join(int other, int other_second, int other_index) {
             const bool nearer = other < best || (other == best && other_index < index);
             const int last = nearer ? best : other;
@@ -63,12 +63,13 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
         own[i].read(words, row < last ? row : last - 1, t);
         near[i] = {FARTHEST, FARTHEST, 0};
     }
-    // The next group is loaded before this one is compared.
+    // With AHEAD the next group is loaded before this one is compared.
     Row next;
-    next.read(words, min(begin + 8 * warp + g, end - 1), t);
+    if (AHEAD) next.read(words, min(begin + 8 * warp + g, end - 1), t);
     for (int j = begin + 8 * warp; j < end; j += 8 * WARPS) {
+        if (!AHEAD) next.read(words, min(j + g, end - 1), t);
         const Row other = next;
-        next.read(words, min(j + 8 * WARPS + g, end - 1), t);
+        if (AHEAD) next.read(words, min(j + 8 * WARPS + g, end - 1), t);
         const int square = other.square();
         const int squares[2] = {__shfl_sync(~0u, square, 8 * t),
                                 __shfl_sync(~0u, square, 8 * t + 4)};

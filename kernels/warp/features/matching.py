@@ -62,9 +62,10 @@ def find_nearest(
     if descriptors.device.is_cuda:
         words = view(descriptors, wp.uint32, (rows, size // 4))
         outputs = [best, second, index]
-        match = cuda.matches.get((binary, size))
+        shape = cuda.FEW_BLOCKS if cuda.PARTS * count <= cuda.FEW else cuda.MANY_BLOCKS
+        match = cuda.matches.get((binary, size, *shape))
         if match is not None and descriptors.device.arch >= cuda.OLDEST:
-            threads = cuda.THREADS
+            threads = shape[0]
             launch(match, cuda.PARTS * count * threads, [words, blocks], outputs, threads)
             return
         inputs = [words, blocks, BLOCK_ROWS, binary]

@@ -245,8 +245,8 @@ struct Epipolar {
         return rest * rest / (1.0 + 10.0 * x);
     }
 
-    // What one match gives: the derivatives t of its equation, to be weighed by the square w, and
-    // its value n; false where it is beyond the limit.
+    // Compute the derivatives t of the equation of a match, its value n, and the square w of its
+    // weight; return false if the match is beyond the limit.
     static bool derive(const double* h, double x, double y, double u, double v, double limit,
                        double* t, double& n, double& w) {
         const double a = (h[0] * x + h[1] * y) + h[2], b = (h[3] * x + h[4] * y) + h[5];

@@ -133,8 +133,8 @@ struct Pose {
         return count;
     }
 
-    // What one match gives: the slopes of both residuals against a turn and a shift, and the
-    // residuals, to be weighed by w; false beyond the limit. `p` is the projection of the model h.
+    // Compute both residuals of a match, their derivatives by a turn and a shift, and the weight w;
+    // return false if the match is beyond the limit. `p` is the projection of the model h.
     static bool derive(const double* h, const double* p, const double* camera, double x, double y,
                        double z, double u, double v, double limit, double* t, double* e,
                        double& w) {

@@ -123,7 +123,7 @@ struct Robust {
                               : homography(x, y, u, v, flat, models);
     }
 
-    // What residuals are taken from: nine numbers of a matrix, or twelve of a projection.
+    // Compute the numbers from which residuals follow: nine of a matrix, or twelve of a projection.
     static void prepare(int kind, const float* model, const double* known, float* f) {
         if (kind != POSE) {
             for (int i = 0; i < 9; ++i) f[i] = model[i];

@@ -4,7 +4,8 @@
 #include "_lanes_cpu.h"
 
 // needs GROUP, PREVIEW, NO_COST, FLAT
-// Of the models of a group of hypotheses the one with the least preview, of equals the first.
+// Find the model with the smallest preview in a group of hypotheses, the first of equal ones, and
+// score it on all matches.
 void best_of_group(int kind, int seed, int first, wp::array_t<float> matches, int start, int count,
                    float square, wp::array_t<double> known, int pair, int at,
                    wp::array_t<float> models, wp::array_t<int> costs) {

@@ -1,4 +1,8 @@
-"""Bands of a local Laplacian filter, in Warp; the Taichi set has the equations."""
+"""Bands of a local Laplacian filter, in Warp.
+
+The Taichi set has the equations. On the CPU a thread takes a slab of rows, on CUDA PART values of a
+row; the code of both is _bands.h.
+"""
 
 import warp as wp
 

@@ -71,7 +71,7 @@ def curve(radiance: wp.array, around: wp.array, scale: float, white: float, out:
     launch_each(_curve, out.shape[0], 8 * out.size, [radiance, around, scale, white], [out])
 
 
-@spans("_tone.h", 1, **_NAMES)
+@spans("_tone.h", 2, **_NAMES)
 def _luminance(
     row: int,
     left: int,

@@ -12,7 +12,7 @@ void pack_group(int group, wp::array_t<wp::int8> words, wp::array_t<wp::int8> pa
             out[(k / 4 * LANES + j) * 4 + k % 4] = value;
             sum += value;
         }
-        // What is no word has the least product.
+        // Places without a word get the smallest product.
         sums.data[group * LANES + j] = word < count ? 128 * sum : 1 << 30;
     }
 }

@@ -47,9 +47,12 @@ def recognise(
     points: Any = "grid",
     scales: Any = (1.0,),
     threshold: Any = None,
+    patch: Any = 8,
 ) -> Any:
     """Fit a model, and find objects by it."""
-    model = cvkern.ShapeModel(20, patch=8, points=points).fit(images, boxes, negatives=negatives)
+    model = cvkern.ShapeModel(20, patch=patch, points=points).fit(
+        images, boxes, negatives=negatives
+    )
     return model.detect(image, scales=scales, threshold=threshold)
 
 
@@ -79,6 +82,7 @@ CALLS: dict[str, Call] = {
             "points": one("grid", "harris", "dog"),
             "scales": one((1.0,), (0.7, 1.0), (0.0,), (99.0,)),
             "threshold": number(-5, 50),
+            "patch": one(8, 5, 16),
         },
     ),
 }

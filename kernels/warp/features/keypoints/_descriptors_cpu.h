@@ -28,7 +28,7 @@ void orient_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> windows,
         const float* const p = image + (size_t)y * width;
         const float down = gain[y - cy + radius];
         const float* const along = gain + radius - cx;
-        // What is read beyond the row lies in the next row, or level, which there is.
+        // Loads beyond the end of the row reach into the next row or level, which always exists.
         for (int begin = left; begin <= right; begin += N) {
             int lengths[N], bins[N];
             __builtin_prefetch(p + begin + 4 * (size_t)width);
@@ -94,9 +94,10 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
         gain[radius + i] = Alike::decay((float)(i * i) * spread);
         gain[radius - i] = gain[radius + i];
     }
-    // What a pixel gives to the four cells about it lies side by side, that of two neighbouring
-    // directions in one sum: the next one's in the upper half. No lower half overflows, as all are
-    // positive. Neighbours, which often share a place, are added to different sums: none waits.
+    // The votes of a pixel for the four cells around it are adjacent. One sum holds the votes of
+    // two neighbouring directions, the next one's in the upper half. All votes are positive, so no
+    // lower half overflows. Neighbouring pixels often vote for the same place, so they are added to
+    // different sums, and none waits for another.
     typedef unsigned long long both;
     typedef both quad __attribute__((vector_size(32)));
     typedef int lanes __attribute__((vector_size(4 * N)));
@@ -123,7 +124,7 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
         right = right > width - 2 ? width - 2 : right;
         const float* const p = image + (size_t)y * width;
         const float* const along = gain + radius - cx;
-        // What is read beyond the row lies in the next row, or level, which there is.
+        // Loads beyond the end of the row reach into the next row or level, which always exists.
         for (int begin = left; begin <= right; begin += N) {
             int places[N], parts[8][N];
             __builtin_prefetch(p + begin + 4 * (size_t)width);

@@ -43,9 +43,9 @@ void mark_row(int row, wp::array_t<float> levels, float threshold, int margin,
             const int left = k * N < margin ? margin : k * N;
             const int right = (k + 1) * N < width - margin ? (k + 1) * N : width - margin;
             if (none || left >= right) continue;
-            // What is read beyond the row lies in the next one, which there is.
+            // Loads beyond the end of the row reach into the next row, which always exists.
             const float* const a = line + k * N;
-            // What the row after the next one reads: of the first level all, later what is new.
+            // Load rows ahead: all rows of the first level, later only the new ones.
             for (long l = s == 1 ? -1 : 2; l <= 2; ++l) {
                 __builtin_prefetch(a + l * (long)plane + 2 * width);
                 __builtin_prefetch(a + l * (long)plane + 2 * width + 16);

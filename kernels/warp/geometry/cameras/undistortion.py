@@ -17,7 +17,7 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-STEPS, GROUP = 8, 2  # pixels of a lane on CUDA, and those of them that are fetched at once
+STEPS, GROUP = 8, 1  # pixels of a lane on CUDA; fetching more than one at once was slower
 NAMES = {wp.uint8: "wp::uint8", wp.float32: "float"}
 
 

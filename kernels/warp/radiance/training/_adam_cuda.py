@@ -1,6 +1,7 @@
-"""Adam and gradient clipping on CUDA: a thread takes four numbers, in 16-byte loads and stores.
+"""Adam and gradient clipping on CUDA: one thread per number; for sums, one per share of a block.
 
-adam.py has the equations.
+adam.py has the equations. Sums over a block are native (_norm_cuda.cu), for shuffles in a fixed
+order.
 """
 
 from functools import cache
@@ -9,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp.radiance._fixed_point import NATIVE
+from cvkern.kernels.warp.radiance._fixed_point import fraction
 from cvkern.kernels.warp.radiance._sums_cuda import WARPS
 
 from ._structs import AdamRule, Learnt
@@ -18,24 +19,9 @@ OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
 
 
-def threads(count: int) -> int:
-    """Return the number of threads: one per four numbers, and one per remaining number."""
-    return count // 4 + count % 4
-
-
 @cache
 def adam(scalar: Any) -> wp.Kernel:
     """Return the kernel that also writes a copy of the weights in a given precision."""
-
-    @_native.func_native("_adam_cuda.cu", HALF=int(scalar is wp.float16))
-    def move(
-        thread: int,
-        rate: wp.array[float],
-        factor: wp.array[float],
-        rule: AdamRule,
-        learnt: Learnt,
-        copy: wp.array[scalar],
-    ): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def adam(
@@ -46,13 +32,26 @@ def adam(scalar: Any) -> wp.Kernel:
         learnt: Learnt,  # the gradients are set to 0
         copy: wp.array[scalar],  # (N,): the weights again
     ):
-        move(wp.tid(), rate, factor, rule, learnt, copy)
+        i = wp.tid()
+        slope = learnt.gradients[i]
+        if slope != 0.0:
+            learnt.gradients[i] = 0.0
+        g = slope * factor[0]
+        if rule.sparse and g == 0.0:
+            return
+        w = learnt.weights[i]
+        g = g + rule.decay * w
+        m = rule.beta1 * learnt.mean[i] + (1.0 - rule.beta1) * g
+        v = rule.beta2 * learnt.square[i] + (1.0 - rule.beta2) * g * g
+        # Both means begin at 0, so they are divided by the factors by which they are too small.
+        learning = rate[0] / rate[1]
+        w = w - learning * m / (wp.sqrt(v * (1.0 / rate[2])) + rule.epsilon)
+        learnt.mean[i] = m
+        learnt.square[i] = v
+        learnt.weights[i] = w
+        copy[i] = scalar(w)
 
     return adam
-
-
-@_native.func_native("_gradients_cuda.cu", **NATIVE)
-def collect_some(thread: int, sums: wp.array[wp.int64], gradients: wp.array[float]): ...
 
 
 @wp.kernel
@@ -61,7 +60,11 @@ def collect(
     sums: wp.array[wp.int64],  # (N,): set to 0
     gradients: wp.array[float],  # (N,): added to
 ):
-    collect_some(wp.tid(), sums, gradients)
+    i = wp.tid()
+    total = sums[i]
+    if total != wp.int64(0):
+        sums[i] = wp.int64(0)
+        gradients[i] = gradients[i] + fraction(total)
 
 
 @_native.func_native("_norm_cuda.cu", WARPS=WARPS)

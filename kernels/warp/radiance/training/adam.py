@@ -53,14 +53,13 @@ def adam(
     """Take a step of Adam for N weights, with their gradients times `factor` (1,); reset these.
 
     `rate` (3,) is that of :func:`learning_rate`. `copy` (N,) is filled with the weights in its own
-    precision; it may be the array of weights itself. On CUDA each array begins at a multiple of 16
-    bytes.
+    precision; it may be the array of weights itself.
     """
     count = copy.shape[0]
     inputs = [rate, factor, struct_of(AdamRule, rule)]
     outputs = [struct_of(Learnt, learnt), copy]
     if copy.device.is_cuda:
-        launch(cuda.adam(copy.dtype), cuda.threads(count), inputs, outputs)
+        launch(cuda.adam(copy.dtype), count, inputs, outputs)
     else:
         launch_slabs(cpu.adam, count, slabs(count, 4 * count), inputs, outputs)
 
@@ -68,12 +67,11 @@ def adam(
 def collect(sums: wp.array, gradients: wp.array) -> None:
     """Add `sums` (N,), int64 fixed-point numbers, to `gradients` (N,), and reset the sums to 0.
 
-    Gradients are collected in these sums if the order must have no effect. On CUDA each array
-    begins at a multiple of 16 bytes.
+    Gradients are collected in these sums if the order must have no effect.
     """
     count = sums.shape[0]
     if sums.device.is_cuda:
-        launch(cuda.collect, cuda.threads(count), [], [sums, gradients])
+        launch(cuda.collect, count, [], [sums, gradients])
     else:
         launch_slabs(cpu.collect, count, slabs(count, 2 * count), [], [sums, gradients])
 

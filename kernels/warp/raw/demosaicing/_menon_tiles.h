@@ -35,40 +35,51 @@ void green_tiles(wp::array_t<TYPE> raw, int red_row, int red_column, wp::array_t
             samples[i] = (float)raw.data[(size_t)y * width + x];
         }
         wait();
-        for (int i = thread; i < (ROWS - 4) * (COLUMNS - 4); i += threads) {
-            const int v = i / (COLUMNS - 4) + 2, u = i % (COLUMNS - 4) + 2;
+        // Only red and blue samples have differences. At green pixels nothing changes, and the
+        // direction is along the row.
+        const auto first = [=](int v, int u) {
+            return u + (((top + v) ^ red_row ^ (left + u) ^ red_column) & 1);
+        };
+        for (int i = thread; i < (ROWS - 4) * (COLUMNS / 2 - 2); i += threads) {
+            const int v = i / (COLUMNS / 2 - 2) + 2;
+            const int u = first(v, 2 + i % (COLUMNS / 2 - 2) * 2);
             const float* p = samples + v * COLUMNS + u;
             const float c = p[0];
             const float h = 0.5f * (p[-1] + p[1]) + (0.5f * c - 0.25f * (p[-2] + p[2]));
             const float w = 0.5f * (p[-COLUMNS] + p[COLUMNS]) +
                             (0.5f * c - 0.25f * (p[-2 * COLUMNS] + p[2 * COLUMNS]));
-            const bool chroma = (((top + v) ^ red_row ^ (left + u) ^ red_column) & 1) == 0;
-            across[v * COLUMNS + u] = chroma ? c - h : 0.0f;
-            down[v * COLUMNS + u] = chroma ? c - w : 0.0f;
+            across[v * COLUMNS + u] = c - h;
+            down[v * COLUMNS + u] = c - w;
         }
         wait();
-        for (int i = thread; i < TALL * WIDE; i += threads) {
-            const int y = top + HALO + AROUND + i / WIDE, x = left + HALO + AROUND + i % WIDE;
-            if (y >= green.shape[0] || x >= green.shape[1]) continue;
-            const int at = (i / WIDE + HALO) * COLUMNS + i % WIDE + HALO;
+        for (int i = thread; i < TALL * WIDE / 2; i += threads) {
+            const int v = i / (WIDE / 2) + HALO, u = i % (WIDE / 2) * 2 + HALO;
+            const int chroma = first(v, u), at = v * COLUMNS + chroma;
             float along = 0.0f, upright = 0.0f;
             for (int k = -2; k <= 2; ++k) {
-                const float *h = across + at + k * COLUMNS, *v = down + at + k;
+                const float *h = across + at + k * COLUMNS, *w = down + at + k;
                 const float weight = k == 0 ? 3.0f : 1.0f;
                 if (k & 1) {
                     along += size(h[-1] - h[1]);
-                    upright += size(v[-COLUMNS] - v[COLUMNS]);
+                    upright += size(w[-COLUMNS] - w[COLUMNS]);
                 } else {
                     along += weight * size(h[0] - h[2]);
                     along += weight * size(h[-2] - h[0]);
-                    upright += weight * size(v[0] - v[2 * COLUMNS]);
-                    upright += weight * size(v[-2 * COLUMNS] - v[0]);
+                    upright += weight * size(w[0] - w[2 * COLUMNS]);
+                    upright += weight * size(w[-2 * COLUMNS] - w[0]);
                 }
             }
             const bool flat = upright >= along;
-            const size_t to = (size_t)y * green.shape[1] + x;
-            levels.data[to] = flat ? 1 : 0;
-            green.data[to] = samples[at] - (flat ? across[at] : down[at]);
+            const float found = samples[at] - (flat ? across[at] : down[at]);
+            const int y = top + AROUND + v;
+            if (y >= green.shape[0]) continue;
+            for (int n = 0; n < 2; ++n) {
+                const int x = left + AROUND + u + n;
+                if (x >= green.shape[1]) continue;
+                const size_t to = (size_t)y * green.shape[1] + x;
+                levels.data[to] = u + n != chroma || flat ? 1 : 0;
+                green.data[to] = u + n == chroma ? found : samples[v * COLUMNS + u + n];
+            }
         }
         wait();
     }
@@ -112,13 +123,18 @@ void colour_tiles(wp::array_t<TYPE> raw, int red_row, int red_column, wp::array_
         }
         wait();
         // Steps AT_GREEN, AT_CHROMA, REFINE_GREEN, REFINE_AT_GREEN and REFINE_AT_CHROMA, each of
-        // which needs one pixel more around. A step reads only what it does not change.
+        // which needs one pixel more around. A step reads only what it does not change: pixels of
+        // the other kind, and its own. Unrolled, so that divisors are constants.
+#pragma unroll
         for (int step = 1; step <= 5; ++step) {
-            const int columns = COLUMNS - 2 * step;
+            const int columns = WIDE / 2 + AROUND - step;  // every second pixel of a row
+            const bool chroma = step == 2 || step == 3 || step == 5;
             for (int i = thread; i < (ROWS - 2 * step) * columns; i += threads) {
-                const int v = i / columns + step, u = i % columns + step, x = v * COLUMNS + u;
+                const int v = i / columns + step;
                 const bool below = ((top + v) & 1) != red_row;
-                const bool chroma = ((left + u) & 1) == (below ? 1 - red_column : red_column);
+                const int column = below == chroma ? 1 - red_column : red_column;
+                const int u = step + i % columns * 2 + ((left + step + column) & 1);
+                const int x = v * COLUMNS + u;
                 float *own = below ? blue : red, *other = below ? red : blue;
                 const bool flat = level[x] > 0;
                 const auto along = [&](const float* a) { return 0.5f * (a[x - 1] + a[x + 1]); };
@@ -130,22 +146,22 @@ void colour_tiles(wp::array_t<TYPE> raw, int red_row, int red_column, wp::array_
                     return ((a[x - s] - b[x - s]) + (a[x] - b[x])) + (a[x + s] - b[x + s]);
                 };
                 const float c = samples[x];
-                if (step == 1 && !chroma) {
+                if (step == 1) {
                     own[x] = (c + along(samples)) - along(green);
                     other[x] = (c + upright(samples)) - upright(green);
-                } else if (step == 2 && chroma) {
+                } else if (step == 2) {
                     other[x] = flat ? (c + along(other)) - along(own)
                                     : (c + upright(other)) - upright(own);
                     own[x] = c;
-                } else if (step == 3 && chroma) {
+                } else if (step == 3) {
                     green[x] = own[x] + -third * mean(own, green);
-                } else if (step == 4 && !chroma) {
+                } else if (step == 4) {
                     const float h = (own[x - 1] - green[x - 1]) + (own[x + 1] - green[x + 1]);
                     const float w = (other[x - COLUMNS] - green[x - COLUMNS]) +
                                     (other[x + COLUMNS] - green[x + COLUMNS]);
                     own[x] = green[x] + 0.5f * h;
                     other[x] = green[x] + 0.5f * w;
-                } else if (step == 5 && chroma) {
+                } else if (step == 5) {
                     other[x] = own[x] + third * mean(other, own);
                 }
             }

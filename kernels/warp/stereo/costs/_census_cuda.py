@@ -19,8 +19,8 @@ _TILE = 16  # pixels whose distances a block computes
 
 
 @lru_cache
-def census_kernel(scalar: Any) -> wp.Kernel:
-    """Return the kernel for values of one type; it is compiled at the first use."""
+def census_kernel(scalar: Any, symmetric: bool) -> wp.Kernel:
+    """Return the kernel of a census of values of one type; it is compiled at the first use."""
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def census(
@@ -28,28 +28,31 @@ def census_kernel(scalar: Any) -> wp.Kernel:
         radius_y: int,
         radius_x: int,
         spacing: int,
-        symmetric: bool,
         # outputs
         bits: wp.array3d[wp.uint64],  # (H, W, C)
     ):
         y, x, c = wp.tid()
         last_y = image.shape[0] - 1
         last_x = image.shape[1] - 1
-        last_dy = wp.where(symmetric, 0, radius_y)
         word = wp.uint64(0)
         n = wp.uint64(0)
-        for dy in range(-radius_y, last_dy + 1):
+        centre = image[y, x, c]
+        for dy in range(-radius_y, radius_y + 1):
             v = wp.clamp(y + dy * spacing, 0, last_y)
-            opposite_v = wp.clamp(y - dy * spacing, 0, last_y)
             for dx in range(-radius_x, radius_x + 1):
-                if dy < 0 or dx < 0 or (not symmetric and (dy > 0 or dx > 0)):
-                    u = wp.clamp(x + dx * spacing, 0, last_x)
-                    other = image[y, x, c]
-                    if symmetric:
-                        other = image[opposite_v, wp.clamp(x - dx * spacing, 0, last_x), c]
-                    if image[v, u, c] < other:
-                        word = word | (wp.uint64(1) << n)
-                    n += wp.uint64(1)
+                u = wp.clamp(x + dx * spacing, 0, last_x)
+                if wp.static(symmetric):
+                    if dy < 0 or (dy == 0 and dx < 0):
+                        opposite_v = wp.clamp(y - dy * spacing, 0, last_y)
+                        opposite_u = wp.clamp(x - dx * spacing, 0, last_x)
+                        if image[v, u, c] < image[opposite_v, opposite_u, c]:
+                            word = word | (wp.uint64(1) << n)
+                        n += wp.uint64(1)
+                else:
+                    if dy != 0 or dx != 0:
+                        if image[v, u, c] < centre:
+                            word = word | (wp.uint64(1) << n)
+                        n += wp.uint64(1)
         bits[y, x, c] = word
 
     return census
@@ -69,8 +72,8 @@ def census(
     image: wp.array, radius_y: int, radius_x: int, spacing: int, symmetric: bool, bits: wp.array
 ) -> None:
     """Launch a thread for each value."""
-    inputs = [image, radius_y, radius_x, spacing, symmetric]
-    launch(census_kernel(image.dtype), image.shape, inputs, [bits])
+    inputs = [image, radius_y, radius_x, spacing]
+    launch(census_kernel(image.dtype, bool(symmetric)), image.shape, inputs, [bits])
 
 
 def hamming(left: wp.array, right: wp.array, first: int, costs: wp.array) -> None:
