@@ -93,10 +93,7 @@ def made(scalar):
 @pytest.mark.parametrize("dtype", [np.float16, np.float32])
 def test_kernels_of_a_precision_compile_for_hopper(dtype, tmp_path):
     for name, kernel in made(wp.dtype_from_numpy(dtype)):
-        code = compile_for_hopper(kernel.module, tmp_path / name)
-        if name == "radiance.training._adam_cuda.adam":
-            assert code.count("ld.global.v4.f32") == 4
-            assert code.count("st.global.v4.f32") == (4 if dtype is np.float16 else 5)
+        compile_for_hopper(kernel.module, tmp_path / name)
 
 
 @pytest.mark.parametrize("together", [1, 4])
