@@ -143,5 +143,5 @@ def test_refusals():
 def test_in_front_of_both_cameras(depth, shift, front):
     """A second camera ahead of the first one, or behind it."""
     point, t = np.array([0.3, 0.2, 1.0]) * depth, np.array([0.4, 0, shift])
-    rays = [q[None] / q[2] for q in (point, point + t)]
-    assert _in_front(*rays, np.eye(3), t).tolist() == [front]
+    here, there = (q[None] / q[2] for q in (point, point + t))
+    assert _in_front(here, there, np.eye(3), t).tolist() == [front]

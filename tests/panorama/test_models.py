@@ -202,7 +202,9 @@ def test_slopes(kind):
     limit = float(np.median(lengths[lengths > 0]))
     want = scipy.special.huber(limit, lengths).sum() + model.prior()[0]
     assert adjustment.cost(seen, model, limit) == pytest.approx(want, rel=1e-12)
-    pull = approx_fprime(steps, lambda x: adjustment.cost(seen, model.moved(x), limit), 1e-7)
+    pull = np.asarray(
+        approx_fprime(steps, lambda x: adjustment.cost(seen, model.moved(x), limit), 1e-7)
+    )
     if not model.bends:
         pull[-1] = 0
     gradient = adjustment._normal(seen, model, limit)[1]

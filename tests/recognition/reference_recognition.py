@@ -68,11 +68,8 @@ def maxima(sums, bins, tiles):
     for s, top, left, bottom, right in tiles.tolist():
         first, rows, columns, z, side = bins[s].tolist()
         plane = np.pad(sums[first : first + rows * columns].reshape(rows, columns), 1)
-        value = sum(
-            plane[i : i + rows, j : j + columns].astype(np.int64)
-            for i in range(3)
-            for j in range(3)
-        )[top:bottom, left:right]
+        around = np.lib.stride_tricks.sliding_window_view(plane.astype(np.int64), (3, 3))
+        value = around.sum(axis=(2, 3))[top:bottom, left:right]
         if value.max() == 0:
             found.append((-1, -1, -1, -1))
             continue
@@ -85,7 +82,7 @@ def maxima(sums, bins, tiles):
 def mode(votes, place, radius, scales, rounds):
     """Mean shift over all votes, without cells; the density is of the last place."""
     y, x, z = (int(n) for n in place)
-    rows = votes[:, 1:5]
+    rows, density = votes[:, 1:5], 0
     for left in range(rounds, -1, -1):
         reach = int(np.floor(radius * factor(z) / 2**16 + 0.5))
         dy, dx, dz = rows[:, 0] - y, rows[:, 1] - x, rows[:, 2] - z

@@ -67,6 +67,7 @@ def test_k_means(backend):
     rows = normal(values)
     kept = rows[rows.any(axis=1)]
     means = kept[np.arange(7) * len(kept) // 7]
+    of = np.zeros(len(kept), int)
     for _ in range(12):
         of = (kept @ means.T).argmax(axis=1)
         sums = np.array([kept[of == k].sum(axis=0) for k in range(7) if (of == k).any()])

@@ -93,7 +93,9 @@ def test_sizes_are_checked_before_anything_is_read(saved, monkeypatch):
     with zipfile.ZipFile(saved) as archive:
         entries = {name: archive.read(name) for name in archive.namelist()}
     whole = entries["words.npy"]
-    shape = cvkern.ShapeModel.load(saved)._fitted.words.shape
+    fitted = cvkern.ShapeModel.load(saved)._fitted
+    assert fitted is not None
+    shape = fitted.words.shape
     bloated = whole.replace(str(shape).encode(), f"({shape[0]}{'0' * 3}, {shape[1]})".encode())
     entries["words.npy"] = bloated.replace(b"   \n", b"\n", 1)
     with zipfile.ZipFile(saved, "w") as archive:

@@ -104,6 +104,7 @@ def test_weights_of_a_word_add_up_to_its_share(model):
     assert (fitted.entries[:, 3] >= 0).all()
     with cvkern.use(backend="warp"):
         alone = cvkern.ShapeModel(60, patch=12).fit(things(2))._fitted
+    assert alone is not None
     sums = np.add.reduceat(alone.entries[:, 3], alone.starts[:-1])
     counts = np.diff(alone.starts)
     assert (2**16 - sums <= counts).all()  # each weight was rounded down
@@ -160,6 +161,7 @@ def test_sets_learn_and_find_the_same():
     for name in ("warp", "taichi"):
         with cvkern.use(backend=name):
             model = cvkern.ShapeModel(30, patch=8).fit(things(2), negatives=[clutter((60, 90), 1)])
+            assert model._fitted is not None
             answers.append((*model._fitted, *model.detect(image, threshold=-3.0)))
     assert len(answers[0][-1]) > 0
     for a, b in zip(*answers, strict=True):

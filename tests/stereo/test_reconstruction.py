@@ -152,8 +152,8 @@ def test_reduced_photographs_keep_their_rays():
 def test_behind_the_second_camera_depths_are_negative():
     for depth, shift in ((3.0, -5.0), (8.0, -5.0), (3.0, 5.0)):
         point, t = np.array([0.3, 0.2, 1]) * depth, np.array([0.4, 0, shift])
-        rays = [q[None] / q[2] for q in (point, point + t)]
-        (found,) = _depths(*rays, np.eye(3), t)
+        here, there = (q[None] / q[2] for q in (point, point + t))
+        (found,) = _depths(here, there, np.eye(3), t)
         assert found == pytest.approx(depth if depth + shift > 0 else -depth)
 
 

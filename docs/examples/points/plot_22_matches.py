@@ -20,6 +20,7 @@ one, two = cvkern.sift(photo, 800), cvkern.sift(other, 800)
 pairs = cvkern.match_descriptors(one.descriptors, two.descriptors, max_ratio=0.9)
 here, there = one.points[pairs[:, 0]], two.points[pairs[:, 1]]
 fit = cvkern.find_homography(here, there, threshold=2)
+assert fit.matrix is not None
 print(f"{len(pairs)} matches, {fit.inliers.sum()} of them of one plane")
 print(f"largest error of the matrix: {np.abs(fit.matrix / fit.matrix[2, 2] - tilt).max():.3f}")
 

@@ -14,7 +14,7 @@ def _grey(shape: Shape, rng: np.random.Generator) -> np.ndarray:
     """Return a dull picture: soft waves with noise, in the middle of the range."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     waves = np.sin(x / 37) * np.cos(y / 23) + 0.5 * np.sin((x + y) / 90)
-    return np.uint8((120 + 30 * waves + rng.normal(0, 4, shape)).clip(0, 255))
+    return (120 + 30 * waves + rng.normal(0, 4, shape)).clip(0, 255).astype(np.uint8)
 
 
 def _even(image: np.ndarray) -> np.ndarray:

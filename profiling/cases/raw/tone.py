@@ -38,7 +38,8 @@ def _layered(radiance: np.ndarray) -> np.ndarray:
 
 def _frames(shape: Shape, rng: np.random.Generator) -> np.ndarray:
     light = _radiance(shape, rng)[..., None] * np.array([1.0, 0.8, 0.6])
-    return np.uint8([255 * np.clip(light * t, 0, 1) ** 0.45 for t in (0.06, 0.5, 4)])
+    frames = [255 * np.clip(light * t, 0, 1) ** 0.45 for t in (0.06, 0.5, 4)]
+    return np.stack(frames).astype(np.uint8)
 
 
 def _mertens(cv2: Any, frames: np.ndarray) -> np.ndarray:
