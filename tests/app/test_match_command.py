@@ -44,7 +44,7 @@ def test_match(command, pair, tmp_path, method):
 def test_refusals(command, pair, tmp_path):
     code, _, error = command("match", *pair, "-o", pair[0])
     assert code != 0
-    assert "output must be a file of its own" in error
+    assert "output must not be a file that is read" in error
     code, _, error = command("match", *pair, "-o", tmp_path / "o.png", "--method", "surf")
     assert code != 0
     assert "method must be one of ('sift', 'orb'), got 'surf'" in error

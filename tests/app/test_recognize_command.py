@@ -74,7 +74,7 @@ def test_refusals(command, pictures, tmp_path):
         (("train", pictures / "all", "-o", tmp_path / "old.npz"), "output must be a new file"),
         ((tmp_path / "none.npz", photo, "-o", tmp_path / "o.png"), "path must be a file"),
         ((tmp_path / "old.npz", photo, "-o", tmp_path / "o.png"), "must be a model"),
-        ((tmp_path / "old.npz", photo, "-o", photo), "output must be a file of its own"),
+        ((tmp_path / "old.npz", photo, "-o", photo), "output must not be a file that is read"),
         ((tmp_path / "old.npz", photo, "-o", "o.png", "--scales", "1,x"), "scales must be numbers"),
     ]:
         code, _, error = command("recognize", *arguments)

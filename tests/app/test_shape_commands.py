@@ -62,7 +62,8 @@ def test_find_nothing(command, photo, tmp_path):
         ),
         (["--scales", "1", "2", "0"], "scales must be LOW <= HIGH and a STEP, all > 0, got 1 2 0"),
         (["--rotations", "0"], "rotations must be in [1, 16384], got 0"),
-        (["--csv", "photo.png"], "output must be a file of its own, got"),
+        (["--csv", "photo.png"], "csv must not be a file that is read"),
+        (["--csv", "o.txt", "--json", "o.txt"], "json must not be a file that is read, nor"),
     ],
 )
 def test_mistakes_of_find_write_nothing(command, photo, tmp_path, monkeypatch, words, rule):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -38,6 +38,20 @@ def check_folder(output: Path, results: Sequence[str], overwrite: bool) -> None:
             f"output must have no results yet, got {str(output / kept[0])!r}: "
             "--overwrite replaces them"
         )
+
+
+def check_apart(read: Iterable[Path], **written: Path | None) -> None:
+    """Refuse a result in a file that is read, and two results in one file."""
+    taken = {path.resolve() for path in read}
+    for name, path in written.items():
+        if path is None:
+            continue
+        if path.resolve() in taken:
+            raise ValueError(
+                f"{name} must not be a file that is read, nor that of another result, "
+                f"got {str(path)!r}"
+            )
+        taken.add(path.resolve())
 
 
 def check_new(path: Path | None, name: str, overwrite: bool, or_else: str = "") -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device
+from cvkern.app.commands import Backend, Device, check_apart
 
 SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef")
 
@@ -46,8 +46,7 @@ def develop(
     """
     from cvkern.images.files import read_image, write_image
 
-    if photo.resolve() == output.resolve():
-        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_apart((photo,), output=output)
     if photo.suffix.lower() in SUFFIXES:
         raw, of_file, dark, full = _read(photo)
         pattern = pattern or of_file

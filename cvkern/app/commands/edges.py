@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
+from cvkern.app.commands import (
+    Backend,
+    Device,
+    Overwrite,
+    as_gray,
+    check_apart,
+    check_new,
+    write_csv,
+)
 
 SIGMA = 1.5
 LOW, HIGH = "quantile 0.7 of the image's", "quantile 0.9 of the image's"
@@ -67,9 +75,7 @@ def edges(
             "subpixel must go with operator 'gaussian', norm 'l2' and suppression 'interpolated', "
             f"got {operator!r}, {norm!r} and {suppression!r}"
         )
-    names = [file.resolve() for file in (photo, output, subpixel) if file]
-    if len(set(names)) < len(names):
-        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_apart((photo,), output=output, subpixel=subpixel)
     check_new(subpixel, "subpixel", overwrite)
     image = read_image(photo)
     gray = as_gray(image)

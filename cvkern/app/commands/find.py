@@ -11,7 +11,15 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
+from cvkern.app.commands import (
+    Backend,
+    Device,
+    Overwrite,
+    as_gray,
+    check_apart,
+    check_new,
+    write_csv,
+)
 
 COLOR = (255, 98, 41)
 FRAME = (255, 214, 64)
@@ -51,10 +59,7 @@ def find(
     from cvkern._files import replacing, write_text
     from cvkern.images.files import read_image, write_image
 
-    read = {template.resolve(), scene.resolve()}
-    written = [file.resolve() for file in (output, to_csv, to_json) if file]
-    if len(read.union(written)) < len(read) + len(written):
-        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_apart((template, scene), output=output, csv=to_csv, json=to_json)
     check_new(to_csv, "csv", overwrite)
     check_new(to_json, "json", overwrite)
     low, high, step = scales

@@ -11,7 +11,15 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
+from cvkern.app.commands import (
+    Backend,
+    Device,
+    Overwrite,
+    as_gray,
+    check_apart,
+    check_new,
+    write_csv,
+)
 
 SEGMENT = ("row", "column", "to_row", "to_column")
 LINE = ("theta", "rho", "votes")
@@ -55,9 +63,7 @@ def lines(
     from cvkern.images.drawing import draw_lines
     from cvkern.images.files import read_image, write_image
 
-    names = [file.resolve() for file in (photo, output, to_csv, to_json) if file]
-    if len(set(names)) < len(names):
-        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_apart((photo,), output=output, csv=to_csv, json=to_json)
     check_new(to_csv, "csv", overwrite)
     check_new(to_json, "json", overwrite)
     image = read_image(photo)

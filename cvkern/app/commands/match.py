@@ -11,7 +11,15 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, as_gray, check_new, write_csv
+from cvkern.app.commands import (
+    Backend,
+    Device,
+    Overwrite,
+    as_gray,
+    check_apart,
+    check_new,
+    write_csv,
+)
 
 COLUMNS = ("row", "column", "to_row", "to_column")
 COLOR = (255, 98, 41)
@@ -43,9 +51,7 @@ def match(
     from cvkern.features._photographs import white_of
     from cvkern.images.files import read_image, write_image
 
-    names = [file.resolve() for file in (one, other, output, to_csv, to_json) if file]
-    if len(set(names[2:])) < len(names[2:]) or set(names[2:]) & set(names[:2]):
-        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_apart((one, other), output=output, csv=to_csv, json=to_json)
     check_new(to_csv, "csv", overwrite)
     check_new(to_json, "json", overwrite)
     if method not in ("sift", "orb"):

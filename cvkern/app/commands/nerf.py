@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, check_new, progress_bar
+from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -159,8 +159,7 @@ def render(
         raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
     check_new(output if orbit else None, "output", overwrite)
     check_positive(size, "size")
-    if depth and depth.resolve() == output.resolve():
-        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_apart((), output=output, depth=depth)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
         if orbit:

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, check_new, write_csv
+from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, write_csv
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 FRAME = (255, 214, 64)
@@ -120,9 +120,7 @@ def find(
     from cvkern._files import replacing, write_text
     from cvkern.images.files import write_image
 
-    names = [file.resolve() for file in (model, photo, output, to_csv, to_json) if file]
-    if len(set(names)) < len(names):
-        raise ValueError(f"output must be a file of its own, got {str(output)!r}")
+    check_apart((model, photo), output=output, csv=to_csv, json=to_json)
     check_new(to_csv, "csv", overwrite)
     check_new(to_json, "json", overwrite)
     sizes = None if scales is None else _numbers(scales)
