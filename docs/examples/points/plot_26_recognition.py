@@ -33,8 +33,8 @@ axes[0].imshow(photo[:, :split], cmap="gray")
 axes[1].imshow(model.votes(photo[:, split:], scales=scales)[3], cmap="magma")
 axes[2].imshow(photo[:, split:], cmap="gray")
 axes[2].imshow(np.where(found.masks.any(axis=0), 1.0, np.nan), cmap="autumn", alpha=0.4)
-for top, left, bottom, right in found.objects.boxes:
-    axes[2].plot([left, right, right, left, left], [top, top, bottom, bottom, top], "y", lw=1)
+for box in found.objects.boxes:
+    axes[2].plot(box[[1, 3, 3, 1, 1]], box[[0, 0, 2, 2, 0]], "y", scalex=False, scaley=False)
 for axis, name in zip(axes, ("learnt from", "votes", "found"), strict=True):
     axis.set(title=name, xticks=[], yticks=[])
 plt.show()
