@@ -123,8 +123,7 @@ def integrate_normals(
     if not there.any():
         raise ValueError("mask must not be 0 at all valid normals, got nothing to integrate")
     solver = Solver(rt, inside, shape)
-    none = rt.scratch("relief.none", (0, 1, 1))
-    kernels.join(inside, slope, none, solver.weights, solver.rises)
+    kernels.join(inside, slope, solver.none, solver.weights, solver.rises)
     solver.solve(tolerance)
     if method == "bilateral":
         shares = rt.scratch("relief.shares", (2, *shape))

@@ -68,7 +68,12 @@ def tables(count: int) -> Tables:
     waves, quarters = (
         np.stack([np.cos(t), np.sin(t)], axis=1).astype(np.float32) for t in (4 * turns, turns)
     )
-    return Tables(waves, quarters, (4 * np.sin(turns) ** 2).astype(np.float32))
+    return Tables(waves, quarters, _eigenvalues(count).astype(np.float32))
+
+
+def _eigenvalues(count: int) -> np.ndarray:
+    """Return the part of a side of the eigenvalues, float64."""
+    return 4 * np.sin(np.pi * np.arange(count) / (2 * count)) ** 2
 
 
 def factors(count: int) -> list[int]:
@@ -97,8 +102,7 @@ def _on_host(slope: np.ndarray) -> np.ndarray:
     right[:, :-1] -= across
     right[1:] += down
     right[:-1] -= down
-    height, width = slope.shape[1:]
-    y, x = (4 * np.sin(np.pi * np.arange(n) / (2 * n)) ** 2 for n in (height, width))
+    y, x = (_eigenvalues(n) for n in slope.shape[1:])
     values = y[:, None] + x
     values[0, 0] = 1
     found = dctn(right, workers=cpu_threads()) / values
