@@ -61,8 +61,9 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
         *(shrunk(sources.images[n], sources.factors[n], n, coarse, canvas) for n in range(count)),
         strict=True,
     )
-    corners = coarse.rects[:, :2] - coarse.rects[:, :2].min(axis=0)
-    left, top = map(int, coarse.rects[:, :2].min(axis=0))
+    first = coarse.rects[:, :2].min(axis=0)
+    corners = coarse.rects[:, :2] - first
+    left, top = map(int, first)
     wide, tall = map(int, corners.max(axis=0))
     seen_by = rt.send("panorama.cameras", np.stack(cameras))
     columns = rt.send("panorama.columns", coarse.columns(left, wide + width))

@@ -118,10 +118,9 @@ def stitch(
     The images are grouped as by :func:`recognize_panoramas`. Bundle adjustment finds three angles
     and a focal length for each camera of a group that turned about one point, and how much their
     lens bends straight lines. It finds a homography for each image of one plane, such as the scans
-    of a map. Then exposures are equalised, seams are
-    laid around objects that moved, and each frequency band of the images is blended over a width of
-    its own. Images that cannot be adjusted jointly are joined by the homographies of the best
-    pairs, with a warning.
+    of a map. Then exposures are equalised, seams are laid around objects that moved, and each
+    frequency band of the images is blended over a width of its own. Images that cannot be adjusted
+    jointly are joined by the homographies of the best pairs, with a warning.
 
     Parameters
     ----------

@@ -167,19 +167,15 @@ def lay_out(alignment: Alignment, sides: np.ndarray, surface: str, scale: float)
 class Outline:
     """The directions of the rim of an image of a rotating camera."""
 
-    def __init__(
-        self, camera: np.ndarray, rotation: np.ndarray, side: np.ndarray, bend: float = 0.0
-    ):
+    def __init__(self, camera: np.ndarray, rotation: np.ndarray, side: np.ndarray, bend: float):
         self.matrix, self.rotation = camera @ rotation, rotation
-        rim = rim_of(side, bend) @ np.linalg.inv(self.matrix).T
+        points = rim_of(side, bend)
+        low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+        rim = points @ np.linalg.inv(self.matrix).T
         self.rim = rim / np.linalg.norm(rim, axis=1, keepdims=True)
         self.poles = []
         for pole in (-1.0, 1.0):
             x, y, z = self.matrix[:, 1] * pole
-            low, high = (
-                rim_of(side, bend)[:, :2].min(axis=0),
-                rim_of(side, bend)[:, :2].max(axis=0),
-            )
             if z > 0 and low[0] <= x / z <= high[0] and low[1] <= y / z <= high[1]:
                 self.poles.append(pole)
         self.centre = math.atan2(rotation[2, 0], rotation[2, 2])

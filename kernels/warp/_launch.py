@@ -22,9 +22,8 @@ __all__ = ["BLOCK", "cpu_threads", "launch", "launch_each", "launch_slabs", "scr
 # For fewer elements, handing a slab to another thread takes longer than the work.
 _SLAB_ELEMENTS = 1 << 16
 _MAX_COMMANDS = 512
-_MAX_DIMS = (
-    24  # sizes of a kernel with a launch of their own; all others share one, and set its size
-)
+# Sizes of a kernel with a launch of their own; all others share one, and set its size.
+_MAX_DIMS = 24
 BLOCK = 256  # threads of a CUDA block, unless a launch says otherwise
 
 

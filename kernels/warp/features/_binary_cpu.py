@@ -12,6 +12,14 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FILE = "_binary_cpu.h"
+# Constants of the native code, on CUDA as well.
+DESCRIBE = {
+    "DISC": codes.DISC,
+    "BLUR": codes.BLUR,
+    "PAIRS": codes.PAIRS,
+    "TURNS": codes.TURNS,
+    "TURNS_PER_RADIAN": f"{codes.TURNS_PER_RADIAN!r}f",
+}
 
 
 @_native.func_native(FILE)
@@ -41,14 +49,7 @@ def list_row(
 ): ...
 
 
-@_native.func_native(
-    FILE,
-    DISC=codes.DISC,
-    BLUR=codes.BLUR,
-    PAIRS=codes.PAIRS,
-    TURNS=codes.TURNS,
-    TURNS_PER_RADIAN=f"{codes.TURNS_PER_RADIAN!r}f",
-)
+@_native.func_native(FILE, **DESCRIBE)
 def describe_one(
     k: int,
     images: wp.array2d[wp.int64],

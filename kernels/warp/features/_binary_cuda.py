@@ -5,6 +5,8 @@ import warp as wp
 from cvkern.kernels.codes import features as codes
 from cvkern.kernels.warp import _native
 
+from ._binary_cpu import DESCRIBE
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 THREADS = 128  # threads of a block
@@ -109,14 +111,7 @@ def weigh(
     responses[n] = wp.int64(25) * det - trace * trace
 
 
-@_native.kernel(
-    "_binary_cuda.cu",
-    DISC=codes.DISC,
-    BLUR=codes.BLUR,
-    PAIRS=codes.PAIRS,
-    TURNS=codes.TURNS,
-    TURNS_PER_RADIAN=f"{codes.TURNS_PER_RADIAN!r}f",
-)
+@_native.kernel("_binary_cuda.cu", **DESCRIBE)
 def describe(
     images: wp.array2d[wp.int64],
     taps: wp.array[float],

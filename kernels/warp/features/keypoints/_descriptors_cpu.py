@@ -12,16 +12,26 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FILE = "_descriptors_cpu.h"
+# Constants of the native code, on CUDA as well.
+ORIENT = {
+    "BINS": codes.BINS,
+    "PEAKS": codes.PEAKS,
+    "LONGEST": f"{codes.LONGEST}f",
+    "BINS_PER_RADIAN": f"{codes.BINS_PER_RADIAN!r}f",
+    "REACH": codes.REACH,
+}
+DESCRIBE = {
+    "CELLS": codes.CELLS,
+    "DIRECTIONS": codes.DIRECTIONS,
+    "LONGEST": f"{codes.LONGEST}f",
+    "DIRECTIONS_PER_RADIAN": f"{codes.DIRECTIONS_PER_RADIAN!r}f",
+    "REACH": codes.REACH,
+    "LARGEST_SHARE": codes.LARGEST_SHARE,
+    "DESCRIPTOR_ONE": codes.DESCRIPTOR_ONE,
+}
 
 
-@_native.func_native(
-    FILE,
-    BINS=codes.BINS,
-    PEAKS=codes.PEAKS,
-    LONGEST=f"{codes.LONGEST}f",
-    BINS_PER_RADIAN=f"{codes.BINS_PER_RADIAN!r}f",
-    REACH=codes.REACH,
-)
+@_native.func_native(FILE, **ORIENT)
 def orient_one(
     k: int,
     octaves: wp.array2d[wp.int64],
@@ -33,16 +43,7 @@ def orient_one(
 ): ...
 
 
-@_native.func_native(
-    FILE,
-    CELLS=codes.CELLS,
-    DIRECTIONS=codes.DIRECTIONS,
-    LONGEST=f"{codes.LONGEST}f",
-    DIRECTIONS_PER_RADIAN=f"{codes.DIRECTIONS_PER_RADIAN!r}f",
-    REACH=codes.REACH,
-    LARGEST_SHARE=codes.LARGEST_SHARE,
-    DESCRIPTOR_ONE=codes.DESCRIPTOR_ONE,
-)
+@_native.func_native(FILE, **DESCRIBE)
 def describe_one(
     k: int,
     octaves: wp.array2d[wp.int64],

@@ -6,8 +6,9 @@ Plain Warp takes a thread a row, and adds to histograms in global memory.
 
 import warp as wp
 
-from cvkern.kernels.codes import features as codes
 from cvkern.kernels.warp import _native
+
+from ._descriptors_cpu import DESCRIBE, ORIENT
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -15,14 +16,7 @@ FILE = "_descriptors_cuda.cu"
 THREADS = 128  # threads of a block; a descriptor has as many numbers
 
 
-@_native.kernel(
-    FILE,
-    BINS=codes.BINS,
-    PEAKS=codes.PEAKS,
-    LONGEST=f"{codes.LONGEST}f",
-    BINS_PER_RADIAN=f"{codes.BINS_PER_RADIAN!r}f",
-    REACH=codes.REACH,
-)
+@_native.kernel(FILE, **ORIENT)
 def orient(
     octaves: wp.array2d[wp.int64],  # (O, 4)
     windows: wp.array2d[int],  # (N, 5)
@@ -34,16 +28,7 @@ def orient(
 ): ...
 
 
-@_native.kernel(
-    FILE,
-    CELLS=codes.CELLS,
-    DIRECTIONS=codes.DIRECTIONS,
-    LONGEST=f"{codes.LONGEST}f",
-    DIRECTIONS_PER_RADIAN=f"{codes.DIRECTIONS_PER_RADIAN!r}f",
-    REACH=codes.REACH,
-    LARGEST_SHARE=codes.LARGEST_SHARE,
-    DESCRIPTOR_ONE=codes.DESCRIPTOR_ONE,
-)
+@_native.kernel(FILE, **DESCRIBE)
 def describe(
     octaves: wp.array2d[wp.int64],
     windows: wp.array2d[int],
