@@ -14,9 +14,8 @@ METHODS = ("debevec", "robertson")
 SAMPLES = 2**17  # pixels that a response is made of
 CODES = 256
 ENDS = 4  # codes at either end of the scale that may be clipped
-SMOOTH = (
-    1000.0  # weight of how the curve bends over log2 of its codes, beside the mean weight of one
-)
+# Weight of how the curve bends over log2 of its codes, beside the mean weight of one.
+SMOOTH = 1000.0
 ROUNDS, STILL = 40, 1e-4  # at most so many of Robertson's, until the curve moves less
 
 

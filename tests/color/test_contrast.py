@@ -44,7 +44,8 @@ def test_adapthist_is_scikit_image(backend, image, options):
 def test_adapthist_of_colours(backend):
     want = exposure.equalize_adapthist(COLOURS)
     got = cvkern.equalize_adapthist(COLOURS)
-    np.testing.assert_allclose(got, want, rtol=0, atol=1e-6)
+    # The new tone, its product and the quotient are rounded to float32, by 6e-8 of 1 each.
+    np.testing.assert_allclose(got, want, rtol=0, atol=2e-7)
 
 
 def test_both_sets_have_the_same_bits():
@@ -76,8 +77,9 @@ def test_retinex(backend):
     for sigma in (2.0, 9.0):
         around = gaussian_filter(image, (sigma, sigma, 0))
         want += np.log((image + 1) / (around + 1)) / 2
-    np.testing.assert_allclose(cvkern.retinex(COLOURS, (2.0, 9.0)), want, atol=2e-5)
-    np.testing.assert_allclose(cvkern.retinex(COLOURS / 255, (2.0, 9.0)), want, atol=2e-5)
+    # Along both axes, 17 and 73 products in float32: sums are off by 2e-6 and 9e-6 at most.
+    np.testing.assert_allclose(cvkern.retinex(COLOURS, (2.0, 9.0)), want, atol=1e-5)
+    np.testing.assert_allclose(cvkern.retinex(COLOURS / 255, (2.0, 9.0)), want, atol=1e-5)
 
 
 def test_retinex_takes_slow_light_out(backend):

@@ -111,7 +111,8 @@ def test_linear_values(backend, dtype):
     light = np.random.default_rng(3).uniform(100, 8000, (20, 30))
     images = np.stack([np.minimum(light * t, 10000) for t in (0.25, 1, 4)]).astype(dtype)
     got = cvkern.merge_exposures(images, [0.25, 1, 4])
-    np.testing.assert_allclose(got, light, rtol=4e-2 if dtype == np.uint16 else 1e-6)
+    # Whole numbers lose less than 1 each: sum(t) / sum(t^2) = 0.308 of the mean, beside 100.
+    np.testing.assert_allclose(got, light, rtol=3.1e-3 if dtype == np.uint16 else 1e-6)
     grey = images[:2].clip(0, 255).astype(np.uint8)
     got = cvkern.merge_exposures(grey, [1, 1], "linear")
     assert got.dtype == np.float32

@@ -46,8 +46,9 @@ def test_the_filter_nears_its_definition():
 
 
 def test_nothing_changes_where_edges_keep_their_size(backend):
+    """In float32, as above."""
     image = walk((40, 31))
-    np.testing.assert_allclose(filtered(image, 9, 1.0, 1.0), image, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(filtered(image, 9, 1.0, 1.0), image, rtol=0, atol=2e-5)
 
 
 @pytest.mark.parametrize("method", METHODS)
