@@ -201,7 +201,7 @@ def find_fundamentals(
     TypeError
         If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If there is no pair, a shape is another, there are more than 262144 matches of a pair,
+        If there is no pair, a shape does not match, there are more than 262144 matches of a pair,
         arrays are on several devices, or an option is out of range.
 
     Examples

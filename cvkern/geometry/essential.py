@@ -120,7 +120,7 @@ def find_essentials(
     TypeError
         If an array does not hold real numbers, or an option is not a number.
     ValueError
-        If there is no pair, a shape is another, there are more than 262144 matches of a pair, a
+        If there is no pair, a shape does not match, there are more than 262144 matches of a pair, a
         camera matrix is not finite or has no inverse, arrays are on several devices, or an option
         is out of range.
 

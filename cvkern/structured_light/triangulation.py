@@ -227,7 +227,7 @@ def fit_laser_plane(
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
         If shapes do not match, or the points lie on one line: give boards in two poses.
 
@@ -314,7 +314,7 @@ def triangulate_lines(
     Raises
     ------
     TypeError
-        If an array does not hold real numbers, or `camera` is none.
+        If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
         If a shape does not match, or `angles` and `pivot` are not given together.
 

@@ -1,11 +1,11 @@
 """Essential matrices of calibrated cameras, from five matches, in Taichi.
 
 Five matches leave ``E = x X + y Y + z Z + W``. The ten cubic equations ``det E = 0`` and
-``2 E E' E - tr(E E') E = 0`` are reduced by elimination to a polynomial of degree ten in z, whose
-real roots Sturm's chain and bisection find; x and y follow [D. Nister, "An efficient solution to
-the five-point relative pose problem", IEEE PAMI 26(6), 2004]. A step of refinement turns E from
-either side. The order of arithmetic is that of Warp's _essential.h, so both sets give the same
-bits.
+``2 E E' E - tr(E E') E = 0`` are reduced by elimination to a polynomial of degree ten in z. Sturm's
+chain isolates its real roots, and Newton's steps find them; x and y follow [D. Nister, "An
+efficient solution to the five-point relative pose problem", IEEE PAMI 26(6), 2004]. A step of
+refinement turns E from either side. The order of arithmetic is that of Warp's _essential.h, so both
+sets give the same bits.
 """
 
 import taichi as ti

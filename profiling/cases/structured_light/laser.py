@@ -14,9 +14,8 @@ THRESHOLD = 40.0  # a fifth of the line's height; a given threshold needs no loo
 # Steger's rule leaves half of the bound s sqrt(2 sigma / sqrt(pi)) / A of a column alone, 0.015
 # pixels; the largest of 4000 columns is at four times that, and a slant adds a little.
 LIMIT = 0.08
-ENDS = (
-    8  # columns at either end, where the smoothing repeats the last one: a slanted line has a kink
-)
+# Columns at either end, where the smoothing repeats the last one: a slanted line has a kink.
+ENDS = 8
 
 
 def _rows(width: int, height: int) -> np.ndarray:
