@@ -12,10 +12,9 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, progress_bar
 from cvkern.panorama.stitching import MAX_PIXELS
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 WRITTEN = re.compile(r"panorama-\d+\.(png|tif)")
 REPORT = "report.json"
 
@@ -65,7 +64,7 @@ def panorama(
         raise ValueError(
             f"output must have no panoramas yet, got {str(min(old))!r}: --overwrite replaces them"
         )
-    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOGRAPHS and p.is_file())
     files = [p for p in files if p not in old]
     if not files:
         raise ValueError(f"folder must have images, got none in {str(folder)!r}")

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 import cvkern
+from cvkern.app.commands.recognize import drawn
 from cvkern.app.tour.clock import Clock
 from cvkern.app.tour.page import Chapter, Figure, Panel
 from cvkern.images.colors import apply_colormap
-from cvkern.images.drawing import draw_lines
 
-FRAME = (255, 214, 64)
 FIGURE = np.array([255, 98, 41])
 SPLIT = 192  # column between the coins to learn from and those to find
 SCALES = (0.71, 0.84, 1.0, 1.19, 1.41, 1.68)
@@ -83,10 +82,6 @@ def _votes(clock: Clock) -> Figure:
 def _objects(clock: Clock) -> Figure:
     model, photo = _learnt()
     found: Any = clock(model.segment, photo, scales=SCALES, threshold=THRESHOLD)
-    boxed = np.repeat(photo[..., None], 3, axis=2)
-    for top, left, bottom, right in found.objects.boxes - 0.5:
-        corners = np.array([[top, left], [top, right], [bottom, right], [bottom, left]])
-        boxed = draw_lines(boxed, np.hstack((corners, np.roll(corners, -1, axis=0))), color=FRAME)
     figure = np.repeat(photo[..., None], 3, axis=2)
     inside = found.masks.any(axis=0)
     figure[inside] = (0.55 * figure[inside] + 0.45 * FIGURE).astype(np.uint8)
@@ -97,7 +92,7 @@ def _objects(clock: Clock) -> Figure:
         "patches, which know from training what is coin and what is ground.",
         "found = model.segment(photo, scales=scales, threshold=6)",
         (
-            Panel("recognition-boxes", boxed, "What was found"),
+            Panel("recognition-boxes", drawn(photo, found.objects), "What was found"),
             Panel("recognition-masks", figure, "The pixels of the coins"),
         ),
         clock.take(),
