@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.filters.channels import planes_of, slopes_of_channels, take_longest
+from cvkern.filters.channels import longest_slopes, planes_of
 from cvkern.filters.gradients import DIFFERENCE, SMOOTH, differentiate
 from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
 from cvkern.kernels.codes.edges import Norm
@@ -57,13 +57,11 @@ def find_slopes(
         raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
     planes = planes_of(rt, image)
     options = planes.dtype, sigma, operator, around, bare
-    if len(planes.values) == 1:
-        _differentiate_plane(rt, planes.values[0], *options, dy, dx)
-        return
-    dys, dxs = slopes_of_channels(rt, planes.shape)
-    for c, plane in enumerate(planes.values):
-        _differentiate_plane(rt, plane, *options, dys[c], dxs[c])
-    take_longest(rt, dys, dxs, dy, dx, norm)
+
+    def fill(plane: Any, down: Any, along: Any) -> None:
+        _differentiate_plane(rt, plane, *options, down, along)
+
+    longest_slopes(rt, planes, fill, dy, dx, norm)
 
 
 def _differentiate_plane(

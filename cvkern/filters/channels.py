@@ -7,6 +7,7 @@ the first channel's. This is the rule of :func:`cv2.Canny`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,14 +52,21 @@ def planes_of(
     return Planes(tuple(planes[c].reshape((*shape, width)) for c in range(COLORS)), given)
 
 
-def slopes_of_channels(rt: Runtime, shape: tuple[int, ...]) -> tuple[Any, Any]:
-    """Return kernel memory for dy and dx of each channel, (3, *shape) each."""
-    dys, dxs = (rt.scratch(f"channels.{name}", (COLORS, *shape)) for name in ("dy", "dx"))
-    return dys, dxs
-
-
-def take_longest(rt: Runtime, dys: Any, dxs: Any, dy: Any, dx: Any, norm: Norm = Norm.L2) -> None:
-    """Fill dy and dx with the longest of the channels' gradients."""
+def longest_slopes(
+    rt: Runtime,
+    planes: Planes,
+    differentiate: Callable[[Any, Any, Any], None],
+    dy: Any,
+    dx: Any,
+    norm: Norm = Norm.L2,
+) -> None:
+    """Fill dy and dx with the longest of the gradients that `differentiate` fills for a plane."""
+    if len(planes.values) == 1:
+        differentiate(planes.values[0], dy, dx)
+        return
+    dys, dxs = (rt.scratch(f"channels.{name}", (COLORS, *planes.shape)) for name in ("dy", "dx"))
+    for c, plane in enumerate(planes.values):
+        differentiate(plane, dys[c], dxs[c])
     *shape, width = dy.shape
     one = math.prod(shape), width  # the rows of all images of a stack
     downs, alongs = (a.reshape((COLORS, *one)) for a in (dys, dxs))

@@ -12,7 +12,7 @@ import numpy as np
 
 from cvkern._checks import check_choice, check_code, check_number, check_photograph
 from cvkern._runtime import Runtime, runtime
-from cvkern.filters.channels import planes_of, slopes_of_channels, take_longest
+from cvkern.filters.channels import longest_slopes, planes_of
 from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
 from cvkern.kernels.codes.filters import Border, Outside
 
@@ -63,7 +63,7 @@ def sobel(
 
     Returns
     -------
-    array of shape (H, W), float32
+    array of shape (H, W), or (N, H, W) of a stack, float32
         In units of `image`: a weighted mean of differences across two pixels.
 
     Raises
@@ -106,7 +106,7 @@ def scharr(
 
     Returns
     -------
-    array of shape (H, W), float32
+    array of shape (H, W), or (N, H, W) of a stack, float32
         In units of `image`: a weighted mean of differences across two pixels.
 
     Raises
@@ -147,7 +147,7 @@ def prewitt(
 
     Returns
     -------
-    array of shape (H, W), float32
+    array of shape (H, W), or (N, H, W) of a stack, float32
         In units of `image`: a mean of differences across two pixels.
 
     Raises
@@ -245,13 +245,14 @@ def derivatives(
     if operator == "gaussian" and sigma <= NO_SIGMA:
         raise ValueError(f"sigma must be > 0 with the operator 'gaussian', got {sigma:g}")
     planes = planes_of(rt, image, batch_axis=batch_axis)
+
+    def fill(src: Any, *filled: Any) -> None:
+        _differentiate_plane(rt, src, sigma, operator, border, cval, *filled)
+
     if len(planes.values) == 1:
-        _differentiate_plane(rt, planes.values[0], sigma, operator, border, cval, *outputs)
+        fill(planes.values[0], *outputs)
         return
-    dys, dxs = slopes_of_channels(rt, planes.shape)
-    for c, src in enumerate(planes.values):
-        _differentiate_plane(rt, src, sigma, operator, border, cval, dys[c], dxs[c])
-    take_longest(rt, dys, dxs, *outputs[:2])
+    longest_slopes(rt, planes, fill, *outputs[:2])
     if len(outputs) > 2:
         rt.filters.gradients.polar(*outputs)
 
@@ -330,14 +331,11 @@ def _edge_strength(
     dst = rt.adopt(result)
     dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
     dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
-    planes = planes_of(rt, image, batch_axis=batch_axis).values
-    if len(planes) == 1:
-        differentiate(rt, planes[0], _MEAN[operator], DIFFERENCE, border, cval, dy, dx)
-    else:
-        dys, dxs = slopes_of_channels(rt, shape)
-        for c, src in enumerate(planes):
-            differentiate(rt, src, _MEAN[operator], DIFFERENCE, border, cval, dys[c], dxs[c])
-        take_longest(rt, dys, dxs, dy, dx)
+
+    def fill(src: Any, down: Any, along: Any) -> None:
+        differentiate(rt, src, _MEAN[operator], DIFFERENCE, border, cval, down, along)
+
+    longest_slopes(rt, planes_of(rt, image, batch_axis=batch_axis), fill, dy, dx)
     if axis is None:
         rt.filters.gradients.root_mean_square(dy, dx, dst)
     return rt.release(result)
