@@ -12,9 +12,16 @@ import typer
 from typer.core import TyperGroup
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, write_csv
+from cvkern.app.commands import (
+    PHOTOGRAPHS,
+    Backend,
+    Device,
+    Overwrite,
+    check_apart,
+    check_new,
+    write_csv,
+)
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 FRAME = (255, 214, 64)
 BOXES = "boxes.json"
 
@@ -161,7 +168,7 @@ def drawn(image: np.ndarray, found: Any) -> np.ndarray:
 def _pictures(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file())
+    return sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOGRAPHS and p.is_file())
 
 
 def _read(file: Path) -> np.ndarray:
