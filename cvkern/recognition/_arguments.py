@@ -55,11 +55,9 @@ def check_boxes(boxes: Sequence[Any] | None, pictures: list[np.ndarray]) -> list
         raise ValueError(f"boxes must be of {len(pictures)} pictures, got {len(given)}")
     found = []
     for n, (values, picture) in enumerate(zip(given, pictures, strict=True)):
-        array = (
-            as_numbers(values, f"boxes[{n}]").reshape(-1, 4) if np.size(values) % 4 == 0 else None
-        )
-        if array is None:
+        if np.size(values) % 4:
             raise ValueError(f"boxes[{n}] must have shape (N, 4), got {np.shape(values)}")
+        array = as_numbers(values, f"boxes[{n}]").reshape(-1, 4)
         if not np.isfinite(array).all():
             raise ValueError(f"boxes[{n}] must be finite, got others")
         whole = np.rint(array).astype(np.int64)

@@ -11,7 +11,6 @@ from cvkern._runtime import Runtime
 from cvkern.kernels.codes.recognition import FINE, NOBODY, Frame, Patches, Space
 from cvkern.recognition.codebook import cluster
 from cvkern.recognition.hypotheses import weigh
-from cvkern.recognition.patches import scale_code
 from cvkern.recognition.training import (
     DOUBTFUL,
     HARDEST,
@@ -215,7 +214,7 @@ def mistaken(
     space, _, _ = layout((shape[0], shape[1]), ZOOMS)
     given = zip(Patches._fields, (*example.sampled[:3], example.matches), strict=True)
     patches = Patches(*(rt.send(f"recognition.{name}", array) for name, array in given))
-    modes = np.concatenate([dense_modes(shape, settings, zoom, scale_code(zoom)) for zoom in ZOOMS])
+    modes = np.concatenate([dense_modes(shape, settings, zoom) for zoom in ZOOMS])
     size = np.array([settings.height, settings.width])
     if place is not None:
         apart = np.abs(modes[:, :2] / FINE - place) / size

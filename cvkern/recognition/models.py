@@ -261,8 +261,9 @@ class ShapeModel:
         ValueError
             If the model is not fitted, `image` has a wrong shape, or an option is out of range.
         """
-        found = search(image, scales, threshold, data_range, *self._ready())
-        return objects_of(found, self._ready()[0])
+        settings, fitted = self._ready()
+        found = search(image, scales, threshold, data_range, settings, fitted)
+        return objects_of(found, settings)
 
     def segment(
         self,
@@ -297,11 +298,11 @@ class ShapeModel:
         settings, fitted = self._ready()
         if not fitted.figures.size:
             raise ValueError("the model must be fitted with masks, got one without")
-        found = search(image, scales, threshold, data_range, *self._ready())
+        found = search(image, scales, threshold, data_range, settings, fitted)
         masks = found.rt.empty((len(found.modes), *found.shape), np.bool_)
         if found.votes is not None and len(found.modes):
             paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
-        return Segmentation(objects_of(found, self._ready()[0]), found.rt.release(masks))
+        return Segmentation(objects_of(found, settings), found.rt.release(masks))
 
     def votes(
         self,

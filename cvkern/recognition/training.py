@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, OCTAVE, ONE, Frame
-from cvkern.recognition.patches import Sampled, Sampling, sample
+from cvkern.recognition.patches import Sampled, Sampling, sample, scale_code
 from cvkern.recognition.votes import activate
 
 if TYPE_CHECKING:
@@ -273,11 +273,13 @@ def quantised(weights: np.ndarray, bias: float, count: int) -> Learnt:
     return Learnt(whole.reshape(count, -1), round(bias * UNIT))
 
 
-def dense_modes(shape: tuple[int, ...], settings: Settings, scale: float, code: int) -> np.ndarray:
+def dense_modes(shape: tuple[int, ...], settings: Settings, scale: float) -> np.ndarray:
     """Return places (T, 4) all over a picture where an object of a size would be inside."""
     spans = []
     for side, size in zip(shape, (settings.height, settings.width), strict=True):
         half = FINE * size * scale / 2
         spans.append(np.arange(half, max(FINE * side - half, half + 1), WINDOW_STEP * scale))
     y, x = (np.rint(a.ravel()) for a in np.meshgrid(*spans, indexing="ij"))
-    return np.column_stack([y, x, np.full(len(y), code), np.zeros(len(y))]).astype(np.int32)
+    return np.column_stack([y, x, np.full(len(y), scale_code(scale)), np.zeros(len(y))]).astype(
+        np.int32
+    )

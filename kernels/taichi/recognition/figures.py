@@ -4,7 +4,6 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes.recognition import (
-    FACTOR_BITS,
     FINE,
     KERNEL_ONE,
     OCTAVE,
@@ -12,13 +11,14 @@ from cvkern.kernels.codes.recognition import (
     Window,
 )
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi.recognition.votes import _factor, _scaled
+from cvkern.kernels.taichi.recognition.votes import _below, _factor, _kernel_at, _scaled, _span
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
+vec3i = ti.types.vector(3, ti.i32)
 i32_5 = ti.types.vector(5, ti.i32)
 
 
@@ -47,12 +47,6 @@ def paint_figures(
     )
 
 
-@ti.func
-def _below(size: ti.i32, factor: ti.i32) -> ti.i32:
-    """Return size / factor in parts of 2^16, rounded down."""
-    return ti.cast(ti.cast(size, ti.i64) * (1 << FACTOR_BITS) // factor, ti.i32)
-
-
 @ti.kernel
 def _paint(
     votes: i32_2,  # (V, 4)
@@ -79,26 +73,14 @@ def _paint(
         z = modes[t, 2]
         own = _factor(factors, lowest, z)
         reach = _scaled(radius, own)
-        square = ti.cast(reach, ti.i64) * reach
         for s in range(bins.shape[0]):
             if ti.abs(bins[s, 3] - z) <= scales + slack:
-                cell_side = bins[s, 4]
-                columns = bins[s, 2]
-                above = ti.max(y - reach, 0) // cell_side
-                below = ti.min((y + reach) // cell_side + 1, bins[s, 1])
-                before = ti.min(ti.max(x - reach, 0) // cell_side, columns)
-                behind = ti.max(ti.min((x + reach) // cell_side + 1, columns), before)
+                above, below, before, behind = _span(bins, s, y, x, reach)
                 for cells in range(above, below):
-                    cell = bins[s, 0] + cells * columns
+                    cell = bins[s, 0] + cells * bins[s, 2]
                     for v in range(starts[cell + before], starts[cell + behind]):
-                        dy = ti.cast(votes[v, 0] - y, ti.i64)
-                        dx = ti.cast(votes[v, 1] - x, ti.i64)
-                        dz = ti.cast(votes[v, 2] - z, ti.i64)
-                        near = (
-                            KERNEL_ONE
-                            - KERNEL_ONE * (dy * dy + dx * dx) // square
-                            - KERNEL_ONE * dz * dz // (scales * scales)
-                        )
+                        apart = vec3i(votes[v, 0] - y, votes[v, 1] - x, votes[v, 2] - z)
+                        near = _kernel_at(apart, reach, scales)
                         i = sources[v, 0]
                         if near > 0 and ti.abs(places[i, 2] - z) < OCTAVE // 2:
                             weight = ti.cast(votes[v, 3] * near // KERNEL_ONE, ti.i32)

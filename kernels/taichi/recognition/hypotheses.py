@@ -8,9 +8,9 @@ the level whose scale is nearest count.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.recognition import FACTOR_BITS, NOBODY, Frame, Patches, Space
+from cvkern.kernels.codes.recognition import NOBODY, Frame, Patches, Space
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi.recognition.votes import _factor, _scaled
+from cvkern.kernels.taichi.recognition.votes import _below, _factor, _scaled
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
@@ -30,11 +30,10 @@ def _level(levels: ti.template(), scale: ti.i32) -> ti.i32:
 @ti.func
 def _cell(layers: ti.template(), b: ti.i32, dy: ti.i32, dx: ti.i32, factor: ti.i32) -> ti.i32:
     """Return the cell of a layer at a distance from the middle, or -1 outside of its frame."""
-    one = 1 << FACTOR_BITS
     height = layers[b, 0]
     width = layers[b, 1]
-    y = ti.cast(ti.cast(dy, ti.i64) * one // factor, ti.i32) + height
-    x = ti.cast(ti.cast(dx, ti.i64) * one // factor, ti.i32) + width
+    y = _below(dy, factor) + height
+    x = _below(dx, factor) + width
     found = -1
     if 0 <= y < 2 * height and 0 <= x < 2 * width:
         row = y * layers[b, 2] // (2 * height)

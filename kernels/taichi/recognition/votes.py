@@ -20,6 +20,8 @@ from cvkern.kernels.taichi._launch import primitive, scratch
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+vec3i = ti.types.vector(3, ti.i32)
+vec4i = ti.types.vector(4, ti.i32)
 
 
 @ti.func
@@ -27,6 +29,12 @@ def _scaled(size: ti.i32, factor: ti.i32) -> ti.i32:
     """Return a size times a factor of scale, halves rounded up."""
     wide = ti.cast(size, ti.i64) * ti.cast(factor, ti.i64)
     return ti.cast((wide + (1 << (FACTOR_BITS - 1))) >> FACTOR_BITS, ti.i32)
+
+
+@ti.func
+def _below(size: ti.i32, factor: ti.i32) -> ti.i32:
+    """Return size / factor in parts of 2^16, rounded down."""
+    return ti.cast(ti.cast(size, ti.i64) * (1 << FACTOR_BITS) // factor, ti.i32)
 
 
 @ti.func
@@ -57,6 +65,37 @@ def _cell(bins: ti.template(), s: ti.i32, y: ti.i32, x: ti.i32) -> ti.i32:
         if row < bins[s, 1] and column < bins[s, 2]:
             found = bins[s, 0] + row * bins[s, 2] + column
     return found
+
+
+@ti.func
+def _active(matches: ti.template(), i: ti.i32) -> ti.i32:
+    """Return the number of words of a patch."""
+    found = 0
+    for m in range(matches.shape[1]):
+        found += ti.cast(matches[i, m] != NOBODY, ti.i32)
+    return found
+
+
+@ti.func
+def _span(bins: ti.template(), s: ti.i32, y: ti.i32, x: ti.i32, reach: ti.i32) -> vec4i:
+    """Return the first rows and columns of cells near a place, and those behind the last."""
+    side = bins[s, 4]
+    columns = bins[s, 2]
+    above = ti.max(y - reach, 0) // side
+    below = ti.min((y + reach) // side + 1, bins[s, 1])
+    before = ti.min(ti.max(x - reach, 0) // side, columns)
+    behind = ti.max(ti.min((x + reach) // side + 1, columns), before)
+    return vec4i(above, below, before, behind)
+
+
+@ti.func
+def _kernel_at(apart: vec3i, reach: ti.i32, scales: ti.i32) -> ti.i64:
+    """Return the kernel of Epanechnikov at a distance, at most 0 outside."""
+    dy = ti.cast(apart[0], ti.i64)
+    dx = ti.cast(apart[1], ti.i64)
+    dz = ti.cast(apart[2], ti.i64)
+    flat = KERNEL_ONE * (dy * dy + dx * dx) // (ti.cast(reach, ti.i64) * reach)
+    return KERNEL_ONE - flat - KERNEL_ONE * dz * dz // (scales * scales)
 
 
 @primitive
@@ -91,9 +130,7 @@ def _count(
         starts[c + 1] = 0
     for i in range(places.shape[0]):
         factor = _factor(factors, lowest, places[i, 2])
-        active = 0
-        for m in range(matches.shape[1]):
-            active += ti.cast(matches[i, m] != NOBODY, ti.i32)
+        active = _active(matches, i)
         for m in range(active):
             word = matches[i, m]
             for e in range(begins[word], begins[word + 1]):
@@ -157,9 +194,7 @@ def _list(
         counts[c] = 0
     for i in range(places.shape[0]):
         factor = _factor(factors, lowest, places[i, 2])
-        active = 0
-        for m in range(matches.shape[1]):
-            active += ti.cast(matches[i, m] != NOBODY, ti.i32)
+        active = _active(matches, i)
         for m in range(active):
             word = matches[i, m]
             for e in range(begins[word], begins[word + 1]):
@@ -265,7 +300,6 @@ def _shift(
         while moving == 1 and left > 0:
             left -= 1
             reach = _scaled(radius, _factor(factors, lowest, z))
-            square = ti.cast(reach, ti.i64) * reach
             mass = ti.cast(0, ti.i64)
             down = ti.cast(0, ti.i64)
             along = ti.cast(0, ti.i64)
@@ -273,23 +307,12 @@ def _shift(
             density = 0
             for s in range(bins.shape[0]):
                 if ti.abs(bins[s, 3] - z) <= scales + slack:
-                    side = bins[s, 4]
-                    columns = bins[s, 2]
-                    above = ti.max(y - reach, 0) // side
-                    below = ti.min((y + reach) // side + 1, bins[s, 1])
-                    before = ti.min(ti.max(x - reach, 0) // side, columns)
-                    behind = ti.max(ti.min((x + reach) // side + 1, columns), before)
+                    above, below, before, behind = _span(bins, s, y, x, reach)
                     for row in range(above, below):
-                        cell = bins[s, 0] + row * columns
+                        cell = bins[s, 0] + row * bins[s, 2]
                         for v in range(starts[cell + before], starts[cell + behind]):
-                            dy = ti.cast(votes[v, 0] - y, ti.i64)
-                            dx = ti.cast(votes[v, 1] - x, ti.i64)
-                            dz = ti.cast(votes[v, 2] - z, ti.i64)
-                            height = (
-                                KERNEL_ONE
-                                - KERNEL_ONE * (dy * dy + dx * dx) // square
-                                - KERNEL_ONE * dz * dz // (scales * scales)
-                            )
+                            apart = vec3i(votes[v, 0] - y, votes[v, 1] - x, votes[v, 2] - z)
+                            height = _kernel_at(apart, reach, scales)
                             if height > 0:
                                 weight = ti.cast(votes[v, 3], ti.i64)
                                 mass += weight

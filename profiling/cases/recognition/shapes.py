@@ -9,6 +9,7 @@ import numpy as np
 import scipy.ndimage as ndi
 
 import cvkern
+from profiling.arrays import to_host
 from profiling.case import TOY, Case, Shape, Work
 
 SIDE = 16  # pixels of a part
@@ -67,7 +68,7 @@ def _words_for(scene: np.ndarray) -> int:
 def _find(scene: Any, _: Any) -> np.ndarray:
     """Return the middle of the strongest."""
     found = _model(_words_for(scene)).detect(scene, scales=SCALES)
-    centers = found.centers if isinstance(found.centers, np.ndarray) else found.centers.get()
+    centers = to_host(found.centers)
     return centers[0] if len(centers) else np.full(2, np.inf)
 
 
