@@ -3,8 +3,8 @@
 A pixel of the result has the ray ``(x, y, z) = M (column, row, 1)`` of the old camera. Its lens
 bends (x, y) / z by Brown's polynomial (cvkern/geometry/cameras/lens.py) [D. Brown, "Close-range
 camera calibration", Photogrammetric Engineering 37(8), 1971], and the four pixels around that place
-are weighed linearly, for bytes in steps of 1/256 pixel. On CUDA a warp takes 256 pixels of a row, on
-the CPU a slab of rows (_undistortion_cpu.h).
+are weighed linearly, for bytes in steps of 1/256 pixel. On CUDA a warp takes 256 pixels of a row,
+on the CPU a thread takes a slab of rows (_undistortion_cpu.h).
 """
 
 from functools import lru_cache
