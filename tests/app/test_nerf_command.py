@@ -233,7 +233,7 @@ def test_the_synthetic_scene(command, tmp_path, monkeypatch):
         (["render", "broken.npz", "-o", "p.png"], "path must be a whole model, got 'broken.npz'"),
         (["render", "MODEL", "-o", "p.png", "--view", "99"], "view must be in [0, 9], got 99"),
         (["render", "MODEL", "-o", "p.png", "--size", "0"], "size must be > 0, got 0"),
-        (["render", "MODEL", "-o", "p.png", "--depth", "p.png"], "output must be a file of its"),
+        (["render", "MODEL", "-o", "p.png", "--depth", "p.png"], "depth must not be a file"),
         (["render", "MODEL", "-o", "p.gif", "--orbit", "--depth", "d.png"], "depth must go with"),
         (["render", "MODEL", "-o", "p.xyz"], "path must end in one of"),
         (["eval", "MODEL", "none"], "path must be a folder of posed photographs"),
