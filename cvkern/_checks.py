@@ -136,7 +136,7 @@ def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
     values = as_array(values, name)
     if tuple(values.shape) != tuple(shape):
         raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
-    return check_image(values, ndim=(1, 2), name=name) if len(values) else values
+    return check_image(values, ndim=(1, 2, 3), name=name) if len(values) else values
 
 
 def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
