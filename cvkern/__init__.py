@@ -61,7 +61,8 @@ _NAMES = {
         "detect_ellipses", "detect_lines", "detect_segments", "find_shape", "fit_line",
         "generalized_hough", "generalized_hough_votes", "hough_circle",
         "hough_circle_peaks", "hough_ellipse", "hough_line", "hough_line_peaks",
-        "hough_line_segments", "hough_line_slope", "r_table", "suggest_line_bins",
+        "hough_line_segments", "hough_line_slope", "probabilistic_hough_line", "r_table",
+        "suggest_line_bins",
     ),
     "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
     "raw": (

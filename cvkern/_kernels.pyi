@@ -46,6 +46,7 @@ class Folder:
             from cvkern.kernels.warp.hough.generalized import votes as votes
         class lines:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
+            from cvkern.kernels.warp.hough.lines import progressive as progressive
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
     class panorama:
