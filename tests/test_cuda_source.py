@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import re
 from pathlib import Path
 
 import pytest
@@ -103,22 +104,42 @@ def stereo_kernels():
         yield match.winners(line, count, *match.tile(depth))
 
 
-def test_stereo_compiles(tmp_path):
-    """To machine code of the GPU with the least shared memory: there is enough, and registers."""
-    kernels.start("cpu", None)
-    for n, kernel in enumerate(stereo_kernels()):
-        (cubin,) = wp.compile_aot_module(
-            kernel.module, arch=75, module_dir=tmp_path / f"{n}", use_ptx=False
-        )
-        assert Path(cubin).stat().st_size > 0
+def joined(kernels, name):
+    """Return one module of kernels that each have their own: it is compiled once, not for each."""
+    assert all(k.module.options == kernels[0].module.options for k in kernels)
+    module = wp.Module(name, None)
+    module.options.update(kernels[0].module.options)
+    held = [wp.Kernel(k.func, k.key, module, options=dict(k.options)) for k in kernels]
+    return module, held  # a module does not keep all kernels of one name alive
+
+
+def native_code(kernel):
+    """Return the C++ code of a kernel, if it has any."""
+    body = kernel.func.__globals__.get("body")
+    return getattr(body, "native_snippet", None) or ""
 
 
 def test_stereo_compiles_for_hopper_and_fuses_no_product_with_a_sum(tmp_path):
     kernels.start("cpu", None)
-    for n, kernel in enumerate(stereo_kernels()):
-        folder = tmp_path / f"{n}"
-        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
-        assert "fma.rn.f" not in Path(ptx).read_text()
+    made = list(stereo_kernels())
+    module, _held = joined(made, "stereo_for_hopper")
+    (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
+    code = Path(ptx).read_text()
+    assert code.count(".entry") == len(made) == len({kernel.module.name for kernel in made})
+    assert "fma.rn.f" not in code
+
+
+def test_stereo_has_shared_memory_and_instructions_of_older_gpus(tmp_path):
+    """To machine code of the GPU with the least shared memory, and without Ampere's instructions.
+
+    Kernels that name neither are the same on every GPU.
+    """
+    kernels.start("cpu", None)
+    made = [k for k in stereo_kernels() if re.search("__shared__|__CUDA_ARCH__", native_code(k))]
+    assert {"walk", "winners", "match", "pick_right"} <= {kernel.key for kernel in made}
+    module, _held = joined(made, "stereo_for_turing")
+    (cubin,) = wp.compile_aot_module(module, arch=75, module_dir=tmp_path, use_ptx=False)
+    assert Path(cubin).stat().st_size > 0
 
 
 def test_robust_fits_fuse_no_product_with_a_sum(tmp_path):
