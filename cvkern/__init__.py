@@ -40,8 +40,8 @@ _NAMES = {
         "match_descriptors", "match_images", "orb", "sift",
     ),
     "filters": (
-        "Gradient", "box", "correlate_separable", "gaussian", "gradient", "laplace", "median",
-        "prewitt", "scharr", "sobel", "sobel_h", "sobel_v", "threshold_otsu",
+        "Gradient", "box", "correlate_separable", "gaussian", "gradient", "laplace",
+        "median", "prewitt", "scharr", "sobel", "sobel_h", "sobel_v", "threshold_otsu",
     ),
     "geometry": (
         "Calibration", "Camera", "FoundPose", "PlanePose", "Planes", "RecoveredPose",

@@ -289,6 +289,17 @@ def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
     return first, stop
 
 
+def check_depth(dtype: Any) -> np.dtype:
+    """Return the dtype of a result in floats or in bytes, or refuse another."""
+    try:
+        dtype = np.dtype(dtype)
+    except Exception:  # NumPy says of some that they are out of use
+        raise TypeError(f"dtype must be float32 or uint8, got {dtype!r}") from None
+    if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
+        raise ValueError(f"dtype must be float32 or uint8, got {dtype}")
+    return dtype
+
+
 def check_out(out: Any, image: Any, dtype: Any) -> None:
     """Refuse `out` unless it is an array like `image`, of `dtype`, in other memory."""
     if out is None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_image
+from cvkern._checks import check_choice, check_depth, check_image
 from cvkern._runtime import runtime
 from cvkern.color.spectra import white_point
 from cvkern.kernels.codes import color as codes
@@ -88,12 +88,7 @@ def apply_matrix(
     image = check_image(image, ndim=(1, 2, 3), name=name)
     if image.shape[-1] != 3:
         raise ValueError(f"{name} must have shape (..., 3), got {tuple(image.shape)}")
-    try:
-        dtype = np.dtype(dtype)
-    except Exception:  # NumPy says of some that they are out of use
-        raise TypeError(f"dtype must be float32 or uint8, got {dtype!r}") from None
-    if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
-        raise ValueError(f"dtype must be float32 or uint8, got {dtype}")
+    dtype = check_depth(dtype)
     if dtype == np.uint8 and target != "srgb":
         raise ValueError(f"dtype must be float32 for {target!r}, got uint8")
     rt = runtime(image)
