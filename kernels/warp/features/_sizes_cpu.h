@@ -67,7 +67,7 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
         if (!__atomic_compare_exchange_n(shared.data, &task, task + 1, false, __ATOMIC_RELAXED,
                                          __ATOMIC_RELAXED))
             continue;
-        if (width < READ) {  // one pixel after the other
+        if (width < WIDE) {  // one pixel after the other
             for (int y = top; y < top + rows; ++y)
                 for (int x = 0; x < m; ++x) {
                     int sum = 64;
@@ -86,15 +86,17 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
             lanes read[READ + SIDE], made[READ + SIDE];
             for (int k = 0; k < m;) {
                 // Weigh 256 columns down the rows, from the first that pixel `k` needs.
-                const int low = starting[k] < width - READ ? starting[k] : width - READ;
+                const int low = starting[k] < width - WIDE ? starting[k] : width - WIDE;
+                const int wide = width - low < READ ? width - low : READ;
                 int end = k;
                 while (end < m && starting[end] + taps <= low + READ) ++end;
-                if (low == width - READ) end = m;
+                if (wide < READ) end = m;
                 for (int r = 0; r < ROWS; ++r) {
                     const size_t y = r < rows ? top + r : tall - 1;
                     const byte* const w = down + y * taps;
                     const byte* const from = src + (size_t)tops[y] * width + low;
-                    for (int x = 0; x < READ; x += WIDE) {
+                    for (int next = 0; next < wide; next += WIDE) {
+                        const int x = next + WIDE < wide ? next : wide - WIDE;
                         many_sums sum = (many_sums){} + (unsigned short)64;
                         const byte* p = from + x;
 #pragma clang loop unroll(disable)
@@ -109,7 +111,8 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
                         __builtin_memcpy(lines[r] + x, &done, WIDE);
                     }
                 }
-                for (int x = 0; x < READ; x += SIDE) {
+                for (int next = 0; next < wide; next += SIDE) {
+                    const int x = next + SIDE < wide ? next : wide - SIDE;
                     lanes v[SIDE];
 #pragma unroll
                     for (int i = 0; i < SIDE; ++i) {
