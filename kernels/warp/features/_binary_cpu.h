@@ -9,8 +9,9 @@
 // all brighter, or all darker; 0 where that is not above `threshold`. Scores of three rows stand in
 // lines. The margin is at least 4 rows, and so large that reading up to 64 pixels beyond the end
 // of the last row that has scores stays in the image.
-void mark_rows(int slab, int start, int stop, wp::array_t<wp::int64> images, int threshold, int margin,
-               wp::array_t<wp::uint8> lines, wp::array_t<int> words, wp::array_t<int> counts) {
+void mark_rows(int slab, int start, int stop, wp::array_t<wp::int64> images, int threshold,
+               int margin, wp::array_t<wp::uint8> lines, wp::array_t<int> words,
+               wp::array_t<int> counts) {
     typedef unsigned char byte;
     enum { N = 64 };
     typedef byte lanes __attribute__((vector_size(N)));
@@ -146,12 +147,12 @@ void list_rows(int start, int stop, wp::array_t<wp::int64> images, wp::array_t<i
         return (wide)__builtin_ia32_pmaddwd256((own)a, (own)b);
 #else
         const auto evens = [](lanes v) {
-            return __builtin_convertvector(
-                __builtin_shufflevector(v, v, 0, 2, 4, 6, 8, 10, 12, 14), wide);
+            return __builtin_convertvector(__builtin_shufflevector(v, v, 0, 2, 4, 6, 8, 10, 12, 14),
+                                           wide);
         };
         const auto odds = [](lanes v) {
-            return __builtin_convertvector(
-                __builtin_shufflevector(v, v, 1, 3, 5, 7, 9, 11, 13, 15), wide);
+            return __builtin_convertvector(__builtin_shufflevector(v, v, 1, 3, 5, 7, 9, 11, 13, 15),
+                                           wide);
         };
         return evens(a) * evens(b) + odds(a) * odds(b);
 #endif

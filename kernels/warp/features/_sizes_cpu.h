@@ -26,9 +26,9 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
 #pragma unroll
             for (int i = 0; i < SIDE / 2; ++i) {
                 const lanes a = v[i], b = v[i + SIDE / 2];
-                made[2 * i] = __builtin_shufflevector(
-                    a, b, 0, 32, 1, 33, 2, 34, 3, 35, 4, 36, 5, 37, 6, 38, 7, 39, 16, 48, 17, 49,
-                    18, 50, 19, 51, 20, 52, 21, 53, 22, 54, 23, 55);
+                made[2 * i] = __builtin_shufflevector(a, b, 0, 32, 1, 33, 2, 34, 3, 35, 4, 36, 5,
+                                                      37, 6, 38, 7, 39, 16, 48, 17, 49, 18, 50, 19,
+                                                      51, 20, 52, 21, 53, 22, 54, 23, 55);
                 made[2 * i + 1] = __builtin_shufflevector(
                     a, b, 8, 40, 9, 41, 10, 42, 11, 43, 12, 44, 13, 45, 14, 46, 15, 47, 24, 56, 25,
                     57, 26, 58, 27, 59, 28, 60, 29, 61, 30, 62, 31, 63);
@@ -134,8 +134,10 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
                         made[x - k] = __builtin_convertvector(sum >> 7, lanes);
                     }
                 };
-                if (taps == 3) weigh(3);
-                else weigh(taps);
+                if (taps == 3)
+                    weigh(3);
+                else
+                    weigh(taps);
                 for (int x = k; x < end; x += SIDE) {
                     lanes v[SIDE];
 #pragma unroll
@@ -147,12 +149,13 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
 #pragma unroll
                         for (int i = 0; i < SIDE; ++i) {
                             __builtin_memcpy(to + (size_t)i * m, &v[i], SIDE);
-                            __builtin_memcpy(to + (size_t)(i + SIDE) * m, (byte*)&v[i] + SIDE, SIDE);
+                            __builtin_memcpy(to + (size_t)(i + SIDE) * m, (byte*)&v[i] + SIDE,
+                                             SIDE);
                         }
                     } else {
                         for (int r = 0; r < rows; ++r)
-                            __builtin_memcpy(to + (size_t)r * m, (byte*)&v[r % SIDE] + r / SIDE * SIDE,
-                                             count);
+                            __builtin_memcpy(to + (size_t)r * m,
+                                             (byte*)&v[r % SIDE] + r / SIDE * SIDE, count);
                     }
                 }
                 k = end;
