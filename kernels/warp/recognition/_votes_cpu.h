@@ -4,15 +4,13 @@
 //
 // Places stay below 2^24: the quotient of two such integers, rounded to a float, has the integer
 // part of the exact one. The same holds for weights.
-void cast_bins(int slab, int first, int last, wp::array_t<int> places, wp::array_t<int> rows,
-               wp::array_t<int> levels, wp::array_t<int> matches, wp::array_t<int> begins,
-               wp::array_t<int> entries, wp::array_t<int> bins, int slack,
-               wp::array_t<int> factors, int lowest, int listing, wp::array_t<int> firsts,
+void cast_bins(int slab, int first, int last, Ballot ballot, wp::array_t<int> firsts,
                wp::array_t<int> live, wp::array_t<int> sums, wp::array_t<int> counts,
                wp::array_t<int> votes, wp::array_t<int> sources) {
     typedef int lanes __attribute__((vector_size(4 * LANES)));
     typedef float floats __attribute__((vector_size(4 * LANES)));
-    const int words = begins.shape[0] - 1, most = matches.shape[1], number = bins.shape[0];
+    const int words = ballot.begins.shape[0] - 1, number = ballot.bins.shape[0];
+    const int most = ballot.matches.shape[1];
     const size_t room = live.shape[2];
     int* from = firsts.data + (size_t)slab * (words + 1);
     int* down = live.data + (size_t)slab * 5 * room;
@@ -25,24 +23,25 @@ void cast_bins(int slab, int first, int last, wp::array_t<int> places, wp::array
     lanes step;
     for (int j = 0; j < LANES; ++j) step[j] = j;
     for (int s = first; s < last; ++s) {
-        const int* bin = bins.data + 5 * s;
+        const int* bin = ballot.bins.data + 5 * s;
         const int begin = bin[0], columns = bin[2], side = bin[4];
         const int bottom = bin[1] * side, right = columns * side;
-        for (int level = 0; level < levels.shape[0]; ++level) {
-            const int* l = levels.data + 3 * level;
+        for (int level = 0; level < ballot.levels.shape[0]; ++level) {
+            const int* l = ballot.levels.data + 3 * level;
             if (l[1] == l[2]) continue;
-            const int at = l[0] - lowest, size = factors.shape[0];
-            const wp::int64 factor = factors.data[at < 0 ? 0 : at < size ? at : size - 1];
+            const int at = l[0] - ballot.lowest, size = ballot.factors.shape[0];
+            const wp::int64 factor = ballot.factors.data[at < 0 ? 0 : at < size ? at : size - 1];
             int count = 0, known = 0, nearest = -2;
             for (int word = 0; word < words; ++word) {
                 from[word] = count;
-                for (int e = begins.data[word]; e < begins.data[word + 1]; ++e) {
-                    const int* entry = entries.data + 4 * (size_t)e;
+                for (int e = ballot.begins.data[word]; e < ballot.begins.data[word + 1]; ++e) {
+                    const int* entry = ballot.entries.data + 4 * (size_t)e;
                     if (nearest == -2 || entry[2] != known) {
                         known = entry[2], nearest = -1;
-                        int least = slack + 1;
+                        int least = ballot.slack + 1;
                         for (int k = 0; k < number; ++k) {
-                            const int apart = __builtin_abs(l[0] + known - bins.data[5 * k + 3]);
+                            const int own = ballot.bins.data[5 * k + 3];
+                            const int apart = __builtin_abs(l[0] + known - own);
                             if (apart < least) least = apart, nearest = k;
                         }
                     }
@@ -54,12 +53,12 @@ void cast_bins(int slab, int first, int last, wp::array_t<int> places, wp::array
             }
             from[words] = count;
             if (!count) continue;
-            const int end = rows.data[3 * (l[2] - 1) + 2];
-            for (int i = rows.data[3 * l[1] + 1]; i < end; ++i) {
-                const int* match = matches.data + (size_t)i * most;
+            const int end = ballot.rows.data[3 * (l[2] - 1) + 2];
+            for (int i = ballot.rows.data[3 * l[1] + 1]; i < end; ++i) {
+                const int* match = ballot.matches.data + (size_t)i * most;
                 int active = 0;
                 for (int m = 0; m < most; ++m) active += match[m] >= 0;
-                const int y = places.data[3 * i], x = places.data[3 * i + 1];
+                const int y = ballot.places.data[3 * i], x = ballot.places.data[3 * i + 1];
                 for (int m = 0; m < active; ++m) {
                     const int behind = from[match[m] + 1];
                     for (int v = from[match[m]]; v < behind; v += LANES) {
@@ -79,12 +78,12 @@ void cast_bins(int slab, int first, int last, wp::array_t<int> places, wp::array
                         const int n = behind - v < LANES ? behind - v : LANES;
                         for (int j = 0; j < n; ++j) {
                             if (cell[j] < 0) continue;
-                            if (!listing) {
+                            if (!ballot.listing) {
                                 sums.data[cell[j]] += share[j];
                                 ++counts.data[cell[j] + 1];
                                 continue;
                             }
-                            const size_t to = counts.data[cell[j]]++;
+                            const size_t to = ballot.starts.data[cell[j]] + counts.data[cell[j]]++;
                             int* vote = votes.data + 4 * to;
                             vote[0] = y + down[v + j], vote[1] = x + along[v + j];
                             vote[2] = scale[v + j], vote[3] = share[j];
@@ -102,9 +101,8 @@ void cast_bins(int slab, int first, int last, wp::array_t<int> places, wp::array
 //
 // The kernel ONE - ONE d^2 / r^2 - deep of a vote, quotients rounded down, is above 0 if d^2 is
 // below (ONE - deep) r^2 / ONE, rounded up. That limit depends on the distance in scale alone.
-void shift_mode(int t, wp::array_t<int> votes, wp::array_t<int> starts, wp::array_t<int> bins,
-                int slack, wp::array_t<int> factors, int lowest, int radius, int scales,
-                int rounds, wp::array_t<int> maxima, wp::array_t<int> modes) {
+void shift_mode(int t, Cells cells, int radius, int scales, int rounds, wp::array_t<int> maxima,
+                wp::array_t<int> modes) {
     typedef int lanes __attribute__((vector_size(4 * LANES)));
     typedef wp::int64 longs __attribute__((vector_size(8 * LANES)));
     typedef double wide __attribute__((vector_size(8 * LANES)));
@@ -115,15 +113,15 @@ void shift_mode(int t, wp::array_t<int> votes, wp::array_t<int> starts, wp::arra
     lanes step;
     for (int j = 0; j < LANES; ++j) step[j] = j;
     const auto add = [&](bool last) __attribute__((always_inline)) {
-        const int at = z - lowest, size = factors.shape[0];
-        const wp::int64 factor = factors.data[at < 0 ? 0 : at < size ? at : size - 1];
+        const int at = z - cells.lowest, size = cells.factors.shape[0];
+        const wp::int64 factor = cells.factors.data[at < 0 ? 0 : at < size ? at : size - 1];
         const wp::int64 reach = (radius * factor + (1 << 15)) >> 16;
         for (int k = 0; k <= scales; ++k)
             limit[k] = (int)(((ONE - deep[k]) * reach * reach + ONE - 1) / ONE);
         longs weights = {}, down = {}, along = {}, far = {}, heights = {};
-        for (int s = 0; s < bins.shape[0]; ++s) {
-            const int* bin = bins.data + 5 * s;
-            if (__builtin_abs(bin[3] - z) > scales + slack) continue;
+        for (int s = 0; s < cells.bins.shape[0]; ++s) {
+            const int* bin = cells.bins.data + 5 * s;
+            if (__builtin_abs(bin[3] - z) > scales + cells.slack) continue;
             const int side = bin[4], columns = bin[2], span = (int)reach;
             const int top = (y > span ? y - span : 0) / side;
             const int left = (x > span ? x - span : 0) / side;
@@ -134,12 +132,12 @@ void shift_mode(int t, wp::array_t<int> votes, wp::array_t<int> starts, wp::arra
             const int past = right < columns ? right : columns;
             const int behind = past > before ? past : before;
             for (int row = top; row < bottom; ++row) {
-                const int* cell = starts.data + bin[0] + row * columns;
+                const int* cell = cells.starts.data + bin[0] + row * columns;
                 const int end = cell[behind];
                 for (int v = cell[before]; v < end; v += LANES) {
                     const int n = end - v;
                     lanes a[4] = {};
-                    const int* from = votes.data + 4 * (size_t)v;
+                    const int* from = cells.votes.data + 4 * (size_t)v;
                     if (n >= LANES) __builtin_memcpy(a, from, sizeof a);
                     else __builtin_memcpy(a, from, (size_t)n * 16);
                     // From 4 numbers of each vote in turn to 16 votes of each number.
@@ -191,7 +189,7 @@ void shift_mode(int t, wp::array_t<int> votes, wp::array_t<int> starts, wp::arra
         mass = __builtin_reduce_add(weights);
         downs = __builtin_reduce_add(down) + y * mass;
         alongs = __builtin_reduce_add(along) + x * mass;
-        deeps = __builtin_reduce_add(far) + (z - lowest) * mass;
+        deeps = __builtin_reduce_add(far) + (z - cells.lowest) * mass;
         density = __builtin_reduce_add(heights);
     };
     const auto mean = [&](wp::int64 sum) { return (int)((2 * sum + mass) / (2 * mass)); };
@@ -199,7 +197,7 @@ void shift_mode(int t, wp::array_t<int> votes, wp::array_t<int> starts, wp::arra
         for (int round = 0; round < rounds; ++round) {
             add(false);
             if (!mass) break;
-            const int row = mean(downs), column = mean(alongs), scale = mean(deeps) + lowest;
+            const int row = mean(downs), column = mean(alongs), scale = mean(deeps) + cells.lowest;
             if (row == y && column == x && scale == z) break;
             y = row, x = column, z = scale;
         }

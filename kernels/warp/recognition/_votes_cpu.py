@@ -9,6 +9,8 @@ import warp as wp
 from cvkern.kernels.codes.recognition import DEEPEST, KERNEL_ONE
 from cvkern.kernels.warp import _native
 
+from ._space import Ballot, Cells
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FILE = "_votes_cpu.h"
@@ -20,17 +22,7 @@ def cast_bins(
     slab: int,
     first: int,
     last: int,
-    places: wp.array2d[int],  # (N, 3)
-    rows: wp.array2d[int],  # (R, 3)
-    levels: wp.array2d[int],  # (L, 3)
-    matches: wp.array2d[int],  # (N, M)
-    begins: wp.array[int],  # (K + 1,)
-    entries: wp.array2d[int],  # (O, 4)
-    bins: wp.array2d[int],  # (S, 5)
-    slack: int,
-    factors: wp.array[int],
-    lowest: int,
-    listing: int,
+    ballot: Ballot,
     firsts: wp.array2d[int],  # (slabs, K + 1): work space
     live: wp.array3d[int],  # (slabs, 5, O + LANES): work space
     # outputs
@@ -44,12 +36,7 @@ def cast_bins(
 @_native.func_native(FILE, LANES=LANES, ONE=KERNEL_ONE, DEEPEST=DEEPEST)
 def shift_mode(
     t: int,
-    votes: wp.array2d[int],
-    starts: wp.array[int],
-    bins: wp.array2d[int],
-    slack: int,
-    factors: wp.array[int],
-    lowest: int,
+    cells: Cells,
     radius: int,
     scales: int,
     rounds: int,
@@ -63,12 +50,7 @@ def shift(
     slab: int,
     first: int,
     last: int,
-    votes: wp.array2d[int],  # (V, 4)
-    starts: wp.array[int],
-    bins: wp.array2d[int],  # (S, 5)
-    slack: int,
-    factors: wp.array[int],
-    lowest: int,
+    cells: Cells,
     radius: int,
     scales: int,
     rounds: int,
@@ -77,6 +59,4 @@ def shift(
     modes: wp.array2d[int],  # (T, 4)
 ):
     for t in range(first, last):
-        shift_mode(
-            t, votes, starts, bins, slack, factors, lowest, radius, scales, rounds, maxima, modes
-        )
+        shift_mode(t, cells, radius, scales, rounds, maxima, modes)

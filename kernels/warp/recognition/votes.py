@@ -13,7 +13,18 @@ from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scrat
 from cvkern.kernels.warp._zeros import clear
 
 from . import _votes_cpu as cpu
-from ._space import Cells, active_words, bin_of, cell_of, cells_of, factor_of, kernel_at, scaled
+from ._space import (
+    Ballot,
+    Cells,
+    active_words,
+    ballot_of,
+    bin_of,
+    cell_of,
+    cells_of,
+    factor_of,
+    kernel_at,
+    scaled,
+)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -31,10 +42,7 @@ def count_votes(
     """
     clear(sums)
     clear(starts)
-    if starts.device.is_cuda:
-        _cast(patches, occurrences, space, 0, starts, [sums, starts, None, None])
-    else:
-        _cast_bins(patches, occurrences, space, 0, [sums, starts, None, None])
+    _cast(patches, occurrences, space, 0, starts, [sums, starts, None, None])
     wp.utils.array_scan(starts, starts, inclusive=True)
 
 
@@ -51,12 +59,8 @@ def list_votes(
     `sources` (V, 2) has the patch and the occurrence of each. One thread a patch.
     """
     counts = scratch("recognition.counts", starts.shape, wp.int32, starts.device)
-    if starts.device.is_cuda:
-        clear(counts)
-        _cast(patches, occurrences, space, 1, starts, [counts, counts, votes, sources])
-    else:
-        wp.copy(counts, starts)
-        _cast_bins(patches, occurrences, space, 1, [counts, counts, votes, sources])
+    clear(counts)
+    _cast(patches, occurrences, space, 1, starts, [counts, counts, votes, sources])
 
 
 def _cast(
@@ -67,41 +71,16 @@ def _cast(
     starts: wp.array,
     outputs: list,
 ) -> None:
-    ballot = Ballot()
-    ballot.places, ballot.matches = patches.places, patches.matches
-    ballot.begins, ballot.entries = occurrences
-    ballot.bins, ballot.slack, ballot.factors, ballot.lowest = space
-    ballot.listing, ballot.starts = listing, starts
-    launch(_cast_word, patches.matches.size, [ballot], outputs)
-
-
-def _cast_bins(
-    patches: Patches, occurrences: Occurrences, space: Space, listing: int, outputs: list
-) -> None:
-    bins, device = space.bins.shape[0], space.bins.device
+    ballot = ballot_of(patches, occurrences, space, listing, starts)
+    if starts.device.is_cuda:
+        launch(_cast_word, patches.matches.size, [ballot], outputs)
+        return
+    bins, device = space.bins.shape[0], starts.device
     words, entries = occurrences.starts.shape[0], occurrences.entries.shape[0]
     parts = slabs(bins, patches.matches.size * VOTES_OF_WORD)
     firsts = scratch("recognition.firsts", (parts, words), wp.int32, device)
     live = scratch("recognition.live", (parts, 5, entries + cpu.LANES), wp.int32, device)
-    inputs = [*patches, *occurrences, *space, listing, firsts, live]
-    launch_slabs(cpu.cast_bins, bins, parts, inputs, outputs)
-
-
-@wp.struct
-class Ballot:
-    """Patches with their words, and the cells that these vote for."""
-
-    places: wp.array2d[int]  # (N, 3)
-    matches: wp.array2d[int]  # (N, M)
-    begins: wp.array[int]  # (K + 1,)
-    entries: wp.array2d[int]  # (O, 4)
-    bins: wp.array2d[int]  # (S, 5)
-    factors: wp.array[int]
-    slack: int
-    lowest: int
-    listing: int
-    """1: list the votes, which begin at `starts`. 0: count them."""
-    starts: wp.array[int]
+    launch_slabs(cpu.cast_bins, bins, parts, [ballot, firsts, live], outputs)
 
 
 @wp.func
@@ -226,7 +205,7 @@ def shift_modes(
         launch(_shift, count, [cells_of(votes, starts, space), *window, maxima], [modes])
         return
     parts = slabs(count, count * VOTES_OF_MODE)
-    inputs = [votes, starts, *space, *window, maxima]
+    inputs = [cells_of(votes, starts, space), *window, maxima]
     launch_slabs(cpu.shift, count, min(count, 8 * parts) if parts > 1 else 1, inputs, [modes])
 
 
