@@ -1,0 +1,5 @@
+"""Structure from motion."""
+
+from __future__ import annotations
+
+from cvkern.reconstruction._growth import Growth
