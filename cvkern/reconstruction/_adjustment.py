@@ -27,7 +27,9 @@ from cvkern.panorama.adjustment import turn
 STEPS = 50
 ENOUGH = 1e-7  # the steps end when the cost falls by less than this share of it
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-4, 1e-8, 1e8
-BEND_SPREAD = 0.5  # standard deviation of k1 and k2, in a cost of squared pixels
+# Standard deviations of k1 and k2, and of the principal point about the middle of the image, in
+# longest sides. Errors of neighbouring places are alike, so that many count as one.
+BEND_SPREAD, MIDDLE_SPREAD, ALIKE = 0.2, 0.01, 30.0
 WEAK = 1e-12  # added to the equations' diagonal, as a share of its largest number
 
 
@@ -60,6 +62,10 @@ class Effort(NamedTuple):
     """Pixels at which the loss begins to differ from squares."""
     steps: int = STEPS
     enough: float = ENOUGH
+    anchor: np.ndarray | None = None
+    """Likely lenses (L, 9), from which k1, k2 and the principal point do not move far."""
+    noise: float = 0.2
+    """Pixels by which places are off: it weighs the anchor against them."""
 
 
 def lens_row(camera: Any) -> np.ndarray:
@@ -118,8 +124,22 @@ def adjust(
 
 
 def _whole_cost(bundle: Bundle, gaps: np.ndarray, effort: Effort) -> float:
-    bends = bundle.lenses[:, 4:6] if effort.size > POSE + 1 else np.zeros(1)
-    return cost_of(gaps, effort.loss, effort.scale) + float((bends**2).sum()) / BEND_SPREAD**2 / 2
+    pull, stiffness = _anchored(bundle, effort)
+    anchored = float((pull * pull / np.where(stiffness > 0, stiffness, 1)).sum())
+    return cost_of(gaps, effort.loss, effort.scale) + anchored / 2
+
+
+def _anchored(bundle: Bundle, effort: Effort) -> tuple[np.ndarray, np.ndarray]:
+    """Return gradient and curvature of the cost of lenses far from their anchor, (L, K - 6)."""
+    number = effort.size - POSE
+    order = [1, 4, 5, 2, 3]  # focal length (free), k1, k2, principal point
+    off, stiffness = np.zeros((2, len(bundle.lenses), 5))
+    if effort.anchor is not None:
+        off = (bundle.lenses - effort.anchor)[:, order]
+        stiffness[:, 1:3] = ALIKE * (effort.noise / BEND_SPREAD) ** 2
+        longest = 2 * effort.anchor[:, 2:4].max(axis=1, keepdims=True) + 1
+        stiffness[:, 3:] = ALIKE * (effort.noise / (MIDDLE_SPREAD * longest)) ** 2
+    return (off * stiffness)[:, :number], stiffness[:, :number]
 
 
 def _moved(
@@ -214,16 +234,11 @@ class _Equations:
         system, right, sizes = (np.array(rt.to_numpy(a)) for a in self.condensed)
         whole, gradient, diagonal = _shared(system, right, sizes, bundle.lens_of, size)
         kinds = len(bundle.lenses)
-        if size > POSE + 1:
-            prior = np.zeros((kinds, size - POSE))
-            prior[:, 1:3] = 1 / BEND_SPREAD**2
-            diagonal[-prior.size :] += prior.ravel()
-            whole[np.diag_indices(len(whole))] += np.append(
-                np.zeros(len(whole) - prior.size), prior
-            )
-            pull = np.zeros_like(prior)
-            pull[:, 1:3] = bundle.lenses[:, 4:6] / BEND_SPREAD**2
-            gradient[-pull.size :] += pull.ravel()
+        pull, stiffness = _anchored(bundle, self.effort)
+        gradient[len(gradient) - pull.size :] += pull.ravel()
+        diagonal[len(gradient) - pull.size :] += stiffness.ravel()
+        more = np.arange(len(gradient) - pull.size, len(gradient))
+        whole[more, more] += stiffness.ravel()
         still = np.repeat(fixed, POSE)
         if size > POSE:
             held = np.zeros(kinds, bool)

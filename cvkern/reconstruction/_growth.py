@@ -7,8 +7,6 @@ number of photographs has grown by a fifth.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from cvkern.geometry.poses import find_pose
@@ -29,27 +27,12 @@ FLAT = 0.85  # share of matches on a plane above which a first pair is chosen la
 TRIED = 60  # pairs that may be the first
 NEAR = 5  # photographs that are adjusted with a new one
 GROWN = 1.2
-ROUNDS = 5  # of adjustment and cleaning at the end
+ROUNDS = 4  # of adjustment and cleaning at the end
 FEW_STEPS = 12
-FOR_FOCAL, FOR_LENS = 3, 5  # photographs from which the focal length, and k1 and k2, are found
-FOCAL_RANGE = 0.15, 12.0  # plausible focal lengths, in longest sides
-
-
-class Grown(NamedTuple):
-    """What has been reconstructed."""
-
-    placed: np.ndarray
-    """(N,) bool."""
-    rotations: np.ndarray
-    """(N, 3, 3), X = R W + t."""
-    translations: np.ndarray
-    """(N, 3)."""
-    lenses: np.ndarray
-    """(L, 9)."""
-    points: np.ndarray
-    """(T, 3), NaN for tracks without a point."""
-    active: np.ndarray
-    """(O,) bool: places that belong to a point, in photographs that are placed."""
+# Photographs from which the focal length, k1 and k2, and the principal point are found.
+FOR_FOCAL, FOR_LENS, FOR_MIDDLE = 3, 5, 8
+NOISE = 0.05, 2.0  # pixels by which places are off, at least and at most
+SCALE, LEAST_SCALE = 3.0, 0.25  # of the last loss: in units of the noise, and pixels
 
 
 class Growth:
@@ -63,14 +46,7 @@ class Growth:
         self.rotations, self.translations = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
         self.points = np.full((tracks.count, 3), np.nan)
         self.active = np.zeros(len(tracks.track), bool)
-        self.refined = POSE
         self._straighten()
-
-    def result(self) -> Grown:
-        """Return what there is now."""
-        return Grown(
-            self.placed, self.rotations, self.translations, self.rows, self.points, self.active
-        )
 
     # --- the first pair --------------------------------------------------------------------------
 
@@ -97,7 +73,10 @@ class Growth:
 
     def _place_two(self, pair: Pair) -> None:
         self.placed[[pair.first, pair.second]] = True
-        self.rotations[pair.second], self.translations[pair.second] = pair.rotation, pair.translation
+        self.rotations[pair.second], self.translations[pair.second] = (
+            pair.rotation,
+            pair.translation,
+        )
         self._add_points()
 
     def _clear(self) -> None:
@@ -142,7 +121,7 @@ class Growth:
         """Adjust everything, leave out what does not fit, and look for more, until both agree."""
         for _ in range(rounds):
             before = self.active.copy()
-            self._adjust_all(FEW_STEPS if rounds == 1 else 50, error)
+            self._adjust_all(FEW_STEPS if rounds == 1 else 25, error, rounds > 1)
             self._add_points(error)
             if (before != self.active).sum() <= 1e-3 * max(1, before.sum()):
                 break
@@ -212,14 +191,12 @@ class Growth:
         tracks = self.tracks
         known = np.isfinite(self.points[:, 0])
         open_ = np.flatnonzero(self.placed[tracks.view] & ~known[tracks.track])
-        found = triangulate(self._rays(open_), LEAST_ANGLE, error, self._scaled_errors(open_),
-                            self.seed)  # fmt: skip
+        found = triangulate(
+            self._rays(open_), LEAST_ANGLE, error, lambda points: self._errors(open_, points),
+            self.seed,
+        )  # fmt: skip
         self.points[found.tracks] = found.points
         self._clean(error)
-
-    def _scaled_errors(self, chosen: np.ndarray):
-        """Return a function from points (len(chosen), 3) to distances in pixels."""
-        return lambda points: self._errors(chosen, points)
 
     def _clean(self, error: float) -> None:
         """Decide which sightings belong to points, and drop points that too few rays fix."""
@@ -272,26 +249,32 @@ class Growth:
         self._take(adjust(bundle, effort, ~moving[views])[0], views, names)
         self._clean(ERROR)
 
-    def _adjust_all(self, steps: int, error: float = ERROR) -> None:
+    def _adjust_all(self, steps: int, error: float = ERROR, last: bool = False) -> None:
         """Adjust everything, with the parameters of lenses that the photographs determine."""
         number = int(self.placed.sum())
         size = POSE
         if not self.lenses.fixed:
             size += (number >= FOR_FOCAL) + 2 * (number >= FOR_LENS)
+            size += 2 * (number >= FOR_MIDDLE and last)
         bundle, views, names = self._bundle(np.flatnonzero(self.active))
         if not len(views):
             return
-        bundle, _ = adjust(bundle, Effort(size, Loss.CAUCHY, 2.0, steps, 1e-6))
+        noise = float(np.clip(np.median(np.abs(gaps_of(bundle))) / 0.67, *NOISE))
+        scale = 2.0 if not last else max(LEAST_SCALE, SCALE * noise)
+        effort = Effort(size, Loss.CAUCHY, scale, steps, 1e-6, self.lenses.rows, noise)
+        bundle, _ = adjust(bundle, effort)
         self._take(bundle, views, names)
         self.rows = bundle.lenses
         self._straighten()
         self._clean(error)
 
-    def cost(self) -> tuple[int, float]:
-        """Return the number of sightings that fit, and their mean distance, pixels."""
-        chosen = np.flatnonzero(self.active)
+    def distances(self, chosen: np.ndarray) -> np.ndarray:
+        """Return the distances of places from projected points, pixels of the small images."""
         if not len(chosen):
-            return 0, np.inf
-        return len(chosen), float(
-            np.linalg.norm(gaps_of(self._bundle(chosen)[0]), axis=1).mean()
-        )
+            return np.zeros(0)
+        return np.linalg.norm(gaps_of(self._bundle(chosen)[0]), axis=1)
+
+    def cost(self) -> tuple[int, float]:
+        """Return the number of places that fit, and their mean distance, pixels."""
+        off = self.distances(np.flatnonzero(self.active))
+        return len(off), float(off.mean()) if len(off) else np.inf

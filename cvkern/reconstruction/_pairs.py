@@ -26,6 +26,7 @@ FOCALS = np.geomspace(0.5, 3.4, 15)  # candidates for the focal length, in longe
 TRIALS = 4096
 AS_GOOD = 1.15  # focal lengths with a cost up to this many times the least are tried as well
 APART = 1.4  # least ratio of two focal lengths that are tried
+FLAT = 0.9  # share of matches on a plane above which the turn of a pair is uncertain
 LOOP = np.radians(10)  # largest angle by which the turns of three pairs may fail to close
 
 
@@ -108,7 +109,7 @@ def points_of(found: list[Keypoints], matched: Matched) -> Points:
 
 
 def with_focals(
-    found: list[Keypoints], matched: Matched, lenses: Lenses, longest: float, seed: int
+    found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int
 ) -> list[Lenses]:
     """Return the lenses with the focal lengths that fit the matches best, the best first.
 
@@ -117,6 +118,7 @@ def with_focals(
     """
     if lenses.told.all() or not len(matched.pairs):
         return [lenses]
+    longest = 2 * lenses.rows[:, 2:4].max(axis=1, keepdims=True) + 1
     points = points_of(found, matched)
     most = sorted(range(len(points)), key=lambda k: (-len(points[k][0]), k))[: 3 * SEARCHED]
     given = [(points[k][0][:, ::-1], points[k][1][:, ::-1]) for k in most]
@@ -151,7 +153,7 @@ def with_focals(
     made = []
     for k in chosen:
         rows = lenses.rows.copy()
-        rows[~lenses.told, :2] = FOCALS[k] * longest
+        rows[~lenses.told, :2] = FOCALS[k] * longest[~lenses.told]
         made.append(lenses._replace(rows=rows))
     return made
 
@@ -188,8 +190,12 @@ def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) 
             continue
         pairs.append(
             Pair(
-                i, j, matched.places[n][inliers], int(plane.sum()) / number,
-                pose.rotation, pose.translation,
+                i,
+                j,
+                matched.places[n][inliers],
+                int(plane.sum()) / number,
+                pose.rotation,
+                pose.translation,
             )  # fmt: skip
         )
     return pairs
@@ -200,7 +206,8 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
 
     Repeated things join photographs that have nothing in common: their turns do not close with
     those of other pairs. In each round, the pairs with the smallest share of triplets that close
-    are left out, if that is below a half.
+    are left out, if that is below a half. The turn of a pair of a plane is uncertain: such a pair
+    is left out only if none of three triplets or more closes.
     """
     turns = np.full((count, count, 3, 3), np.nan)
     index = np.full((count, count), -1)
@@ -215,10 +222,11 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
         closed = turns[others, pair.first] @ turns[pair.second, others] @ pair.rotation
         off = np.arccos(np.clip((np.trace(closed, axis1=1, axis2=2) - 1) / 2, -1, 1))
         good[n, others], bad[n, others] = off <= LOOP, off > LOOP
-    kept = np.ones(len(pairs), bool)
+    kept, flat = np.ones(len(pairs), bool), np.array([pair.flat > FLAT for pair in pairs], bool)
     while kept.any():
         closing, all_of = good.sum(axis=1), (good | bad).sum(axis=1)
-        share = np.where(kept & (all_of > 0), closing / np.maximum(all_of, 1), 1.0)
+        judged = kept & (all_of > 0) & (~flat | ((closing == 0) & (all_of >= 3)))
+        share = np.where(judged, closing / np.maximum(all_of, 1), 1.0)
         worst = share.min()
         if worst >= 0.5:
             break

@@ -58,9 +58,7 @@ def find_tracks(found: list[Keypoints], pairs: list[Pair]) -> Tracks:
     track = track.reshape(-1)
     places = np.concatenate([np.zeros((0, 2))] + [k.places for k in found])
     colors = np.concatenate([np.zeros((0, 3), np.uint8)] + [k.colors for k in found])
-    return Tracks(
-        track, views[order], places[order], colors[order], int(track.max(initial=-1)) + 1
-    )
+    return Tracks(track, views[order], places[order], colors[order], int(track.max(initial=-1)) + 1)
 
 
 def _split(joins: np.ndarray, labels: np.ndarray, views: np.ndarray) -> np.ndarray:
