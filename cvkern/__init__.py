@@ -17,6 +17,7 @@ if _TYPE_CHECKING:
     from cvkern.panorama import *
     from cvkern.raw import *
     from cvkern.recognition import *
+    from cvkern.reconstruction import *
     from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
@@ -70,6 +71,10 @@ _NAMES = {
         "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
     ),
     "recognition": ("Codebook", "Objects", "Segmentation", "ShapeModel", "learn_codebook"),
+    "reconstruction": (
+        "AdjustedBundle", "Reconstruction", "adjust_bundle", "read_reconstruction",
+        "reconstruct", "write_reconstruction",
+    ),
     "shading": (
         "LambertianGradient", "Mesh", "PhotometricStereo", "ShapeFromShading",
         "estimate_lights", "integrate_normals", "lambertian", "lambertian_backward",

@@ -94,6 +94,8 @@ class Folder:
         from cvkern.kernels.warp.recognition import hypotheses as hypotheses
         from cvkern.kernels.warp.recognition import patches as patches
         from cvkern.kernels.warp.recognition import votes as votes
+    class reconstruction:
+        from cvkern.kernels.warp.reconstruction import adjustment as adjustment
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry
