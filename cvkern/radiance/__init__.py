@@ -14,6 +14,7 @@ from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Mark, Model, load_model
 from cvkern.radiance.multiplane import planes_from_depth, planes_from_stereo
+from cvkern.radiance.pages import write_planes
 from cvkern.radiance.pinhole import Cameras, cameras, look_at, pixel_rays, project
 from cvkern.radiance.rendering import Picture, Scores, evaluate, orbit_cameras, render, render_path
 from cvkern.radiance.scenes.photographs import Bounds, Scene, load_scene
@@ -60,4 +61,5 @@ __all__ = [
     "spherical_harmonics",
     "ssim",
     "write_mesh",
+    "write_planes",
 ]

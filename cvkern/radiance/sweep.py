@@ -199,6 +199,8 @@ def _sweep(scene: Scene, frame: Frame, pose: np.ndarray, span: tuple[float, floa
     The costs of a plane are those of `cvkern.stereo_cost` between photographs that are warped to
     it: the mean of the better half of the pairs, because surfaces are hidden in some.
     """
+    from scipy.ndimage import distance_transform_edt
+
     import cvkern
 
     cameras = scene.cameras
@@ -239,8 +241,12 @@ def _sweep(scene: Scene, frame: Frame, pose: np.ndarray, span: tuple[float, floa
     smooth = cvkern.median(winner.disparity, 1) if min(shape) > 2 else winner.disparity
     at = np.round(smooth).astype(np.int64)[..., None]
     number = np.take_along_axis(numbers, at, axis=2)[..., 0]
-    sure = (number > len(pairs) // 2) & (winner.confidence > SURE)
+    seen = number > len(pairs) // 2
+    sure = seen & (winner.confidence > SURE)
     disparity = high - smooth.astype(np.float64) * ((high - low) / max(count - 1, 1))
+    if seen.any():  # elsewhere, the nearest texel that most photographs show is the best guess
+        near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+        disparity = disparity[tuple(near)]
     return Sweep(lens, disparity, sure)
 
 

@@ -65,7 +65,7 @@ class PlanesField:
     """Largest number of texels of all planes; their detail is reduced to it."""
     rays: int = 4096
     """Rays of a batch."""
-    learning_rate: float = 0.05
+    learning_rate: float = 0.1
     """Learning rate of the colours and opacities, before the logistic function."""
     final_rate: float = 0.1
     """Learning rate at the end, as a share of that at the beginning."""
