@@ -242,7 +242,7 @@ def _reflected(size: int, wanted: int) -> np.ndarray:
 
 def _maps(counts: np.ndarray, pixels: int, clip_limit: float) -> np.ndarray:
     """Return the tone of each bin of each tile, int32 (R, C, B)."""
-    limit = max(int(clip_limit * pixels), 1) if clip_limit > 0 else pixels
+    limit = max(int(min(clip_limit, 1) * pixels), 1) if clip_limit > 0 else pixels
     for histogram in counts.reshape(-1, counts.shape[2]):
         _limit(histogram, limit)
     sums = np.cumsum(counts, axis=2) * ((TONES - 1) / pixels)

@@ -45,9 +45,7 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     channels = np.moveaxis(array, channel_axis, 0)
     if len(channels) not in (3, 4):
         raise ValueError(f"image must have 3 or 4 channels, got shape {array.shape}")
-    red, green, blue = (
-        np.float32(w) * c for w, c in zip(LUMA, _narrow(channels[:3]), strict=True)
-    )
+    red, green, blue = (np.float32(w) * c for w, c in zip(LUMA, _narrow(channels[:3]), strict=True))
     with np.errstate(all="ignore"):  # infinite values may cancel
         return red + green + blue
 

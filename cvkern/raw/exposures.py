@@ -56,9 +56,10 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     Notes
     -----
     All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid, and 2^21
-    values of all exposures. Values near 0 and 255, which may be clipped, count less, by the square of their distance. The curve is
-    made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
-    curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
+    values of all exposures. Values near 0 and 255, which may be clipped, count less, by the square
+    of their distance. The curve is made on the host. Robertson's turns begin with a line and
+    converge slowly: after 40 of them, the curve of a gamma is still off by a tenth of a stop, where
+    least squares is off by a hundredth.
 
     References
     ----------

@@ -10,6 +10,7 @@ import numpy as np
 
 import cvkern
 
+LARGEST = 3.4e38  # nearly the end of float32
 Maker = Callable[["Draw"], Any]
 MODES = ["reflect", "constant", "nearest", "mirror", "wrap"]
 DTYPES = [
@@ -160,7 +161,7 @@ def image(draw: Draw, shape: tuple[int, ...] | None = None) -> Any:
     array: Any
     if dtype.kind == "f":
         array = (
-            (values * draw.pick([1, 1, 255, 1e-5, 1e30])).astype(dtype)
+            (values * draw.pick([1, 1, 1, 1, 255, 255, 1e-5, 1e30, LARGEST])).astype(dtype)
             if dtype.itemsize > 2
             else values.astype(dtype)
         )

@@ -114,7 +114,6 @@ CALLS: dict[str, Call] = {
         cvkern.triangulate_columns,
         {"columns": places, "calibration": one(SCAN.calibration)},
         {"valid": maybe(mask), "axis": AXIS},
-        equal=False,  # steps of Newton's method, within rounding
     ),
     "triangulate_lines": Call(
         cvkern.triangulate_lines,
