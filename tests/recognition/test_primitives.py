@@ -181,6 +181,11 @@ def test_evidence(kernels):
         [rng.integers(0, 900, 12), rng.integers(0, 1300, 12), rng.integers(-9, 50, 12), np.ones(12)]
     ).astype(I32)
     modes[1] = modes[0] + (20, 30, 0, 0)
+    halfway, rest = divmod(int(patches.levels[:2, 0].sum()), 2)
+    assert rest == 0  # as near to one level as to the next: the first one counts
+    modes[2:5] = [
+        (y, x, halfway - z, 1) for y, x, z in ((450, 600, 0), (300, 800, 0), (500, 700, 32))
+    ]
     found = kernels(
         "recognition.hypotheses.weigh_evidence", patches, weights, space, frame, modes,
         out=[((12,), I32)],
