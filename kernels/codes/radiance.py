@@ -43,6 +43,10 @@ class Background(IntEnum):
     LEARNT = 3
 
 
+# Speckles are cubes of three sizes: the fewest per unit of length, and how many times more the next.
+FEWEST_CUBES, MORE_CUBES = 9.0, 2.25
+
+
 class Shape(IntEnum):
     """Solids of synthetic scenes, by the distance to their surfaces."""
 
@@ -156,6 +160,30 @@ class Grid(NamedTuple):
     """The raw density below which space is empty."""
 
 
+class Planes(NamedTuple):
+    """Parallel planes in front of a reference camera; kernel arrays.
+
+    A texel (row, column) of every plane is on the ray of the same pixel of the camera.
+    """
+
+    disparities: Any
+    """1 / depth of each plane, the nearest first, (D,) float32."""
+    place: Any
+    """The map of the frame to the camera's axes, a row of 4 for each axis, then its fx, fy, cx, cy,
+    (16,) float32."""
+
+
+class Seen(NamedTuple):
+    """The composited rays of planes, or gradients by them; kernel arrays."""
+
+    color: Any
+    """(R, 3) float32."""
+    opacity: Any
+    """(R,) float32."""
+    depth: Any
+    """Weighted sum of the distances of the planes, (R,) float32."""
+
+
 class AdamRule(NamedTuple):
     """The constants of a step of Adam."""
 
@@ -230,4 +258,4 @@ class Solids(NamedTuple):
     sizes: Any
     """The sizes that `Shape` lists, (S, 4) float32."""
     paints: Any
-    """Two colours, gloss, and parts of the pattern per length, (S, 8) float32."""
+    """Two colours, gloss, parts of the pattern per length, strength of speckles, (S, 9) float32."""

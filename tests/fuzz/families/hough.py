@@ -73,6 +73,17 @@ CALLS: dict[str, Call] = {
             "refine": one(False, True),
         },
     ),
+    "probabilistic_hough_line": Call(
+        cvkern.probabilistic_hough_line,
+        MASK,
+        {
+            "threshold": whole(0, 20),
+            "line_length": whole(0, 30),
+            "line_gap": whole(0, 9),
+            "theta": several(number(-1.5, 1.5)),
+            "rng": whole(0, 9),
+        },
+    ),
     "hough_line_segments": Call(
         cvkern.hough_line_segments,
         {**MASK, "theta": one([0.3], [0.0, 1.2], []), "rho": one([3.0], [5.0, 9.0], [])},
