@@ -202,3 +202,20 @@ def test_extrema_that_move_beyond_the_levels_are_left_out(kernels):
             out=[((1, 4), F32), np.array([[0, 3, 5, 6]], I32)],
         )  # fmt: skip
         assert cells.tolist() == [[kept, 4, 5, 6]]
+
+
+@pytest.mark.parametrize("step", [(0, 1), (0, -1), (1, 0), (-1, 0)])
+def test_extrema_that_move_into_the_margin_are_left_out(kernels, step):
+    """The margin is 2 pixels wide; one that stays at the last pixel before it is kept."""
+    down, along = step
+    at = 5 + 3 * down, 6 + 4 * along - (along > 0)  # of 11 rows and 12 columns
+    for beyond, kept in ((0, 0), (1, -1)):
+        row, column = at[0] + beyond * down, at[1] + beyond * along
+        s, y, x = np.ogrid[:5, :11, :12]
+        differences = 1 - 0.02 * (s - 2.0) ** 2 - 0.01 * ((y - row) ** 2 + (x - column) ** 2)
+        levels = np.concatenate([np.zeros((1, 11, 12)), np.cumsum(differences, axis=0)])
+        _, cells = kernels(
+            "features.keypoints.refinement.refine", [kernels._adopt(levels.astype(F32))], 0.5,
+            12.1, 2, out=[((1, 4), F32), np.array([[0, 2, *at]], I32)],
+        )  # fmt: skip
+        assert cells.tolist() == [[kept, 2, row, column]]
