@@ -159,8 +159,9 @@ def fit(
     ValueError
         If an option is unknown or out of its range; if both `seconds` and `steps` are given; if the
         scene has no training views, images of 2 GiB or more together, or a camera more than 32768
-        half-sides of its cube from the cube's middle; if `checkpoint` or `log` has another ending or
-        `checkpoint` is a folder; or if, to resume, it is not a whole model with the same settings.
+        half-sides of its cube from the cube's middle; if `checkpoint` or `log` has another ending,
+        or `checkpoint` is a folder; or if, to resume, it is not a whole model with the same
+        settings.
 
     Notes
     -----
