@@ -211,7 +211,9 @@ def test_export_points(command, trained, tmp_path):
 
 
 def test_the_synthetic_scene(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("cvkern.radiance.make_scene", lambda: make_scene(train=4, test=1, size=16))
+    monkeypatch.setattr(
+        "cvkern.radiance.make_scene", lambda layout: make_scene(train=4, test=1, size=16)
+    )
     monkeypatch.chdir(tmp_path)
     assert command("train", "shapes", "-o", "m.npz", "--steps", 1)[0] == 0
     assert len(load_model("m.npz").cameras) == 5
@@ -241,7 +243,10 @@ def test_the_synthetic_scene(command, tmp_path, monkeypatch):
             ["render", "MODEL", "-o", "o.gif", "--orbit", "--fps", "60"],
             "fps must be in [0.0016, 50] for",
         ),
-        (["export", "MODEL", "-o", "m.obj"], "output must end in .ply or .npz, got 'm.obj'"),
+        (
+            ["export", "MODEL", "-o", "m.obj"],
+            "output must end in .ply, .npz, .html or .png, got 'm.obj'",
+        ),
         (["export", "MODEL", "-o", "m.ply", "--density", "1e9"], "density must be below"),
     ],
 )
