@@ -1,8 +1,8 @@
 """Planes beside a HashField on photographs from one side, after equal times of training.
 
-``python -m profiling.experiments.planes_quality FOLDER`` trains both on the library's own scene and,
-where the data are, on two parts of instant-ngp's fox, and writes the quality of views that were
-held out. FOLDER is that of ``CVKERN_DATA``.
+``python -m profiling.experiments.planes_quality FOLDER`` trains both on the library's own scene
+and, where the data are, on two parts of instant-ngp's fox, and writes the quality of views that
+were held out. FOLDER is that of ``CVKERN_DATA``.
 """
 
 from __future__ import annotations
