@@ -344,7 +344,7 @@ def planes(
     K = [[length, 0, (width - 1) / 2], [0, length, (height - 1) / 2], [0, 0, 1]]
     with cvkern.use(backend=backend, device=device):
         made = planes_from_stereo(
-            *photos, K, disparities=(min_disparity, max_disparity), baseline=baseline,
+            photos[0], photos[1], K, disparities=(min_disparity, max_disparity), baseline=baseline,
             doffs=doffs, planes=count,
         )  # fmt: skip
         if output.suffix.lower() == ".npz":
