@@ -274,8 +274,16 @@ def test_the_synthetic_scene(command, tmp_path, monkeypatch):
             "fps must be in [0.0016, 50] for",
         ),
         (
-        (["export", "MODEL", "-o", "m.obj"],
-         "output must end in .ply, .glb, .npz, .html or .png, got 'm.obj'"),
+            ["render", "MODEL", "-o", "p.gif", "--path", "p.json", "--orbit"],
+            "path must not go with an orbit",
+        ),
+        (["render", "MODEL", "-o", "p.gif", "--path", "p.json"], "path must be a file that exists"),
+        (["train", "SCENE", "-o", "m.npz", "--log", "log.txt"], "log must end in .csv, or be"),
+        (
+            ["export", "MODEL", "-o", "m.obj"],
+            "output must end in .ply, .glb, .npz, .html or .png, got 'm.obj'",
+        ),
+        (["export", "MODEL", "-o", "m.glb", "--points"], "output must end in .ply for points"),
         (["export", "MODEL", "-o", "m.ply", "--density", "1e9"], "density must be below"),
     ],
 )
