@@ -37,7 +37,7 @@ class Piece(NamedTuple):
     inner: Place
     first: int
     """The node of its first piece."""
-    count: int
+    number: int
     """The number of its pieces."""
     packed: bytes
 
