@@ -8,7 +8,15 @@ from typing import Annotated, Any
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands import (
+    PHOTOGRAPHS,
+    Backend,
+    Device,
+    Overwrite,
+    check_apart,
+    check_new,
+    progress_bar,
+)
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -17,7 +25,8 @@ SceneAt = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        help=f"Folder of posed photographs, or '{SHAPES}' for a synthetic scene.",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene. If no file there has "
+        "their cameras, these are found.",
     ),
 ]
 ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
@@ -298,6 +307,39 @@ def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
     from cvkern.radiance import load_scene, make_scene
 
     own = str(path) == SHAPES and not path.exists()
-    scene = make_scene() if own else load_scene(path, test_every=test_every)
+    if not own and _without_cameras(path):
+        scene = _reconstructed(path, test_every)
+    else:
+        scene = make_scene() if own else load_scene(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)
+
+
+def _without_cameras(path: Path) -> bool:
+    """Tell whether a folder has photographs, and no file with their cameras."""
+    named = ("transforms*.json", "poses_bounds.npy", "cameras.*", "sparse")
+    if not path.is_dir() or any(any(path.glob(name)) for name in named):
+        return False
+    return any(file.suffix.lower() in PHOTOGRAPHS for file in path.iterdir())
+
+
+def _reconstructed(path: Path, test_every: int) -> Any:
+    """Find the cameras of a folder of photographs, and return these as a scene."""
+    from cvkern.radiance.scenes.photographs import read_images
+
+    with progress_bar() as bar:
+        task = bar.add_task("Reading", total=None)
+        found = cvkern.reconstruct(
+            path,
+            progress=lambda done, total, text: bar.update(
+                task, completed=done, total=total, description=text
+            ),
+        )
+    if not len(found.placed):
+        raise ValueError(
+            f"scene must be photographs of one scene from several places, got {str(path)!r}"
+        )
+    if found.unplaced:
+        typer.echo(f"not placed: {', '.join(found.unplaced)}")
+    images = read_images([path / name for name in found.names])
+    return found.scene(images, test_every=test_every)

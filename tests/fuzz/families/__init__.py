@@ -28,7 +28,7 @@ NOT_CALLED = {
 # Calls that take a tenth of a second and more come in one round of so many.
 SELDOM = 16
 SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene", "reconstruct_pair",
-        "recognize_panoramas", "stitch"}  # fmt: skip
+        "recognize_panoramas", "reconstruct", "stitch"}  # fmt: skip
 
 
 @lru_cache
