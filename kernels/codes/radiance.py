@@ -160,6 +160,30 @@ class Grid(NamedTuple):
     """The raw density below which space is empty."""
 
 
+class Planes(NamedTuple):
+    """Parallel planes in front of a reference camera; kernel arrays.
+
+    A texel (row, column) of every plane is on the ray of the same pixel of the camera.
+    """
+
+    disparities: Any
+    """1 / depth of each plane, the nearest first, (D,) float32."""
+    place: Any
+    """The map of the frame to the camera's axes, a row of 4 for each axis, then its fx, fy, cx, cy,
+    (16,) float32."""
+
+
+class Seen(NamedTuple):
+    """The composited rays of planes, or gradients by them; kernel arrays."""
+
+    color: Any
+    """(R, 3) float32."""
+    opacity: Any
+    """(R,) float32."""
+    depth: Any
+    """Weighted sum of the distances of the planes, (R,) float32."""
+
+
 class AdamRule(NamedTuple):
     """The constants of a step of Adam."""
 

@@ -156,6 +156,23 @@ def test_refine_keeps_what_is_better(kernels):
         assert costs[i, 0] <= before + before // 16
 
 
+@pytest.mark.parametrize(("number", "shift", "taken"), [(4, 1.1, True), (10, 1.5, False)])
+def test_refine_may_cost_a_sixteenth_more(kernels, number, shift, taken):
+    """Least squares move to outliers in symmetric places: by 5 % of the cost, and by 20 %."""
+    y, x = np.mgrid[-1:1:10j, -1:1:10j].reshape(2, -1)
+    u = x.copy()
+    u[: number // 2] += 0.1 * shift
+    u[100 - number // 2 :] += 0.1 * shift
+    matches = np.pad(np.stack([x, y, u, y]), ((0, 0), (0, 28))).astype(F32)
+    spans, squares = np.array([[0, 100]], I32), np.array([0.01], F32)
+    models, _ = kernels(
+        "geometry.robust.refine", Given(matches, spans, squares, PLANES), np.zeros(1, I32), 0,
+        np.array([4], F32), out=[np.eye(3).reshape(1, 1, 9), ((1, 1, 2), I32)],
+    )  # fmt: skip
+    moved = number / 100 * 0.1 * shift if taken else 0
+    assert models[0, 0, 2] == pytest.approx(moved, abs=1e-7)  # float32 of the matches
+
+
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_mark(kernels, kind):
     matches, spans, squares = pairs(kind)

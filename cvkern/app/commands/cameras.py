@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 import cvkern
 from cvkern.app.commands import (
+    PHOTOGRAPHS,
     Backend,
     Device,
     Folder,
@@ -82,3 +83,33 @@ def cameras(
     )
     if found.unplaced:
         typer.echo(f"not placed: {', '.join(found.unplaced)}")
+
+
+def without_cameras(path: Path) -> bool:
+    """Tell whether a folder has photographs, and no file with their cameras."""
+    named = ("transforms*.json", "poses_bounds.npy", "cameras.*", "sparse")
+    if not path.is_dir() or any(any(path.glob(name)) for name in named):
+        return False
+    return any(file.suffix.lower() in PHOTOGRAPHS for file in path.iterdir())
+
+
+def reconstructed(path: Path, test_every: int) -> Any:
+    """Find the cameras of a folder of photographs, and return these as a scene."""
+    from cvkern.radiance.scenes.photographs import read_images
+
+    with progress_bar() as bar:
+        task = bar.add_task("Reading", total=None)
+        found = cvkern.reconstruct(
+            path,
+            progress=lambda done, total, text: bar.update(
+                task, completed=done, total=total, description=text
+            ),
+        )
+    if not len(found.placed):
+        raise ValueError(
+            f"scene must be photographs of one scene from several places, got {str(path)!r}"
+        )
+    if found.unplaced:
+        typer.echo(f"not placed: {', '.join(found.unplaced)}")
+    images = read_images([path / name for name in found.names])
+    return found.scene(images, test_every=test_every)

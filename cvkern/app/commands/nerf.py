@@ -8,27 +8,21 @@ from typing import Annotated, Any
 import typer
 
 import cvkern
-from cvkern.app.commands import (
-    PHOTOGRAPHS,
-    Backend,
-    Device,
-    Overwrite,
-    check_apart,
-    check_new,
-    progress_bar,
-)
+from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SHAPES = "shapes"
+SHAPES, FORWARD = "shapes", "shapes-forward"
 SceneAt = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene. If no file there has "
-        "their cameras, these are found.",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
     ),
 ]
+PAGES = ".html", ".png"  # files of planes
 ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
 Shrink = Annotated[
     int, typer.Option(help="Side of the blocks of pixels to average photographs over.")
@@ -43,7 +37,8 @@ def train(
     field: Annotated[
         str | None,
         typer.Option(
-            help="Kind: voxel, hash or mlp, in a size that suits the device.",
+            help="Kind: voxel, hash or mlp, in a size that suits the device, or planes, for "
+            "photographs from one side.",
             show_default="voxel on the CPU, hash on a GPU",
         ),
     ] = None,
@@ -225,7 +220,7 @@ def export(
             "--output",
             "-o",
             help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, for "
-            "rendering only.",
+            "rendering only. Of planes: a page for a browser, .html, or an atlas, .png.",
         ),
     ],
     points: Annotated[
@@ -240,16 +235,20 @@ def export(
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Write a model as a coloured mesh, as a point cloud, or as a smaller file for rendering."""
-    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh
+    """Write a model as a coloured mesh, as a point cloud, as a page, or as a smaller model."""
+    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh, write_planes
 
-    if output.suffix.lower() not in (".ply", ".npz"):
-        raise ValueError(f"output must end in .ply or .npz, got {str(output)!r}")
+    if output.suffix.lower() not in (".ply", ".npz", *PAGES):
+        raise ValueError(f"output must end in .ply, .npz, .html or .png, got {str(output)!r}")
     check_new(output, "output", overwrite)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
         if output.suffix.lower() == ".npz":
             made.save(output, resumable=False)
+            typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
+            return
+        if output.suffix.lower() in PAGES:
+            write_planes(made, output)
             typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
             return
         if points:
@@ -262,6 +261,61 @@ def export(
             surface = mesh(made, resolution=resolution, density=density, pieces=pieces or None)
             write_mesh(output, surface)
             typer.echo(f"{output}: {len(surface.faces)} triangles")
+
+
+@nerf.command()
+def planes(
+    left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image.")],
+    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image, rectified.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Page to write, .html, that a browser shows and the mouse moves; or an atlas, "
+            ".png, or a model, .npz.",
+        ),
+    ],
+    min_disparity: Annotated[int, typer.Option(help="Smallest disparity, pixels.")] = 0,
+    max_disparity: Annotated[int, typer.Option(help="End of the disparities, pixels.")] = 64,
+    count: Annotated[int, typer.Option(help="Number of planes.")] = 32,
+    focal: Annotated[
+        float | None,
+        typer.Option(help="Focal length, pixels.", show_default="the width of the images"),
+    ] = None,
+    baseline: Annotated[float, typer.Option(help="Distance between the cameras.")] = 1.0,
+    doffs: Annotated[
+        float, typer.Option(help="Right principal point minus the left one, pixels.")
+    ] = 0.0,
+    overwrite: Overwrite = False,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Make a multiplane image of a rectified pair, without training: views between the two."""
+    import numpy as np
+
+    from cvkern.images.files import read_image
+    from cvkern.radiance import planes_from_stereo, write_planes
+
+    if output.suffix.lower() not in (".npz", *PAGES):
+        raise ValueError(f"output must end in .html, .png or .npz, got {str(output)!r}")
+    check_new(output, "output", overwrite)
+    check_apart((left, right), output=output)
+    photos = [read_image(path) for path in (left, right)]
+    photos = [np.dstack([p] * 3) if p.ndim == 2 else p[..., :3] for p in photos]
+    height, width = photos[0].shape[:2]
+    length = float(width) if focal is None else focal
+    K = [[length, 0, (width - 1) / 2], [0, length, (height - 1) / 2], [0, 0, 1]]
+    with cvkern.use(backend=backend, device=device):
+        made = planes_from_stereo(
+            *photos, K, disparities=(min_disparity, max_disparity), baseline=baseline,
+            doffs=doffs, planes=count,
+        )  # fmt: skip
+        if output.suffix.lower() == ".npz":
+            made.save(output)
+        else:
+            write_planes(made, output)
+    typer.echo(f"{output}: {count} planes of {height} x {width}")
 
 
 def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
@@ -306,40 +360,12 @@ def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
     from cvkern._checks import check_integer
     from cvkern.radiance import load_scene, make_scene
 
-    own = str(path) == SHAPES and not path.exists()
-    if not own and _without_cameras(path):
-        scene = _reconstructed(path, test_every)
+    layouts = {SHAPES: "around", FORWARD: "forward"}
+    if str(path) in layouts and not path.exists():
+        scene = make_scene(layout=layouts[str(path)])
+    elif without_cameras(path):
+        scene = reconstructed(path, test_every)
     else:
-        scene = make_scene() if own else load_scene(path, test_every=test_every)
+        scene = load_scene(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)
-
-
-def _without_cameras(path: Path) -> bool:
-    """Tell whether a folder has photographs, and no file with their cameras."""
-    named = ("transforms*.json", "poses_bounds.npy", "cameras.*", "sparse")
-    if not path.is_dir() or any(any(path.glob(name)) for name in named):
-        return False
-    return any(file.suffix.lower() in PHOTOGRAPHS for file in path.iterdir())
-
-
-def _reconstructed(path: Path, test_every: int) -> Any:
-    """Find the cameras of a folder of photographs, and return these as a scene."""
-    from cvkern.radiance.scenes.photographs import read_images
-
-    with progress_bar() as bar:
-        task = bar.add_task("Reading", total=None)
-        found = cvkern.reconstruct(
-            path,
-            progress=lambda done, total, text: bar.update(
-                task, completed=done, total=total, description=text
-            ),
-        )
-    if not len(found.placed):
-        raise ValueError(
-            f"scene must be photographs of one scene from several places, got {str(path)!r}"
-        )
-    if found.unplaced:
-        typer.echo(f"not placed: {', '.join(found.unplaced)}")
-    images = read_images([path / name for name in found.names])
-    return found.scene(images, test_every=test_every)

@@ -62,6 +62,23 @@ class Grid:
 
 
 @wp.struct
+class Planes:
+    """Parallel planes in front of a reference camera."""
+
+    disparities: wp.array[float]  # (D,)
+    place: wp.array[float]  # (16,): the map of the frame to the camera, and fx fy cx cy
+
+
+@wp.struct
+class Seen:
+    """The composited rays of planes, or gradients by them."""
+
+    color: wp.array2d[float]  # (R, 3)
+    opacity: wp.array[float]  # (R,)
+    depth: wp.array[float]  # (R,)
+
+
+@wp.struct
 class Samples:
     """Samples of rays."""
 
