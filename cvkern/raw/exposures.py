@@ -58,9 +58,9 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid, and 2^21
     values of all exposures. Values near 0 and 255, which may be clipped, count less, by the square
     of their distance. A second fit weighs them by the inverse of the error that a step of one makes
-    after the first. The curve is
-    made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
-    curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
+    after the first. The curve is made on the host. Robertson's turns begin with a line and converge
+    slowly: after 40 of them, the curve of a gamma is still off by a tenth of a stop, where least
+    squares is off by a hundredth.
 
     References
     ----------

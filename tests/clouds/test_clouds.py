@@ -168,7 +168,7 @@ def test_points_behind_either_camera_are_not_drawn(name, device):
 
 
 @pytest.mark.parametrize("name", KERNEL_SETS)
-@pytest.mark.parametrize("size", [0.2, 1.0])
+@pytest.mark.parametrize("size", [0.05, 0.3])
 def test_points_at_the_rim_are_drawn(name, device, size):
     """However small, a point is drawn at the sample that it is nearest to."""
     kernels = Primitives(name, device)

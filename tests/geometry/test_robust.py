@@ -318,6 +318,18 @@ def test_propose_epipoles_beside_a_plane(kernels):
         assert cost == reference.cost(model, matches, squares[0], 4)[0]
 
 
+def test_matches_on_the_plane_have_no_epipole(kernels):
+    a = np.random.default_rng(0).uniform(-1, 1, (2, 32)).astype(F32)
+    spans, squares = np.array([[0, 32]], I32), np.array([1e-4], F32)
+    given = Given(np.concatenate([a, a]), spans, squares, np.eye(3).reshape(1, 9))
+    models, costs = kernels(
+        "geometry.robust.propose", given, np.zeros(1, I32), Draw(4, 0, 0),
+        out=[((1, 2, 9), F32), ((1, 2), I32)],
+    )  # fmt: skip
+    assert (costs == reference.NO_COST).all()
+    assert (models == 0).all()
+
+
 def test_fundamental_matrices_have_equal_bits(all_kernels):
     matches, spans = views(wild=40), np.array([[0, 96]], I32)
     squares, chosen = np.array([1e-5], F32), np.zeros(1, I32)

@@ -90,9 +90,12 @@ def test_take(kernels):
 
 @pytest.mark.parametrize("dtype", [I32, F32])
 @pytest.mark.parametrize("wraps", [False, True])
-@pytest.mark.parametrize("sizes", [(0, 0), (2, 3), (40, 5)])
-def test_local_maxima(kernels, dtype, wraps, sizes):
-    values = np.random.default_rng(1).integers(0, 15, (33, 21)).astype(dtype)
+@pytest.mark.parametrize(("sizes", "shape", "most"), [
+    ((0, 0), (33, 21), 15), ((2, 3), (33, 21), 15), ((40, 5), (33, 21), 15),
+    ((1, 3), (65, 12), 99), ((3, 2), (65, 12), 99),  # where half a turn decides some
+])  # fmt: skip
+def test_local_maxima(kernels, dtype, wraps, sizes, shape, most):
+    values = np.random.default_rng(1).integers(0, most, shape).astype(dtype)
     got = kernels(
         "hough.lines.peaks.local_maxima", values, 6, *sizes, wraps, out=[(values.shape, U8)]
     )
