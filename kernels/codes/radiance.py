@@ -46,7 +46,7 @@ class Background(IntEnum):
     LEARNT = 3
 
 
-# Speckles are cubes of three sizes: the fewest per unit of length, and how many times more the next.
+# Speckles are cubes of three sizes: the fewest of them per unit of length, and the growth factor.
 FEWEST_CUBES, MORE_CUBES = 9.0, 2.25
 
 

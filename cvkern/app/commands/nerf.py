@@ -9,6 +9,7 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -17,8 +18,8 @@ SceneAt = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        help=f"Folder of posed photographs, or '{SHAPES}' for a synthetic scene, "
-        f"'{FORWARD}' for one photographed from one side.",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
     ),
 ]
 PAGES = ".html", ".png"  # files of planes
@@ -397,10 +398,10 @@ def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
     from cvkern.radiance import load_scene, make_scene
 
     layouts = {SHAPES: "around", FORWARD: "forward"}
-    own = str(path) in layouts and not path.exists()
-    if own:
+    if str(path) in layouts and not path.exists():
         scene = make_scene(layout=layouts[str(path)])
     else:
-        scene = load_scene(path, test_every=test_every)
+        read = reconstructed if without_cameras(path) else load_scene
+        scene = read(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)

@@ -34,8 +34,8 @@ COSTLY = {"find_essentials", "find_fundamentals", "find_fundamental", "detect_se
           "generalized_hough", "detect_circles", "radiance.render_path", "orb",
           "sift", "stereo_match"}  # fmt: skip
 SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene", "reconstruct_pair",
-        "recognize_panoramas", "stitch", "ShapeModel", "calibrate_projector", "calibrate_stereo",
-        "estimate_lights", "shape_from_shading"}  # fmt: skip
+        "recognize_panoramas", "reconstruct", "stitch", "ShapeModel", "calibrate_projector",
+        "calibrate_stereo", "estimate_lights", "shape_from_shading"}  # fmt: skip
 
 
 @lru_cache
