@@ -12,6 +12,7 @@ from skimage.feature.orb_cy import _orb_loop
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS, runtime
+from cvkern.features._choice import best
 from cvkern.features.binary import EDGE, pattern, sizes_of
 
 CAMERA = skimage.data.camera()[100:260, 150:350]
@@ -108,6 +109,15 @@ def test_a_budget_keeps_the_strongest(backend):
     for a, b in zip(some, every, strict=True):
         np.testing.assert_array_equal(a, b[kept])
     assert len(cvkern.orb(CAMERA, 0).points) == 0
+
+
+def test_the_best_of_many_are_found():
+    """Maxima of groups bound the least response that is kept; ties are many."""
+    responses = np.random.default_rng(5).integers(0, 300, 5003)
+    for count in (1, 20, 312, 2000):
+        order = np.argsort(-responses, kind="stable")[:count]
+        chosen = best(responses, np.empty((5003, 2)), (9, 9), count, spread=False)
+        np.testing.assert_array_equal(chosen, np.sort(order))
 
 
 def test_sets_and_runs_give_the_same_bits():
