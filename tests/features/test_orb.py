@@ -64,15 +64,16 @@ def test_measure_direction_and_bits(backend):
 
 
 def test_bits_are_opencvs(backend):
-    """At the same points, turned by the same steps: a place may be rounded to another pixel."""
+    """At the same points: a place may be rounded to another pixel, more so by another turn."""
     found = cvkern.orb(CAMERA, None, levels=1)
-    steps = np.floor(found.orientations.astype(float) * 64 / (2 * np.pi) + 0.5) % 64
+    turns = found.orientations.astype(float) % (2 * np.pi) * 64 / (2 * np.pi)
     peer = cv2.ORB.create(500, nlevels=1, edgeThreshold=EDGE)
-    places = zip(found.points.tolist(), steps.tolist(), strict=True)
-    points = [cv2.KeyPoint(x, y, 31, step * 360 / 64, 0, 0) for (y, x), step in places]
-    points, bits = peer.compute(CAMERA, points)
-    assert len(points) == len(found.points)
-    assert np.unpackbits(bits ^ found.descriptors).mean() < 0.003
+    for steps, share in ((np.floor(turns + 0.5) % 64, 0.003), (turns, 0.05)):
+        places = zip(found.points.tolist(), steps.tolist(), strict=True)
+        points = [cv2.KeyPoint(x, y, 31, step * 360 / 64, 0, 0) for (y, x), step in places]
+        points, bits = peer.compute(CAMERA, points)
+        assert len(points) == len(found.points)
+        assert np.unpackbits(bits ^ found.descriptors).mean() < share
 
 
 def test_pairs_are_those_of_scikit_image():
