@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_depth, check_image, check_integer, check_number, check_pair
+from cvkern._checks import (
+    FLOAT32_MAX,
+    check_depth,
+    check_image,
+    check_integer,
+    check_number,
+    check_pair,
+)
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.color import LEVELS, TONES
 
@@ -79,7 +86,7 @@ def equalize_hist(image: Any, nbins: int = 256, *, dtype: Any = "float32") -> An
     out = rt.adopt(result, dtype, (size,))
     found = out if dtype.kind == "f" else rt.scratch("contrast.shares", (size,))
     host = rt.to_numpy(values)
-    edges = np.histogram_bin_edges(np.array([host.min(), host.max()], np.float32), nbins)
+    edges = _edges(host, nbins)
     counts = rt.zeros((nbins,), np.int32)
     rt.color.contrast.count(values, rt.send("edges", edges.astype(np.float64)), counts)
     centres = ((edges[:-1] + edges[1:]) / 2).astype(np.float64)
@@ -199,7 +206,7 @@ def equalize_adapthist(
         rt.send("columns", _reflected(columns, wide * width)), histograms,
     )  # fmt: skip
     pixels, maps = height * width, rt.scratch("contrast.maps", (tall, wide, nbins), np.int32)
-    limit = min(max(int(clip_limit * pixels), 1), pixels) if clip_limit > 0 else pixels
+    limit = max(int(min(clip_limit, 1) * pixels), 1) if clip_limit > 0 else pixels
     contrast.tone_maps(
         histograms.reshape((tall * wide, nbins)),
         limit,
@@ -238,8 +245,24 @@ def checked(image: Any) -> tuple[Any, int]:
         raise ValueError(f"image must be of uint8, uint16 or floats, got {dtype}")
     rt = runtime(image)
     if not np.isfinite(rt.to_numpy(rt.adopt(image))).all():
-        raise ValueError("image must be finite")
+        raise ValueError("image must be finite in float32, got some values that are not")
     return image, 0
+
+
+def _edges(values: np.ndarray, nbins: int) -> np.ndarray:
+    """Return the edges of bins from the least to the largest value, as NumPy has them in float32.
+
+    In float64, if float32 cannot hold their span, or tell one from the next.
+    """
+    ends = np.array([values.min(), values.max()], np.float32)
+    wide, largest = ends.astype(np.float64), float(np.abs(ends).max())
+    if wide[0] == wide[1]:  # NumPy adds the half too
+        wide += np.array([-1, 1]) * max(0.5, largest * 2.0**-30)
+    step = (wide[1] - wide[0]) / nbins
+    narrow = step >= 2 * np.spacing(np.float32(largest)) and step >= np.finfo(np.float32).tiny
+    return np.histogram_bin_edges(
+        ends if narrow and largest <= FLOAT32_MAX / 2 else wide, bins=nbins
+    )
 
 
 def _carried(table: np.ndarray, dtype: np.dtype) -> np.ndarray:
