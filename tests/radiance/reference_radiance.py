@@ -85,7 +85,9 @@ def march(origins, directions, occupied, levels, cells, near, far, finest, cone,
     while (steps[-1] < last).any():
         steps.append(steps[-1] + np.maximum(finest, cone * steps[-1]))
     found = []
-    for t, end, origin, direction in zip(np.stack(steps, 1), last, origins, directions, strict=True):
+    for t, end, origin, direction in zip(
+        np.stack(steps, 1), last, origins, directions, strict=True
+    ):
         t = t[: np.searchsorted(t, end)]
         level, cell = cells_of(origin + t[:, None] * direction, levels, cells)
         inside = level < levels
