@@ -29,7 +29,7 @@ NOT_CALLED = {
 # than 100 ms in one round of more.
 SELDOM, RARELY = 16, 128
 COSTLY = {"find_essentials", "find_fundamentals", "find_fundamental", "detect_segments",
-          "detect_lines", "find_shape", "radiance.load_model", "find_planes", "calibrate_camera",
+          "detect_lines", "detect_shape", "radiance.load_model", "find_planes", "calibrate_camera",
           "integrate_normals", "estimate_response", "merge_exposures", "metamer", "undistort",
           "generalized_hough", "detect_circles", "radiance.render_path", "orb",
           "sift", "stereo_match"}  # fmt: skip
