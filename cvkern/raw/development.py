@@ -99,9 +99,8 @@ def develop(
     with np.errstate(invalid="ignore", over="ignore"):
         values = (values / np.float32(max(most, smallest) if most > 0 else 1)).clip(0, 1)
     if illuminant is None:
-        light = estimate_illuminant(demosaic(values, pattern, "bilinear"), white=1.0)
-    else:
-        light = check_light(illuminant)
+        illuminant = estimate_illuminant(demosaic(values, pattern, "bilinear"), white=1.0)
+    light = check_light(illuminant)
     gains = (light.max() / light).astype(np.float32)  # at least 1: no clipped value becomes dark
     cell = np.array([[gains[(y != row) + (x != column)] for x in (0, 1)] for y in (0, 1)])
     height, width = values.shape

@@ -163,6 +163,7 @@ REFUSED = {
     "images must not": lambda: cvkern.lights_from_sphere([], IMAGE),
     "images must have": lambda: cvkern.photometric_stereo([IMAGE, IMAGE, IMAGE[1:]], np.eye(3)),
     "right must be": lambda: cvkern.rectify_stereo(SIDE_BY_SIDE)(np.zeros((48, 64)), [1]),
+    "radiance": lambda: cvkern.tone_map(np.full((3, 4), 1e38, np.float32)),
     "center must": lambda: cvkern.lateral_inhibition(IMAGE, 2.0**31),
     "image1": lambda: cvkern.reconstruct_pair(
         np.zeros((64, 64), np.uint8), np.zeros((64, 64), np.int64)
@@ -194,6 +195,9 @@ def test_refusals_name_their_argument(name):
         lambda: cvkern.images.apply_colormap([[0, 14]], vmax=1e-320),
         lambda: cvkern.remap_backward([[1.0]], IMAGE, np.ones((2, 1, 1)), np.int64(3)),
         lambda: cvkern.find_similarity(PAIR, PAIR, threshold=1e30),
+        lambda: cvkern.retinex(COLOURS, method="gradients", threshold=1e30),
+        lambda: radiance.ssim(np.zeros((16, 16)), np.ones((16, 16)), data_range=1e-320),
+        lambda: cvkern.estimate_illuminant(COLOURS * np.arange(-2, 3)[:, None], black=0.5),
         lambda: cvkern.equalize_adapthist(IMAGE, clip_limit=1e30),
         lambda: cvkern.lateral_inhibition(IMAGE + np.eye(4, 5), weight=3e38),
         lambda: cvkern.images.luma(np.full((4, 5), 1e300)),
