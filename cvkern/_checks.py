@@ -145,7 +145,7 @@ def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
     values = as_array(values, name)
     if tuple(values.shape) != tuple(shape):
         raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
-    return check_image(values, ndim=(1, 2), name=name) if len(values) else values
+    return check_image(values, ndim=(1, 2, 3), name=name) if len(values) else values
 
 
 def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
@@ -298,6 +298,17 @@ def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
             f"disparities must be at most {MAX_DISPARITIES}, got {first, stop}: {stop - first}"
         )
     return first, stop
+
+
+def check_depth(dtype: Any) -> np.dtype:
+    """Return the dtype of a result in floats or in bytes, or refuse another."""
+    try:
+        dtype = np.dtype(dtype)
+    except Exception:  # NumPy says of some that they are out of use
+        raise TypeError(f"dtype must be float32 or uint8, got {dtype!r}") from None
+    if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
+        raise ValueError(f"dtype must be float32 or uint8, got {dtype}")
+    return dtype
 
 
 def check_out(out: Any, image: Any, dtype: Any) -> None:

@@ -15,6 +15,7 @@ from cvkern.radiance import checkpoints
 from cvkern.radiance.fields.field import Field, Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
+from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.march import taken
 from cvkern.radiance.pinhole import Cameras, cameras
@@ -23,7 +24,7 @@ from cvkern.radiance.scenes.photographs import Bounds
 __all__ = ["Mark", "Model", "load_model"]
 
 MOST_VIEWS, MOST_MARKS = 2**20, 2**24  # rows that a file may have
-FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField)}
+FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField, PlanesField)}
 
 
 class Mark(NamedTuple):
@@ -106,8 +107,8 @@ class Model:
         path : path
             Ends in ``.npz``; an existing file is replaced once the new one is complete.
         resumable : bool, default True
-            Keep the arrays that a resumed training needs, two thirds of the file or more. Pictures
-            do not need them.
+            Keep all arrays that a resumed training needs, in full precision. Without, the file is
+            six times smaller or more: what pictures need, in half precision, compressed.
 
         Raises
         ------
@@ -145,7 +146,7 @@ class Model:
         state = self.field.state()
         state = state if resumable else self.field.to_render(state)
         arrays |= {f"state.{name}": values for name, values in state.items()}
-        checkpoints.write(path, header, arrays)
+        checkpoints.write(path, header, arrays, packed=not header["training"]["resumable"])
 
 
 def load_model(path: str | os.PathLike[str]) -> Model:

@@ -9,17 +9,20 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SHAPES = "shapes"
+SHAPES, FORWARD = "shapes", "shapes-forward"
 SceneAt = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        help=f"Folder of posed photographs, or '{SHAPES}' for a synthetic scene.",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
     ),
 ]
+PAGES = ".html", ".png"  # files of planes
 ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
 Shrink = Annotated[
     int, typer.Option(help="Side of the blocks of pixels to average photographs over.")
@@ -34,7 +37,8 @@ def train(
     field: Annotated[
         str | None,
         typer.Option(
-            help="Kind: voxel, hash or mlp, in a size that suits the device.",
+            help="Kind: voxel, hash or mlp, in a size that suits the device, or planes, for "
+            "photographs from one side.",
             show_default="voxel on the CPU, hash on a GPU",
         ),
     ] = None,
@@ -81,6 +85,12 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="A setting of the field; repeatable."),
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            help="Log to write, .csv, or a folder for TensorBoard; --resume continues it."
+        ),
+    ] = None,
     shrink: Shrink = 1,
     overwrite: Overwrite = False,
     backend: Backend = None,
@@ -93,6 +103,8 @@ def train(
     from cvkern.radiance import fit
 
     check_new(output, "output", overwrite or resume, "--resume goes on with it, ")
+    if log is not None and log.suffix:
+        check_new(log, "log", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
             _within(_scene(scene, shrink, test_every), bounds, near, far),
@@ -105,6 +117,7 @@ def train(
             deterministic=deterministic,
             checkpoint=output,
             resume=resume,
+            log=log,
         )
     done = model.training
     said = f"{output}: 1 step"  # the time of the first step is not counted
@@ -127,7 +140,7 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="Picture to write; an orbit is .gif, or .mp4 if imageio-ffmpeg is installed.",
+            help="Picture to write; a film is .gif, or .mp4 if imageio-ffmpeg is installed.",
         ),
     ],
     view: Annotated[
@@ -136,46 +149,72 @@ def render(
     orbit: Annotated[
         bool, typer.Option("--orbit", help="A film from cameras around the scene.")
     ] = False,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            help="A film along the cameras of a file: nerfstudio's camera_path.json, or a "
+            "transforms.json."
+        ),
+    ] = None,
     frames: Annotated[int, typer.Option(help="Of the orbit.")] = 60,
-    fps: Annotated[float, typer.Option(help="Frames per second of the orbit.")] = 20.0,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Frames per second.", show_default="those of the path's file, or 20"),
+    ] = None,
     size: Size = 1.0,
     depth: Annotated[
-        Path | None, typer.Option(help="Picture of the depths to write; bright means near.")
+        Path | None,
+        typer.Option(
+            help="Depths to write: a picture, bright means near, or .npy: float32, in the scene's "
+            "units, NaN where nothing is."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Render a view of a model, or an orbit."""
+    """Render a view of a model, an orbit, or a film along a camera path."""
     import numpy as np
 
     from cvkern._checks import check_positive
+    from cvkern._files import replacing
     from cvkern.images.colors import apply_colormap
     from cvkern.images.files import write_image
-    from cvkern.radiance import load_model, orbit_cameras, render_path
+    from cvkern.radiance import load_camera_path, load_model, orbit_cameras, render_path
     from cvkern.radiance import render as picture_of
 
-    if orbit and depth:
-        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
-    check_new(output if orbit else None, "output", overwrite)
+    if orbit and path:
+        raise ValueError(f"path must not go with an orbit, got {str(path)!r}")
+    film = orbit or path is not None
+    if film and depth:
+        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with a film")
+    raw = depth is not None and depth.suffix.lower() == ".npy"
+    check_new(output if film else None, "output", overwrite)
+    check_new(depth if raw else None, "depth", overwrite)
     check_positive(size, "size")
     check_apart((), output=output, depth=depth)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
-        if orbit:
-            cameras = orbit_cameras(made.cameras, frames, factor=size)
+        if film:
+            if path is None:
+                cameras, rate = orbit_cameras(made.cameras, frames, factor=size), 20.0
+            else:
+                cameras, rate = load_camera_path(path, made.cameras, factor=size)
             with progress_bar() as bar:
-                task = bar.add_task("Rendering", total=frames)
+                task = bar.add_task("Rendering", total=len(cameras))
                 render_path(
-                    made, cameras, output, fps=fps,
+                    made, cameras, output, fps=rate if fps is None else fps,
                     progress=lambda done, total: bar.update(task, completed=done, total=total),
                 )  # fmt: skip
-            typer.echo(f"{output}: {frames} frames of {cameras.height} x {cameras.width}")
+            typer.echo(f"{output}: {len(cameras)} frames of {cameras.height} x {cameras.width}")
             return
         cameras = made.cameras.scaled(size)
         seen = picture_of(made, cameras, view)
     write_image(output, np.round(255 * seen.color).astype(np.uint8))
-    if depth:
+    if depth and raw:
+        with replacing(depth) as beside:
+            np.save(beside, np.asarray(seen.depth, np.float32), allow_pickle=False)
+    elif depth:
         write_image(depth, apply_colormap(-seen.depth, nan=(0, 0, 0)))
     typer.echo(f"{output}: {cameras.height} x {cameras.width}")
 
@@ -215,8 +254,8 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, for "
-            "rendering only.",
+            help="PLY or GLB to write (a mesh needs scikit-image), or a smaller model, .npz, for "
+            "rendering only. Of planes: a page for a browser, .html, or an atlas, .png.",
         ),
     ],
     points: Annotated[
@@ -231,16 +270,22 @@ def export(
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Write a model as a coloured mesh, as a point cloud, or as a smaller file for rendering."""
-    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh
+    """Write a model as a coloured mesh, as a point cloud, as a page, or as a smaller model."""
+    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh, write_planes
 
-    if output.suffix.lower() not in (".ply", ".npz"):
-        raise ValueError(f"output must end in .ply or .npz, got {str(output)!r}")
+    if output.suffix.lower() not in (".ply", ".glb", ".npz", *PAGES):
+        raise ValueError(f"output must end in .ply, .glb, .npz, .html or .png, got {str(output)!r}")
+    if points and output.suffix.lower() == ".glb":
+        raise ValueError(f"output must end in .ply for points, got {str(output)!r}")
     check_new(output, "output", overwrite)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
         if output.suffix.lower() == ".npz":
             made.save(output, resumable=False)
+            typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
+            return
+        if output.suffix.lower() in PAGES:
+            write_planes(made, output)
             typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
             return
         if points:
@@ -253,6 +298,61 @@ def export(
             surface = mesh(made, resolution=resolution, density=density, pieces=pieces or None)
             write_mesh(output, surface)
             typer.echo(f"{output}: {len(surface.faces)} triangles")
+
+
+@nerf.command()
+def planes(
+    left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image.")],
+    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image, rectified.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Page to write, .html, that a browser shows and the mouse moves; or an atlas, "
+            ".png, or a model, .npz.",
+        ),
+    ],
+    min_disparity: Annotated[int, typer.Option(help="Smallest disparity, pixels.")] = 0,
+    max_disparity: Annotated[int, typer.Option(help="End of the disparities, pixels.")] = 64,
+    count: Annotated[int, typer.Option(help="Number of planes.")] = 32,
+    focal: Annotated[
+        float | None,
+        typer.Option(help="Focal length, pixels.", show_default="the width of the images"),
+    ] = None,
+    baseline: Annotated[float, typer.Option(help="Distance between the cameras.")] = 1.0,
+    doffs: Annotated[
+        float, typer.Option(help="Right principal point minus the left one, pixels.")
+    ] = 0.0,
+    overwrite: Overwrite = False,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Make a multiplane image of a rectified pair, without training: views between the two."""
+    import numpy as np
+
+    from cvkern.images.files import read_image
+    from cvkern.radiance import planes_from_stereo, write_planes
+
+    if output.suffix.lower() not in (".npz", *PAGES):
+        raise ValueError(f"output must end in .html, .png or .npz, got {str(output)!r}")
+    check_new(output, "output", overwrite)
+    check_apart((left, right), output=output)
+    photos = [read_image(path) for path in (left, right)]
+    photos = [np.dstack([p] * 3) if p.ndim == 2 else p[..., :3] for p in photos]
+    height, width = photos[0].shape[:2]
+    length = float(width) if focal is None else focal
+    K = [[length, 0, (width - 1) / 2], [0, length, (height - 1) / 2], [0, 0, 1]]
+    with cvkern.use(backend=backend, device=device):
+        made = planes_from_stereo(
+            photos[0], photos[1], K, disparities=(min_disparity, max_disparity), baseline=baseline,
+            doffs=doffs, planes=count,
+        )  # fmt: skip
+        if output.suffix.lower() == ".npz":
+            made.save(output)
+        else:
+            write_planes(made, output)
+    typer.echo(f"{output}: {count} planes of {height} x {width}")
 
 
 def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
@@ -297,7 +397,11 @@ def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
     from cvkern._checks import check_integer
     from cvkern.radiance import load_scene, make_scene
 
-    own = str(path) == SHAPES and not path.exists()
-    scene = make_scene() if own else load_scene(path, test_every=test_every)
+    layouts = {SHAPES: "around", FORWARD: "forward"}
+    if str(path) in layouts and not path.exists():
+        scene = make_scene(layout=layouts[str(path)])
+    else:
+        read = reconstructed if without_cameras(path) else load_scene
+        scene = read(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)

@@ -35,8 +35,8 @@ COSTLY = {"find_affine", "find_homography", "find_homographies", "find_similarit
           "generalized_hough", "detect_circles", "radiance.render_path", "orb",
           "sift", "stereo_match"}  # fmt: skip
 SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene", "reconstruct_pair",
-        "recognize_panoramas", "stitch", "ShapeModel", "calibrate_projector", "calibrate_stereo",
-        "estimate_lights", "shape_from_shading"}  # fmt: skip
+        "recognize_panoramas", "reconstruct", "stitch", "ShapeModel", "calibrate_projector",
+        "calibrate_stereo", "estimate_lights", "shape_from_shading"}  # fmt: skip
 
 
 @lru_cache
