@@ -206,7 +206,7 @@ def equalize_adapthist(
         rt.send("columns", _reflected(columns, wide * width)), histograms,
     )  # fmt: skip
     pixels, maps = height * width, rt.scratch("contrast.maps", (tall, wide, nbins), np.int32)
-    limit = min(max(int(clip_limit * pixels), 1), pixels) if clip_limit > 0 else pixels
+    limit = max(int(min(clip_limit, 1) * pixels), 1) if clip_limit > 0 else pixels
     contrast.tone_maps(
         histograms.reshape((tall * wide, nbins)),
         limit,

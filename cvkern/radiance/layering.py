@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 
@@ -42,7 +44,8 @@ def extend(opacity: np.ndarray, places: np.ndarray, reach: int) -> list[tuple]:
             slice(max(0, n[0] - reach), n[-1] + reach + 1)
             for n in (np.flatnonzero(shown.any(axis=a)) for a in (1, 0))
         )
-        away, (i, j) = distance_transform_edt(~shown[part], return_indices=True)
+        nearest: Any = distance_transform_edt(~shown[part], return_indices=True)
+        away, (i, j) = nearest
         fill = np.nonzero(hidden[part] & (away <= reach))
         first = part[0].start, part[1].start
         to = fill[0] + first[0], fill[1] + first[1]

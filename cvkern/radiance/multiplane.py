@@ -80,8 +80,8 @@ def planes_from_depth(
     >>> image = np.full((8, 9, 3), 128, np.uint8)
     >>> K = [[9, 0, 4], [0, 9, 3.5], [0, 0, 1]]
     >>> model = planes_from_depth(image, np.full((8, 9), 2.0), K, planes=2)
-    >>> render(model, model.cameras).depth[4, 4].round(3)
-    np.float32(2.001)
+    >>> render(model, model.cameras).color[4, 4].round(3)
+    array([0.502, 0.502, 0.502], dtype=float32)
     """
     refuse_capture("planes_from_depth")
     photo = _photograph(image, "image")
@@ -158,7 +158,7 @@ def planes_from_stereo(
     matrix = _matrix(K)
     length = check_positive(baseline, "baseline") * matrix[0, 0]
     shift = check_number(doffs, "doffs")
-    found = stereo_match(*photos, disparities, channel_axis=-1)
+    found = stereo_match(photos[0], photos[1], disparities, channel_axis=-1)
     inverse = (found.disparity.astype(np.float64) + shift) / length
     known = np.isfinite(inverse) & (inverse > 0)
     if not known.any():

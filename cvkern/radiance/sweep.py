@@ -245,7 +245,7 @@ def _sweep(scene: Scene, frame: Frame, pose: np.ndarray, span: tuple[float, floa
     sure = seen & (winner.confidence > SURE)
     disparity = high - smooth.astype(np.float64) * ((high - low) / max(count - 1, 1))
     if seen.any():  # elsewhere, the nearest texel that most photographs show is the best guess
-        near = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+        near: Any = distance_transform_edt(~seen, return_distances=False, return_indices=True)
         disparity = disparity[tuple(near)]
     return Sweep(lens, disparity, sure)
 

@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from cvkern._checks import (
 )
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.kernels.codes.radiance import Background
-from cvkern.radiance import checkpoints
+from cvkern.radiance import checkpoints, logs
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
@@ -79,6 +79,8 @@ def fit(
     resume: bool = False,
     save_every: float = 60.0,
     evaluate_every: int | None = None,
+    callback: Callable[[int, float, Model], Any] | None = None,
+    log: str | os.PathLike[str] | None = None,
     progress: bool = True,
 ) -> Model:
     """Train a radiance field on the photographs of a scene.
@@ -127,6 +129,16 @@ def fit(
         Seconds between saves, > 0.
     evaluate_every : int, optional
         Steps between evaluations of a few held-out views, for ``model.training.marks``.
+    callback : function, optional
+        Called as ``callback(step, loss, model)`` after every 16th step, and at the end; the loss is
+        the mean squared error of the colours of the last batch. The model can be rendered then; the
+        time that this takes is not counted. If the result is True, training ends as after Ctrl-C.
+        If it raises an exception, so does ``fit``, and `checkpoint` stays as it was last saved.
+    log : path, optional
+        File, ``.csv``, to which a line is added every 16 steps: step, seconds, loss, psnr,
+        rays_per_second, and test_psnr and test_ssim where held-out views were looked at. It is
+        replaced, or continued if `resume` is set. A path without an ending is a folder for
+        TensorBoard, which needs PyTorch.
     progress : bool, default True
         Show a progress bar if the standard error is a terminal, and otherwise print a line every 10
         seconds.
@@ -140,16 +152,19 @@ def fit(
     Raises
     ------
     FileNotFoundError
-        If the folder of `checkpoint` does not exist.
+        If the folder of `checkpoint` or `log` does not exist.
+    ModuleNotFoundError
+        If `log` is for TensorBoard, which is not installed.
     OSError
-        If `checkpoint` cannot be written.
+        If `checkpoint` or `log` cannot be written.
     TypeError
         If an argument has the wrong type.
     ValueError
         If an option is unknown or out of its range; if both `seconds` and `steps` are given; if the
         scene has no training views, images of 2 GiB or more together, or a camera more than 32768
-        half-sides of its cube from the cube's middle; if `checkpoint` has another ending or is a
-        folder; or if, to resume, it is not a whole model with the same settings.
+        half-sides of its cube from the cube's middle; if `checkpoint` or `log` has another ending,
+        or `checkpoint` is a folder; or if, to resume, it is not a whole model with the same
+        settings.
 
     Notes
     -----
@@ -204,13 +219,39 @@ def fit(
         checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
+    if callback is not None and not callable(callback):
+        raise TypeError(f"callback must be a function, got {type(callback).__name__}")
+    to = None if log is None else logs.check_log(log)
     model = _begin(scene, field, background, seed, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
-    with _shown(progress) as say, _stoppable() as stop:
-        trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every)
+    with contextlib.ExitStack() as stack:
+        write = stack.enter_context(logs.opened(to, resume)) if to is not None else None
+        say, stop = stack.enter_context(_shown(progress)), stack.enter_context(_stoppable())
+        watch = _watched(callback, write, model)
+        trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every, watch)
     return model
+
+
+def _watched(
+    callback: Callable[[int, float, Model], Any] | None, write: logs.Write | None, model: Model
+) -> logs.Watch | None:
+    """Return a function that writes what it is told to a log, and calls back."""
+    if callback is None and write is None:
+        return None
+    told = -1
+
+    def watch(look: logs.Look) -> bool:
+        nonlocal told
+        if write is not None:
+            write(look)
+        if callback is None or look.step == told:
+            return False
+        told = look.step
+        return callback(look.step, look.loss, model) is True
+
+    return watch
 
 
 def suited(field: str | None = None) -> Settings:

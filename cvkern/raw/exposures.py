@@ -19,7 +19,7 @@ BLOCK = 4096  # pixels that are counted together of more exposures
 CODES = 256
 ENDS = 4  # codes at either end of the scale that may be clipped
 # Weight of how the curve bends over log2 of its codes, beside the mean weight of one.
-SMOOTH = 1000.0
+SMOOTH = 3000.0
 ROUNDS, STILL = 40, 1e-4  # at most so many of Robertson's, until the curve moves less
 
 
@@ -56,9 +56,11 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     Notes
     -----
     All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid, and 2^21
-    values of all exposures. Values near 0 and 255, which may be clipped, count less, by the square of their distance. The curve is
-    made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
-    curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
+    values of all exposures. Values near 0 and 255, which may be clipped, count less, by the square
+    of their distance. A second fit weighs them by the inverse of the error that a step of one makes
+    after the first. The curve is made on the host. Robertson's turns begin with a line and converge
+    slowly: after 40 of them, the curve of a gamma is still off by a tenth of a stop, where least
+    squares is off by a hundredth.
 
     References
     ----------
@@ -224,13 +226,19 @@ def _centre(codes: np.ndarray) -> np.ndarray:
 
 
 def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Fit the curve twice: the second time, values also weigh as the first one says."""
+    z, logs = values.astype(np.int64), np.log2(times)
+    weight = _centre(np.arange(CODES)) ** 2
+    curve = _fitted(z, logs, weight)
+    return _fitted(z, logs, np.sqrt(_precision(curve[:, None])[:, 0]))
+
+
+def _fitted(z: np.ndarray, logs: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Minimise ``sum w (g(z) - log2 E - log2 t)^2``, and how g bends over log2 z.
 
     Second differences of g are those of a line over ``u = log2(z + 1/2)``, which a power of z is,
     and what is left of them: only that is held small.
     """
-    z, logs = values.astype(np.int64), np.log2(times)
-    weight = _centre(np.arange(CODES)) ** 2
     w = weight[z]
     total = w.sum(axis=0)
     z, w, total = z[:, total > 0], w[:, total > 0], total[total > 0]
@@ -245,7 +253,7 @@ def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
     straight = np.diff(u, 2) / (u[2:] - u[:-2])
     first = np.eye(CODES)[2:] - np.eye(CODES)[:-2]
     second = np.diff(np.eye(CODES), 2, axis=0) - straight[:, None] * first
-    bend = np.sqrt(weight[1:-1]) + 0.02
+    bend = _centre(np.arange(1, CODES - 1)) + 0.02
     matrix = matrix / scale + SMOOTH * (second.T * bend**2) @ second
     matrix[CODES // 2, CODES // 2] += 1
     curve = np.linalg.solve(matrix + 1e-9 * np.eye(CODES), right / scale)
@@ -303,11 +311,14 @@ def _rising(curve: np.ndarray) -> np.ndarray:
     return curve - curve[CODES // 2]
 
 
+def _precision(curves: np.ndarray) -> np.ndarray:
+    """Return the weight of each code, (256, C): less within an eighth of either end."""
+    slope = np.maximum(np.gradient(curves, axis=0), 1e-3)
+    window = np.clip(_centre(np.arange(CODES)) * 8, 0, 1)[:, None] ** 2
+    weights = window / slope**2
+    return weights / weights.max(axis=0)
+
+
 def _tables(curves: np.ndarray) -> np.ndarray:
     """Return log2 exposure and weight of each code and channel, (256, C, 2)."""
-    codes = np.arange(CODES)
-    slope = np.maximum(np.gradient(curves, axis=0), 1e-3)
-    window = np.clip(_centre(codes) * 8, 0, 1)[:, None] ** 2
-    weights = window / slope**2
-    weights = weights / weights.max(axis=0)
-    return np.stack([curves, weights], axis=2).astype(np.float32)
+    return np.stack([curves, _precision(curves)], axis=2).astype(np.float32)

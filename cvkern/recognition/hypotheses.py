@@ -32,26 +32,23 @@ def climb(
     frame: Frame,
     modes: np.ndarray,
     factors: np.ndarray,
-    least: int,
+    evidence: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Move modes with an evidence of at least `least` to more; return all that remain, and theirs.
+    """Move modes to where there is more evidence; return all that remain, and their evidence.
 
-    A mode goes to the best of itself and its eight neighbours, first in `STEPS[0]`, then in smaller
-    steps; the first wins a tie. `factors` are the sizes of the modes in parts of 2^16. Modes that
+    A mode goes to the best of itself and its eight neighbours, first in large steps, then in small
+    ones; the first wins a tie. `factors` are the sizes of the modes in parts of 2^16. Modes that
     meet are one.
     """
-    evidence = weigh(rt, patches, weights, space, frame, modes)
-    promising = evidence >= least
-    modes, factors = modes[promising], factors[promising].astype(np.int64)
-    evidence = evidence[promising]
+    factors = factors.astype(np.int64)
     for step in STEPS if len(modes) else ():
         apart = (FINE * step * factors + (1 << (FACTOR_BITS - 1))) >> FACTOR_BITS
         near = np.repeat(modes[:, None], len(AROUND), axis=1)
         near[:, :, :2] += (AROUND * apart[:, None, None]).astype(np.int32)
         found = weigh(rt, patches, weights, space, frame, near.reshape(-1, 4))
         best = found.reshape(len(modes), -1).argmax(axis=1)
-        all_modes = np.arange(len(modes))
-        modes, evidence = near[all_modes, best], found.reshape(len(modes), -1)[all_modes, best]
+        every = np.arange(len(modes))
+        modes, evidence = near[every, best], found.reshape(len(modes), -1)[every, best]
         _, first = np.unique(modes[:, :3], axis=0, return_index=True)
         modes, evidence, factors = modes[first], evidence[first], factors[first]
     return np.ascontiguousarray(modes), evidence

@@ -98,25 +98,25 @@ def adjust(
     does not move.
     """
     equations = _Equations(runtime(), bundle, effort)
-    fixed = np.arange(len(bundle.rotations)) == 0 if fixed is None else fixed
+    still = np.arange(len(bundle.rotations)) == 0 if fixed is None else fixed
+    held = np.zeros(len(bundle.lenses), bool)
+    if fixed is not None:
+        held[bundle.lens_of[fixed]] = True
     gaps = equations.gaps(bundle)
     best, damping = _whole_cost(bundle, gaps, effort), FIRST_DAMPING
     for _ in range(effort.steps if len(bundle.seen) else 0):
         equations.linearise(bundle)
-        better = None
+        before = best
         while damping <= MOST_DAMPING:
-            change = equations.step(bundle, fixed, damping)
+            change = equations.step(bundle, still, held, damping)
             if change is not None:
                 tried = _moved(bundle, effort.size, *change)
-                gaps_there = equations.gaps(tried)
-                now = _whole_cost(tried, gaps_there, effort)
+                there = equations.gaps(tried)
+                now = _whole_cost(tried, there, effort)
                 if np.isfinite(now) and now < best:
-                    better = tried
+                    bundle, gaps, best = tried, there, now
                     break
             damping *= 10
-        if better is None:
-            break
-        bundle, gaps, before, best = better, gaps_there, best, now
         damping = max(damping / 10, LEAST_DAMPING)
         if before - best <= effort.enough * before:
             break
@@ -223,7 +223,7 @@ class _Equations:
         )
 
     def step(
-        self, bundle: Bundle, fixed: np.ndarray, damping: float
+        self, bundle: Bundle, fixed: np.ndarray, held: np.ndarray, damping: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
         """Return steps of poses, lenses and points, or None if the equations have no solution."""
         from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -240,11 +240,7 @@ class _Equations:
         more = np.arange(len(gradient) - pull.size, len(gradient))
         whole[more, more] += stiffness.ravel()
         still = np.repeat(fixed, POSE)
-        if size > POSE:
-            held = np.zeros(kinds, bool)
-            if fixed.sum() > 1:  # a single fixed view only removes the choice of axes
-                held[bundle.lens_of[fixed]] = True
-            still = np.append(still, np.repeat(held, size - POSE))
+        still = np.append(still, np.repeat(held, size - POSE))
         free = np.flatnonzero(~still)
         steps = np.zeros(len(still))
         if len(free):

@@ -26,9 +26,9 @@ FIRST_POINTS = 15  # points of the first pair
 FLAT = 0.85  # share of matches on a plane above which a first pair is chosen last
 TRIED = 60  # pairs that may be the first
 NEAR = 5  # photographs that are adjusted with a new one
-GROWN = 1.2
+GROWN = 1.25  # of the number of photographs, between adjustments of everything
 ROUNDS = 4  # of adjustment and cleaning at the end
-FEW_STEPS = 12
+NEAR_STEPS, FEW_STEPS, LAST_STEPS = 5, 8, 25  # of adjustment
 # Photographs from which the focal length, k1 and k2, and the principal point are found.
 FOR_FOCAL, FOR_LENS, FOR_MIDDLE = 3, 5, 8
 NOISE = 0.05, 2.0  # pixels by which places are off, at least and at most
@@ -44,7 +44,7 @@ class Growth:
         self.rows = lenses.rows.copy()
         self.placed = np.zeros(count, bool)
         self.rotations, self.translations = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-        self.points = np.full((tracks.count, 3), np.nan)
+        self.points = np.full((tracks.total, 3), np.nan)
         self.active = np.zeros(len(tracks.track), bool)
         self._straighten()
 
@@ -121,7 +121,7 @@ class Growth:
         """Adjust everything, leave out what does not fit, and look for more, until both agree."""
         for _ in range(rounds):
             before = self.active.copy()
-            self._adjust_all(FEW_STEPS if rounds == 1 else 25, error, rounds > 1)
+            self._adjust_all(FEW_STEPS if rounds == 1 else LAST_STEPS, error, rounds > 1)
             self._add_points(error)
             if (before != self.active).sum() <= 1e-3 * max(1, before.sum()):
                 break
@@ -175,7 +175,7 @@ class Growth:
 
     def _angles(self) -> np.ndarray:
         """Return the widest angle between the rays of each point, (T,)."""
-        return widest_angles(self._rays(np.flatnonzero(self.active)), self.tracks.count)
+        return widest_angles(self._rays(np.flatnonzero(self.active)), self.tracks.total)
 
     def _errors(self, chosen: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return the distances of places from projected points, (len(chosen),), pixels."""
@@ -230,7 +230,7 @@ class Growth:
     def _adjust_near(self, view: int) -> None:
         """Adjust a photograph, those that share most points with it, and their points."""
         tracks = self.tracks
-        own = np.zeros(tracks.count, bool)
+        own = np.zeros(tracks.total, bool)
         own[tracks.track[self.active & (tracks.view == view)]] = True
         shared = np.bincount(
             tracks.view[self.active & own[tracks.track]], minlength=len(self.placed)
@@ -242,10 +242,10 @@ class Growth:
         if moving.sum() + 1 >= self.placed.sum():
             moving[np.flatnonzero(self.placed)[0]] = False
         moving[view] = True
-        about = np.zeros(tracks.count, bool)
+        about = np.zeros(tracks.total, bool)
         about[tracks.track[self.active & moving[tracks.view]]] = True
         bundle, views, names = self._bundle(np.flatnonzero(self.active & about[tracks.track]))
-        effort = Effort(POSE, Loss.CAUCHY, 2.0, FEW_STEPS, 1e-4)
+        effort = Effort(POSE, Loss.CAUCHY, 2.0, NEAR_STEPS, 1e-3)
         self._take(adjust(bundle, effort, ~moving[views])[0], views, names)
         self._clean(ERROR)
 

@@ -22,10 +22,11 @@ FLAT_THRESHOLD = 3.0  # distance of an inlier from a homography's place, pixels
 LEAST_SHARE = 0.25  # of the matches of a pair that must agree
 MANY, STRONG, PARTNERS = 20, 500, 16  # beyond `MANY` photographs, each is compared with partners
 SEARCHED = 40  # pairs by which the focal length is estimated
-FOCALS = np.geomspace(0.5, 3.4, 15)  # candidates for the focal length, in longest sides
+FOCALS = np.geomspace(0.5, 3.4, 13)  # candidates for the focal length, in longest sides
 TRIALS = 4096
+MOST_FOCALS = 4  # focal lengths that are tried
 AS_GOOD = 1.15  # focal lengths with a cost up to this many times the least are tried as well
-APART = 1.4  # least ratio of two focal lengths that are tried
+APART = 1.5  # least ratio of two focal lengths that are tried
 FLAT = 0.9  # share of matches on a plane above which the turn of a pair is uncertain
 LOOP = np.radians(10)  # largest angle by which the turns of three pairs may fail to close
 
@@ -151,7 +152,7 @@ def with_focals(
         if costs[k] <= AS_GOOD * min(costs) and alone:
             chosen.append(int(k))
     made = []
-    for k in chosen:
+    for k in chosen[:MOST_FOCALS]:
         rows = lenses.rows.copy()
         rows[~lenses.told, :2] = FOCALS[k] * longest[~lenses.told]
         made.append(lenses._replace(rows=rows))
@@ -196,7 +197,7 @@ def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) 
                 int(plane.sum()) / number,
                 pose.rotation,
                 pose.translation,
-            )  # fmt: skip
+            )
         )
     return pairs
 
@@ -206,27 +207,27 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
 
     Repeated things join photographs that have nothing in common: their turns do not close with
     those of other pairs. In each round, the pairs with the smallest share of triplets that close
-    are left out, if that is below a half. The turn of a pair of a plane is uncertain: such a pair
-    is left out only if none of three triplets or more closes.
+    are left out, if that is below a half. A plane has two turns that explain it: pairs of a plane
+    are kept, and have no say.
     """
     turns = np.full((count, count, 3, 3), np.nan)
     index = np.full((count, count), -1)
-    for n, pair in enumerate(pairs):
+    told = [(n, pair) for n, pair in enumerate(pairs) if pair.flat <= FLAT]
+    for n, pair in told:
         turns[pair.first, pair.second] = pair.rotation
         turns[pair.second, pair.first] = pair.rotation.T
         index[pair.first, pair.second] = index[pair.second, pair.first] = n
     there = index >= 0
     good, bad = np.zeros((2, len(pairs), count), bool)
-    for n, pair in enumerate(pairs):
+    for n, pair in told:
         others = np.flatnonzero(there[pair.first] & there[pair.second])
         closed = turns[others, pair.first] @ turns[pair.second, others] @ pair.rotation
         off = np.arccos(np.clip((np.trace(closed, axis1=1, axis2=2) - 1) / 2, -1, 1))
         good[n, others], bad[n, others] = off <= LOOP, off > LOOP
-    kept, flat = np.ones(len(pairs), bool), np.array([pair.flat > FLAT for pair in pairs], bool)
+    kept = np.ones(len(pairs), bool)
     while kept.any():
         closing, all_of = good.sum(axis=1), (good | bad).sum(axis=1)
-        judged = kept & (all_of > 0) & (~flat | ((closing == 0) & (all_of >= 3)))
-        share = np.where(judged, closing / np.maximum(all_of, 1), 1.0)
+        share = np.where(kept & (all_of > 0), closing / np.maximum(all_of, 1), 1.0)
         worst = share.min()
         if worst >= 0.5:
             break

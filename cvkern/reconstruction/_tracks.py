@@ -21,7 +21,7 @@ class Tracks(NamedTuple):
     """(x, y), (O, 2)."""
     color: np.ndarray
     """(O, 3) uint8."""
-    count: int
+    total: int
     """Number of tracks."""
 
 

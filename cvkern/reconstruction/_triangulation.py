@@ -33,8 +33,10 @@ class Found(NamedTuple):
 
 
 def widest_angles(rays: Rays, count: int) -> np.ndarray:
-    """Return the angle between the ray of each track that is farthest from its first and the ray
-    that is farthest from that one, (count,); 0 for tracks with fewer than two rays.
+    """Return the angle between two rays of each track that are far apart, (count,).
+
+    They are the ray farthest from the first one, and the ray farthest from that. The angle is 0 for
+    tracks with fewer than two rays.
     """
     widest = np.zeros(count)
     if not len(rays.track):

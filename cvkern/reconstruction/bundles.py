@@ -29,7 +29,8 @@ class AdjustedBundle(NamedTuple):
     points: np.ndarray
     """(P, 3) float64."""
     errors: np.ndarray
-    """Distance of each place from its projected point, (O,) float64, pixels; 1414 behind a camera."""
+    """Distance of each place from its projected point, (O,) float64, pixels; 1414 for points behind
+    a camera."""
 
 
 def adjust_bundle(
@@ -64,7 +65,7 @@ def adjust_bundle(
         The lens of each photograph; by default the first of all, or, of as many lenses as
         photographs, its own.
     fixed : array of shape (N,), bool, optional
-        Photographs whose poses, and whose lenses, stay. By default only the pose of the first stays.
+        Photographs whose poses, and whose lenses, stay. By default the pose of the first stays.
     refine : {'none', 'focal', 'distortion', 'all'}, default 'none'
         What of the lenses changes: nothing; the focal length (both keep their ratio); also k1 and
         k2; also the principal point.
@@ -90,10 +91,10 @@ def adjust_bundle(
 
     Notes
     -----
-    Levenberg-Marquardt steps with analytic derivatives. Points are eliminated (Schur's complement),
-    and Cholesky's method solves the dense equations of the cameras. Robust losses weigh squares anew
-    in each step. All numbers are float64 and all sums have one order. Nothing fixes the unit of
-    length: the cost does not depend on it.
+    Levenberg-Marquardt steps with analytic derivatives. Points are eliminated, by Schur's
+    complement, and Cholesky's method solves the dense equations of the cameras. Robust losses
+    weigh squares anew in each step. All numbers are float64, and all sums have one order. Nothing
+    fixes the unit of length: the cost does not depend on it.
 
     References
     ----------

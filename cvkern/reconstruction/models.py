@@ -77,6 +77,96 @@ class Reconstruction:
         poses = self.poses[self.placed]
         return cameras(poses, intrinsics, width, height, distortion=distortion)
 
+    def scene(self, images: Any, *, test_every: int = 8) -> Any:
+        """Return the placed photographs as a scene for radiance fields.
+
+        Parameters
+        ----------
+        images : sequence of arrays of shape (H, W, 3) or (H, W, 4), uint8
+            All N photographs, as they were given to :func:`reconstruct`.
+        test_every : int, default 8
+            Hold out one in this many photographs for testing, 0 for none.
+
+        Returns
+        -------
+        cvkern.radiance.Scene
+            Its bounds are guessed as for scenes of COLMAP.
+
+        Raises
+        ------
+        TypeError
+            If the images are not uint8.
+        ValueError
+            If they are not as many as the names, or as :attr:`cameras` says.
+        """
+        from cvkern._checks import check_integer
+        from cvkern.radiance.scenes._colmap import _extent
+        from cvkern.radiance.scenes.photographs import Scene, every
+
+        test_every = check_integer(test_every, "test_every", 0, 2**31 - 1)
+        if len(images) != len(self.names):
+            raise ValueError(f"images must be {len(self.names)}, got {len(images)}")
+        seen = self.cameras
+        chosen = np.stack([np.asarray(images[i]) for i in self.placed])
+        bounds, near, far = _extent(seen.poses, self.points)
+        return Scene(chosen, seen, every(len(chosen), test_every), bounds, near, far)
+
+    def picture(self, side: int = 600) -> np.ndarray:
+        """Draw the points in their colours, and the cameras as pyramids, seen from above.
+
+        Parameters
+        ----------
+        side : int, default 600
+            Rows and columns of the picture.
+
+        Returns
+        -------
+        array of shape (side, side, 3), uint8
+
+        Raises
+        ------
+        TypeError
+            If `side` is not an integer.
+        ValueError
+            If `side` is not in [16, 8192].
+        """
+        from cvkern._checks import check_integer
+        from cvkern.images.drawing import draw_lines
+
+        side = check_integer(side, "side", 16, 8192)
+        drawn = np.full((side, side, 3), 255, np.uint8)
+        placed = self.placed
+        if not len(placed):
+            return drawn
+        eyes = self.poses[placed, :, 3]
+        # The picture has the cameras, and nine of ten points.
+        low, high = eyes.min(axis=0), eyes.max(axis=0)
+        if len(self.points):
+            near, far = np.quantile(self.points, (0.05, 0.95), axis=0)
+            low, high = np.minimum(low, near), np.maximum(high, far)
+        middle, half = (low + high) / 2, 0.6 * float(np.linalg.norm(high - low)) or 1.0
+        # Oblique: x to the right, y into the picture, z up.
+        down = np.array([[0.0, -0.6, -0.8], [1, 0, 0]])
+
+        def at(points: np.ndarray) -> np.ndarray:
+            return (points - middle) @ down.T * (side / 2 / half) + side / 2
+
+        order = np.argsort(-self.points[:, 1], kind="stable")
+        place = np.round(at(self.points[order])).astype(int)
+        inside = ((place >= 0) & (place < side)).all(axis=1)
+        drawn[tuple(place[inside].T)] = self.colors[order][inside]
+        lines = []
+        for pose, n in zip(self.poses[placed], self.lens_of[placed], strict=True):
+            camera = self.lenses[n]
+            wide, tall = (0.08 * half * s / max(camera.shape) for s in camera.shape[::-1])
+            corners = np.array([[-wide, -tall], [wide, -tall], [wide, tall], [-wide, tall]])
+            ahead = np.concatenate((corners, np.full((4, 1), 0.1 * half)), axis=1)
+            frame = at(ahead @ pose[:, :3].T + pose[:, 3])
+            eye = at(pose[None, :, 3])[0]
+            for k in range(4):
+                lines += [[*eye, *frame[k]], [*frame[k], *frame[k - 1]]]
+        return draw_lines(drawn, np.array(lines), color=(200, 60, 20), width=1.0)
+
 
 def levelled(poses: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return poses (M, 3, 4) and points (P, 3) in a world with z up, of the size of one."""

@@ -13,6 +13,7 @@ from cvkern._checks import as_numbers, check_choice, check_flag, check_integer
 from cvkern._files import as_path
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.geometry.cameras.lens import Camera, check_lens
+from cvkern.images._formats import PHOTOGRAPHS
 from cvkern.panorama.registration import Heap, Progress, check_heap, make_small
 from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._growth import Growth
@@ -21,7 +22,6 @@ from cvkern.reconstruction._photographs import MOST_KEYPOINTS, Lenses, find_keyp
 from cvkern.reconstruction._tracks import find_tracks
 from cvkern.reconstruction.models import Reconstruction, levelled
 
-ENDINGS = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # of photographs
 GUESS = 1.2  # focal length of an unknown lens, in longest sides, where nothing tells it
 TRIAL = 8  # photographs by which focal lengths are compared
 WORST = 4.0  # pixels
@@ -49,9 +49,9 @@ def reconstruct(
     ----------
     images : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4), or path of a folder
         At least two photographs. Those of more than 0.6 megapixels are reduced to that size to find
-        keypoints, whose places are between the pixels. Opacity 0 hides keypoints. From a folder, all
-        photographs are read in the order of their names, as they are stored (an EXIF orientation is
-        ignored); their EXIF focal lengths are used where they have one.
+        keypoints, whose places are between the pixels. Opacity 0 hides keypoints. From a folder,
+        all photographs are read in the order of their names, as they are stored (an EXIF
+        orientation is ignored); their EXIF focal lengths are used where they have one.
     cameras : Camera or sequence of Camera, optional
         The known camera of all photographs, or of each. By default the focal length and the lens's
         k1 and k2 are found from three and five photographs on, and the principal point, near the
@@ -171,7 +171,7 @@ def _from_folder(folder: Path) -> tuple[list[np.ndarray], list[str], list[float]
 
     if not folder.is_dir():
         raise FileNotFoundError(f"images must be a folder that exists, got {str(folder)!r}")
-    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in ENDINGS and p.is_file())
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOGRAPHS and p.is_file())
     images = [read_image(file, orient=False) for file in files]
     told = [focal_length(f, i.shape) for f, i in zip(files, images, strict=True)]
     return images, [f.name for f in files], [math.nan if t is None else t for t in told]

@@ -70,10 +70,7 @@ def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
     >>> print(f"{light[0]:.1f} {light[2]:.1f}")
     0.9 0.5
     """
-    images = check_image(
-        np.stack(list(images)) if isinstance(images, (list, tuple)) else images,
-        ndim=(3,), name="images",
-    )  # fmt: skip
+    images = check_image(images, ndim=(3,), name="images")
     shape = tuple(images.shape[1:])
     inside = host_mask(mask, shape)
     rows, columns = np.nonzero(inside)
@@ -129,9 +126,9 @@ def estimate_lights(images: Any, *, mask: Any = None, equal: str = "lights") -> 
     matrix. Integrability of the normals reduces this to the bas-relief ambiguity: two slants and a
     flattening [1]_ [2]_. The assumption of equal lights or equal albedo resolves it; if neither
     holds, the depth is slanted or flattened. Lights on a ring about the view have equal strengths
-    at any flattening: they need one light more, from another slant, or equal albedo. Images cannot distinguish a convex from a concave
-    surface: a convex one is assumed. Noise and gloss may hide integrability, and a plane carries
-    no information: such images are refused.
+    at any flattening: they need one light more, from another slant, or equal albedo. Images cannot
+    distinguish a convex from a concave surface: a convex one is assumed. Noise and gloss may hide
+    integrability, and a plane carries no information: such images are refused.
 
     References
     ----------
@@ -294,8 +291,9 @@ def _equal_albedo(normals: np.ndarray) -> np.ndarray:
     change, least, _, left = _best(apart)
     if not left < MOST_LEFT * least:
         raise ValueError(
-            "images must have an albedo that determines the depth, got one that varies too much, or "
-            "a surface too flat for its noise: give equal='lights' if the lights are equally strong"
+            "images must have an albedo that determines the depth, got one that varies too much, "
+            "or a surface too flat for its noise: give equal='lights' if the lights are equally "
+            "strong"
         )
     return change
 

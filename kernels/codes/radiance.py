@@ -34,6 +34,9 @@ def network_room(inputs: int, samples: int, half: bool) -> tuple[int, int]:
     return 2 * sum(NETWORK_VALUES), samples
 
 
+PLANES_PLACE = 16  # numbers in an array of planes before the inverse depths of the planes
+
+
 class Background(IntEnum):
     """The background of a ray."""
 
@@ -43,7 +46,7 @@ class Background(IntEnum):
     LEARNT = 3
 
 
-# Speckles are cubes of three sizes: the fewest per unit of length, and how many times more the next.
+# Speckles are cubes of three sizes: the fewest of them per unit of length, and the growth factor.
 FEWEST_CUBES, MORE_CUBES = 9.0, 2.25
 
 
@@ -158,19 +161,6 @@ class Grid(NamedTuple):
     """Number of coefficients of a channel: 1, 4 or 9."""
     least: float
     """The raw density below which space is empty."""
-
-
-class Planes(NamedTuple):
-    """Parallel planes in front of a reference camera; kernel arrays.
-
-    A texel (row, column) of every plane is on the ray of the same pixel of the camera.
-    """
-
-    disparities: Any
-    """1 / depth of each plane, the nearest first, (D,) float32."""
-    place: Any
-    """The map of the frame to the camera's axes, a row of 4 for each axis, then its fx, fy, cx, cy,
-    (16,) float32."""
 
 
 class Seen(NamedTuple):

@@ -160,7 +160,7 @@ def test_planes_as_files(tmp_path):
 def test_refusals(tmp_path):
     depth = np.ones((HEIGHT, WIDTH))
     good: dict[str, Any] = {"image": IMAGE, "depth": depth, "K": K}
-    for error, message, given in (
+    mistakes: Any = (
         (TypeError, "image must be uint8, got float64", {"image": IMAGE / 255}),
         (ValueError, r"image must have shape \(H, W, 3\)", {"image": IMAGE[..., 0]}),
         (ValueError, r"depth must have shape \(30, 44\), got \(44, 30\)", {"depth": depth.T}),
@@ -170,7 +170,8 @@ def test_refusals(tmp_path):
         (ValueError, r"planes must be in \[1, 512\], got 0", {"planes": 0}),
         (ValueError, "near must be below far, got 5 and 4", {"near": 5.0, "far": 4.0}),
         (ValueError, "reach must be", {"reach": -1}),
-    ):
+    )
+    for error, message, given in mistakes:
         with pytest.raises(error, match=message):
             planes_from_depth(**good | given)
     with pytest.raises(ValueError, match=r"right must have shape \(30, 44, 3\)"):
@@ -179,14 +180,15 @@ def test_refusals(tmp_path):
         planes_from_stereo(IMAGE, IMAGE, K, baseline=0.0)
     model = planes_from_depth(**good)
     scene = make_scene(train=3, test=0, size=16)
-    for error, message, given in (
+    mistakes = (
         (ValueError, r"path must end in \.html or \.png", {"path": tmp_path / "a.jpg"}),
         (FileNotFoundError, "none", {"path": tmp_path / "none" / "a.html"}),
         (ValueError, r"motion must lie in \[0, 1\], got 2", {"motion": 2.0}),
         (ValueError, "background must be three numbers", {"background": (1, 2, 3)}),
         (ValueError, "model must be of a PlanesField, got VoxelField",
          {"model": fit(scene, GRID, steps=1, progress=False)}),
-    ):  # fmt: skip
+    )  # fmt: skip
+    for error, message, given in mistakes:
         with pytest.raises(error, match=message):
             write_planes(**{"model": model, "path": tmp_path / "a.html"} | given)
     assert not list(tmp_path.iterdir())

@@ -268,7 +268,7 @@ def test_a_ring_of_lights_tells_no_depth(spread):
     """Their strengths are equal at any flattening: the answer was off by 39 degrees."""
     y, x = np.indices((40, 40)) - 19.5
     depth, true = (x**2 + y**2) / 400, ring(8, 40, spread)
-    with pytest.raises(ValueError, match="determine the depth, got lights on a ring .* equal='alb"):
+    with pytest.raises(ValueError, match=r"got lights on a ring .* equal='albedo'"):
         cvkern.estimate_lights(cvkern.lambertian(depth, true))
     bent = (x**2 + 1.5 * y**2) / 80 + 2 * np.sin(x / 4) * np.cos(y / 5)
     images = cvkern.lambertian(bent, true)
@@ -286,7 +286,7 @@ def test_noise_that_hides_a_flat_surface(equal):
     images = cvkern.lambertian(depth, lamps(6), albedo=0.9)
     assert between(cvkern.estimate_lights(images, equal=equal), lamps(6)).max() < 0.1
     noisy = images + np.random.default_rng(0).normal(0, 0.005, images.shape)
-    with pytest.raises(ValueError, match="too flat a surface|a surface too flat for its noise"):
+    with pytest.raises(ValueError, match=r"too flat a surface|a surface too flat for its noise"):
         cvkern.estimate_lights(noisy, equal=equal)
 
 

@@ -9,6 +9,7 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -17,8 +18,8 @@ SceneAt = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        help=f"Folder of posed photographs, or '{SHAPES}' for a synthetic scene, "
-        f"'{FORWARD}' for one photographed from one side.",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
     ),
 ]
 PAGES = ".html", ".png"  # files of planes
@@ -84,6 +85,12 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="A setting of the field; repeatable."),
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            help="Log to write, .csv, or a folder for TensorBoard; --resume continues it."
+        ),
+    ] = None,
     shrink: Shrink = 1,
     overwrite: Overwrite = False,
     backend: Backend = None,
@@ -96,6 +103,8 @@ def train(
     from cvkern.radiance import fit
 
     check_new(output, "output", overwrite or resume, "--resume goes on with it, ")
+    if log is not None and log.suffix:
+        check_new(log, "log", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
             _within(_scene(scene, shrink, test_every), bounds, near, far),
@@ -108,6 +117,7 @@ def train(
             deterministic=deterministic,
             checkpoint=output,
             resume=resume,
+            log=log,
         )
     done = model.training
     said = f"{output}: 1 step"  # the time of the first step is not counted
@@ -130,7 +140,7 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="Picture to write; an orbit is .gif, or .mp4 if imageio-ffmpeg is installed.",
+            help="Picture to write; a film is .gif, or .mp4 if imageio-ffmpeg is installed.",
         ),
     ],
     view: Annotated[
@@ -139,46 +149,72 @@ def render(
     orbit: Annotated[
         bool, typer.Option("--orbit", help="A film from cameras around the scene.")
     ] = False,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            help="A film along the cameras of a file: nerfstudio's camera_path.json, or a "
+            "transforms.json."
+        ),
+    ] = None,
     frames: Annotated[int, typer.Option(help="Of the orbit.")] = 60,
-    fps: Annotated[float, typer.Option(help="Frames per second of the orbit.")] = 20.0,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Frames per second.", show_default="those of the path's file, or 20"),
+    ] = None,
     size: Size = 1.0,
     depth: Annotated[
-        Path | None, typer.Option(help="Picture of the depths to write; bright means near.")
+        Path | None,
+        typer.Option(
+            help="Depths to write: a picture, bright means near, or .npy: float32, in the scene's "
+            "units, NaN where nothing is."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Render a view of a model, or an orbit."""
+    """Render a view of a model, an orbit, or a film along a camera path."""
     import numpy as np
 
     from cvkern._checks import check_positive
+    from cvkern._files import replacing
     from cvkern.images.colors import apply_colormap
     from cvkern.images.files import write_image
-    from cvkern.radiance import load_model, orbit_cameras, render_path
+    from cvkern.radiance import load_camera_path, load_model, orbit_cameras, render_path
     from cvkern.radiance import render as picture_of
 
-    if orbit and depth:
-        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
-    check_new(output if orbit else None, "output", overwrite)
+    if orbit and path:
+        raise ValueError(f"path must not go with an orbit, got {str(path)!r}")
+    film = orbit or path is not None
+    if film and depth:
+        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with a film")
+    raw = depth is not None and depth.suffix.lower() == ".npy"
+    check_new(output if film else None, "output", overwrite)
+    check_new(depth if raw else None, "depth", overwrite)
     check_positive(size, "size")
     check_apart((), output=output, depth=depth)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
-        if orbit:
-            cameras = orbit_cameras(made.cameras, frames, factor=size)
+        if film:
+            if path is None:
+                cameras, rate = orbit_cameras(made.cameras, frames, factor=size), 20.0
+            else:
+                cameras, rate = load_camera_path(path, made.cameras, factor=size)
             with progress_bar() as bar:
-                task = bar.add_task("Rendering", total=frames)
+                task = bar.add_task("Rendering", total=len(cameras))
                 render_path(
-                    made, cameras, output, fps=fps,
+                    made, cameras, output, fps=rate if fps is None else fps,
                     progress=lambda done, total: bar.update(task, completed=done, total=total),
                 )  # fmt: skip
-            typer.echo(f"{output}: {frames} frames of {cameras.height} x {cameras.width}")
+            typer.echo(f"{output}: {len(cameras)} frames of {cameras.height} x {cameras.width}")
             return
         cameras = made.cameras.scaled(size)
         seen = picture_of(made, cameras, view)
     write_image(output, np.round(255 * seen.color).astype(np.uint8))
-    if depth:
+    if depth and raw:
+        with replacing(depth) as beside:
+            np.save(beside, np.asarray(seen.depth, np.float32), allow_pickle=False)
+    elif depth:
         write_image(depth, apply_colormap(-seen.depth, nan=(0, 0, 0)))
     typer.echo(f"{output}: {cameras.height} x {cameras.width}")
 
@@ -218,7 +254,7 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, for "
+            help="PLY or GLB to write (a mesh needs scikit-image), or a smaller model, .npz, for "
             "rendering only. Of planes: a page for a browser, .html, or an atlas, .png.",
         ),
     ],
@@ -237,8 +273,10 @@ def export(
     """Write a model as a coloured mesh, as a point cloud, as a page, or as a smaller model."""
     from cvkern.radiance import load_model, mesh, point_cloud, write_mesh, write_planes
 
-    if output.suffix.lower() not in (".ply", ".npz", *PAGES):
-        raise ValueError(f"output must end in .ply, .npz, .html or .png, got {str(output)!r}")
+    if output.suffix.lower() not in (".ply", ".glb", ".npz", *PAGES):
+        raise ValueError(f"output must end in .ply, .glb, .npz, .html or .png, got {str(output)!r}")
+    if points and output.suffix.lower() == ".glb":
+        raise ValueError(f"output must end in .ply for points, got {str(output)!r}")
     check_new(output, "output", overwrite)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
@@ -307,7 +345,7 @@ def planes(
     K = [[length, 0, (width - 1) / 2], [0, length, (height - 1) / 2], [0, 0, 1]]
     with cvkern.use(backend=backend, device=device):
         made = planes_from_stereo(
-            *photos, K, disparities=(min_disparity, max_disparity), baseline=baseline,
+            photos[0], photos[1], K, disparities=(min_disparity, max_disparity), baseline=baseline,
             doffs=doffs, planes=count,
         )  # fmt: skip
         if output.suffix.lower() == ".npz":
@@ -360,10 +398,10 @@ def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
     from cvkern.radiance import load_scene, make_scene
 
     layouts = {SHAPES: "around", FORWARD: "forward"}
-    own = str(path) in layouts and not path.exists()
-    if own:
+    if str(path) in layouts and not path.exists():
         scene = make_scene(layout=layouts[str(path)])
     else:
-        scene = load_scene(path, test_every=test_every)
+        read = reconstructed if without_cameras(path) else load_scene
+        scene = read(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)

@@ -11,7 +11,7 @@ import numpy as np
 from cvkern._archives import shape_of
 from cvkern._checks import check_integer, check_positive
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import AdamRule, Composited, Learnt, Planes, Rays, Seen
+from cvkern.kernels.codes.radiance import AdamRule, Composited, Learnt, Rays, Seen
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import STOP, taken
@@ -127,11 +127,9 @@ class PlaneStack(Field):
         rt, self.reference = self.rt, reference
         turn, eye = reference.pose[:, :3].T, reference.pose[:, 3]
         inverse = np.column_stack((turn, -turn @ eye))
-        place = np.concatenate((inverse.ravel(), reference.lens)).astype(np.float32)
-        disparities, where = rt.zeros(reference.disparities.shape), rt.zeros(place.shape)
-        rt.write(disparities, reference.disparities.astype(np.float32))
-        rt.write(where, place)
-        self.planes = Planes(disparities, where)
+        planes = np.concatenate((inverse.ravel(), reference.lens, reference.disparities))
+        self.planes = rt.zeros(planes.shape)
+        rt.write(self.planes, planes.astype(np.float32))
 
     def _train(self, parameters: np.ndarray) -> None:
         """Begin with these parameters, (D, H, W, 4)."""

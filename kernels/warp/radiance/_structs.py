@@ -62,14 +62,6 @@ class Grid:
 
 
 @wp.struct
-class Planes:
-    """Parallel planes in front of a reference camera."""
-
-    disparities: wp.array[float]  # (D,)
-    place: wp.array[float]  # (16,): the map of the frame to the camera, and fx fy cx cy
-
-
-@wp.struct
 class Seen:
     """The composited rays of planes, or gradients by them."""
 

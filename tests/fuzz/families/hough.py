@@ -15,6 +15,7 @@ from tests.fuzz.arguments import (
     columns,
     dists,
     image,
+    mask,
     maybe,
     number,
     one,
@@ -75,7 +76,7 @@ CALLS: dict[str, Call] = {
     ),
     "probabilistic_hough_line": Call(
         cvkern.probabilistic_hough_line,
-        MASK,
+        {"image": mask},
         {
             "threshold": whole(0, 20),
             "line_length": whole(0, 30),

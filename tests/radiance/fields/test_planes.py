@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.radiance import AdamRule, Learnt, Planes, Rays, Seen
+from cvkern.kernels.codes.radiance import AdamRule, Learnt, Rays, Seen
 from cvkern.radiance.rendering import owned
 from tests.radiance.fields.reference_planes import logistic, render, value
 
@@ -32,19 +32,21 @@ class Case:
         self.origins[1] = 0, 0, 1.5
         self.directions[0] *= -1
         self.directions /= np.linalg.norm(self.directions, axis=1, keepdims=True)
-        self.gradients = (
+        self.gradients = [
             rng.normal(size=(RAYS, 3)), rng.normal(size=RAYS), rng.normal(size=RAYS) / 4,
-        )  # fmt: skip
+        ]  # fmt: skip
         # The kernels get numbers in float32, so the reference starts from these.
         for name in ("texels", "disparities", "origins", "directions"):
             setattr(self, name, getattr(self, name).astype(np.float32).astype(np.float64))
 
     def arrays(self, rt, active=RAYS):
         """Return the arguments of the kernels but the texels."""
-        given = (owned(rt, a.astype(np.float32)) for a in (self.origins, self.directions))
-        rays = Rays(*given, owned(rt, np.array([active], np.int32)))
-        place = owned(rt, PLACE.astype(np.float32))
-        return rays, Planes(owned(rt, self.disparities.astype(np.float32)), place)
+        origins, directions = (
+            owned(rt, a.astype(np.float32)) for a in (self.origins, self.directions)
+        )
+        rays = Rays(origins, directions, owned(rt, np.array([active], np.int32)))
+        planes = np.concatenate((PLACE, self.disparities)).astype(np.float32)
+        return rays, owned(rt, planes)
 
     def truth(self, texels=None, stop=0.0):
         texels = self.texels if texels is None else texels
@@ -137,7 +139,8 @@ def test_the_backward_pass_is_the_transpose_of_the_forward_pass():
 def test_ends_and_rays_that_do_not_count_have_no_gradients():
     rt, case = runtime(), Case()
     assert not gradient(rt, case, active=0).any()
-    some, case.gradients = gradient(rt, case, 0.5), tuple(2 * g for g in case.gradients)
+    some = gradient(rt, case, 0.5)
+    case.gradients = [2 * g for g in case.gradients]
     np.testing.assert_allclose(gradient(rt, case, 0.5), 2 * some, rtol=1e-5, atol=1e-6)
     assert np.count_nonzero(some) < np.count_nonzero(gradient(rt, case))
 

@@ -1,6 +1,7 @@
 """Fields of planes: where they are, what they learn, their files, and what they refuse."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -157,12 +158,13 @@ def test_refusals(scene):
     around = make_scene(train=6, test=0, size=24)
     with pytest.raises(ValueError, match="scene must be photographed from one side for planes"):
         fit(around, "planes", steps=1)
-    for message, given in (
+    mistakes: Any = (
         (r"planes must be in \[1, 512\], got 0", {"planes": 0}),
         ("near must be below far, got 3 and 2", {"near": 3.0, "far": 2.0}),
         ("near must be > 0", {"near": 0.0}),
         (r"texels must be in \[128, ", {"texels": 8}),
-    ):
+    )
+    for message, given in mistakes:
         with pytest.raises(ValueError, match=message):
             PlanesField(**given)
     with pytest.raises(ValueError, match="near must be below far, got 90 and 9"):

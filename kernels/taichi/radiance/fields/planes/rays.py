@@ -1,6 +1,7 @@
 """Rays through parallel planes, front to back, in Taichi; one thread per ray.
 
-Planes are parallel to the image of a reference camera, and planes.disparities are their 1 / depth,
+Planes are parallel to the image of a reference camera. The array `planes` (16 + D,) has the map of
+the frame to its axes, a row of 4 for each, then fx, fy, cx, cy, and then 1 / depth of each plane,
 the nearest first. A texel has premultiplied colours and an opacity (c, a), interpolated linearly
 between the centres of four texels. The outermost texels go on for half a texel. In the camera's
 axes, with s = (d_x / d_z, d_y / d_z), a ray o + t d meets the plane of disparity q at the texel
@@ -24,6 +25,7 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.codes.radiance import PLANES_PLACE
 from cvkern.kernels.taichi._launch import on_cpu, primitive, scratch
 from cvkern.kernels.taichi.radiance._fixed_point import add
 
@@ -137,13 +139,10 @@ def _render(
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
     active: i32_1,  # (1,)
-    disparities: f32_1,  # (D,)
-    place: f32_1,  # (16,)
+    planes: f32_1,  # (16 + D,)
     small: ti.template(),
     values: f32_4,  # (D, H, W, 4), read unless `small`
     words: u32_3,  # (D, H, W), read if `small`
-    height: ti.i32,
-    width: ti.i32,
     stop: ti.f32,
     # outputs
     colors: f32_2,  # (R, 3)
@@ -151,12 +150,17 @@ def _render(
     depths: f32_1,  # (R,)
 ):
     for ray in range(ti.min(active[0], origins.shape[0])):
-        path = _path_of(place, origins, directions, ray)
+        path = _path_of(planes, origins, directions, ray)
+        height = values.shape[1]
+        width = values.shape[2]
+        if ti.static(small):
+            height = words.shape[1]
+            width = words.shape[2]
         color = vec3(0.0)
         depth = 0.0
         through = 1.0
-        for plane in range(disparities.shape[0]):
-            q = disparities[plane]
+        for plane in range(planes.shape[0] - PLANES_PLACE):
+            q = planes[PLANES_PLACE + plane]
             at = _corner_of(path, q, height, width)
             if at.inside == 1 and through > stop:
                 t = vec4(0.0)
@@ -176,7 +180,7 @@ def _render(
 
 @primitive
 def render(
-    rays: codes.Rays, planes: codes.Planes, texels: np.ndarray, stop: float, seen: codes.Seen
+    rays: codes.Rays, planes: np.ndarray, texels: np.ndarray, stop: float, seen: codes.Seen
 ) -> None:
     """Render the first `active` rays; a ray ends where at most the share `stop` of light is left.
 
@@ -187,7 +191,26 @@ def render(
     small = texels.dtype == np.uint32
     other = scratch((1, 1, 1, 1) if small else (1, 1, 1), np.float32 if small else np.uint32)
     values, words = (other, texels) if small else (texels, other)
-    _render(*rays, *planes, small, values, words, *texels.shape[1:3], stop, *seen)
+    _render(*rays, planes, small, values, words, stop, *seen)
+
+
+@ti.kernel
+def _total(
+    d_color: f32_2,  # (R, 3)
+    d_opacity: f32_1,  # (R,)
+    d_depth: f32_1,  # (R,)
+    active: i32_1,  # (1,)
+    colors: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    depths: f32_1,  # (R,)
+    # outputs
+    totals: f32_1,  # (R,)
+):
+    for ray in range(ti.min(active[0], totals.shape[0])):
+        total = d_opacity[ray] * opacity[ray] + d_depth[ray] * depths[ray]
+        for k in ti.static(range(3)):
+            total += d_color[ray, k] * colors[ray, k]
+        totals[ray] = total
 
 
 @ti.kernel
@@ -198,26 +221,21 @@ def _trace(
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
     active: i32_1,  # (1,)
-    disparities: f32_1,  # (D,)
-    place: f32_1,  # (16,)
+    planes: f32_1,  # (16 + D,)
     texels: f32_4,  # (D, H, W, 4)
     stop: ti.f32,
-    colors: f32_2,  # (R, 3)
-    opacity: f32_1,  # (R,)
-    depths: f32_1,  # (R,)
+    totals: f32_1,  # (R,): <g_C, C> + g_O O + g_D D
     # outputs
     records: f32_3,  # (D, R, 4): gradients of the samples
 ):
     for ray in range(ti.min(active[0], origins.shape[0])):
-        path = _path_of(place, origins, directions, ray)
+        path = _path_of(planes, origins, directions, ray)
         g = vec3(d_color[ray, 0], d_color[ray, 1], d_color[ray, 2])
-        rest = d_opacity[ray] * opacity[ray] + d_depth[ray] * depths[ray]
-        for k in ti.static(range(3)):
-            rest += g[k] * colors[ray, k]
+        rest = totals[ray]
         through = 1.0
-        for plane in range(disparities.shape[0]):
+        for plane in range(planes.shape[0] - PLANES_PLACE):
             record = vec4(0.0)
-            q = disparities[plane]
+            q = planes[PLANES_PLACE + plane]
             at = _corner_of(path, q, texels.shape[1], texels.shape[2])
             if at.inside == 1 and through > stop:
                 t = _texel(texels, plane, at)
@@ -236,8 +254,7 @@ def _trace(
 def _scatter_one(
     origins: ti.template(),
     directions: ti.template(),
-    disparities: ti.template(),
-    place: ti.template(),
+    planes: ti.template(),
     records: ti.template(),
     plane: ti.i32,
     ray: ti.i32,
@@ -249,8 +266,8 @@ def _scatter_one(
     for k in ti.static(range(4)):
         r[k] = records[plane, ray, k]
     if r[0] != 0.0 or r[1] != 0.0 or r[2] != 0.0 or r[3] != 0.0:
-        path = _path_of(place, origins, directions, ray)
-        at = _corner_of(path, disparities[plane], sums.shape[1], sums.shape[2])
+        path = _path_of(planes, origins, directions, ray)
+        at = _corner_of(path, planes[PLANES_PLACE + plane], sums.shape[1], sums.shape[2])
         for i, j in ti.static(ti.ndrange(2, 2)):
             share = _share(at, i, j)
             for k in ti.static(range(4)):
@@ -262,26 +279,25 @@ def _scatter(
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
     active: i32_1,  # (1,)
-    disparities: f32_1,  # (D,)
-    place: f32_1,  # (16,)
+    planes: f32_1,  # (16 + D,)
     records: f32_3,  # (D, R, 4)
     threads: ti.i32,
     exact: ti.template(),
     # outputs
     sums: ti.types.ndarray(ndim=4),  # (D, H, W, 4), int64 if exact: added to
 ):
-    for plane, thread in ti.ndrange(disparities.shape[0], threads):
+    for plane, thread in ti.ndrange(planes.shape[0] - PLANES_PLACE, threads):
         rays = ti.min(active[0], origins.shape[0])
         for turn in range((rays - thread + threads - 1) // threads):
             ray = thread + turn * threads
-            _scatter_one(origins, directions, disparities, place, records, plane, ray, exact, sums)
+            _scatter_one(origins, directions, planes, records, plane, ray, exact, sums)
 
 
 @primitive
 def render_backward(
     d_seen: codes.Seen,
     rays: codes.Rays,
-    planes: codes.Planes,
+    planes: np.ndarray,
     texels: np.ndarray,
     stop: float,
     seen: codes.Seen,
@@ -295,6 +311,8 @@ def render_backward(
     """
     count, number = rays.origins.shape[0], texels.shape[0]
     records = scratch((number, count, 4), np.float32)
-    _trace(*d_seen, *rays, *planes, texels, stop, *seen, records)
+    totals = scratch((count,), np.float32)
+    _total(*d_seen, rays.active, *seen, totals)
+    _trace(*d_seen, *rays, planes, texels, stop, totals, records)
     threads = 1 if on_cpu() else count
-    _scatter(*rays, *planes, records, threads, d_texels.dtype == np.int64, d_texels)
+    _scatter(*rays, planes, records, threads, d_texels.dtype == np.int64, d_texels)

@@ -2,10 +2,12 @@
 
 import warp as wp
 
-from cvkern.kernels.warp.radiance._structs import Planes, Rays
+from cvkern.kernels.codes.radiance import PLANES_PLACE
+from cvkern.kernels.warp.radiance._structs import Rays
 
 wp.set_module_options({"enable_backward": False})
 
+FIRST = wp.constant(PLANES_PLACE)
 SIDEWAYS = wp.constant(1e-6)  # cosine below which a ray is parallel to the planes, or looks back
 
 
@@ -33,9 +35,8 @@ class Corner:
 
 
 @wp.func
-def path_of(planes: Planes, rays: Rays, ray: int) -> Path:
+def path_of(at: wp.array[float], rays: Rays, ray: int) -> Path:
     """Return the way of a ray."""
-    at = planes.place
     o = wp.vec3(rays.origins[ray, 0], rays.origins[ray, 1], rays.origins[ray, 2])
     d = wp.vec3(rays.directions[ray, 0], rays.directions[ray, 1], rays.directions[ray, 2])
     across = wp.vec3(at[0], at[1], at[2])

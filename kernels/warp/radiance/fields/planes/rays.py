@@ -1,6 +1,7 @@
 """Rays through parallel planes, front to back, in Warp.
 
-Planes are parallel to the image of a reference camera, and planes.disparities are their 1 / depth,
+Planes are parallel to the image of a reference camera. The array `planes` (16 + D,) has the map of
+the frame to its axes, a row of 4 for each, then fx, fy, cx, cy, and then 1 / depth of each plane,
 the nearest first. A texel has premultiplied colours and an opacity (c, a), interpolated linearly
 between the centres of four texels. The outermost texels go on for half a texel. In the camera's
 axes, with s = (d_x / d_z, d_y / d_z), a ray o + t d meets the plane of disparity q at the texel
@@ -28,9 +29,9 @@ import warp as wp
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, view
 from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
-from cvkern.kernels.warp.radiance._structs import Planes, Rays, Seen, struct_of
+from cvkern.kernels.warp.radiance._structs import Rays, Seen, struct_of
 
-from ._path import corner_of, distance_of, path_of
+from ._path import FIRST, corner_of, distance_of, path_of
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
@@ -38,7 +39,7 @@ wp.set_module_options(OPTIONS)
 LANES = wp.constant(wp.uint64(0x00FF00FF00FF00FF))
 LOW, HIGH = wp.constant(wp.uint32(0x00FF00FF)), wp.constant(wp.uint32(0xFF00FF00))
 LOST = wp.constant(wp.int64(-3 * 2**61))  # a sum with a NaN, which no summands bring back
-BYTE = wp.constant(1.0 / (255.0 * 256.0))  # of a texel that is interpolated with weights of 256
+BYTE = wp.constant(1.0 / (255.0 * 256.0))  # one, in sums of bytes with weights of 256 in all
 
 
 @wp.func
@@ -59,8 +60,8 @@ def spread(texel: wp.uint32) -> wp.uint64:
     return wp.uint64(texel & LOW) | (wp.uint64(texel & HIGH) << wp.uint64(24))
 
 
-@wp.func  # an overload
-def texel_of(  # noqa: F811
+@wp.func
+def texel_of_bytes(
     texels: wp.array3d[wp.uint32], plane: int, row: int, column: int, down: float, right: float
 ) -> wp.vec4:
     """Interpolate between four texels of 8 bits, with weights of 1 / 256 as a GPU's textures."""
@@ -93,6 +94,7 @@ def texel_of(  # noqa: F811
 @cache
 def renderer(texel: Any) -> wp.Kernel:
     """Return the kernel for texels of a kind."""
+    fetch = texel_of_bytes if texel is wp.uint32 else texel_of
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def render(
@@ -100,7 +102,7 @@ def renderer(texel: Any) -> wp.Kernel:
         first: int,
         last: int,
         rays: Rays,
-        planes: Planes,
+        planes: wp.array[float],  # (16 + D,)
         texels: wp.array3d[texel],  # (D, H, W)
         stop: float,
         # outputs
@@ -116,10 +118,10 @@ def renderer(texel: Any) -> wp.Kernel:
                 through = float(1.0)
                 plane = int(0)
                 while plane < texels.shape[0]:
-                    q = planes.disparities[plane]
+                    q = planes[FIRST + plane]
                     at = corner_of(path, q, height, width)
                     if at.inside:
-                        t = texel_of(texels, plane, at.row, at.column, at.down, at.right)
+                        t = fetch(texels, plane, at.row, at.column, at.down, at.right)
                         if t[3] > 0.0:
                             color += through * wp.vec3(t[0], t[1], t[2])
                             depth += through * t[3] * distance_of(path, q)
@@ -136,7 +138,7 @@ def renderer(texel: Any) -> wp.Kernel:
 
 
 def render(
-    rays: codes.Rays, planes: codes.Planes, texels: wp.array, stop: float, seen: codes.Seen
+    rays: codes.Rays, planes: wp.array, texels: wp.array, stop: float, seen: codes.Seen
 ) -> None:
     """Render the first `active` rays; a ray ends where at most the share `stop` of light is left.
 
@@ -147,7 +149,7 @@ def render(
     count = rays.origins.shape[0]
     if len(texels.shape) == 4:
         texels = view(texels, wp.vec4, texels.shape[:3])
-    inputs = [struct_of(Rays, rays), struct_of(Planes, planes), texels, stop]
+    inputs = [struct_of(Rays, rays), planes, texels, stop]
     launch_each(
         renderer(texels.dtype), count, 8 * texels.shape[0] * count, inputs,
         [struct_of(Seen, seen)],
@@ -161,7 +163,7 @@ def trace_kernel(
     last: int,
     d_seen: Seen,
     rays: Rays,
-    planes: Planes,
+    planes: wp.array[float],  # (16 + D,)
     texels: wp.array3d[wp.vec4],  # (D, H, W)
     stop: float,
     seen: Seen,
@@ -184,7 +186,7 @@ def trace_kernel(
             for plane in range(count):
                 record = wp.vec4(0.0, 0.0, 0.0, 0.0)
                 if through > stop:
-                    q = planes.disparities[plane]
+                    q = planes[FIRST + plane]
                     at = corner_of(path, q, height, width)
                     if at.inside:
                         t = texel_of(texels, plane, at.row, at.column, at.down, at.right)
@@ -226,7 +228,7 @@ def scatterer(total: Any, serial: bool) -> wp.Kernel:
     @wp.func
     def scatter_one(
         rays: Rays,
-        planes: Planes,
+        planes: wp.array[float],  # (16 + D,)
         records: wp.array2d[wp.vec4],
         plane: int,
         ray: int,
@@ -235,7 +237,7 @@ def scatterer(total: Any, serial: bool) -> wp.Kernel:
         record = records[plane, ray]
         if record[0] != 0.0 or record[1] != 0.0 or record[2] != 0.0 or record[3] != 0.0:
             path = path_of(planes, rays, ray)
-            at = corner_of(path, planes.disparities[plane], sums.shape[1], sums.shape[2])
+            at = corner_of(path, planes[FIRST + plane], sums.shape[1], sums.shape[2])
             i = at.row
             j = at.column
             add(sums, plane, i, j, (1.0 - at.down) * (1.0 - at.right), record)
@@ -249,7 +251,7 @@ def scatterer(total: Any, serial: bool) -> wp.Kernel:
         first: int,
         last: int,
         rays: Rays,
-        planes: Planes,
+        planes: wp.array[float],  # (16 + D,)
         records: wp.array2d[wp.vec4],  # (D, R)
         # outputs
         sums: wp.array4d[total],  # (D, H, W, 4): added to
@@ -261,7 +263,7 @@ def scatterer(total: Any, serial: bool) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=OPTIONS)
     def by_sample(
         rays: Rays,
-        planes: Planes,
+        planes: wp.array[float],  # (16 + D,)
         records: wp.array2d[wp.vec4],  # (D, R)
         # outputs
         sums: wp.array4d[total],  # (D, H, W, 4): added to
@@ -276,7 +278,7 @@ def scatterer(total: Any, serial: bool) -> wp.Kernel:
 def render_backward(
     d_seen: codes.Seen,
     rays: codes.Rays,
-    planes: codes.Planes,
+    planes: wp.array,
     texels: wp.array,
     stop: float,
     seen: codes.Seen,
@@ -291,7 +293,7 @@ def render_backward(
     count, number = rays.origins.shape[0], texels.shape[0]
     device = d_texels.device
     records = scratch("planes.records", (number, count), wp.vec4, device)
-    given = struct_of(Rays, rays), struct_of(Planes, planes)
+    given = struct_of(Rays, rays), planes
     packed = view(texels, wp.vec4, texels.shape[:3])
     inputs = [struct_of(Seen, d_seen), *given, packed, stop, struct_of(Seen, seen)]
     launch_each(trace_kernel, count, 16 * number * count, inputs, [records])
