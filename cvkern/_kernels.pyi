@@ -46,6 +46,7 @@ class Folder:
             from cvkern.kernels.warp.hough.generalized import votes as votes
         class lines:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
+            from cvkern.kernels.warp.hough.lines import progressive as progressive
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
     class panorama:
@@ -63,6 +64,9 @@ class Folder:
                 from cvkern.kernels.warp.radiance.fields.perceptron import heads as heads
                 from cvkern.kernels.warp.radiance.fields.perceptron import layers as layers
                 from cvkern.kernels.warp.radiance.fields.perceptron import network as network
+            class planes:
+                from cvkern.kernels.warp.radiance.fields.planes import rays as rays
+                from cvkern.kernels.warp.radiance.fields.planes import texels as texels
             class voxel:
                 from cvkern.kernels.warp.radiance.fields.voxel import nodes as nodes
                 from cvkern.kernels.warp.radiance.fields.voxel import rays as rays
@@ -93,6 +97,8 @@ class Folder:
         from cvkern.kernels.warp.recognition import hypotheses as hypotheses
         from cvkern.kernels.warp.recognition import patches as patches
         from cvkern.kernels.warp.recognition import votes as votes
+    class reconstruction:
+        from cvkern.kernels.warp.reconstruction import adjustment as adjustment
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry

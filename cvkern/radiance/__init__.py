@@ -9,9 +9,12 @@ from cvkern.radiance.compositing import (
 from cvkern.radiance.encodings import positional_encoding, spherical_harmonics
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
+from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Mark, Model, load_model
+from cvkern.radiance.multiplane import planes_from_depth, planes_from_stereo
+from cvkern.radiance.pages import write_planes
 from cvkern.radiance.pinhole import Cameras, cameras, look_at, pixel_rays, project
 from cvkern.radiance.rendering import Picture, Scores, evaluate, orbit_cameras, render, render_path
 from cvkern.radiance.scenes.paths import CameraPath, load_camera_path
@@ -33,6 +36,7 @@ __all__ = [
     "Mesh",
     "Model",
     "Picture",
+    "PlanesField",
     "Scene",
     "Scores",
     "VoxelField",
@@ -49,6 +53,8 @@ __all__ = [
     "mesh",
     "orbit_cameras",
     "pixel_rays",
+    "planes_from_depth",
+    "planes_from_stereo",
     "point_cloud",
     "positional_encoding",
     "project",
@@ -58,4 +64,5 @@ __all__ = [
     "spherical_harmonics",
     "ssim",
     "write_mesh",
+    "write_planes",
 ]

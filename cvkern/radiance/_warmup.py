@@ -13,13 +13,16 @@ from cvkern.radiance import (
     Composite,
     HashField,
     MLPField,
+    PlanesField,
     Scene,
     VoxelField,
     composite_rays,
     composite_rays_backward,
     fit,
     make_scene,
+    planes_from_depth,
     positional_encoding,
+    render,
     spherical_harmonics,
 )
 
@@ -41,10 +44,24 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         MLPField(samples=2**8, rays=16, cells=8, steps=16),
     ):
         yield "fit", partial(_train, field)
+    yield "fit", _train_planes
+    yield "planes_from_depth", _show_planes
 
 
 def _scene() -> Scene:
     return make_scene(train=2, test=1, size=16)
+
+
+def _train_planes() -> None:
+    scene = make_scene(train=3, test=0, size=16, layout="forward")
+    fit(scene, PlanesField(planes=2, rays=64), steps=1, progress=False)
+
+
+def _show_planes() -> None:
+    """Render texels of 8 bits; training reads them in float32."""
+    image, K = np.zeros((4, 5, 3), np.uint8), [[5, 0, 2], [0, 5, 1.5], [0, 0, 1]]
+    model = planes_from_depth(image, np.ones((4, 5)), K, planes=2)
+    render(model, model.cameras)
 
 
 def _train(field: Any) -> None:

@@ -15,6 +15,7 @@ from cvkern.radiance import checkpoints
 from cvkern.radiance.fields.field import Field, Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
+from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.march import taken
 from cvkern.radiance.pinhole import Cameras, cameras
@@ -23,7 +24,7 @@ from cvkern.radiance.scenes.photographs import Bounds
 __all__ = ["Mark", "Model", "load_model"]
 
 MOST_VIEWS, MOST_MARKS = 2**20, 2**24  # rows that a file may have
-FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField)}
+FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField, PlanesField)}
 
 
 class Mark(NamedTuple):

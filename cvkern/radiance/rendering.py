@@ -9,7 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_items, check_flag, check_instance, check_integer, check_positive
+from cvkern._checks import (
+    as_items,
+    as_numbers,
+    check_flag,
+    check_instance,
+    check_integer,
+    check_positive,
+)
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import CameraSet
 from cvkern.radiance.fields.field import Field, Frame, View
@@ -321,10 +328,7 @@ def owned(rt: Runtime, values: np.ndarray) -> Any:
 
 def check_behind(background: Any) -> np.ndarray:
     """Return a checked colour, (3,) float32."""
-    try:
-        color = np.asarray(background, np.float32)
-    except (TypeError, ValueError):
-        raise TypeError(f"background must be three numbers, got {background!r}") from None
+    color = as_numbers(background, "background", np.float32)
     if color.shape != (3,) or not ((color >= 0) & (color <= 1)).all():
         raise ValueError(f"background must be three numbers in [0, 1], got {background!r}")
     return color

@@ -31,6 +31,7 @@ from cvkern.radiance import checkpoints, logs
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
+from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.models import Model, Training, load_model
 from cvkern.radiance.scenes.photographs import Scene
@@ -38,8 +39,10 @@ from cvkern.radiance.trainer import Say, Trainer
 
 __all__ = ["fit"]
 
-Settings = VoxelField | HashField | MLPField
-KINDS: dict[str, type[Settings]] = {"voxel": VoxelField, "hash": HashField, "mlp": MLPField}
+Settings = VoxelField | HashField | MLPField | PlanesField
+KINDS: dict[str, type[Settings]] = {
+    "voxel": VoxelField, "hash": HashField, "mlp": MLPField, "planes": PlanesField,
+}  # fmt: skip
 # With these settings, a step of 'hash' or 'mlp' takes about 30 ms on two cores. The default batches
 # are 16 and 4 times as large, and the default perceptron of MLPField() about 20 times.
 LINE = 10.0  # seconds between lines of progress in a log
@@ -86,7 +89,7 @@ def fit(
     ----------
     scene : Scene
         The scene; its views that are not held out for testing are used for training.
-    field : {'voxel', 'hash', 'mlp'}, or VoxelField, HashField or MLPField, optional
+    field : {'voxel', 'hash', 'mlp', 'planes'}, or their settings, optional
         The field to train. A name means a field with settings that suit the device. On a GPU these
         are the field's defaults, except that 'voxel' continues to a grid of 256 cells if 11 GB are
         free. On the CPU they are smaller, because 'hash' and 'mlp' would otherwise take minutes to
@@ -294,8 +297,10 @@ def _begin(
     background = background or _seen_behind(scene)
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
+    made = settings.build(runtime(), frame, seed)
+    made.start(scene)
     return Model(
-        settings.build(runtime(), frame, seed), settings, background, behind, scene.cameras, seed,
+        made, settings, background, behind, scene.cameras, seed,
         Training(), {},
     )  # fmt: skip
 

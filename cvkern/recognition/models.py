@@ -197,7 +197,7 @@ class ShapeModel:
             raise ValueError("images must have at least one picture, got none")
         spans = check_boxes(boxes, pictures)
         figures = None if masks is None else check_masks(masks, pictures)
-        others = grays_of(negatives or (), "negatives", data_range)
+        others = grays_of(() if negatives is None else negatives, "negatives", data_range)
         height, width = self._model_box([box for found in spans for box in found])
         layers = self._layers or (2 if min(height, width) // 2 >= self._sampling.side else 1)
         least = min(height, width) >> (layers - 1)

@@ -34,6 +34,9 @@ def network_room(inputs: int, samples: int, half: bool) -> tuple[int, int]:
     return 2 * sum(NETWORK_VALUES), samples
 
 
+PLANES_PLACE = 16  # numbers in an array of planes before the inverse depths of the planes
+
+
 class Background(IntEnum):
     """The background of a ray."""
 
@@ -41,6 +44,10 @@ class Background(IntEnum):
     BLACK = 1
     RANDOM = 2  # a random colour for each ray, which cannot be learnt
     LEARNT = 3
+
+
+# Speckles are cubes of three sizes: the fewest of them per unit of length, and the growth factor.
+FEWEST_CUBES, MORE_CUBES = 9.0, 2.25
 
 
 class Shape(IntEnum):
@@ -156,6 +163,17 @@ class Grid(NamedTuple):
     """The raw density below which space is empty."""
 
 
+class Seen(NamedTuple):
+    """The composited rays of planes, or gradients by them; kernel arrays."""
+
+    color: Any
+    """(R, 3) float32."""
+    opacity: Any
+    """(R,) float32."""
+    depth: Any
+    """Weighted sum of the distances of the planes, (R,) float32."""
+
+
 class AdamRule(NamedTuple):
     """The constants of a step of Adam."""
 
@@ -230,4 +248,4 @@ class Solids(NamedTuple):
     sizes: Any
     """The sizes that `Shape` lists, (S, 4) float32."""
     paints: Any
-    """Two colours, gloss, and parts of the pattern per length, (S, 8) float32."""
+    """Two colours, gloss, parts of the pattern per length, strength of speckles, (S, 9) float32."""

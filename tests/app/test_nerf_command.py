@@ -241,7 +241,9 @@ def test_export_points(command, trained, tmp_path):
 
 
 def test_the_synthetic_scene(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("cvkern.radiance.make_scene", lambda: make_scene(train=4, test=1, size=16))
+    monkeypatch.setattr(
+        "cvkern.radiance.make_scene", lambda layout: make_scene(train=4, test=1, size=16)
+    )
     monkeypatch.chdir(tmp_path)
     assert command("train", "shapes", "-o", "m.npz", "--steps", 1)[0] == 0
     assert len(load_model("m.npz").cameras) == 5
@@ -277,7 +279,10 @@ def test_the_synthetic_scene(command, tmp_path, monkeypatch):
         ),
         (["render", "MODEL", "-o", "p.gif", "--path", "p.json"], "path must be a file that exists"),
         (["train", "SCENE", "-o", "m.npz", "--log", "log.txt"], "log must end in .csv, or be"),
-        (["export", "MODEL", "-o", "m.obj"], "output must end in .ply, .glb or .npz, got 'm.obj'"),
+        (
+            ["export", "MODEL", "-o", "m.obj"],
+            "output must end in .ply, .glb, .npz, .html or .png, got 'm.obj'",
+        ),
         (["export", "MODEL", "-o", "m.glb", "--points"], "output must end in .ply for points"),
         (["export", "MODEL", "-o", "m.ply", "--density", "1e9"], "density must be below"),
     ],
@@ -317,3 +322,35 @@ def test_train_takes_bounds_and_settings(command, folder, tmp_path):
         code, _, said = command("train", folder, "-o", tmp_path / "b.npz", "--steps", 1, *wrong)
         assert code != 0
         assert rule in said
+
+
+def test_planes_of_a_pair_and_of_a_model(command, tmp_path):
+    rng = np.random.default_rng(0)
+    wide = np.kron(rng.integers(0, 256, (12, 20, 3), np.uint8), np.ones((2, 2, 1), np.uint8))
+    left, right, page = (tmp_path / name for name in ("left.png", "right.png", "page.html"))
+    write_image(left, wide[:, :-4])
+    write_image(right, wide[..., 0][:, 4:])  # a grey photograph is read too
+    options = "--max-disparity", 8, "--count", 3
+    code, said, _ = command("planes", left, right, "-o", page, *options)
+    assert (code, said) == (0, f"{page}: 3 planes of 24 x 36\n")
+    assert "WebGL" in page.read_text()
+    model, atlas = tmp_path / "model.npz", tmp_path / "atlas.png"
+    assert command("planes", left, right, "-o", model, *options)[0] == 0
+    assert command("export", model, "-o", atlas)[0] == 0
+    assert {f.suffix for f in tmp_path.iterdir()} >= {".html", ".png", ".npz", ".json"}
+    code, _, error = command("planes", left, right, "-o", tmp_path / "planes.gif")
+    assert code == 2
+    assert "output must end in .html, .png or .npz" in error
+
+
+def test_planes_are_trained_by_name(command, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "cvkern.radiance.make_scene",
+        lambda layout: make_scene(train=4, test=1, size=24, layout=layout),
+    )
+    model = tmp_path / "model.npz"
+    words = "train", "shapes-forward", "-o", model, "--field", "planes", "--steps", 2
+    code, said, _ = command(*words, "--set", "planes=3")
+    assert code == 0
+    assert "held-out views" in said
+    assert command("export", model, "-o", tmp_path / "page.html")[0] == 0

@@ -14,6 +14,7 @@ COMMANDS = {
     "nerf train": ["nerf", "train", "shapes", "-o", "kept.npz"],
     "nerf render": ["nerf", "render", "model.npz", "--orbit", "-o", "kept.gif"],
     "nerf export": ["nerf", "export", "model.npz", "-o", "kept.ply"],
+    "nerf planes": ["nerf", "planes", "left.png", "right.png", "-o", "kept.html"],
 }  # fmt: skip
 
 

@@ -18,12 +18,14 @@ def quick(monkeypatch):
 
 def test_chapter(quick):
     clock, chapter = Clock(), radiance.chapter()
-    photographs, learnt, orbit = (figure(clock) for figure in chapter.figures)
-    panels = {p.file: p.image for f in (photographs, learnt, orbit) for p in f.panels}
+    photographs, learnt, orbit, planes = (figure(clock) for figure in chapter.figures)
+    panels = {p.file: p.image for f in (photographs, learnt, orbit, planes) for p in f.panels}
     assert panels["radiance-photographs"].shape == (400, 800, 3)
     assert panels["radiance-truth"].shape == panels["radiance-render"].shape == (300, 300, 3)
     assert panels["radiance-orbit"].shape == (3, 200, 200, 3)
     assert panels["radiance-depth"].shape == (200, 200, 3)
+    assert panels["radiance-planes"].shape == (3, 250, 371, 3)
+    assert panels["radiance-planes"].std(axis=0).mean() > 3  # it moves
     assert panels["radiance-curve"].shape == (600, 600, 3)
     assert all(image.dtype == np.uint8 for image in panels.values())
     off = panels["radiance-truth"].astype(float) - panels["radiance-render"]

@@ -123,3 +123,18 @@ def test_voxel_backward_compiles_for_hopper(sums, add, tmp_path):
     code = compile_for_hopper(kernel.module, tmp_path)
     assert f".global.{add}" in code
     assert (".global.add.f32" in code) == (sums is wp.float32)
+
+
+@pytest.mark.parametrize("texel", [wp.vec4, wp.uint32])
+def test_rendering_of_planes_compiles_for_hopper(texel, tmp_path):
+    compile_for_hopper(load("radiance.fields.planes.rays").renderer(texel).module, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("sums", "add"), [(wp.float32, "atom.global.add.f32"), (wp.int64, "add.u64")]
+)
+def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
+    kernel = load("radiance.fields.planes.rays").scatterer(sums, False)
+    assert add in compile_for_hopper(kernel.module, tmp_path / "scatter").replace("red.", "atom.")
+    for name in ("rays", "texels"):
+        compile_for_hopper(load(f"radiance.fields.planes.{name}"), tmp_path / name)

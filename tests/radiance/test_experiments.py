@@ -5,7 +5,7 @@ import json
 import pytest
 
 from cvkern.radiance import VoxelField, make_scene
-from profiling.experiments import radiance_quality, radiance_steps
+from profiling.experiments import planes_quality, radiance_quality, radiance_steps
 
 SETTINGS = VoxelField(resolutions=(16,), shares=(), degree=1, rays=64)
 
@@ -47,3 +47,15 @@ def test_steps(tmp_path, capsys):
     parts = sum(told["parts_us"].values())
     assert parts == pytest.approx(sum(row["us"] for row in told["primitives"]), rel=0.01)
     assert "samples/s" in capsys.readouterr().out
+
+
+def test_planes(tmp_path, monkeypatch, capsys):
+    scene = make_scene(train=6, test=2, size=32, layout="forward")
+    monkeypatch.setattr(planes_quality, "scenes", lambda folder: {"small": scene})
+    monkeypatch.setattr(planes_quality, "suited", lambda field: SETTINGS)
+    assert planes_quality.main(["--seconds", "0.3", "--output", str(tmp_path)]) == 0
+    told = json.loads((tmp_path / "planes_quality_cpu.json").read_text())
+    planes, other = told["results"]["small"]
+    assert (planes["field"], other["field"]) == ("PlanesField", "VoxelField")
+    assert planes["ssim"] > other["ssim"] + 0.1  # a sweep is a better start than fog
+    assert "PlanesField" in capsys.readouterr().out

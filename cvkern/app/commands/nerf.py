@@ -9,17 +9,20 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SHAPES = "shapes"
+SHAPES, FORWARD = "shapes", "shapes-forward"
 SceneAt = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        help=f"Folder of posed photographs, or '{SHAPES}' for a synthetic scene.",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
     ),
 ]
+PAGES = ".html", ".png"  # files of planes
 ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
 Shrink = Annotated[
     int, typer.Option(help="Side of the blocks of pixels to average photographs over.")
@@ -34,7 +37,8 @@ def train(
     field: Annotated[
         str | None,
         typer.Option(
-            help="Kind: voxel, hash or mlp, in a size that suits the device.",
+            help="Kind: voxel, hash or mlp, in a size that suits the device, or planes, for "
+            "photographs from one side.",
             show_default="voxel on the CPU, hash on a GPU",
         ),
     ] = None,
@@ -251,7 +255,7 @@ def export(
             "--output",
             "-o",
             help="PLY or GLB to write (a mesh needs scikit-image), or a smaller model, .npz, for "
-            "rendering only.",
+            "rendering only. Of planes: a page for a browser, .html, or an atlas, .png.",
         ),
     ],
     points: Annotated[
@@ -266,11 +270,11 @@ def export(
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Write a model as a coloured mesh, as a point cloud, or as a smaller file for rendering."""
-    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh
+    """Write a model as a coloured mesh, as a point cloud, as a page, or as a smaller model."""
+    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh, write_planes
 
-    if output.suffix.lower() not in (".ply", ".glb", ".npz"):
-        raise ValueError(f"output must end in .ply, .glb or .npz, got {str(output)!r}")
+    if output.suffix.lower() not in (".ply", ".glb", ".npz", *PAGES):
+        raise ValueError(f"output must end in .ply, .glb, .npz, .html or .png, got {str(output)!r}")
     if points and output.suffix.lower() == ".glb":
         raise ValueError(f"output must end in .ply for points, got {str(output)!r}")
     check_new(output, "output", overwrite)
@@ -278,6 +282,10 @@ def export(
         made = load_model(model)
         if output.suffix.lower() == ".npz":
             made.save(output, resumable=False)
+            typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
+            return
+        if output.suffix.lower() in PAGES:
+            write_planes(made, output)
             typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
             return
         if points:
@@ -290,6 +298,61 @@ def export(
             surface = mesh(made, resolution=resolution, density=density, pieces=pieces or None)
             write_mesh(output, surface)
             typer.echo(f"{output}: {len(surface.faces)} triangles")
+
+
+@nerf.command()
+def planes(
+    left: Annotated[Path, typer.Argument(metavar="LEFT", help="Left image.")],
+    right: Annotated[Path, typer.Argument(metavar="RIGHT", help="Right image, rectified.")],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Page to write, .html, that a browser shows and the mouse moves; or an atlas, "
+            ".png, or a model, .npz.",
+        ),
+    ],
+    min_disparity: Annotated[int, typer.Option(help="Smallest disparity, pixels.")] = 0,
+    max_disparity: Annotated[int, typer.Option(help="End of the disparities, pixels.")] = 64,
+    count: Annotated[int, typer.Option(help="Number of planes.")] = 32,
+    focal: Annotated[
+        float | None,
+        typer.Option(help="Focal length, pixels.", show_default="the width of the images"),
+    ] = None,
+    baseline: Annotated[float, typer.Option(help="Distance between the cameras.")] = 1.0,
+    doffs: Annotated[
+        float, typer.Option(help="Right principal point minus the left one, pixels.")
+    ] = 0.0,
+    overwrite: Overwrite = False,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Make a multiplane image of a rectified pair, without training: views between the two."""
+    import numpy as np
+
+    from cvkern.images.files import read_image
+    from cvkern.radiance import planes_from_stereo, write_planes
+
+    if output.suffix.lower() not in (".npz", *PAGES):
+        raise ValueError(f"output must end in .html, .png or .npz, got {str(output)!r}")
+    check_new(output, "output", overwrite)
+    check_apart((left, right), output=output)
+    photos = [read_image(path) for path in (left, right)]
+    photos = [np.dstack([p] * 3) if p.ndim == 2 else p[..., :3] for p in photos]
+    height, width = photos[0].shape[:2]
+    length = float(width) if focal is None else focal
+    K = [[length, 0, (width - 1) / 2], [0, length, (height - 1) / 2], [0, 0, 1]]
+    with cvkern.use(backend=backend, device=device):
+        made = planes_from_stereo(
+            photos[0], photos[1], K, disparities=(min_disparity, max_disparity), baseline=baseline,
+            doffs=doffs, planes=count,
+        )  # fmt: skip
+        if output.suffix.lower() == ".npz":
+            made.save(output)
+        else:
+            write_planes(made, output)
+    typer.echo(f"{output}: {count} planes of {height} x {width}")
 
 
 def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
@@ -334,7 +397,11 @@ def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
     from cvkern._checks import check_integer
     from cvkern.radiance import load_scene, make_scene
 
-    own = str(path) == SHAPES and not path.exists()
-    scene = make_scene() if own else load_scene(path, test_every=test_every)
+    layouts = {SHAPES: "around", FORWARD: "forward"}
+    if str(path) in layouts and not path.exists():
+        scene = make_scene(layout=layouts[str(path)])
+    else:
+        read = reconstructed if without_cameras(path) else load_scene
+        scene = read(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)

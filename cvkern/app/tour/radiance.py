@@ -17,9 +17,11 @@ from cvkern.radiance import (
     Picture,
     Scene,
     VoxelField,
+    cameras,
     fit,
     make_scene,
     orbit_cameras,
+    planes_from_stereo,
     psnr,
     render,
 )
@@ -30,6 +32,7 @@ SECONDS = 40.0  # training time
 SHEET = (4, 8)  # rows and columns of photographs
 ENLARGED = 3
 FRAMES, FACTOR = 40, 2.0  # frames of the orbit, and their enlargement
+FOCAL = 497.5  # focal length of the halved pair, pixels
 PALE, DARK = "#5f6368", "#a8431f"
 
 
@@ -56,6 +59,7 @@ def chapter() -> Chapter:
             lambda clock: _photographs(scene()),
             lambda clock: _learnt(clock, made()),
             lambda clock: _orbit(made()),
+            lambda clock: _planes(),
         ),
     )
 
@@ -130,8 +134,8 @@ def _learnt(clock: Clock, made: Made) -> Figure:
 
 def _orbit(made: Made) -> Figure:
     _, model, _ = made
-    cameras = orbit_cameras(model.cameras, FRAMES, factor=FACTOR)
-    depth = render(model, cameras, 0).depth
+    around = orbit_cameras(model.cameras, FRAMES, factor=FACTOR)
+    depth = render(model, around, 0).depth
     return Figure(
         "Views without a camera",
         "A path around the scene at mean height and distance. The depth is the mean distance at "
@@ -142,11 +146,41 @@ def _orbit(made: Made) -> Figure:
         'write_mesh("scene.ply", mesh(model))\n'
         'model.save("scene.npz")',
         (
-            Panel("radiance-orbit", film(model, cameras), "`render_path`: new views"),
+            Panel("radiance-orbit", film(model, around), "`render_path`: new views"),
             Panel(
                 "radiance-depth",
                 apply_colormap(-depth, nan=(0, 0, 0)),
                 f"Depth: from {np.nanmin(depth):.1f}, bright, to {np.nanmax(depth):.1f}",
+            ),
+        ),
+    )
+
+
+def _planes() -> Figure:
+    from skimage import data
+
+    left, right, _ = data.stereo_motorcycle()
+    left, right = (photo[::2, ::2] for photo in (left, right))
+    height, width = left.shape[:2]
+    K = [[FOCAL, 0, (width - 1) / 2], [0, FOCAL, (height - 1) / 2], [0, 0, 1]]
+    model = planes_from_stereo(left, right, K, disparities=(0, 32))
+    angles = np.linspace(0, 2 * np.pi, FRAMES, endpoint=False)
+    eyes = np.column_stack((0.6 * np.cos(angles), 0.25 * np.sin(angles), 0 * angles))
+    poses = np.concatenate((np.tile(np.eye(3), (FRAMES, 1, 1)), eyes[:, :, None]), axis=2)
+    around = cameras(poses, model.cameras.intrinsics[0], width, height)
+    depth = render(model, model.cameras).depth
+    return Figure(
+        "A pair of photographs that moves",
+        "A multiplane image: the disparities of a stereo pair cut its left photograph into 32 "
+        "parallel planes, and surfaces go on behind nearer ones. There is no training.",
+        "model = planes_from_stereo(left, right, K, disparities=(0, 32))\n"
+        'write_planes(model, "planes.html")  # a page that follows the mouse',
+        (
+            Panel("radiance-planes", film(model, around), "`render_path`: from around the camera"),
+            Panel(
+                "radiance-planes-depth",
+                apply_colormap(1 / depth, nan=(0, 0, 0)),
+                "Inverse depth of the planes: bright is near",
             ),
         ),
     )

@@ -96,6 +96,15 @@ class Field(abc.ABC):
     """Factor of the losses before :meth:`backward`, so that half precision or fixed point can hold
     their gradients; :meth:`learn` divides by it."""
 
+    def start(self, scene: Scene) -> None:  # noqa: B027  (optional)
+        """Begin from the photographs, instead of from anything: called once for a new model.
+
+        Raises
+        ------
+        ValueError
+            If the field cannot show this scene.
+        """
+
     @abc.abstractmethod
     def see(self, origins: Any, directions: Any, seen: View) -> None:
         """Fill `seen` for rays with these origins and unit directions, (R, 3), for any R."""

@@ -62,6 +62,15 @@ class Grid:
 
 
 @wp.struct
+class Seen:
+    """The composited rays of planes, or gradients by them."""
+
+    color: wp.array2d[float]  # (R, 3)
+    opacity: wp.array[float]  # (R,)
+    depth: wp.array[float]  # (R,)
+
+
+@wp.struct
 class Samples:
     """Samples of rays."""
 

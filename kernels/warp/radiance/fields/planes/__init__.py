@@ -1,0 +1,1 @@
+"""Fields of parallel planes, in Warp."""

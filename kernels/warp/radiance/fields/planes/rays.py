@@ -1,0 +1,304 @@
+"""Rays through parallel planes, front to back, in Warp.
+
+Planes are parallel to the image of a reference camera. The array `planes` (16 + D,) has the map of
+the frame to its axes, a row of 4 for each, then fx, fy, cx, cy, and then 1 / depth of each plane,
+the nearest first. A texel has premultiplied colours and an opacity (c, a), interpolated linearly
+between the centres of four texels. The outermost texels go on for half a texel. In the camera's
+axes, with s = (d_x / d_z, d_y / d_z), a ray o + t d meets the plane of disparity q at the texel
+
+    (x, y) = f (s + q (o_xy - o_z s)) + c,    t = (1 - q o_z) / (q d_z),
+
+linear in q: the homography of the plane. Rays with d_z <= 0 meet nothing, nor do planes behind the
+origin count. With T_i = prod_{j < i} (1 - a_j), the ray has C = sum T_i c_i, O = sum T_i a_i,
+D = sum T_i a_i t_i, and ends where T_i falls to `stop`. For gradients g by these,
+
+    dL/dc_i = T_i g_C,    dL/da_i = T_i (g_O + g_D t_i) - S_i / (1 - a_i),
+    S_i = sum_{j > i} T_j (<g_C, c_j> + a_j (g_O + g_D t_j)),
+
+and a texel has the gradient of each sample times its share in it. S_i is what is left of
+<g_C, C> + g_O O + g_D D after the samples up to i. The gradients of samples are stored. Then, on
+the CPU, one thread adds those of a plane in the order of the rays; on CUDA a thread takes one
+sample, and the order has no effect on integer sums.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.codes import radiance as codes
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, view
+from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
+from cvkern.kernels.warp.radiance._structs import Rays, Seen, struct_of
+
+from ._path import FIRST, corner_of, distance_of, path_of
+
+OPTIONS = {"enable_backward": False}
+wp.set_module_options(OPTIONS)
+
+LANES = wp.constant(wp.uint64(0x00FF00FF00FF00FF))
+LOW, HIGH = wp.constant(wp.uint32(0x00FF00FF)), wp.constant(wp.uint32(0xFF00FF00))
+LOST = wp.constant(wp.int64(-3 * 2**61))  # a sum with a NaN, which no summands bring back
+BYTE = wp.constant(1.0 / (255.0 * 256.0))  # one, in sums of bytes with weights of 256 in all
+
+
+@wp.func
+def texel_of(
+    texels: wp.array3d[wp.vec4], plane: int, row: int, column: int, down: float, right: float
+) -> wp.vec4:
+    """Interpolate between four texels."""
+    upper = texels[plane, row, column] * (1.0 - right) + texels[plane, row, column + 1] * right
+    lower = (
+        texels[plane, row + 1, column] * (1.0 - right) + texels[plane, row + 1, column + 1] * right
+    )
+    return upper * (1.0 - down) + lower * down
+
+
+@wp.func
+def spread(texel: wp.uint32) -> wp.uint64:
+    """Return the bytes of a texel in the order red, blue, green, alpha, one in 16 bits each."""
+    return wp.uint64(texel & LOW) | (wp.uint64(texel & HIGH) << wp.uint64(24))
+
+
+@wp.func
+def texel_of_bytes(
+    texels: wp.array3d[wp.uint32], plane: int, row: int, column: int, down: float, right: float
+) -> wp.vec4:
+    """Interpolate between four texels of 8 bits, with weights of 1 / 256 as a GPU's textures."""
+    a = texels[plane, row, column]
+    b = texels[plane, row, column + 1]
+    c = texels[plane, row + 1, column]
+    d = texels[plane, row + 1, column + 1]
+    found = wp.vec4(0.0, 0.0, 0.0, 0.0)
+    if (a | b | c | d) != wp.uint32(0):
+        x = int(right * 256.0 + 0.5)
+        y = int(down * 256.0 + 0.5)
+        both = (x * y + 128) >> 8
+        total = (
+            spread(a) * wp.uint64(256 - x - y + both)
+            + spread(b) * wp.uint64(x - both)
+            + spread(c) * wp.uint64(y - both)
+            + spread(d) * wp.uint64(both)
+        )
+        low = int(total & wp.uint64(0xFFFFFFFF))
+        high = int(total >> wp.uint64(32))
+        found = BYTE * wp.vec4(
+            float(low & 0xFFFF),
+            float(high & 0xFFFF),
+            float((low >> 16) & 0xFFFF),
+            float((high >> 16) & 0xFFFF),
+        )
+    return found
+
+
+@cache
+def renderer(texel: Any) -> wp.Kernel:
+    """Return the kernel for texels of a kind."""
+    fetch = texel_of_bytes if texel is wp.uint32 else texel_of
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def render(
+        stride: int,
+        first: int,
+        last: int,
+        rays: Rays,
+        planes: wp.array[float],  # (16 + D,)
+        texels: wp.array3d[texel],  # (D, H, W)
+        stop: float,
+        # outputs
+        seen: Seen,
+    ):
+        height = texels.shape[1]
+        width = texels.shape[2]
+        for ray in range(first + wp.tid(), last, stride):
+            if ray < rays.active[0]:
+                path = path_of(planes, rays, ray)
+                color = wp.vec3(0.0, 0.0, 0.0)
+                depth = float(0.0)
+                through = float(1.0)
+                plane = int(0)
+                while plane < texels.shape[0]:
+                    q = planes[FIRST + plane]
+                    at = corner_of(path, q, height, width)
+                    if at.inside:
+                        t = fetch(texels, plane, at.row, at.column, at.down, at.right)
+                        if t[3] > 0.0:
+                            color += through * wp.vec3(t[0], t[1], t[2])
+                            depth += through * t[3] * distance_of(path, q)
+                            through *= 1.0 - t[3]
+                            if through <= stop:
+                                plane = texels.shape[0]
+                    plane += 1
+                for k in range(3):
+                    seen.color[ray, k] = color[k]
+                seen.opacity[ray] = 1.0 - through
+                seen.depth[ray] = depth
+
+    return render
+
+
+def render(
+    rays: codes.Rays, planes: wp.array, texels: wp.array, stop: float, seen: codes.Seen
+) -> None:
+    """Render the first `active` rays; a ray ends where at most the share `stop` of light is left.
+
+    `texels` are (D, H, W, 4) float32, or (D, H, W) uint32 with the bytes red, green, blue, alpha
+    from the lowest on; colours are premultiplied, H and W at least 2. Texels of 8 bits are
+    interpolated with weights that are multiples of 1 / 256.
+    """
+    count = rays.origins.shape[0]
+    if len(texels.shape) == 4:
+        texels = view(texels, wp.vec4, texels.shape[:3])
+    inputs = [struct_of(Rays, rays), planes, texels, stop]
+    launch_each(
+        renderer(texels.dtype), count, 8 * texels.shape[0] * count, inputs,
+        [struct_of(Seen, seen)],
+    )  # fmt: skip
+
+
+@wp.kernel
+def trace_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    d_seen: Seen,
+    rays: Rays,
+    planes: wp.array[float],  # (16 + D,)
+    texels: wp.array3d[wp.vec4],  # (D, H, W)
+    stop: float,
+    seen: Seen,
+    # outputs
+    records: wp.array2d[wp.vec4],  # (D, R): gradients of the samples
+):
+    """Walk a ray again, and store the gradients of its samples."""
+    height = texels.shape[1]
+    width = texels.shape[2]
+    count = texels.shape[0]
+    for ray in range(first + wp.tid(), last, stride):
+        if ray < rays.active[0]:
+            path = path_of(planes, rays, ray)
+            g = wp.vec3(d_seen.color[ray, 0], d_seen.color[ray, 1], d_seen.color[ray, 2])
+            g_opacity = d_seen.opacity[ray]
+            g_depth = d_seen.depth[ray]
+            c = wp.vec3(seen.color[ray, 0], seen.color[ray, 1], seen.color[ray, 2])
+            rest = wp.dot(g, c) + g_opacity * seen.opacity[ray] + g_depth * seen.depth[ray]
+            through = float(1.0)
+            for plane in range(count):
+                record = wp.vec4(0.0, 0.0, 0.0, 0.0)
+                if through > stop:
+                    q = planes[FIRST + plane]
+                    at = corner_of(path, q, height, width)
+                    if at.inside:
+                        t = texel_of(texels, plane, at.row, at.column, at.down, at.right)
+                        slope = g_opacity + g_depth * distance_of(path, q)
+                        left = 1.0 - t[3]
+                        rest -= through * (wp.dot(g, wp.vec3(t[0], t[1], t[2])) + t[3] * slope)
+                        behind = float(0.0)
+                        if through * left > stop:  # otherwise the ray ends here
+                            behind = rest / left
+                        record = wp.vec4(
+                            through * g[0], through * g[1], through * g[2], through * slope - behind
+                        )
+                        through *= left
+                records[plane, ray] = record
+
+
+@cache
+def scatterer(total: Any, serial: bool) -> wp.Kernel:
+    """Return the kernel that adds the gradients of samples to texels."""
+    exact = total is wp.int64
+
+    @wp.func
+    def add(
+        sums: wp.array4d[total], plane: int, row: int, column: int, share: float, record: wp.vec4
+    ):
+        for k in range(4):
+            value = share * record[k]
+            if wp.static(exact):
+                fixed = wp.int64(wp.rint(wp.clamp(value, -LIMIT, LIMIT) / UNIT))
+                if value != value:
+                    wp.atomic_min(sums, plane, row, column, k, LOST)
+                else:
+                    wp.atomic_add(sums, plane, row, column, k, fixed)
+            elif wp.static(serial):
+                sums[plane, row, column, k] = sums[plane, row, column, k] + value
+            else:
+                wp.atomic_add(sums, plane, row, column, k, value)
+
+    @wp.func
+    def scatter_one(
+        rays: Rays,
+        planes: wp.array[float],  # (16 + D,)
+        records: wp.array2d[wp.vec4],
+        plane: int,
+        ray: int,
+        sums: wp.array4d[total],
+    ):
+        record = records[plane, ray]
+        if record[0] != 0.0 or record[1] != 0.0 or record[2] != 0.0 or record[3] != 0.0:
+            path = path_of(planes, rays, ray)
+            at = corner_of(path, planes[FIRST + plane], sums.shape[1], sums.shape[2])
+            i = at.row
+            j = at.column
+            add(sums, plane, i, j, (1.0 - at.down) * (1.0 - at.right), record)
+            add(sums, plane, i, j + 1, (1.0 - at.down) * at.right, record)
+            add(sums, plane, i + 1, j, at.down * (1.0 - at.right), record)
+            add(sums, plane, i + 1, j + 1, at.down * at.right, record)
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def by_plane(
+        slab: int,
+        first: int,
+        last: int,
+        rays: Rays,
+        planes: wp.array[float],  # (16 + D,)
+        records: wp.array2d[wp.vec4],  # (D, R)
+        # outputs
+        sums: wp.array4d[total],  # (D, H, W, 4): added to
+    ):
+        for plane in range(first, last):
+            for ray in range(wp.min(rays.active[0], records.shape[1])):
+                scatter_one(rays, planes, records, plane, ray, sums)
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def by_sample(
+        rays: Rays,
+        planes: wp.array[float],  # (16 + D,)
+        records: wp.array2d[wp.vec4],  # (D, R)
+        # outputs
+        sums: wp.array4d[total],  # (D, H, W, 4): added to
+    ):
+        plane, ray = wp.tid()
+        if ray < rays.active[0]:
+            scatter_one(rays, planes, records, plane, ray, sums)
+
+    return by_plane if serial else by_sample
+
+
+def render_backward(
+    d_seen: codes.Seen,
+    rays: codes.Rays,
+    planes: wp.array,
+    texels: wp.array,
+    stop: float,
+    seen: codes.Seen,
+    d_texels: wp.array,
+) -> None:
+    """Add the gradients of the texels to `d_texels` (D, H, W, 4).
+
+    `d_seen` are gradients by the results of :func:`render` for the same rays, `texels` in float32,
+    and `seen`. The end of a ray is treated as constant. On CUDA `d_texels` may be int64, for
+    fixed-point numbers, whose sums do not depend on the order.
+    """
+    count, number = rays.origins.shape[0], texels.shape[0]
+    device = d_texels.device
+    records = scratch("planes.records", (number, count), wp.vec4, device)
+    given = struct_of(Rays, rays), planes
+    packed = view(texels, wp.vec4, texels.shape[:3])
+    inputs = [struct_of(Seen, d_seen), *given, packed, stop, struct_of(Seen, seen)]
+    launch_each(trace_kernel, count, 16 * number * count, inputs, [records])
+    kernel = scatterer(d_texels.dtype, not device.is_cuda)
+    if device.is_cuda:
+        launch(kernel, (number, count), [*given, records], [d_texels])
+    else:
+        launch_slabs(kernel, number, number, [*given, records], [d_texels])
