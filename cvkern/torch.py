@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,12 @@ from cvkern.transform import sampling
 
 __all__ = ["composite_rays", "gaussian", "remap"]
 
-PADS = {"nearest": "edge", "reflect": "symmetric", "mirror": "reflect", "wrap": "wrap"}  # NumPy's
+PADS: dict[str, Any] = {
+    "nearest": "edge",
+    "reflect": "symmetric",
+    "mirror": "reflect",
+    "wrap": "wrap",
+}  # NumPy's
 
 
 def composite_rays(
@@ -161,8 +167,7 @@ def gaussian(
 
 def _gaussian_backward(grad: Any, given: tuple[Any, ...]) -> Any:
     """Return the gradient by the image, from that by the filtered image."""
-    import torch
-
+    torch = _pytorch()
     sigma, order, mode, _, truncate, channel_axis, batch_axis = given
     sigmas = [check_number(s, "sigma", low=0) for s in check_pair(sigma, "sigma")]
     orders = [check_integer(o, "order", 0, 32) for o in check_pair(order, "order")]
@@ -194,14 +199,19 @@ def _gaussian_backward(grad: Any, given: tuple[Any, ...]) -> Any:
     return found.contiguous()
 
 
+def _pytorch() -> Any:
+    """Return PyTorch. Type checkers would take ``import torch`` for this module."""
+    try:
+        return import_module("torch")
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError("cvkern.torch needs PyTorch: pip install torch") from None
+
+
 @cache
 def _functions() -> dict[str, Any]:
     """Return the functions of PyTorch, which is imported when one of them is first used."""
-    try:
-        import torch
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError("cvkern.torch needs PyTorch: pip install torch") from None
-    from torch.autograd.function import once_differentiable
+    torch = _pytorch()
+    once_differentiable = torch.autograd.function.once_differentiable
 
     class CompositeRays(torch.autograd.Function):
         @staticmethod
@@ -235,9 +245,9 @@ def _functions() -> dict[str, Any]:
         @staticmethod
         @once_differentiable
         def backward(ctx, grad):
-            given = ctx.saved_tensors
-            found = sampling.remap_backward(grad, *given, ctx.order, **ctx.options)
-            by = (g.to(a.dtype) for g, a in zip(found, given, strict=True))
+            image, places = ctx.saved_tensors
+            found = sampling.remap_backward(grad, image, places, ctx.order, **ctx.options)
+            by = found.image.to(image.dtype), found.coordinates.to(places.dtype)
             return (*by, None, None, None, None)
 
     class Gaussian(torch.autograd.Function):

@@ -1,5 +1,6 @@
 """Functions that PyTorch differentiates, against SciPy's filters and PyTorch's own gradients."""
 
+import doctest
 import sys
 
 import numpy as np
@@ -122,9 +123,17 @@ def test_composite_rays():
 
 def test_gradients_of_gradients_are_refused():
     image = noise(4, 5).requires_grad_()
-    (by,) = torch.autograd.grad(cvkern.torch.gaussian(image).sum(), image, create_graph=True)
+    squares = (cvkern.torch.gaussian(image) ** 2).sum()
+    (by,) = torch.autograd.grad(squares, image, create_graph=True)
     with pytest.raises(RuntimeError, match="once_differentiable"):
         by.sum().backward()
+
+
+@pytest.mark.parametrize("name", cvkern.torch.__all__)
+def test_examples(name):
+    """Of the docstrings; test_docstrings.py runs where there is no torch."""
+    (found,) = doctest.DocTestFinder(recurse=False).find(getattr(cvkern.torch, name), globs={})
+    assert doctest.DocTestRunner().run(found).failed == 0
 
 
 def test_nothing_to_differentiate():
@@ -138,7 +147,7 @@ def test_without_pytorch(monkeypatch):
 
     _functions.cache_clear()
     monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(ModuleNotFoundError, match="cvkern.torch needs PyTorch"):
+    with pytest.raises(ModuleNotFoundError, match=r"cvkern\.torch needs PyTorch"):
         cvkern.torch.gaussian(np.eye(4))
     monkeypatch.undo()
     _functions.cache_clear()
