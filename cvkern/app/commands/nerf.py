@@ -9,11 +9,10 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
-from cvkern.app.commands.cameras import reconstructed, without_cameras
+from cvkern.app.commands.cameras import FORWARD, SHAPES, scene_at
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SHAPES, FORWARD = "shapes", "shapes-forward"
 SceneAt = Annotated[
     Path,
     typer.Argument(
@@ -107,7 +106,7 @@ def train(
         check_new(log, "log", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
-            _within(_scene(scene, shrink, test_every), bounds, near, far),
+            _within(scene_at(scene, shrink, test_every), bounds, near, far),
             _with(field, setting) if setting else field,
             seconds=seconds,
             steps=steps,
@@ -231,7 +230,7 @@ def judge(
     from cvkern.radiance import evaluate, load_model
 
     with cvkern.use(backend=backend, device=device):
-        photographs = _scene(scene, shrink)
+        photographs = scene_at(scene, shrink)
         made = load_model(model)
         with progress_bar() as bar:
             task = bar.add_task("Rendering", total=None)
@@ -391,17 +390,3 @@ def _with(field: str | None, settings: list[str]) -> Any:
             raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
         found[name] = tuple(value) if isinstance(value, list) else value
     return replace(made, **found)
-
-
-def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
-    from cvkern._checks import check_integer
-    from cvkern.radiance import load_scene, make_scene
-
-    layouts = {SHAPES: "around", FORWARD: "forward"}
-    if str(path) in layouts and not path.exists():
-        scene = make_scene(layout=layouts[str(path)])
-    else:
-        read = reconstructed if without_cameras(path) else load_scene
-        scene = read(path, test_every=test_every)
-    check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
-    return scene if shrink == 1 else scene.resized(shrink)

@@ -10,7 +10,7 @@ from cvkern.app.tour.page import Chapter, Figure, Panel
 from cvkern.radiance import make_scene
 
 VIEWS, SIDE = 30, 240
-FOCAL = 1.5 * SIDE  # of the cameras that the photographs are made with
+FOCAL = 1.5 * SIDE  # pixels; cameras with it make the photographs
 SHEET = 2, 5  # rows and columns of photographs that are shown
 
 
