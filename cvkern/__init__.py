@@ -18,7 +18,6 @@ if _TYPE_CHECKING:
     from cvkern.raw import *
     from cvkern.recognition import *
     from cvkern.reconstruction import *
-    from cvkern.scale import *
     from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
@@ -76,7 +75,6 @@ _NAMES = {
         "AdjustedBundle", "Reconstruction", "adjust_bundle", "read_reconstruction",
         "reconstruct", "write_reconstruction",
     ),
-    "scale": ("TILED", "apply", "halo"),
     "shading": (
         "LambertianGradient", "Mesh", "PhotometricStereo", "ShapeFromShading",
         "estimate_lights", "integrate_normals", "lambertian", "lambertian_backward",

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,13 +31,24 @@ def tile_edges(window: np.ndarray, **options: Any) -> np.ndarray:
     return rt.release(states)
 
 
+class Piece(NamedTuple):
+    """The undecided pixels of a tile."""
+
+    inner: Place
+    first: int
+    """The node of its first piece."""
+    number: int
+    """The number of its pieces."""
+    packed: bytes
+
+
 class Seams:
     """What tiles leave undecided."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self.nodes = _EDGE + 1
         self.pairs: list[np.ndarray] = []
-        self.pieces: list[tuple[Place, int, bytes]] = []
+        self.pieces: list[Piece] = []
         self.above = np.zeros(shape[1], np.int64)  # nodes of the last row of the tiles above
         self.last = np.zeros(shape[1], np.int64)  # the same of the tiles of this row
         self.side = np.zeros(0, np.int64)  # nodes of the last column of the tile to the left
@@ -46,26 +57,24 @@ class Seams:
         """Return the edges that a tile decides, and its undecided pixels, packed."""
         states = np.ascontiguousarray(states)
         edges = _flooded(states)
-        weak = np.minimum(states, np.uint8(Edge.WEAK))
-        rim = np.zeros(states.shape, bool)
-        rim[[0, -1]] = rim[:, [0, -1]] = True
-        weak[rim & (weak > 0)] = Edge.STRONG
-        undecided = _flooded(weak) & ~edges
-        packed = zlib.compress(np.packbits(undecided).tobytes(), 1)
-        return edges, {
-            "undecided": np.frombuffer(packed, np.uint8),
-            "rows": edges[[0, -1]],
-            "columns": edges[:, [0, -1]],
-        }
+        kept = {"rows": edges[[0, -1]], "columns": edges[:, [0, -1]]}
+        states[edges] = Edge.NONE  # the others are weak
+        for rim in (states[0], states[-1], states[:, 0], states[:, -1]):
+            rim[rim > 0] = Edge.STRONG
+        places = np.flatnonzero(_flooded(states)).astype(np.int32)
+        packed = zlib.compress(np.diff(places, prepend=np.int32(0)).tobytes(), 1)
+        return edges, {**kept, "undecided": np.frombuffer(packed, np.uint8)}
 
-    def add(self, tile: int, inner: Place, kept: dict[str, np.ndarray]) -> None:
+    def add(self, inner: Place, kept: dict[str, np.ndarray]) -> None:
         """Join the pieces of the next tile in raster order with those of its neighbours."""
-        shape = inner[0].stop - inner[0].start, inner[1].stop - inner[1].start
+        shape = _sides(inner)
         packed = kept["undecided"].tobytes()
-        labels, count = _labels(packed, shape)
-        nodes = np.where(labels > 0, labels.astype(np.int64) + (self.nodes - 1), 0)
-        rows = np.where(kept["rows"], _EDGE, nodes[[0, -1]])
-        columns = np.where(kept["columns"], _EDGE, nodes[:, [0, -1]])
+        places, labels, count = _labelled(packed, shape[1])
+        rows, columns = (np.where(kept[name], _EDGE, 0) for name in ("rows", "columns"))
+        y, x = np.divmod(places, shape[1])
+        for side, (row, column) in enumerate(((0, 0), (shape[0] - 1, shape[1] - 1))):
+            rows[side, x[y == row]] = self.nodes + labels[y == row]
+            columns[y[x == column], side] = self.nodes + labels[x == column]
         if inner[1].start == 0:
             self.above, self.last = self.last, np.zeros_like(self.last)
         else:
@@ -80,7 +89,7 @@ class Seams:
         self.last[inner[1]] = rows[1]
         self.side = columns[:, 1]
         if count:
-            self.pieces.append((inner, self.nodes, packed))
+            self.pieces.append(Piece(inner, self.nodes, count, packed))
             self.nodes += count
 
     def _join(self, one: np.ndarray, other: np.ndarray) -> None:
@@ -92,21 +101,21 @@ class Seams:
 
     def decided(self) -> Iterator[tuple[Place, np.ndarray]]:
         """Yield the tiles that have further edges, and these edges."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
         if not self.pairs:
             return
-        one, other = np.concatenate(self.pairs, axis=1)
-        graph = coo_array((np.ones(len(one), bool), (one, other)), (self.nodes, self.nodes))
-        _, component = connected_components(graph, directed=False)
+        component = _components(np.concatenate(self.pairs, axis=1), self.nodes)
         is_edge = component == component[_EDGE]
-        for inner, first, packed in self.pieces:
-            shape = inner[0].stop - inner[0].start, inner[1].stop - inner[1].start
-            labels, count = _labels(packed, shape)
-            chosen = np.concatenate(([False], is_edge[first : first + count]))
-            if chosen.any():
-                yield inner, chosen[labels]
+        for inner, first, count, packed in self.pieces:
+            if is_edge[first : first + count].any():
+                shape = _sides(inner)
+                places, labels, _ = _labelled(packed, shape[1])
+                more = np.zeros(shape, bool)
+                more.flat[places[is_edge[first + labels]]] = True
+                yield inner, more
+
+
+def _sides(place: Place) -> tuple[int, int]:
+    return place[0].stop - place[0].start, place[1].stop - place[1].start
 
 
 def _flooded(states: np.ndarray) -> np.ndarray:
@@ -117,12 +126,26 @@ def _flooded(states: np.ndarray) -> np.ndarray:
     return rt.release(mask)
 
 
-def _labels(packed: bytes, shape: tuple[int, int]) -> tuple[np.ndarray, int]:
-    """Return the pieces of the undecided pixels of a tile, numbered from 1, and their number."""
-    from scipy.ndimage import label
+def _labelled(packed: bytes, width: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return the undecided pixels of a tile, the piece of each, and the number of pieces."""
+    steps = np.frombuffer(zlib.decompress(packed), np.int32)
+    places = np.cumsum(steps, dtype=np.int64)
+    column = places % width
+    pairs = []
+    for step, ends in ((1, width - 1), (width - 1, 0), (width, -1), (width + 1, width - 1)):
+        at = np.searchsorted(places, places + step)
+        found = at < len(places)
+        found[found] = places[at[found]] == places[found] + step
+        found &= column != ends
+        pairs.append(np.stack((np.flatnonzero(found), at[found])))
+    labels = _components(np.concatenate(pairs, axis=1), len(places))
+    return places, labels, int(labels.max(initial=-1)) + 1
 
-    bits = np.frombuffer(zlib.decompress(packed), np.uint8)
-    undecided = np.unpackbits(bits, count=shape[0] * shape[1]).reshape(shape)
-    labels = np.empty(shape, np.int32)
-    label(undecided, np.ones((3, 3), int), output=labels)
-    return labels, int(labels.max(initial=0))
+
+def _components(pairs: np.ndarray, nodes: int) -> np.ndarray:
+    """Return the number of the component of each node of a graph with these edges."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(pairs.shape[1], bool), tuple(pairs)), (nodes, nodes))
+    return connected_components(graph, directed=False)[1] if nodes else np.zeros(0, np.int32)

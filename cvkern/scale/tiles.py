@@ -138,7 +138,7 @@ def apply(
                 written.result()
             written = pool.submit(write, part, tuple(results), kept)
             if seams and journal is None:
-                seams.add(part.number, part.inner, kept)
+                seams.add(part.inner, kept)
             if progress:
                 progress(len(tiles) - len(waiting) + n + 1, len(tiles))
         if written:
@@ -148,7 +148,7 @@ def apply(
     if seams:
         if journal is not None:
             for part in tiles:
-                seams.add(part.number, part.inner, book.kept(part.number) or {})
+                seams.add(part.inner, book.kept(part.number) or {})
         for inner, more in seams.decided():
             targets[0][inner] = np.asarray(targets[0][inner]) | more
     book.remove()

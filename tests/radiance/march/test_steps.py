@@ -118,7 +118,7 @@ def test_march_finds_what_asking_at_every_step_does(kernels, space, share, jitte
 
 
 def through_corners():
-    """Return rays through corners of cubes, along their sides and diagonals, and a step's length."""
+    """Return rays through corners of cubes, along sides and diagonals, and a step's length."""
     finest = 2.0**-5
     towards = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)]) - 1.0
     corners = np.array(list(np.ndindex(3, 3, 3))) - 1.0
