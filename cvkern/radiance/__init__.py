@@ -1,5 +1,6 @@
 """Radiance fields: from posed photographs to a model that renders new views."""
 
+from cvkern.radiance.appearance import fit_appearance
 from cvkern.radiance.compositing import (
     Composite,
     CompositeGradient,
@@ -43,6 +44,7 @@ __all__ = [
     "composite_rays_backward",
     "evaluate",
     "fit",
+    "fit_appearance",
     "load_model",
     "load_scene",
     "look_at",

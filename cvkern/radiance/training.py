@@ -33,7 +33,7 @@ from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
-from cvkern.radiance.models import Model, Training, load_model
+from cvkern.radiance.models import APPEARANCES, Model, Training, load_model
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Say, Trainer
 
@@ -73,6 +73,8 @@ def fit(
     background: str | None = None,
     loss: str = "squared",
     spread: float = 0.0,
+    appearance: str | None = None,
+    gauge: int | None = None,
     seed: int = 0,
     deterministic: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -110,6 +112,13 @@ def fit(
     spread : float, default 0.0
         A ray goes through a random point of its pixel, within a square of this side, from 0 (its
         centre) to 1 (the whole pixel).
+    appearance : {'affine'}, optional
+        Learn the light of each photograph, for photographs of changing light or exposure. 'affine'
+        learns a matrix (A, b) for each, which maps the colours c of the field to A c + b before
+        they are compared with the photograph. See ``model.appearances`` and :func:`render`.
+    gauge : int, optional
+        The number of the photograph, among all of the scene, whose light pictures have by default.
+        By default the first one that is trained on.
     seed : int, default 0
         Seed of all random numbers.
     deterministic : bool, default False
@@ -204,7 +213,14 @@ def fit(
         checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
-    model = _begin(scene, field, background, seed, checkpoint if resume else None)
+    if appearance is not None:
+        check_choice(appearance, APPEARANCES, "appearance")
+    elif gauge is not None:
+        raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
+    if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
+        raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
+    light = appearance, gauge
+    model = _begin(scene, field, background, seed, light, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
@@ -225,7 +241,12 @@ def suited(field: str | None = None) -> Settings:
 
 
 def _begin(
-    scene: Scene, field: str | Settings | None, background: str | None, seed: int, checkpoint: Any
+    scene: Scene,
+    field: str | Settings | None,
+    background: str | None,
+    seed: int,
+    light: tuple[str | None, int | None],
+    checkpoint: Any,
 ) -> Model:
     """Return a new model, or the one to continue with."""
     frame = Frame.of(scene)
@@ -244,6 +265,8 @@ def _begin(
             ("field", settings if field is None else field, settings),
             ("background", background or model.background, model.background),
             ("seed", seed, model.seed),
+            ("appearance", light[0] or model.appearance, model.appearance),
+            ("gauge", model.gauge if light[1] is None else light[1], model.gauge),
             ("scene", frame, model.frame),
         ):
             if saved != wanted:
@@ -256,11 +279,13 @@ def _begin(
     background = background or _seen_behind(scene)
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
+    appearance, gauge = light
+    gauge = int(np.flatnonzero(~scene.test)[0]) if gauge is None else gauge
     made = settings.build(runtime(), frame, seed)
     made.start(scene)
     return Model(
         made, settings, background, behind, scene.cameras, seed,
-        Training(), {},
+        Training(), {}, appearance, gauge,
     )  # fmt: skip
 
 
