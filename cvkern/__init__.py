@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 if _TYPE_CHECKING:
-    from cvkern import clouds, images, radiance  # noqa: F401
+    from cvkern import clouds, images, radiance, scale  # noqa: F401
     from cvkern._capture import capture  # noqa: F401
     from cvkern._runtime import devices, release_memory, use  # noqa: F401
     from cvkern.color import *
@@ -17,6 +17,7 @@ if _TYPE_CHECKING:
     from cvkern.panorama import *
     from cvkern.raw import *
     from cvkern.recognition import *
+    from cvkern.reconstruction import *
     from cvkern.shading import *
     from cvkern.stereo import *
     from cvkern.structured_light import *
@@ -40,8 +41,8 @@ _NAMES = {
         "match_descriptors", "match_images", "orb", "sift",
     ),
     "filters": (
-        "Gradient", "box", "correlate_separable", "gaussian", "gradient", "median",
-        "prewitt", "scharr", "sobel",
+        "Gradient", "box", "correlate_separable", "gaussian", "gradient", "laplace",
+        "median", "prewitt", "scharr", "sobel", "sobel_h", "sobel_v", "threshold_otsu",
     ),
     "geometry": (
         "Calibration", "Camera", "FoundPose", "PlanePose", "Planes", "RecoveredPose",
@@ -61,7 +62,8 @@ _NAMES = {
         "detect_ellipses", "detect_lines", "detect_segments", "find_shape", "fit_line",
         "generalized_hough", "generalized_hough_votes", "hough_circle",
         "hough_circle_peaks", "hough_ellipse", "hough_line", "hough_line_peaks",
-        "hough_line_segments", "hough_line_slope", "r_table", "suggest_line_bins",
+        "hough_line_segments", "hough_line_slope", "probabilistic_hough_line", "r_table",
+        "suggest_line_bins",
     ),
     "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
     "raw": (
@@ -69,6 +71,10 @@ _NAMES = {
         "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",
     ),
     "recognition": ("Codebook", "Objects", "Segmentation", "ShapeModel", "learn_codebook"),
+    "reconstruction": (
+        "AdjustedBundle", "Reconstruction", "adjust_bundle", "read_reconstruction",
+        "reconstruct", "write_reconstruction",
+    ),
     "shading": (
         "LambertianGradient", "Mesh", "PhotometricStereo", "ShapeFromShading",
         "estimate_lights", "integrate_normals", "lambertian", "lambertian_backward",
@@ -94,7 +100,7 @@ _NAMES = {
     ),
 }  # fmt: skip
 # Namespaces: their names are not re-exported, as in cvkern.images.read_image.
-_NAMESPACES = ("clouds", "images", "radiance")
+_NAMESPACES = ("clouds", "images", "radiance", "scale")
 
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {module for module in _NAMES if module[0] != "_"} | set(_NAMESPACES)

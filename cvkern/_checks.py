@@ -103,6 +103,15 @@ def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
         raise TypeError(f"{name} must be {rule}, got {_brief(values)}") from None
 
 
+def check_rows_columns(shape: Any, of: str) -> tuple[Any, Any]:
+    """Return the two items of a shape; `of` says what is counted."""
+    try:
+        rows, columns = shape
+    except Exception:  # another library may raise anything when asked for its values
+        raise ValueError(f"shape must be rows and columns of {of}, got {_brief(shape)}") from None
+    return rows, columns
+
+
 def check_sides(shape: Any, name: str, least: int = 1) -> tuple[int, int]:
     """Return height and width, each small enough for the voting kernels."""
     given = as_items(shape, name, "a height and a width")
@@ -136,7 +145,7 @@ def check_beside(values: Any, shape: tuple[int, ...], name: str) -> Any:
     values = as_array(values, name)
     if tuple(values.shape) != tuple(shape):
         raise ValueError(f"{name} must have shape {tuple(shape)}, got {tuple(values.shape)}")
-    return check_image(values, ndim=(1, 2), name=name) if len(values) else values
+    return check_image(values, ndim=(1, 2, 3), name=name) if len(values) else values
 
 
 def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
@@ -230,6 +239,8 @@ def _shown(value: Any) -> str:
 
 def check_integer(value: Any, name: str, low: int, high: int) -> int:
     """Return `value` as an int in [low, high]."""
+    if type(value) is not int:
+        _arrays.library(value, name)  # refuses masks and placeholders
     try:
         number = int(operator.index(value))  # True is 1
     except TypeError:
@@ -271,10 +282,10 @@ def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
     """Return the first disparity and the one after the last, for images of `width` columns."""
     try:
         first, stop = (operator.index(d) for d in disparities)
-    except (TypeError, ValueError):
+    except Exception:  # another library may raise anything when asked for its values
         raise TypeError(
             f"disparities must be two integers, the first and the one after the last, "
-            f"got {disparities!r}"
+            f"got {_brief(disparities)}"
         ) from None
     if first >= stop:
         raise ValueError(f"disparities must be (first, stop) with first < stop, got {first, stop}")
@@ -287,6 +298,17 @@ def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
             f"disparities must be at most {MAX_DISPARITIES}, got {first, stop}: {stop - first}"
         )
     return first, stop
+
+
+def check_depth(dtype: Any) -> np.dtype:
+    """Return the dtype of a result in floats or in bytes, or refuse another."""
+    try:
+        dtype = np.dtype(dtype)
+    except Exception:  # NumPy says of some that they are out of use
+        raise TypeError(f"dtype must be float32 or uint8, got {dtype!r}") from None
+    if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
+        raise ValueError(f"dtype must be float32 or uint8, got {dtype}")
+    return dtype
 
 
 def check_out(out: Any, image: Any, dtype: Any) -> None:

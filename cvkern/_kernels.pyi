@@ -46,6 +46,7 @@ class Folder:
             from cvkern.kernels.warp.hough.generalized import votes as votes
         class lines:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
+            from cvkern.kernels.warp.hough.lines import progressive as progressive
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
     class panorama:
@@ -97,6 +98,8 @@ class Folder:
         from cvkern.kernels.warp.recognition import hypotheses as hypotheses
         from cvkern.kernels.warp.recognition import patches as patches
         from cvkern.kernels.warp.recognition import votes as votes
+    class reconstruction:
+        from cvkern.kernels.warp.reconstruction import adjustment as adjustment
     class shading:
         from cvkern.kernels.warp.shading import meshes as meshes
         from cvkern.kernels.warp.shading import photometry as photometry

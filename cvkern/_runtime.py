@@ -228,6 +228,11 @@ class Runtime(Folder):
             return self._set.import_dlpack(ready, dtype, shape)
         return self._set.view(*library.memory(ready, device), dtype, shape, device)
 
+    def adopt_mask(self, mask: Any) -> Any:
+        """View `mask` for kernels as bool or uint8: whatever its dtype, pixels not 0 are set."""
+        given = _arrays.library(mask).dtype(mask)
+        return self.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
+
     def constant(self, array: np.ndarray) -> Any:
         """View a small host array that never changes; it is copied to the device once."""
         key = (array.dtype.char, array.shape, array.tobytes())

@@ -41,14 +41,26 @@ def pytest_addoption(parser):
     )
 
 
+OTHERS = re.compile("torch|jax")
+PAGES = {"test_readme.py", "test_coming_from.py"}  # examples for users of any library
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Leave out at once, with ``--arrays``, each file that has no such test."""
+    name = collection_path.name
+    if not config.getoption("--arrays") or not name.startswith("test_") or name in PAGES:
+        return None
+    text = collection_path.read_text(encoding="utf-8")
+    return None if OTHERS.search(text) or "LIBRARIES" in text else True
+
+
 def pytest_collection_modifyitems(config, items):
     if config.getoption("--arrays"):
-        pages = {"test_readme.py", "test_coming_from.py"}  # examples for users of any library
         items[:] = [
             item
             for item in items
-            if item.path.name in pages
-            or re.search("torch|jax", item.name + inspect.getsource(item.function))
+            if item.path.name in PAGES
+            or OTHERS.search(item.name + inspect.getsource(item.function))
         ]
 
 

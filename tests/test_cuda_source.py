@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import re
 from pathlib import Path
 
 import pytest
@@ -103,22 +104,47 @@ def stereo_kernels():
         yield match.winners(line, count, *match.tile(depth))
 
 
-def test_stereo_compiles(tmp_path):
-    """To machine code of the GPU with the least shared memory: there is enough, and registers."""
-    kernels.start("cpu", None)
-    for n, kernel in enumerate(stereo_kernels()):
-        (cubin,) = wp.compile_aot_module(
-            kernel.module, arch=75, module_dir=tmp_path / f"{n}", use_ptx=False
-        )
-        assert Path(cubin).stat().st_size > 0
+def joined(kernels, name):
+    """Yield modules of kernels that each have their own: one for all that have equal options."""
+    by_options = {}
+    for kernel in kernels:
+        by_options.setdefault(tuple(sorted(kernel.module.options.items())), []).append(kernel)
+    for n, (options, group) in enumerate(by_options.items()):
+        module = wp.Module(f"{name}_{n}", None)
+        module.options.update(options)
+        # A module does not keep all kernels of one name alive.
+        yield module, [wp.Kernel(k.func, k.key, module, options=dict(k.options)) for k in group]
+
+
+def native_code(kernel):
+    """Return the C++ code of a kernel, if it has any."""
+    body = kernel.func.__globals__.get("body")
+    return getattr(body, "native_snippet", None) or ""
 
 
 def test_stereo_compiles_for_hopper_and_fuses_no_product_with_a_sum(tmp_path):
     kernels.start("cpu", None)
-    for n, kernel in enumerate(stereo_kernels()):
-        folder = tmp_path / f"{n}"
-        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
-        assert "fma.rn.f" not in Path(ptx).read_text()
+    made = list(stereo_kernels())
+    entries = 0
+    for module, _held in joined(made, "stereo_for_hopper"):
+        (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
+        code = Path(ptx).read_text()
+        entries += code.count(".entry")
+        assert "fma.rn.f" not in code
+    assert entries == len(made) == len({kernel.module.name for kernel in made})
+
+
+def test_stereo_has_shared_memory_and_instructions_of_older_gpus(tmp_path):
+    """To machine code of the GPU with the least shared memory, and without Ampere's instructions.
+
+    Kernels that name neither are the same on every GPU.
+    """
+    kernels.start("cpu", None)
+    made = [k for k in stereo_kernels() if re.search("__shared__|__CUDA_ARCH__", native_code(k))]
+    assert {"walk", "winners", "match", "pick_right"} <= {kernel.key for kernel in made}
+    for module, _held in joined(made, "stereo_for_turing"):
+        (cubin,) = wp.compile_aot_module(module, arch=75, module_dir=tmp_path, use_ptx=False)
+        assert Path(cubin).stat().st_size > 0
 
 
 def test_robust_fits_fuse_no_product_with_a_sum(tmp_path):

@@ -177,6 +177,21 @@ def test_thin(kernels, shape, norm, rule):
         np.testing.assert_array_equal(got, want)
 
 
+def test_thin_keeps_what_exceeds_the_limit_by_a_rounding(kernels):
+    """The root of its square, by which neighbours are compared, may be that of the limit."""
+    dx, dy = np.zeros((3, 200), F32), np.zeros((3, 200), F32)
+    slopes = np.random.default_rng(8).uniform(1, 4, 100).astype(F32)
+    limit = np.nextafter(slopes * slopes, F32(0))
+    (same,) = np.nonzero(np.sqrt(limit) == np.sqrt(slopes * slopes))
+    assert len(same) > 10
+    dx[1, 5] = slopes[same[0]]
+    limits = np.array([limit[same[0]]] * 2, F32)
+    given = dy, dx, Norm.L2, Thinning.INTERPOLATED, limits
+    states = kernels("edges.masks.thin", *given, out=[(dx.shape, U8)])
+    assert states[1, 5] == Edge.STRONG
+    assert states.sum() == Edge.STRONG
+
+
 @pytest.mark.parametrize("l2", [False, True])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 50), (40, 1), (48, 65)])
 def test_thin_sobel_and_hysteresis_are_canny(kernels, shape, l2):
@@ -237,6 +252,15 @@ def test_hysteresis_follows_a_long_line(kernels, corner):
         states = np.where(states == Edge.STRONG, corner, states).astype(U8)
         got = kernels("edges.masks.hysteresis", states, out=[(states.shape, U8)])
         np.testing.assert_array_equal(got, (states > 0) & (corner == Edge.STRONG))
+
+
+def test_hysteresis_follows_diagonals_of_a_large_image(kernels):
+    """Threads of the CPU have slabs of rows; each diagonal crosses all of their seams."""
+    down = np.eye(400, dtype=U8)
+    down[0, 0] = Edge.STRONG
+    for states in (down, down[:, ::-1], down[::-1], down[::-1, ::-1]):
+        got = kernels("edges.masks.hysteresis", states, out=[(states.shape, U8)])
+        np.testing.assert_array_equal(got, states > 0)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 20), (20, 1), (45, 61)])

@@ -14,6 +14,7 @@ import typer
 import cvkern
 from cvkern.app.commands import Backend, Device, progress_bar
 from cvkern.app.commands.calibrate import calibrate
+from cvkern.app.commands.cameras import cameras
 from cvkern.app.commands.circles import circles
 from cvkern.app.commands.develop import develop
 from cvkern.app.commands.edges import edges
@@ -85,6 +86,7 @@ app.command()(match)
 app.command()(pair)
 app.command()(panorama)
 app.command()(calibrate)
+app.command()(cameras)
 app.command()(stereo)
 app.command()(relief)
 app.command()(scan)

@@ -15,6 +15,7 @@ from cvkern.kernels.codes.color import SLOTS
 
 MOST = 2**18  # pixels that estimates are made of; larger images are averaged by blocks
 GREY_SHARE, EXTREME_SHARE, WHITE_RANK = 0.01, 0.035, 99.0
+MOST_COLOUR = 1e12  # ratio of the largest part of a light to the least one
 CONTRAST = 1e-4  # least local contrast of a grey pixel, as a share of the largest value
 
 
@@ -140,11 +141,22 @@ def white_balance(image: Any, illuminant: Any) -> Any:
     >>> cvkern.white_balance(np.array([[[2.0, 1.0, 0.5]]]), (2, 1, 0.5))
     array([[[1., 1., 1.]]], dtype=float32)
     """
+    light = check_light(illuminant)
+    image = check_image(image, ndim=(3,))
+    return apply_matrix(image, np.diag(light[1] / light), "rgb", "rgb")
+
+
+def check_light(illuminant: Any) -> np.ndarray:
+    """Return red, green and blue of a light."""
     light = as_numbers(illuminant, "illuminant")
     if light.shape != (3,) or not (np.isfinite(light).all() and (light > 0).all()):
         raise ValueError(f"illuminant must be three positive numbers, got {light.tolist()}")
-    image = check_image(image, ndim=(3,))
-    return apply_matrix(image, np.diag(light[1] / light), "rgb", "rgb")
+    if light.max() > MOST_COLOUR * light.min():
+        raise ValueError(
+            f"illuminant must have parts that differ by at most {MOST_COLOUR:g} times, "
+            f"got {light.tolist()}"
+        )
+    return light
 
 
 def _peak(rt: Runtime, pixels: Any) -> float:

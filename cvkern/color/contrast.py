@@ -8,14 +8,22 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_number, check_pair
-from cvkern._runtime import runtime
+from cvkern._checks import (
+    FLOAT32_MAX,
+    check_depth,
+    check_image,
+    check_integer,
+    check_number,
+    check_pair,
+)
+from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.color import LEVELS, TONES
 
 MOST = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS - 1}
+CODES = {most: dtype for dtype, most in MOST.items()}
 
 
-def equalize_hist(image: Any, nbins: int = 256) -> Any:
+def equalize_hist(image: Any, nbins: int = 256, *, dtype: Any = "float32") -> Any:
     """Map brightness so that each is about as frequent as any other.
 
     Parameters
@@ -25,10 +33,12 @@ def equalize_hist(image: Any, nbins: int = 256) -> Any:
     nbins : int, default 256
         Bins between the smallest and the largest value of floats, at least 2; of integers, each
         value has its own.
+    dtype : {'float32', 'uint8'}, default 'float32'
+        Of the result: with uint8, 255 stands for 1, and values are rounded to the nearest.
 
     Returns
     -------
-    array of the same shape, float32
+    array of the same shape, float32 or uint8
         Share of the pixels that are at most as bright, 0 to 1, with straight lines between bins.
 
     Raises
@@ -36,7 +46,7 @@ def equalize_hist(image: Any, nbins: int = 256) -> Any:
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If it is of another dtype, not finite, or `nbins` is below 2.
+        If it is of another dtype, not finite, or an option is out of range.
 
     See Also
     --------
@@ -56,34 +66,39 @@ def equalize_hist(image: Any, nbins: int = 256) -> Any:
     """
     image, most = checked(image)
     nbins = check_integer(nbins, "nbins", 2, LEVELS)
+    dtype = check_depth(dtype)
+    top = 1 if dtype.kind == "f" else 255
     rt = runtime(image)
     shape = tuple(image.shape)
     size = int(np.prod(shape))
-    values = rt.adopt(image, np.float32, (size,))
-    result = rt.empty(shape)
-    out = rt.adopt(result, np.float32, (size,))
+    result = rt.empty(shape, dtype)
     if most:
-        counts = rt.zeros((LEVELS,), np.int32)
-        found = rt.scratch("levels", (size,), np.int32)
-        columns = rt.adopt(image, np.float32, (size, 1))
-        rt.color.contrast.levels(columns, 1.0, found, counts)
-        table = (np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size).astype(np.float32)
+        counts = rt.zeros((most + 1,), np.int32)
+        found = rt.adopt(image, CODES[most], (size,))
+        rt.color.contrast.count_levels(found, counts)
+        shares = np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size
         rt.color.contrast.look_up(
-            columns, found, rt.send("table", table), rt.adopt(result, np.float32, (size, 1))
-        )
+            rt.adopt(image, CODES[most], (size, 1)), found,
+            rt.send("table", _carried(shares * top, dtype)), rt.adopt(result, dtype, (size, 1)),
+        )  # fmt: skip
         return rt.release(result)
+    values = rt.adopt(image, np.float32, (size,))
+    out = rt.adopt(result, dtype, (size,))
+    found = out if dtype.kind == "f" else rt.scratch("contrast.shares", (size,))
     host = rt.to_numpy(values)
-    edges = np.histogram_bin_edges(np.array([host.min(), host.max()], np.float32), nbins)
+    edges = _edges(host, nbins)
     counts = rt.zeros((nbins,), np.int32)
     rt.color.contrast.count(values, rt.send("edges", edges.astype(np.float64)), counts)
     centres = ((edges[:-1] + edges[1:]) / 2).astype(np.float64)
-    heights = np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size
+    heights = np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size * top
     steps = np.diff(centres)
     slopes = np.divide(np.diff(heights), steps, out=np.zeros_like(steps), where=steps > 0)
     rt.color.contrast.curve(
         values, rt.send("centres", centres), rt.send("heights", heights),
-        rt.send("slopes", slopes), out,
+        rt.send("slopes", slopes), found,
     )  # fmt: skip
+    if dtype.kind != "f":
+        rt.filters.depths.narrow(found, out)
     return rt.release(result)
 
 
@@ -92,6 +107,8 @@ def equalize_adapthist(
     kernel_size: int | Sequence[int] | None = None,
     clip_limit: float = 0.01,
     nbins: int = 256,
+    *,
+    dtype: Any = "float32",
 ) -> Any:
     """Make the histogram around each pixel even, up to a limit of contrast (CLAHE).
 
@@ -107,10 +124,12 @@ def equalize_adapthist(
         limit.
     nbins : int, default 256
         Bins of a histogram, 2 to 16384.
+    dtype : {'float32', 'uint8'}, default 'float32'
+        Of the result: with uint8, 255 stands for 1, and values are rounded to the nearest.
 
     Returns
     -------
-    array of the same shape, float32
+    array of the same shape, float32 or uint8
         The largest value is 1 and the smallest 0: of colours, those of the largest channel.
 
     Raises
@@ -149,6 +168,7 @@ def equalize_adapthist(
         raise ValueError(f"image must have shape (H, W) or (H, W, 3), got {tuple(image.shape)}")
     nbins = check_integer(nbins, "nbins", 2, TONES)
     clip_limit = check_number(clip_limit, "clip_limit", low=0)
+    dtype = check_depth(dtype)
     rows, columns = image.shape[:2]
     if kernel_size is None:
         height, width = max(rows // 8, 1), max(columns // 8, 1)
@@ -159,19 +179,24 @@ def equalize_adapthist(
         )
     rt = runtime(image)
     size, channels = rows * columns, int(np.prod(image.shape[2:]))
-    values = rt.adopt(image, np.float32, (size, channels))
-    if not most:
-        host = rt.to_numpy(values)
-        if host.min() < 0 or host.max() > 1:
-            raise ValueError(
-                f"image must be in 0 to 1 if it holds floats, got {host.min():g} to {host.max():g}"
-            )
     contrast = rt.color.contrast
-    found = rt.zeros((rows, columns), np.int32)
-    counts = rt.zeros((LEVELS,), np.int32)
-    flat = rt.adopt(found, np.int32, (size,))
-    contrast.levels(values, (LEVELS - 1) / (most or 1), flat, counts)
-    tones = np.rint(_stretched(rt.to_numpy(counts), TONES - 1)).astype(np.int64)
+    values = rt.adopt(image, CODES.get(most, np.float32), (size, channels))
+    top = most or LEVELS - 1
+    if most and channels == 1:
+        flat, found = (rt.adopt(image, CODES[most], s) for s in ((size,), (rows, columns)))
+    else:
+        if not most:
+            host = rt.to_numpy(values)
+            if host.min() < 0 or host.max() > 1:
+                raise ValueError(
+                    "image must be in 0 to 1 if it holds floats, "
+                    f"got {host.min():g} to {host.max():g}"
+                )
+        flat = rt.scratch("contrast.levels", (size,), CODES[top])
+        found = flat.reshape((rows, columns))
+        contrast.levels(values, float(1 if most else top), flat)
+    step = (LEVELS - 1) // top
+    tones = np.rint(_stretched(*_extent(rt, flat), top + 1, TONES - 1, step)).astype(np.int64)
     bins = rt.send("bins", (tones // (1 + TONES // nbins)).astype(np.int32))
 
     tall, wide = -(-rows // height), -(-columns // width)
@@ -180,20 +205,34 @@ def equalize_adapthist(
         found, bins, rt.send("rows", _reflected(rows, tall * height)),
         rt.send("columns", _reflected(columns, wide * width)), histograms,
     )  # fmt: skip
-    maps = _maps(np.array(rt.to_numpy(histograms)), height * width, clip_limit)
-    shares = np.append(np.arange(height) / height, np.arange(width) / width)
-    counts = rt.zeros((TONES,), np.int32)
-    mixed = rt.zeros((rows, columns), np.int32)
-    contrast.blend(
-        found, bins, rt.send("maps", maps), rt.send("shares", shares), height, mixed, counts
+    pixels, maps = height * width, rt.scratch("contrast.maps", (tall, wide, nbins), np.int32)
+    limit = max(int(min(clip_limit, 1) * pixels), 1) if clip_limit > 0 else pixels
+    contrast.tone_maps(
+        histograms.reshape((tall * wide, nbins)),
+        limit,
+        (TONES - 1) / pixels,
+        maps.reshape((tall * wide, nbins)),
     )
-    table = _stretched(rt.to_numpy(counts), 1).astype(np.float32)
-    result = rt.empty(tuple(image.shape))
+    shares = np.append(np.arange(height) / height, np.arange(width) / width)
+    mixed = rt.scratch("contrast.mixed", (rows, columns), np.uint16)
+    contrast.blend(found, bins, maps, rt.send("shares", shares), height, mixed)
+    flat = mixed.reshape((size,))
+    table = _stretched(*_extent(rt, flat), TONES, 1 if dtype.kind == "f" else 255)
+    table = _carried(table, dtype if channels == 1 else np.dtype(np.float32))
+    result = rt.empty(tuple(image.shape), dtype)
     contrast.look_up(
-        values, rt.adopt(mixed, np.int32, (size,)), rt.send("table", table),
-        rt.adopt(result, np.float32, (size, channels)),
-    )  # fmt: skip
+        values, flat, rt.send("table", table), rt.adopt(result, dtype, (size, channels))
+    )
     return rt.release(result)
+
+
+def _extent(rt: Runtime, found: Any) -> tuple[int, int]:
+    """Return the smallest and the largest level."""
+    ends = rt.zeros((2,), np.int32)
+    rt.write(ends, np.array([LEVELS, -1], np.int32))
+    rt.color.contrast.extent(found, ends)
+    least, most = rt.to_numpy(ends)
+    return int(least), int(most)
 
 
 def checked(image: Any) -> tuple[Any, int]:
@@ -206,15 +245,37 @@ def checked(image: Any) -> tuple[Any, int]:
         raise ValueError(f"image must be of uint8, uint16 or floats, got {dtype}")
     rt = runtime(image)
     if not np.isfinite(rt.to_numpy(rt.adopt(image))).all():
-        raise ValueError("image must be finite")
+        raise ValueError("image must be finite in float32, got some values that are not")
     return image, 0
 
 
-def _stretched(counts: np.ndarray, top: float) -> np.ndarray:
-    """Return what each level becomes if the least one that occurs is 0 and the largest is `top`."""
-    seen = np.flatnonzero(counts)
-    least, most = int(seen[0]), int(seen[-1])
-    levels = np.arange(len(counts))
+def _edges(values: np.ndarray, nbins: int) -> np.ndarray:
+    """Return the edges of bins from the least to the largest value, as NumPy has them in float32.
+
+    In float64, if float32 cannot hold their span, or tell one from the next.
+    """
+    ends = np.array([values.min(), values.max()], np.float32)
+    wide, largest = ends.astype(np.float64), float(np.abs(ends).max())
+    if wide[0] == wide[1]:  # NumPy adds the half too
+        wide += np.array([-1, 1]) * max(0.5, largest * 2.0**-30)
+    step = (wide[1] - wide[0]) / nbins
+    narrow = step >= 2 * np.spacing(np.float32(largest)) and step >= np.finfo(np.float32).tiny
+    return np.histogram_bin_edges(
+        ends if narrow and largest <= FLOAT32_MAX / 2 else wide, bins=nbins
+    )
+
+
+def _carried(table: np.ndarray, dtype: np.dtype) -> np.ndarray:
+    return (table if dtype.kind == "f" else np.rint(table)).astype(dtype)
+
+
+def _stretched(least: int, most: int, count: int, top: float, step: int = 1) -> np.ndarray:
+    """Return what each of some levels, a step apart, becomes if `least` is 0 and `most` is `top`.
+
+    If both are one level, it stays as it is, limited.
+    """
+    levels = np.arange(count) * step
+    least, most = least * step, most * step
     if least == most:
         return levels.clip(0, top)
     return (levels.clip(least, most) - least) / (most - least) * top
@@ -222,40 +283,3 @@ def _stretched(counts: np.ndarray, top: float) -> np.ndarray:
 
 def _reflected(size: int, wanted: int) -> np.ndarray:
     return np.pad(np.arange(size, dtype=np.int32), (0, wanted - size), mode="reflect")
-
-
-def _maps(counts: np.ndarray, pixels: int, clip_limit: float) -> np.ndarray:
-    """Return the tone of each bin of each tile, int32 (R, C, B)."""
-    limit = max(int(clip_limit * pixels), 1) if clip_limit > 0 else pixels
-    for histogram in counts.reshape(-1, counts.shape[2]):
-        _limit(histogram, limit)
-    sums = np.cumsum(counts, axis=2) * ((TONES - 1) / pixels)
-    return sums.clip(None, TONES - 1).astype(np.int32)
-
-
-def _limit(histogram: np.ndarray, limit: int) -> None:
-    """Cut a histogram off, and spread what was above the limit over the bins below it.
-
-    All bins get an equal share first, and those that it brings near the limit are filled. The rest
-    goes to bins a stride apart, one each, from the first on, then from the second.
-    """
-    left = int(np.maximum(histogram - limit, 0).sum())
-    np.minimum(histogram, limit, out=histogram)
-    share = left // histogram.size
-    below = histogram < limit - share
-    histogram[below] += share
-    left -= share * int(below.sum())
-    near = (histogram >= limit - share) & (histogram < limit)
-    left -= int((limit - histogram[near]).sum())
-    histogram[near] = limit
-    start = 0
-    # While a bin is free, one cycle of `start` over all bins fills at least one place.
-    while left > 0:
-        free = np.flatnonzero(histogram < limit)
-        if not free.size:
-            return
-        stride = max(1, free.size // left)
-        chosen = free[(free >= start) & ((free - start) % stride == 0)]
-        histogram[chosen] += 1
-        left -= chosen.size
-        start = (start + 1) % histogram.size

@@ -9,6 +9,7 @@ import numpy as np
 from cvkern._checks import check_choice, check_image, check_integer, check_number, check_positive
 from cvkern.filters import gaussian
 
+MOST_SIGMA = 2**18 - 1  # pixels: a Gaussian reaches four times as far, 2^20 at most
 LEAST = 64  # pixels of a side, below which the details of the figures are lost
 
 
@@ -87,7 +88,8 @@ def lateral_inhibition(
     image : array of shape (H, W)
         Light, any real dtype.
     center, surround : float, default 1.0 and 8.0
-        Standard deviations in pixels of what excites a cell, and of what inhibits it: above 0.
+        Standard deviations in pixels of what excites a cell, and of what inhibits it: above
+        0, below 2^18.
     weight : float, default 0.9
         Of the surround, 0 or more: with 1, even light gives no answer at all.
 
@@ -101,7 +103,7 @@ def lateral_inhibition(
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If it is of another shape, a deviation is not above 0, or the weight is negative.
+        If it is of another shape, a deviation is not in its range, or the weight is negative.
 
     Notes
     -----
@@ -127,8 +129,12 @@ def lateral_inhibition(
     """
     image = check_image(image, ndim=(2,))
     center, surround = check_positive(center, "center"), check_positive(surround, "surround")
+    for sigma, name in ((center, "center"), (surround, "surround")):
+        if sigma > MOST_SIGMA:
+            raise ValueError(f"{name} must be at most {MOST_SIGMA}, got {sigma:g}")
     weight = check_number(weight, "weight", low=0)
-    with np.errstate(invalid="ignore"):  # the light may be infinite around a place and in it
+    # The light may be infinite around a place and in it, or become so.
+    with np.errstate(invalid="ignore", over="ignore"):
         return gaussian(image, center) - weight * gaussian(image, surround)
 
 

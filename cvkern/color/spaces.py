@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_image
+from cvkern._checks import check_choice, check_depth, check_image
 from cvkern._runtime import runtime
 from cvkern.color.spectra import white_point
 from cvkern.kernels.codes import color as codes
-from cvkern.kernels.codes.color import BINS, Form
+from cvkern.kernels.codes.color import FIRST, STEPS, Form
 
 SPACES = ("srgb", "rgb", "xyz", "lms", "lab", "lch")
 FORMS = {"srgb": Form.SRGB, "lab": Form.LAB, "lch": Form.LCH}
@@ -88,12 +88,7 @@ def apply_matrix(
     image = check_image(image, ndim=(1, 2, 3), name=name)
     if image.shape[-1] != 3:
         raise ValueError(f"{name} must have shape (..., 3), got {tuple(image.shape)}")
-    try:
-        dtype = np.dtype(dtype)
-    except Exception:  # NumPy says of some that they are out of use
-        raise TypeError(f"dtype must be float32 or uint8, got {dtype!r}") from None
-    if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
-        raise ValueError(f"dtype must be float32 or uint8, got {dtype}")
+    dtype = check_depth(dtype)
     if dtype == np.uint8 and target != "srgb":
         raise ValueError(f"dtype must be float32 for {target!r}, got uint8")
     rt = runtime(image)
@@ -108,10 +103,9 @@ def apply_matrix(
     source_form = int(FORMS.get(source, Form.LINEAR))
     colours = rt.adopt(image, np.float32, flat)
     if dtype == np.uint8:
-        thresholds, starts = _steps()
         rt.color.spaces.encode(
-            colours, source_form, rt.constant(numbers), rt.constant(thresholds),
-            rt.constant(starts), rt.adopt(result, dtype, flat),
+            colours, source_form, rt.constant(numbers), rt.constant(_steps()),
+            rt.adopt(result, dtype, flat),
         )  # fmt: skip
     else:
         rt.color.spaces.convert(
@@ -136,13 +130,25 @@ def _to_xyz(space: str, white: np.ndarray) -> np.ndarray:
     return np.eye(3)
 
 
-@lru_cache
-def _steps() -> tuple[np.ndarray, np.ndarray]:
-    """Return the linear values where 8-bit sRGB steps up, and the code at the start of each bin."""
+def thresholds() -> np.ndarray:
+    """Return the linear values, float32, from which on the nearest code is 1, 2, ..., 255."""
     middle = (np.arange(255) + 0.5) / 255
     curved = ((middle + codes.SRGB_SHIFT) / codes.SRGB_SCALE) ** codes.SRGB_POWER
     straight = middle / codes.SRGB_SLOPE
-    linear = np.where(straight <= codes.SRGB_LOW, straight, curved)
-    thresholds = np.append(linear, np.inf).astype(np.float32)
-    starts = (np.arange(BINS + 1) / BINS).astype(np.float32)
-    return thresholds, np.searchsorted(thresholds, starts, side="right").astype(np.int32)
+    return np.where(straight <= codes.SRGB_LOW, straight, curved).astype(np.float32)
+
+
+@lru_cache
+def _steps() -> np.ndarray:
+    """Return a number for each upper half of a value's bits: its code is that of their sum.
+
+    The upper half of the number is the code of the least such value. The lower half is what the
+    threshold within, if there is one, lacks to the next.
+    """
+    ups = thresholds()
+    first = ((FIRST + np.arange(STEPS)) << 16).astype(np.int32)
+    steps = np.searchsorted(ups, first.view(np.float32), side="right") << 16
+    bits = ups.view(np.int32)
+    inside = bits[(bits & 0xFFFF) > 0]
+    steps[(inside >> 16) - FIRST] += 0x10000 - (inside & 0xFFFF)
+    return steps.astype(np.int32)

@@ -11,6 +11,7 @@ import numpy as np
 from cvkern._checks import as_numbers, check_choice, check_image, check_integer
 from cvkern._runtime import runtime
 
+MOST_WHITE = 1e12  # parts of a white point are within it and its inverse
 DATA = Path(__file__).parent / "data"
 OBSERVERS = {"cie1931": slice(0, 3), "cie1964": slice(3, 6), "stockman_sharpe": slice(6, 9)}
 LIGHTS = ("A", "C", "D50", "D55", "D65", "D75", "E", "FL2", "FL7", "FL11")
@@ -244,6 +245,9 @@ def white_point(light: Any, name: str) -> np.ndarray:
     white = as_numbers(light, name)
     if white.shape != (3,) or not (np.isfinite(white).all() and (white > 0).all()):
         raise ValueError(f"{name} must be three positive numbers, got {np.asarray(light).tolist()}")
+    if white.min() < 1 / MOST_WHITE or white.max() > MOST_WHITE:
+        rule = f"in [{1 / MOST_WHITE:g}, {MOST_WHITE:g}]"
+        raise ValueError(f"{name} must be three numbers {rule}, got {white.tolist()}")
     return white
 
 

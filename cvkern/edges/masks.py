@@ -134,6 +134,31 @@ def canny(
     >>> int(cvkern.canny(square, 0.5).sum())
     8
     """
+    image, options = canny_options(
+        image, sigma, low_threshold, high_threshold, mask, use_quantiles,
+        operator=operator, suppression=suppression, norm=norm, mode=mode, cval=cval,
+    )  # fmt: skip
+    rt = runtime(image, options.around.mask)
+    edges = rt.empty(tuple(image.shape[:2]), bool)
+    find_edges(rt, image, options, rt.adopt(edges, bool))
+    return rt.release(edges)
+
+
+def canny_options(
+    image: Any,
+    sigma: float = 1.0,
+    low_threshold: float | None = None,
+    high_threshold: float | None = None,
+    mask: Any = None,
+    use_quantiles: bool = False,
+    *,
+    operator: str = "sobel",
+    suppression: str = "interpolated",
+    norm: str = "l2",
+    mode: str = "constant",
+    cval: float = 0.0,
+) -> tuple[Any, EdgeOptions]:
+    """Check the arguments of :func:`canny`."""
     image = check_photograph(image)
     check_choice(operator, OPERATORS, "operator")
     check_choice(suppression, SUPPRESSIONS, "suppression")
@@ -154,11 +179,7 @@ def canny(
     if suppression == "interpolated":
         rule = Thinning.INTERPOLATED if operator == "gaussian" else Thinning.FRAMED
     around = Surroundings(border, cval, mask)
-    rt = runtime(image, mask)
-    edges = rt.empty(tuple(image.shape[:2]), bool)
-    options = EdgeOptions(sigma, thresholds, operator, length, rule, around)
-    find_edges(rt, image, options, rt.adopt(edges, bool))
-    return rt.release(edges)
+    return image, EdgeOptions(sigma, thresholds, operator, length, rule, around)
 
 
 def photograph_options(
@@ -187,9 +208,17 @@ def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tupl
 
     `image` is the caller's, or `Planes` of it.
     """
+    states = rt.scratch("canny.states", tuple(image.shape[:2]), np.uint8)
+    slopes = find_states(rt, image, options, states)
+    rt.edges.masks.hysteresis(states, mask)
+    _warn_of_none(rt, image, options, mask)
+    return slopes
+
+
+def find_states(rt: Runtime, image: Any, options: EdgeOptions, states: Any) -> tuple[Any, Any]:
+    """Fill the kernel array `states` with codes of `Edge`; return slopes as `find_edges` does."""
     sigma, thresholds, operator, norm, rule, around = options
     shape = tuple(image.shape[:2])
-    states = rt.scratch("canny.states", shape, np.uint8)
     slopes: tuple[Any, Any] = (None, None)
     strict = rule != Thinning.FRAMED
     sectors = rule == Thinning.SECTORS
@@ -209,8 +238,6 @@ def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tupl
         rt.edges.masks.thin(*slopes, norm, rule, limits, states)
     if around.mask is not None:
         rt.edges.slopes.confine(rt.adopt(around.mask, bool), states)
-    rt.edges.masks.hysteresis(states, mask)
-    _warn_of_none(rt, image, options, mask)
     return slopes
 
 

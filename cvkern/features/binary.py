@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,14 +17,19 @@ from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin
 from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked, white_of
 from cvkern.features.keypoints import Features
-from cvkern.filters.linear import gaussian_taps
-from cvkern.kernels.codes.features import BLUR, DISC, PAIRS, TURNS, WORD
-from cvkern.transform.resampling import resample
+from cvkern.kernels.codes.features import (
+    BLUR,
+    PAIRS,
+    PATTERN_PITCH,
+    PATTERN_REACH,
+    SHARES,
+    TURNS,
+    WORD,
+)
+from cvkern.transform.resampling import weights_along
 
-EDGE = 19  # pixels at the border without points: the disc, and 7 x 7 pixels with their neighbours
-SMOOTHING = 2.0  # sigma before pixels are compared
-SPREAD = 31 / 5  # sigma of the pattern [Calonder 2010]
-SEED = 2463534242
+EDGE = PATTERN_REACH + BLUR  # pixels at the border without points
+TABLE = Path(__file__).parent / "data" / "orb_pairs.csv"
 
 
 def orb(
@@ -46,7 +52,8 @@ def orb(
         Any real dtype. Colours become the grey ``0.2125 R + 0.7154 G + 0.0721 B``.
         Pixels that are not finite, or beyond 1e15 times white, count as 0.
     max_keypoints : int, optional
-        Number of points to keep, shared among the levels by area; 500 by default. None keeps all.
+        Number of points to keep, shared among the levels by the lengths of their sides; 500 by
+        default. None keeps all.
     mask : array of shape (H, W), optional
         Points whose nearest pixel is 0 here are removed before the best are selected.
     spread : bool, default False
@@ -87,16 +94,15 @@ def orb(
     Notes
     -----
     Grey values are rounded to 8 bits, and from there on all is decided in integers or in stated
-    orders of float32 operations: results have the same bits on every device. The pairs that the
-    bits compare are not ORB's learnt ones but drawn from a Gaussian, as BRIEF's, by a fixed
-    generator (xorshift, seed 2463534242); descriptors of other libraries cannot be matched with
-    these.
+    orders of float32 operations: results have the same bits on every device. The bits compare the
+    published pairs, in their order, of the image smoothed as by OpenCV. The pairs are turned in
+    steps of 1/64 of a circle. OpenCV turns them by any angle, which changes one bit in 28, so that
+    descriptors of the same point in both libraries can be matched. Points themselves differ: other
+    libraries make the smaller sizes in other ways, and leave other borders without points.
 
     References
     ----------
     .. [1] E. Rublee and others, "ORB: an efficient alternative to SIFT or SURF", ICCV 2011.
-    .. [2] M. Calonder and others, "BRIEF: binary robust independent elementary features",
-       ECCV 2010.
 
     Examples
     --------
@@ -120,20 +126,16 @@ def orb(
     white = white_of(image, data_range)
     rt = runtime(image)
     host = None if mask is None else as_host(rt, mask)
-    sides = [
-        (round(shape[0] / downscale**n), round(shape[1] / downscale**n)) for n in range(levels)
-    ]
-    sides = [s for s in sides if min(s) > 2 * EDGE] or sides[:1]
-    areas = np.array([a * b for a, b in sides], np.float64)
+    sides, starts, weights = sizes_of(shape[0], shape[1], levels, downscale)
+    lengths = np.sqrt([float(a * b) for a, b in sides])
     quotas: list[int | None] = [None] * len(sides)
     if max_keypoints is not None:
-        ends = np.floor(np.cumsum(areas) / areas.sum() * max_keypoints + 0.5).astype(int)
+        ends = np.floor(np.cumsum(lengths) / lengths.sum() * max_keypoints + 0.5).astype(int)
         quotas = np.diff(np.r_[0, ends]).tolist()
     sizes = [_bytes(rt, image, white)]
-    for n, (old, new) in enumerate(pairwise(sides), 1):
-        sizes.append(rt.scratch(f"orb.level{n}", new, np.uint8))
-        old, new = (1, *old, 1), (1, *new, 1)
-        resample(rt, sizes[-2].reshape(old), old, "antialiased", sizes[-1].reshape(new), new)
+    sizes += [rt.scratch(f"orb.level{n}", side, np.uint8) for n, side in enumerate(sides) if n]
+    if len(sizes) > 1:
+        rt.features.binary.shrink(sizes, rt.constant(starts), rt.constant(weights))
     cells, measures = _corners(rt, sizes, sides, min(int(threshold * 255), 255))
     scales = np.array(shape[:2]) / np.array(sides)
     if host is not None:
@@ -199,11 +201,10 @@ def _described(
     angles = rt.scratch("orb.angles", (len(cells),))
     descriptors = rt.scratch("orb.descriptors", (len(cells), PAIRS // 8), np.uint8)
     if len(cells):
-        taps = rt.constant(gaussian_taps(SMOOTHING, 0, BLUR / SMOOTHING))
+        sent = rt.send("orb.kept", cells)
         rt.features.binary.describe_corners(
-            sizes, taps, rt.send("orb.kept", cells), rt.constant(pattern()), int(upright), angles,
-            descriptors,
-        )  # fmt: skip
+            sizes, sent, rt.constant(pattern()), int(upright), angles, descriptors
+        )
     return np.array(rt.to_numpy(angles)), np.array(rt.to_numpy(descriptors))
 
 
@@ -212,32 +213,43 @@ def _on_image(cells: np.ndarray, scale: Any) -> np.ndarray:
     return ((cells + 0.5) * scale - 0.5).astype(np.float32)
 
 
+@lru_cache(maxsize=8)
+def sizes_of(
+    height: int, width: int, levels: int, downscale: float
+) -> tuple[list[tuple[int, int]], np.ndarray, np.ndarray]:
+    """Return the sizes of an image, and where the pixels of the smaller ones come from.
+
+    For each row of the second size, then for each column, and so on for all smaller ones: its first
+    pixel in the size before, and the weights from there, those of a triangle as wide as two pixels
+    of the result, as integers whose sum is SHARES.
+    """
+    sides = [(round(height / downscale**n), round(width / downscale**n)) for n in range(levels)]
+    sides = [s for s in sides if min(s) > 2 * EDGE] or sides[:1]
+    parts = [
+        weights_along(a, b, "antialiased")
+        for old, new in pairwise(sides)
+        for a, b in zip(old, new, strict=True)
+    ]
+    taps = max((np.flatnonzero(w.any(axis=0))[-1] + 1 for _, w in parts), default=1)
+    starts = np.concatenate([start for start, _ in parts] or [np.empty(0, np.int32)])
+    exact = np.zeros((len(starts), taps))
+    end = 0
+    for start, weights in parts:
+        most = min(taps, weights.shape[1])
+        exact[end : end + len(start), :most] = SHARES * weights[:, :most].astype(np.float64)
+        end += len(start)
+    rounded = np.floor(exact + 0.5).astype(np.int64)
+    # The largest weight takes what rounding changed.
+    rounded[np.arange(end), exact.argmax(axis=1)] += SHARES - rounded.sum(axis=1)
+    return sides, starts, rounded.astype(np.uint8)
+
+
 @lru_cache(maxsize=1)
 def pattern() -> np.ndarray:
-    """Return the pairs of pixels of each turn: (TURNS, PAIRS, 4), int32, rows and columns.
-
-    Coordinates are sums of 12 uniform numbers, nearly normal ones, by Marsaglia's xorshift; pairs
-    that reach out of the disc or are closer than 2 pixels are drawn again.
-    """
-    state, pairs = SEED, []
-    while len(pairs) < PAIRS:
-        numbers = []
-        for _ in range(4):
-            total = 0
-            for _ in range(12):
-                state ^= state << 13 & 0xFFFFFFFF
-                state ^= state >> 17
-                state ^= state << 5 & 0xFFFFFFFF
-                total += state
-            numbers.append(SPREAD * (total / 2**32 - 6.0))
-        y, x, v, u = numbers
-        inside = max(math.hypot(y, x), math.hypot(v, u)) <= DISC - 1
-        if inside and math.hypot(y - v, x - u) >= 2:
-            pairs.append(numbers)
-    places = np.array(pairs).reshape(PAIRS, 2, 2)
+    """Return the places of the pairs of pixels of each turn: (TURNS, PAIRS, 2), int16."""
+    places = np.loadtxt(TABLE, np.float64, delimiter=",", skiprows=1).reshape(PAIRS, 2, 2)
     angles = np.arange(TURNS) * (2 * math.pi / TURNS)
     cos, sin = cos_sin(np.where(angles > math.pi, angles - 2 * math.pi, angles))
-    turns = np.array([[cos, sin], [-sin, cos]]).transpose(2, 0, 1)  # they turn (row, column)
-    turned = np.einsum("tij,pqj->tpqi", turns, places)
-    rounded = np.floor(turned + 0.5).astype(np.int32).reshape(TURNS, PAIRS, 4)
-    return np.ascontiguousarray(rounded)
+    turns = np.array([[sin, cos], [cos, -sin]]).transpose(2, 0, 1)  # (column, row) to (row, column)
+    rounded = np.floor(np.einsum("tij,pqj->tpqi", turns, places) + 0.5)
+    return np.ascontiguousarray(rounded @ np.array([PATTERN_PITCH, 1.0]), np.int16)

@@ -13,10 +13,14 @@ from cvkern.filters import (
     correlate_separable,
     gaussian,
     gradient,
+    laplace,
     median,
     prewitt,
     scharr,
     sobel,
+    sobel_h,
+    sobel_v,
+    threshold_otsu,
 )
 
 
@@ -36,6 +40,9 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "sobel", partial(sobel, real)
     yield "scharr", partial(scharr, real)
     yield "prewitt", partial(prewitt, real)
+    for operator in (laplace, sobel_h, sobel_v):
+        yield operator.__name__, partial(operator, real, mask=real > 0)
+    yield "threshold_otsu", partial(threshold_otsu, byte)
     for dtype in (np.uint8, np.uint16, np.float32):
         for radius in (1, 2, 3):
             yield "median", partial(median, real.astype(dtype), radius)

@@ -24,7 +24,6 @@ SMOOTH = {
     "scharr": frozen_taps([3, 10, 3]),
     "prewitt": frozen_taps([1, 1, 1]),
 }
-_MEAN = {name: frozen_taps(taps / taps.sum()) for name, taps in SMOOTH.items()}
 DIFFERENCE = frozen_taps([-1, 0, 1])
 
 
@@ -39,134 +38,6 @@ class Gradient(NamedTuple):
     """``sqrt(dy^2 + dx^2)``, (H, W) float32."""
     orientation: Any
     """``atan2(dy, dx)``, radians in (-pi, pi], (H, W) float32."""
-
-
-def sobel(
-    image: Any,
-    *,
-    axis: int | None = None,
-    mode: str = "reflect",
-    cval: float = 0.0,
-    batch_axis: int | None = None,
-) -> Any:
-    """Find edges by the Sobel operator.
-
-    Parameters
-    ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
-        Any real dtype; colour as in :func:`gradient`.
-    axis : {0, 1}, optional
-        Differentiate along this axis. When omitted, both derivatives are combined:
-        ``sqrt((dy^2 + dx^2) / 2)``.
-    mode, cval, batch_axis
-        As in :func:`gaussian`.
-
-    Returns
-    -------
-    array of shape (H, W), or (N, H, W) of a stack, float32
-        In units of `image`: a weighted mean of differences across two pixels.
-
-    Raises
-    ------
-    TypeError
-        If `image` does not hold real numbers.
-    ValueError
-        If `image` is empty or of another shape, or `axis` or `mode` is unknown.
-
-    Notes
-    -----
-    Equal to :func:`skimage.filters.sobel` of a grey floating-point image; integers are not
-    rescaled.
-
-    Examples
-    --------
-    >>> import cvkern
-    >>> cvkern.sobel([[0, 0, 4, 4]] * 3, axis=1)[1]
-    array([0., 4., 4., 0.], dtype=float32)
-    """
-    return _edge_strength(image, "sobel", axis, mode, cval, batch_axis)
-
-
-def scharr(
-    image: Any,
-    *,
-    axis: int | None = None,
-    mode: str = "reflect",
-    cval: float = 0.0,
-    batch_axis: int | None = None,
-) -> Any:
-    """Find edges by the Scharr operator, which favours no direction.
-
-    Parameters
-    ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
-        Any real dtype; colour as in :func:`gradient`.
-    axis, mode, cval, batch_axis
-        As in :func:`sobel`.
-
-    Returns
-    -------
-    array of shape (H, W), or (N, H, W) of a stack, float32
-        In units of `image`: a weighted mean of differences across two pixels.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`sobel`.
-
-    Notes
-    -----
-    Equal to :func:`skimage.filters.scharr` of a grey floating-point image; integers are not
-    rescaled.
-
-    Examples
-    --------
-    >>> import cvkern
-    >>> cvkern.scharr([[0, 0, 4, 4]] * 3, axis=1)[1]
-    array([0., 4., 4., 0.], dtype=float32)
-    """
-    return _edge_strength(image, "scharr", axis, mode, cval, batch_axis)
-
-
-def prewitt(
-    image: Any,
-    *,
-    axis: int | None = None,
-    mode: str = "reflect",
-    cval: float = 0.0,
-    batch_axis: int | None = None,
-) -> Any:
-    """Find edges by the Prewitt operator, which weights the three pixels of a side alike.
-
-    Parameters
-    ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
-        Any real dtype; colour as in :func:`gradient`.
-    axis, mode, cval, batch_axis
-        As in :func:`sobel`.
-
-    Returns
-    -------
-    array of shape (H, W), or (N, H, W) of a stack, float32
-        In units of `image`: a mean of differences across two pixels.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`sobel`.
-
-    Notes
-    -----
-    Equal to :func:`skimage.filters.prewitt` of a grey floating-point image; integers are not
-    rescaled.
-
-    Examples
-    --------
-    >>> import cvkern
-    >>> cvkern.prewitt([[0, 0, 4, 4]] * 3, axis=1)[1]
-    array([0., 4., 4., 0.], dtype=float32)
-    """
-    return _edge_strength(image, "prewitt", axis, mode, cval, batch_axis)
 
 
 def gradient(
@@ -219,7 +90,7 @@ def gradient(
     """
     image = check_photograph(image, batch_axis=batch_axis)
     rt = runtime(image)
-    shape = _without_channels(image, batch_axis)
+    shape = without_channels(image, batch_axis)
     results = Gradient(*(rt.empty(shape) for _ in Gradient._fields))
     views = (rt.adopt(a) for a in results)
     derivatives(rt, image, sigma, operator, mode, cval, *views, batch_axis=batch_axis)
@@ -307,35 +178,6 @@ def _weighted(value: float, taps: np.ndarray) -> float:
     return float(total)
 
 
-def _without_channels(image: Any, batch_axis: int | None) -> tuple[int, ...]:
+def without_channels(image: Any, batch_axis: int | None) -> tuple[int, ...]:
     """Return the shape of an image, or of a stack, without its channels."""
     return tuple(image.shape[: 2 if batch_axis is None else 3])
-
-
-def _edge_strength(
-    image: Any,
-    operator: str,
-    axis: int | None,
-    mode: str,
-    cval: float,
-    batch_axis: int | None,
-) -> Any:
-    if axis is not None and (not isinstance(axis, (int, np.integer)) or axis not in (0, 1)):
-        raise ValueError(f"axis must be 0, 1 or None, got {axis!r}")
-    image = check_photograph(image, batch_axis=batch_axis)
-    border = check_code(mode, Border, "mode")
-    cval = check_number(cval, "cval")
-    rt = runtime(image)
-    shape = _without_channels(image, batch_axis)
-    result = rt.empty(shape)
-    dst = rt.adopt(result)
-    dy = dst if axis == 0 else rt.scratch("edge_strength.dy", shape)
-    dx = dst if axis == 1 else rt.scratch("edge_strength.dx", shape)
-
-    def fill(src: Any, down: Any, along: Any) -> None:
-        differentiate(rt, src, _MEAN[operator], DIFFERENCE, border, cval, down, along)
-
-    longest_slopes(rt, planes_of(rt, image, batch_axis=batch_axis), fill, dy, dx)
-    if axis is None:
-        rt.filters.gradients.root_mean_square(dy, dx, dst)
-    return rt.release(result)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import (
+    as_numbers,
     check_axes,
     check_code,
     check_image,
@@ -178,7 +179,7 @@ def correlate_separable(
     """
     try:
         kernels = [taps, taps] if all(np.ndim(t) == 0 for t in taps) else list(taps)
-    except TypeError:
+    except Exception:  # another library may raise anything when asked for its values
         raise TypeError(f"taps must be a sequence, got {taps!r}") from None
     if len(kernels) != 2:
         raise ValueError(f"taps must be one kernel or two, got {len(kernels)}")
@@ -295,10 +296,7 @@ def image_layout(
 
 
 def _check_taps(taps: Any) -> np.ndarray:
-    try:
-        kernel = np.asarray(taps, np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"taps must be real numbers, got {taps!r}") from None
+    kernel = as_numbers(taps, "taps")
     if kernel.ndim != 1 or kernel.size % 2 == 0:
         raise ValueError(f"taps must be 1-D and of odd length, got shape {kernel.shape}")
     if not (np.abs(kernel) <= np.finfo(np.float32).max).all():

@@ -40,7 +40,8 @@ def check_batch(pairs: Sequence[tuple[Any, Any]]) -> Batched:
     both = [as_items(pair, "pairs", rule) for pair in as_items(pairs, "pairs", rule)]
     if any(len(pair) != 2 for pair in both):
         raise ValueError(f"pairs must be {rule}, got one of another length")
-    checked = [check_pairs(a, b) for a, b in both]
+    names = ((f"pairs[{n}][0]", f"pairs[{n}][1]") for n in range(len(both)))
+    checked = [check_pairs(a, b, names=said) for (a, b), said in zip(both, names, strict=True)]
     if not checked:
         raise ValueError("pairs must not be empty, got none")
     return batch_of(checked, "points0")

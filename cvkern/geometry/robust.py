@@ -29,6 +29,7 @@ FIRST, MOST = 256, 8192  # hypotheses of the first round, and largest number in 
 LEAST = 512  # least number of hypotheses in all rounds
 CANDIDATES = 2  # models of a round that are refined
 _INDEX = np.uint64(MAX_MATCHES - 1)
+MOST_SQUARE = 1e36  # squared threshold in the unit of kernels, far from the end of float32
 # Squared thresholds of the least-squares steps, over the square of the caller's threshold. The
 # first ones are wide, because the model of a noisy sample is far from many of its inliers.
 COARSE = np.array([25.0, 9.0, 4.0, 2.0], np.float32)
@@ -201,7 +202,8 @@ class Explorer:
         self.rt, self.batch, self.options = rt, batch, options
         self.counts = batch.spans[:, 1].astype(np.int64)
         scales = batch.to_unit[1, :, 0, 0]
-        self.squares = ((options.threshold * scales) ** 2).astype(np.float32)
+        squares = np.minimum((options.threshold * scales) ** 2, MOST_SQUARE)
+        self.squares = squares.astype(np.float32)
         self._given = Given(
             rt.send("robust.matches", batch.matches),
             rt.send("robust.spans", batch.spans),

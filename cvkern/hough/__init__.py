@@ -29,6 +29,7 @@ from cvkern.hough.lines import (
     hough_line_peaks,
     hough_line_segments,
     hough_line_slope,
+    probabilistic_hough_line,
     suggest_line_bins,
 )
 
@@ -59,6 +60,7 @@ __all__ = [
     "hough_line_peaks",
     "hough_line_segments",
     "hough_line_slope",
+    "probabilistic_hough_line",
     "r_table",
     "suggest_line_bins",
 ]

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._runtime import Runtime, refuse_capture
 
 
@@ -26,8 +25,7 @@ class Points(NamedTuple):
 def mask_points(rt: Runtime, mask: Any, name: str) -> Points:
     """List the set pixels of a checked mask; valid until this thread asks for `name` again."""
     height, width = mask.shape
-    given = library(mask).dtype(mask)
-    view = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
+    view = rt.adopt_mask(mask)
     starts = rt.scratch(f"{name}.starts", (height + 1,), np.int32)
     rt.hough.points.count(view, starts)
     capacity = int(rt.host_view(starts)[-1]) if rt.device == "cpu" else height * width

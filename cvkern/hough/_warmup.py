@@ -22,6 +22,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     for votes in (h.votes, np.asarray(h.votes, np.float32)):
         yield "hough_line_peaks", partial(hough.hough_line_peaks, votes, h.theta, h.rho)
     yield "hough_line_segments", partial(hough.hough_line_segments, mask, [0.0], [9.0])
+    yield "probabilistic_hough_line", partial(hough.probabilistic_hough_line, mask, rng=0)
     yield "detect_lines", partial(hough.detect_lines, byte)
     yield "detect_segments", partial(hough.detect_segments, byte)
     yield "fit_line", partial(hough.fit_line, [[0, 0], [1, 2]])

@@ -25,6 +25,7 @@ KEPT: dict[str, tuple[tuple[str, ...], tuple[int, ...]]] = {
     ".webp": (("uint8",), (3, 4)),
     ".bmp": (("uint8",), (0, 3)),
 }
+PHOTOGRAPHS = frozenset(KEPT)  # endings of files
 OPTIONS: dict[str, dict[str, Any]] = {
     ".jpg": {"quality": 95},
     ".jpeg": {"quality": 95},

@@ -144,11 +144,13 @@ def _shares(
     return item[shown], pixel[shown], share[shown] / SAMPLES**2
 
 
-def canvas(image: ArrayLike) -> np.ndarray:
-    """Return a new uint8 RGB array that looks like `image`."""
-    array = check_numbers(image, "image")
+def canvas(image: ArrayLike, name: str = "image") -> np.ndarray:
+    """Return a new uint8 RGB array that looks like `image`, an argument called `name`."""
+    array = check_numbers(image, name)
     if array.ndim not in (2, 3) or (array.ndim == 3 and array.shape[2] not in (3, 4)):
-        raise ValueError(f"image must have shape (H, W), (H, W, 3) or (H, W, 4), got {array.shape}")
+        raise ValueError(
+            f"{name} must have shape (H, W), (H, W, 3) or (H, W, 4), got {array.shape}"
+        )
     array = array[..., :3] if array.ndim == 3 else np.repeat(array[..., None], 3, axis=2)
     if array.dtype == np.uint8:
         return array.copy()
@@ -157,10 +159,10 @@ def canvas(image: ArrayLike) -> np.ndarray:
     if array.dtype == np.uint16:
         return np.round(array / 257.0).astype(np.uint8)
     if array.dtype.kind != "f":
-        raise ValueError(f"image must be uint8, uint16, bool or floats, got {array.dtype}")
+        raise ValueError(f"{name} must be uint8, uint16, bool or floats, got {array.dtype}")
     low, high = array.min(), array.max()
     if not (low >= 0 and high <= 1):  # NaN fails too
-        raise ValueError(f"image must lie in [0, 1] when it holds floats, got {low} to {high}")
+        raise ValueError(f"{name} must lie in [0, 1] when it holds floats, got {low} to {high}")
     return np.round(255.0 * array).astype(np.uint8)
 
 

@@ -34,7 +34,7 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     """
     array = check_numbers(image, "image")
     if array.ndim == 2:
-        return array.astype(np.float32)
+        return _narrow(array)
     if not isinstance(channel_axis, (int, np.integer)):
         raise TypeError(f"channel_axis must be an integer, got {channel_axis!r}")
     if array.ndim != 3 or not -3 <= channel_axis < 3:
@@ -45,11 +45,15 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
     channels = np.moveaxis(array, channel_axis, 0)
     if len(channels) not in (3, 4):
         raise ValueError(f"image must have 3 or 4 channels, got shape {array.shape}")
-    red, green, blue = (
-        np.float32(w) * c for w, c in zip(LUMA, channels[:3].astype(np.float32), strict=True)
-    )
+    red, green, blue = (np.float32(w) * c for w, c in zip(LUMA, _narrow(channels[:3]), strict=True))
     with np.errstate(all="ignore"):  # infinite values may cancel
         return red + green + blue
+
+
+def _narrow(values: np.ndarray) -> np.ndarray:
+    """Return values as float32; those beyond its range are infinite."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)
 
 
 def apply_colormap(

@@ -18,6 +18,7 @@ from cvkern.radiance.multiplane import planes_from_depth, planes_from_stereo
 from cvkern.radiance.pages import write_planes
 from cvkern.radiance.pinhole import Cameras, cameras, look_at, pixel_rays, project
 from cvkern.radiance.rendering import Picture, Scores, evaluate, orbit_cameras, render, render_path
+from cvkern.radiance.scenes.paths import CameraPath, load_camera_path
 from cvkern.radiance.scenes.photographs import Bounds, Scene, load_scene
 from cvkern.radiance.scenes.solids import make_scene
 from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
@@ -25,6 +26,7 @@ from cvkern.radiance.training import fit
 
 __all__ = [
     "Bounds",
+    "CameraPath",
     "Cameras",
     "Cloud",
     "Composite",
@@ -45,6 +47,7 @@ __all__ = [
     "evaluate",
     "fit",
     "fit_appearance",
+    "load_camera_path",
     "load_model",
     "load_scene",
     "look_at",

@@ -17,9 +17,15 @@ KIND = _archives.Kind(
 )
 
 
-def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: dict[str, Any]) -> None:
+def write(
+    path: str | os.PathLike[str],
+    header: dict[str, Any],
+    arrays: dict[str, Any],
+    *,
+    packed: bool = False,
+) -> None:
     """Write a model, whole or not at all."""
-    _archives.write(path, KIND, header, arrays)
+    _archives.write(path, KIND, header, arrays, packed=packed)
 
 
 @contextmanager

@@ -295,12 +295,17 @@ def check_batch(settings: Any) -> None:
 def taken(
     state: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
 ) -> np.ndarray:
-    """Return an array of a state; check its name, shape and dtype before it is read."""
+    """Return an array of a state; check its name, shape and dtype before it is used.
+
+    Files for rendering only have floats in half precision.
+    """
     if name not in state:
         raise ValueError(f"state must have {name!r}, got {tuple(state)}")
     if shape_of(state, name) != tuple(shape):
         raise ValueError(f"{name} must have shape {tuple(shape)}, got {shape_of(state, name)}")
     found = state[name]
+    if found.dtype == np.float16 and dtype == np.float32:
+        return found.astype(np.float32)
     if found.dtype != dtype:
         raise ValueError(f"{name} must be {np.dtype(dtype)}, got {found.dtype}")
     return found

@@ -380,10 +380,7 @@ def light_of(model: Model, appearance: Any) -> np.ndarray | None:
 
 def check_behind(background: Any) -> np.ndarray:
     """Return a checked colour, (3,) float32."""
-    try:
-        color = np.asarray(background, np.float32)
-    except (TypeError, ValueError):
-        raise TypeError(f"background must be three numbers, got {background!r}") from None
+    color = as_numbers(background, "background", np.float32)
     if color.shape != (3,) or not ((color >= 0) & (color <= 1)).all():
         raise ValueError(f"background must be three numbers in [0, 1], got {background!r}")
     return color

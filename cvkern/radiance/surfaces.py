@@ -17,6 +17,7 @@ from cvkern._checks import (
     check_positive,
 )
 from cvkern._files import as_path, replacing
+from cvkern.radiance._glb import glb
 from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays, project
@@ -251,12 +252,14 @@ def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarra
 
 
 def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
-    """Write a mesh as binary PLY (little-endian), whole or not at all.
+    """Write a mesh as binary PLY (little-endian) or binary glTF 2.0, whole or not at all.
 
     Parameters
     ----------
     path : path
-        An existing file is replaced once the new one is complete.
+        Ends in ``.ply`` or ``.glb``; an existing file is replaced once the new one is complete. In
+        a ``.glb`` the points are as they are, a node turns the z axis upwards, as Blender's scenes
+        have it (glTF's y axis is up), and colours are linear.
     surface : Mesh
 
     Raises
@@ -266,7 +269,7 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
     TypeError
         If an array of `surface` has another kind of numbers.
     ValueError
-        If `path` does not end in ``.ply``, or the arrays do not match.
+        If `path` ends otherwise, the arrays do not match, or a ``.glb`` would have no triangle.
 
     Examples
     --------
@@ -281,11 +284,16 @@ def write_mesh(path: str | os.PathLike[str], surface: Mesh) -> None:
     287
     """
     check_instance(surface, Mesh, "surface")
-    if as_path(path).suffix.lower() != ".ply":
-        raise ValueError(f"path must end in .ply, got {os.fspath(path)!r}")
+    suffix = as_path(path).suffix.lower()
+    if suffix not in (".ply", ".glb"):
+        raise ValueError(f"path must end in .ply or .glb, got {os.fspath(path)!r}")
     place = [(name, "<f4") for name in ("x", "y", "z")]
     tint = [(name, "u1") for name in ("red", "green", "blue")]
     points, faces, colors = _checked(surface)
+    if suffix == ".glb":
+        with replacing(path) as beside:
+            beside.write_bytes(glb(points, faces, colors))
+        return
     table = np.empty(len(points), place + tint)
     columns = [*points.T, *colors.T]
     for (name, _), column in zip(place + tint, columns, strict=True):

@@ -17,6 +17,7 @@ from cvkern.radiance.appearance import Appearance
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
+from cvkern.radiance.logs import Look, Watch
 from cvkern.radiance.models import APPEARANCE, Mark, Model
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
@@ -127,12 +128,16 @@ class Trainer:
         checkpoint: str | os.PathLike[str] | None,
         save_every: float,
         evaluate_every: int | None,
+        watch: Watch | None = None,
     ) -> None:
-        """Take steps until the budget is spent or `stop` is set, and save the model."""
+        """Take steps until the budget is spent, `stop` is set or `watch` says so; save the model.
+
+        `watch` is told every LOOK steps, after held-out views were looked at, and at the end.
+        """
         state, at = self.model.training, self.learning.step
         state.stopped, first = False, state.step
         before, begin, saved, quality = state.seconds, time.perf_counter(), state.seconds, math.nan
-        told = before, state.total_rays
+        told, rate = (before, state.total_rays), math.nan
 
         def spent() -> float:
             return before + time.perf_counter() - begin
@@ -168,7 +173,8 @@ class Trainer:
                 rate = (told[1] - since[1]) / max(told[0] - since[0], 1e-9)
                 say(state.progress, f"{quality:.1f} dB  {rate / 1e3:,.0f} k rays/s")
             file = checkpoint if looks and spent() - saved >= save_every else None
-            if evaluates or file is not None:
+            watched = watch is not None and (looks or evaluates)
+            if evaluates or watched or file is not None:
                 self.rt.to_numpy(at)  # wait, so that the time of all launched steps is counted
                 state.seconds, paused = spent(), time.perf_counter()
                 if evaluates:
@@ -177,6 +183,8 @@ class Trainer:
                     self.keep()
                     self.model.save(file)
                     saved = state.seconds
+                if watch is not None and watched and watch(self.look(quality, rate)):
+                    stop.set()
                 begin += time.perf_counter() - paused
         self.rt.to_numpy(at)
         state.seconds, state.stopped = spent(), stop.is_set()
@@ -187,10 +195,21 @@ class Trainer:
         try:
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))
+            if watch is not None and state.step > first:
+                watch(self.look(self.quality(), rate))
         finally:  # an interrupt while held-out views are rendered must not lose the training
             self.keep()
             if checkpoint is not None:
                 self.model.save(checkpoint)
+
+    def look(self, quality: float, rate: float) -> Look:
+        """Return what there is to tell, and make the model ready to be looked at."""
+        self.keep()
+        state = self.model.training
+        mark = state.marks[-1] if state.marks and state.marks[-1].step == state.step else None
+        scores = (math.nan, math.nan) if mark is None else (mark.test_psnr, mark.test_ssim)
+        loss = 10 ** (-quality / 10)
+        return Look(state.step, state.seconds, loss, quality, rate, *scores)
 
     def quality(self) -> float:
         """Return the signal-to-noise ratio of the last batch, decibels; NaN without rays."""

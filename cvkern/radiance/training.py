@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
-import sys
-import threading
-import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -27,15 +23,16 @@ from cvkern._checks import (
 )
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.kernels.codes.radiance import Background
-from cvkern.radiance import checkpoints
+from cvkern.radiance import checkpoints, logs
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.models import APPEARANCES, Model, Training, load_model
+from cvkern.radiance.progress import shown, stoppable
 from cvkern.radiance.scenes.photographs import Scene
-from cvkern.radiance.trainer import Say, Trainer
+from cvkern.radiance.trainer import Trainer
 
 __all__ = ["fit"]
 
@@ -45,7 +42,6 @@ KINDS: dict[str, type[Settings]] = {
 }  # fmt: skip
 # With these settings, a step of 'hash' or 'mlp' takes about 30 ms on two cores. The default batches
 # are 16 and 4 times as large, and the default perceptron of MLPField() about 20 times.
-LINE = 10.0  # seconds between lines of progress in a log
 ALIKE, UNIFORM = 6, 0.95  # grey levels, and share of the borders, for a background of one colour
 ON_CPU: dict[str, dict[str, Any]] = {
     "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
@@ -81,6 +77,8 @@ def fit(
     resume: bool = False,
     save_every: float = 60.0,
     evaluate_every: int | None = None,
+    callback: Callable[[int, float, Model], Any] | None = None,
+    log: str | os.PathLike[str] | None = None,
     progress: bool = True,
 ) -> Model:
     """Train a radiance field on the photographs of a scene.
@@ -136,6 +134,16 @@ def fit(
         Seconds between saves, > 0.
     evaluate_every : int, optional
         Steps between evaluations of a few held-out views, for ``model.training.marks``.
+    callback : function, optional
+        Called as ``callback(step, loss, model)`` after every 16th step, and at the end; the loss is
+        the mean squared error of the colours of the last batch. The model can be rendered then; the
+        time that this takes is not counted. If the result is True, training ends as after Ctrl-C.
+        If it raises an exception, so does ``fit``, and `checkpoint` stays as it was last saved.
+    log : path, optional
+        File, ``.csv``, to which a line is added every 16 steps: step, seconds, loss, psnr,
+        rays_per_second, and test_psnr and test_ssim where held-out views were looked at. It is
+        replaced, or continued if `resume` is set. A path without an ending is a folder for
+        TensorBoard, which needs PyTorch.
     progress : bool, default True
         Show a progress bar if the standard error is a terminal, and otherwise print a line every 10
         seconds.
@@ -149,16 +157,19 @@ def fit(
     Raises
     ------
     FileNotFoundError
-        If the folder of `checkpoint` does not exist.
+        If the folder of `checkpoint` or `log` does not exist.
+    ModuleNotFoundError
+        If `log` is for TensorBoard, which is not installed.
     OSError
-        If `checkpoint` cannot be written.
+        If `checkpoint` or `log` cannot be written.
     TypeError
         If an argument has the wrong type.
     ValueError
         If an option is unknown or out of its range; if both `seconds` and `steps` are given; if the
         scene has no training views, images of 2 GiB or more together, or a camera more than 32768
-        half-sides of its cube from the cube's middle; if `checkpoint` has another ending or is a
-        folder; or if, to resume, it is not a whole model with the same settings.
+        half-sides of its cube from the cube's middle; if `checkpoint` or `log` has another ending,
+        or `checkpoint` is a folder; or if, to resume, it is not a whole model with the same
+        settings.
 
     Notes
     -----
@@ -220,13 +231,39 @@ def fit(
     if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
         raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
     light = appearance, gauge
+    if callback is not None and not callable(callback):
+        raise TypeError(f"callback must be a function, got {type(callback).__name__}")
+    to = None if log is None else logs.check_log(log)
     model = _begin(scene, field, background, seed, light, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
-    with _shown(progress) as say, _stoppable() as stop:
-        trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every)
+    with contextlib.ExitStack() as stack:
+        write = stack.enter_context(logs.opened(to, resume)) if to is not None else None
+        say, stop = stack.enter_context(shown(progress)), stack.enter_context(stoppable())
+        watch = _watched(callback, write, model)
+        trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every, watch)
     return model
+
+
+def _watched(
+    callback: Callable[[int, float, Model], Any] | None, write: logs.Write | None, model: Model
+) -> logs.Watch | None:
+    """Return a function that writes what it is told to a log, and calls back."""
+    if callback is None and write is None:
+        return None
+    told = -1
+
+    def watch(look: logs.Look) -> bool:
+        nonlocal told
+        if write is not None:
+            write(look)
+        if callback is None or look.step == told:
+            return False
+        told = look.step
+        return callback(look.step, look.loss, model) is True
+
+    return watch
 
 
 def suited(field: str | None = None) -> Settings:
@@ -318,57 +355,3 @@ def _apart(one: Any, other: Any) -> str:
         return type(one).__name__
     pairs = ((f.name, getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
     return ", ".join(f"{name} {mine}" for name, mine, yours in pairs if mine != yours)
-
-
-@contextlib.contextmanager
-def _stoppable() -> Iterator[threading.Event]:
-    """Turn the first Ctrl-C into an event, in the main thread; the second interrupts as usual."""
-    event = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield event
-        return
-    before = signal.getsignal(signal.SIGINT)
-
-    def note(number: int, stack: Any) -> None:
-        event.set()
-        signal.signal(signal.SIGINT, before)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _lines() -> Say:
-    """Return a function that prints a line every LINE seconds, for logs."""
-    last = time.monotonic()
-
-    def say(share: float, text: str) -> None:
-        nonlocal last
-        if time.monotonic() - last >= LINE:
-            last = time.monotonic()
-            print(f"{share:.0%}  {text}", file=sys.stderr, flush=True)
-
-    return say
-
-
-@contextlib.contextmanager
-def _shown(wanted: bool) -> Iterator[Say]:
-    """Yield a function that shows the progress on a terminal, or prints lines without one."""
-    if not wanted:
-        yield lambda share, text: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield _lines()
-        return
-    columns = (BarColumn(32), TextColumn("{task.description}"), TimeRemainingColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("Compiling", total=1.0)
-        yield lambda share, text: bar.update(task, completed=share, description=text)

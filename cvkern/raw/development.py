@@ -10,6 +10,7 @@ from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_choice, check_image, check_number
 from cvkern._runtime import runtime
 from cvkern.color import convert_color, estimate_illuminant
+from cvkern.color.constancy import check_light
 from cvkern.raw.demosaicing import demosaic
 from cvkern.raw.mosaics import red_place
 from cvkern.raw.tone import METHODS, tone_map
@@ -100,9 +101,7 @@ def develop(
     if illuminant is None:
         light = estimate_illuminant(demosaic(values, pattern, "bilinear"), white=1.0)
     else:
-        light = as_numbers(illuminant, "illuminant")
-    if light.shape != (3,) or not (np.isfinite(light).all() and (light > 0).all()):
-        raise ValueError(f"illuminant must be three positive numbers, got {light.tolist()}")
+        light = check_light(illuminant)
     gains = (light.max() / light).astype(np.float32)  # at least 1: no clipped value becomes dark
     cell = np.array([[gains[(y != row) + (x != column)] for x in (0, 1)] for y in (0, 1)])
     height, width = values.shape

@@ -7,15 +7,19 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import as_numbers, check_choice, check_image, check_positive
+from cvkern._checks import FLOAT32_MAX, as_numbers, check_choice, check_image, check_positive
 from cvkern._runtime import runtime
 
 METHODS = ("debevec", "robertson")
 SAMPLES = 2**17  # pixels that a response is made of
+VALUES = 2**21  # values of all exposures at these pixels, which bounds the time of many exposures
+SHORTEST = 2.0**-126  # seconds: the least normal number of float32
+PAIRED = 8  # exposures up to which all pairs of them are counted one by one
+BLOCK = 4096  # pixels that are counted together of more exposures
 CODES = 256
 ENDS = 4  # codes at either end of the scale that may be clipped
 # Weight of how the curve bends over log2 of its codes, beside the mean weight of one.
-SMOOTH = 1000.0
+SMOOTH = 3000.0
 ROUNDS, STILL = 40, 1e-4  # at most so many of Robertson's, until the curve moves less
 
 
@@ -51,10 +55,12 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
 
     Notes
     -----
-    All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid. Values
-    near 0 and 255, which may be clipped, count less, by the square of their distance. The curve is
-    made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
-    curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
+    All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid, and 2^21
+    values of all exposures. Values near 0 and 255, which may be clipped, count less, by the square
+    of their distance. A second fit weighs them by the inverse of the error that a step of one makes
+    after the first. The curve is made on the host. Robertson's turns begin with a line and converge
+    slowly: after 40 of them, the curve of a gamma is still off by a tenth of a stop, where least
+    squares is off by a hundredth.
 
     References
     ----------
@@ -82,7 +88,7 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
         raise ValueError(f"seconds must not all be equal, got {times[0]:g}")
     check_choice(method, METHODS, "method")
     rt = runtime(images)
-    step = max(1, int(np.sqrt(shape[1] * shape[2] / SAMPLES)))
+    step = max(1, int(np.sqrt(shape[1] * shape[2] / min(SAMPLES, VALUES / len(times)))))
     host = np.asarray(rt.to_numpy(rt.adopt(images, np.uint8, shape)))[:, ::step, ::step]
     fit = _debevec if method == "debevec" else _robertson
     curves = [fit(channel.reshape(len(times), -1), times) for channel in np.moveaxis(host, 3, 0)]
@@ -199,6 +205,10 @@ def _times(seconds: Any, count: int) -> np.ndarray:
         raise ValueError(f"seconds must be {count}, one an image, got shape {times.shape}")
     if not (np.isfinite(times).all() and (times > 0).all()):
         raise ValueError(f"seconds must be above 0, got {times.tolist()}")
+    if not (times.min() >= SHORTEST and times.max() <= FLOAT32_MAX):
+        raise ValueError(
+            f"seconds must be in [{SHORTEST:.1e}, {FLOAT32_MAX:.1e}], got {times.tolist()}"
+        )
     return times
 
 
@@ -216,13 +226,19 @@ def _centre(codes: np.ndarray) -> np.ndarray:
 
 
 def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Fit the curve twice: the second time, values also weigh as the first one says."""
+    z, logs = values.astype(np.int64), np.log2(times)
+    weight = _centre(np.arange(CODES)) ** 2
+    curve = _fitted(z, logs, weight)
+    return _fitted(z, logs, np.sqrt(_precision(curve[:, None])[:, 0]))
+
+
+def _fitted(z: np.ndarray, logs: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Minimise ``sum w (g(z) - log2 E - log2 t)^2``, and how g bends over log2 z.
 
     Second differences of g are those of a line over ``u = log2(z + 1/2)``, which a power of z is,
     and what is left of them: only that is held small.
     """
-    z, logs = values.astype(np.int64), np.log2(times)
-    weight = _centre(np.arange(CODES)) ** 2
     w = weight[z]
     total = w.sum(axis=0)
     z, w, total = z[:, total > 0], w[:, total > 0], total[total > 0]
@@ -231,19 +247,36 @@ def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
     for i, a in enumerate(z):
         matrix[np.diag_indices(CODES)] += np.bincount(a, w[i], CODES)
         right += np.bincount(a, w[i] * (logs[i] - mean), CODES)
-        for j, b in enumerate(z):
-            found = np.bincount(a * CODES + b, w[i] * w[j] / total, CODES**2)
-            matrix -= found.reshape(CODES, CODES)
+    matrix -= _shared(z, w, total)
     scale = max(float(np.trace(matrix)) / CODES, 1e-12)
     u = np.log2(np.arange(CODES) + 0.5)
     straight = np.diff(u, 2) / (u[2:] - u[:-2])
     first = np.eye(CODES)[2:] - np.eye(CODES)[:-2]
     second = np.diff(np.eye(CODES), 2, axis=0) - straight[:, None] * first
-    bend = np.sqrt(weight[1:-1]) + 0.02
+    bend = _centre(np.arange(1, CODES - 1)) + 0.02
     matrix = matrix / scale + SMOOTH * (second.T * bend**2) @ second
     matrix[CODES // 2, CODES // 2] += 1
     curve = np.linalg.solve(matrix + 1e-9 * np.eye(CODES), right / scale)
     return _rising(curve)
+
+
+def _shared(z: np.ndarray, w: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Return the weight that each pair of codes shares at the pixels which have both."""
+    found = np.zeros((CODES, CODES))
+    if len(z) <= PAIRED:
+        for i, a in enumerate(z):
+            for j, b in enumerate(z):
+                counted = np.bincount(a * CODES + b, w[i] * w[j] / total, CODES**2)
+                found += counted.reshape(CODES, CODES)
+        return found
+    for first in range(0, z.shape[1], BLOCK):
+        part = slice(first, first + BLOCK)
+        size = z[:, part].shape[1]
+        cells = z[:, part] + CODES * np.arange(size)
+        of_codes = np.bincount(cells.ravel(), w[:, part].ravel(), size * CODES)
+        of_codes = of_codes.reshape(size, CODES)
+        found += of_codes.T @ (of_codes / total[part, None])
+    return found
 
 
 def _robertson(values: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -278,11 +311,14 @@ def _rising(curve: np.ndarray) -> np.ndarray:
     return curve - curve[CODES // 2]
 
 
+def _precision(curves: np.ndarray) -> np.ndarray:
+    """Return the weight of each code, (256, C): less within an eighth of either end."""
+    slope = np.maximum(np.gradient(curves, axis=0), 1e-3)
+    window = np.clip(_centre(np.arange(CODES)) * 8, 0, 1)[:, None] ** 2
+    weights = window / slope**2
+    return weights / weights.max(axis=0)
+
+
 def _tables(curves: np.ndarray) -> np.ndarray:
     """Return log2 exposure and weight of each code and channel, (256, C, 2)."""
-    codes = np.arange(CODES)
-    slope = np.maximum(np.gradient(curves, axis=0), 1e-3)
-    window = np.clip(_centre(codes) * 8, 0, 1)[:, None] ** 2
-    weights = window / slope**2
-    weights = weights / weights.max(axis=0)
-    return np.stack([curves, weights], axis=2).astype(np.float32)
+    return np.stack([curves, _precision(curves)], axis=2).astype(np.float32)

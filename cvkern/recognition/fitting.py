@@ -10,7 +10,7 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.recognition import FINE, NOBODY, Frame, Patches, Space
 from cvkern.recognition.codebook import cluster
-from cvkern.recognition.hypotheses import weigh
+from cvkern.recognition.hypotheses import climb, weigh
 from cvkern.recognition.training import (
     DOUBTFUL,
     HARDEST,
@@ -34,7 +34,7 @@ from cvkern.recognition.training import (
     surprise,
     window_at,
 )
-from cvkern.recognition.votes import layout
+from cvkern.recognition.votes import factors_at, layout
 
 SHEET = 2.5  # least sides of a negative, in sides of the object's box; smaller ones are mirrored
 MOST_PASTED = 100  # negatives that objects are put into
@@ -173,7 +173,7 @@ def learn_evidence(
         scenes.append((look(rt, pasted, settings, words, ZOOMS), sheet.shape, place))
     learnt = quantised(surprise(found, count, cells), 0.0, count)
     others: list[Window] = []
-    taken: list[set[int]] = [set() for _ in scenes]
+    taken: list[set[tuple[int, ...]]] = [set() for _ in scenes]
     floor = -np.inf
     for _ in range(ROUNDS):
         for scene, seen in zip(scenes, taken, strict=True):
@@ -204,7 +204,7 @@ def paste(sheet: np.ndarray, thing: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def mistaken(
     rt: Runtime,
     scene: Scene,
-    taken: set[int],
+    taken: set[tuple[int, ...]],
     learnt: Learnt,
     floor: float,
     settings: Settings,
@@ -216,12 +216,11 @@ def mistaken(
     patches = Patches(*(rt.send(f"recognition.{name}", array) for name, array in given))
     modes = np.concatenate([dense_modes(shape, settings, zoom) for zoom in ZOOMS])
     size = np.array([settings.height, settings.width])
-    if place is not None:
-        apart = np.abs(modes[:, :2] / FINE - place) / size
-        modes = modes[(apart > NEAR).any(axis=1)]
+    modes = beside(modes, place, size)
     weights = rt.send("recognition.weights", learnt.weights)
     known = space._replace(factors=rt.constant(space.factors))
-    evidence = weigh(rt, patches, weights, known, frame_on(rt, settings), modes) + learnt.bias
+    given = rt, patches, weights, known, frame_on(rt, settings)
+    evidence = weigh(*given, modes) + learnt.bias
     chosen: list[int] = []
     for index in np.argsort(-evidence.astype(np.int64), kind="stable").tolist():
         if evidence[index] < floor or len(chosen) == HARDEST:
@@ -229,12 +228,22 @@ def mistaken(
         near = modes[chosen] if chosen else np.empty((0, 4))
         apart = np.abs(near[:, :2] - modes[index, :2]) / FINE / size
         same = (apart < 0.1).all(axis=1) & (near[:, 2] == modes[index, 2])
-        if same.any():
-            continue
-        chosen.append(index)
-        if index not in taken:
-            taken.add(index)
-            yield window_at(example, modes[index, :3], factors_of(space), settings)
+        if not same.any():
+            chosen.append(index)
+    modes = modes[chosen]
+    modes, _ = climb(*given, modes, factors_at(space, modes[:, 2]), evidence[chosen])
+    for mode in beside(modes, place, size)[:, :3]:
+        if tuple(mode.tolist()) not in taken:
+            taken.add(tuple(mode.tolist()))
+            yield window_at(example, mode, factors_of(space), settings)
+
+
+def beside(modes: np.ndarray, place: np.ndarray | None, size: np.ndarray) -> np.ndarray:
+    """Return the modes that are not near to the place of an object, if there is one."""
+    if place is None:
+        return modes
+    apart = np.abs(modes[:, :2] / FINE - place) / size
+    return modes[(apart > NEAR).any(axis=1)]
 
 
 def factors_of(space: Space) -> Factors:

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import Frame, Patches, Space
+from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, Frame, Patches, Space
 
+STEPS = (4, 2)  # pixels of the model that a mode climbs by
+AROUND = np.array([(y, x) for y in (0, -1, 1) for x in (0, -1, 1)])
 MOST_HYPOTHESES = 256  # hypotheses above the threshold that are compared with each other
 
 
@@ -20,6 +22,36 @@ def weigh(
     sent = rt.send("recognition.hypotheses", modes)
     rt.recognition.hypotheses.weigh_evidence(patches, weights, space, frame, sent, evidence)
     return np.array(rt.to_numpy(evidence))
+
+
+def climb(
+    rt: Runtime,
+    patches: Patches,
+    weights: Any,
+    space: Space,
+    frame: Frame,
+    modes: np.ndarray,
+    factors: np.ndarray,
+    evidence: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Move modes to where there is more evidence; return all that remain, and their evidence.
+
+    A mode goes to the best of itself and its eight neighbours, first in large steps, then in small
+    ones; the first wins a tie. `factors` are the sizes of the modes in parts of 2^16. Modes that
+    meet are one.
+    """
+    factors = factors.astype(np.int64)
+    for step in STEPS if len(modes) else ():
+        apart = (FINE * step * factors + (1 << (FACTOR_BITS - 1))) >> FACTOR_BITS
+        near = np.repeat(modes[:, None], len(AROUND), axis=1)
+        near[:, :, :2] += (AROUND * apart[:, None, None]).astype(np.int32)
+        found = weigh(rt, patches, weights, space, frame, near.reshape(-1, 4))
+        best = found.reshape(len(modes), -1).argmax(axis=1)
+        every = np.arange(len(modes))
+        modes, evidence = near[every, best], found.reshape(len(modes), -1)[every, best]
+        _, first = np.unique(modes[:, :3], axis=0, return_index=True)
+        modes, evidence, factors = modes[first], evidence[first], factors[first]
+    return np.ascontiguousarray(modes), evidence
 
 
 def explain(

@@ -89,8 +89,9 @@ class ShapeModel:
     patch vote for the centre and the scale of an object, by where they were seen in training. The
     weights of a patch add up to 1, the share of the background included. Maxima of the votes move
     to modes of their density by mean shift, with a kernel that grows with the scale. At each mode,
-    the words in the cells of the box are weighed: the sum is the logarithm of the odds. Hypotheses
-    share the patches by minimum description length: each patch is explained once.
+    the words in the cells of the box are weighed: the sum is the logarithm of the odds. Modes move
+    by some pixels to where it is largest. Hypotheses share the patches by minimum description
+    length: each patch is explained once.
 
     Votes, places and scores are integers or fractions of integers: the same on every device.
 
@@ -196,7 +197,7 @@ class ShapeModel:
             raise ValueError("images must have at least one picture, got none")
         spans = check_boxes(boxes, pictures)
         figures = None if masks is None else check_masks(masks, pictures)
-        others = grays_of(negatives or (), "negatives", data_range)
+        others = grays_of(() if negatives is None else negatives, "negatives", data_range)
         height, width = self._model_box([box for found in spans for box in found])
         layers = self._layers or (2 if min(height, width) // 2 >= self._sampling.side else 1)
         least = min(height, width) >> (layers - 1)

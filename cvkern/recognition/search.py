@@ -12,10 +12,12 @@ from cvkern.kernels.codes.recognition import Occurrences
 from cvkern.recognition._arguments import check_picture, check_scales
 from cvkern.recognition.figures import Found, inside
 from cvkern.recognition.fitting import Fitted, frame_on
-from cvkern.recognition.hypotheses import explain, weigh
+from cvkern.recognition.hypotheses import climb, explain, weigh
 from cvkern.recognition.patches import sample
 from cvkern.recognition.training import UNIT, Settings
-from cvkern.recognition.votes import activate, find_modes, layout
+from cvkern.recognition.votes import activate, factors_at, find_modes, layout
+
+HOPE = 6  # evidence below the threshold from which on a mode climbs
 
 
 def search(
@@ -47,8 +49,12 @@ def search(
         return nothing._replace(votes=votes)
     weights, space = rt.send("recognition.weights", fitted.weights), votes.space
     frame = frame_on(rt, settings)
-    evidence = weigh(rt, patches, weights, space, frame, modes)
     floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
+    evidence = weigh(rt, patches, weights, space, frame, modes)
+    promising = evidence >= floor - HOPE * UNIT
+    modes, evidence = modes[promising], evidence[promising]
+    factors = factors_at(layout((shape[0], shape[1]), sizes)[0], modes[:, 2])
+    modes, evidence = climb(rt, patches, weights, space, frame, modes, factors, evidence)
     chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, floor)
     return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
 

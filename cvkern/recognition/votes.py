@@ -72,6 +72,11 @@ def layout(shape: tuple[int, int], scales: tuple[float, ...]) -> tuple[Space, Wi
     return space, window, np.concatenate(tiles).astype(np.int32)
 
 
+def factors_at(space: Space, scales: np.ndarray) -> np.ndarray:
+    """Return sizes at scales, in parts of 2^16, from an accumulator on the host."""
+    return space.factors[np.clip(scales - space.lowest, 0, len(space.factors) - 1)]
+
+
 def activate(rt: Runtime, sampled: Sampled, words: np.ndarray, least: int, most: int) -> Patches:
     """Match patches with the words of a codebook; return what is voted with, for kernels."""
     count = len(sampled.places)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import check_image
 from cvkern._runtime import Runtime
 from cvkern._tape import capturing
@@ -37,9 +36,7 @@ def kernel_mask(rt: Runtime, mask: Any, shape: tuple[int, ...], *, empty: bool =
     """
     if mask is None:
         return rt.scratch("shading.everywhere", (0, 1), np.uint8)
-    mask = check_shape(mask, shape)
-    given = library(mask).dtype(mask)
-    inside = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
+    inside = rt.adopt_mask(check_shape(mask, shape))
     if not (empty or capturing() or rt.to_numpy(inside).any()):
         raise ValueError(EMPTY)
     return inside

@@ -177,8 +177,6 @@ def scaled(lamps: np.ndarray, near: bool, even: bool) -> np.ndarray:
 
 def check_images(images: Any) -> Any:
     """Return images under several lights as one array (K, H, W)."""
-    if isinstance(images, (list, tuple)):
-        images = np.stack([np.asarray(image) for image in images]) if len(images) else np.empty(0)
     images = check_image(images, ndim=(3,), name="images")
     if not 3 <= images.shape[0] <= MOST_LIGHTS:
         raise ValueError(f"images must be 3 to {MOST_LIGHTS}, got {images.shape[0]}")

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_image, check_integer
+from cvkern._checks import FLOAT32_MAX, as_numbers, check_image, check_integer
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.shading.integration import Solver
 from cvkern.shading.masks import host_mask
@@ -103,9 +103,9 @@ def shape_from_shading(
     image = check_image(image)
     shape = tuple(image.shape)
     vector = as_numbers(light, "light")
-    strength = float(np.linalg.norm(vector)) if vector.shape == (3,) else 0.0
-    if vector.shape != (3,) or not np.isfinite(strength):
+    if vector.shape != (3,) or not (np.abs(vector) <= FLOAT32_MAX).all():
         raise ValueError(f"light must be three finite numbers, got {vector.tolist()}")
+    strength = float(np.linalg.norm(vector))
     if not vector[2] > 0:
         raise ValueError(f"light must have z > 0, from the camera's side, got {vector.tolist()}")
     check_albedo(albedo, shape)

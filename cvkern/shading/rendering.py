@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_choice, check_image, check_number
+from cvkern._checks import (
+    FLOAT32_MAX,
+    as_array,
+    as_numbers,
+    check_choice,
+    check_image,
+    check_number,
+)
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.kernels.codes.shading import DIRECTIONAL, HARMONIC
 from cvkern.shading.meshes import check_mesh, see_mesh
@@ -238,7 +245,7 @@ def check_lights(lights: Any) -> np.ndarray:
     shape = given.shape
     if given.ndim not in (1, 2) or shape[-1] not in (DIRECTIONAL, HARMONIC) or not given.size:
         raise ValueError(f"lights must have shape (K, 3) or (K, 9), got {shape}")
-    if not np.isfinite(given).all():
+    if not (np.abs(given) <= FLOAT32_MAX).all():
         raise ValueError("lights must be finite, got others")
     return given.reshape(-1, shape[-1])
 
@@ -251,6 +258,7 @@ def kernel_lights(rt: Runtime, given: np.ndarray) -> Any:
 
 def check_albedo(albedo: Any, shape: tuple[int, int]) -> None:
     """Refuse an albedo that is neither a number nor an image of the given shape."""
+    albedo = as_array(albedo, "albedo")
     if np.ndim(albedo) == 0:
         check_number(albedo, "albedo", low=0)
     elif tuple(check_image(albedo, name="albedo").shape) != shape:

@@ -158,17 +158,18 @@ def reconstruct_pair(
 
 def _photograph(image: Any, name: str) -> np.ndarray:
     """Return a photograph as uint8, without alpha."""
-    from cvkern.images._overlay import canvas
+    from cvkern.images._overlay import canvas, check_numbers
     from cvkern.images.files import read_image
 
-    photo = read_image(image) if isinstance(image, (str, os.PathLike)) else np.asarray(image)
+    named = isinstance(image, (str, os.PathLike))
+    photo = read_image(image) if named else check_numbers(image, name)
     if photo.ndim not in (2, 3) or (photo.ndim == 3 and photo.shape[2] not in (3, 4)):
         raise ValueError(
             f"{name} must have shape (H, W), (H, W, 3) or (H, W, 4), got {photo.shape}"
         )
     if min(photo.shape[:2]) < 64:
         raise ValueError(f"{name} must be at least 64 x 64 pixels, got {photo.shape[:2]}")
-    shown = canvas(photo)
+    shown = canvas(photo, name)
     return shown if photo.ndim == 3 else np.ascontiguousarray(shown[..., 0])
 
 

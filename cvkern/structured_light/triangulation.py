@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import as_items, as_numbers, check_choice, check_image, check_integer
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
@@ -93,12 +92,7 @@ def triangulate_columns(
     lenses = np.stack([numbers_of(c) for c in (calibration.left, calibration.right)])
     pose = np.concatenate((calibration.rotation.ravel(), calibration.translation))
     result = rt.empty((*shape, 3))
-    every = np.ones((1, 1), np.uint8)
-    if valid is None:
-        mask = rt.constant(every)
-    else:  # a mask of bools is taken as it is
-        kind = library(valid).dtype(valid).kind
-        mask = rt.adopt(valid, bool if kind == "b" else np.uint8)
+    mask = rt.constant(np.ones((1, 1), np.uint8)) if valid is None else rt.adopt_mask(valid)
     rt.structured_light.triangulation.intersect(
         rt.adopt(columns), mask, rt.constant(lenses.astype(np.float32)),
         rt.constant(pose.astype(np.float32)), number, rt.adopt(result),

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import check_image
 from cvkern._runtime import refuse_capture, runtime
 
@@ -77,17 +76,11 @@ def unwrap_phase(phase: Any, mask: Any = None) -> Any:
     refuse_capture("unwrap_phase")
     arrays = [phase] if mask is None else [phase, mask]
     rt = runtime(*arrays)
-    values = _host(rt, phase, np.float32)
+    values = rt.to_numpy(rt.adopt(phase))
     there = np.isfinite(values)
     if mask is not None:
-        there &= _host(rt, mask, np.float32) != 0
+        there &= rt.to_numpy(rt.adopt_mask(mask)) != 0
     return rt.give(_unwrapped(values, there))
-
-
-def _host(rt: Any, array: Any, dtype: Any) -> np.ndarray:
-    if library(array) is library(np.empty(0)):
-        return np.asarray(array, dtype)
-    return rt.to_numpy(rt.adopt(array, dtype))
 
 
 def _unwrapped(values: np.ndarray, there: np.ndarray) -> np.ndarray:

@@ -18,7 +18,10 @@ SRGB_LOW, SRGB_SLOPE, SRGB_SHIFT, SRGB_SCALE, SRGB_POWER = 0.0031308, 12.92, 0.0
 LAB_LOW, LAB_SLOPE, LAB_SHIFT = 216 / 24389, 24389 / 27 / 116, 16 / 116
 DEGREES = 180 / math.pi  # degrees a radian
 BLUE = 25.0**7  # seventh power of the chroma about which CIEDE2000 changes
-BINS = 4096  # bins of linear values, each with at most one step of 8-bit sRGB
+# 8-bit sRGB steps up at most once between numbers whose upper 16 bits differ by 1, above DARKEST.
+DARKEST = 2.0**-13
+FIRST = 0x3900  # upper half of the bits of DARKEST
+STEPS = 0x3F80 - FIRST + 1  # up to those of 1
 LEVELS = 2**16  # brightness of 16 bits, which histograms equalise
 TONES = 2**14  # tones that tiles map brightness to
 SATURATED = 0.98  # share of the largest value, which no channel of a pixel may reach

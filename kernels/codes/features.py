@@ -49,10 +49,15 @@ MOST_BYTES = 4096  # largest size of a descriptor: squared distances stay below 
 
 # ORB: the circle of FAST corners (row, column), of whose 16 pixels 9 decide; then the disc whose
 # moments give a direction, and the comparisons of pairs of pixels in a turned pattern.
+# Weights of rows and columns of a smaller size, and of the Gaussian, are integers.
 CIRCLE = ((-3, 0), (-3, 1), (-2, 2), (-1, 3), (0, 3), (1, 3), (2, 2), (3, 1),
           (3, 0), (3, -1), (2, -2), (1, -3), (0, -3), (-1, -3), (-2, -2), (-3, -1))  # fmt: skip
+SHARES = 128  # sum of the weights of a pixel of a smaller size, in each direction
 DISC = 15  # radius, pixels
-BLUR = 3  # radius of the Gaussian before pixels are compared
+BLUR_TAPS = (18, 34, 48, 56, 48, 34, 18)  # OpenCV's Gaussian, sigma 2, before pixels are compared
+BLUR = len(BLUR_TAPS) // 2  # its radius
+PATTERN_REACH = 18  # largest distance of a pixel that is compared, along an axis
+PATTERN_PITCH = 64  # a place of the pattern is this times its row, plus its column
 TURNS = 64  # directions of the pattern
 PAIRS = 256  # pairs of pixels, and bits of a descriptor
 TURNS_PER_RADIAN = TURNS / (2 * math.pi)

@@ -22,6 +22,7 @@ LINE_ONE = 1 << 15
 NORMAL_ONE = 1 << 14
 FINE_ONE = 1 << 10
 ARCS = 64  # arcs of a circle, counted separately: eight per octant, of equal steps of the slope
+STEPS = 1 << 16  # units of a pixel in steps along a line from pixel to pixel
 MAX_BINS = 8192  # bins of the minor axis of an ellipse that fit into a block's shared memory
 
 
@@ -73,6 +74,17 @@ class Aim(NamedTuple):
     slope: float
     first_side: int
     last_side: int
+
+
+class SegmentRule(NamedTuple):
+    """What a segment of the progressive Hough transform needs."""
+
+    threshold: int
+    """Votes for its line."""
+    line_length: int
+    """Pixels from one end to the other, along the longer side."""
+    line_gap: int
+    """Most empty pixels between two set ones."""
 
 
 class EllipseBounds(NamedTuple):

@@ -46,6 +46,10 @@ class Background(IntEnum):
     LEARNT = 3
 
 
+# Speckles are cubes of three sizes: the fewest of them per unit of length, and the growth factor.
+FEWEST_CUBES, MORE_CUBES = 9.0, 2.25
+
+
 class Shape(IntEnum):
     """Solids of synthetic scenes, by the distance to their surfaces."""
 
@@ -244,4 +248,4 @@ class Solids(NamedTuple):
     sizes: Any
     """The sizes that `Shape` lists, (S, 4) float32."""
     paints: Any
-    """Two colours, gloss, and parts of the pattern per length, (S, 8) float32."""
+    """Two colours, gloss, parts of the pattern per length, strength of speckles, (S, 9) float32."""

@@ -18,6 +18,7 @@ OCTAVE = 64
 ONE = 2**16
 FACTOR_BITS = 16  # factors of scale are in parts of 2^16
 KERNEL_ONE = 2**10  # value of the kernel of mean shift at its middle
+DEEPEST = 255  # largest radius of that kernel in steps of scale
 NOBODY = -1  # match of a patch that activates no further word
 
 
@@ -75,6 +76,6 @@ class Window(NamedTuple):
     radius: int
     """In places, at scale 0."""
     scales: int
-    """Radius in steps of scale."""
+    """Radius in steps of scale, at most `DEEPEST`."""
     rounds: int
     """Most steps of a mode."""

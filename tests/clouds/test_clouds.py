@@ -153,6 +153,36 @@ def test_primitives(name, device, size):
         np.testing.assert_array_equal(image, reference.shade(want, colors, background, samples))
 
 
+@pytest.mark.parametrize("name", KERNEL_SETS)
+def test_points_behind_either_camera_are_not_drawn(name, device):
+    kernels = Primitives(name, device)
+    points = np.array([[0, 0, -1], [0, 0, 0], [0, 0, 4], [0, 0, 8]], F32)
+    for shift, seen in ((2.0, 2), (-5.0, 3), (-9.0, None)):
+        pose = np.eye(3, 4, dtype=F32)
+        pose[2, 3] = shift
+        keys = kernels(
+            "clouds.turntables.splat", points, pose, 50.0, 3.0, 3.0, 3.0, out=[((7, 7), I64)]
+        )
+        drawn = keys[keys != reference.FAR] & 0x7FFFFFFF
+        assert set(drawn) == (set() if seen is None else {seen})
+
+
+@pytest.mark.parametrize("name", KERNEL_SETS)
+@pytest.mark.parametrize("size", [0.05, 0.3])
+def test_points_at_the_rim_are_drawn(name, device, size):
+    """However small, a point is drawn at the sample that it is nearest to."""
+    kernels = Primitives(name, device)
+    y, x = np.mgrid[:6, :9].reshape(2, -1)
+    rng = np.random.default_rng(0)
+    at = np.stack([x, y], 1) + rng.uniform(-0.3, 0.3, (54, 2))
+    points = np.c_[at / 50, np.ones(54)].astype(F32)
+    pose = np.eye(3, 4, dtype=F32)
+    keys = kernels(
+        "clouds.turntables.splat", points, pose, 50.0, 0.0, 0.0, size, out=[((6, 9), I64)]
+    )
+    np.testing.assert_array_equal(keys.ravel() & 0x7FFFFFFF, np.arange(54))
+
+
 def plane(rows, columns, depth):
     """Return a grid of points that a camera with a focal length of 100 sees a pixel apart."""
     y, x = np.mgrid[:rows, :columns].reshape(2, -1)

@@ -48,12 +48,40 @@ def test_adapthist_of_colours(backend):
     np.testing.assert_allclose(got, want, rtol=0, atol=2e-7)
 
 
+@pytest.mark.parametrize("image", [PHOTO, PHOTO.astype(np.uint16) * 211, PHOTO / 255, COLOURS])
+def test_bytes_are_the_nearest(backend, image):
+    for equalize in (cvkern.equalize_hist, cvkern.equalize_adapthist):
+        got = equalize(image, dtype="uint8")
+        assert got.dtype == np.uint8
+        # A value in the middle between two bytes may go to either by a rounding of float32.
+        assert np.abs(got - 255.0 * equalize(image)).max() < 0.5 + 1e-4
+
+
+def test_many_pixels_are_counted_by_several_threads(backend, monkeypatch):
+    """Slabs of a large image have histograms of their own; a table holds the sums."""
+    monkeypatch.setenv("CVKERN_NUM_THREADS", "3")
+    rng = np.random.default_rng(6)
+    for dtype, top in ((np.uint8, 256), (np.uint16, 4000)):
+        image = rng.integers(0, top, (500, 701)).astype(dtype)
+        want = np.cumsum(np.bincount(image.ravel(), minlength=top))[image] / image.size
+        np.testing.assert_array_equal(cvkern.equalize_hist(image), want.astype(np.float32))
+    want = exposure.equalize_adapthist(image, (50, 64), 0.02)
+    np.testing.assert_allclose(
+        cvkern.equalize_adapthist(image, (50, 64), 0.02), want, rtol=0, atol=2e-7
+    )
+
+
 def test_both_sets_have_the_same_bits():
     answers = []
     for kernels in ("warp", "taichi"):
         with cvkern.use(kernels):
             answers.append(
-                (cvkern.equalize_adapthist(COLOURS), cvkern.equalize_hist(COLOURS / 255.0))
+                (
+                    cvkern.equalize_adapthist(COLOURS),
+                    cvkern.equalize_adapthist(COLOURS, dtype="uint8"),
+                    cvkern.equalize_hist(COLOURS / 255.0),
+                    cvkern.equalize_hist(COLOURS / 255.0, dtype="uint8"),
+                )
             )
     for first, second in zip(*answers, strict=True):
         np.testing.assert_array_equal(first, second)
@@ -69,6 +97,23 @@ def test_one_brightness(backend, value):
         cvkern.equalize_hist(flat / 255), exposure.equalize_hist(flat / 255)
     )
     np.testing.assert_allclose(cvkern.retinex(flat, 3.0), 0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "values", [(-3e38, 3e38, 0), (1e30, 1e30, 1e30), (1, 1 + 2**-23, 1), (0, 1e-44, 0)]
+)
+def test_equalize_hist_of_values_that_float32_cannot_divide(backend, values):
+    """NumPy refuses such bins in float32; in float64 there are some for each span."""
+    image = np.array([values], np.float32)
+    got = cvkern.equalize_hist(image)
+    low, high = float(image.min()), float(image.max())
+    if low == high:
+        want = np.full((1, 3), 0.5)  # the middle of one step
+    else:
+        edges = np.linspace(low, high, 257)
+        counts = np.histogram(image.astype(np.float64), edges)[0]
+        want = np.interp(image, (edges[1:] + edges[:-1]) / 2, np.cumsum(counts) / 3)
+    np.testing.assert_allclose(got, want, rtol=0, atol=1e-7)
 
 
 def test_retinex(backend):
@@ -126,7 +171,10 @@ def test_gradients_tell_paint_from_light(backend):
     [
         ("image must be of uint8, uint16 or floats, got int32",
          lambda: cvkern.equalize_hist(np.ones((4, 4), np.int32))),
-        ("image must be finite", lambda: cvkern.equalize_hist(np.full((4, 4), np.nan))),
+        ("image must be finite in float32, got some values that are not",
+         lambda: cvkern.equalize_hist(np.full((4, 4), 1e300))),
+        ("dtype must be float32 or uint8, got int8",
+         lambda: cvkern.equalize_hist(np.ones((4, 4)), dtype="int8")),
         ("image must be in 0 to 1 if it holds floats, got 2 to 2",
          lambda: cvkern.equalize_adapthist(np.full((4, 4), 2.0))),
         ("image must have shape (H, W) or (H, W, 3), got (4, 4, 2)",

@@ -5,7 +5,10 @@ import pytest
 from skimage.color import deltaE_ciede2000
 
 import cvkern
+from cvkern.color.spaces import _steps
+from cvkern.kernels.codes.color import Form
 from tests.color import reference_color as reference
+from tests.primitives import F32, U8
 
 COLOURS = np.random.default_rng(0).random((60, 7, 3))
 # Sharma, Wu and Dalal 2005, table 1: pairs 1, 4, 7, 9, 13, 17, 20, 25 and 34.
@@ -54,6 +57,17 @@ def test_bytes(backend):
     # The matrix is the unit matrix only to rounding: codes may differ where it is 0.49999.
     want = reference.srgb_curve(wide.astype(float).clip(0, 1)) * 255
     assert np.abs(got - want).max() < 0.5 + 1e-3
+
+
+def test_bytes_step_up_at_their_thresholds(kernels):
+    """A threshold has the next code already, the float32 before it has not."""
+    thresholds, starts = _steps()
+    numbers = np.append(np.eye(3), 1).astype(F32)
+    values = np.resize(thresholds[:255], (85, 3))
+    given = int(Form.LINEAR), numbers, thresholds, starts
+    for colours, first in ((values, 1), (np.nextafter(values, F32(-1)), 0)):
+        got = kernels("color.spaces.encode", colours, *given, out=[((85, 3), U8)])
+        np.testing.assert_array_equal(got.ravel(), first + np.arange(255))
 
 
 @pytest.mark.parametrize("source", ["srgb", "rgb", "lab"])

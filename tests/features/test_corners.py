@@ -75,6 +75,15 @@ def test_subpix_is_skimages(backend, size):
         assert near.sum() > 3 or size == 3
 
 
+def test_subpix_of_a_single_pixel(backend):
+    """All gradients meet in it, exactly: a dot without any error is one, too."""
+    image = np.zeros((15, 15), np.float32)
+    image[7, 8] = 4
+    got = cvkern.corner_subpix(image, [[7, 8]], window_size=5)
+    np.testing.assert_array_equal(got, skimage.feature.corner_subpix(image, np.array([[7, 8]]), 5))
+    np.testing.assert_array_equal(got, [[7, 8]])
+
+
 def test_sets_give_the_same_bits():
     found = []
     for name in KERNEL_SETS:

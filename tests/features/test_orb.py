@@ -1,14 +1,18 @@
-"""ORB against a NumPy statement of its steps, and against OpenCV's FAST."""
+"""ORB against a NumPy statement of its steps, and against OpenCV's FAST and bits."""
+
+from itertools import pairwise
 
 import cv2
 import numpy as np
 import pytest
 import scipy.ndimage as ndi
 import skimage.data
+from PIL import Image
+from skimage.feature.orb_cy import _orb_loop
 
 import cvkern
-from cvkern._runtime import KERNEL_SETS
-from cvkern.features.binary import EDGE, pattern
+from cvkern._runtime import KERNEL_SETS, runtime
+from cvkern.features.binary import EDGE, pattern, sizes_of
 
 CAMERA = skimage.data.camera()[100:260, 150:350]
 
@@ -46,17 +50,55 @@ def test_measure_direction_and_bits(backend):
     np.testing.assert_allclose(found.responses, want, rtol=1e-6)
     i, j = np.mgrid[-15:16, -15:16]
     disc = i * i + j * j <= 15 * 16
-    smooth = ndi.gaussian_filter(CAMERA.astype(float), 2, mode="mirror", truncate=1.5)
-    pairs, wrong = pattern(), 0
+    smooth = cv2.GaussianBlur(CAMERA, (7, 7), 2).astype(int)
     for n, (y, x) in enumerate(points):
         window = CAMERA[y - 15 : y + 16, x - 15 : x + 16] * disc
         angle = np.arctan2((i * window).sum(), (j * window).sum())
         assert abs(found.orientations[n] - angle) < 1e-6
         turn = int(np.floor(angle * 64 / (2 * np.pi) + 0.5)) % 64
-        p = pairs[turn]
-        bits = smooth[y + p[:, 0], x + p[:, 1]] < smooth[y + p[:, 2], x + p[:, 3]]
-        wrong += (np.packbits(bits, bitorder="little") != found.descriptors[n]).sum()
-    assert wrong <= 2  # pairs of equal values, which float64 takes for unequal
+        rows = (pattern()[turn] + 32) // 64
+        values = smooth[y + rows, x + pattern()[turn] - 64 * rows]
+        bits = np.packbits(values[:, 0] < values[:, 1], bitorder="little")
+        np.testing.assert_array_equal(bits, found.descriptors[n])
+
+
+def test_bits_are_opencvs(backend):
+    """At the same points, turned by the same steps: a place may be rounded to another pixel."""
+    found = cvkern.orb(CAMERA, None, levels=1)
+    steps = np.floor(found.orientations.astype(float) * 64 / (2 * np.pi) + 0.5) % 64
+    peer = cv2.ORB.create(500, nlevels=1, edgeThreshold=EDGE)
+    places = zip(found.points.tolist(), steps.tolist(), strict=True)
+    points = [cv2.KeyPoint(x, y, 31, step * 360 / 64, 0, 0) for (y, x), step in places]
+    points, bits = peer.compute(CAMERA, points)
+    assert len(points) == len(found.points)
+    assert np.unpackbits(bits ^ found.descriptors).mean() < 0.003
+
+
+def test_pairs_are_those_of_scikit_image():
+    """Its loop over the pairs, on the same smoothed image, gives the same bits."""
+    found = cvkern.orb(CAMERA, 60, levels=1)
+    steps = np.floor(found.orientations.astype(float) * 64 / (2 * np.pi) + 0.5)
+    smooth = cv2.GaussianBlur(CAMERA, (7, 7), 2).astype(float)
+    bits = _orb_loop(smooth, found.points.astype(np.intp), steps * 2 * np.pi / 64)
+    want = np.packbits(np.asarray(bits) > 0, axis=1, bitorder="little")
+    np.testing.assert_array_equal(found.descriptors, want)
+
+
+@pytest.mark.parametrize(
+    ("side", "downscale"), [((160, 200), 1.2), ((300, 420), 3.1), ((90, 330), 1.3)]
+)
+def test_smaller_sizes_are_pillows(backend, side, downscale):
+    """Pillow's weights are finer: both passes may round to the next byte."""
+    image = np.ascontiguousarray(skimage.data.camera()[: side[0], : side[1]])
+    sides, starts, weights = sizes_of(*side, 3, downscale)
+    assert len(sides) > 1
+    made = [image, *(np.empty(shape, np.uint8) for shape in sides[1:])]
+    rt = runtime(image)
+    given = [rt.adopt(a, np.uint8) for a in made]
+    rt.features.binary.shrink(given, rt.constant(starts), rt.constant(weights))
+    for before, after in pairwise(made):
+        want = Image.fromarray(before).resize(after.shape[::-1], Image.Resampling.BILINEAR)
+        assert np.abs(np.asarray(want).astype(int) - after).max() <= 2
 
 
 def test_a_budget_keeps_the_strongest(backend):
@@ -113,14 +155,16 @@ def test_small_and_empty_images(backend):
 
 def test_the_pattern_stays():
     """What was described once can be matched later: the first pairs, and a weighted sum of all."""
-    pairs = pattern()
-    assert pairs.shape == (64, 256, 4)
-    assert np.abs(pairs).max() <= 15
-    assert pairs[0][:2].tolist() == [[-7, 7, -5, -3], [-8, -9, 1, -1]]
-    assert (pairs.ravel() * (np.arange(pairs.size) % 997)).sum() == -58626
-    quarter = np.stack((pairs[0][:, 1], -pairs[0][:, 0]), axis=1)  # (row, column) by 90 degrees
-    # No place lies half way between two pixels: to round and to turn by 90 degrees commute.
-    np.testing.assert_array_equal(pairs[16][:, :2], quarter)
+    places = pattern().astype(int)
+    assert places.shape == (64, 256, 2)
+    rows = (places + 32) // 64
+    columns = places - 64 * rows
+    assert max(np.abs(rows).max(), np.abs(columns).max()) == 18
+    assert (rows[0, 0].tolist(), columns[0, 0].tolist()) == ([-3, 5], [8, 9])
+    assert (places.ravel() * (np.arange(places.size) % 997)).sum() == 19279952
+    # (row, column) by 90 degrees is (column, -row): upright places are whole pixels.
+    np.testing.assert_array_equal(rows[16], columns[0])
+    np.testing.assert_array_equal(columns[16], -rows[0])
 
 
 @pytest.mark.parametrize("downscale", [1.0, 4.5])

@@ -14,6 +14,7 @@ import cvkern
 from cvkern._runtime import KERNEL_SETS
 from cvkern.features._choice import best
 from tests.features import reference_sift as reference
+from tests.primitives import F32, I32
 
 CAMERA = skimage.data.camera()[140:270, 180:330]
 
@@ -187,3 +188,34 @@ def test_squares_take_turns(shape):
     ranked = [(k, -responses[n], n) for members in squares.values() for k, n in enumerate(members)]
     want = sorted(int(n) for _, _, n in sorted(ranked)[:40])
     assert best(responses, points, shape, 40, spread=True).tolist() == want
+
+
+def test_extrema_that_move_beyond_the_levels_are_left_out(kernels):
+    """Memory goes on behind an octave, with the very extremum that must not be looked for there."""
+    s, y, x = np.ogrid[:7, :11, :12]
+    differences = 1 - 0.02 * (s - 4.0) ** 2 - 0.01 * ((y - 5) ** 2 + (x - 6) ** 2)
+    levels = np.concatenate([np.zeros((1, 11, 12)), np.cumsum(differences, axis=0)]).astype(F32)
+    for count, kept in ((6, -1), (7, 0)):
+        octave = kernels._adopt(levels[:count])
+        _, cells = kernels(
+            "features.keypoints.refinement.refine", [octave], 0.5, 12.1, 2,
+            out=[((1, 4), F32), np.array([[0, 3, 5, 6]], I32)],
+        )  # fmt: skip
+        assert cells.tolist() == [[kept, 4, 5, 6]]
+
+
+@pytest.mark.parametrize("step", [(0, 1), (0, -1), (1, 0), (-1, 0)])
+def test_extrema_that_move_into_the_margin_are_left_out(kernels, step):
+    """The margin is 2 pixels wide; one that stays at the last pixel before it is kept."""
+    down, along = step
+    at = 5 + 3 * down, 6 + 4 * along - (along > 0)  # of 11 rows and 12 columns
+    for beyond, kept in ((0, 0), (1, -1)):
+        row, column = at[0] + beyond * down, at[1] + beyond * along
+        s, y, x = np.ogrid[:5, :11, :12]
+        differences = 1 - 0.02 * (s - 2.0) ** 2 - 0.01 * ((y - row) ** 2 + (x - column) ** 2)
+        levels = np.concatenate([np.zeros((1, 11, 12)), np.cumsum(differences, axis=0)])
+        _, cells = kernels(
+            "features.keypoints.refinement.refine", [kernels._adopt(levels.astype(F32))], 0.5,
+            12.1, 2, out=[((1, 4), F32), np.array([[0, 2, *at]], I32)],
+        )  # fmt: skip
+        assert cells.tolist() == [[kept, 2, row, column]]

@@ -10,6 +10,7 @@ import numpy as np
 
 import cvkern
 
+LARGEST = 3.4e38  # nearly the end of float32
 Maker = Callable[["Draw"], Any]
 MODES = ["reflect", "constant", "nearest", "mirror", "wrap"]
 DTYPES = [
@@ -106,8 +107,15 @@ class Draw(NamedTuple):
         return bool(self.rng.random() < share)
 
 
+def alike(draw: Draw) -> Draw:
+    """Return numbers that are the same for each argument of a call."""
+    return Draw(np.random.default_rng((*draw.shape, draw.salt)), draw.shape, draw.salt)
+
+
 class Call(NamedTuple):
     """A function, makers of its arguments, and whether both kernel sets give the same bits.
+
+    `equal` may be a device, the only one on which they do.
 
     `but` tells of arguments for which the sets may differ, as docs/built.md says.
     """
@@ -115,7 +123,7 @@ class Call(NamedTuple):
     function: Callable[..., Any]
     needed: dict[str, Maker]
     options: dict[str, Maker]
-    equal: bool = True
+    equal: bool | str = True
     but: Callable[[dict[str, Any]], bool] = lambda arguments: False
 
 
@@ -160,7 +168,7 @@ def image(draw: Draw, shape: tuple[int, ...] | None = None) -> Any:
     array: Any
     if dtype.kind == "f":
         array = (
-            (values * draw.pick([1, 1, 255, 1e-5, 1e30])).astype(dtype)
+            (values * draw.pick([1, 1, 1, 1, 255, 255, 1e-5, 1e30, LARGEST])).astype(dtype)
             if dtype.itemsize > 2
             else values.astype(dtype)
         )
@@ -296,6 +304,21 @@ def channels(draw: Draw) -> Any:
     return image(draw, shape)
 
 
+def many_colours(draw: Draw) -> Any:
+    """Return an image with channels last, which has the shape and dtype of others of the call."""
+    same = alike(draw)
+    shape, dtype = (*draw.shape, same.pick([1, 2, 3, 4])), same.pick(["uint8", "uint16", "f4"])
+    values = draw.rng.random(shape)
+    return (values * (1 if dtype == "f4" else 255)).astype(dtype)
+
+
+def guide(draw: Draw) -> Any:
+    """Return an image of bytes, mostly."""
+    if draw.odd(0.2):
+        return image(draw)
+    return draw.rng.integers(0, draw.pick([2, 256]), draw.shape).astype(np.uint8)
+
+
 def one_of(*makers: Maker) -> Maker:
     """Return a maker that is one of several, at random."""
     return lambda draw: draw.pick(makers)(draw)
@@ -320,8 +343,10 @@ def colour(draw: Draw) -> Any:
 
 def disparities(draw: Draw) -> Any:
     """Return a range that mostly fits the width."""
-    first = int(draw.rng.integers(-3, 3))
-    return first, first + int(draw.rng.integers(1, max(2, min(draw.shape[1], 33))))
+    width = draw.shape[1]
+    first = int(draw.rng.integers(max(-3, 1 - width), 3))
+    stop = first + int(draw.rng.integers(1, max(2, min(width, 33))))
+    return first, (min(stop, width) if draw.odd(0.9) else stop)
 
 
 def dists(draw: Draw) -> Any:

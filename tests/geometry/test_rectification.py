@@ -102,6 +102,14 @@ def test_samples_are_numpys_in_every_bit(kernels, scalar, channels, parabolas):
     np.testing.assert_array_equal(found, want)
 
 
+@pytest.mark.parametrize("dtype", [U8, F32])
+def test_without_a_lens_every_pixel_stays(backend, dtype):
+    """Those of the last row and the last column, too: places are exact."""
+    image = np.random.default_rng(0).integers(1, 256, (33, 65)).astype(dtype)
+    camera = cvkern.Camera([[64, 0, 32], [0, 64, 16], [0, 0, 1]], [0] * 5, (33, 65))
+    np.testing.assert_array_equal(cvkern.undistort(image, camera, camera.matrix), image)
+
+
 @pytest.mark.parametrize("channels", [(), (3,)])
 def test_images_are_those_of_opencv(backend, channels):
     image = picture(*channels)

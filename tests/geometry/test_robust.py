@@ -156,6 +156,23 @@ def test_refine_keeps_what_is_better(kernels):
         assert costs[i, 0] <= before + before // 16
 
 
+@pytest.mark.parametrize(("number", "shift", "taken"), [(4, 1.1, True), (10, 1.5, False)])
+def test_refine_may_cost_a_sixteenth_more(kernels, number, shift, taken):
+    """Least squares move to outliers in symmetric places: by 5 % of the cost, and by 20 %."""
+    y, x = np.mgrid[-1:1:10j, -1:1:10j].reshape(2, -1)
+    u = x.copy()
+    u[: number // 2] += 0.1 * shift
+    u[100 - number // 2 :] += 0.1 * shift
+    matches = np.pad(np.stack([x, y, u, y]), ((0, 0), (0, 28))).astype(F32)
+    spans, squares = np.array([[0, 100]], I32), np.array([0.01], F32)
+    models, _ = kernels(
+        "geometry.robust.refine", Given(matches, spans, squares, PLANES), np.zeros(1, I32), 0,
+        np.array([4], F32), out=[np.eye(3).reshape(1, 1, 9), ((1, 1, 2), I32)],
+    )  # fmt: skip
+    moved = number / 100 * 0.1 * shift if taken else 0
+    assert models[0, 0, 2] == pytest.approx(moved, abs=1e-7)  # float32 of the matches
+
+
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_mark(kernels, kind):
     matches, spans, squares = pairs(kind)
@@ -299,6 +316,18 @@ def test_propose_epipoles_beside_a_plane(kernels):
         one, other = model / np.linalg.norm(model), right.ravel() / np.linalg.norm(right)
         assert min(np.abs(one - other).max(), np.abs(one + other).max()) < 1e-3
         assert cost == reference.cost(model, matches, squares[0], 4)[0]
+
+
+def test_matches_on_the_plane_have_no_epipole(kernels):
+    a = np.random.default_rng(0).uniform(-1, 1, (2, 32)).astype(F32)
+    spans, squares = np.array([[0, 32]], I32), np.array([1e-4], F32)
+    given = Given(np.concatenate([a, a]), spans, squares, np.eye(3).reshape(1, 9))
+    models, costs = kernels(
+        "geometry.robust.propose", given, np.zeros(1, I32), Draw(4, 0, 0),
+        out=[((1, 2, 9), F32), ((1, 2), I32)],
+    )  # fmt: skip
+    assert (costs == reference.NO_COST).all()
+    assert (models == 0).all()
 
 
 def test_fundamental_matrices_have_equal_bits(all_kernels):

@@ -45,6 +45,7 @@ def test_the_first_value_out_of_range_is_named(backend, wrong):
     values[~mask] = np.nan  # nobody looks there
     rt = runtime(mask)
     found = mask_points(rt, mask, "test")
+    values[tuple(np.argwhere(mask)[3:5].T)] = 0, 2  # both bounds are in range
     check_at_points(rt, found, rt.adopt(values), "weights", 0, 2)
     row, column = np.argwhere(mask)[57]
     values[row, column] = values[-1, -1] = wrong

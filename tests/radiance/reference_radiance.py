@@ -67,30 +67,32 @@ def random_points(numbers, cells, seed, step):
     return (np.stack([i, j, k], 1) + offset) * 2 * side / cells - side
 
 
-def march(origin, direction, occupied, levels, cells, near, far, finest, cone, jitter):
-    """Return the distances of all samples of a ray in occupied cells, by asking at every step.
+def march(origins, directions, occupied, levels, cells, near, far, finest, cone, jitter):
+    """Return the distances of all samples of rays in occupied cells, by asking at every step.
 
     In float32 where a kernel could not otherwise come to the same places.
     """
     side = F32(2.0 ** (levels - 1))
-    least = np.where(direction < 0, F32(-1e-12), F32(1e-12))
-    inverse = F32(1) / np.where(np.abs(direction) < F32(1e-12), least, direction)
-    ends = np.stack([-side - origin, side - origin]) * inverse
-    enter, leave = ends.min(0).max(), ends.max(0).min()
-    if enter >= leave:
-        return np.empty(0, F32)
+    least = np.where(directions < 0, F32(-1e-12), F32(1e-12))
+    inverse = F32(1) / np.where(np.abs(directions) < F32(1e-12), least, directions)
+    ends = np.stack([-side - origins, side - origins]) * inverse
+    enter, leave = ends.min(0).max(1), ends.max(0).min(1)
     finest, cone = F32(finest), F32(cone)
-    t, last = F32(max(near, enter)), F32(min(far, leave))
-    t = F32(t + F32(jitter) * max(finest, F32(cone * t)))
-    steps = []
-    while t < last:
-        steps.append(t)
-        t = F32(t + max(finest, F32(cone * t)))
-    steps = np.array(steps, F32)
-    points = origin + steps[:, None] * direction
-    level, cell = cells_of(points, levels, cells)
-    inside = level < levels
-    return steps[inside & occupied[np.where(inside, cell, 0)]]
+    t, last = np.maximum(F32(near), enter), np.minimum(F32(far), leave)
+    last[enter >= leave] = 0
+    t = t + np.asarray(jitter, F32) * np.maximum(finest, cone * t)
+    steps = [t]
+    while (steps[-1] < last).any():
+        steps.append(steps[-1] + np.maximum(finest, cone * steps[-1]))
+    found = []
+    for t, end, origin, direction in zip(
+        np.stack(steps, 1), last, origins, directions, strict=True
+    ):
+        t = t[: np.searchsorted(t, end)]
+        level, cell = cells_of(origin + t[:, None] * direction, levels, cells)
+        inside = level < levels
+        found.append(t[inside & occupied[np.where(inside, cell, 0)]])
+    return found
 
 
 # --------------------------------------------------------------------------------- compositing

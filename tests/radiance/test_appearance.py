@@ -117,7 +117,7 @@ def test_changed_light_is_told_from_the_scene(scenes, model):
     clean, wild = scenes
     plain = fit(wild, GRID, steps=300, progress=False)
     mapped, without = (evaluate(m, wild).psnr.mean() for m in (model, plain))
-    assert mapped > without + 0.8  # measured: 1.6 dB
+    assert mapped > without + 2  # measured: 25.2 and 21.2 dB
     # A photograph is as it was taken in its own light, and not in that of another.
     view = int(np.flatnonzero(~clean.test)[5])
     truth = photograph(wild, view, model.behind)
@@ -181,8 +181,8 @@ def test_runs_are_equal_and_go_on(scenes, tmp_path, monkeypatch, field):
     np.testing.assert_array_equal(read.appearances, on.appearances)
     assert (read.appearance, read.gauge) == ("affine", 0)
     assert np.abs(on.appearances - np.eye(3, 4)).max() > 0.01
-    seen = [render(m, scenes[1].cameras, 3).color for m in (read, on)]
-    np.testing.assert_array_equal(*seen)
+    seen, wanted = (render(m, scenes[1].cameras, 3).color for m in (read, on))
+    np.testing.assert_array_equal(seen, wanted)
 
 
 def test_planes_and_films(tmp_path):

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.radiance import VoxelField, checkpoints, fit, load_model, make_scene, render
+from cvkern.radiance import (
+    VoxelField,
+    checkpoints,
+    evaluate,
+    fit,
+    load_model,
+    make_scene,
+    psnr,
+    render,
+)
 from cvkern.radiance.trainer import Trainer
 from tests.radiance.runs import FIELDS, TINY, interrupt, press_ctrl_c, same
 
@@ -101,12 +110,12 @@ def test_models_for_rendering_alone(scene, tmp_path, field):
     model.save(tmp_path / "whole.npz")
     model.save(tmp_path / "small.npz", resumable=False)
     small, whole = ((tmp_path / f"{name}.npz").stat().st_size for name in ("small", "whole"))
-    assert small < 0.6 * whole
+    assert small < 0.25 * whole
     read = load_model(tmp_path / "small.npz")
-    for a, b in zip(
-        render(read, scene.cameras, 3), render(model, scene.cameras, 3), strict=True
-    ):  # fmt: skip
-        np.testing.assert_array_equal(a, b)
+    seen, want = (render(m, scene.cameras, 3) for m in (read, model))
+    assert psnr(seen.color, want.color) > 55  # half precision has steps of 1 / 2048
+    lost = evaluate(model, scene).psnr - evaluate(read, scene).psnr
+    assert np.abs(lost).max() < 0.02
     read.save(tmp_path / "again.npz")
     for name in ("small.npz", "again.npz"):
         with pytest.raises(ValueError, match="checkpoint must be resumable, got"):

@@ -1,5 +1,7 @@
 """Points and surfaces of a field with known rays, and bad input to what looks at fields."""
 
+import json
+import struct
 import sys
 
 import numpy as np
@@ -8,6 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from cvkern.radiance import (
+    Mesh,
     mesh,
     orbit_cameras,
     point_cloud,
@@ -136,7 +139,7 @@ def test_meshes_as_files(tmp_path):
     faces = np.frombuffer(body[points.nbytes :], [("count", "u1"), ("corners", "<i4", 3)])
     assert (faces["count"] == 3).all()
     np.testing.assert_array_equal(faces["corners"], surface.faces)
-    with pytest.raises(ValueError, match=r"path must end in .ply, got 'ball.obj'"):
+    with pytest.raises(ValueError, match=r"path must end in .ply or .glb, got 'ball.obj'"):
         write_mesh("ball.obj", surface)
 
 
@@ -169,3 +172,50 @@ def test_mesh_without_scikit_image(monkeypatch):
 def test_errors(call, error, rule):
     with pytest.raises(error, match=rule):
         call(ball())
+
+
+def test_gltf(tmp_path):
+    """The file is read as the specification of glTF 2.0 says, by nothing of ours."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 2, 0], [0, 0, 3]], np.float32)
+    faces = np.array([[0, 2, 1], [0, 1, 3]], np.int32)
+    colors = np.array([[0, 0, 0], [255, 255, 255], [188, 10, 255], [1, 2, 3]], np.uint8)
+    write_mesh(tmp_path / "mesh.glb", Mesh(points, faces, colors))
+    data = (tmp_path / "mesh.glb").read_bytes()
+    magic, version, size, length, kind = struct.unpack_from("<4sIII4s", data)
+    assert (magic, version, size, kind, length % 4) == (b"glTF", 2, len(data), b"JSON", 0)
+    content = json.loads(data[20 : 20 + length])
+    count, kind = struct.unpack_from("<I4s", data, 20 + length)
+    body = data[28 + length :]
+    assert (kind, count) == (b"BIN\0", len(body))
+    assert content["buffers"] == [{"byteLength": count}]
+    assert content["asset"]["version"] == "2.0"
+    types = {5126: "<f4", 5123: "<u2", 5125: "<u4"}
+    columns = {"VEC3": 3, "VEC4": 4, "SCALAR": 1}
+
+    def values(number):
+        accessor = content["accessors"][number]
+        view = content["bufferViews"][accessor["bufferView"]]
+        begin = view["byteOffset"]
+        found = np.frombuffer(
+            body[begin : begin + view["byteLength"]], types[accessor["componentType"]]
+        ).reshape(-1, columns[accessor["type"]])
+        assert len(found) == accessor["count"]
+        assert begin % 4 == 0
+        if "min" in accessor:
+            assert (accessor["min"], accessor["max"]) == ([0, 0, 0], [1, 2, 3])
+        return found
+
+    (shape,) = content["meshes"][content["nodes"][0]["mesh"]]["primitives"]
+    np.testing.assert_array_equal(values(shape["attributes"]["POSITION"]), points)
+    np.testing.assert_array_equal(values(shape["indices"]).reshape(-1, 3), faces)
+    tints = values(shape["attributes"]["COLOR_0"]) / 65535
+    assert content["accessors"][shape["attributes"]["COLOR_0"]]["normalized"]
+    assert (tints[:, 3] == 1).all()
+    np.testing.assert_array_equal(tints[:2, :3], [[0] * 3, [1] * 3])
+    # Half of the light has the code 188 of sRGB.
+    np.testing.assert_allclose(tints[2, :3], [0.5029, 0.003035, 1], atol=1e-4)
+    upright = np.array(content["nodes"][0]["matrix"]).reshape(4, 4).T  # by columns
+    np.testing.assert_array_equal(upright @ [0, 0, 1, 1], [0, 1, 0, 1])
+    assert np.linalg.det(upright) == 1
+    with pytest.raises(ValueError, match="faces must have a triangle"):
+        write_mesh(tmp_path / "none.glb", Mesh(points, faces[:0], colors))

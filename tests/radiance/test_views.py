@@ -95,7 +95,7 @@ class Views:
 def test_rounds_are_what_one_look_is(kernels, space, share):
     space = SPACES[space]
     levels, cells = space[:2]
-    origins, directions = bundle(300)
+    origins, directions = bundle(80)
     occupied = blobs(levels, cells, share)
     whole = Views(kernels, origins, directions, occupied, space, 10**4, stop=0.0, thick=0.5)
     # With light left everywhere, the samples are those of training, but for the jitter.

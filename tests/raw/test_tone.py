@@ -26,7 +26,7 @@ def walk(shape):
     return np.cumsum(np.random.default_rng(0).normal(size=shape), axis=1).astype(np.float32)
 
 
-@pytest.mark.parametrize("shape", [(20, 24), (37, 270), (1, 9), (3, 2)])
+@pytest.mark.parametrize("shape", [(20, 24), (37, 270), (5, 540), (1, 9), (3, 2)])
 def test_the_filter_is_that_of_the_fast_equations(backend, shape):
     """In float32: a rounding of 30 is 2e-6, and a few of them add up."""
     image = walk(shape)

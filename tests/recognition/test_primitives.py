@@ -18,11 +18,14 @@ def test_patches(kernels, side):
     corners = np.array([(r, c) for r in (0, 3, 40 - side) for c in (0, 7, 26, 51 - side)], I32)
     pixels = kernels("recognition.patches.round_pixels", image, out=[(image.shape, I32)])
     size = -(-side * side // 32) * 32
+    patches = [pixels[r : r + side, c : c + side].astype(I64) for r, c in corners]
+    squares = [side**2 * (x**2).sum() - x.sum() ** 2 for x in patches]
+    least = int(np.sqrt(min(s for s in squares if s > 0)))  # the contrast that one patch just has
     found = kernels(
-        "recognition.patches.sample_patches", pixels, corners, side, side * side * 9,
+        "recognition.patches.sample_patches", pixels, corners, side, least,
         out=[((len(corners), size), I8)],
     )  # fmt: skip
-    want = reference.normalised(image, corners, side, side * side * 9)
+    want = reference.normalised(image, corners, side, least)
     np.testing.assert_array_equal(found[:, : side * side], want)
     assert not found[:, side * side :].any()
     assert not want.any(axis=1).all()
@@ -178,6 +181,11 @@ def test_evidence(kernels):
         [rng.integers(0, 900, 12), rng.integers(0, 1300, 12), rng.integers(-9, 50, 12), np.ones(12)]
     ).astype(I32)
     modes[1] = modes[0] + (20, 30, 0, 0)
+    halfway, rest = divmod(int(patches.levels[:2, 0].sum()), 2)
+    assert rest == 0  # as near to one level as to the next: the first one counts
+    modes[2:5] = [
+        (y, x, halfway - z, 1) for y, x, z in ((450, 600, 0), (300, 800, 0), (500, 700, 32))
+    ]
     found = kernels(
         "recognition.hypotheses.weigh_evidence", patches, weights, space, frame, modes,
         out=[((12,), I32)],

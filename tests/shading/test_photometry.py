@@ -254,6 +254,42 @@ def test_shadows_tell_nothing_of_the_lights():
     assert between(found, lamps(8, seed=1)).max() < 0.9  # measured: 0.78
 
 
+def ring(count, slant, spread=0.0):
+    """Return lights about the view."""
+    turns = np.arange(count) * 2 * np.pi / count
+    slants = np.radians(slant + np.random.default_rng(0).normal(0, spread, count))
+    return np.stack(
+        [np.sin(slants) * np.cos(turns), np.sin(slants) * np.sin(turns), np.cos(slants)], axis=1
+    )
+
+
+@pytest.mark.parametrize("spread", [0, 2])
+def test_a_ring_of_lights_tells_no_depth(spread):
+    """Their strengths are equal at any flattening: the answer was off by 39 degrees."""
+    y, x = np.indices((40, 40)) - 19.5
+    depth, true = (x**2 + y**2) / 400, ring(8, 40, spread)
+    with pytest.raises(ValueError, match=r"got lights on a ring .* equal='albedo'"):
+        cvkern.estimate_lights(cvkern.lambertian(depth, true))
+    bent = (x**2 + 1.5 * y**2) / 80 + 2 * np.sin(x / 4) * np.cos(y / 5)
+    images = cvkern.lambertian(bent, true)
+    assert between(cvkern.estimate_lights(images, equal="albedo"), true).max() < 0.5
+    more = np.vstack([true, [0, 0, 1]])
+    found = cvkern.estimate_lights(cvkern.lambertian(bent, more))
+    assert between(found, more).max() < 0.5
+
+
+@pytest.mark.parametrize("equal", ["lights", "albedo"])
+def test_noise_that_hides_a_flat_surface(equal):
+    """Its curvature is hidden, and the answers were off by more than 100 degrees."""
+    y, x = np.indices((40, 40)) - 19.5
+    depth = (x**2 + 1.5 * y**2) / 800 + 0.2 * np.sin(x / 4) * np.cos(y / 5)
+    images = cvkern.lambertian(depth, lamps(6), albedo=0.9)
+    assert between(cvkern.estimate_lights(images, equal=equal), lamps(6)).max() < 0.1
+    noisy = images + np.random.default_rng(0).normal(0, 0.005, images.shape)
+    with pytest.raises(ValueError, match=r"too flat a surface|a surface too flat for its noise"):
+        cvkern.estimate_lights(noisy, equal=equal)
+
+
 def test_lights_of_nobody_on_real_and_rendered_surfaces():
     for images, true, mask, _ in (data.ball(), data.bunny()):
         found = cvkern.estimate_lights(images, mask=mask)

@@ -1,4 +1,4 @@
-"""Refinement of disparities in NumPy, pixel by pixel."""
+"""Refinement of disparities in NumPy, from the definitions."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -7,12 +7,12 @@ from scipy.sparse.csgraph import connected_components
 
 def left_right(disparity, right, tolerance):
     """Keep d where the right disparity at x - floor(d + 1/2) is within the tolerance."""
-    checked = np.full(disparity.shape, np.nan, np.float32)
-    for (y, x), d in np.ndenumerate(disparity):
-        at = x - np.floor(d + 0.5)
-        if 0 <= at < disparity.shape[1] and abs(d - right[y, int(at)]) <= tolerance:
-            checked[y, x] = d
-    return checked
+    width = disparity.shape[1]
+    at = np.arange(width) - np.floor(disparity + 0.5)
+    there = (at >= 0) & (at < width)
+    partner = np.take_along_axis(right, np.where(there, at, 0).astype(int), 1)
+    agrees = there & (np.abs(disparity - partner) <= tolerance)
+    return np.where(agrees, disparity, np.nan).astype(np.float32)
 
 
 def remove_speckles(disparity, min_size, difference):
@@ -33,34 +33,34 @@ def fill(disparity):
     """Return the map with the smaller neighbour along the row in gaps, and what was no gap."""
     valid = np.isfinite(disparity)
     filled = np.full(disparity.shape, np.nan, np.float32)
-    rows = np.flatnonzero(valid.any(1))
-    for y, x in np.ndindex(disparity.shape):
-        if not len(rows):
-            continue
+    rows, x = np.flatnonzero(valid.any(1)), np.arange(disparity.shape[1])
+    for y in range(len(disparity) if len(rows) else 0):
         above = rows[rows <= y]
         source = above[-1] if len(above) else rows[0]
         columns = np.flatnonzero(valid[source])
-        bounds = [*columns[columns <= x][-1:], *columns[columns >= x][:1]]
-        filled[y, x] = min(disparity[source, bounds])
+        values = np.concatenate(([np.inf], disparity[source, columns], [np.inf]))
+        before = values[np.searchsorted(columns, x, "right")]
+        behind = values[np.searchsorted(columns, x, "left") + 1]
+        filled[y] = np.minimum(before, behind)
     return filled, valid
 
 
 def guided_median(disparity, guide, radius, contrast):
     """Sort each window; take the first value with half of the weight up to it."""
-    for axis in (1, 0):
-        size = disparity.shape[axis]
-        smooth = np.full(disparity.shape, np.nan, np.float32)
-        for at in np.ndindex(disparity.shape):
-            window = np.clip(np.arange(at[axis] - radius, at[axis] + radius + 1), 0, size - 1)
-            line = (at[0], window) if axis == 1 else (window, at[1])
-            values = disparity[line]
-            unlike = np.abs(guide[line].astype(int) - int(guide[at]))
-            weights = np.where(np.isnan(values), 0, np.maximum(1, contrast - unlike))
-            if weights.any():
-                order = np.argsort(values)
-                half = 2 * np.cumsum(weights[order]) >= weights.sum()
-                smooth[at] = values[order][np.argmax(half)]
-        disparity = smooth
+    guide = guide.astype(int)
+    for _ in range(2):  # along the rows, then along the columns
+        size = disparity.shape[1]
+        window = np.arange(size)[:, None] + np.arange(-radius, radius + 1)
+        window = window.clip(0, size - 1)
+        values = disparity[:, window]  # (H, W, window)
+        unlike = np.abs(guide[:, window] - guide[..., None])
+        weights = np.where(np.isnan(values), 0, np.maximum(1, contrast - unlike))
+        order = np.argsort(values, axis=2)
+        half = 2 * np.take_along_axis(weights, order, 2).cumsum(2) >= weights.sum(2, keepdims=True)
+        first = np.take_along_axis(order, half.argmax(2)[..., None], 2)
+        # Where all weights are zero, the first value is as good as any: all are NaN.
+        disparity = np.take_along_axis(values, first, 2)[..., 0].T
+        guide = guide.T
     return disparity
 
 

@@ -56,6 +56,20 @@ def test_points_are_where_they_were_made(backend, axis, lens):
     np.testing.assert_allclose(found[known], points[known], rtol=0, atol=1e-3)
 
 
+def test_long_rows(backend):
+    """A wall 6 away, seen by cameras without lenses; a row has several parts of 256 pixels."""
+    cameras = [cvkern.Camera([[600, 0, c], [0, 600, 2], [0, 0, 1]], [0] * 5, (4, 700))
+               for c in (300, 500)]  # fmt: skip
+    none = np.zeros((0, 3, 3)), np.zeros((0, 3))
+    shift = np.array([-1.0, 0, 0])
+    rig = cvkern.StereoCalibration(*cameras, np.eye(3), shift, 0.0, *none, np.zeros(24))
+    y, x = np.indices((4, 700)).astype(float)
+    found = cvkern.triangulate_columns(x - 300 - 600 / 6 + 500, rig)
+    # Columns of up to 800 are rounded by 2^-15; a column is 0.06 of depth, and 0.04 of x.
+    want = np.stack([(x - 300) / 100, (y - 2) / 100, np.full_like(x, 6)], 2)
+    np.testing.assert_allclose(found, want, rtol=0, atol=1e-4)
+
+
 def test_what_is_behind_is_nowhere():
     calibration = pair()
     _, columns, _ = hill(calibration)

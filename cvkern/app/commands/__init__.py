@@ -9,6 +9,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
+from cvkern.images._formats import PHOTOGRAPHS as PHOTOGRAPHS
+
 Backend = Annotated[
     str | None, typer.Option(help="Kernel set: warp or taichi.", show_default="warp")
 ]
@@ -25,7 +27,6 @@ Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Fol
 OverwriteFolder = Annotated[
     bool, typer.Option("--overwrite", help="Replace the results that DIR has.")
 ]
-PHOTOGRAPHS = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}  # endings of files
 
 
 def check_folder(output: Path, results: Sequence[str], overwrite: bool) -> None:

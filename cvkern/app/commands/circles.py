@@ -15,7 +15,6 @@ from cvkern.app.commands import (
     Backend,
     Device,
     Overwrite,
-    as_gray,
     check_apart,
     check_new,
     write_csv,
@@ -77,7 +76,7 @@ def circles(
     image = read_image(photo)
     with cvkern.use(backend=backend, device=device):
         found = cvkern.detect_circles(
-            as_gray(image),
+            image,
             radius,
             sigma=sigma,
             low_threshold=low_threshold,

@@ -12,7 +12,6 @@ from cvkern.app.commands import (
     Backend,
     Device,
     Overwrite,
-    as_gray,
     check_apart,
     check_new,
     write_csv,
@@ -64,7 +63,7 @@ def edges(
     """Find the edges of a photograph (Canny).
 
     Thresholds apply to Sobel's gradient, in the units of the file. By default they are taken from
-    the image. Colour is converted to grey, rounded to the dtype of the file.
+    the image. In a colour photograph, a pixel has the gradient of the channel where it is longest.
     """
     from cvkern.edges.quantiles import from_data
     from cvkern.images.drawing import overlay_mask
@@ -78,12 +77,11 @@ def edges(
     check_apart((photo,), output=output, subpixel=subpixel)
     check_new(subpixel, "subpixel", overwrite)
     image = read_image(photo)
-    gray = as_gray(image)
     with cvkern.use(backend=backend, device=device):
         low, high, use_quantiles = from_data(low_threshold, high_threshold, use_quantiles)
         thresholds = (sigma, low, high)
         mask = cvkern.canny(
-            gray,
+            image,
             *thresholds,
             use_quantiles=use_quantiles,
             operator=operator,
@@ -93,7 +91,7 @@ def edges(
             cval=cval,
         )
         points = subpixel and cvkern.subpixel_edges(
-            gray, *thresholds, use_quantiles=use_quantiles, mode=mode, cval=cval
+            image, *thresholds, use_quantiles=use_quantiles, mode=mode, cval=cval
         )
     shown = overlay_mask(image, mask) if overlay else mask
     said = f"{output}: {int(mask.sum())} edge pixels of {mask.shape[0]} x {mask.shape[1]}"

@@ -15,7 +15,6 @@ from cvkern.app.commands import (
     Backend,
     Device,
     Overwrite,
-    as_gray,
     check_apart,
     check_new,
     write_csv,
@@ -68,11 +67,11 @@ def find(
             f"scales must be LOW <= HIGH and a STEP, all > 0, got {low:g} {high:g} {step:g}"
         )
     sizes = low + step * np.arange(int((high - low) / step + 1e-6) + 1)
-    image, shape = read_image(scene), as_gray(read_image(template))
+    image, shape = read_image(scene), read_image(template)
     with cvkern.use(backend=backend, device=device):
         table = cvkern.r_table(shape, sigma=sigma)
         found = cvkern.generalized_hough(
-            as_gray(image), table, rotations=rotations, scales=sizes, num_peaks=num_peaks,
+            image, table, rotations=rotations, scales=sizes, num_peaks=num_peaks,
             threshold=threshold, sigma=sigma,
         )  # fmt: skip
     degrees = np.degrees(found.rotation)

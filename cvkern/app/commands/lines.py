@@ -15,7 +15,6 @@ from cvkern.app.commands import (
     Backend,
     Device,
     Overwrite,
-    as_gray,
     check_apart,
     check_new,
     write_csv,
@@ -67,15 +66,15 @@ def lines(
     check_new(to_csv, "csv", overwrite)
     check_new(to_json, "json", overwrite)
     image = read_image(photo)
-    gray, thresholds = as_gray(image), (sigma, low_threshold, high_threshold)
+    thresholds = (sigma, low_threshold, high_threshold)
     with cvkern.use(backend=backend, device=device):
         if whole:
-            found = cvkern.detect_lines(gray, *thresholds, min_votes=min_votes)
+            found = cvkern.detect_lines(image, *thresholds, min_votes=min_votes)
             table = np.column_stack((np.degrees(found.theta), found.rho, found.votes))
-            drawn = across(found.theta, found.rho, gray.shape)
+            drawn = across(found.theta, found.rho, image.shape[:2])
         else:
             drawn = table = cvkern.detect_segments(
-                gray, *thresholds, min_length=min_length, max_gap=max_gap
+                image, *thresholds, min_length=min_length, max_gap=max_gap
             )
     columns = LINE if whole else SEGMENT
     with contextlib.ExitStack() as files:  # an error in one file removes all

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands.scenes import FORWARD, SHAPES, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SHAPES, FORWARD = "shapes", "shapes-forward"
 SceneAt = Annotated[
     Path,
     typer.Argument(
         metavar="SCENE",
-        help=f"Folder of posed photographs, or '{SHAPES}' for a synthetic scene, "
-        f"'{FORWARD}' for one photographed from one side.",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
     ),
 ]
 PAGES = ".html", ".png"  # files of planes
@@ -88,6 +88,12 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="A setting of the field; repeatable."),
     ] = None,
+    log: Annotated[
+        Path | None,
+        typer.Option(
+            help="Log to write, .csv, or a folder for TensorBoard; --resume continues it."
+        ),
+    ] = None,
     shrink: Shrink = 1,
     overwrite: Overwrite = False,
     backend: Backend = None,
@@ -100,10 +106,12 @@ def train(
     from cvkern.radiance import fit
 
     check_new(output, "output", overwrite or resume, "--resume goes on with it, ")
+    if log is not None and log.suffix:
+        check_new(log, "log", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
-            _within(_scene(scene, shrink, test_every), bounds, near, far),
-            _with(field, setting) if setting else field,
+            within(scene_at(scene, shrink, test_every), bounds, near, far),
+            with_settings(field, setting) if setting else field,
             seconds=seconds,
             steps=steps,
             background=background,
@@ -113,6 +121,7 @@ def train(
             deterministic=deterministic,
             checkpoint=output,
             resume=resume,
+            log=log,
         )
     done = model.training
     said = f"{output}: 1 step"  # the time of the first step is not counted
@@ -135,7 +144,7 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="Picture to write; an orbit is .gif, or .mp4 if imageio-ffmpeg is installed.",
+            help="Picture to write; a film is .gif, or .mp4 if imageio-ffmpeg is installed.",
         ),
     ],
     view: Annotated[
@@ -144,8 +153,18 @@ def render(
     orbit: Annotated[
         bool, typer.Option("--orbit", help="A film from cameras around the scene.")
     ] = False,
+    path: Annotated[
+        Path | None,
+        typer.Option(
+            help="A film along the cameras of a file: nerfstudio's camera_path.json, or a "
+            "transforms.json."
+        ),
+    ] = None,
     frames: Annotated[int, typer.Option(help="Of the orbit.")] = 60,
-    fps: Annotated[float, typer.Option(help="Frames per second of the orbit.")] = 20.0,
+    fps: Annotated[
+        float | None,
+        typer.Option(help="Frames per second.", show_default="those of the path's file, or 20"),
+    ] = None,
     size: Size = 1.0,
     light: Annotated[
         int | None,
@@ -154,42 +173,58 @@ def render(
         ),
     ] = None,
     depth: Annotated[
-        Path | None, typer.Option(help="Picture of the depths to write; bright means near.")
+        Path | None,
+        typer.Option(
+            help="Depths to write: a picture, bright means near, or .npy: float32, in the scene's "
+            "units, NaN where nothing is."
+        ),
     ] = None,
     overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Render a view of a model, or an orbit."""
+    """Render a view of a model, an orbit, or a film along a camera path."""
     import numpy as np
 
     from cvkern._checks import check_positive
+    from cvkern._files import replacing
     from cvkern.images.colors import apply_colormap
     from cvkern.images.files import write_image
-    from cvkern.radiance import load_model, orbit_cameras, render_path
+    from cvkern.radiance import load_camera_path, load_model, orbit_cameras, render_path
     from cvkern.radiance import render as picture_of
 
-    if orbit and depth:
-        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with an orbit")
-    check_new(output if orbit else None, "output", overwrite)
+    if orbit and path:
+        raise ValueError(f"path must not go with an orbit, got {str(path)!r}")
+    film = orbit or path is not None
+    if film and depth:
+        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with a film")
+    raw = depth is not None and depth.suffix.lower() == ".npy"
+    check_new(output if film else None, "output", overwrite)
+    check_new(depth if raw else None, "depth", overwrite)
     check_positive(size, "size")
     check_apart((), output=output, depth=depth)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
-        if orbit:
-            cameras = orbit_cameras(made.cameras, frames, factor=size)
+        if film:
+            if path is None:
+                cameras, rate = orbit_cameras(made.cameras, frames, factor=size), 20.0
+            else:
+                cameras, rate = load_camera_path(path, made.cameras, factor=size)
             with progress_bar() as bar:
-                task = bar.add_task("Rendering", total=frames)
+                task = bar.add_task("Rendering", total=len(cameras))
                 render_path(
-                    made, cameras, output, fps=fps, appearance=light,
+                    made, cameras, output, fps=rate if fps is None else fps, appearance=light,
                     progress=lambda done, total: bar.update(task, completed=done, total=total),
                 )  # fmt: skip
-            typer.echo(f"{output}: {frames} frames of {cameras.height} x {cameras.width}")
+            typer.echo(f"{output}: {len(cameras)} frames of {cameras.height} x {cameras.width}")
             return
         cameras = made.cameras.scaled(size)
         seen = picture_of(made, cameras, view, appearance=light)
     write_image(output, np.round(255 * seen.color).astype(np.uint8))
-    if depth:
+    if depth and raw:
+        with replacing(depth) as beside:
+            np.save(beside, np.asarray(seen.depth, np.float32), allow_pickle=False)
+    elif depth:
         write_image(depth, apply_colormap(-seen.depth, nan=(0, 0, 0)))
     typer.echo(f"{output}: {cameras.height} x {cameras.width}")
 
@@ -206,7 +241,7 @@ def judge(
     from cvkern.radiance import evaluate, load_model
 
     with cvkern.use(backend=backend, device=device):
-        photographs = _scene(scene, shrink)
+        photographs = scene_at(scene, shrink)
         made = load_model(model)
         with progress_bar() as bar:
             task = bar.add_task("Rendering", total=None)
@@ -229,7 +264,7 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help="PLY to write (a mesh needs scikit-image), or a smaller model, .npz, for "
+            help="PLY or GLB to write (a mesh needs scikit-image), or a smaller model, .npz, for "
             "rendering only. Of planes: a page for a browser, .html, or an atlas, .png.",
         ),
     ],
@@ -248,8 +283,10 @@ def export(
     """Write a model as a coloured mesh, as a point cloud, as a page, or as a smaller model."""
     from cvkern.radiance import load_model, mesh, point_cloud, write_mesh, write_planes
 
-    if output.suffix.lower() not in (".ply", ".npz", *PAGES):
-        raise ValueError(f"output must end in .ply, .npz, .html or .png, got {str(output)!r}")
+    if output.suffix.lower() not in (".ply", ".glb", ".npz", *PAGES):
+        raise ValueError(f"output must end in .ply, .glb, .npz, .html or .png, got {str(output)!r}")
+    if points and output.suffix.lower() == ".glb":
+        raise ValueError(f"output must end in .ply for points, got {str(output)!r}")
     check_new(output, "output", overwrite)
     with cvkern.use(backend=backend, device=device):
         made = load_model(model)
@@ -326,55 +363,3 @@ def planes(
         else:
             write_planes(made, output)
     typer.echo(f"{output}: {count} planes of {height} x {width}")
-
-
-def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
-    """Return the scene with the bounds that are given."""
-    from dataclasses import replace
-
-    from cvkern.radiance import Bounds
-
-    if bounds is not None:
-        try:
-            x, y, z, half = map(float, bounds.split(","))
-        except ValueError:
-            raise ValueError(f"bounds must be X,Y,Z,HALF, got {bounds!r}") from None
-        scene = replace(scene, bounds=Bounds((x, y, z), half, scene.bounds.unbounded))
-    given = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
-    return replace(scene, **given) if given else scene
-
-
-def _with(field: str | None, settings: list[str]) -> Any:
-    """Return the field that suits the device, with the settings that are given."""
-    import json
-    from dataclasses import fields, replace
-
-    from cvkern._checks import check_choice
-    from cvkern.radiance.training import KINDS, suited
-
-    if field is not None:
-        check_choice(field, tuple(KINDS), "field")
-    made, found = suited(field), {}
-    for setting in settings:
-        name, _, text = setting.partition("=")
-        check_choice(name, tuple(f.name for f in fields(made)), "set")
-        try:
-            value = json.loads(text)
-        except ValueError:
-            raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
-        found[name] = tuple(value) if isinstance(value, list) else value
-    return replace(made, **found)
-
-
-def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
-    from cvkern._checks import check_integer
-    from cvkern.radiance import load_scene, make_scene
-
-    layouts = {SHAPES: "around", FORWARD: "forward"}
-    own = str(path) in layouts and not path.exists()
-    if own:
-        scene = make_scene(layout=layouts[str(path)])
-    else:
-        scene = load_scene(path, test_every=test_every)
-    check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
-    return scene if shrink == 1 else scene.resized(shrink)

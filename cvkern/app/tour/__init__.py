@@ -31,6 +31,7 @@ from cvkern.app.tour import (
     panorama,
     radiance,
     recognition,
+    reconstruction,
     scanning,
     shading,
     shapes,
@@ -48,7 +49,7 @@ FRAME_MILLISECONDS = 50
 CHAPTERS: tuple[Callable[[], Chapter], ...] = (
     edges.chapter, lines.chapter, circles.chapter, shapes.chapter, features.chapter,
     panorama.chapter, recognition.chapter, stereo.chapter, pair.chapter, scanning.chapter,
-    colour.chapter, shading.chapter, radiance.chapter,
+    colour.chapter, shading.chapter, reconstruction.chapter, radiance.chapter,
 )  # fmt: skip
 
 

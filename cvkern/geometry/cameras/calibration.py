@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_items, check_choice, check_integer, check_positive
+from cvkern._checks import as_items, check_choice, check_integer, check_positive, check_rows_columns
 from cvkern._runtime import runtime
 from cvkern.geometry._points import check_points, on_host, xy
 from cvkern.geometry.cameras._adjustment import (
@@ -239,10 +239,7 @@ def check_views(
     object_points: Any, image_points: Any, name: str
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the boards (N, 3) and image points (N, 2), x and y, of each view."""
-    try:
-        views = list(image_points)
-    except TypeError:
-        raise TypeError(f"{name} must be a sequence of arrays, got {image_points!r}") from None
+    views = as_items(image_points, name, "a sequence of arrays")
     if not views:
         raise ValueError(f"{name} must have one view at least, got none")
     missing = [n for n, view in enumerate(views) if view is None]
@@ -286,10 +283,7 @@ def host_points(points: Any, name: str, columns: int) -> np.ndarray:
 
 def check_shape(shape: Any) -> tuple[int, int]:
     """Return rows and columns of images."""
-    try:
-        rows, columns = shape
-    except (TypeError, ValueError):
-        raise ValueError(f"shape must be rows and columns of images, got {shape!r}") from None
+    rows, columns = check_rows_columns(shape, "images")
     return check_integer(rows, "shape", 1, MOST_SIDE), check_integer(columns, "shape", 1, MOST_SIDE)
 
 

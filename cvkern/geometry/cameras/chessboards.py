@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer
+from cvkern._checks import check_image, check_integer, check_rows_columns
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.filters.linear import gaussian_taps
 from cvkern.geometry.cameras._chessboard_grid import Saddles, area, describe, found_board, grids
@@ -89,10 +89,7 @@ def detect_chessboard(image: Any, shape: tuple[int, int]) -> Any:
     sides = tuple(image.shape)
     if len(sides) == 3 and sides[2] not in (3, 4):
         raise ValueError(f"image must have shape (H, W) or (H, W, 3 or 4), got {sides}")
-    try:
-        rows, columns = shape
-    except (TypeError, ValueError):
-        raise ValueError(f"shape must be rows and columns of corners, got {shape!r}") from None
+    rows, columns = check_rows_columns(shape, "corners")
     rows = check_integer(rows, "shape", 2, MOST_CORNERS)
     columns = check_integer(columns, "shape", 2, MOST_CORNERS)
     refuse_capture("detect_chessboard")

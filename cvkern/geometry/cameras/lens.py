@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_items, as_numbers, check_integer
+from cvkern._checks import FLOAT32_MAX, as_items, as_numbers, check_integer
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_points, on_host, xy
@@ -268,6 +268,8 @@ def check_pose(rotation: Any, translation: Any) -> tuple[np.ndarray, np.ndarray]
         turn = np.eye(3)
     else:
         turn = np.squeeze(as_numbers(rotation, "rotation"))
+        if not (np.abs(turn) <= FLOAT32_MAX).all():
+            raise ValueError(f"rotation must be finite, got {turn.tolist()}")
         if turn.shape == (3,):
             turn = turned(turn)
         if turn.shape != (3, 3):

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._arrays import library
 from cvkern._checks import (
     as_numbers,
     check_accumulator,
@@ -116,8 +115,7 @@ def hough_circle(
     dtype = np.float32 if normalize else np.int32
     votes = rt.empty(size, dtype)
     if orientation is None:
-        given = library(mask).dtype(mask)
-        view = rt.adopt(mask, given if given in (np.bool_, np.uint8) else np.bool_)
+        view = rt.adopt_mask(mask)
         rt.hough.circles.votes.vote_rings(view, rings, max(radii), rt.adopt(votes, dtype))
     else:
         angles = rt.adopt(orientation)

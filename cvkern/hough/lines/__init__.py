@@ -1,6 +1,7 @@
 """Lines and segments by voting."""
 
 from cvkern.hough.lines.peaks import HoughLinePeaks, hough_line_peaks
+from cvkern.hough.lines.progressive import probabilistic_hough_line
 from cvkern.hough.lines.segments import (
     LineFit,
     detect_lines,
@@ -30,5 +31,6 @@ __all__ = [
     "hough_line_peaks",
     "hough_line_segments",
     "hough_line_slope",
+    "probabilistic_hough_line",
     "suggest_line_bins",
 ]

@@ -150,9 +150,14 @@ class Field(abc.ABC):
         """
 
     def to_render(self, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return a state that renders the same, with zeros elsewhere, which files compress away."""
-        needless = ".mean", ".square"
-        return {k: np.zeros_like(a) if k.endswith(needless) else a for k, a in state.items()}
+        """Return a state to render: zeros where pictures need nothing, and half precision.
+
+        Files compress zeros away.
+        """
+        needless = ".mean", ".square", "occupancy.density"
+        return {
+            k: np.zeros_like(a) if k.endswith(needless) else halved(a) for k, a in state.items()
+        }
 
     @abc.abstractmethod
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
@@ -163,3 +168,11 @@ class Field(abc.ABC):
         ValueError
             If an array is missing or has the wrong shape.
         """
+
+
+def halved(values: np.ndarray) -> np.ndarray:
+    """Return floats in half precision, those too large as the largest; others as they are."""
+    if values.dtype != np.float32:
+        return values
+    most = np.finfo(np.float16).max
+    return values.clip(-most, most).astype(np.float16)

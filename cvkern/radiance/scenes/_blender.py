@@ -44,15 +44,15 @@ def load(file: Path, test_every: int, outside: bool) -> Scene:
         content = _content(part)
         for number, frame in enumerate(content["frames"]):
             files.append(_photograph(part, frame, number, outside))
-            poses.append(_pose(part, frame, number))
+            poses.append(pose_of(part, frame, number))
             held.append(split == "test")
         lenses += [(part, content)] * len(content["frames"])
     images = read_images(files)
     height, width = images.shape[1:3]
-    intrinsics = [_intrinsics(part, content, width, height)[0] for part, content in lenses]
+    intrinsics = [lens_of(part, content, width, height)[0] for part, content in lenses]
     return Scene(
         images,
-        _cameras(file, poses, np.array(intrinsics), width, height),
+        cameras_of(file, poses, np.array(intrinsics), width, height),
         np.array(held),
         Bounds((0.0, 0.0, 0.0), BLENDER_HALF, False),
         BLENDER_NEAR,
@@ -68,13 +68,13 @@ def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
     frames = [frames[i] for i in order]
     images = read_images([_photograph(file, frame, i, outside) for i, frame in enumerate(frames)])
     height, width = images.shape[1:3]
-    lenses = [_intrinsics(file, content | frame, width, height) for frame in frames]
-    poses = [_pose(file, frame, i) for i, frame in enumerate(frames)]
+    lenses = [lens_of(file, content | frame, width, height) for frame in frames]
+    poses = [pose_of(file, frame, i) for i, frame in enumerate(frames)]
     if any("split" in frame for frame in frames):
         held = np.array([frame.get("split") == "test" for frame in frames])
     else:
         held = every(len(frames), test_every)
-    views = _cameras(
+    views = cameras_of(
         file, poses, np.array([a for a, _ in lenses]), width, height,
         np.array([b for _, b in lenses]),
     )  # fmt: skip
@@ -101,11 +101,11 @@ def _cube(file: Path, content: dict[str, Any], views: Cameras) -> tuple[Bounds, 
         if half > 0:
             x, y, z = map(float, point)
             return Bounds((x, y, z), half, False), 0.05 * half
-    scale = _number(file, content, "scale", NGP_SCALE, 0.0)
-    half = 0.5 * _number(file, content, "aabb_scale", 1.0, 0.0) / scale
+    scale = number_of(file, content, "scale", NGP_SCALE, 0.0)
+    half = 0.5 * number_of(file, content, "aabb_scale", 1.0, 0.0) / scale
     offset = content.get("offset", NGP_OFFSET)
     offset = offset if isinstance(offset, list) and len(offset) == 3 else [offset] * 3
-    moved = [_number(file, {"offset": o}, "offset", NGP_OFFSET) for o in offset]
+    moved = [number_of(file, {"offset": o}, "offset", NGP_OFFSET) for o in offset]
     x, y, z = ((0.5 - o) / scale for o in moved)
     return Bounds((x, y, z), half, False), 0.05 / scale
 
@@ -137,7 +137,7 @@ def _content(file: Path) -> dict[str, Any]:
     return content
 
 
-def _number(
+def number_of(
     file: Path, content: dict[str, Any], name: str, default: float, above: float = -math.inf
 ) -> float:
     """Return the number called `name`, if the file has it."""
@@ -178,7 +178,7 @@ def _photograph(file: Path, frame: dict[str, Any], number: int, outside: bool) -
     raise FileNotFoundError(f"scene must have all its photographs, but {stem} is missing")
 
 
-def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
+def pose_of(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
     try:
         pose = np.array(frame["transform_matrix"], np.float64)
     except (KeyError, TypeError, ValueError, OverflowError):
@@ -197,7 +197,7 @@ def _pose(file: Path, frame: dict[str, Any], number: int) -> np.ndarray:
     return np.concatenate((turn @ TURN, pose[:, 3:]), axis=1)
 
 
-def _intrinsics(
+def lens_of(
     file: Path, lens: dict[str, Any], width: int, height: int
 ) -> tuple[list[float], list[float]]:
     """Return fx, fy, cx, cy and the distortion for the actual size of the images."""
@@ -206,7 +206,7 @@ def _intrinsics(
         raise ValueError(f"{file} must use one of {LENSES}, got {model}")
 
     def number(name: str, default: float, above: float = -math.inf) -> float:
-        return _number(file, lens, name, default, above)
+        return number_of(file, lens, name, default, above)
 
     wide, high = number("w", width, 0.0), number("h", height, 0.0)
     fx = number("fl_x", math.nan, 0.0)
@@ -224,7 +224,7 @@ def _intrinsics(
     return [fx * across, fy * down, cx, cy], bent
 
 
-def _cameras(
+def cameras_of(
     file: Path,
     poses: list[np.ndarray],
     intrinsics: np.ndarray,

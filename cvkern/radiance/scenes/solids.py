@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cvkern._checks import check_choice, check_integer
+from cvkern._checks import check_choice, check_flag, check_integer
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.kernels.codes.radiance import Pattern, Shape, Solids
 from cvkern.radiance.fields.field import Frame
@@ -23,6 +23,7 @@ WORLD = Bounds((0.0, 0.0, 0.0), 1.0, False)
 BALL = (0.0, 0.0, 0.25, 1.16)  # middle and radius of a ball around the solids
 TARGET = (0.0, 0.0, 0.22)
 DISTANCE = 3.7
+SPECKLES = 0.9  # strength of the speckles, from 0 to 1
 FOCAL = 1.5  # focal length in image sides
 LOW, HIGH = 8.0, 62.0  # degrees above the ground
 GOLDEN = math.pi * (3 - math.sqrt(5))
@@ -75,6 +76,7 @@ def make_scene(
     size: int = 100,
     samples: int = 2,
     layout: str = "around",
+    texture: bool = False,
 ) -> Scene:
     """Render photographs of a few solids on a plinth, from all sides and from above.
 
@@ -92,6 +94,8 @@ def make_scene(
         Rows and columns of an image, at most 4096.
     samples : int, default 2
         A pixel is the mean of `samples` x `samples` rays.
+    texture : bool, default False
+        Speckle all solids, so that keypoints are found on them (:func:`cvkern.reconstruct`).
 
     Returns
     -------
@@ -102,9 +106,9 @@ def make_scene(
     Raises
     ------
     TypeError
-        If a number is not an integer.
+        If a number is not an integer, or `texture` is not a bool.
     ValueError
-        If it is out of its range, or `layout` is unknown.
+        If a number is out of its range, or `layout` is unknown.
 
     Examples
     --------
@@ -119,6 +123,7 @@ def make_scene(
     samples = check_integer(samples, "samples", 1, 8)
     check_choice(layout, ("around", "forward"), "layout")
     forward = layout == "forward"
+    speckles = SPECKLES if check_flag(texture, "texture") else 0.0
     count, fine = train + test, size * samples
     marks = np.zeros(count, bool)
     if test:
@@ -129,7 +134,7 @@ def make_scene(
     views = cameras(look_at(eyes, TARGET), lens, fine, fine)
     rt = runtime()
     lens = on_device(rt, Frame(WORLD, 0.0, 0.0), views)
-    *solids, around, sun = (rt.constant(a) for a in _tables(forward))
+    *solids, around, sun = (rt.constant(a) for a in _tables(forward, speckles))
     origins, directions = (rt.zeros((fine * fine, 3)) for _ in range(2))
     seen, depth = rt.zeros((fine * fine, 4)), rt.zeros((fine * fine,))
     images = np.empty((count, fine, fine, 4), np.uint8)
@@ -171,7 +176,7 @@ def _eyes_in_front(count: int) -> np.ndarray:
     return np.array(TARGET) + DISTANCE * ahead + reach[:, None] * across
 
 
-def _tables(forward: bool) -> tuple[np.ndarray, ...]:
+def _tables(forward: bool, speckles: float) -> tuple[np.ndarray, ...]:
     """Return the solids as tables for kernels."""
     solids = SOLIDS + ROOM if forward else SOLIDS
     kinds = np.array([(s.kind, s.pattern) for s in solids], np.int32)
@@ -185,7 +190,9 @@ def _tables(forward: bool) -> tuple[np.ndarray, ...]:
         row[:9] = (np.array(about_z) @ np.array(about_x)).T.ravel()
         row[9:] = solid.middle
     sizes = np.array([(*s.size, s.rounding) for s in solids], np.float32)
-    paints = np.array([(*s.color, *s.second, s.gloss, s.scale) for s in solids], np.float32)
+    paints = np.array(
+        [(*s.color, *s.second, s.gloss, s.scale, speckles) for s in solids], np.float32
+    )
     sun = np.array(SUN, np.float32) / np.float32(np.linalg.norm(SUN))
     return (
         kinds,

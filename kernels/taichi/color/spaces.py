@@ -10,8 +10,9 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes.color import (
-    BINS,
+    DARKEST,
     DEGREES,
+    FIRST,
     LAB_LOW,
     LAB_SHIFT,
     LAB_SLOPE,
@@ -127,8 +128,7 @@ def _encode(
     colours: f32_2,
     source: ti.i32,
     numbers: f32_1,
-    thresholds: f32_1,
-    codes: i32_1,
+    steps: i32_1,
     zero: ti.i32,
     # outputs
     out: u8_2,
@@ -136,21 +136,17 @@ def _encode(
     for i in range(out.shape[0]):
         v = _mixed(colours, i, source, numbers, zero)
         for k in ti.static(range(3)):
-            value = ti.min(v[k], 1.0) if v[k] > 0.0 else 0.0
-            code = codes[ti.cast(value * float(BINS), ti.i32)]
-            if value >= thresholds[code]:
-                code += 1
-            out[i, k] = ti.cast(code, ti.u8)
+            bits = ti.bit_cast(ti.min(v[k], 1.0) if v[k] > DARKEST else DARKEST, ti.i32)
+            out[i, k] = ti.cast((steps[(bits >> 16) - FIRST] + (bits & 0xFFFF)) >> 16, ti.u8)
 
 
 @primitive
 def encode(
-    colours: np.ndarray,
-    source: int,
-    numbers: np.ndarray,
-    thresholds: np.ndarray,
-    codes: np.ndarray,
-    out: np.ndarray,
+    colours: np.ndarray, source: int, numbers: np.ndarray, steps: np.ndarray, out: np.ndarray
 ) -> None:
-    """Do the same to sRGB of 8 bits, whose steps up are at the thresholds; one thread a pixel."""
-    _encode(colours, source, numbers, thresholds, codes, 0, out)
+    """Do the same to sRGB of 8 bits, with a table of its steps up; one thread a pixel.
+
+    The upper half of a value's bits chooses a number, to which the lower half is added. The upper
+    half of the sum is the code.
+    """
+    _encode(colours, source, numbers, steps, 0, out)

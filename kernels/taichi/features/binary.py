@@ -6,32 +6,48 @@ high-speed corner detection", ECCV 2006]. Its score is the largest such t. A cor
 pixel of the eight around it has a larger score; of equal ones the first in raster order is kept.
 Corners are ranked by Harris' measure (corners.py) of the square around them.
 
+A smaller size of an image weighs the bytes of neighbouring rows, then of neighbouring columns, by
+integers whose sum is 128; each time the result is rounded to a byte, halves up.
+
 The direction of a corner is ``atan2(sum y I, sum x I)`` over a disc, with y and x from its middle.
-A bit of its descriptor is ``S(p_k) < S(q_k)``, where S is the smoothed image, and the 256 pairs
-(p_k, q_k) are turned with the corner in 64 steps [E. Rublee, V. Rabaud, K. Konolige and
+A bit of its descriptor is ``S(p_k) < S(q_k)``, where S is the image smoothed by integer weights and
+rounded, halves up, as by ``cv2.GaussianBlur``, and the 256 pairs (p_k, q_k) are turned with the
+corner in 64 steps [E. Rublee, V. Rabaud, K. Konolige and
 G. Bradski, "ORB: an efficient alternative to SIFT or SURF", ICCV 2011]. All decisions are in
 integers, except for the angle. One thread takes a pixel, or a corner.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.features import CIRCLE, DISC, PAIRS, TURNS, TURNS_PER_RADIAN, WORD
-from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.codes.features import (
+    BLUR,
+    BLUR_TAPS,
+    CIRCLE,
+    DISC,
+    PAIRS,
+    PATTERN_PITCH,
+    SHARES,
+    TURNS,
+    TURNS_PER_RADIAN,
+    WORD,
+)
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._polar import gradient_angle
 from cvkern.kernels.taichi._rounding import product
-from cvkern.kernels.taichi.filters.linear import correlate_separable
 
 from ._marks import count_marks, list_marks, rows_of
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+u16_2 = ti.types.ndarray(dtype=ti.u16, ndim=2)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
-f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+i16_3 = ti.types.ndarray(dtype=ti.i16, ndim=3)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 
@@ -52,14 +68,40 @@ def _round(
         dst[y, x] = ti.cast(ti.floor(ti.max(ti.min(src[y, x], 255.0), 0.0) + 0.5), ti.u8)
 
 
+@primitive
+def shrink(images: Sequence[np.ndarray], starts: np.ndarray, weights: np.ndarray) -> None:
+    """Make images 1, 2, ..., each of the one before, down the rows, then along them.
+
+    The starts and integer weights of the rows and columns of all images follow each other. One
+    thread an element and pass.
+    """
+    first = 0
+    for src, dst in pairwise(images):
+        middle, last = first + dst.shape[0], first + sum(dst.shape)
+        lines = scratch((dst.shape[0], src.shape[1]), np.uint8)
+        _shrink(src, starts[first:middle], weights[first:middle], True, lines)
+        _shrink(lines, starts[middle:last], weights[middle:last], False, dst)
+        first = last
+
+
 @ti.kernel
-def _widen(
+def _shrink(
     src: u8_2,
+    starts: i32_1,  # (m,)
+    weights: u8_2,  # (m, T)
+    down: ti.template(),
     # outputs
-    dst: f32_3,  # (1, H, W)
+    dst: u8_2,
 ):
-    for y, x in src:
-        dst[0, y, x] = ti.cast(src[y, x], ti.f32)
+    for y, x in dst:
+        k = y if ti.static(down) else x
+        total = SHARES // 2
+        for t in range(weights.shape[1]):
+            w = ti.cast(weights[k, t], ti.i32)
+            if w != 0:
+                i = starts[k] + t
+                total += w * ti.cast(src[i, x] if ti.static(down) else src[y, i], ti.i32)
+        dst[y, x] = ti.cast(total // SHARES, ti.u8)
 
 
 @primitive
@@ -203,32 +245,66 @@ def _weigh(
 @primitive
 def describe_corners(
     images: Sequence[np.ndarray],
-    taps: np.ndarray,
     cells: np.ndarray,
     pattern: np.ndarray,
     upright: int,
     angles: np.ndarray,
     descriptors: np.ndarray,
 ) -> None:
-    """Direction by the moments of a disc, bits by comparing pairs of pixels, smoothed by `taps`.
+    """Direction by the moments of a disc, bits by comparing pairs of smoothed pixels.
 
     Cells are as `list_corners` lists them. A thread a point.
     """
     for n, src in enumerate(images):
-        real = scratch((1, *src.shape), np.float32)
-        smooth = scratch((1, *src.shape), np.float32)
-        _widen(src, real)
-        correlate_separable(real, taps, taps, 1, int(Border.MIRROR), 0.0, smooth)
+        lines = scratch(src.shape, np.uint16)
+        smooth = scratch(src.shape, np.uint8)
+        _blur_down(src, lines)
+        _blur_along(lines, smooth)
         _describe(src, smooth, n, cells, pattern, upright, 0, angles, descriptors)
+
+
+@ti.kernel
+def _blur_down(
+    src: u8_2,
+    # outputs
+    lines: u16_2,
+):
+    for y, x in src:
+        if y >= BLUR and y < src.shape[0] - BLUR:
+            total = 0
+            for t in ti.static(range(2 * BLUR + 1)):
+                total += BLUR_TAPS[t] * ti.cast(src[y + t - BLUR, x], ti.i32)
+            lines[y, x] = ti.cast(total, ti.u16)
+
+
+@ti.kernel
+def _blur_along(
+    lines: u16_2,
+    # outputs
+    smooth: u8_2,
+):
+    for y, x in lines:
+        if x >= BLUR and x < lines.shape[1] - BLUR:
+            total = 1 << 15
+            for t in ti.static(range(2 * BLUR + 1)):
+                total += BLUR_TAPS[t] * ti.cast(lines[y, x + t - BLUR], ti.i32)
+            smooth[y, x] = ti.cast(total >> 16, ti.u8)
+
+
+@ti.func
+def _compared(smooth: ti.template(), y: ti.i32, x: ti.i32, place: ti.i32) -> ti.i32:
+    """Return the pixel at a place of the pattern, from its middle."""
+    row = (place + PATTERN_PITCH // 2) >> ti.static(PATTERN_PITCH.bit_length() - 1)
+    return ti.cast(smooth[y + row, x + place - PATTERN_PITCH * row], ti.i32)
 
 
 @ti.kernel
 def _describe(
     src: u8_2,
-    smooth: f32_3,  # (1, H, W)
+    smooth: u8_2,
     image: ti.i32,
     cells: i32_2,  # (N, 4)
-    pattern: i32_3,  # (TURNS, PAIRS, 4): row, column, row, column
+    pattern: i16_3,  # (TURNS, PAIRS, 2)
     upright: ti.i32,
     zero: ti.i32,
     # outputs
@@ -259,8 +335,8 @@ def _describe(
             bits = 0
             for k in range(8):
                 p = 8 * b + k
-                one = smooth[0, cy + pattern[turn, p, 0], cx + pattern[turn, p, 1]]
-                other = smooth[0, cy + pattern[turn, p, 2], cx + pattern[turn, p, 3]]
+                one = _compared(smooth, cy, cx, ti.cast(pattern[turn, p, 0], ti.i32))
+                other = _compared(smooth, cy, cx, ti.cast(pattern[turn, p, 1], ti.i32))
                 if one < other:
                     bits = bits | (1 << k)
             descriptors[n, b] = ti.cast(bits, ti.u8)

@@ -16,6 +16,8 @@ from cvkern.kernels.taichi._rounding import root
 from ._separable import correlate_along, correlate_down
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 
 
 @primitive
@@ -89,3 +91,43 @@ def _root_mean_square(
 def root_mean_square(dy: np.ndarray, dx: np.ndarray, dst: np.ndarray) -> None:
     """Compute ``sqrt((dy^2 + dx^2) / 2)`` of each pair."""
     _root_mean_square(dy.reshape(-1), dx.reshape(-1), 0, dst.reshape(-1))
+
+
+@ti.kernel
+def _add(
+    dy: f32_1,
+    dx: f32_1,
+    # outputs
+    dst: f32_1,
+):
+    for i in dy:
+        dst[i] = dy[i] + dx[i]
+
+
+@primitive
+def add(dy: np.ndarray, dx: np.ndarray, dst: np.ndarray) -> None:
+    """Compute ``dy + dx`` of each pair."""
+    _add(dy.reshape(-1), dx.reshape(-1), dst.reshape(-1))
+
+
+@ti.kernel
+def _confine(
+    mask: u8_3,
+    # outputs
+    dst: f32_3,
+):
+    for n, y, x in dst:
+        whole = 0 < y < dst.shape[1] - 1 and 0 < x < dst.shape[2] - 1
+        if whole:
+            for below, beside in ti.static(ti.ndrange((-1, 2), (-1, 2))):
+                if mask[n, y + below, x + beside] == 0:
+                    whole = False
+        if not whole:
+            dst[n, y, x] = 0.0
+
+
+@primitive
+def confine(mask: np.ndarray, dst: np.ndarray) -> None:
+    """Set pixels to 0 where they or one of their eight neighbours are masked or outside."""
+    planes = (1, *dst.shape)[-3:]
+    _confine(mask.reshape(planes), dst.reshape(planes))

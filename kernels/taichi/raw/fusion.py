@@ -22,6 +22,7 @@ any_4 = ti.types.ndarray(ndim=4)  # u8 or f32
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 f32_4 = ti.types.ndarray(dtype=ti.f32, ndim=4)
 
+STEEP = 1 / KNEE
 THIRD = float(np.float32(1) / np.float32(3))
 
 
@@ -194,14 +195,11 @@ def _finish(
                 plane = k * (out.shape[2] + 1) + c
                 band -= enlarged(coarse, plane, height, width, y, x, zero)
             total += product(weights[k, y, x], band, zero)
-        over = quotient(total - 1.0, KNEE, zero) + 1.0
-        low = total < KNEE
-        power = quotient(total, KNEE, zero) - 1.0 if low else -over
-        bent = product(KNEE, exp2(product(1.44269504, power, zero), zero), zero)
-        if low:
-            total = bent
-        elif over > 0.0:
-            total = 1.0 - bent
+        above = 1.0 - total
+        power = product(STEEP, ti.min(total, above), zero) - 1.0
+        if power < 0.0:
+            bent = product(1 / STEEP, exp2(product(1.44269504, power, zero), zero), zero)
+            total = bent if total < above else 1.0 - bent
         out[y, x, c] = total
 
 

@@ -12,13 +12,14 @@ import taichi as ti
 
 from cvkern.kernels.codes.structured_light import LENS_STEPS, NEAR
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi.geometry._lens import straightened
+from cvkern.kernels.taichi.geometry._lens import NEWTON_STEPS, WIDEST
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
-vec3 = ti.types.vector(3, ti.f32)
+vec2 = ti.types.vector(2, ti.f32)
+vec5 = ti.types.vector(5, ti.f32)
 
 
 @primitive
@@ -40,29 +41,51 @@ def intersect(
 
 
 @ti.func
-def _bent(lenses: ti.template(), x: ti.f32, y: ti.f32, axis: ti.template()) -> vec3:
-    """Return a coordinate of the projector's view, for f = 1, and its derivatives by x and y."""
-    k1 = lenses[1, 4]
-    k2 = lenses[1, 5]
-    p1 = lenses[1, 6]
-    p2 = lenses[1, 7]
-    k3 = lenses[1, 8]
+def _bent(lenses: ti.template(), view: ti.i32, x: ti.f32, y: ti.f32) -> vec5:
+    """Return the place where a ray is seen, for f = 1, and its derivatives xx, xy, yy.
+
+    The operations have the order of Warp's header, which gives both sets equal bits on the CPU.
+    """
+    k1 = lenses[view, 4]
+    k2 = lenses[view, 5]
+    p1 = lenses[view, 6]
+    p2 = lenses[view, 7]
+    k3 = lenses[view, 8]
     r2 = x * x + y * y
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * k3 * r2))  # d radial / d x = slope x
-    mixed = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-    found = vec3(
-        x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
-        radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x,
-        mixed,
+    b = 2.0 * (p1 * x + p2 * y)
+    c = 2.0 * p1 * y
+    d = 2.0 * p2 * x
+    return vec5(
+        x * (radial + c) + p2 * (r2 + 2.0 * x * x),
+        y * (radial + d) + p1 * (r2 + 2.0 * y * y),
+        radial + slope * x * x + c + 3.0 * d,
+        slope * x * y + b,
+        radial + slope * y * y + 3.0 * c + d,
     )
-    if ti.static(axis == 1):
-        found = vec3(
-            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
-            mixed,
-            radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x,
-        )
-    return found
+
+
+@ti.func
+def _straightened(lenses: ti.template(), row: ti.f32, column: ti.f32) -> vec2:
+    """Return the point, for f = 1, whose distorted image is at the pixel: Newton's method.
+
+    If there is none, the result is arbitrary, but never so far away that a ray has no direction.
+    """
+    want_x = (column - lenses[0, 2]) / lenses[0, 0]
+    want_y = (row - lenses[0, 3]) / lenses[0, 1]
+    x = want_x
+    y = want_y
+    for _ in range(NEWTON_STEPS):
+        seen = _bent(lenses, 0, x, y)
+        inverse = 1.0 / (seen[2] * seen[4] - seen[3] * seen[3])  # the Jacobian is symmetric
+        off_x = (seen[0] - want_x) * inverse
+        off_y = (seen[1] - want_y) * inverse
+        x -= seen[4] * off_x - seen[3] * off_y
+        y -= seen[2] * off_y - seen[3] * off_x
+    if not (ti.abs(x) < WIDEST and ti.abs(y) < WIDEST):
+        x, y = want_x, want_y
+    return vec2(x, y)
 
 
 @ti.kernel
@@ -80,7 +103,7 @@ def _intersect(
         known = place >= -0.5
         if valid.shape[0] == places.shape[0] and valid.shape[1] == places.shape[1]:
             known = known and valid[i, j] != 0
-        ray = straightened(lenses, 0, ti.cast(i, ti.f32), ti.cast(j, ti.f32))
+        ray = _straightened(lenses, ti.cast(i, ti.f32), ti.cast(j, ti.f32))
         x = ray[0]
         y = ray[1]
         across = pose[0] * x + pose[1] * y + pose[2]
@@ -97,13 +120,18 @@ def _intersect(
         depth = 0.0
         for _ in range(LENS_STEPS):
             depth = ahead + w * pose[11]
-            p = (across + w * pose[9]) / depth
-            q = (down + w * pose[10]) / depth
-            seen = _bent(lenses, p, q, axis)
-            dp = (pose[9] - p * pose[11]) / depth
-            dq = (pose[10] - q * pose[11]) / depth
+            inverse = 1.0 / depth
+            p = (across + w * pose[9]) * inverse
+            q = (down + w * pose[10]) * inverse
+            dp = (pose[9] - p * pose[11]) * inverse
+            dq = (pose[10] - q * pose[11]) * inverse
+            seen = _bent(lenses, 1, p, q)
+            slope = seen[2] * dp + seen[3] * dq
             off = seen[0] - wanted
-            w -= off / (seen[1] * dp + seen[2] * dq)
+            if ti.static(axis == 1):
+                slope = seen[3] * dp + seen[4] * dq
+                off = seen[1] - wanted
+            w -= off / slope
         z = 1.0 / w
         known = known and ti.abs(off) < NEAR and w > 0.0 and depth > 0.0
         if not known or ti.math.isnan(z) or ti.math.isinf(z):

@@ -1,32 +1,79 @@
 """Histograms and tone curves in Warp; the Taichi set has the rules.
 
-One thread takes a pixel; on the CPU, a slab of pixels, except for counting, which one thread does.
+On CUDA one thread takes a pixel. On the CPU a thread takes a slab, with histograms of its own; they
+are added up afterwards.
 """
 
+import numpy as np
 import warp as wp
 
-from cvkern.kernels.codes.color import LEVELS, TONES
-from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.codes.color import TONES
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp.color import _contrast_cpu as cpu
+from cvkern.kernels.warp.color import _contrast_cuda as cuda
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-_MOST = wp.constant(float(LEVELS - 1))
 _TONES = wp.constant(TONES)
-# Threads of the CPU share counters, so one of them counts: a slab is never cut.
-_WHOLE = 0
+_THREADS = 2**16  # threads of CUDA that compare levels
 
 
-def levels(image: wp.array, scale: float, found: wp.array, counts: wp.array) -> None:
-    """Round the largest channel of (N, C) values, scaled, and count levels."""
-    launch_each(_levels, found.shape[0], _WHOLE, [image, scale], [found, counts])
+def levels(image: wp.array, scale: float, found: wp.array) -> None:
+    """Write the largest channel of (N, C) values, C 1 or 3; floats are scaled and rounded."""
+    size = found.shape[0]
+    if found.device.is_cuda:
+        launch(cuda.find_levels[image.dtype], size, [image, scale], [found])
+    else:
+        kernel = cpu.find_levels[image.dtype]
+        launch_slabs(kernel, size, slabs(size, image.size), [image, scale], [found])
+
+
+def count_levels(found: wp.array, counts: wp.array) -> None:
+    """Count how often each level occurs."""
+    size = found.shape[0]
+    if found.device.is_cuda:
+        launch(cuda.count_levels[found.dtype], size, [found], [counts])
+        return
+    number, length = slabs(size, size), counts.shape[0]
+    shape = (number, 8 if found.dtype is wp.uint8 else 1, length)
+    parts = scratch("contrast.parts", shape, wp.int32, found.device)
+    launch_slabs(cpu.count_levels[found.dtype], size, number, [found], [parts])
+    np.sum(parts.numpy(), axis=(0, 1), out=counts.numpy())
+
+
+def extent(found: wp.array, ends: wp.array) -> None:
+    """Find the smallest and the largest level; `ends` must begin as (2^16, -1)."""
+    size = found.shape[0]
+    if found.device.is_cuda:
+        threads = min(_THREADS, size)
+        launch(cuda.find_extent[found.dtype], threads, [threads, found], [ends])
+        return
+    number = slabs(size, size)
+    parts = scratch("contrast.parts", (number, 2), wp.int32, found.device)
+    launch_slabs(cpu.find_extent[found.dtype], size, number, [found], [parts])
+    ends.numpy()[...] = parts.numpy()[:, 0].min(), parts.numpy()[:, 1].max()
 
 
 def tiles(
     found: wp.array, bins: wp.array, rows: wp.array, columns: wp.array, counts: wp.array
 ) -> None:
     """Count (R, C, B) the bins of levels in tiles, whose pixels `rows` and `columns` name."""
-    count = rows.shape[0] * columns.shape[0]
-    launch_each(_tiles, count, _WHOLE, [found, bins, rows, columns], [counts])
+    inputs = [found, bins, rows, columns]
+    tall, wide, length = counts.shape
+    size = rows.shape[0] * columns.shape[0]
+    if found.device.is_cuda:
+        shape = (rows.shape[0], columns.shape[0])
+        launch(cuda.count_tiles[found.dtype], shape, inputs, [counts])
+        return
+    number = slabs(tall * wide, size + 4 * counts.size)
+    parts = scratch("contrast.parts", (number, 4, _entries(found, length)), wp.int32, found.device)
+    launch_slabs(cpu.count_tiles[found.dtype], tall * wide, number, [*inputs, parts], [counts])
+
+
+def tone_maps(counts: wp.array, limit: int, scale: float, maps: wp.array) -> None:
+    """Cut histograms (T, B) off at a limit, share out what is above, and scale their sums."""
+    inputs = [limit, scale]
+    launch_each(_tone_maps, counts.shape[0], 8 * counts.size, inputs, [counts, maps])
 
 
 def blend(
@@ -36,25 +83,66 @@ def blend(
     shares: wp.array,
     height: int,
     mixed: wp.array,
-    counts: wp.array,
 ) -> None:
-    """Mix the tones that the four nearest tiles map a pixel to, and count what comes out.
+    """Mix the tones that the four nearest tiles map a pixel to.
 
     `shares` are the weights of the lower tiles for each row of one of that height, then of the
     right ones for each column.
     """
     inputs = [found, bins, maps, shares, height]
-    launch_each(_blend, found.size, _WHOLE, inputs, [mixed, counts])
+    if found.device.is_cuda:
+        launch(cuda.blend_pixels[found.dtype], found.shape, inputs, [mixed])
+    else:
+        rows, number = found.shape[0], slabs(found.shape[0], 4 * found.size)
+        shape = (number, (maps.shape[1] + 1) * 4 * _entries(found, maps.shape[2]))
+        quads = scratch("contrast.parts", shape, wp.int32, found.device)
+        kernel = cpu.blend_rows[found.dtype]
+        shape = (number, 4 * (shares.shape[0] - height))
+        weights = scratch("contrast.weights", shape, wp.float64, found.device)
+        launch_slabs(kernel, rows, number, [*inputs, quads, weights], [mixed])
+
+
+def _entries(found: wp.array, bins: int) -> int:
+    """Return how many places a table of a thread has: one a byte, or one a bin."""
+    return 256 if found.dtype is wp.uint8 else bins
 
 
 def look_up(image: wp.array, found: wp.array, table: wp.array, out: wp.array) -> None:
-    """Replace the largest channel of (N, C) values by the table's, and scale the others with it."""
-    launch_each(_look_up, out.shape[0], 8 * out.size, [image, found, table], [out])
+    """Replace the largest channel of (N, C) values by the table's, and scale the others with it.
+
+    C is 1 or 3. Colours as bytes are rounded, and the table holds floats; else its type is theirs.
+    """
+    size, channels = out.shape
+    on = cuda if out.device.is_cuda else cpu
+    if channels == 1:
+        bits = wp.uint8 if out.dtype is wp.uint8 else wp.int32
+        kernel = on.read_table[found.dtype, bits]
+        inputs, results = [found, view(table, bits, table.shape)], [view(out, bits, (size,))]
+    else:
+        kernel = on.scale_colours[image.dtype, out.dtype]
+        inputs, results = [image, found, table], [out]
+    if out.device.is_cuda:
+        launch(kernel, size, inputs, results)
+    else:
+        launch_slabs(kernel, size, slabs(size, out.size), inputs, results)
 
 
 def count(image: wp.array, edges: wp.array, counts: wp.array) -> None:
     """Count the values in bins between edges; the last edge belongs to the last bin."""
-    launch_each(_count, image.shape[0], _WHOLE, [image, edges], [counts])
+    size = image.shape[0]
+    if image.device.is_cuda:
+        launch(
+            _count,
+            size,
+            [0, 0, size, size, image, edges],
+            [view(counts, wp.int32, (1, counts.shape[0]))],
+        )
+        return
+    number = slabs(size, size)
+    parts = scratch("contrast.parts", (number, counts.shape[0]), wp.int32, image.device)
+    parts.zero_()
+    launch_slabs(_count, size, number, [1, image, edges], [parts])
+    np.sum(parts.numpy(), axis=0, out=counts.numpy())
 
 
 def curve(
@@ -65,114 +153,48 @@ def curve(
 
 
 @wp.kernel
-def _levels(
+def _tone_maps(
     stride: int,
     first: int,
     last: int,
-    image: wp.array2d[float],
-    scale: float,
+    limit: int,
+    scale: wp.float64,
     # outputs
-    found: wp.array[int],
-    counts: wp.array[int],
+    counts: wp.array2d[int],
+    maps: wp.array2d[int],
 ):
-    for i in range(first + wp.tid(), last, stride):
-        value = image[i, 0]
-        for c in range(1, image.shape[1]):
-            value = wp.max(value, image[i, c])
-        value = wp.clamp(value * scale, 0.0, _MOST)
-        whole = int(value)
-        rest = value - float(whole)
-        # The nearest, and of two the even one, as NumPy rounds.
-        if rest > 0.5 or (rest == 0.5 and whole % 2 == 1):
-            whole += 1
-        found[i] = whole
-        wp.atomic_add(counts, whole, 1)
-
-
-@wp.kernel
-def _tiles(
-    stride: int,
-    first: int,
-    last: int,
-    found: wp.array2d[int],
-    bins: wp.array[int],
-    rows: wp.array[int],
-    columns: wp.array[int],
-    # outputs
-    counts: wp.array3d[int],
-):
-    height = rows.shape[0] // counts.shape[0]
-    width = columns.shape[0] // counts.shape[1]
-    for i in range(first + wp.tid(), last, stride):
-        y = i // columns.shape[0]
-        x = i % columns.shape[0]
-        code = bins[found[rows[y], columns[x]]]
-        wp.atomic_add(counts, y // height, x // width, code, 1)
-
-
-@wp.func
-def _share(value: int, weight: wp.float64):
-    return wp.float32(wp.float64(value) * weight)
-
-
-@wp.kernel
-def _blend(
-    stride: int,
-    first: int,
-    last: int,
-    found: wp.array2d[int],
-    bins: wp.array[int],
-    maps: wp.array3d[int],
-    shares: wp.array[wp.float64],
-    height: int,
-    # outputs
-    mixed: wp.array2d[int],
-    counts: wp.array[int],
-):
-    one = wp.float64(1.0)
-    width = shares.shape[0] - height
-    for i in range(first + wp.tid(), last, stride):
-        y = i // found.shape[1]
-        x = i % found.shape[1]
-        py = y + height // 2
-        px = x + width // 2
-        top = wp.max(py // height - 1, 0)
-        bottom = wp.min(py // height, maps.shape[0] - 1)
-        left = wp.max(px // width - 1, 0)
-        right = wp.min(px // width, maps.shape[1] - 1)
-        v = shares[py % height]
-        u = shares[height + px % width]
-        code = bins[found[y, x]]
-        total = _share(maps[top, left, code], (one - u) * (one - v))
-        total += _share(maps[top, right, code], u * (one - v))
-        total += _share(maps[bottom, left, code], (one - u) * v)
-        total += _share(maps[bottom, right, code], u * v)
-        tone = wp.min(int(total), _TONES - 1)
-        mixed[y, x] = tone
-        wp.atomic_add(counts, tone, 1)
-
-
-@wp.kernel
-def _look_up(
-    stride: int,
-    first: int,
-    last: int,
-    image: wp.array2d[float],
-    found: wp.array[int],
-    table: wp.array[float],
-    # outputs
-    out: wp.array2d[float],
-):
-    for i in range(first + wp.tid(), last, stride):
-        new = table[found[i]]
-        value = image[i, 0]
-        for c in range(1, out.shape[1]):
-            value = wp.max(value, image[i, c])
-        for c in range(out.shape[1]):
-            if out.shape[1] > 1 and value > 0.0:
-                out[i, c] = image[i, c] * new / value
-            else:
-                out[i, c] = new
+    length = counts.shape[1]
+    for t in range(first + wp.tid(), last, stride):
+        left = int(0)
+        for b in range(length):
+            left += wp.max(counts[t, b] - limit, 0)
+        share = left // length
+        free = int(0)
+        for b in range(length):
+            value = wp.min(counts[t, b], limit)
+            if value < limit - share:
+                value += share
+                left -= share
+            if value < limit and value >= limit - share:
+                left -= limit - value
+                value = limit
+            if value < limit:
+                free += 1
+            counts[t, b] = value
+        start = int(0)
+        while left > 0 and free > 0:
+            step = wp.max(free // left, 1)
+            for b in range(start, length, step):
+                if counts[t, b] < limit:
+                    counts[t, b] += 1
+                    left -= 1
+                    if counts[t, b] == limit:
+                        free -= 1
+            start = (start + 1) % length
+        total = int(0)
+        for b in range(length):
+            total += counts[t, b]
+            maps[t, b] = wp.min(int(wp.float64(total) * scale), _TONES - 1)
 
 
 @wp.func
@@ -190,17 +212,18 @@ def _place(steps: wp.array[wp.float64], value: wp.float64, count: int):
 
 @wp.kernel
 def _count(
-    stride: int,
+    slab: int,
     first: int,
     last: int,
+    stride: int,
     image: wp.array[float],
     edges: wp.array[wp.float64],
     # outputs
-    counts: wp.array[int],
+    counts: wp.array2d[int],
 ):
     for i in range(first + wp.tid(), last, stride):
-        low = _place(edges, wp.float64(image[i]), counts.shape[0])
-        wp.atomic_add(counts, low, 1)
+        low = _place(edges, wp.float64(image[i]), counts.shape[1])
+        wp.atomic_add(counts, slab, low, 1)
 
 
 @wp.kernel

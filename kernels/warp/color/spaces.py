@@ -6,8 +6,9 @@ The Taichi set has the equations.
 import warp as wp
 
 from cvkern.kernels.codes import color as codes
-from cvkern.kernels.codes.color import BINS, Form
-from cvkern.kernels.warp._launch import launch, launch_each, view
+from cvkern.kernels.codes.color import DARKEST, FIRST, Form
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs, view
+from cvkern.kernels.warp.color._spaces_cpu import encode_linear
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -23,7 +24,8 @@ _LAB_KNEE = wp.constant(codes.LAB_LOW ** (1 / 3))
 _LAB_SLOPE = wp.constant(codes.LAB_SLOPE)
 _LAB_SHIFT = wp.constant(codes.LAB_SHIFT)
 _DEGREES = wp.constant(codes.DEGREES)
-_BINS = wp.constant(float(BINS))
+_DARKEST = wp.constant(DARKEST)
+_FIRST = wp.constant(FIRST)
 
 
 def convert(colours: wp.array, source: int, target: int, numbers: wp.array, out: wp.array) -> None:
@@ -36,22 +38,19 @@ def convert(colours: wp.array, source: int, target: int, numbers: wp.array, out:
 
 
 def encode(
-    colours: wp.array,
-    source: int,
-    numbers: wp.array,
-    thresholds: wp.array,
-    codes: wp.array,
-    out: wp.array,
+    colours: wp.array, source: int, numbers: wp.array, steps: wp.array, out: wp.array
 ) -> None:
-    """Do the same to sRGB of 8 bits, whose steps up are at the thresholds."""
-    inputs = [source, numbers, thresholds, codes]
+    """Do the same to sRGB of 8 bits, with a table of its steps up."""
+    inputs = [source, numbers, steps]
     count = out.shape[0]
     if out.device.is_cuda and count % 4 == 0 and colours.ptr % 16 == 0 and out.ptr % 4 == 0:
         groups = (count // 4, 3)
         words = view(out, wp.uint32, groups)
         launch(_encode_four, count // 4, [view(colours, wp.vec4, groups), *inputs], [words])
-    else:
+    elif out.device.is_cuda or source != Form.LINEAR:
         launch_each(_encode, count, 20 * count, [colours, *inputs], [out])
+    else:
+        launch_slabs(encode_linear, count, slabs(count, count), [colours, numbers, steps], [out])
 
 
 @wp.func
@@ -133,18 +132,16 @@ def _convert(
 
 
 @wp.func
-def _code(v: float, thresholds: wp.array[float], codes: wp.array[int]):
-    value = wp.where(v > 0.0, wp.min(v, 1.0), 0.0)
-    code = codes[int(value * _BINS)]
-    return wp.where(value >= thresholds[code], code + 1, code)
+def _code(v: float, steps: wp.array[int]):
+    value = wp.where(v > _DARKEST, wp.min(v, 1.0), _DARKEST)
+    bits = wp.cast(value, wp.int32)
+    return (steps[(bits >> 16) - _FIRST] + (bits & 0xFFFF)) >> 16
 
 
 @wp.func
-def _word(
-    a: float, b: float, c: float, d: float, thresholds: wp.array[float], codes: wp.array[int]
-):
-    low = _code(a, thresholds, codes) | (_code(b, thresholds, codes) << 8)
-    high = _code(c, thresholds, codes) | (_code(d, thresholds, codes) << 8)
+def _word(a: float, b: float, c: float, d: float, steps: wp.array[int]):
+    low = _code(a, steps) | (_code(b, steps) << 8)
+    high = _code(c, steps) | (_code(d, steps) << 8)
     return wp.uint32(low) | (wp.uint32(high) << wp.uint32(16))
 
 
@@ -156,8 +153,7 @@ def _encode(
     colours: wp.array2d[float],
     source: int,
     numbers: wp.array[float],
-    thresholds: wp.array[float],
-    codes: wp.array[int],
+    steps: wp.array[int],
     # outputs
     out: wp.array2d[wp.uint8],
 ):
@@ -165,7 +161,7 @@ def _encode(
         given = wp.vec3(colours[i, 0], colours[i, 1], colours[i, 2])
         v = _mixed(given, source, numbers)
         for k in range(3):
-            out[i, k] = wp.uint8(_code(v[k], thresholds, codes))
+            out[i, k] = wp.uint8(_code(v[k], steps))
 
 
 @wp.kernel
@@ -173,8 +169,7 @@ def _encode_four(
     colours: wp.array2d[wp.vec4],
     source: int,
     numbers: wp.array[float],
-    thresholds: wp.array[float],
-    codes: wp.array[int],
+    steps: wp.array[int],
     # outputs
     out: wp.array2d[wp.uint32],
 ):
@@ -187,6 +182,6 @@ def _encode_four(
     two = _mixed(wp.vec3(a[3], b[0], b[1]), source, numbers)
     three = _mixed(wp.vec3(b[2], b[3], c[0]), source, numbers)
     four = _mixed(wp.vec3(c[1], c[2], c[3]), source, numbers)
-    out[i, 0] = _word(one[0], one[1], one[2], two[0], thresholds, codes)
-    out[i, 1] = _word(two[1], two[2], three[0], three[1], thresholds, codes)
-    out[i, 2] = _word(three[2], four[0], four[1], four[2], thresholds, codes)
+    out[i, 0] = _word(one[0], one[1], one[2], two[0], steps)
+    out[i, 1] = _word(two[1], two[2], three[0], three[1], steps)
+    out[i, 2] = _word(three[2], four[0], four[1], four[2], steps)

@@ -16,34 +16,45 @@ FILE = "_binary_cpu.h"
 DESCRIBE = {
     "DISC": codes.DISC,
     "BLUR": codes.BLUR,
+    "TAPS": ", ".join(map(str, codes.BLUR_TAPS)),
+    "REACH": codes.PATTERN_REACH,
+    "PITCH": codes.PATTERN_PITCH,
     "PAIRS": codes.PAIRS,
     "TURNS": codes.TURNS,
     "TURNS_PER_RADIAN": f"{codes.TURNS_PER_RADIAN!r}f",
 }
 
 
+@_native.func_native("_sizes_cpu.h")
+def make_sizes(
+    images: wp.array2d[wp.int64],
+    starts: wp.array[int],
+    weights: wp.array2d[wp.uint8],
+    shared: wp.array[int],
+): ...
+
+
 @_native.func_native(FILE)
 def mark_rows(
     slab: int,
-    first: int,
-    last: int,
-    src: wp.array2d[wp.uint8],
+    start: int,
+    stop: int,
+    images: wp.array2d[wp.int64],
     threshold: int,
     margin: int,
     lines: wp.array2d[wp.uint8],
-    words: wp.array3d[int],
+    words: wp.array[int],
     counts: wp.array[int],
 ): ...
 
 
 @_native.func_native(FILE)
-def list_row(
-    row: int,
-    src: wp.array2d[wp.uint8],
-    words: wp.array3d[int],
+def list_rows(
+    start: int,
+    stop: int,
+    images: wp.array2d[wp.int64],
+    words: wp.array[int],
     ends: wp.array[int],
-    image: int,
-    before: int,
     cells: wp.array2d[int],
     responses: wp.array[wp.int64],
 ): ...
@@ -53,9 +64,8 @@ def list_row(
 def describe_one(
     k: int,
     images: wp.array2d[wp.int64],
-    taps: wp.array[float],
     cells: wp.array2d[int],
-    pattern: wp.array3d[int],
+    pattern: wp.array3d[wp.int16],
     upright: int,
     angles: wp.array[float],
     descriptors: wp.array2d[wp.uint8],
@@ -80,20 +90,34 @@ def round_values(
 
 
 @wp.kernel
+def shrink(
+    slab: int,
+    first: int,
+    last: int,
+    images: wp.array2d[wp.int64],  # (O, 4)
+    starts: wp.array[int],
+    weights: wp.array2d[wp.uint8],
+    # scratch
+    shared: wp.array[int],  # (1 + groups of 32 rows of the smaller sizes,), cleared
+):
+    make_sizes(images, starts, weights, shared)
+
+
+@wp.kernel
 def mark(
     slab: int,
     first: int,
     last: int,
-    src: wp.array2d[wp.uint8],
+    images: wp.array2d[wp.int64],  # (O, 4)
     threshold: int,
     margin: int,
     # scratch
     lines: wp.array2d[wp.uint8],  # (3 slabs, W and 64 on both sides)
     # outputs
-    words: wp.array3d[int],  # (1, H, ceil(W / 32))
+    words: wp.array[int],
     counts: wp.array[int],
 ):
-    mark_rows(slab, first, last, src, threshold, margin, lines, words, counts)
+    mark_rows(slab, first, last, images, threshold, margin, lines, words, counts)
 
 
 @wp.kernel
@@ -101,17 +125,14 @@ def gather(
     slab: int,
     first: int,
     last: int,
-    src: wp.array2d[wp.uint8],
-    words: wp.array3d[int],
+    images: wp.array2d[wp.int64],  # (O, 4)
+    words: wp.array[int],
     ends: wp.array[int],
-    image: int,
-    before: int,  # rows of larger images
     # outputs
     cells: wp.array2d[int],  # (N, 4)
     responses: wp.array[wp.int64],
 ):
-    for row in range(first, last):
-        list_row(row, src, words, ends, image, before, cells, responses)
+    list_rows(first, last, images, words, ends, cells, responses)
 
 
 @wp.kernel
@@ -120,13 +141,12 @@ def describe(
     first: int,
     last: int,
     images: wp.array2d[wp.int64],  # (O, 4)
-    taps: wp.array[float],
     cells: wp.array2d[int],  # (N, 4)
-    pattern: wp.array3d[int],  # (TURNS, PAIRS, 4): row, column, row, column
+    pattern: wp.array3d[wp.int16],  # (TURNS, PAIRS, 2)
     upright: int,
     # outputs
     angles: wp.array[float],
     descriptors: wp.array2d[wp.uint8],
 ):
     for k in range(first, last):
-        describe_one(k, images, taps, cells, pattern, upright, angles, descriptors)
+        describe_one(k, images, cells, pattern, upright, angles, descriptors)

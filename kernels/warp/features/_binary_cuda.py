@@ -11,6 +11,8 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 THREADS = 128  # threads of a block
 BITS = wp.constant(codes.WORD)
+SHARES = wp.constant(codes.SHARES)
+HALF = wp.constant(codes.SHARES // 2)
 circle_t = wp.types.matrix(shape=(16, 2), dtype=wp.int32)
 around_t = wp.types.vector(16, wp.int32)
 PLACES = wp.constant(circle_t(codes.CIRCLE))
@@ -24,6 +26,40 @@ def round_values(
 ):
     y, x = wp.tid()
     dst[y, x] = wp.uint8(int(wp.clamp(src[y, x], 0.0, 255.0) + 0.5))
+
+
+@wp.kernel
+def shrink_down(
+    src: wp.array2d[wp.uint8],
+    tops: wp.array[int],  # (H',)
+    down: wp.array2d[wp.uint8],  # (H', T)
+    # outputs
+    lines: wp.array2d[wp.uint8],  # (H', W)
+):
+    y, x = wp.tid()
+    total = HALF
+    for t in range(down.shape[1]):
+        w = int(down[y, t])
+        if w != 0:
+            total += w * int(src[tops[y] + t, x])
+    lines[y, x] = wp.uint8(total // SHARES)
+
+
+@wp.kernel
+def shrink_along(
+    lines: wp.array2d[wp.uint8],
+    starts: wp.array[int],  # (W',)
+    along: wp.array2d[wp.uint8],  # (W', T)
+    # outputs
+    dst: wp.array2d[wp.uint8],  # (H', W')
+):
+    y, x = wp.tid()
+    total = HALF
+    for t in range(along.shape[1]):
+        w = int(along[x, t])
+        if w != 0:
+            total += w * int(lines[y, starts[x] + t])
+    dst[y, x] = wp.uint8(total // SHARES)
 
 
 @wp.func
@@ -114,9 +150,8 @@ def weigh(
 @_native.kernel("_binary_cuda.cu", **DESCRIBE)
 def describe(
     images: wp.array2d[wp.int64],
-    taps: wp.array[float],
     cells: wp.array2d[int],
-    pattern: wp.array3d[int],  # (TURNS, PAIRS, 4): row, column, row, column
+    pattern: wp.array3d[wp.int16],  # (TURNS, PAIRS, 2)
     upright: int,
     # outputs
     angles: wp.array[float],

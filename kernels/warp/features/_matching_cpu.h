@@ -1,3 +1,5 @@
+#include "../_bytes_cpu.h"
+
 // Nearest descriptors on the CPU; matching.py has the rule. Those of the other image are packed so
 // that a vector holds 4 bytes of each of 16 descriptors; 8 rows are compared with them at a time.
 
@@ -5,7 +7,7 @@
 // Lay 16 descriptors side by side: 4 bytes (8 of binary ones) of the first, of the second, ...
 void pack_group(int group, wp::array_t<wp::uint8> descriptors, wp::array_t<int> groups, int binary,
                 wp::array_t<wp::uint8> packed, wp::array_t<int> norms) {
-    const int size = descriptors.shape[1], part = binary ? 8 : 4;
+    const int size = descriptors.shape[1];
     const int first = groups.data[2 * group], count = groups.data[2 * group + 1];
     wp::uint8* out = packed.data + (size_t)group * size * LANES;
     for (int j = 0; j < LANES; ++j) {
@@ -13,7 +15,8 @@ void pack_group(int group, wp::array_t<wp::uint8> descriptors, wp::array_t<int> 
         int norm = 0;
         for (int k = 0; k < size; ++k) {
             // With 128 taken away they are signed, which is what the dot product of bytes takes.
-            out[(k / part * LANES + j) * part + k % part] = binary ? from[k] : from[k] ^ 128;
+            const int at = binary ? (k / 8 * LANES + j) * 8 + k % 8 : Bytes::place(j, k);
+            out[at] = binary ? from[k] : from[k] ^ 128;
             norm += from[k] * from[k];
         }
         norms.data[group * LANES + j] = j < count ? (binary ? 0 : norm) : LARGEST;
@@ -26,8 +29,7 @@ void match_block(int block, wp::array_t<wp::uint8> descriptors, wp::array_t<int>
                  wp::array_t<int> group_of, int binary, wp::array_t<wp::uint8> packed,
                  wp::array_t<int> norms, wp::array_t<int> best, wp::array_t<int> second,
                  wp::array_t<int> index) {
-    enum { ROWS = 8 };
-    typedef int lanes __attribute__((vector_size(4 * LANES)));
+    typedef Bytes::Lanes lanes;
     const int size = descriptors.shape[1];
     const int* b = blocks.data + 5 * (size_t)block;
     const int from = group_of.data[block], groups = (b[3] - b[2] + LANES - 1) / LANES;
@@ -53,7 +55,6 @@ void match_block(int block, wp::array_t<wp::uint8> descriptors, wp::array_t<int>
             const wp::uint8* p = packed.data + (size_t)(from + g) * size * LANES;
             const lanes norm = *(const lanes*)(norms.data + (size_t)(from + g) * LANES);
             lanes dots[ROWS];
-            for (int r = 0; r < ROWS; ++r) dots[r] = (lanes){};
             if (binary) {
                 for (int r = 0; r < ROWS; ++r) {
                     int total[LANES] = {0};
@@ -67,27 +68,7 @@ void match_block(int block, wp::array_t<wp::uint8> descriptors, wp::array_t<int>
                     __builtin_memcpy(&dots[r], total, sizeof total);
                 }
             } else {
-                for (int k = 0; k < size; k += 4) {
-#if defined(__AVX512VNNI__)
-                    const lanes other = *(const lanes*)(p + (size_t)k * LANES);
-#pragma unroll
-                    for (int r = 0; r < ROWS; ++r) {
-                        int own;
-                        __builtin_memcpy(&own, rows[r] + k, 4);
-                        dots[r] = (lanes)__builtin_ia32_vpdpbusd512(
-                            (__attribute__((vector_size(64))) int)dots[r], (lanes){} + own, other);
-                    }
-#else
-                    const signed char* other = (const signed char*)p + (size_t)k * LANES;
-                    for (int r = 0; r < ROWS; ++r) {
-                        const int a0 = rows[r][k], a1 = rows[r][k + 1];
-                        const int a2 = rows[r][k + 2], a3 = rows[r][k + 3];
-                        for (int j = 0; j < LANES; ++j)
-                            dots[r][j] += a0 * other[4 * j] + a1 * other[4 * j + 1] +
-                                          a2 * other[4 * j + 2] + a3 * other[4 * j + 3];
-                    }
-#endif
-                }
+                Bytes::multiply(rows, p, size, dots);
             }
             const lanes here = step + g * LANES;
 #pragma unroll

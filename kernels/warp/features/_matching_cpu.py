@@ -12,9 +12,10 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FILE = "_matching_cpu.h"
 LANES = 16
+ROWS = 8  # rows at once
 
 
-@_native.func_native(FILE, LANES=LANES, LARGEST=FARTHEST)
+@_native.func_native(FILE, LANES=LANES, ROWS=ROWS, LARGEST=FARTHEST)
 def pack_group(
     group: int,
     descriptors: wp.array2d[wp.uint8],
@@ -25,7 +26,7 @@ def pack_group(
 ): ...
 
 
-@_native.func_native(FILE, LANES=LANES, LARGEST=FARTHEST)
+@_native.func_native(FILE, LANES=LANES, ROWS=ROWS, LARGEST=FARTHEST)
 def match_block(
     block: int,
     descriptors: wp.array2d[wp.uint8],

@@ -8,8 +8,9 @@ import warp as wp
 
 from cvkern.kernels.codes.filters import Outside
 from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, f32_lanes, f32_wide, padded, unpad, vectors
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
 
+from . import _gradients as each
 from . import _gradients_cpu as cpu
 from . import _gradients_cuda as cuda
 from . import _linear_cuda as filter_cuda
@@ -116,6 +117,18 @@ def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
         cpu.root_mean_square, lanes_of_all, slabs(lanes_of_all, size), views[:2], views[2:]
     )
     unpad(wide[2], given[2])
+
+
+def add(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
+    """Compute ``dy + dx`` of each pair."""
+    launch_each(each.add, dst.size, dst.size, _flat(dy, dx), _flat(dst))
+
+
+def confine(mask: wp.array, dst: wp.array) -> None:
+    """Set pixels to 0 where they or one of their eight neighbours are masked or outside."""
+    planes = (1, *dst.shape)[-3:]
+    masks = view(mask, wp.uint8, planes)
+    launch_each(each.confine, dst.size, dst.size, [masks], [view(dst, wp.float32, planes)])
 
 
 def _flat(*arrays: wp.array) -> list[wp.array]:

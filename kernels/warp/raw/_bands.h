@@ -14,18 +14,9 @@ void _reduce(int row, int left, int right, wp::array_t<float> src, wp::array_t<f
     float line[Pyramid::WIDE];
     for (int begin = left; begin < right; begin += PART) {
         const int count = Pyramid::count(begin, right), first = 2 * begin - 2;
-        const bool inner = first >= 0 && first + 2 * count + 3 <= width;
-        if (inner) {
-            for (int t = 0; t < 2 * count + 3; ++t)
-                line[t] = Pyramid::weigh(rows[0][first + t], rows[1][first + t], rows[2][first + t],
-                                         rows[3][first + t], rows[4][first + t]);
-        } else {
-            for (int t = 0; t < 2 * count + 3; ++t) {
-                const int x = Mirror::at(first + t, width);
-                line[t] =
-                    Pyramid::weigh(rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]);
-            }
-        }
+        each_mirrored(first, 2 * count + 3, width, [&](int t, int x) {
+            line[t] = Pyramid::weigh(rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]);
+        });
         for (int i = 0; i < count; ++i)
             if (Pyramid::within(begin + i, right))
                 to[begin + i] = Pyramid::weigh(line[2 * i], line[2 * i + 1], line[2 * i + 2],
@@ -44,13 +35,9 @@ void _begin(int row, int left, int right, wp::array_t<float> logs, float lowest,
     for (int begin = left; begin < right; begin += PART) {
         const int count = Pyramid::count(begin, right), first = 2 * begin - 2;
         const int length = 2 * count + 3;
-        const bool inner = first >= 0 && first + length <= width;
         for (int k = 0; k < 5; ++k) {
             const float* from = logs.data + (size_t)Mirror::at(2 * row - 2 + k, height) * width;
-            if (inner)
-                for (int t = 0; t < length; ++t) rows[k][t] = from[first + t];
-            else
-                for (int t = 0; t < length; ++t) rows[k][t] = from[Mirror::at(first + t, width)];
+            each_mirrored(first, length, width, [&](int t, int x) { rows[k][t] = from[x]; });
         }
         for (int j = 0; j <= references; ++j) {
             const float about = lowest + (float)j * step;

@@ -3,22 +3,26 @@
 #include "_powers.h"
 #include "_pyramid.h"
 
-// needs PART, TYPE, INTEGRAL, CHANNELS, KNEE, LEAST
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
 void _weigh(int row, int left, int right, wp::array_t<TYPE> frames, float scale, float contrast,
             float saturation, float exposure, wp::array_t<float> weights) {
 #pragma clang fp contract(off)
     const int count = frames.shape[0], height = frames.shape[1], width = frames.shape[2];
     const size_t size = (size_t)height * width;
     const float third = 1.0f / 3.0f, share = CHANNELS == 1 ? scale : scale * third;
-    float grey[3][PART + 2], edge[PART], spread[PART], quality[PART], total[PART];
+    SUM grey[3][PART + 2];
+    float edge[PART], spread[PART], quality[PART], total[PART];
     const auto value = [](TYPE v) {
         const float x = (float)v;
         return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     };
-    // Sums of bytes are exact: where edges cancel, nothing is left.
-    const auto sum = [=](const TYPE* v) {
-        if (CHANNELS == 1) return value(v[0]);
-        return (value(v[0]) + value(v[CHANNELS / 2])) + value(v[CHANNELS - 1]);
+    // Sums of bytes are integers: where edges cancel, nothing is left.
+    const auto own_sum = [=](const TYPE* v) {
+        const SUM a = INTEGRAL ? (SUM)v[0] : (SUM)value(v[0]);
+        if (CHANNELS == 1) return a;
+        const SUM b = INTEGRAL ? (SUM)v[CHANNELS / 2] : (SUM)value(v[CHANNELS / 2]);
+        const SUM c = INTEGRAL ? (SUM)v[CHANNELS - 1] : (SUM)value(v[CHANNELS - 1]);
+        return (SUM)((SUM)(a + b) + c);
     };
     const auto power = [](float* x, float p, int count) {
         if (p == 1.0f) return;
@@ -27,27 +31,23 @@ void _weigh(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
     };
     for (int begin = left; begin < right; begin += PART) {
         const int some = Pyramid::count(begin, right);
-        const bool inner = begin > 0 && begin + some + 1 <= width;
         for (int i = 0; i < some; ++i) total[i] = 0.0f;
         for (int k = 0; k < count; ++k) {
             const TYPE* frame = frames.data + k * size * CHANNELS;
             for (int r = 0; r < 3; ++r) {
                 const TYPE* from =
                     frame + (size_t)Mirror::at(row - 1 + r, height) * width * CHANNELS;
-                if (inner)
-                    for (int i = 0; i < some + 2; ++i)
-                        grey[r][i] = sum(from + (begin - 1 + i) * CHANNELS);
-                else
-                    for (int i = 0; i < some + 2; ++i)
-                        grey[r][i] = sum(from + Mirror::at(begin - 1 + i, width) * CHANNELS);
+                each_mirrored(begin - 1, some + 2, width,
+                              [&](int t, int x) { grey[r][t] = own_sum(from + x * CHANNELS); });
             }
             const TYPE* from = frame + ((size_t)row * width + begin) * CHANNELS;
             for (int i = 0; i < some; ++i) {
                 // The quotient is exact where all are equal: grey has no saturation.
-                const float own = grey[1][i + 1];
+                const float own = (float)grey[1][i + 1];
                 const float here = (CHANNELS == 1 ? own : own / 3.0f) * scale;
-                const float down = grey[0][i + 1] + grey[2][i + 1];
-                const float off = (down + (grey[1][i] + grey[1][i + 2])) - 4.0f * own;
+                const SUM down = grey[0][i + 1] + grey[2][i + 1];
+                const SUM around = down + (SUM)(grey[1][i] + grey[1][i + 2]);
+                const float off = (float)(SUM)(around - 4 * grey[1][i + 1]);
                 float far = 0.0f, apart = 0.0f;
                 for (int c = 0; c < CHANNELS; ++c) {
                     const int x = Pyramid::within(begin + i, right) ? i : 0;
@@ -76,7 +76,7 @@ void _weigh(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
     }
 }
 
-// needs PART, TYPE, INTEGRAL, CHANNELS, KNEE, LEAST
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
 void _begin(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
             wp::array_t<float> weights, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
@@ -111,16 +111,10 @@ void _begin(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
     for (int begin = left; begin < right; begin += PART) {
         const int count = Pyramid::count(begin, right), first = 2 * begin - 2;
         const int length = 2 * count + 3;
-        if (first >= 0 && first + length <= width) {
-            for (int t = 0; t < CHANNELS * length; ++t) line[t] = down(CHANNELS * first + t);
-            for (int t = 0; t < length; ++t) weight[t] = share(first + t);
-        } else {
-            for (int t = 0; t < length; ++t) {
-                const int x = Mirror::at(first + t, width);
-                for (int c = 0; c < CHANNELS; ++c) line[CHANNELS * t + c] = down(CHANNELS * x + c);
-                weight[t] = share(x);
-            }
-        }
+        each_mirrored(first, length, width, [&](int t, int x) {
+            for (int c = 0; c < CHANNELS; ++c) line[CHANNELS * t + c] = down(CHANNELS * x + c);
+        });
+        each_mirrored(first, length, width, [&](int t, int x) { weight[t] = share(x); });
         for (int i = 0; i < count; ++i) {
             if (!Pyramid::within(begin + i, right)) continue;
             for (int c = 0; c < CHANNELS; ++c) {
@@ -139,7 +133,7 @@ void _begin(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
     }
 }
 
-// needs PART, TYPE, INTEGRAL, CHANNELS, KNEE, LEAST
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
 void _blend(int row, int left, int right, wp::array_t<float> fine, wp::array_t<float> coarse,
             int alone, wp::array_t<float> below, wp::array_t<float> out) {
 #pragma clang fp contract(off)
@@ -174,7 +168,7 @@ void _blend(int row, int left, int right, wp::array_t<float> fine, wp::array_t<f
     }
 }
 
-// needs PART, TYPE, INTEGRAL, CHANNELS, KNEE, LEAST
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
 void _finish(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
              wp::array_t<float> weights, wp::array_t<float> coarse, int alone,
              wp::array_t<float> below, wp::array_t<float> out) {
@@ -182,7 +176,7 @@ void _finish(int row, int left, int right, wp::array_t<TYPE> frames, float scale
     const int height = out.shape[0], width = out.shape[1], count = frames.shape[0];
     const int rows = coarse.shape[1], columns = coarse.shape[2];
     const size_t size = (size_t)height * width, small = (size_t)rows * columns;
-    float total[CHANNELS][PART], other[PART];
+    float total[CHANNELS][PART], values[CHANNELS][PART], other[PART];
     const auto value = [=](TYPE v) {
         const float x = (float)v * scale;
         return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
@@ -196,27 +190,30 @@ void _finish(int row, int left, int right, wp::array_t<TYPE> frames, float scale
             else
                 Pyramid::expand(below.data + c * small, rows, columns, height, width, row, begin,
                                 some, total[c]);
-            for (int k = 0; k < count; ++k) {
-                const TYPE* from = frames.data + (k * size + start) * CHANNELS + c;
-                const float* weight = weights.data + k * size + start;
+        }
+        for (int k = 0; k < count; ++k) {
+            const TYPE* from = frames.data + (k * size + start) * CHANNELS;
+            const float* weight = weights.data + k * size + start;
+            for (int i = 0; i < some; ++i)
+                for (int c = 0; c < CHANNELS; ++c)
+                    values[c][i] =
+                        Pyramid::within(begin + i, right) ? value(from[i * CHANNELS + c]) : 0.0f;
+            for (int c = 0; c < CHANNELS; ++c) {
                 if (!alone)
                     Pyramid::expand(coarse.data + (k * (CHANNELS + 1) + c) * small, rows, columns,
                                     height, width, row, begin, some, other);
                 for (int i = 0; i < some; ++i)
                     if (Pyramid::within(begin + i, right))
-                        total[c][i] += weight[i] * (value(from[i * CHANNELS]) - other[i]);
+                        total[c][i] += weight[i] * (values[c][i] - other[i]);
             }
-            // Values beyond 0 and 1 come back, softly, so that no two of them become equal.
-            bool beyond = false;
-            for (int i = 0; i < some; ++i)
-                beyond |= total[c][i] < KNEE || total[c][i] > 1.0f - KNEE;
-            for (int i = 0; beyond && i < some; ++i) {
-                const float f = total[c][i];
-                const float over = (f - 1.0f) / KNEE + 1.0f;
-                const bool low = f < KNEE;
-                const float bent =
-                    KNEE * Powers::exp2(1.44269504f * (low ? f / KNEE - 1.0f : -over));
-                total[c][i] = low ? bent : over > 0.0f ? 1.0f - bent : f;
+        }
+        for (int c = 0; c < CHANNELS; ++c) {
+            // Values near 0 and 1 and beyond are bent, so that no two of them become equal.
+            for (int i = 0; i < some; ++i) {
+                const float f = total[c][i], above = 1.0f - f, off = f < above ? f : above;
+                const float power = STEEP * off - 1.0f;
+                const float bent = 1.0f / STEEP * Powers::exp2(1.44269504f * power);
+                total[c][i] = power < 0.0f ? (f < above ? bent : 1.0f - bent) : f;
             }
         }
         float* to = out.data + start * CHANNELS;

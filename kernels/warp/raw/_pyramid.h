@@ -51,18 +51,25 @@ struct Pyramid {
         const float* here = from + (size_t)(y / 2) * columns;
         const float* after = from + (size_t)place(y / 2 + 1, rows, height) * columns;
         const float* before = from + (size_t)place(y / 2 - 1, rows, height) * columns;
-        const bool odd = y & 1, inner = first >= 0 && first + length <= columns;
-        if (inner && odd) {
-            for (int t = 0; t < length; ++t) line[t] = 0.5f * (here[first + t] + after[first + t]);
-        } else if (inner) {
-            for (int t = 0; t < length; ++t)
+        const bool odd = y & 1;
+        const auto across = [=](int x) {
+            return odd ? 0.5f * (here[x] + after[x]) : even(before[x], here[x], after[x]);
+        };
+#if defined(__CUDA_ARCH__)
+        const bool inner = first >= 0 && first + length <= columns;
+        for (int t = 0; t < length; ++t)
+            line[t] = across(inner ? first + t : place(first + t, columns, width));
+#else
+        const int inside = columns - first < length ? columns - first : length;
+        if (first < 0) line[0] = across(place(first, columns, width));
+        if (odd)
+            for (int t = first < 0; t < inside; ++t)
+                line[t] = 0.5f * (here[first + t] + after[first + t]);
+        else
+            for (int t = first < 0; t < inside; ++t)
                 line[t] = even(before[first + t], here[first + t], after[first + t]);
-        } else {
-            for (int t = 0; t < length; ++t) {
-                const int x = place(first + t, columns, width);
-                line[t] = odd ? 0.5f * (here[x] + after[x]) : even(before[x], here[x], after[x]);
-            }
-        }
+        for (int t = inside; t < length; ++t) line[t] = across(place(first + t, columns, width));
+#endif
         for (int t = 0; t < (count + 1) / 2; ++t) {
             out[2 * t] = even(line[t], line[t + 1], line[t + 2]);
             out[2 * t + 1] = 0.5f * (line[t + 1] + line[t + 2]);

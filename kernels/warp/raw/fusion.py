@@ -67,7 +67,8 @@ def _names(scalar: Any, channels: int) -> dict[str, Any]:
     types = constants(scalar)
     return {
         "TYPE": types["TYPE"], "INTEGRAL": types["INTEGRAL"], "CHANNELS": channels,
-        "KNEE": f"{codes.KNEE!r}f", "LEAST": f"{codes.LEAST!r}f",
+        "SUM": "short" if types["INTEGRAL"] else "float",
+        "STEEP": f"{1 / codes.KNEE!r}f", "LEAST": f"{codes.LEAST!r}f",
     }  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 import warp as wp
 
 from cvkern.kernels.codes import recognition as codes
-from cvkern.kernels.codes.recognition import Space
+from cvkern.kernels.codes.recognition import Occurrences, Patches, Space
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -32,6 +32,37 @@ def cells_of(votes: wp.array, starts: wp.array, space: Space) -> Cells:
     cells.votes, cells.starts = votes, starts
     cells.bins, cells.slack, cells.factors, cells.lowest = space
     return cells
+
+
+@wp.struct
+class Ballot:
+    """Patches with their words, and the cells that these vote for."""
+
+    places: wp.array2d[int]  # (N, 3)
+    rows: wp.array2d[int]  # (R, 3)
+    levels: wp.array2d[int]  # (L, 3)
+    matches: wp.array2d[int]  # (N, M)
+    begins: wp.array[int]  # (K + 1,)
+    entries: wp.array2d[int]  # (O, 4)
+    bins: wp.array2d[int]  # (S, 5)
+    factors: wp.array[int]
+    slack: int
+    lowest: int
+    listing: int
+    """1: list the votes, which begin at `starts`. 0: count them."""
+    starts: wp.array[int]
+
+
+def ballot_of(
+    patches: Patches, occurrences: Occurrences, space: Space, listing: int, starts: wp.array
+) -> Ballot:
+    """Return a ballot, for kernels."""
+    ballot = Ballot()
+    ballot.places, ballot.rows, ballot.levels, ballot.matches = patches
+    ballot.begins, ballot.entries = occurrences
+    ballot.bins, ballot.slack, ballot.factors, ballot.lowest = space
+    ballot.listing, ballot.starts = listing, starts
+    return ballot
 
 
 @wp.func

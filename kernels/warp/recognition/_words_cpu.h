@@ -1,85 +1,175 @@
+#include "../_bytes_cpu.h"
+#include "_coarse_cpu.h"
+
 // needs LANES
-// Lay 16 words side by side: 4 bytes of the first, of the second, ...; and 128 times their sums.
+// Lay the means of 16 words side by side, and what a bound needs: 512 times the sum of the means,
+// the length of the rest, of the errors and of the means, and 128 times the sum of the word.
 void pack_group(int group, wp::array_t<wp::int8> words, wp::array_t<wp::int8> packed,
                 wp::array_t<int> sums) {
-    const int size = words.shape[1], count = words.shape[0];
-    wp::int8* out = packed.data + (size_t)group * size * LANES;
+    const int count = words.shape[0], size = words.shape[1];
+    wp::int8* out = packed.data + (size_t)group * packed.shape[1];
+    int* known = sums.data + (size_t)group * 5 * LANES;
     for (int j = 0; j < LANES; ++j) {
         const int word = group * LANES + j;
-        int sum = 0;
-        for (int k = 0; k < size; ++k) {
-            const wp::int8 value = word < count ? words.data[(size_t)word * size + k] : 0;
-            out[(k / 4 * LANES + j) * 4 + k % 4] = value;
-            sum += value;
+        if (word >= count) {
+            // The smallest bound, below every threshold.
+            for (int k = 0; k < packed.shape[1] / LANES; ++k) out[Bytes::place(j, k)] = 0;
+            for (int k = 0; k < 5; ++k) known[k * LANES + j] = k ? 0 : 0x7f000000;
+            continue;
         }
-        // Places without a word get the smallest product.
-        sums.data[group * LANES + j] = word < count ? 128 * sum : 1 << 30;
+        const wp::int8* from = words.data + (size_t)word * size;
+        Coarse own;
+        own.see((const signed char*)from, size);
+        int sum = 0, all = 0;
+        for (int k = 0; k < size; ++k) all += from[k];
+        for (int k = 0; k < own.size; ++k) {
+            out[Bytes::place(j, k)] = own.mean[k];
+            sum += own.mean[k];
+        }
+        known[j] = 512 * sum;
+        known[LANES + j] = own.rest;
+        known[2 * LANES + j] = own.error;
+        known[3 * LANES + j] = own.length;
+        known[4 * LANES + j] = 128 * all;
     }
 }
 
-// needs LANES, MOST, LARGEST
+// needs LANES, MOST
 // The best words of the patches of a slab, eight at a time.
-void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<wp::int8> packed,
-                wp::array_t<int> sums, int least, wp::array_t<int> products,
-                wp::array_t<int> matches) {
-    enum { ROWS = 8 };
-    typedef int lanes __attribute__((vector_size(4 * LANES)));
+//
+// Coarse products bound the exact ones from above. They are computed for all words, and the exact
+// ones for those words alone whose bound reaches the worst of the best so far.
+void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<wp::int8> words,
+                wp::array_t<wp::int8> packed, wp::array_t<int> sums, int least,
+                wp::array_t<int> products, wp::array_t<int> matches) {
+    enum { CHUNK = 128, AT_ONCE = 4 };
+    typedef Bytes::Lanes lanes;
     const int size = patches.shape[1], most = matches.shape[1], groups = packed.shape[0];
-    wp::uint8 own[ROWS][LARGEST];
-    for (int row = first; row < last; row += ROWS) {
-        int floors[ROWS], found[ROWS], best[ROWS][MOST], where[ROWS][MOST];
-        for (int r = 0; r < ROWS; ++r) {
-            const int at = row + r < last ? row + r : last - 1;
-            // The dot product of bytes takes unsigned with signed ones: 128 is added to the first.
-            for (int k = 0; k < size; ++k) own[r][k] = patches.data[(size_t)at * size + k] ^ 128;
-            floors[r] = least - 1;
-            found[r] = 0;
+    const auto load = [](const int* at) __attribute__((always_inline)) {
+        return *(const lanes*)at;
+    };
+    // The best words of a patch: the largest product first, the smallest index in a tie.
+    struct Best {
+        int found, product[MOST], word[MOST];
+    };
+    lanes step, bit;
+    for (int j = 0; j < LANES; ++j) step[j] = j, bit[j] = 1 << j;
+    const signed char* all = (const signed char*)words.data;
+    int longest = 0;
+    for (int g = 0; g < groups; ++g) {
+        const int length = __builtin_reduce_max(load(sums.data + (size_t)(5 * g + 3) * LANES));
+        longest = length > longest ? length : longest;
+    }
+    alignas(64) lanes bounds[ROWS][CHUNK];
+    for (int row = first; row < last;) {
+        // Patches that are not flat; flat ones have the product 0 with every word.
+        int of[ROWS], count = 0;
+        Coarse own[ROWS];
+        // The product of bytes takes unsigned with signed ones: 128 is added to the first.
+        wp::uint8 means[ROWS][LARGEST / 4], pixels[ROWS][LARGEST];
+        const wp::uint8* rows[ROWS];
+        Best best[ROWS];
+        for (; row < last && count < ROWS; ++row) {
+            const signed char* patch = (const signed char*)patches.data + (size_t)row * size;
+            signed char any = 0;
+            for (int k = 0; k < size; ++k) any |= patch[k];
+            if (least > 0 && !any) {
+                for (int m = 0; m < most; ++m) {
+                    products.data[(size_t)row * most + m] = 0;
+                    matches.data[(size_t)row * most + m] = -1;
+                }
+                continue;
+            }
+            own[count].see(patch, size);
+            for (int k = 0; k < own[count].size; ++k) means[count][k] = own[count].mean[k] ^ 128;
+            for (int k = 0; k < size; ++k) pixels[count][k] = patch[k] ^ 128;
+            best[count].found = 0;
+            of[count++] = row;
         }
-        for (int g = 0; g < groups; ++g) {
-            const wp::int8* p = packed.data + (size_t)g * size * LANES;
-            lanes dots[ROWS];
-            for (int r = 0; r < ROWS; ++r) dots[r] = (lanes){};
-            for (int k = 0; k < size; k += 4) {
-#if defined(__AVX512VNNI__)
-                const lanes other = *(const lanes*)(p + (size_t)k * LANES);
+        if (!count) break;
+        for (int r = 0; r < ROWS; ++r) rows[r] = means[r < count ? r : 0];
+        for (int begin = 0; begin < groups; begin += CHUNK) {
+            const int number = groups - begin < CHUNK ? groups - begin : CHUNK;
+            lanes top[ROWS], where[ROWS];
+            for (int r = 0; r < ROWS; ++r) top[r] = (lanes){} - 0x7fffffff, where[r] = (lanes){};
+            for (int g = 0; g < number; ++g) {
+                const wp::int8* p = packed.data + (size_t)(begin + g) * packed.shape[1];
+                const int* known = sums.data + (size_t)(begin + g) * 5 * LANES;
+                const lanes sum = load(known), rest = load(known + LANES);
+                const lanes error = load(known + 2 * LANES), here = step + g * LANES;
+                lanes dots[ROWS];
+                Bytes::multiply(rows, p, packed.shape[1] / LANES, dots);
 #pragma unroll
                 for (int r = 0; r < ROWS; ++r) {
-                    int four;
-                    __builtin_memcpy(&four, own[r] + k, 4);
-                    dots[r] = (lanes)__builtin_ia32_vpdpbusd512(
-                        (__attribute__((vector_size(64))) int)dots[r], (lanes){} + four, other);
+                    const Coarse& o = own[r < count ? r : 0];
+                    const lanes bound = 4 * dots[r] - sum + o.rest * rest + o.length * error +
+                                        o.error * longest;
+                    bounds[r][g] = bound;
+                    where[r] = bound > top[r] ? here : where[r];
+                    top[r] = bound > top[r] ? bound : top[r];
                 }
-#else
-                const wp::int8* other = p + (size_t)k * LANES;
-                for (int r = 0; r < ROWS; ++r)
-                    for (int j = 0; j < LANES; ++j)
-                        dots[r][j] += own[r][k] * other[4 * j] + own[r][k + 1] * other[4 * j + 1] +
-                                      own[r][k + 2] * other[4 * j + 2] +
-                                      own[r][k + 3] * other[4 * j + 3];
-#endif
             }
-            const lanes offset = *(const lanes*)(sums.data + (size_t)g * LANES);
-            for (int r = 0; r < ROWS; ++r) {
-                const lanes dot = dots[r] - offset;
-                if (__builtin_reduce_max(dot) <= floors[r]) continue;
-                for (int j = 0; j < LANES; ++j) {
-                    if (dot[j] <= floors[r]) continue;
-                    int at = found[r] < most ? found[r]++ : most - 1;
-                    for (; at > 0 && best[r][at - 1] < dot[j]; --at) {
-                        best[r][at] = best[r][at - 1];
-                        where[r][at] = where[r][at - 1];
+            for (int r = 0; r < count; ++r) {
+                Best& b = best[r];
+                int floor = b.found == most ? b.product[most - 1] : least;
+                int chosen[CHUNK * LANES], number_chosen = 0;
+                const auto see = [&]() {
+                    int dots[CHUNK * LANES];
+                    for (int i = 0; i < number_chosen; ++i) {
+                        const int index = begin * LANES + chosen[i];
+                        dots[i] = Bytes::product(pixels[r], all + (size_t)index * size, size) -
+                                  sums.data[((size_t)(index / LANES) * 5 + 4) * LANES +
+                                            index % LANES];
                     }
-                    best[r][at] = dot[j];
-                    where[r][at] = g * LANES + j;
-                    if (found[r] == most) floors[r] = best[r][most - 1];
+                    for (int i = 0; i < number_chosen; ++i) {
+                        const int dot = dots[i], index = begin * LANES + chosen[i];
+                        if (dot < floor) continue;
+                        int at = b.found;
+                        if (at == most) {
+                            if (dot == floor && index > b.word[most - 1]) continue;
+                            --at;
+                        } else {
+                            ++b.found;
+                        }
+                        for (; at > 0 && (b.product[at - 1] < dot ||
+                                          (b.product[at - 1] == dot && b.word[at - 1] > index));
+                             --at) {
+                            b.product[at] = b.product[at - 1];
+                            b.word[at] = b.word[at - 1];
+                        }
+                        b.product[at] = dot;
+                        b.word[at] = index;
+                        if (b.found == most) floor = b.product[most - 1];
+                    }
+                    number_chosen = 0;
+                };
+                // First the best bound of each lane: it raises the floor for the others.
+                for (int j = 0; j < LANES; ++j) {
+                    if (top[r][j] < floor) continue;
+                    ((int*)bounds[r])[where[r][j]] = -0x7fffffff;
+                    chosen[number_chosen++] = where[r][j];
                 }
+                see();
+                for (int g = number; g < CHUNK && g % AT_ONCE; ++g)
+                    bounds[r][g] = (lanes){} - 0x7fffffff;
+                for (int g = 0; g < number; g += AT_ONCE) {
+                    lanes reached = {};
+                    for (int k = 0; k < AT_ONCE; ++k) reached |= bounds[r][g + k] >= floor;
+                    if (!__builtin_reduce_or(reached)) continue;
+                    for (int k = g; k < g + AT_ONCE; ++k) {
+                        int left = __builtin_reduce_or((bounds[r][k] >= floor) & bit);
+                        for (; left; left &= left - 1)
+                            chosen[number_chosen++] = k * LANES + __builtin_ctz(left);
+                    }
+                }
+                see();
             }
         }
-        for (int r = 0; r < ROWS && row + r < last; ++r)
+        for (int r = 0; r < count; ++r)
             for (int m = 0; m < most; ++m) {
-                const size_t out = (size_t)(row + r) * most + m;
-                products.data[out] = m < found[r] ? best[r][m] : 0;
-                matches.data[out] = m < found[r] ? where[r][m] : -1;
+                const size_t out = (size_t)of[r] * most + m;
+                products.data[out] = m < best[r].found ? best[r].product[m] : 0;
+                matches.data[out] = m < best[r].found ? best[r].word[m] : -1;
             }
     }
 }

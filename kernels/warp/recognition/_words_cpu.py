@@ -1,4 +1,8 @@
-"""Words of patches on the CPU: lanes of 16 words, dot products of bytes."""
+"""Words of patches on the CPU: 16 words at once, and exact products where coarse ones are large.
+
+With 2000 words, 70 000 patches of 16 x 16 pixels take 130 ms of one core; with exact products of
+all, 225 ms.
+"""
 
 import warp as wp
 
@@ -9,19 +13,21 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FILE = "_words_cpu.h"
 LANES = 16
+ROWS = 8  # patches at once
 
 
-@_native.func_native(FILE, LANES=LANES)
+@_native.func_native(FILE, LANES=LANES, ROWS=ROWS, LARGEST=LARGEST_PATCH)
 def pack_group(
     group: int, words: wp.array2d[wp.int8], packed: wp.array2d[wp.int8], sums: wp.array2d[int]
 ): ...
 
 
-@_native.func_native(FILE, LANES=LANES, MOST=MOST_WORDS, LARGEST=LARGEST_PATCH)
+@_native.func_native(FILE, LANES=LANES, ROWS=ROWS, MOST=MOST_WORDS, LARGEST=LARGEST_PATCH)
 def match_rows(
     first: int,
     last: int,
     patches: wp.array2d[wp.int8],
+    words: wp.array2d[wp.int8],
     packed: wp.array2d[wp.int8],
     sums: wp.array2d[int],
     least: int,
@@ -37,8 +43,8 @@ def pack(
     last: int,
     words: wp.array2d[wp.int8],  # (K, D)
     # outputs
-    packed: wp.array2d[wp.int8],  # (G, 16 D)
-    sums: wp.array2d[int],  # (G, 16)
+    packed: wp.array2d[wp.int8],  # (G, 16 C): C means of each word
+    sums: wp.array2d[int],  # (G, 5 16)
 ):
     for group in range(first, last):
         pack_group(group, words, packed, sums)
@@ -50,6 +56,7 @@ def match(
     first: int,
     last: int,
     patches: wp.array2d[wp.int8],  # (N, D)
+    words: wp.array2d[wp.int8],  # (K, D)
     packed: wp.array2d[wp.int8],
     sums: wp.array2d[int],
     least: int,
@@ -57,4 +64,4 @@ def match(
     products: wp.array2d[int],  # (N, M)
     matches: wp.array2d[int],  # (N, M)
 ):
-    match_rows(first, last, patches, packed, sums, least, products, matches)
+    match_rows(first, last, patches, words, packed, sums, least, products, matches)

@@ -1,5 +1,7 @@
 """Words that patches activate, and clusters of patches, in Warp: exact integers throughout."""
 
+import math
+
 import warp as wp
 
 from cvkern.kernels.codes import recognition as codes
@@ -34,12 +36,13 @@ def match_words(
         launch(kernel, blocks * cuda.THREADS, inputs, outputs, cuda.THREADS)
         return
     groups = -(-number // cpu.LANES)
-    packed = scratch("recognition.packed", (groups, cpu.LANES * size), wp.int8, device)
-    sums = scratch("recognition.sums", (groups, cpu.LANES), wp.int32, device)
+    means = -(-((math.isqrt(size) // 2) ** 2) // 4) * 4
+    packed = scratch("recognition.packed", (groups, cpu.LANES * means), wp.int8, device)
+    sums = scratch("recognition.sums", (groups, 5 * cpu.LANES), wp.int32, device)
     if groups:
         launch_slabs(cpu.pack, groups, slabs(groups, number * size), [words], [packed, sums])
-    inputs = [patches, packed, sums, least]
-    parts = slabs(count, count * number * size // 16)
+    inputs = [patches, words, packed, sums, least]
+    parts = slabs(count, count * number * size // 64)
     launch_slabs(cpu.match, count, min(count, 4 * parts) if parts > 1 else 1, inputs,
                  [products, matches])  # fmt: skip
 

@@ -17,6 +17,7 @@ FINE = wp.constant(codes.FINE)
 WIDE = wp.constant(wp.int64(codes.FINE))
 APART = wp.constant(codes.OCTAVE // 2)
 LANES = 256  # threads of a mode on CUDA, which share the pixels of each patch
+LANES_OF_ROW = 32  # threads of a row of a mask on CUDA
 WORK = 1 << 17  # pixels of the patches of a mode, roughly: for the number of threads only
 
 
@@ -122,12 +123,15 @@ def _paint(
 
 
 def spread_figures(balance: wp.array, modes: wp.array, space: Space, masks: wp.array) -> None:
-    """Set the pixels of an image that are of the object of each mode; a thread a pixel.
+    """Set the pixels of an image that are of the object of each mode; threads take rows.
 
     `masks` (T, H, W) are 1 where the balance, linear between its pixels, is above 0.
     """
-    count = masks.size
-    launch_each(_spread, count, count, [balance, modes, space.factors, space.lowest], [masks])
+    clear(masks)
+    lanes = LANES_OF_ROW if masks.device.is_cuda else 1
+    count = masks.shape[0] * masks.shape[1]
+    inputs = [lanes, balance, modes, space.factors, space.lowest]
+    launch_each(_spread, count * lanes, count * balance.shape[2], inputs, [masks])
 
 
 @wp.func
@@ -141,8 +145,9 @@ def balance_at(balance: wp.array3d[int], t: int, row: int, column: int) -> wp.in
 @wp.kernel
 def _spread(
     stride: int,
-    first: int,
-    last: int,
+    begin: int,
+    end: int,
+    lanes: int,
     balance: wp.array3d[int],  # (T, H, W)
     modes: wp.array2d[int],  # (T, 4)
     factors: wp.array[int],
@@ -152,23 +157,27 @@ def _spread(
 ):
     height = int(balance.shape[1])
     width = int(balance.shape[2])
-    for item in range(first + wp.tid(), last, stride):
-        line = item // masks.shape[2]
-        column = item - line * masks.shape[2]
+    for item in range(begin + wp.tid(), end, stride):
+        line = item // lanes
+        lane = item - line * lanes
         t = line // masks.shape[1]
         row = line - t * masks.shape[1]
         factor = factor_of(factors, lowest, modes[t, 2])
         y = below(FINE * row - modes[t, 0], factor) + FINE * (height - 1) // 2
-        x = below(FINE * column - modes[t, 1], factor) + FINE * (width - 1) // 2
         top = y >> 4
-        left = x >> 4
-        down = wp.int64(y - FINE * top)
-        along = wp.int64(x - FINE * left)
-        upper = (WIDE - along) * balance_at(balance, t, top, left)
-        upper += along * balance_at(balance, t, top, left + 1)
-        lower = (WIDE - along) * balance_at(balance, t, top + 1, left)
-        lower += along * balance_at(balance, t, top + 1, left + 1)
-        value = wp.uint8(0)
-        if (WIDE - down) * upper + down * lower > wp.int64(0):
-            value = wp.uint8(1)
-        masks[t, row, column] = value
+        if top >= -1 and top < height:
+            down = wp.int64(y - FINE * top)
+            # The box, and some pixels more.
+            half = scaled(FINE * (width + 3) // 2, factor)
+            first = wp.max((modes[t, 1] - half) >> 4, 0)
+            last = wp.min(((modes[t, 1] + half) >> 4) + 2, masks.shape[2])
+            for column in range(first + lane, last, lanes):
+                x = below(FINE * column - modes[t, 1], factor) + FINE * (width - 1) // 2
+                left = x >> 4
+                along = wp.int64(x - FINE * left)
+                upper = (WIDE - along) * balance_at(balance, t, top, left)
+                upper += along * balance_at(balance, t, top, left + 1)
+                lower = (WIDE - along) * balance_at(balance, t, top + 1, left)
+                lower += along * balance_at(balance, t, top + 1, left + 1)
+                if (WIDE - down) * upper + down * lower > wp.int64(0):
+                    masks[t, row, column] = wp.uint8(1)

@@ -3,7 +3,9 @@
 import warp as wp
 
 from cvkern.kernels.codes import recognition as codes
-from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+
+from . import _patches_cpu as cpu
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -17,23 +19,22 @@ HALF = wp.constant(wp.float64(0.5 + 2.0**-30))
 
 def round_pixels(image: wp.array, pixels: wp.array) -> None:
     """Round pixels between 0 and 1 to integers between 0 and `WHITE`; a thread a pixel."""
-    launch_each(_round, pixels.size, pixels.size, [image], [pixels])
+    if pixels.device.is_cuda:
+        launch(_round, pixels.size, [image.flatten()], [pixels.flatten()])
+        return
+    rows, elements = pixels.shape[0], pixels.size
+    launch_slabs(cpu.round_rows, rows, slabs(rows, elements), [image], [pixels])
 
 
 @wp.kernel
 def _round(
-    stride: int,
-    first: int,
-    last: int,
-    image: wp.array2d[float],  # (H, W)
+    image: wp.array[float],
     # outputs
-    pixels: wp.array2d[int],  # (H, W)
+    pixels: wp.array[int],
 ):
-    for i in range(first + wp.tid(), last, stride):
-        row = i // pixels.shape[1]
-        column = i - row * pixels.shape[1]
-        value = wp.min(wp.max(image[row, column], 0.0), 1.0)
-        pixels[row, column] = int(wp.floor(value * WHITE + 0.5))
+    i = wp.tid()
+    value = wp.min(wp.max(image[i], 0.0), 1.0)
+    pixels[i] = int(wp.floor(value * WHITE + 0.5))
 
 
 def sample_patches(
@@ -46,7 +47,10 @@ def sample_patches(
     """
     count = corners.shape[0]
     inputs = [pixels, corners, side, wp.int64(least)]
-    launch_each(_sample, count, count * patches.shape[1], inputs, [patches])
+    if patches.device.is_cuda:
+        launch(_sample, count, inputs, [patches])
+        return
+    launch_slabs(cpu.sample, count, slabs(count, patches.size), inputs, [patches])
 
 
 @wp.func
@@ -62,9 +66,6 @@ def _root(square: wp.int64) -> wp.int64:
 
 @wp.kernel
 def _sample(
-    stride: int,
-    first: int,
-    last: int,
     pixels: wp.array2d[int],  # (H, W)
     corners: wp.array2d[int],  # (N, 2)
     side: int,
@@ -72,24 +73,24 @@ def _sample(
     # outputs
     patches: wp.array2d[wp.int8],  # (N, D)
 ):
-    for i in range(first + wp.tid(), last, stride):
-        top = corners[i, 0]
-        left = corners[i, 1]
-        count = side * side
-        total = int(0)
-        squares = wp.int64(0)
-        for row in range(top, top + side):
-            for column in range(left, left + side):
-                x = pixels[row, column]
-                total += x
-                squares += wp.int64(x * x)
-        wide = wp.int64(total)
-        root = _root(wp.int64(count) * squares - wide * wide)
-        scale = SPREAD / wp.float64(wp.max(root, wp.int64(1)))
-        for k in range(patches.shape[1]):
-            value = int(0)
-            if k < count and root >= least:
-                row = k // side
-                x = count * pixels[top + row, left + k - row * side] - total
-                value = int(wp.floor(wp.float64(x) * scale + HALF))
-            patches[i, k] = wp.int8(wp.clamp(value, -LARGEST, LARGEST))
+    i = wp.tid()
+    top = corners[i, 0]
+    left = corners[i, 1]
+    count = side * side
+    total = int(0)
+    squares = wp.int64(0)
+    for row in range(top, top + side):
+        for column in range(left, left + side):
+            x = pixels[row, column]
+            total += x
+            squares += wp.int64(x * x)
+    wide = wp.int64(total)
+    root = _root(wp.int64(count) * squares - wide * wide)
+    scale = SPREAD / wp.float64(wp.max(root, wp.int64(1)))
+    for k in range(patches.shape[1]):
+        value = int(0)
+        if k < count and root >= least:
+            row = k // side
+            x = count * pixels[top + row, left + k - row * side] - total
+            value = int(wp.floor(wp.float64(x) * scale + HALF))
+        patches[i, k] = wp.int8(wp.clamp(value, -LARGEST, LARGEST))

@@ -12,12 +12,25 @@ from cvkern.kernels.codes.recognition import Occurrences, Patches, Space, Window
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
 from cvkern.kernels.warp._zeros import clear
 
-from ._space import Cells, active_words, bin_of, cell_of, cells_of, factor_of, kernel_at, scaled
+from . import _votes_cpu as cpu
+from ._space import (
+    Ballot,
+    Cells,
+    active_words,
+    ballot_of,
+    bin_of,
+    cell_of,
+    cells_of,
+    factor_of,
+    kernel_at,
+    scaled,
+)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 KERNEL_ONE = wp.constant(wp.int64(codes.KERNEL_ONE))
-VOTES_OF_WORD = 32  # votes of a word, roughly: for the number of threads only
+# Votes of a word, and votes that a maximum sees, roughly: for the number of threads only.
+VOTES_OF_WORD, VOTES_OF_MODE = 32, 1024
 
 
 def count_votes(
@@ -58,34 +71,16 @@ def _cast(
     starts: wp.array,
     outputs: list,
 ) -> None:
-    count, most = patches.matches.shape
-    ballot = Ballot()
-    ballot.places, ballot.matches = patches.places, patches.matches
-    ballot.begins, ballot.entries = occurrences
-    ballot.bins, ballot.slack, ballot.factors, ballot.lowest = space
-    ballot.listing, ballot.starts = listing, starts
+    ballot = ballot_of(patches, occurrences, space, listing, starts)
     if starts.device.is_cuda:
-        launch(_cast_word, count * most, [ballot], outputs)
+        launch(_cast_word, patches.matches.size, [ballot], outputs)
         return
-    bins = space.bins.shape[0]
-    launch_slabs(_cast_bins, bins, slabs(bins, count * most * VOTES_OF_WORD), [ballot], outputs)
-
-
-@wp.struct
-class Ballot:
-    """Patches with their words, and the cells that these vote for."""
-
-    places: wp.array2d[int]  # (N, 3)
-    matches: wp.array2d[int]  # (N, M)
-    begins: wp.array[int]  # (K + 1,)
-    entries: wp.array2d[int]  # (O, 4)
-    bins: wp.array2d[int]  # (S, 5)
-    factors: wp.array[int]
-    slack: int
-    lowest: int
-    listing: int
-    """1: list the votes, which begin at `starts`. 0: count them."""
-    starts: wp.array[int]
+    bins, device = space.bins.shape[0], starts.device
+    words, entries = occurrences.starts.shape[0], occurrences.entries.shape[0]
+    parts = slabs(bins, patches.matches.size * VOTES_OF_WORD)
+    firsts = scratch("recognition.firsts", (parts, words), wp.int32, device)
+    live = scratch("recognition.live", (parts, 5, entries + cpu.LANES), wp.int32, device)
+    launch_slabs(cpu.cast_bins, bins, parts, [ballot, firsts, live], outputs)
 
 
 @wp.func
@@ -139,37 +134,6 @@ def _cast_word(
             source = wp.vec2i(i, e)
             place = wp.vec3i(y, x, scale)
             vote(c, weight, source, place, ballot, sums, counts, votes, sources)
-
-
-@wp.kernel
-def _cast_bins(
-    slab: int,
-    first: int,
-    last: int,
-    ballot: Ballot,
-    # outputs
-    sums: wp.array[int],
-    counts: wp.array[int],
-    votes: wp.array2d[int],  # (V, 4)
-    sources: wp.array2d[int],  # (V, 2)
-):
-    for i in range(ballot.places.shape[0]):
-        active = active_words(ballot.matches, i)
-        factor = factor_of(ballot.factors, ballot.lowest, ballot.places[i, 2])
-        for m in range(active):
-            word = ballot.matches[i, m]
-            for e in range(ballot.begins[word], ballot.begins[word + 1]):
-                scale = ballot.places[i, 2] + ballot.entries[e, 2]
-                s = bin_of(ballot.bins, scale, ballot.slack)
-                if s >= first and s < last:
-                    y = ballot.places[i, 0] + scaled(ballot.entries[e, 0], factor)
-                    x = ballot.places[i, 1] + scaled(ballot.entries[e, 1], factor)
-                    c = cell_of(ballot.bins, s, y, x)
-                    if c >= 0:
-                        weight = ballot.entries[e, 3] // active
-                        source = wp.vec2i(i, e)
-                        place = wp.vec3i(y, x, scale)
-                        vote(c, weight, source, place, ballot, sums, counts, votes, sources)
 
 
 def find_maxima(sums: wp.array, space: Space, tiles: wp.array, maxima: wp.array) -> None:
@@ -237,8 +201,12 @@ def shift_modes(
     the mean of the votes within. `modes` (T, 4) are row, column, scale and density.
     """
     count = maxima.shape[0]
+    if modes.device.is_cuda:
+        launch(_shift, count, [cells_of(votes, starts, space), *window, maxima], [modes])
+        return
+    parts = slabs(count, count * VOTES_OF_MODE)
     inputs = [cells_of(votes, starts, space), *window, maxima]
-    launch_each(_shift, count, count * 1024, inputs, [modes])
+    launch_slabs(cpu.shift, count, min(count, 8 * parts) if parts > 1 else 1, inputs, [modes])
 
 
 @wp.struct
@@ -295,9 +263,6 @@ def mean(sum: wp.int64, mass: wp.int64) -> int:
 
 @wp.kernel
 def _shift(
-    stride: int,
-    first: int,
-    last: int,
     cells: Cells,
     radius: int,
     scales: int,
@@ -306,27 +271,27 @@ def _shift(
     # outputs
     modes: wp.array2d[int],  # (T, 4)
 ):
-    for t in range(first + wp.tid(), last, stride):
-        place = wp.vec3i(maxima[t, 0], maxima[t, 1], maxima[t, 2])
-        density = wp.int64(0)
-        moving = maxima[t, 3] > 0
-        left = rounds + 1
-        while moving and left > 0:
-            left -= 1
-            reach = scaled(radius, factor_of(cells.factors, cells.lowest, place[2]))
-            found = sums_within(cells, place, reach, scales)
-            density = found.density
-            moving = False
-            if found.mass > wp.int64(0) and left > 0:
-                other = wp.vec3i(
-                    mean(found.down, found.mass),
-                    mean(found.along, found.mass),
-                    mean(found.deep, found.mass) + cells.lowest,
-                )
-                for k in range(3):
-                    if other[k] != place[k]:
-                        moving = True
-                place = other
-        for k in range(3):
-            modes[t, k] = place[k]
-        modes[t, 3] = int(density // KERNEL_ONE)
+    t = wp.tid()
+    place = wp.vec3i(maxima[t, 0], maxima[t, 1], maxima[t, 2])
+    density = wp.int64(0)
+    moving = maxima[t, 3] > 0
+    left = rounds + 1
+    while moving and left > 0:
+        left -= 1
+        reach = scaled(radius, factor_of(cells.factors, cells.lowest, place[2]))
+        found = sums_within(cells, place, reach, scales)
+        density = found.density
+        moving = False
+        if found.mass > wp.int64(0) and left > 0:
+            other = wp.vec3i(
+                mean(found.down, found.mass),
+                mean(found.along, found.mass),
+                mean(found.deep, found.mass) + cells.lowest,
+            )
+            for k in range(3):
+                if other[k] != place[k]:
+                    moving = True
+            place = other
+    for k in range(3):
+        modes[t, k] = place[k]
+    modes[t, 3] = int(density // KERNEL_ONE)

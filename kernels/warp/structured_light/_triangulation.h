@@ -1,10 +1,11 @@
 #pragma once
 
 // needs NEWTON_STEPS, WIDEST, LENS_STEPS, NEAR, STOPS, STILL
-// A ray of a camera and the line of a projector that lights it, for either device. Nothing is
-// compared bit for bit: products may be fused with sums. cvkern/geometry/cameras/lens.py has the
-// equations of a lens, fx, fy, cx, cy, k1, k2, p1, p2, k3. With STOPS, steps end where the last one
-// was shorter than STILL: vectors of pixels take all of them.
+// A ray of a camera and the line of a projector that lights it, for either device. On the CPU the
+// Taichi set does the same operations in the same order, without fused products, and has the same
+// bits. cvkern/geometry/cameras/lens.py has the equations of a lens, fx, fy, cx, cy, k1, k2, p1, p2,
+// k3. With STOPS, steps end where the last one was shorter than STILL: vectors of pixels take all of
+// them.
 struct Light {
     // The place where a ray is seen, for f = 1, and its derivatives.
     static void bend(const float* lens, float x, float y, float& u, float& v, float& xx, float& xy,

@@ -1,6 +1,7 @@
 """Triangulation of projector columns or rows to points in space, in Warp.
 
-The Taichi set has the equation. On the CPU a thread computes a slab of rows, on CUDA one pixel.
+The Taichi set has the equation, and equal bits on the CPU. There a thread computes a slab of rows,
+on CUDA one pixel.
 """
 
 from functools import lru_cache
@@ -13,6 +14,7 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 from cvkern.kernels.warp.geometry._lens import NEWTON_STEPS, WIDEST
 
 OPTIONS = {"enable_backward": False}
+EXACT = OPTIONS | {"fuse_fp": False}
 # STILL: the square of this step, by which the next one would be shorter, is below a rounding.
 _NUMBERS = {"NEWTON_STEPS": NEWTON_STEPS, "WIDEST": f"{WIDEST:.1f}f", "LENS_STEPS": LENS_STEPS,
             "NEAR": f"{NEAR}f", "STILL": "1e-4f"}  # fmt: skip
@@ -54,7 +56,7 @@ def _intersect_cpu(axis: int) -> wp.Kernel:
         points: wp.array3d[float],
     ): ...
 
-    @wp.kernel(module="unique", module_options=OPTIONS)
+    @wp.kernel(module="unique", module_options=EXACT)
     def intersect_slab(
         slab: int,
         first: int,

@@ -1,15 +1,17 @@
 // Linear samples through a homography on the CPU, 16 pixels of a row at once; projective.py has the
 // equation.
 
-// needs ROUNDED, CHANNELS
-// A row of an image seen through a homography, linearly: `inverse` takes (x, y, 1) of the result to
-// the image. Returns how many pixels it lists in `left`, for others to find: those on the last rows
-// or the last column, and, unless all beyond the image is `cval`, those beyond. So nothing is read
-// behind the image, though more than two pixels are read at once.
-int warp_row(int row, int slab, wp::array_t<float> src, wp::array_t<double> inverse, int constant,
-             float cval, wp::array_t<int> left, wp::array_t<float> dst) {
+// needs ROUNDED, CHANNELS, PART
+// Rows from `top` on of a tile, PART pixels wide from `start` on, of an image seen through a
+// homography, linearly: `inverse` takes (x, y, 1) of the result to the image. A tile needs little of
+// the image, which stays in the cache. Returns how many pixels it lists in `left`, for others to
+// find: those on the last rows or the last column, and, unless all beyond the image is `cval`,
+// those beyond. So nothing is read behind the image, though more than two pixels are read at once.
+int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
+              wp::array_t<double> inverse, int constant, float cval, wp::array_t<int> left,
+              wp::array_t<float> dst) {
 #pragma clang fp contract(off)
-    enum { N = 16, PART = 128, C = CHANNELS, INSIDE = 1, LEFT = 2, AWAY = 4 };
+    enum { N = 16, C = CHANNELS, INSIDE = 1, LEFT = 2, AWAY = 4 };
     typedef __typeof__(*src.data) source;
     typedef __typeof__(*dst.data) result;
     typedef source taken __attribute__((vector_size(2 * N * sizeof(source))));
@@ -20,6 +22,9 @@ int warp_row(int row, int slab, wp::array_t<float> src, wp::array_t<double> inve
     typedef float lanes4 __attribute__((vector_size(4 * sizeof(float))));
     typedef int whole __attribute__((vector_size(N * sizeof(int))));
     typedef int whole4 __attribute__((vector_size(4 * sizeof(int))));
+    typedef unsigned long long pixels __attribute__((vector_size(32)));
+    typedef unsigned halves __attribute__((vector_size(16)));
+    typedef unsigned char bytes __attribute__((vector_size(16)));
     const auto clipped = [](auto v) {
         v = v > 0.0f ? v : 0.0f;
         return (v < 255.0f ? v : 255.0f) + 0.5f;
@@ -27,14 +32,15 @@ int warp_row(int row, int slab, wp::array_t<float> src, wp::array_t<double> inve
     const int planes = dst.shape[0], tall = dst.shape[1], wide = dst.shape[2];
     const int height = src.shape[1], width = src.shape[2], pitch = width * C;
     const double* const m = inverse.data;
-    const double last_x = width - 1, last_y = height - 1, v = row;
+    const double last_x = width - 1, last_y = height - 1;
     const bool affine = m[6] == 0.0 && m[7] == 0.0 && m[8] == 1.0;
     const result outside = (result)(ROUNDED ? (float)(int)clipped((lanes4){} + cval)[0] : cval);
-    int* const list = left.data + (size_t)slab * wide;
+    int* const list = left.data + (size_t)slab * left.shape[1];
     int listed = 0;
-    for (int start = 0; start < wide; start += PART) {
+    const int size = wide - start < PART ? wide - start : PART;
+    for (int row = top; row < bottom; ++row) {
         // First all places, then all samples: their divisions and loads do not wait for another.
-        const int size = wide - start < PART ? wide - start : PART;
+        const double v = row;
         double xs[PART], ys[PART];
         int at[PART], state[PART], there[PART / N], other[PART / N];
         float fx[PART], fy[PART];
@@ -66,7 +72,7 @@ int warp_row(int row, int slab, wp::array_t<float> src, wp::array_t<double> inve
                 const bool within =
                     (xs[k] >= 0.0) & (xs[k] <= last_x) & (ys[k] >= 0.0) & (ys[k] <= last_y);
                 if (constant && !within) state[k] = AWAY;
-                if (state[k] == LEFT && k < size) list[listed++] = start + k;
+                if (state[k] == LEFT && k < size) list[listed++] = (row - top) * PART + k;
             }
         }
         for (int p = 0; p < planes; ++p) {
@@ -105,6 +111,45 @@ int warp_row(int row, int slab, wp::array_t<float> src, wp::array_t<double> inve
                     else
                         made = __builtin_convertvector(sum, given);
                     __builtin_memcpy(found + N * b, &made, sizeof made);
+                    continue;
+                }
+                if (sizeof(source) == 1 && (C == 3 || C == 4)) {
+                    // Four pixels at once. Eight bytes have both pixels of a row.
+#pragma unroll
+                    for (int k = N * b; k < N * (b + 1); k += 4) {
+                        lanes lines[2];
+                        lanes4 across, down;
+                        __builtin_memcpy(&across, fx + k, sizeof across);
+                        __builtin_memcpy(&down, fy + k, sizeof down);
+                        const lanes x = __builtin_shufflevector(across, across, 0, 0, 0, 0, 1, 1, 1,
+                                                                1, 2, 2, 2, 2, 3, 3, 3, 3);
+                        const lanes y = __builtin_shufflevector(down, down, 0, 0, 0, 0, 1, 1, 1, 1,
+                                                                2, 2, 2, 2, 3, 3, 3, 3);
+#pragma unroll
+                        for (int i = 0; i < 2; ++i) {
+                            unsigned long long parts[4];
+#pragma unroll
+                            for (int n = 0; n < 4; ++n)
+                                __builtin_memcpy(&parts[n], from + at[k + n] + i * pitch, 8);
+                            const pixels both = {parts[0], parts[1], parts[2], parts[3]};
+                            const bytes west = (bytes) __builtin_convertvector(both, halves);
+                            const bytes east =
+                                (bytes) __builtin_convertvector(both >> (8 * C), halves);
+                            lines[i] = (1.0f - x) * __builtin_convertvector(west, lanes) +
+                                       x * __builtin_convertvector(east, lanes);
+                        }
+                        const lanes sum = (1.0f - y) * lines[0] + y * lines[1];
+                        given made;
+                        if (ROUNDED)  // means of bytes need not be cut off
+                            made = __builtin_convertvector(
+                                __builtin_convertvector(sum + 0.5f, whole), given);
+                        else
+                            made = __builtin_convertvector(sum, given);
+                        if (C == 3)
+                            made = __builtin_shufflevector(made, made, 0, 1, 2, 4, 5, 6, 8, 9, 10,
+                                                           12, 13, 14, 14, 14, 14, 14);
+                        __builtin_memcpy(found + k * C, &made, sizeof made);
+                    }
                     continue;
                 }
 #pragma clang loop unroll_count(4)

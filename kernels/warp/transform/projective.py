@@ -18,6 +18,7 @@ from ._taps import mapped, stored, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 FEW = (1, 3, 4)  # channels that have kernels of their own
+TALL, PART = wp.constant(32), wp.constant(128)  # rows and columns of a tile, on the CPU
 
 
 def warp_perspective(
@@ -41,7 +42,7 @@ def warp_perspective(
         return
     if order == 1 and channels in FEW and not dst.device.is_cuda:
         parts = slabs(rows, dst.size)
-        left = scratch("projective.left", (parts, dst.shape[2]), wp.int32, dst.device)
+        left = scratch("projective.left", (parts, TALL * PART), wp.int32, dst.device)
         kernel = warp_kernel_cpu(src.dtype, dst.dtype, channels)
         launch_slabs(kernel, rows, parts, [src, inverse, border, cval, left], [dst])
         return
@@ -84,9 +85,13 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
     """
     pixel = warp_pixel(scalar, result, 1)
 
-    @_native.func_native("_projective_cpu.h", ROUNDED=int(result is wp.uint8), CHANNELS=channels)
-    def warp_row(
-        row: int,
+    @_native.func_native(
+        "_projective_cpu.h", ROUNDED=int(result is wp.uint8), CHANNELS=channels, PART=PART
+    )
+    def warp_tile(
+        top: int,
+        bottom: int,
+        start: int,
         slab: int,
         src: wp.array4d[scalar],
         inverse: wp.array[wp.float64],
@@ -106,17 +111,23 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
         border: int,
         cval: float,
         # scratch
-        left: wp.array2d[int],  # (slabs, W')
+        left: wp.array2d[int],  # (slabs, TALL * PART)
         # outputs
         dst: wp.array4d[result],  # (P, H', W', C)
     ):
         constant = int(0)
         if border == int(Border.CONSTANT):
             constant = int(1)
-        for row in range(first, last):
-            count = warp_row(row, slab, src, inverse, constant, cval, left, dst)
+        across = (dst.shape[2] + PART - 1) // PART
+        for tile in range((last - first + TALL - 1) // TALL * across):
+            top = first + tile // across * TALL
+            start = tile % across * PART
+            bottom = wp.min(top + TALL, last)
+            count = warp_tile(top, bottom, start, slab, src, inverse, constant, cval, left, dst)
             for k in range(count):
-                pixel(src, inverse, border, cval, 0, row, left[slab, k], dst)
+                place = left[slab, k]
+                row = top + place // PART
+                pixel(src, inverse, border, cval, 0, row, start + place % PART, dst)
 
     return warp_rows
 

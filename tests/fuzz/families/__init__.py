@@ -25,10 +25,17 @@ NOT_CALLED = {
 }
 
 
-# Calls that take a tenth of a second and more come in one round of so many.
-SELDOM = 16
+# Calls that take more than 10 ms with both sets come in one round of so many, and those of more
+# than 100 ms in one round of more.
+SELDOM, RARELY = 16, 128
+COSTLY = {"find_essentials", "find_fundamentals", "find_fundamental", "detect_segments",
+          "detect_lines", "find_shape", "radiance.load_model", "find_planes", "calibrate_camera",
+          "integrate_normals", "estimate_response", "merge_exposures", "metamer", "undistort",
+          "generalized_hough", "detect_circles", "radiance.render_path", "orb",
+          "sift", "stereo_match"}  # fmt: skip
 SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene", "reconstruct_pair",
-        "recognize_panoramas", "stitch"}  # fmt: skip
+        "recognize_panoramas", "reconstruct", "stitch", "ShapeModel", "calibrate_projector",
+        "calibrate_stereo", "estimate_lights", "shape_from_shading"}  # fmt: skip
 
 
 @lru_cache
@@ -36,7 +43,10 @@ def turns(family: str) -> list[str]:
     """Return the calls of all rounds, in their order; the first round has all, family by turns."""
     groups = [FAMILIES[family]] if family else FAMILIES.values()
     every = [name for names in zip_longest(*groups) for name in names if name]
-    return every + (SELDOM - 1) * [name for name in every if name not in SLOW]
+    often = [name for name in every if name not in SLOW]
+    cheap = [name for name in often if name not in COSTLY]
+    part = often + (SELDOM - 1) * cheap
+    return every + (SELDOM - 1) * cheap + (RARELY // SELDOM - 1) * part
 
 
 def draw_call(draw: Draw, index: int, family: str = "") -> tuple[str, dict[str, Any]]:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 import cvkern
-from tests.fuzz.arguments import Call, Draw, Maker, image, maybe, number, one, points, whole
+from tests.fuzz.arguments import Call, Draw, Maker, alike, image, maybe, number, one, points, whole
 from tests.fuzz.families.geometry import fundamental, inside
 
-SHAPE = one((480, 640), (48, 64), (1, 1), (0, 4))
+SHAPE = one((480, 640), (480, 640), (48, 64), (48, 64), (1, 1), (0, 4))
 CAMERA = one(
     cvkern.Camera(np.array([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]), [-0.2, 0.1], (480, 640)),
     cvkern.Camera(np.array([[40, 0, 31.5], [0, 40, 23.5], [0, 0, 1]]), (), (48, 64)),
@@ -34,7 +34,7 @@ def seen(draw: Draw) -> Any:
     """Return what a camera sees of a board in some views, with noise."""
     views = []
     camera = CAMERA(draw)
-    for _ in range(int(draw.pick([0, 1, 3, 5]))):
+    for _ in range(int(draw.pick([0, 1, 3, 3, 4]))):
         turn, shift = draw.rng.normal(0, 0.4, 3), (-0.1, -0.05, draw.rng.uniform(0.3, 0.6))
         found = np.asarray(cvkern.project_points(BOARD, camera, turn, shift), np.float64)
         views.append(found + draw.rng.normal(0, draw.pick([0, 0.1, 9]), found.shape))
@@ -45,12 +45,18 @@ def seen(draw: Draw) -> Any:
 
 def space(draw: Draw) -> Any:
     """Return points in space, some behind the camera or not finite."""
-    found = draw.rng.normal(0, 1, (int(draw.pick([0, 1, 4, 30])), 3)) * draw.pick(
-        [1, 1, 1e-9, 1e30]
-    )
+    count = int(alike(draw).pick([0, 1, 4, 30, 30]))
+    found = draw.rng.normal(0, 1, (count, 3)) * draw.pick([1, 1, 1, 1e-9, 1e30])
+    found += draw.pick([0, 0, 5]) * np.array([0, 0, 1])
     if len(found) and draw.odd(0.2):
         found[0] = draw.pick([0, np.nan, np.inf])
     return found
+
+
+def shown(draw: Draw) -> Any:
+    """Return as many places in the image as points of :func:`space`."""
+    count = int(alike(draw).pick([0, 1, 4, 30, 30])) if draw.odd(0.9) else 3
+    return draw.rng.random((count, 2)) * 40
 
 
 def board(draw: Draw) -> Any:
@@ -62,6 +68,12 @@ def board(draw: Draw) -> Any:
 
 
 PAIR = cvkern.make_scan("gray_code", (12, 16), (12, 16), seed=1).calibration
+
+
+SIDE_BY_SIDE = PAIR._replace(
+    rotation=cvkern.geometry.cameras.lens.turned(np.array([0.02, -0.1, 0.03])),
+    translation=np.array([-0.2, 0.01, 0.02]),
+)
 
 
 def seen_by_two(draw: Draw, second: bool) -> Any:
@@ -162,7 +174,15 @@ CALLS: dict[str, Call] = {
     ),
     "rectify_stereo": Call(
         cvkern.rectify_stereo,
-        {"calibration": one(PAIR, PAIR._replace(translation=np.array([0, 0, 1.0])), PAIR.left)},
+        {
+            "calibration": one(
+                SIDE_BY_SIDE,
+                SIDE_BY_SIDE,
+                PAIR,
+                PAIR._replace(translation=np.array([0, 0, 1.0])),
+                PAIR.left,
+            )
+        },
         {"keep": one("scale", "valid", "all", "none"), "zoom": number(0.01, 9)},
     ),
     "Rectification": Call(
@@ -170,7 +190,7 @@ CALLS: dict[str, Call] = {
             cvkern.rectify_stereo(calibration)(left, right, cval=cval)
         ),
         {
-            "calibration": one(PAIR),
+            "calibration": one(SIDE_BY_SIDE, SIDE_BY_SIDE, PAIR),
             "left": lambda draw: image(draw, (12, 16)),
             "right": lambda draw: image(draw, (12, 16)),
         },
@@ -190,13 +210,18 @@ CALLS: dict[str, Call] = {
         cvkern.detect_chessboard, {"image": board, "shape": one((6, 8), (6, 8), (3, 3), (2, 1))}, {}
     ),
     "find_pose": Call(
-        cvkern.find_pose, {"points3d": space, "points2d": points, "K": inside}, ROBUST
+        cvkern.find_pose, {"points3d": space, "points2d": shown, "K": inside}, ROBUST
     ),
     "pose_from_homography": Call(cvkern.pose_from_homography, {"H": fundamental, "K": inside}, {}),
     "project_points": Call(cvkern.project_points, {"points": space, "camera": CAMERA}, POSED),
     "undistort": Call(
         cvkern.undistort,
-        {"image": lambda draw: image(draw, draw.pick([(48, 64), (480, 640)])), "camera": CAMERA},
+        {
+            "image": lambda draw: image(
+                draw, draw.pick([(48, 64), (48, 64), (48, 64), (480, 640)])
+            ),
+            "camera": CAMERA,
+        },
         {
             "matrix": maybe(inside),
             "rotation": maybe(turned),

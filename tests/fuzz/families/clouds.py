@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 import cvkern.clouds
-from tests.fuzz.arguments import Call, Draw, image, maybe, number, one
+from tests.fuzz.arguments import Call, Draw, alike, image, maybe, number, one
 
 
 def cloud(draw: Draw) -> Any:
     """Return points before a camera, some behind it, some nowhere."""
-    found = draw.rng.normal(0, 1, (int(draw.pick([0, 1, 2, 30])), 3)) + np.array([0, 0, 4])
+    found = draw.rng.normal(0, 1, (int(alike(draw).pick([0, 1, 2, 30, 30])), 3)) + np.array(
+        [0, 0, 4]
+    )
     found *= draw.pick([1, 1, 1e-20, 1e20])
     if draw.odd(0.1) and len(found):
         found[0, 0] = draw.pick([np.nan, np.inf])
@@ -23,12 +25,16 @@ def cloud(draw: Draw) -> Any:
 
 def colors(draw: Draw) -> Any:
     """Return as many colours as points, mostly."""
-    return draw.rng.integers(0, 256, (int(draw.pick([0, 1, 2, 30, 30])), 3)).astype(np.uint8)
+    count = int(alike(draw).pick([0, 1, 2, 30, 30])) if draw.odd(0.9) else 3
+    return draw.rng.integers(0, 256, (count, 3)).astype(np.uint8)
 
 
 def film(draw: Draw) -> Any:
     """Return frames."""
-    return image(draw, (int(draw.pick([1, 2])), *(min(n, 20) for n in draw.shape), 3))
+    shape = (int(draw.pick([1, 2])), *(min(n, 20) for n in draw.shape), 3)
+    if draw.odd(0.3):
+        return image(draw, shape)
+    return draw.rng.integers(0, 256, shape).astype(np.uint8)
 
 
 def ply(points: Any, colors: Any = None) -> bytes:

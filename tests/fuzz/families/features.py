@@ -13,6 +13,7 @@ from tests.fuzz.arguments import (
     Call,
     Draw,
     Maker,
+    alike,
     channels,
     image,
     mask,
@@ -36,9 +37,10 @@ SHARED: dict[str, Maker] = {
 
 def descriptors(draw: Draw) -> Any:
     """Return a few descriptors of bytes or numbers, some of them equal."""
-    count, length = int(draw.pick([0, 1, 2, 9, 33])), int(draw.pick([32, 32, 64, 128]))
-    found = draw.rng.integers(0, draw.pick([2, 256]), (count, length)).astype(np.uint8)
-    return found.astype(draw.pick(["uint8", "uint8", "float32"]))
+    same = alike(draw)
+    count, length = int(draw.pick([0, 1, 2, 9, 33])), int(same.pick([32, 32, 64, 128]))
+    found = draw.rng.integers(0, same.pick([2, 256]), (count, length)).astype(np.uint8)
+    return found.astype(same.pick(["uint8", "uint8", "uint8", "float32"]))
 
 
 def lists(draw: Draw) -> list[Any]:

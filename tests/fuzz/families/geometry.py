@@ -7,7 +7,18 @@ from typing import Any
 import numpy as np
 
 import cvkern
-from tests.fuzz.arguments import Call, Draw, Maker, maybe, number, one, one_of, several, whole
+from tests.fuzz.arguments import (
+    Call,
+    Draw,
+    Maker,
+    alike,
+    maybe,
+    number,
+    one,
+    one_of,
+    several,
+    whole,
+)
 
 SHIFTED = np.array([[0, 0, 0], [0, 0, -1], [0, 1, 5.0]])  # rows meet rows, five below
 COUNTS = [0, 1, 2, 3, 4, 5, 7, 8, 9, 20, 60]
@@ -31,7 +42,7 @@ def pair_of(draw: Draw) -> tuple[np.ndarray, np.ndarray]:
         second = first
     astray = rng.random(count) < draw.pick([0, 0.3])
     second = np.where(astray[:, None], rng.uniform(0, 500, (count, 2)), second)
-    scale = draw.pick([1, 1, 1, 1e-6, 1e9, 1e30, 1e200])
+    scale = draw.pick([1, 1, 1, 1, 1, 1e-6, 1e9, 1e30, 1e200])
     first, second = first * scale, second * scale
     if draw.odd(0.03) and count:
         second[0, 0] = draw.pick([np.nan, np.inf])
@@ -40,17 +51,18 @@ def pair_of(draw: Draw) -> tuple[np.ndarray, np.ndarray]:
 
 def first_of(draw: Draw) -> Any:
     """Return points of the first image, of a pair that :func:`second_of` gives the other of."""
-    return pair_of(_again(draw))[0].astype(draw.pick(["f8", "f8", "f4"]))
+    return pair_of(alike(draw))[0].astype(draw.pick(["f8", "f8", "f4"]))
 
 
 def second_of(draw: Draw) -> Any:
     """Return points of the second image."""
-    return pair_of(_again(draw))[1]
+    return pair_of(alike(draw))[1]
 
 
-def _again(draw: Draw) -> Draw:
-    """Return numbers that are the same for each argument of a call."""
-    return Draw(np.random.default_rng((*draw.shape, draw.salt)), draw.shape, draw.salt)
+def weights(draw: Draw) -> Any:
+    """Return a weight for each pair, mostly."""
+    count = len(first_of(draw)) + int(draw.odd(0.1))
+    return draw.rng.uniform(0, 2, count) * (draw.rng.random(count) < draw.pick([1, 1, 0.5]))
 
 
 def fundamental(draw: Draw) -> Any:
@@ -94,7 +106,7 @@ ROBUST: dict[str, Maker] = {
     "max_trials": whole(1, 64),
     "seed": whole(0, 9),
 }
-WEIGHTS: dict[str, Maker] = {"weights": maybe(several(number(0, 2), 4, 9))}
+WEIGHTS: dict[str, Maker] = {"weights": maybe(weights)}
 FITS = ("affine", "fundamental", "homography", "similarity")
 CALLS: dict[str, Call] = {
     **{f"find_{n}": Call(getattr(cvkern, f"find_{n}"), POINTS, ROBUST) for n in FITS},

@@ -15,6 +15,7 @@ from tests.fuzz.arguments import (
     columns,
     dists,
     image,
+    mask,
     maybe,
     number,
     one,
@@ -71,6 +72,17 @@ CALLS: dict[str, Call] = {
             "threshold": maybe(number(-5, 300)),
             "num_peaks": whole(0, 9),
             "refine": one(False, True),
+        },
+    ),
+    "probabilistic_hough_line": Call(
+        cvkern.probabilistic_hough_line,
+        {"image": mask},
+        {
+            "threshold": whole(0, 20),
+            "line_length": whole(0, 30),
+            "line_gap": whole(0, 9),
+            "theta": several(number(-1.5, 1.5)),
+            "rng": whole(0, 9),
         },
     ),
     "hough_line_segments": Call(

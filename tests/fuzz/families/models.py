@@ -167,8 +167,8 @@ CALLS: dict[str, Call] = {
     "radiance.evaluate": Call(scored, {}, {"test": one(True, False), "views": VIEWS}, equal=False),
     "radiance.mesh": Call(
         meshed,
-        {"resolution": one(2, 8, 17, 1, 2**20)},
-        {"density": number(0.01, 50), "pieces": maybe(whole(0, 3))},
+        {"resolution": one(2, 8, 8, 17, 1, 2**20)},
+        {"density": number(0.01, 1), "pieces": maybe(whole(0, 3))},
         equal=False,
     ),
     "radiance.point_cloud": Call(clouded, {"cameras": PLACES}, {"views": VIEWS}, equal=False),

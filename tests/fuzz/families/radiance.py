@@ -51,7 +51,8 @@ def spans(draw: Draw) -> Any:
 
 def composite_backward(**given: Any) -> Any:
     """Call the gradient with a gradient that fits the rays."""
-    count = len(given["spans"]) if np.ndim(given["spans"]) == 2 else 4
+    spans = given["spans"]
+    count = len(spans) if getattr(spans, "ndim", 0) == 2 else 4
     full = radiance.Composite(
         np.ones((count, 3), np.float32), np.ones(count, np.float32), None, None
     )

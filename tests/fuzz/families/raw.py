@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 import cvkern
-from tests.fuzz.arguments import Call, Draw, Maker, channels, image, maybe, number, one
+from tests.fuzz.arguments import Call, Draw, Maker, alike, channels, image, maybe, number, one
 
-PATTERN = one("RGGB", "BGGR", "GRBG", "GBRG", "RGBG")
+PATTERN = one("RGGB", "BGGR", "GRBG", "GBRG", "RGGB", "RGBG")
 METHOD = one("bilinear", "malvar", "menon", "residual", "none")
 DEVELOPED: dict[str, Maker] = {
     "pattern": PATTERN,
@@ -26,13 +26,22 @@ DEVELOPED: dict[str, Maker] = {
 
 def exposures(draw: Draw) -> Any:
     """Return images of one scene, two or more of them, and mostly bytes."""
-    shape = (int(draw.pick([2, 3, 1])), *draw.shape, *((3,) if draw.odd(0.4) else ()))
+    shape = (_count(draw), *draw.shape, *((3,) if draw.odd(0.4) else ()))
     if draw.odd(0.4):
         return image(draw, shape)
     return draw.rng.integers(0, 256, shape).astype(np.uint8)
 
 
-SECONDS = one((1, 2), (0.5, 1, 4), (1,), (1, 1), (0, 1), (1e-30, 1e30))
+def seconds(draw: Draw) -> Any:
+    """Return times of the exposures."""
+    if draw.odd(0.2):
+        return draw.pick([(1,), (1, 1), (0, 1), (1e-30, 1e30), (1e-300, 1e300)])
+    return [0.5 * 2.0**n for n in range(_count(draw))][:: draw.pick([1, -1])]
+
+
+def _count(draw: Draw) -> int:
+    """Return how many exposures a call has."""
+    return int(alike(draw).pick([2, 3, 3, 1, 9]))
 
 
 def colors(draw: Draw) -> Any:
@@ -48,7 +57,7 @@ CALLS: dict[str, Call] = {
     "develop": Call(cvkern.develop, {"raw": image}, DEVELOPED),
     "estimate_response": Call(
         cvkern.estimate_response,
-        {"images": exposures, "seconds": SECONDS},
+        {"images": exposures, "seconds": seconds},
         {"method": one("debevec", "robertson", "none")},
     ),
     "fit_color_matrix": Call(cvkern.fit_color_matrix, {"measured": colors, "wanted": colors}, {}),
@@ -59,7 +68,7 @@ CALLS: dict[str, Call] = {
     ),
     "merge_exposures": Call(
         cvkern.merge_exposures,
-        {"images": exposures, "seconds": SECONDS},
+        {"images": exposures, "seconds": seconds},
         {
             "response": maybe(one(np.linspace(-5, 5, 256), np.zeros((256, 3)), np.zeros(3))),
             "deghost": maybe(number(0, 9)),

@@ -11,6 +11,7 @@ from tests.fuzz.arguments import (
     Call,
     Draw,
     Maker,
+    alike,
     disparity,
     image,
     mask,
@@ -20,6 +21,11 @@ from tests.fuzz.arguments import (
     one_of,
     whole,
 )
+
+
+def _count(draw: Draw) -> int:
+    """Return how many lamps a call has."""
+    return int(alike(draw).pick([1, 3, 3, 4, 5, 6]))
 
 
 def normals(draw: Draw) -> Any:
@@ -34,22 +40,34 @@ def normals(draw: Draw) -> Any:
 
 def lights(draw: Draw) -> Any:
     """Return directions of lamps, or the numbers of a sky."""
-    return draw.rng.normal(0.2, 1, (int(draw.pick([1, 3, 3, 4])), int(draw.pick([3, 3, 3, 9, 2]))))
+    count, columns = int(_count(draw)), int(draw.pick([3, 3, 3, 3, 3, 4, 9, 2]))
+    found = draw.rng.normal(0.2, 1, (count, columns))
+    found[:, 2:3] = abs(found[:, 2:3])
+    return found
 
 
 def lamp(draw: Draw) -> Any:
     """Return one lamp."""
-    return draw.pick([(0, 0, 1), (0.2, 0.3, 0.9), (0, 0, 0), (1, 2), draw.rng.normal(size=3)])
+    lamps = [(0, 0, 1), (0.2, 0.3, 0.9), (0, 0, 0), (1, 2), draw.rng.normal(size=3)]
+    return draw.pick([*lamps[:2], *lamps])
 
 
 def images(draw: Draw) -> Any:
     """Return images under three or four lamps."""
-    return image(draw, (int(draw.pick([3, 3, 4, 1])), *draw.shape))
+    if draw.odd(0.3):
+        return image(draw, (_count(draw), *draw.shape))
+    y, x = np.indices(draw.shape) / 4.0
+    depth = draw.rng.normal() * np.sin(x + draw.rng.normal()) * np.cos(y) + 0.03 * x * x
+    lamps = draw.rng.normal(0, 0.5, (_count(draw), 3))
+    lamps[:, 2] = 1
+    shown = cvkern.lambertian(depth, lamps / np.linalg.norm(lamps, axis=1, keepdims=True))
+    shown = shown * draw.pick([1, 255]) + draw.rng.normal(0, draw.pick([0, 0, 0.01]), shown.shape)
+    return shown.astype(draw.pick(["f4", "f8"]))
 
 
 def lit(draw: Draw) -> Any:
     """Return gradients by images of one to four lamps."""
-    return draw.rng.normal(size=(int(draw.pick([1, 3, 4])), *draw.shape)).astype(np.float32)
+    return draw.rng.normal(size=(_count(draw), *draw.shape)).astype(np.float32)
 
 
 SURFACE: dict[str, Maker] = {"surface": one_of(image, normals, disparity), "lights": lights}

@@ -10,12 +10,14 @@ import cvkern
 from tests.fuzz.arguments import (
     Call,
     Draw,
-    channels,
+    alike,
     colour,
     costs,
     disparities,
     disparity,
+    guide,
     image,
+    many_colours,
     mask,
     maybe,
     number,
@@ -36,6 +38,19 @@ def view(draw: Draw) -> Any:
     wall = np.kron(np.random.default_rng(draw.salt).random((16, 30)), np.ones((6, 6)))
     begin = int(draw.pick([0, 4, 9, 30]))
     return (255 * wall[:, begin : begin + 128]).astype(draw.pick(["uint8", "uint8", "uint16"]))
+
+
+def side(draw: Draw) -> Any:
+    """Return a view of a pair, both of one dtype."""
+    values = draw.rng.random(draw.shape)
+    dtype = alike(draw).pick(["uint8", "uint8", "f4", "uint16", "i8"])
+    return (values * (1 if dtype == "f4" else 255)).astype(dtype) if draw.odd(0.9) else image(draw)
+
+
+def pixels(draw: Draw) -> Any:
+    """Return the colours of a disparity map."""
+    shape = draw.pick([draw.shape, (*draw.shape, 3)])
+    return draw.rng.integers(0, 256, shape).astype(np.uint8) if draw.odd(0.9) else colour(draw)
 
 
 def matched(shape: Any, disparities: Any, left: Any, right: Any) -> Any:
@@ -71,7 +86,7 @@ CALLS: dict[str, Call] = {
             "paths": one(4, 8, 16, 5),
             "contrast": number(0.5, 50),
             "largest_cost": maybe(whole(1, 99)),
-            "guide": maybe(image),
+            "guide": maybe(guide),
             "max_bytes": maybe(whole(1, 2**20)),
         },
     ),
@@ -109,8 +124,8 @@ CALLS: dict[str, Call] = {
         {
             "shape": lambda draw: draw.shape,
             "disparities": disparities,
-            "left": image,
-            "right": image,
+            "left": side,
+            "right": side,
         },
         {},
     ),
@@ -127,7 +142,7 @@ CALLS: dict[str, Call] = {
     "fill_disparity": Call(cvkern.fill_disparity, {"disparity": disparity}, {}),
     "guided_median": Call(
         cvkern.guided_median,
-        {"disparity": disparity, "guide": image},
+        {"disparity": disparity, "guide": guide},
         {"radius": whole(0, 8), "contrast": whole(1, 99)},
     ),
     "disparity_to_depth": Call(
@@ -140,12 +155,17 @@ CALLS: dict[str, Call] = {
     ),
     "stereo_cost of colours": Call(
         cvkern.stereo_cost,
-        {"left": channels, "right": channels, "disparities": disparities},
-        {"channel_axis": one(-1, 0, None), "cost": one("sad", "census")},
+        {
+            "left": many_colours,
+            "right": many_colours,
+            "disparities": disparities,
+            "channel_axis": one(-1, -1, -1, 2),
+        },
+        {"cost": one("sad", "census")},
     ),
     "point_cloud": Call(
         cvkern.point_cloud,
-        {"disparity": disparity, "q": lambda draw: Q, "image": colour},
+        {"disparity": disparity, "q": lambda draw: Q, "image": pixels},
         {"valid": mask},
     ),
     "reconstruct_pair": Call(

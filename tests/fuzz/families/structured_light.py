@@ -26,7 +26,7 @@ def frames(draw: Draw) -> Any:
 
 def gray(draw: Draw) -> Any:
     """Return images as a camera sees the patterns of `size`, which is (16, 31) here."""
-    found = cvkern.gray_code_patterns((16, 31), lights=draw.odd(0.5)).astype(np.float32)
+    found = cvkern.gray_code_patterns((16, 31), lights=draw.odd(0.2)).astype(np.float32)
     found = found * draw.rng.uniform(0.1, 1) + draw.rng.normal(
         0, draw.pick([0, 5, 90]), found.shape
     )

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from cvkern.hough.circles.votes import _rings, direction_table
-from cvkern.kernels.codes.hough import ARCS, FINE_ONE, LINE_ONE, NORMAL_ONE, Aim, EllipseBounds
+from cvkern.kernels.codes.hough import (
+    ARCS,
+    DIRECTION_FACTOR,
+    DIRECTIONS,
+    FINE_ONE,
+    LINE_ONE,
+    NORMAL_ONE,
+    Aim,
+    EllipseBounds,
+)
 from tests.hough.circles import reference_circles as reference
 from tests.primitives import F32, I32, U8, noise, waves
 
@@ -62,8 +71,33 @@ def test_vote_directed(kernels, pad):
     np.testing.assert_array_equal(got, want)
 
 
+def test_directions_at_the_tolerance(kernels):
+    """A point votes for offsets that are just within its tolerance, and for none a code beyond."""
+    rings, tolerance = _rings((9,)), 700
+    mask = np.zeros((1, 4 * len(rings.codes)), U8)
+    mask[0] = 1
+    off = np.array([tolerance, -tolerance, tolerance + 1, -tolerance - 1])
+    codes = (rings.codes[:, None] + off).ravel() % DIRECTIONS
+    angles = ((codes - DIRECTIONS * (codes > DIRECTIONS // 2)) / DIRECTION_FACTOR).astype(F32)
+    given = np.argwhere(mask).astype(I32), np.array([0, mask.size], I32), angles[None]
+    shape = (1, 19, mask.size + 18)
+    want = np.zeros(shape, I32)
+    for x, code in enumerate(codes):
+        for turn in (0, DIRECTIONS // 2):
+            apart = (rings.codes - code - turn + tolerance) % DIRECTIONS
+            down, along = rings.offsets[apart <= 2 * tolerance].T
+            np.add.at(want, (0, 9 + down, 9 + x + along), 1)
+    got = kernels(
+        "hough.circles.votes.vote_directed", *given, rings, direction_table(), tolerance,
+        out=[(shape, I32)],
+    )  # fmt: skip
+    np.testing.assert_array_equal(got, want)
+
+
 def test_peaks(kernels):
     votes = np.round(3 * noise(3, 40, 70)).astype(F32)  # with many ties
+    # Peaks in the last column and the last row, with more votes where memory goes on.
+    votes[:, 20, -1], votes[:, 21, 0], votes[0, -1, 30], votes[1, 0, 30] = 18, 19, 18, 19
     limits = np.array([2, 5, 100], F32)
     tops = kernels("hough.circles.peaks.row_maxima", votes, out=[((120,), F32)])
     np.testing.assert_array_equal(tops, votes.max(axis=2).ravel())
@@ -191,6 +225,35 @@ def test_support(kernels):
         part = octant * (ARCS // 8) + np.minimum(step, ARCS // 8 - 1)
         np.testing.assert_array_equal(parts, np.bincount(part, minlength=ARCS))
     assert sums[0, 5] > 20
+
+
+@pytest.mark.parametrize("sides", [(1, -1), (1, 1), (-1, -1)])
+def test_points_on_bounds(kernels, sides):
+    """At both distances, square to the gradient, on diagonals, and in the centre."""
+    y, x = np.mgrid[:61, :61:3].reshape(2, -1)
+    turn = np.arange(y.size) % 4
+    lines = np.stack((y, x, np.take([0, 1, 0, -1], turn), np.take([1, 0, -1, 0], turn))).astype(F32)
+    aim, middle = Aim(40.0, 0.0, *sides), np.array([[30, 30]], F32)
+    got = kernels(
+        "hough.circles.detection.vote_radii", lines, middle, 5.0, 30.0, 1.0, aim,
+        out=[((1, 26), I32)],
+    )  # fmt: skip
+    dy, dx, far, kept = seen(lines, F32(30), F32(30), 40.0, 0.0, sides)
+    inside = kept & (far >= 5) & (far <= 30)
+    want = np.bincount((far[inside] - F32(5)).astype(int), minlength=26)
+    assert want[0] > 0 and want[-1] > 0  # noqa: PT018
+    np.testing.assert_array_equal(got[0], want)
+    sums, parts = kernels(
+        "hough.circles.detection.support", lines, np.array([[30, 30, 6]], F32), 6.0, aim,
+        out=[((1, 9), I64), ((1, ARCS), I32)],
+    )  # fmt: skip
+    kept &= (far > 0) & (far <= 12)
+    assert sums[0, 5] == kept.sum()
+    ay, ax = np.abs(dy[kept]), np.abs(dx[kept])
+    octant = (dy[kept] < 0) + 2 * (dx[kept] < 0) + 4 * (ay > ax)
+    step = (np.minimum(ay, ax) / np.maximum(ay, ax) * (ARCS // 8)).astype(int)
+    part = octant * (ARCS // 8) + np.minimum(step, ARCS // 8 - 1)
+    np.testing.assert_array_equal(parts[0], np.bincount(part, minlength=ARCS))
 
 
 def test_the_sets_give_equal_bits(all_kernels):

@@ -90,9 +90,12 @@ def test_take(kernels):
 
 @pytest.mark.parametrize("dtype", [I32, F32])
 @pytest.mark.parametrize("wraps", [False, True])
-@pytest.mark.parametrize("sizes", [(0, 0), (2, 3), (40, 5)])
-def test_local_maxima(kernels, dtype, wraps, sizes):
-    values = np.random.default_rng(1).integers(0, 15, (33, 21)).astype(dtype)
+@pytest.mark.parametrize(("sizes", "shape", "most"), [
+    ((0, 0), (33, 21), 15), ((2, 3), (33, 21), 15), ((40, 5), (33, 21), 15),
+    ((1, 3), (65, 12), 99), ((3, 2), (65, 12), 99),  # where half a turn decides some
+])  # fmt: skip
+def test_local_maxima(kernels, dtype, wraps, sizes, shape, most):
+    values = np.random.default_rng(1).integers(0, most, shape).astype(dtype)
     got = kernels(
         "hough.lines.peaks.local_maxima", values, 6, *sizes, wraps, out=[(values.shape, U8)]
     )
@@ -114,3 +117,23 @@ def test_claim(kernels, number):
     cosine, sine, rho = lines
     want = lines_reference.claim(points, codes, after, cosine, sine, rho, directions, 12.0, 2500)
     np.testing.assert_array_equal(got, want)
+
+
+def test_claim_on_bounds(kernels):
+    """Points at the distance and the tolerance, lines just after `after`, and a point outside."""
+    y, x = np.mgrid[:40:4, :40:4].reshape(2, -1)
+    points = np.append(np.stack([y, x], 1), [[-1, -1]], 0).astype(F32)
+    root = np.sqrt(0.5)
+    lines = np.array([[1, 0, root], [0, 1, root], [8, 20, -2 * root - 11.9]], F32)
+    directions, tolerance = np.array([0, 100, 9000], I32), 2500
+    off = np.array([tolerance, -tolerance, tolerance + 1, -tolerance - 1, 0])
+    for k in range(3):
+        codes = ((directions[k] + np.resize(off, len(points))) % DIRECTIONS).astype(I32)
+        codes[-1] = directions[2]
+        after = np.resize([-1, -1, -1, 0, -1, 1, 2], len(points)).astype(I32)
+        after[-1] = 1
+        given: Any = points, codes, after, lines, directions, 12.0, tolerance
+        got = kernels("hough.lines.segments.claim", *given, out=[(after.shape, I32)])
+        want = lines_reference.claim(points, codes, after, *lines, directions, 12.0, tolerance)
+        np.testing.assert_array_equal(got, want)
+        assert got[-1] == 2

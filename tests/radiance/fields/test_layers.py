@@ -123,6 +123,7 @@ def test_hash_backward(kernels, grids):
     positions, before = places(2000), noise(grids[1][-1], 2, seed=3)
     d_features = noise(2000, 2 * len(grids[0]), seed=4)
     d_features[100:200] = 0
+    d_features[200:300, ::2], d_features[300:400, 1::2] = 0, 0  # one of the two of an entry
     given = positions, number(1900), *grids, d_features
     got = kernels("radiance.fields.hash.backward", *given, out=[before])
     want = reference.hash_backward(positions[:1900], grids, d_features[:1900])

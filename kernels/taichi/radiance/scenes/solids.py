@@ -11,6 +11,7 @@ import taichi.math as tm
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Pattern, Shape
 from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._random import random_unit
 from cvkern.kernels.taichi.radiance._space import row
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
@@ -18,6 +19,7 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 
 STEPS = 96
+FEWEST_CUBES, MORE_CUBES = codes.FEWEST_CUBES, codes.MORE_CUBES
 NEAR = 1e-3  # distance at which a ray has hit a surface
 SHADOW_STEPS = 32
 SOFT = 14.0  # one over the tangent of half the sun's apparent size
@@ -101,6 +103,18 @@ def _sunlight(kinds: ti.template(), placements: ti.template(), sizes: ti.templat
 
 
 @ti.func
+def _speckle(p):
+    """Return a tone in [-1, 1) of a point of a solid: the mean of cubes of three sizes."""
+    tone = 0.0
+    cubes = FEWEST_CUBES
+    for level in range(3):
+        cell = ti.cast(ti.floor(p * cubes), ti.i32)
+        tone += random_unit(cell.x, cell.y, cell.z, level) - 0.5
+        cubes *= MORE_CUBES
+    return tone * (1.0 / 1.5)
+
+
+@ti.func
 def _paint(kinds: ti.template(), placements: ti.template(), paints: ti.template(), shape, point):
     """Return the colour of the paint at a point of a solid."""
     p = _local(placements, shape, point)
@@ -112,7 +126,10 @@ def _paint(kinds: ti.template(), placements: ti.template(), paints: ti.template(
         cell = ti.floor(tm.length(p.xy) * scale)
     second = pattern != PLAIN and cell - 2.0 * ti.floor(0.5 * cell) > 0.5
     at = 3 if second else 0
-    return tm.vec3(paints[shape, at], paints[shape, at + 1], paints[shape, at + 2])
+    paint = tm.vec3(paints[shape, at], paints[shape, at + 1], paints[shape, at + 2])
+    if paints[shape, 8] > 0.0:
+        paint *= 1.0 + paints[shape, 8] * _speckle(p)
+    return paint
 
 
 @ti.func
@@ -168,7 +185,7 @@ def _trace(
     kinds: i32_2,  # (S, 2): Shape, Pattern
     placements: f32_2,  # (S, 12): the axes, each a row, and the middle
     sizes: f32_2,  # (S, 4): see Shape
-    paints: f32_2,  # (S, 8): two colours, gloss, parts of the pattern per length
+    paints: f32_2,  # (S, 9): two colours, gloss, parts of the pattern per length, speckles
     around: f32_1,  # (4,): a ball that has all solids in it
     sun: f32_1,  # (3,): unit vector to it
     # outputs

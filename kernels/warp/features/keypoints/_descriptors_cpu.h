@@ -14,7 +14,7 @@ void orient_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> windows,
     const int cy = window[2], cx = window[3], radius = window[4];
     const float* image = (const float*)octave[0] + (size_t)window[1] * height * width;
     const float spread = spreads.data[k];
-    enum { N = 16 };
+    enum { N = 16, CHUNK = 64 };
     float gain[2 * REACH + 1 + N] = {0};
     for (int i = 0; i <= radius; ++i) {
         gain[radius + i] = Alike::decay((float)(i * i) * spread);
@@ -22,32 +22,53 @@ void orient_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> windows,
     }
     // Neighbours, which often share a bin, are added to different sums: none waits for another.
     int parts[2][BINS] = {{0}};
+    // Pixels of several rows: their gradients and weights.
+    __attribute__((aligned(64))) float kept[3][CHUNK + N];
+    float *const across = kept[0], *const downward = kept[1], *const weights = kept[2];
+    const auto vote = [&]() __attribute__((noinline)) {
+        int lengths[CHUNK], bins[CHUNK];
+#pragma clang loop vectorize(assume_safety)
+        for (int k = 0; k < CHUNK; ++k) {
+            const float dx = across[k], dy = downward[k];
+            float length = __builtin_sqrtf(dx * dx + dy * dy);
+            length = length < LONGEST ? length : LONGEST;
+            float bin = Alike::angle(dy, dx) * BINS_PER_RADIAN + 0.5f;
+            bin = bin < 0.0f ? bin + (float)BINS : bin;
+            const int b = (int)bin;
+            lengths[k] = (int)(length * weights[k] * one + 0.5f);
+            bins[k] = b >= BINS ? b - BINS : b;
+        }
+#pragma clang loop unroll_count(16)
+        for (int k = 0; k < CHUNK; ++k) parts[k % 2][bins[k]] += lengths[k];
+    };
     const int left = cx - radius < 1 ? 1 : cx - radius;
     const int right = cx + radius > width - 2 ? width - 2 : cx + radius;
+    int filled = 0;
     for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
         const float* const p = image + (size_t)y * width;
         const float down = gain[y - cy + radius];
         const float* const along = gain + radius - cx;
         // Loads beyond the end of the row reach into the next row or level, which always exists.
+        // What was collected beyond `right` is written over.
         for (int begin = left; begin <= right; begin += N) {
-            int lengths[N], bins[N];
             __builtin_prefetch(p + begin + 4 * (size_t)width);
 #pragma clang loop vectorize(assume_safety)
             for (int k = 0; k < N; ++k) {
                 const int x = begin + k;
-                const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
-                float length = __builtin_sqrtf(dx * dx + dy * dy);
-                length = length < LONGEST ? length : LONGEST;
-                float bin = Alike::angle(dy, dx) * BINS_PER_RADIAN + 0.5f;
-                bin = bin < 0.0f ? bin + (float)BINS : bin;
-                const int b = (int)bin;
-                lengths[k] = x <= right ? (int)(length * (down * along[x]) * one + 0.5f) : 0;
-                bins[k] = x <= right ? (b >= BINS ? b - BINS : b) : 0;
+                across[filled + k] = p[x + 1] - p[x - 1];
+                downward[filled + k] = p[x + width] - p[x - width];
+                weights[filled + k] = down * along[x];
             }
-#pragma unroll
-            for (int k = 0; k < N; ++k) parts[k % 2][bins[k]] += lengths[k];
+            filled += right - begin + 1 < N ? right - begin + 1 : N;
+            if (filled < CHUNK) continue;
+            vote();
+            filled -= CHUNK;
+            for (int i = 0; i < 3; ++i)
+                __builtin_memcpy(kept[i], kept[i] + CHUNK, N * sizeof(float));
         }
     }
+    for (; filled % CHUNK; ++filled) across[filled] = downward[filled] = weights[filled] = 0.0f;
+    if (filled) vote();
     int sums[BINS];
     for (int b = 0; b < BINS; ++b) sums[b] = parts[0][b] + parts[1][b];
     long long smooth[BINS], most = 0;
@@ -88,7 +109,7 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
     const float* image = (const float*)octave[0] + (size_t)window[1] * height * width;
     const float* turn = turns.data + 4 * (size_t)k;
     const float cosine = turn[0], sine = turn[1], angle = turn[2], spread = turn[3];
-    enum { N = 16, ROW = CELLS + 1, OUTSIDE = ROW * ROW * DIRECTIONS };
+    enum { N = 16, CHUNK = 64, ROW = CELLS + 1, OUTSIDE = ROW * ROW * DIRECTIONS };
     float gain[2 * REACH + 1 + N] = {0};
     for (int i = 0; i <= radius; ++i) {
         gain[radius + i] = Alike::decay((float)(i * i) * spread);
@@ -103,6 +124,66 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
     typedef int lanes __attribute__((vector_size(4 * N)));
     quad sums[2][OUTSIDE + 1];
     __builtin_memset(sums, 0, sizeof sums);
+    // Pixels of several rows: their gradients, weights, and places among the cells.
+    __attribute__((aligned(64))) float kept[5][CHUNK + N];
+    float *const across = kept[0], *const downward = kept[1], *const weights = kept[2];
+    float *const rows = kept[3], *const columns = kept[4];
+    const auto vote = [&]() __attribute__((noinline)) {
+        __attribute__((aligned(64))) int places[CHUNK], parts[8][CHUNK];
+#pragma clang loop vectorize(assume_safety)
+        for (int k = 0; k < CHUNK; ++k) {
+            const float dx = across[k], dy = downward[k], r = rows[k], c = columns[k];
+            float length = __builtin_sqrtf(dx * dx + dy * dy);
+            length = length < LONGEST ? length : LONGEST;
+            float bin = (Alike::angle(dy, dx) - angle) * DIRECTIONS_PER_RADIAN;
+            bin = bin < 0.0f ? bin + (float)DIRECTIONS : bin;
+            bin = bin >= (float)DIRECTIONS ? bin - (float)DIRECTIONS : bin;
+            const float v = length * weights[k] * one;
+            const bool inside = (r > -1.0f) & (r < (float)CELLS) & (c > -1.0f) & (c < (float)CELLS);
+            const int r0 = inside ? (int)(r + 1.0f) : 0, c0 = inside ? (int)(c + 1.0f) : 0;
+            const int o0 = (int)bin;
+            const float fr = (r + 1.0f) - (float)r0, fc = (c + 1.0f) - (float)c0;
+            const float fd = bin - (float)o0;
+            const float v1 = v * fr, v0 = v - v1, v11 = v1 * fc, v01 = v0 * fc;
+            const float v10 = v1 - v11, v00 = v0 - v01;
+            const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
+            places[k] = inside ? (r0 * ROW + c0) * DIRECTIONS + o0 : OUTSIDE;
+            parts[0][k] = (int)((v00 - w00) + 0.5f);
+            parts[1][k] = (int)(w00 + 0.5f);
+            parts[2][k] = (int)((v01 - w01) + 0.5f);
+            parts[3][k] = (int)(w01 + 0.5f);
+            parts[4][k] = (int)((v10 - w10) + 0.5f);
+            parts[5][k] = (int)(w10 + 0.5f);
+            parts[6][k] = (int)((v11 - w11) + 0.5f);
+            parts[7][k] = (int)(w11 + 0.5f);
+        }
+        for (int begin = 0; begin < CHUNK; begin += N) {
+            // Interleaving rows i and i + 4 three times brings the 8 parts of a pixel together.
+            lanes lines[8];
+#pragma unroll
+            for (int i = 0; i < 8; ++i)
+                __builtin_memcpy(&lines[i], parts[i] + begin, sizeof(lanes));
+#pragma unroll
+            for (int times = 0; times < 3; ++times) {
+                lanes turned[8];
+#pragma unroll
+                for (int i = 0; i < 4; ++i) {
+                    const lanes a = lines[i], b = lines[i + 4];
+                    turned[2 * i] = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20,
+                                                            5, 21, 6, 22, 7, 23);
+                    turned[2 * i + 1] = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27,
+                                                                12, 28, 13, 29, 14, 30, 15, 31);
+                }
+#pragma unroll
+                for (int i = 0; i < 8; ++i) lines[i] = turned[i];
+            }
+            quad given[N];
+            __builtin_memcpy(given, lines, sizeof given);
+#pragma unroll
+            for (int k = 0; k < N; ++k) sums[k % 2][places[begin + k]] += given[k];
+        }
+    };
+    int count = 0;
     for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
         const float i = (float)(y - cy), down = gain[y - cy + radius];
         const float row0 = i * cosine, column0 = i * sine;
@@ -125,63 +206,33 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
         const float* const p = image + (size_t)y * width;
         const float* const along = gain + radius - cx;
         // Loads beyond the end of the row reach into the next row or level, which always exists.
+        // What was collected beyond `right` is written over.
         for (int begin = left; begin <= right; begin += N) {
-            int places[N], parts[8][N];
             __builtin_prefetch(p + begin + 4 * (size_t)width);
 #pragma clang loop vectorize(assume_safety)
             for (int k = 0; k < N; ++k) {
                 const int x = begin + k;
                 const float j = (float)(x - cx);
-                const float dx = p[x + 1] - p[x - 1], dy = p[x + width] - p[x - width];
-                float length = __builtin_sqrtf(dx * dx + dy * dy);
-                length = length < LONGEST ? length : LONGEST;
-                float bin = (Alike::angle(dy, dx) - angle) * DIRECTIONS_PER_RADIAN;
-                bin = bin < 0.0f ? bin + (float)DIRECTIONS : bin;
-                bin = bin >= (float)DIRECTIONS ? bin - (float)DIRECTIONS : bin;
-                const float v = length * (down * along[x]) * one;
-                const float r = (row0 - j * sine) + 1.5f, c = (column0 + j * cosine) + 1.5f;
-                const bool inside = (r > -1.0f) & (r < (float)CELLS) & (c > -1.0f) &
-                                    (c < (float)CELLS) & (x <= right);
-                const int r0 = inside ? (int)(r + 1.0f) : 0, c0 = inside ? (int)(c + 1.0f) : 0;
-                const int o0 = (int)bin;
-                const float fr = (r + 1.0f) - (float)r0, fc = (c + 1.0f) - (float)c0;
-                const float fd = bin - (float)o0;
-                const float v1 = v * fr, v0 = v - v1, v11 = v1 * fc, v01 = v0 * fc;
-                const float v10 = v1 - v11, v00 = v0 - v01;
-                const float w11 = v11 * fd, w10 = v10 * fd, w01 = v01 * fd, w00 = v00 * fd;
-                places[k] = inside ? (r0 * ROW + c0) * DIRECTIONS + o0 : OUTSIDE;
-                parts[0][k] = (int)((v00 - w00) + 0.5f);
-                parts[1][k] = (int)(w00 + 0.5f);
-                parts[2][k] = (int)((v01 - w01) + 0.5f);
-                parts[3][k] = (int)(w01 + 0.5f);
-                parts[4][k] = (int)((v10 - w10) + 0.5f);
-                parts[5][k] = (int)(w10 + 0.5f);
-                parts[6][k] = (int)((v11 - w11) + 0.5f);
-                parts[7][k] = (int)(w11 + 0.5f);
+                across[count + k] = p[x + 1] - p[x - 1];
+                downward[count + k] = p[x + width] - p[x - width];
+                weights[count + k] = down * along[x];
+                rows[count + k] = (row0 - j * sine) + 1.5f;
+                columns[count + k] = (column0 + j * cosine) + 1.5f;
             }
-            // Interleaving rows i and i + 4 three times brings the 8 parts of a pixel together.
-            lanes rows[8];
-            __builtin_memcpy(rows, parts, sizeof rows);
+            count += right - begin + 1 < N ? right - begin + 1 : N;
+            if (count < CHUNK) continue;
+            vote();
+            count -= CHUNK;
 #pragma unroll
-            for (int times = 0; times < 3; ++times) {
-                lanes turned[8];
-#pragma unroll
-                for (int i = 0; i < 4; ++i) {
-                    const lanes a = rows[i], b = rows[i + 4];
-                    turned[2 * i] = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20,
-                                                            5, 21, 6, 22, 7, 23);
-                    turned[2 * i + 1] = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27,
-                                                                12, 28, 13, 29, 14, 30, 15, 31);
-                }
-#pragma unroll
-                for (int i = 0; i < 8; ++i) rows[i] = turned[i];
-            }
-            quad given[N];
-            __builtin_memcpy(given, rows, sizeof given);
-#pragma unroll
-            for (int k = 0; k < N; ++k) sums[k % 2][places[k]] += given[k];
+            for (int i = 0; i < 5; ++i)
+                __builtin_memcpy(kept[i], kept[i] + CHUNK, N * sizeof(float));
         }
     }
+    for (; count % CHUNK; ++count) {
+        across[count] = downward[count] = weights[count] = 0.0f;
+        rows[count] = columns[count] = -2.0f;  // outside
+    }
+    if (count) vote();
     // A cell has been given something from the four places about it.
     both cells[CELLS * CELLS * DIRECTIONS];
     for (int n = 0; n < CELLS * CELLS * DIRECTIONS; ++n) {

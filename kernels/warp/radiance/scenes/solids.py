@@ -9,6 +9,7 @@ import warp as wp
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Pattern, Shape
 from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp._random import random_unit
 from cvkern.kernels.warp.radiance._space import row
 from cvkern.kernels.warp.radiance._structs import Solids, struct_of
 
@@ -18,6 +19,7 @@ STEPS = wp.constant(96)
 NEAR = wp.constant(1e-3)  # distance at which a ray has hit a surface
 SHADOW_STEPS = wp.constant(32)
 SOFT = wp.constant(14.0)  # one over the tangent of half the sun's apparent size
+FEWEST_CUBES, MORE_CUBES = wp.constant(codes.FEWEST_CUBES), wp.constant(codes.MORE_CUBES)
 SUN = wp.constant(wp.vec3(2.3, 2.1, 1.8))
 ZENITH = wp.constant(wp.vec3(0.42, 0.56, 0.85))
 HORIZON = wp.constant(wp.vec3(0.95, 0.92, 0.88))
@@ -35,6 +37,20 @@ def local(placements: wp.array2d[float], shape: int, point: wp.vec3) -> wp.vec3:
         placements[shape, 3] * x + placements[shape, 4] * y + placements[shape, 5] * z,
         placements[shape, 6] * x + placements[shape, 7] * y + placements[shape, 8] * z,
     )
+
+
+@wp.func
+def speckle(p: wp.vec3) -> float:
+    """Return a tone in [-1, 1) of a point of a solid: the mean of cubes of three sizes."""
+    tone = float(0.0)
+    cubes = float(FEWEST_CUBES)
+    for level in range(3):
+        x = int(wp.floor(p[0] * cubes))
+        y = int(wp.floor(p[1] * cubes))
+        z = int(wp.floor(p[2] * cubes))
+        tone += random_unit(x, y, z, level) - 0.5
+        cubes *= MORE_CUBES
+    return tone * (1.0 / 1.5)
 
 
 @wp.func
@@ -157,6 +173,8 @@ def shaded(
     paint = wp.vec3(paints[shape, 0], paints[shape, 1], paints[shape, 2])
     if pattern != Pattern.PLAIN and cell - 2.0 * wp.floor(0.5 * cell) > 0.5:
         paint = wp.vec3(paints[shape, 3], paints[shape, 4], paints[shape, 5])
+    if paints[shape, 8] > 0.0:
+        paint *= 1.0 + paints[shape, 8] * speckle(p)
     gloss = paints[shape, 6]
     lit = light * wp.max(facing, 0.0) * SUN
     around = wp.lerp(GROUND, ZENITH, 0.5 + 0.5 * normal[2])

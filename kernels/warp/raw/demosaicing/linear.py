@@ -1,6 +1,6 @@
 """Demosaicing by fixed filters, in Warp: 128 pixels at once on the CPU, eight a thread on CUDA.
 
-The Taichi set states the filters.
+Bilinear means of integers have kernels of their own on the CPU. The Taichi set states the filters.
 """
 
 from functools import lru_cache
@@ -9,8 +9,10 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes.raw import Linear
+from cvkern.kernels.warp._launch import launch_slabs, slabs
 from cvkern.kernels.warp._spans import Spans, spans
 from cvkern.kernels.warp.raw._types import constants
+from cvkern.kernels.warp.raw.demosaicing._bilinear_cpu import averages
 
 
 def interpolate(
@@ -19,6 +21,9 @@ def interpolate(
     """Fill in the two colours that each pixel misses; red is at (red_row, red_column)."""
     height, width = raw.shape
     inputs = [raw, red_row, red_column]
+    if method == Linear.BILINEAR and raw.dtype in averages and not raw.device.is_cuda:
+        launch_slabs(averages[raw.dtype], height, slabs(height, 3 * raw.size), inputs, [colours])
+        return
     _kernels(raw.dtype, method).launch(height, width, 3 * raw.size, inputs, [colours])
 
 

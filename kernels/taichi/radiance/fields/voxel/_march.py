@@ -140,11 +140,10 @@ def march_all(
                                 k, j, i = _corner(node, corner)
                                 touched[k, j, i] = ti.u8(1)
                                 add(d_density[k, j, i], share * d_raw, exact)
-                                for n in ti.static(range(9)):
-                                    if n < grid.basis:
-                                        for c in ti.static(range(3)):
-                                            v = share * h[n] * d_s[c]
-                                            add(d_color[k, j, i, c * grid.basis + n], v, exact)
+                                for n in range(grid.basis):  # unrolled, compiles for a minute
+                                    for c in ti.static(range(3)):
+                                        v = share * h[n] * d_s[c]
+                                        add(d_color[k, j, i, c * grid.basis + n], v, exact)
                         else:
                             seen += w * rgb
                             spread += w * (2.0 * (t * sum_w - sum_wt) + w * gap / 3.0)

@@ -1,0 +1,280 @@
+"""Incremental reconstruction: a first pair, then one photograph after the other.
+
+Each photograph is placed before the points that are there; then it gives new points. Bundle
+adjustment of its surroundings follows each photograph, and adjustment of everything whenever the
+number of photographs has grown by a fifth.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cvkern.geometry.poses import find_pose
+from cvkern.kernels.codes.reconstruction import POSE, Loss
+from cvkern.reconstruction._adjustment import Bundle, Effort, adjust, gaps_of
+from cvkern.reconstruction._pairs import Pair
+from cvkern.reconstruction._photographs import Lenses, Say, rays_through
+from cvkern.reconstruction._tracks import Tracks
+from cvkern.reconstruction._triangulation import Rays, triangulate, widest_angles
+
+ERROR = 4.0  # pixels: a place farther from its projected point does not belong to it
+POSE_ERROR = 6.0  # the same while a photograph is placed
+LEAST_ANGLE = np.radians(1.5)  # between two rays of a point, at least
+LEAST_POINTS, LEAST_SHARE = 15, 0.2  # known points that a photograph must agree with
+FIRST_ANGLES = np.radians((8.0, 4.0, 2.0))  # median angle of the first pair, in turn
+FIRST_POINTS = 15  # points of the first pair
+FLAT = 0.85  # share of matches on a plane above which a first pair is chosen last
+TRIED = 60  # pairs that may be the first
+NEAR = 5  # photographs that are adjusted with a new one
+GROWN = 1.25  # of the number of photographs, between adjustments of everything
+ROUNDS = 4  # of adjustment and cleaning at the end
+NEAR_STEPS, FEW_STEPS, LAST_STEPS = 5, 8, 25  # of adjustment
+# Photographs from which the focal length, k1 and k2, and the principal point are found.
+FOR_FOCAL, FOR_LENS, FOR_MIDDLE = 3, 5, 8
+NOISE = 0.05, 2.0  # pixels by which places are off, at least and at most
+SCALE, LEAST_SCALE = 3.0, 0.25  # of the last loss: in units of the noise, and pixels
+
+
+class Growth:
+    """A reconstruction that grows."""
+
+    def __init__(self, tracks: Tracks, pairs: list[Pair], lenses: Lenses, seed: int):
+        count = len(lenses.of)
+        self.tracks, self.pairs, self.lenses, self.seed = tracks, pairs, lenses, seed
+        self.rows = lenses.rows.copy()
+        self.placed = np.zeros(count, bool)
+        self.rotations, self.translations = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+        self.points = np.full((tracks.total, 3), np.nan)
+        self.active = np.zeros(len(tracks.track), bool)
+        self._straighten()
+
+    # --- the first pair --------------------------------------------------------------------------
+
+    def begin(self) -> bool:
+        """Place the first two photographs; False if no pair has enough parallax."""
+        ranked = sorted(
+            self.pairs, key=lambda p: (-len(p.places) * (1.0 if p.flat < FLAT else 0.3), p.first)
+        )[:TRIED]
+        tried = []
+        for pair in ranked:
+            self._place_two(pair)
+            known = np.isfinite(self.points[:, 0])
+            if known.sum() >= FIRST_POINTS:
+                angles = self._angles()[known]
+                tried.append((pair, int(known.sum()), float(np.median(angles))))
+            self._clear()
+        for least in FIRST_ANGLES:
+            wide = [(n, -k) for k, (pair, n, angle) in enumerate(tried) if angle >= least]
+            if wide:
+                self._place_two(tried[-max(wide)[1]][0])
+                self._adjust_all(FEW_STEPS)
+                return True
+        return False
+
+    def _place_two(self, pair: Pair) -> None:
+        self.placed[[pair.first, pair.second]] = True
+        self.rotations[pair.second], self.translations[pair.second] = (
+            pair.rotation,
+            pair.translation,
+        )
+        self._add_points()
+
+    def _clear(self) -> None:
+        self.placed[:], self.active[:], self.points[:] = False, False, np.nan
+        self.rotations[:], self.translations[:] = np.eye(3), 0
+
+    # --- further photographs ---------------------------------------------------------------------
+
+    def grow(self, say: Say, most: int | None = None) -> None:
+        """Place photographs until none can be placed, or until `most` are."""
+        total = len(self.placed)
+        failed: dict[int, int] = {}  # the number of points with which a photograph failed
+        adjusted = int(self.placed.sum())
+        while not self.placed.all() and (most is None or self.placed.sum() < most):
+            say(int(self.placed.sum()), total, "Placing photographs")
+            visible = self._visible()
+            order = [
+                int(v) for v in np.argsort(-visible, kind="stable")
+                if visible[v] >= LEAST_POINTS and visible[v] > failed.get(int(v), 0)
+            ]  # fmt: skip
+            if not order:
+                if adjusted == self.placed.sum():
+                    break
+                self.settle(1)
+                adjusted = int(self.placed.sum())
+                failed = {}
+                continue
+            view = order[0]
+            if not self._place(view):
+                failed[view] = int(1.1 * visible[view])
+                continue
+            self._add_points()
+            self._adjust_near(view)
+            self._add_points()
+            now = int(self.placed.sum())
+            if now >= max(GROWN * adjusted, adjusted + 1) or now <= FOR_LENS + 1:
+                self._adjust_all(FEW_STEPS)
+                self._add_points()
+                adjusted = now
+
+    def settle(self, rounds: int = ROUNDS, error: float = ERROR) -> None:
+        """Adjust everything, leave out what does not fit, and look for more, until both agree."""
+        for _ in range(rounds):
+            before = self.active.copy()
+            self._adjust_all(FEW_STEPS if rounds == 1 else LAST_STEPS, error, rounds > 1)
+            self._add_points(error)
+            if (before != self.active).sum() <= 1e-3 * max(1, before.sum()):
+                break
+
+    def _visible(self) -> np.ndarray:
+        """Return how many known points each photograph without a place shows."""
+        known = np.isfinite(self.points[self.tracks.track, 0])
+        counts = np.bincount(self.tracks.view[known], minlength=len(self.placed))
+        return np.where(self.placed, 0, counts)
+
+    def _place(self, view: int) -> bool:
+        tracks = self.tracks
+        own = np.flatnonzero(tracks.view == view)
+        own = own[np.isfinite(self.points[tracks.track[own], 0])]
+        lens = self.rows[self.lenses.of[view]]
+        matrix = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
+        straight = self.straight[own] * lens[:2] + lens[2:4]
+        pose = find_pose(
+            self.points[tracks.track[own]], np.ascontiguousarray(straight[:, ::-1]), matrix,
+            POSE_ERROR, seed=self.seed,
+        )  # fmt: skip
+        inliers = np.asarray(pose.inliers)
+        if pose.rotation is None or pose.translation is None:
+            return False
+        if inliers.sum() < max(LEAST_POINTS, LEAST_SHARE * len(own)):
+            return False
+        self.placed[view] = True
+        self.rotations[view], self.translations[view] = pose.rotation, pose.translation
+        self.active[own[inliers]] = True
+        return True
+
+    # --- points ----------------------------------------------------------------------------------
+
+    def _straighten(self) -> None:
+        """Find the rays of all places, with the lenses of now."""
+        self.straight = np.zeros_like(self.tracks.where)
+        lens_of = self.lenses.of[self.tracks.view]
+        for n, lens in enumerate(self.rows):
+            own = lens_of == n
+            self.straight[own] = rays_through(self.tracks.where[own], lens)
+
+    def _rays(self, chosen: np.ndarray) -> Rays:
+        """Return the rays of some sightings, in the world."""
+        view = self.tracks.view[chosen]
+        flat = np.concatenate((self.straight[chosen], np.ones((len(chosen), 1))), axis=1)
+        turns = self.rotations[view]
+        ahead = np.einsum("oji,oj->oi", turns, flat)
+        eyes = -np.einsum("nji,nj->ni", self.rotations, self.translations)[view]
+        ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+        return Rays(self.tracks.track[chosen], eyes, ahead, view)
+
+    def _angles(self) -> np.ndarray:
+        """Return the widest angle between the rays of each point, (T,)."""
+        return widest_angles(self._rays(np.flatnonzero(self.active)), self.tracks.total)
+
+    def _errors(self, chosen: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return the distances of places from projected points, (len(chosen),), pixels."""
+        view = self.tracks.view[chosen]
+        inside = np.einsum("oij,oj->oi", self.rotations[view], points) + self.translations[view]
+        with np.errstate(all="ignore"):
+            off = inside[:, :2] / inside[:, 2:] - self.straight[chosen]
+            off = np.linalg.norm(off * self.rows[self.lenses.of[view], :2], axis=1)
+        return np.where(inside[:, 2] > 0, off, np.inf)
+
+    def _add_points(self, error: float = ERROR) -> None:
+        """Find points of tracks without one, and take in sightings that fit."""
+        tracks = self.tracks
+        known = np.isfinite(self.points[:, 0])
+        open_ = np.flatnonzero(self.placed[tracks.view] & ~known[tracks.track])
+        found = triangulate(
+            self._rays(open_), LEAST_ANGLE, error, lambda points: self._errors(open_, points),
+            self.seed,
+        )  # fmt: skip
+        self.points[found.tracks] = found.points
+        self._clean(error)
+
+    def _clean(self, error: float) -> None:
+        """Decide which sightings belong to points, and drop points that too few rays fix."""
+        tracks = self.tracks
+        chosen = np.flatnonzero(self.placed[tracks.view])
+        off = self._errors(chosen, self.points[tracks.track[chosen]])
+        self.active[:] = False
+        self.active[chosen[off <= error]] = True
+        known = np.isfinite(self.points[:, 0])
+        wide = self._angles() >= LEAST_ANGLE
+        self.points[known & ~wide] = np.nan
+        self.active &= wide[tracks.track]
+
+    # --- adjustment ------------------------------------------------------------------------------
+
+    def _bundle(self, chosen: np.ndarray) -> tuple[Bundle, np.ndarray, np.ndarray]:
+        """Return the bundle of some sightings, its photographs and its tracks."""
+        views, view = np.unique(self.tracks.view[chosen], return_inverse=True)
+        names, point = np.unique(self.tracks.track[chosen], return_inverse=True)
+        bundle = Bundle(
+            self.rotations[views], self.translations[views], self.rows, self.lenses.of[views],
+            self.points[names], np.stack((view.reshape(-1), point.reshape(-1)), axis=1),
+            self.tracks.where[chosen],
+        )  # fmt: skip
+        return bundle, views, names
+
+    def _take(self, bundle: Bundle, views: np.ndarray, names: np.ndarray) -> None:
+        self.rotations[views], self.translations[views] = bundle.rotations, bundle.translations
+        self.points[names] = bundle.points
+
+    def _adjust_near(self, view: int) -> None:
+        """Adjust a photograph, those that share most points with it, and their points."""
+        tracks = self.tracks
+        own = np.zeros(tracks.total, bool)
+        own[tracks.track[self.active & (tracks.view == view)]] = True
+        shared = np.bincount(
+            tracks.view[self.active & own[tracks.track]], minlength=len(self.placed)
+        )
+        shared[view] = 0
+        near = np.argsort(-shared, kind="stable")[:NEAR]
+        moving = np.zeros(len(self.placed), bool)
+        moving[near[shared[near] > 0]] = True
+        if moving.sum() + 1 >= self.placed.sum():
+            moving[np.flatnonzero(self.placed)[0]] = False
+        moving[view] = True
+        about = np.zeros(tracks.total, bool)
+        about[tracks.track[self.active & moving[tracks.view]]] = True
+        bundle, views, names = self._bundle(np.flatnonzero(self.active & about[tracks.track]))
+        effort = Effort(POSE, Loss.CAUCHY, 2.0, NEAR_STEPS, 1e-3)
+        self._take(adjust(bundle, effort, ~moving[views])[0], views, names)
+        self._clean(ERROR)
+
+    def _adjust_all(self, steps: int, error: float = ERROR, last: bool = False) -> None:
+        """Adjust everything, with the parameters of lenses that the photographs determine."""
+        number = int(self.placed.sum())
+        size = POSE
+        if not self.lenses.fixed:
+            size += (number >= FOR_FOCAL) + 2 * (number >= FOR_LENS)
+            size += 2 * (number >= FOR_MIDDLE and last)
+        bundle, views, names = self._bundle(np.flatnonzero(self.active))
+        if not len(views):
+            return
+        noise = float(np.clip(np.median(np.abs(gaps_of(bundle))) / 0.67, *NOISE))
+        scale = 2.0 if not last else max(LEAST_SCALE, SCALE * noise)
+        effort = Effort(size, Loss.CAUCHY, scale, steps, 1e-6, self.lenses.rows, noise)
+        bundle, _ = adjust(bundle, effort)
+        self._take(bundle, views, names)
+        self.rows = bundle.lenses
+        self._straighten()
+        self._clean(error)
+
+    def distances(self, chosen: np.ndarray) -> np.ndarray:
+        """Return the distances of places from projected points, pixels of the small images."""
+        if not len(chosen):
+            return np.zeros(0)
+        return np.linalg.norm(gaps_of(self._bundle(chosen)[0]), axis=1)
+
+    def cost(self) -> tuple[int, float]:
+        """Return the number of places that fit, and their mean distance, pixels."""
+        off = self.distances(np.flatnonzero(self.active))
+        return len(off), float(off.mean()) if len(off) else np.inf

@@ -1,0 +1,241 @@
+"""Pairs of photographs that show the same: matches, their geometry, and triplets that agree."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import Runtime
+from cvkern.features._photographs import as_host
+from cvkern.features.matching import match_images
+from cvkern.geometry.epipolar import find_fundamentals
+from cvkern.geometry.essential import find_essentials
+from cvkern.geometry.maps import find_homographies
+from cvkern.geometry.views import recover_pose
+from cvkern.reconstruction._photographs import Keypoints, Lenses, Say, rays_through
+
+MAX_RATIO = 0.8  # nearest distance over the second nearest
+LEAST_MATCHES = 15  # of a pair, before and after its geometry is known
+THRESHOLD = 2.0  # Sampson distance of an inlier, pixels
+FLAT_THRESHOLD = 3.0  # distance of an inlier from a homography's place, pixels
+LEAST_SHARE = 0.25  # of the matches of a pair that must agree
+MANY, STRONG, PARTNERS = 20, 500, 16  # beyond `MANY` photographs, each is compared with partners
+SEARCHED = 40  # pairs by which the focal length is estimated
+FOCALS = np.geomspace(0.5, 3.4, 13)  # candidates for the focal length, in longest sides
+TRIALS = 4096
+MOST_FOCALS = 4  # focal lengths that are tried
+AS_GOOD = 1.15  # focal lengths with a cost up to this many times the least are tried as well
+APART = 1.5  # least ratio of two focal lengths that are tried
+FLAT = 0.9  # share of matches on a plane above which the turn of a pair is uncertain
+LOOP = np.radians(10)  # largest angle by which the turns of three pairs may fail to close
+
+
+class Pair(NamedTuple):
+    """Two photographs and the matches that agree with their geometry."""
+
+    first: int
+    second: int
+    places: np.ndarray
+    """Indices of the places in the first and in the second photograph, (M, 2)."""
+    flat: float
+    """Matches that a homography explains, as a share of those that an essential matrix does."""
+    rotation: np.ndarray
+    """X1 = R X0 + t, (3, 3)."""
+    translation: np.ndarray
+    """(3,), of length 1."""
+
+
+class Matched(NamedTuple):
+    """Photographs with matches, before their geometry is known."""
+
+    pairs: np.ndarray
+    """(P, 2), i < j."""
+    places: list[np.ndarray]
+    """Indices of places, (M, 2) each."""
+
+
+def match(rt: Runtime, found: list[Keypoints], say: Say) -> Matched:
+    """Match all pairs of photographs, or each photograph with its partners."""
+    say(0, 3, "Matching")
+    pairs = _likely(rt, found)
+    if not len(pairs):
+        return Matched(pairs, [])
+    matches = match_images([k.descriptors for k in found], pairs, max_ratio=MAX_RATIO)
+    kept, places = [], []
+    for (i, j), pair in zip(pairs, matches, strict=True):
+        pair = as_host(rt, pair)
+        both = np.stack((found[i].place_of[pair[:, 0]], found[j].place_of[pair[:, 1]]), axis=1)
+        both = np.unique(both, axis=0)
+        # A place with several partners, through several descriptors, is ambiguous.
+        for side in (0, 1):
+            _, where, counts = np.unique(both[:, side], return_inverse=True, return_counts=True)
+            both = both[counts[where.reshape(-1)] == 1]
+        if len(both) >= LEAST_MATCHES:
+            kept.append((i, j))
+            places.append(both)
+    return Matched(np.array(kept, int).reshape(-1, 2), places)
+
+
+def _likely(rt: Runtime, found: list[Keypoints]) -> np.ndarray:
+    """Return pairs (P, 2), i < j: all, or among many photographs those with most strong matches."""
+    count = len(found)
+    pairs = np.stack(np.triu_indices(count, 1), axis=1)
+    if count <= MANY:
+        return pairs
+    strong = []
+    for keypoints in found:
+        order = np.argsort(-keypoints.responses, kind="stable")[:STRONG]
+        strong.append(rt.give(as_host(rt, keypoints.descriptors)[np.sort(order)]))
+    matches = match_images(strong, pairs, max_ratio=MAX_RATIO)
+    numbers = np.zeros((count, count), int)
+    numbers[pairs[:, 0], pairs[:, 1]] = [len(m) for m in matches]
+    numbers += numbers.T
+    likely = np.zeros((count, count), bool)
+    nearest = np.argsort(-numbers, axis=1, kind="stable")[:, :PARTNERS]
+    likely[np.arange(count)[:, None], nearest] = True
+    likely = (likely | likely.T) & (numbers > 0)
+    return pairs[likely[pairs[:, 0], pairs[:, 1]]]
+
+
+Points = list[tuple[np.ndarray, np.ndarray]]
+
+
+def points_of(found: list[Keypoints], matched: Matched) -> Points:
+    """Return (x, y) of the matches of each pair."""
+    return [
+        (found[i].places[places[:, 0]], found[j].places[places[:, 1]])
+        for (i, j), places in zip(matched.pairs, matched.places, strict=True)
+    ]
+
+
+def with_focals(
+    found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int
+) -> list[Lenses]:
+    """Return the lenses with the focal lengths that fit the matches best, the best first.
+
+    A focal length is good if essential matrices then explain the matches of many pairs. Cameras at
+    one distance from the point that they look at leave it open: then there are several.
+    """
+    if lenses.told.all() or not len(matched.pairs):
+        return [lenses]
+    longest = 2 * lenses.rows[:, 2:4].max(axis=1, keepdims=True) + 1
+    points = points_of(found, matched)
+    most = sorted(range(len(points)), key=lambda k: (-len(points[k][0]), k))[: 3 * SEARCHED]
+    given = [(points[k][0][:, ::-1], points[k][1][:, ::-1]) for k in most]
+    # Pairs that a homography explains say nothing about the focal length.
+    flat = find_homographies(given, FLAT_THRESHOLD, seed=seed)
+    free = find_fundamentals(given, THRESHOLD, seed=seed)
+    telling = []
+    for n in range(len(most)):
+        part = slice(flat.offsets[n], flat.offsets[n + 1])
+        inliers = np.asarray(free.inliers[part])
+        if inliers.sum() >= LEAST_MATCHES and np.asarray(flat.inliers[part])[inliers].mean() < 0.8:
+            telling.append((given[n][0][inliers], given[n][1][inliers], most[n]))
+    telling = telling[:SEARCHED]
+    if not telling:
+        telling = [(*given[n], most[n]) for n in range(min(len(most), SEARCHED))]
+    costs = []
+    for focal in FOCALS:
+        rows = np.where(lenses.told[:, None], lenses.rows[:, :2], focal * longest)
+        tried = lenses._replace(rows=np.concatenate((rows, lenses.rows[:, 2:]), axis=1))
+        matrices = tried.matrices()[lenses.of]
+        ends = matched.pairs[[k for _, _, k in telling]]
+        fits = find_essentials(
+            [(a, b) for a, b, _ in telling], matrices[ends[:, 0]], matrices[ends[:, 1]], THRESHOLD,
+            max_trials=TRIALS, seed=seed,
+        )  # fmt: skip
+        costs.append(float(fits.costs.sum()))
+    chosen: list[int] = []
+    for k in np.argsort(costs, kind="stable"):
+        alone = all(abs(np.log(FOCALS[k] / FOCALS[c])) >= np.log(APART) for c in chosen)
+        if costs[k] <= AS_GOOD * min(costs) and alone:
+            chosen.append(int(k))
+    made = []
+    for k in chosen[:MOST_FOCALS]:
+        rows = lenses.rows.copy()
+        rows[~lenses.told, :2] = FOCALS[k] * longest[~lenses.told]
+        made.append(lenses._replace(rows=rows))
+    return made
+
+
+def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) -> list[Pair]:
+    """Return the pairs whose matches one motion of a camera explains."""
+    if not len(matched.pairs):
+        return []
+    matrices = lenses.matrices()[lenses.of]
+    ends = matched.pairs
+    given = []
+    for (i, j), (a, b) in zip(ends, points_of(found, matched), strict=True):
+        both = []
+        for k, places in ((i, a), (j, b)):
+            lens = lenses.rows[lenses.of[k]]
+            straight = rays_through(places, lens) * lens[:2] + lens[2:4]
+            both.append(np.ascontiguousarray(straight[:, ::-1]))
+        given.append((both[0], both[1]))
+    fits = find_essentials(
+        given, matrices[ends[:, 0]], matrices[ends[:, 1]], THRESHOLD, max_trials=TRIALS, seed=seed
+    )
+    flat = find_homographies(given, FLAT_THRESHOLD, seed=seed)
+    pairs = []
+    for n, (i, j) in enumerate(ends.tolist()):
+        part = slice(fits.offsets[n], fits.offsets[n + 1])
+        inliers, plane = np.asarray(fits.inliers[part]), np.asarray(flat.inliers[part])
+        number = int(inliers.sum())
+        if number < max(LEAST_MATCHES, LEAST_SHARE * len(inliers)):
+            continue
+        a, b = given[n][0][inliers], given[n][1][inliers]
+        try:
+            pose = recover_pose(fits.matrices[n], a, b, matrices[i], matrices[j])
+        except ValueError:  # no match is in front of both cameras
+            continue
+        pairs.append(
+            Pair(
+                i,
+                j,
+                matched.places[n][inliers],
+                int(plane.sum()) / number,
+                pose.rotation,
+                pose.translation,
+            )
+        )
+    return pairs
+
+
+def consistent(pairs: list[Pair], count: int) -> list[Pair]:
+    """Leave out pairs whose turn contradicts those of other pairs.
+
+    Repeated things join photographs that have nothing in common: their turns do not close with
+    those of other pairs. In each round, the pairs with the smallest share of triplets that close
+    are left out, if that is below a half. A plane has two turns that explain it: pairs of a plane
+    are kept, and have no say.
+    """
+    turns = np.full((count, count, 3, 3), np.nan)
+    index = np.full((count, count), -1)
+    told = [(n, pair) for n, pair in enumerate(pairs) if pair.flat <= FLAT]
+    for n, pair in told:
+        turns[pair.first, pair.second] = pair.rotation
+        turns[pair.second, pair.first] = pair.rotation.T
+        index[pair.first, pair.second] = index[pair.second, pair.first] = n
+    there = index >= 0
+    good, bad = np.zeros((2, len(pairs), count), bool)
+    for n, pair in told:
+        others = np.flatnonzero(there[pair.first] & there[pair.second])
+        closed = turns[others, pair.first] @ turns[pair.second, others] @ pair.rotation
+        off = np.arccos(np.clip((np.trace(closed, axis1=1, axis2=2) - 1) / 2, -1, 1))
+        good[n, others], bad[n, others] = off <= LOOP, off > LOOP
+    kept = np.ones(len(pairs), bool)
+    while kept.any():
+        closing, all_of = good.sum(axis=1), (good | bad).sum(axis=1)
+        share = np.where(kept & (all_of > 0), closing / np.maximum(all_of, 1), 1.0)
+        worst = share.min()
+        if worst >= 0.5:
+            break
+        for n in np.flatnonzero(share == worst):
+            kept[n] = False
+            i, j = pairs[n].first, pairs[n].second
+            for k in np.flatnonzero(good[n] | bad[n]):
+                for other, third in ((index[i, k], j), (index[j, k], i)):
+                    good[other, third] = bad[other, third] = False
+            good[n], bad[n] = False, False
+    return [pair for pair, keep in zip(pairs, kept, strict=True) if keep]

@@ -1,0 +1,151 @@
+"""Canny's edges over tiles: hysteresis inside each, and a last pass over what crosses their seams.
+
+A weak pixel is an edge if weak pixels connect it with a strong one, however far away. In a tile,
+this decides about all pixels but the weak ones that reach its border without a strong one. Pieces
+of these are nodes of a graph. Two pieces that touch across a seam are joined, and a piece that
+touches an edge across a seam is an edge.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cvkern._runtime import runtime
+from cvkern.edges.masks import canny_options, find_states
+from cvkern.kernels.codes.edges import Edge
+
+_EDGE = 1  # node of all pixels that are edges already; 0 is no node
+Place = tuple[slice, slice]
+
+
+def tile_edges(window: np.ndarray, **options: Any) -> np.ndarray:
+    """Return the states of the pixels of a window, uint8."""
+    image, checked = canny_options(window, **options)
+    rt = runtime(image)
+    states = rt.empty(tuple(image.shape[:2]), np.uint8)
+    find_states(rt, image, checked, rt.adopt(states, np.uint8))
+    return rt.release(states)
+
+
+class Piece(NamedTuple):
+    """The undecided pixels of a tile."""
+
+    inner: Place
+    first: int
+    """The node of its first piece."""
+    number: int
+    """The number of its pieces."""
+    packed: bytes
+
+
+class Seams:
+    """What tiles leave undecided."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.nodes = _EDGE + 1
+        self.pairs: list[np.ndarray] = []
+        self.pieces: list[Piece] = []
+        self.above = np.zeros(shape[1], np.int64)  # nodes of the last row of the tiles above
+        self.last = np.zeros(shape[1], np.int64)  # the same of the tiles of this row
+        self.side = np.zeros(0, np.int64)  # nodes of the last column of the tile to the left
+
+    def split(self, states: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return the edges that a tile decides, and its undecided pixels, packed."""
+        states = np.ascontiguousarray(states)
+        edges = _flooded(states)
+        kept = {"rows": edges[[0, -1]], "columns": edges[:, [0, -1]]}
+        states[edges] = Edge.NONE  # the others are weak
+        for rim in (states[0], states[-1], states[:, 0], states[:, -1]):
+            rim[rim > 0] = Edge.STRONG
+        places = np.flatnonzero(_flooded(states)).astype(np.int32)
+        packed = zlib.compress(np.diff(places, prepend=np.int32(0)).tobytes(), 1)
+        return edges, {**kept, "undecided": np.frombuffer(packed, np.uint8)}
+
+    def add(self, inner: Place, kept: dict[str, np.ndarray]) -> None:
+        """Join the pieces of the next tile in raster order with those of its neighbours."""
+        shape = _sides(inner)
+        packed = kept["undecided"].tobytes()
+        places, labels, count = _labelled(packed, shape[1])
+        rows, columns = (np.where(kept[name], _EDGE, 0) for name in ("rows", "columns"))
+        y, x = np.divmod(places, shape[1])
+        for side, (row, column) in enumerate(((0, 0), (shape[0] - 1, shape[1] - 1))):
+            rows[side, x[y == row]] = self.nodes + labels[y == row]
+            columns[y[x == column], side] = self.nodes + labels[x == column]
+        if inner[1].start == 0:
+            self.above, self.last = self.last, np.zeros_like(self.last)
+        else:
+            self._join(self.side, columns[:, 0])
+        if inner[0].start > 0:
+            # One pixel more on both sides, for neighbours by a corner.
+            left, right = max(inner[1].start - 1, 0), inner[1].stop + 1
+            beyond = self.above[left:right]
+            first = np.zeros(len(beyond), np.int64)
+            first[inner[1].start - left :][: shape[1]] = rows[0]
+            self._join(beyond, first)
+        self.last[inner[1]] = rows[1]
+        self.side = columns[:, 1]
+        if count:
+            self.pieces.append(Piece(inner, self.nodes, count, packed))
+            self.nodes += count
+
+    def _join(self, one: np.ndarray, other: np.ndarray) -> None:
+        """Note the pairs of nodes that touch across a seam, by sides or corners."""
+        for a, b in ((one, other), (one[1:], other[:-1]), (one[:-1], other[1:])):
+            touching = (a > 0) & (b > 0) & (a != b)
+            if touching.any():
+                self.pairs.append(np.unique(np.stack((a[touching], b[touching])), axis=1))
+
+    def decided(self) -> Iterator[tuple[Place, np.ndarray]]:
+        """Yield the tiles that have further edges, and these edges."""
+        if not self.pairs:
+            return
+        component = _components(np.concatenate(self.pairs, axis=1), self.nodes)
+        is_edge = component == component[_EDGE]
+        for inner, first, count, packed in self.pieces:
+            if is_edge[first : first + count].any():
+                shape = _sides(inner)
+                places, labels, _ = _labelled(packed, shape[1])
+                more = np.zeros(shape, bool)
+                more.flat[places[is_edge[first + labels]]] = True
+                yield inner, more
+
+
+def _sides(place: Place) -> tuple[int, int]:
+    return place[0].stop - place[0].start, place[1].stop - place[1].start
+
+
+def _flooded(states: np.ndarray) -> np.ndarray:
+    """Return the pixels that weak ones connect with a strong one, bool."""
+    rt = runtime(states)
+    mask = rt.empty(states.shape, bool)
+    rt.edges.masks.hysteresis(rt.adopt(states, np.uint8), rt.adopt(mask, bool))
+    return rt.release(mask)
+
+
+def _labelled(packed: bytes, width: int) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return the undecided pixels of a tile, the piece of each, and the number of pieces."""
+    steps = np.frombuffer(zlib.decompress(packed), np.int32)
+    places = np.cumsum(steps, dtype=np.int64)
+    column = places % width
+    pairs = []
+    for step, ends in ((1, width - 1), (width - 1, 0), (width, -1), (width + 1, width - 1)):
+        at = np.searchsorted(places, places + step)
+        found = at < len(places)
+        found[found] = places[at[found]] == places[found] + step
+        found &= column != ends
+        pairs.append(np.stack((np.flatnonzero(found), at[found])))
+    labels = _components(np.concatenate(pairs, axis=1), len(places))
+    return places, labels, int(labels.max(initial=-1)) + 1
+
+
+def _components(pairs: np.ndarray, nodes: int) -> np.ndarray:
+    """Return the number of the component of each node of a graph with these edges."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(pairs.shape[1], bool), tuple(pairs)), (nodes, nodes))
+    return connected_components(graph, directed=False)[1] if nodes else np.zeros(0, np.int32)

@@ -1,0 +1,119 @@
+"""How far around a pixel the functions look that can work tile by tile."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+import cvkern
+
+Options = Mapping[str, Any]
+
+
+def _largest(values: Any) -> float:
+    return float(np.max(np.atleast_1d(np.asarray(values, np.float64))))
+
+
+def _taps(options: Options) -> int:
+    taps = options["taps"]
+    nested = len(taps) == 2 and not np.isscalar(taps[0]) and np.ndim(taps[0])
+    return max(len(t) for t in (taps if nested else (taps,))) // 2
+
+
+def _gaussian(options: Options) -> int:
+    return int(options["truncate"] * _largest(options["sigma"]) + 0.5)
+
+
+def _gradient(options: Options) -> int:
+    return int(4 * float(options["sigma"]) + 0.5) + 1
+
+
+def _canny(options: Options) -> int:
+    # The Gaussian, the operator, the comparison with neighbours, and the rim without edges.
+    return int(4 * float(options["sigma"]) + 0.5) + 3
+
+
+_HALOS: dict[str, Callable[[Options], int]] = {
+    "box": lambda options: int(_largest(options["radius"])),
+    "canny": _canny,
+    "correlate_separable": _taps,
+    "gaussian": _gaussian,
+    "gradient": _gradient,
+    "laplace": lambda _: 2,
+    "median": lambda options: int(options["radius"]),
+    "prewitt": lambda _: 2,
+    "scharr": lambda _: 2,
+    "sobel": lambda _: 2,
+    "sobel_h": lambda _: 2,
+    "sobel_v": lambda _: 2,
+}
+
+TILED = tuple(sorted(_HALOS))
+"""The functions that :func:`apply` knows."""
+
+
+def halo(function: Any, **options: Any) -> int:
+    """Return how many pixels around a tile a function reads.
+
+    Parameters
+    ----------
+    function : function or str
+        One of `TILED`, or its name.
+    **options
+        As the function takes them.
+
+    Returns
+    -------
+    int
+        Pixels. With at least so many around it, or the image's border, the inside of a tile is that
+        of the whole image in every bit.
+
+    Raises
+    ------
+    TypeError
+        If the function does not have an option.
+    ValueError
+        If the function does not work tile by tile, or an option has no meaning there.
+
+    Examples
+    --------
+    >>> from cvkern.scale import halo
+    >>> halo("gaussian", sigma=3), halo("median", radius=2)
+    (12, 2)
+    """
+    name = function if isinstance(function, str) else getattr(function, "__name__", "")
+    if name not in _HALOS or (callable(function) and function is not getattr(cvkern, name)):
+        raise ValueError(f"function must be one of {', '.join(TILED)}, got {name or function!r}")
+    try:
+        bound = inspect.signature(getattr(cvkern, name)).bind(None, **options)
+    except TypeError as error:
+        raise TypeError(f"options must be those of {name}: {error}") from None
+    bound.apply_defaults()
+    given = bound.arguments
+    refused = {
+        "mode": given.get("mode") == "wrap",
+        "batch_axis": given.get("batch_axis") is not None,
+        "out": given.get("out") is not None,
+        "channel_axis": given.get("channel_axis") not in (None, -1, 2),
+        "use_quantiles": bool(given.get("use_quantiles")),
+    }
+    for option, wrong in refused.items():
+        if wrong:
+            raise ValueError(f"{option} must not be {given[option]!r} in tiles: {_REASONS[option]}")
+    reach = _HALOS[name](given)
+    if not 0 <= reach < math.inf:
+        raise ValueError(f"options of {name} must be valid, got a reach of {reach}")
+    return reach
+
+
+_REASONS = {
+    "mode": "a tile at one border does not see the other",
+    "batch_axis": "pass the images one by one",
+    "out": "pass target",
+    "channel_axis": "channels must be the last axis",
+    "use_quantiles": "give low_threshold and high_threshold, of the whole image",
+}

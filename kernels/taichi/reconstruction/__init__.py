@@ -1,0 +1,1 @@
+"""Reconstruction, in Taichi."""

@@ -1,0 +1,394 @@
+"""Bundle adjustment, in Warp: residuals, derivatives, and equations without the points.
+
+A view sees a point W at X = R W + t; a turn w changes R to exp(w) R. All numbers are float64, and
+sums are in the order of sightings, so results do not depend on the number of threads.
+"""
+
+import warp as wp
+
+from cvkern.kernels.codes import reconstruction as codes
+from cvkern.kernels.codes.reconstruction import (
+    Condensed,
+    Eliminated,
+    Loss,
+    Scenery,
+    Sightings,
+    Slopes,
+)
+from cvkern.kernels.warp._launch import launch_each
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+f64 = wp.float64
+NEAREST = wp.constant(f64(codes.NEAREST))
+BEHIND = wp.constant(f64(codes.BEHIND))
+FLATTEST = wp.constant(f64(codes.FLATTEST))
+HUBER = wp.constant(int(Loss.HUBER))
+CAUCHY = wp.constant(int(Loss.CAUCHY))
+
+
+def measure(scenery: Scenery, sightings: Sightings, gaps: wp.array) -> None:
+    """Find the residuals, in pixels; one thread a sighting."""
+    inputs = [*scenery, sightings.where, sightings.ends]
+    launch_each(_measure, gaps.shape[0], 64 * gaps.shape[0], inputs, [gaps])
+
+
+def linearise(
+    scenery: Scenery, sightings: Sightings, loss: int, scale: float, slopes: Slopes
+) -> None:
+    """Find residuals, their weights under a loss, and derivatives; one thread a sighting."""
+    count = slopes.weights.size
+    inputs = [*scenery, sightings.where, sightings.ends, loss, scale]
+    launch_each(_linearise, count, 128 * count, inputs, [*slopes])
+
+
+def eliminate(slopes: Slopes, sightings: Sightings, damping: float, eliminated: Eliminated) -> None:
+    """Invert the equations of each point, its diagonal 1 + damping times as large.
+
+    One thread a point.
+    """
+    count = eliminated.pulls.shape[0]
+    inputs = [*slopes, sightings.spans, damping]
+    launch_each(_eliminate, count, 64 * slopes.weights.size, inputs, [*eliminated])
+
+
+def condense(
+    slopes: Slopes, sightings: Sightings, eliminated: Eliminated, condensed: Condensed
+) -> None:
+    """Write the equations of the views without points; one thread a parameter of a view."""
+    count = condensed.right.size
+    inputs = [
+        *slopes, sightings.ends, sightings.spans, sightings.order, sightings.ranges, *eliminated
+    ]  # fmt: skip
+    launch_each(_condense, count, 512 * slopes.weights.size, inputs, [*condensed])
+
+
+def substitute(
+    slopes: Slopes,
+    sightings: Sightings,
+    eliminated: Eliminated,
+    steps: wp.array,
+    moves: wp.array,
+) -> None:
+    """Find the moves of the points that go with the steps (C, K) of the views.
+
+    One thread a point.
+    """
+    inputs = [
+        slopes.slopes, slopes.weights, sightings.ends, sightings.spans, *eliminated, steps
+    ]  # fmt: skip
+    launch_each(_substitute, moves.shape[0], 64 * slopes.weights.size, inputs, [moves])
+
+
+@wp.func
+def turned(views: wp.array2d[f64], c: int, points: wp.array2d[f64], p: int) -> wp.vec3d:
+    """Return R W."""
+    x = points[p, 0]
+    y = points[p, 1]
+    z = points[p, 2]
+    return wp.vec3d(
+        views[c, 0] * x + views[c, 1] * y + views[c, 2] * z,
+        views[c, 3] * x + views[c, 4] * y + views[c, 5] * z,
+        views[c, 6] * x + views[c, 7] * y + views[c, 8] * z,
+    )
+
+
+@wp.func
+def radial(lenses: wp.array2d[f64], n: int, r2: f64) -> f64:
+    """Return by how much a lens stretches a direction of the squared length r2."""
+    return f64(1.0) + r2 * (lenses[n, 4] + r2 * (lenses[n, 5] + r2 * lenses[n, 8]))
+
+
+@wp.func
+def bent(lenses: wp.array2d[f64], n: int, u: f64, v: f64) -> wp.vec2d:
+    """Return where a lens shows the direction (u, v, 1)."""
+    r2 = u * u + v * v
+    p1 = lenses[n, 6]
+    p2 = lenses[n, 7]
+    grown = radial(lenses, n, r2)
+    return wp.vec2d(
+        u * grown + f64(2.0) * p1 * u * v + p2 * (r2 + f64(2.0) * u * u),
+        v * grown + p1 * (r2 + f64(2.0) * v * v) + f64(2.0) * p2 * u * v,
+    )
+
+
+@wp.kernel
+def _measure(
+    stride: int,
+    first: int,
+    last: int,
+    views: wp.array2d[f64],
+    lenses: wp.array2d[f64],
+    points: wp.array2d[f64],
+    where: wp.array2d[f64],
+    ends: wp.array2d[int],
+    # outputs
+    gaps: wp.array2d[f64],
+):
+    for o in range(first + wp.tid(), last, stride):
+        c = ends[o, 0]
+        n = ends[o, 1]
+        q = turned(views, c, points, ends[o, 2])
+        z = q[2] + views[c, 11]
+        gaps[o, 0] = BEHIND
+        gaps[o, 1] = BEHIND
+        if z > NEAREST:
+            there = bent(lenses, n, (q[0] + views[c, 9]) / z, (q[1] + views[c, 10]) / z)
+            gaps[o, 0] = lenses[n, 0] * there[0] + lenses[n, 2] - where[o, 0]
+            gaps[o, 1] = lenses[n, 1] * there[1] + lenses[n, 3] - where[o, 1]
+
+
+@wp.kernel
+def _linearise(
+    stride: int,
+    first: int,
+    last: int,
+    views: wp.array2d[f64],
+    lenses: wp.array2d[f64],
+    points: wp.array2d[f64],
+    where: wp.array2d[f64],
+    ends: wp.array2d[int],
+    loss: int,
+    scale: f64,
+    # outputs
+    slopes: wp.array3d[f64],
+    gaps: wp.array2d[f64],
+    weights: wp.array[f64],
+):
+    width = slopes.shape[2]
+    for o in range(first + wp.tid(), last, stride):
+        c = ends[o, 0]
+        n = ends[o, 1]
+        q = turned(views, c, points, ends[o, 2])
+        z = q[2] + views[c, 11]
+        if z > NEAREST:
+            u = (q[0] + views[c, 9]) / z
+            v = (q[1] + views[c, 10]) / z
+            there = bent(lenses, n, u, v)
+            fx = lenses[n, 0]
+            fy = lenses[n, 1]
+            dx = fx * there[0] + lenses[n, 2] - where[o, 0]
+            dy = fy * there[1] + lenses[n, 3] - where[o, 1]
+            gaps[o, 0] = dx
+            gaps[o, 1] = dy
+            square = dx * dx + dy * dy
+            weight = f64(1.0)
+            if loss == HUBER:
+                if square > scale * scale:
+                    weight = scale / wp.sqrt(square)
+            elif loss == CAUCHY:
+                weight = f64(1.0) / (f64(1.0) + square / (scale * scale))
+            weights[o] = weight
+            # Derivatives of the bent place, which are symmetric, over the depth.
+            r2 = u * u + v * v
+            k1 = lenses[n, 4]
+            k2 = lenses[n, 5]
+            p1 = lenses[n, 6]
+            p2 = lenses[n, 7]
+            grown = radial(lenses, n, r2)
+            steep = f64(2.0) * (k1 + r2 * (f64(2.0) * k2 + f64(3.0) * lenses[n, 8] * r2))
+            xx = (grown + steep * u * u + f64(2.0) * p1 * v + f64(6.0) * p2 * u) / z
+            xy = (steep * u * v + f64(2.0) * p1 * u + f64(2.0) * p2 * v) / z
+            yy = (grown + steep * v * v + f64(6.0) * p1 * v + f64(2.0) * p2 * u) / z
+            for k in range(2):
+                a = wp.where(k == 0, fx * xx, fy * xy)
+                b = wp.where(k == 0, fx * xy, fy * yy)
+                d = -(a * u + b * v)
+                for j in range(3):
+                    slopes[o, k, j] = a * views[c, j] + b * views[c, 3 + j] + d * views[c, 6 + j]
+                slopes[o, k, 3] = d * q[1] - b * q[2]
+                slopes[o, k, 4] = a * q[2] - d * q[0]
+                slopes[o, k, 5] = b * q[0] - a * q[1]
+                slopes[o, k, 6] = a
+                slopes[o, k, 7] = b
+                slopes[o, k, 8] = d
+            if width > 9:
+                slopes[o, 0, 9] = fx * there[0]
+                slopes[o, 1, 9] = fy * there[1]
+            if width > 10:
+                slopes[o, 0, 10] = fx * u * r2
+                slopes[o, 1, 10] = fy * v * r2
+                slopes[o, 0, 11] = fx * u * r2 * r2
+                slopes[o, 1, 11] = fy * v * r2 * r2
+            if width > 12:
+                slopes[o, 0, 12] = f64(1.0)
+                slopes[o, 1, 12] = f64(0.0)
+                slopes[o, 0, 13] = f64(0.0)
+                slopes[o, 1, 13] = f64(1.0)
+        else:
+            gaps[o, 0] = BEHIND
+            gaps[o, 1] = BEHIND
+            weights[o] = f64(0.0)
+            for j in range(width):
+                slopes[o, 0, j] = f64(0.0)
+                slopes[o, 1, j] = f64(0.0)
+
+
+@wp.kernel
+def _eliminate(
+    stride: int,
+    first: int,
+    last: int,
+    slopes: wp.array3d[f64],
+    gaps: wp.array2d[f64],
+    weights: wp.array[f64],
+    spans: wp.array2d[int],
+    damping: f64,
+    # outputs
+    inverses: wp.array2d[f64],
+    pulls: wp.array2d[f64],
+):
+    for p in range(first + wp.tid(), last, stride):
+        xx = f64(0.0)
+        xy = f64(0.0)
+        xz = f64(0.0)
+        yy = f64(0.0)
+        yz = f64(0.0)
+        zz = f64(0.0)
+        gx = f64(0.0)
+        gy = f64(0.0)
+        gz = f64(0.0)
+        for o in range(spans[p, 0], spans[p, 0] + spans[p, 1]):
+            w = weights[o]
+            for k in range(2):
+                x = slopes[o, k, 0]
+                y = slopes[o, k, 1]
+                z = slopes[o, k, 2]
+                gap = gaps[o, k]
+                xx += w * (x * x)
+                xy += w * (x * y)
+                xz += w * (x * z)
+                yy += w * (y * y)
+                yz += w * (y * z)
+                zz += w * (z * z)
+                gx += w * (x * gap)
+                gy += w * (y * gap)
+                gz += w * (z * gap)
+        xx = xx * (f64(1.0) + damping) + FLATTEST
+        yy = yy * (f64(1.0) + damping) + FLATTEST
+        zz = zz * (f64(1.0) + damping) + FLATTEST
+        # The adjugate over the determinant.
+        a = yy * zz - yz * yz
+        b = xz * yz - xy * zz
+        c = xy * yz - xz * yy
+        determinant = xx * a + xy * b + xz * c
+        scale = f64(0.0)
+        if determinant > f64(0.0):
+            scale = f64(1.0) / determinant
+        ia = scale * a
+        ib = scale * b
+        ic = scale * c
+        jd = scale * (xx * zz - xz * xz)
+        ie = scale * (xy * xz - xx * yz)
+        ig = scale * (xx * yy - xy * xy)
+        inverses[p, 0] = ia
+        inverses[p, 1] = ib
+        inverses[p, 2] = ic
+        inverses[p, 3] = jd
+        inverses[p, 4] = ie
+        inverses[p, 5] = ig
+        pulls[p, 0] = ia * gx + ib * gy + ic * gz
+        pulls[p, 1] = ib * gx + jd * gy + ie * gz
+        pulls[p, 2] = ic * gx + ie * gy + ig * gz
+
+
+@wp.kernel
+def _condense(
+    stride: int,
+    first: int,
+    last: int,
+    slopes: wp.array3d[f64],
+    gaps: wp.array2d[f64],
+    weights: wp.array[f64],
+    ends: wp.array2d[int],
+    spans: wp.array2d[int],
+    order: wp.array[int],
+    ranges: wp.array2d[int],
+    inverses: wp.array2d[f64],
+    pulls: wp.array2d[f64],
+    # outputs
+    system: wp.array4d[f64],
+    right: wp.array2d[f64],
+    sizes: wp.array2d[f64],
+):
+    size = right.shape[1]
+    for item in range(first + wp.tid(), last, stride):
+        c = item // size
+        r = item - c * size
+        for other in range(right.shape[0]):
+            for s in range(size):
+                system[c, r, other, s] = f64(0.0)
+        gradient = f64(0.0)
+        diagonal = f64(0.0)
+        for place in range(ranges[c, 0], ranges[c, 0] + ranges[c, 1]):
+            o = order[place]
+            p = ends[o, 2]
+            w = weights[o]
+            up = w * slopes[o, 0, 3 + r]
+            down = w * slopes[o, 1, 3 + r]
+            gradient += up * gaps[o, 0] + down * gaps[o, 1]
+            diagonal += up * slopes[o, 0, 3 + r] + down * slopes[o, 1, 3 + r]
+            for s in range(size):
+                here = up * slopes[o, 0, 3 + s] + down * slopes[o, 1, 3 + s]
+                system[c, r, c, s] = system[c, r, c, s] + here
+            x = up * slopes[o, 0, 0] + down * slopes[o, 1, 0]
+            y = up * slopes[o, 0, 1] + down * slopes[o, 1, 1]
+            z = up * slopes[o, 0, 2] + down * slopes[o, 1, 2]
+            gradient -= x * pulls[p, 0] + y * pulls[p, 1] + z * pulls[p, 2]
+            i = inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z
+            j = inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z
+            k = inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z
+            for q in range(spans[p, 0], spans[p, 0] + spans[p, 1]):
+                d = ends[q, 0]
+                if d >= c:
+                    up = weights[q] * (
+                        slopes[q, 0, 0] * i + slopes[q, 0, 1] * j + slopes[q, 0, 2] * k
+                    )
+                    down = weights[q] * (
+                        slopes[q, 1, 0] * i + slopes[q, 1, 1] * j + slopes[q, 1, 2] * k
+                    )
+                    for s in range(size):
+                        there = up * slopes[q, 0, 3 + s] + down * slopes[q, 1, 3 + s]
+                        system[c, r, d, s] = system[c, r, d, s] - there
+        right[c, r] = gradient
+        sizes[c, r] = diagonal
+
+
+@wp.kernel
+def _substitute(
+    stride: int,
+    first: int,
+    last: int,
+    slopes: wp.array3d[f64],
+    weights: wp.array[f64],
+    ends: wp.array2d[int],
+    spans: wp.array2d[int],
+    inverses: wp.array2d[f64],
+    pulls: wp.array2d[f64],
+    steps: wp.array2d[f64],
+    # outputs
+    moves: wp.array2d[f64],
+):
+    for p in range(first + wp.tid(), last, stride):
+        x = f64(0.0)
+        y = f64(0.0)
+        z = f64(0.0)
+        for o in range(spans[p, 0], spans[p, 0] + spans[p, 1]):
+            c = ends[o, 0]
+            for k in range(2):
+                change = f64(0.0)
+                for s in range(steps.shape[1]):
+                    change += slopes[o, k, 3 + s] * steps[c, s]
+                change = weights[o] * change
+                x += slopes[o, k, 0] * change
+                y += slopes[o, k, 1] * change
+                z += slopes[o, k, 2] * change
+        moves[p, 0] = -(
+            pulls[p, 0] + (inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z)
+        )
+        moves[p, 1] = -(
+            pulls[p, 1] + (inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z)
+        )
+        moves[p, 2] = -(
+            pulls[p, 2] + (inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z)
+        )

@@ -1,0 +1,177 @@
+"""Reconstruction from given places of points, without images: noise, outliers, hard scenes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cvkern.reconstruction import _growth, _pairs, _tracks
+from cvkern.reconstruction._adjustment import lens_row
+from cvkern.reconstruction._photographs import Keypoints, Lenses
+from tests.reconstruction import scenes
+
+
+def heap(poses, points, noise=0.3, outliers=0.0, seed=0, lens=None):
+    """Return keypoints of views, in an own order each, and the point of each."""
+    rng = np.random.default_rng(seed)
+    seen = scenes.project(poses, points, lens or scenes.camera())
+    found, names = [], []
+    for places in seen:
+        inside = np.isfinite(places[:, 0]) & (np.abs(places - 300) < 500).all(axis=1)
+        name = rng.permutation(np.flatnonzero(inside))
+        at = places[name] + rng.normal(0, noise, (len(name), 2))
+        wrong = rng.random(len(name)) < outliers
+        at[wrong] += rng.uniform(-80, 80, (int(wrong.sum()), 2))
+        color = np.zeros((len(name), 3), np.uint8)
+        found.append(Keypoints(at[:, ::-1].copy(), np.arange(len(name)), None, name, color))
+        names.append(name)
+    return found, names
+
+
+def matched(names):
+    """Return the true matches of all pairs."""
+    pairs, places = [], []
+    for i in range(len(names)):
+        for j in range(i + 1, len(names)):
+            _, a, b = np.intersect1d(names[i], names[j], return_indices=True)
+            if len(a) >= 15:
+                pairs.append((i, j))
+                places.append(np.stack((a, b), axis=1))
+    return _pairs.Matched(np.array(pairs).reshape(-1, 2), places)
+
+
+def grown(found, matches, told=True, fixed=False, focal=scenes.FOCAL):
+    """Return what grows from keypoints and matches."""
+    row = lens_row(scenes.camera(focal))
+    lenses = Lenses(row[None], np.zeros(len(found), int), np.array([told]), fixed)
+    say = lambda *given: None  # noqa: E731
+    for chosen in _pairs.with_focals(found, matches, lenses, 0):
+        pairs = _pairs.consistent(_pairs.verify(found, matches, chosen, 0), len(found))
+        growth = _growth.Growth(_tracks.find_tracks(found, pairs), pairs, chosen, 0)
+        if growth.begin():
+            growth.grow(say)
+            growth.settle()
+            return growth
+    return None
+
+
+def placed(growth):
+    turns = growth.rotations.transpose(0, 2, 1)
+    eyes = -np.einsum("nij,nj->ni", turns, growth.translations)
+    return np.concatenate((turns, eyes[:, :, None]), axis=2)[growth.placed]
+
+
+CLOUD = np.random.default_rng(5).uniform(-1, 1, (150, 3))
+
+
+@pytest.mark.parametrize(
+    ("noise", "outliers", "told"), [(0.3, 0.0, False), (0.3, 0.3, True), (1.0, 0.1, True)]
+)
+def test_cameras_are_found(noise, outliers, told):
+    poses = scenes.ring(7)
+    found, names = heap(poses, CLOUD, noise, outliers)
+    growth = grown(found, matched(names), told)
+    assert growth is not None
+    assert growth.placed.all()
+    centres, turns = scenes.errors(placed(growth), poses)
+    # About 100 points with errors of noise / 600 each, seven cameras; a lens that is not known
+    # leaves a multiple of that.
+    assert centres < 0.01 + 0.01 * noise
+    assert turns < 0.6
+    assert abs(growth.rows[0, 0] / scenes.FOCAL - 1) < 0.03
+
+
+def test_equal_runs():
+    found, names = heap(scenes.ring(5), CLOUD, 0.5, 0.1)
+    one, two = (grown(found, matched(names)) for _ in range(2))
+    assert one is not None
+    assert two is not None
+    np.testing.assert_array_equal(one.points, two.points)
+    np.testing.assert_array_equal(one.rotations, two.rotations)
+
+
+def test_a_camera_that_only_turns_gives_nothing():
+    poses = scenes.ring(5)
+    poses[:, :, 3] = poses[0, :, 3]
+    found, names = heap(poses, 3 * CLOUD, 0.3)
+    assert len(matched(names).pairs) >= 4
+    assert grown(found, matched(names)) is None
+
+
+def test_a_plane_before_known_cameras():
+    flat = CLOUD * (1, 1, 0)
+    poses = scenes.ring(6)
+    found, names = heap(poses, flat, 0.2)
+    growth = grown(found, matched(names), fixed=True)
+    assert growth is not None
+    assert growth.placed.all()
+    centres, turns = scenes.errors(placed(growth), poses)
+    assert centres < 0.02
+    assert turns < 0.5
+
+
+def test_of_two_scenes_the_larger_is_found():
+    one, names_one = heap(scenes.ring(5), CLOUD)
+    other, names_other = heap(scenes.ring(3, seed=1), CLOUD[::-1], seed=1)
+    names = [*names_one, *(n + 1000 for n in names_other)]
+    growth = grown([*one, *other], matched(names))
+    assert growth is not None
+    assert growth.placed.tolist() == [True] * 5 + [False] * 3
+
+
+def test_a_photograph_of_something_else_and_a_duplicate():
+    """The duplicate has no parallax to its twin, and finds its place by the others."""
+    poses = scenes.ring(5)[[0, 1, 1, 2, 3, 4]]
+    found, names = heap(poses, CLOUD)
+    strange = heap(scenes.ring(1), np.random.default_rng(9).uniform(-1, 1, (150, 3)))
+    growth = grown([*found, *strange[0]], matched([*names, strange[1][0] + 1000]))
+    assert growth is not None
+    assert growth.placed.tolist() == [True] * 6 + [False]
+    centres, _ = scenes.errors(placed(growth), poses)
+    assert centres < 0.02
+
+
+def test_pairs_that_contradict_all_others_are_left_out():
+    """A repeated facade: photographs 0 and 5 seem to see the same from the same side."""
+    rng = np.random.default_rng(2)
+    turns = scenes.ring(6)[:, :, :3].transpose(0, 2, 1)
+    pairs = [
+        SimpleNamespace(
+            first=i, second=j, flat=0.5, rotation=turns[j] @ turns[i].T, number=rng.integers(9)
+        )
+        for i in range(6)
+        for j in range(i + 1, 6)
+    ]
+    wrong = next(p for p in pairs if (p.first, p.second) == (0, 5))
+    wrong.rotation = np.eye(3)
+    kept = _pairs.consistent(pairs, 6)  # pyright: ignore[reportArgumentType]
+    assert kept == [p for p in pairs if p is not wrong]
+
+
+def test_tracks_never_have_a_photograph_twice():
+    def keypoints(count):
+        at = np.arange(2.0 * count).reshape(-1, 2)
+        return Keypoints(at, np.arange(count), None, at[:, 0], np.zeros((count, 3), np.uint8))
+
+    def pair(i, j, places):
+        places = np.array(places)
+        return _pairs.Pair(i, j, places, 0.0, np.eye(3), np.ones(3))
+
+    found = [keypoints(3), keypoints(3), keypoints(2)]
+    # 0:0 - 1:0 - 2:0 - 0:1 would join two places of photograph 0: its weakest join is refused.
+    pairs = [
+        pair(0, 1, [(0, 0), (2, 2), (1, 1)]),
+        pair(1, 2, [(0, 0), (2, 1)]),
+        pair(0, 2, [(1, 0)]),
+    ]
+    tracks = _tracks.find_tracks(found, pairs)
+    key = tracks.track * 10 + tracks.view
+    assert len(np.unique(key)) == len(key)
+    groups = {
+        tuple(
+            (int(v), int(w[0] // 2))
+            for v, w in zip(tracks.view[own], tracks.where[own], strict=True)
+        )
+        for own in (tracks.track == t for t in range(tracks.total))
+    }
+    assert groups == {((0, 0), (1, 0), (2, 0)), ((0, 1), (1, 1)), ((0, 2), (1, 2), (2, 1))}

@@ -1,0 +1,181 @@
+"""Tiles give what the whole image gives, in every bit, and a killed run goes on."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+import skimage.data
+
+import cvkern
+from cvkern.scale import TILED, apply, halo
+
+FILTERS = [
+    ("gaussian", {"sigma": 2}),
+    ("gaussian", {"sigma": (1, 6), "mode": "constant", "cval": 3, "truncate": 2.5}),
+    ("gaussian", {"sigma": 1, "dtype": "uint8"}),
+    ("correlate_separable", {"taps": ([1, -2, 0.5, 0, 1], [0.25, 3, 1]), "mode": "nearest"}),
+    ("median", {"radius": 2, "mode": "mirror"}),
+    ("box", {"radius": (1, 4)}),
+    ("sobel", {"mode": "constant", "cval": 9}),
+    ("prewitt", {"axis": 0}),
+    ("scharr", {"axis": 1}),
+    ("sobel_h", {}),
+    ("sobel_v", {}),
+    ("laplace", {"mode": "nearest"}),
+    ("gradient", {"sigma": 1.2}),
+    ("gradient", {"operator": "sobel", "sigma": 0}),
+]
+EDGES = [
+    {"sigma": 2, "low_threshold": 1, "high_threshold": 30},
+    {"sigma": 1.5, "operator": "gaussian", "mode": "reflect", "low_threshold": 2,
+     "high_threshold": 25},
+    {"sigma": 0, "suppression": "sectors", "norm": "l1", "low_threshold": 20,
+     "high_threshold": 200, "mode": "nearest"},
+]  # fmt: skip
+
+
+def same(got, want):
+    got, want = (x if isinstance(x, tuple) else (x,) for x in (got, want))
+    for one, other in zip(got, want, strict=True):
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+
+
+def noise():
+    return np.random.default_rng(0).integers(0, 256, (61, 97), np.uint8)
+
+
+def test_every_function_with_a_halo_is_tried():
+    assert {name for name, _ in FILTERS} | {"canny"} == set(TILED)
+
+
+@pytest.mark.parametrize("tile", [5, (23, 40), 1000])
+@pytest.mark.parametrize("case", FILTERS, ids=lambda case: case[0])
+def test_filters(backend, case, tile):
+    name, options = case
+    same(apply(name, noise(), tile=tile, **options), getattr(cvkern, name)(noise(), **options))
+
+
+@pytest.mark.parametrize("options", EDGES)
+def test_edges_go_on_across_seams(backend, options):
+    whole = skimage.data.camera()[100:300, 50:261]
+    for image in (whole, cvkern.gaussian(noise(), 1.2)):
+        for tile in (32, (11, 64), (200, 7)):
+            same(apply(cvkern.canny, image, tile=tile, **options), cvkern.canny(image, **options))
+
+
+def test_an_edge_that_winds_through_many_tiles(backend):
+    """Its only strong part is at one end."""
+    image = np.zeros((80, 80), np.float32)
+    for row in range(4, 76, 8):
+        image[row : row + 4, 4:76] = 10
+        image[row : row + 8, (72 if row % 16 == 4 else 4) : (76 if row % 16 == 4 else 8)] = 10
+    image[4:8, 4:24] = 12
+    options = {"sigma": 0.5, "low_threshold": 5, "high_threshold": 36}
+    got = apply("canny", image, tile=13, **options)
+    same(got, cvkern.canny(image, **options))
+    assert got.sum() > 1000
+
+
+def test_colours_and_masks(backend):
+    color = skimage.data.astronaut()[:90, :130]
+    mask = np.random.default_rng(1).random(color.shape[:2]) > 0.01
+    same(apply("canny", color, tile=40, mask=mask), cvkern.canny(color, mask=mask))
+    same(apply("sobel", color, tile=40, mask=mask), cvkern.sobel(color, mask))
+    got = apply("gaussian", color, tile=40, sigma=2, channel_axis=-1)
+    same(got, cvkern.gaussian(color, 2, channel_axis=-1))
+
+
+def test_files_are_read_and_written_in_place(tmp_path):
+    source = np.lib.format.open_memmap(tmp_path / "in.npy", "w+", np.uint8, noise().shape)
+    source[:] = noise()
+    targets = [
+        np.lib.format.open_memmap(tmp_path / f"{n}.npy", "w+", np.float32, noise().shape)
+        for n in range(4)
+    ]
+    seen = []
+    got = apply("gradient", source, targets, tile=50, progress=lambda *n: seen.append(n))
+    assert all(one is target for one, target in zip(got, targets, strict=True))
+    same(tuple(np.load(tmp_path / f"{n}.npy") for n in range(4)), tuple(cvkern.gradient(noise())))
+    assert seen == [(n, 4) for n in (1, 2, 3, 4)]
+
+
+RUN = """
+import sys, time
+import numpy as np
+from cvkern.scale import apply
+
+source, target = np.load(sys.argv[1]), np.lib.format.open_memmap(sys.argv[2], "r+")
+slow = float(sys.argv[4])
+seen = []
+def progress(done, of):
+    seen.append(done)
+    print(done, flush=True)
+    time.sleep(slow)
+apply("canny", source, target, tile=24, journal=sys.argv[3], progress=progress,
+      sigma=1.0, low_threshold=1.0, high_threshold=60.0)
+"""
+
+
+def test_a_killed_run_goes_on(tmp_path):
+    image = cvkern.gaussian(noise(), 1.0)
+    source, target, journal = tmp_path / "in.npy", tmp_path / "out.npy", tmp_path / "journal"
+    np.save(source, image)
+    np.save(target, np.zeros(image.shape, bool))
+    words = [sys.executable, "-c", textwrap.dedent(RUN), source, target, journal]
+    first = subprocess.Popen([*words, "0.2"], stdout=subprocess.PIPE, text=True)
+    assert first.stdout
+    while first.stdout.readline().strip() != "4":
+        assert first.poll() is None
+    time.sleep(0.05)
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    first.stdout.close()
+    kept = len(list(journal.glob("*.npz")))
+    assert 3 <= kept < 15
+    done = subprocess.run([*words, "0"], check=True, capture_output=True, text=True).stdout.split()
+    assert done == [str(n) for n in range(kept + 1, 16)]
+    want = cvkern.canny(image, 1.0, 1.0, 60.0)
+    same(np.load(target), want)
+    assert want.any()
+    assert not journal.exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "message", "call"),
+    [
+        (ValueError, "function must be one of box, canny", lambda: apply("sift", noise())),
+        (ValueError, "function must be one of", lambda: halo(np.median)),
+        (TypeError, "options must be those of box", lambda: apply("box", noise(), size=3)),
+        (ValueError, "mode must not be 'wrap' in tiles: a tile at one border",
+         lambda: apply("box", noise(), mode="wrap")),
+        (ValueError, "use_quantiles must not be True in tiles: give low_threshold",
+         lambda: apply("canny", noise(), use_quantiles=True)),
+        (ValueError, r"source must be an array of shape \(H, W\)", lambda: apply("box", [1, 2])),
+        (ValueError, r"target must have shape \(61, 97\), got \(61, 98\)",
+         lambda: apply("box", noise(), np.zeros((61, 98), np.float32))),
+        (ValueError, "target must hold float32, got float64",
+         lambda: apply("box", noise(), np.zeros((61, 97)))),
+        (ValueError, r"mask must have shape \(61, 97\), got \(3, 3\)",
+         lambda: apply("sobel", noise(), mask=np.ones((3, 3)))),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused(error, message, call):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_a_journal_of_another_call_is_refused(tmp_path):
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "letter.txt").touch()
+    with pytest.raises(ValueError, match="journal must name a new or empty folder"):
+        apply("box", noise(), journal=tmp_path / "full")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "plan.json").write_text("{}")
+    with pytest.raises(ValueError, match="journal must be of the same call"):
+        apply("box", noise(), journal=tmp_path / "other")
