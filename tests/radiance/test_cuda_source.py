@@ -62,7 +62,7 @@ def test_outer_products_compile_for_hopper(depth, columns, tmp_path):
 
 @pytest.mark.parametrize("inputs", [16, 32, 48, 64])
 def test_networks_compile_for_hopper(inputs, tmp_path):
-    """To machine code: there are registers and shared memory enough."""
+    """The largest to machine code: there are registers and shared memory enough."""
     blocks = load("radiance.fields.perceptron._network_cuda")
     layers = [inputs // 2, 8, 16, 32, 8]  # products of 16 samples x 16 with 16 x 8
     counts = {
@@ -75,8 +75,9 @@ def test_networks_compile_for_hopper(inputs, tmp_path):
         module = getattr(blocks, name)(inputs).module
         code = compile_for_hopper(module, tmp_path / name)
         assert code.count("mma.sync.aligned.m16n8k16") == count
-        (cubin,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=False)
-        assert Path(cubin).stat().st_size > 0
+        if inputs == 64:
+            (cubin,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=False)
+            assert Path(cubin).stat().st_size > 0
 
 
 def made(scalar):
