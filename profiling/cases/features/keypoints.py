@@ -42,7 +42,7 @@ def _strays(ours: tuple[np.ndarray, ...], right: tuple[np.ndarray, ...]) -> floa
     return float((scipy.spatial.KDTree(many).query(few)[0] > CLOSE).mean())
 
 
-EDGE = 19  # pixels at the border where ORB has no points
+EDGE = 21  # pixels at the border where ORB has no points
 
 
 def _orb(image: np.ndarray) -> np.ndarray:
