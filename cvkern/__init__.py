@@ -59,7 +59,7 @@ _NAMES = {
     "hough": (
         "CirclePeaks", "Circles", "EllipseVotes", "Ellipses", "HoughLine", "HoughLinePeaks",
         "HoughLineSlope", "LineBins", "LineFit", "RTable", "Shapes", "detect_circles",
-        "detect_ellipses", "detect_lines", "detect_segments", "find_shape", "fit_line",
+        "detect_ellipses", "detect_lines", "detect_segments", "detect_shape", "fit_line",
         "generalized_hough", "generalized_hough_votes", "hough_circle",
         "hough_circle_peaks", "hough_ellipse", "hough_line", "hough_line_peaks",
         "hough_line_segments", "hough_line_slope", "probabilistic_hough_line", "r_table",

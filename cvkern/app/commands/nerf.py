@@ -57,6 +57,10 @@ def train(
         ),
     ] = None,
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
+    appearance: Annotated[
+        str | None,
+        typer.Option(help="affine: learn the light of each photograph.", show_default="one light"),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
@@ -112,6 +116,7 @@ def train(
             steps=steps,
             background=background,
             loss=loss,
+            appearance=appearance,
             seed=seed,
             deterministic=deterministic,
             checkpoint=output,
@@ -161,6 +166,12 @@ def render(
         typer.Option(help="Frames per second.", show_default="those of the path's file, or 20"),
     ] = None,
     size: Size = 1.0,
+    light: Annotated[
+        int | None,
+        typer.Option(
+            help="Number of the photograph whose light to use.", show_default="the model's"
+        ),
+    ] = None,
     depth: Annotated[
         Path | None,
         typer.Option(
@@ -202,13 +213,13 @@ def render(
             with progress_bar() as bar:
                 task = bar.add_task("Rendering", total=len(cameras))
                 render_path(
-                    made, cameras, output, fps=rate if fps is None else fps,
+                    made, cameras, output, fps=rate if fps is None else fps, appearance=light,
                     progress=lambda done, total: bar.update(task, completed=done, total=total),
                 )  # fmt: skip
             typer.echo(f"{output}: {len(cameras)} frames of {cameras.height} x {cameras.width}")
             return
         cameras = made.cameras.scaled(size)
-        seen = picture_of(made, cameras, view)
+        seen = picture_of(made, cameras, view, appearance=light)
     write_image(output, np.round(255 * seen.color).astype(np.uint8))
     if depth and raw:
         with replacing(depth) as beside:
