@@ -76,7 +76,7 @@ def load_camera_path(
     ...     file = Path(folder, "camera_path.json")
     ...     _ = file.write_text(json.dumps(film))
     ...     found = load_camera_path(file)
-    >>> len(found.cameras), found.fps, found.cameras.intrinsics[0].tolist()
+    >>> len(found.cameras), found.fps, found.cameras.intrinsics[0].round(6).tolist()
     (2, 24.0, [24.0, 24.0, 31.5, 23.5])
     """
     file = as_path(path)
