@@ -4,9 +4,9 @@
 //     a b = 4 m m' + m S' + S m' + r r'  <=  4 m m' + |m| |S'| + |S| |m'| + |r| |r'|
 // where S are the sums of r over 2 x 2 pixels, which are small, because means are rounded.
 struct Coarse {
-    int size;            // number of means, with zeros behind them: a multiple of 4
-    int length, error;   // |m| and |S|, rounded up
-    int rest;            // |r|, rounded up
+    int size;           // number of means, with zeros behind them: a multiple of 4
+    int length, error;  // |m| and |S|, rounded up
+    int rest;           // |r|, rounded up
     signed char mean[LARGEST / 4];
 
     static int root(int square) { return (int)__builtin_ceil(__builtin_sqrt((double)square)); }

@@ -138,8 +138,10 @@ void shift_mode(int t, Cells cells, int radius, int scales, int rounds, wp::arra
                     const int n = end - v;
                     lanes a[4] = {};
                     const int* from = cells.votes.data + 4 * (size_t)v;
-                    if (n >= LANES) __builtin_memcpy(a, from, sizeof a);
-                    else __builtin_memcpy(a, from, (size_t)n * 16);
+                    if (n >= LANES)
+                        __builtin_memcpy(a, from, sizeof a);
+                    else
+                        __builtin_memcpy(a, from, (size_t)n * 16);
                     // From 4 numbers of each vote in turn to 16 votes of each number.
                     const lanes p = __builtin_shufflevector(a[0], a[1], 0, 4, 8, 12, 16, 20, 24, 28,
                                                             1, 5, 9, 13, 17, 21, 25, 29);
@@ -150,11 +152,14 @@ void shift_mode(int t, Cells cells, int radius, int scales, int rounds, wp::arra
                     const lanes w = __builtin_shufflevector(a[2], a[3], 2, 6, 10, 14, 18, 22, 26,
                                                             30, 3, 7, 11, 15, 19, 23, 27, 31);
                     const lanes dy = __builtin_shufflevector(p, q, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17,
-                                                             18, 19, 20, 21, 22, 23) - y;
+                                                             18, 19, 20, 21, 22, 23) -
+                                     y;
                     const lanes dx = __builtin_shufflevector(p, q, 8, 9, 10, 11, 12, 13, 14, 15, 24,
-                                                             25, 26, 27, 28, 29, 30, 31) - x;
+                                                             25, 26, 27, 28, 29, 30, 31) -
+                                     x;
                     const lanes dz = __builtin_shufflevector(u, w, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17,
-                                                             18, 19, 20, 21, 22, 23) - z;
+                                                             18, 19, 20, 21, 22, 23) -
+                                     z;
                     lanes weight = __builtin_shufflevector(u, w, 8, 9, 10, 11, 12, 13, 14, 15, 24,
                                                            25, 26, 27, 28, 29, 30, 31);
                     const lanes square = dy * dy + dx * dx;

@@ -45,9 +45,8 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
     enum { CHUNK = 128, AT_ONCE = 4 };
     typedef Bytes::Lanes lanes;
     const int size = patches.shape[1], most = matches.shape[1], groups = packed.shape[0];
-    const auto load = [](const int* at) __attribute__((always_inline)) {
-        return *(const lanes*)at;
-    };
+    const auto load = [](const int* at)
+                          __attribute__((always_inline)) { return *(const lanes*)at; };
     // The best words of a patch: the largest product first, the smallest index in a tie.
     struct Best {
         int found, product[MOST], word[MOST];
@@ -102,8 +101,8 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
 #pragma unroll
                 for (int r = 0; r < ROWS; ++r) {
                     const Coarse& o = own[r < count ? r : 0];
-                    const lanes bound = 4 * dots[r] - sum + o.rest * rest + o.length * error +
-                                        o.error * longest;
+                    const lanes bound =
+                        4 * dots[r] - sum + o.rest * rest + o.length * error + o.error * longest;
                     bounds[r][g] = bound;
                     where[r] = bound > top[r] ? here : where[r];
                     top[r] = bound > top[r] ? bound : top[r];
@@ -117,9 +116,9 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
                     int dots[CHUNK * LANES];
                     for (int i = 0; i < number_chosen; ++i) {
                         const int index = begin * LANES + chosen[i];
-                        dots[i] = Bytes::product(pixels[r], all + (size_t)index * size, size) -
-                                  sums.data[((size_t)(index / LANES) * 5 + 4) * LANES +
-                                            index % LANES];
+                        dots[i] =
+                            Bytes::product(pixels[r], all + (size_t)index * size, size) -
+                            sums.data[((size_t)(index / LANES) * 5 + 4) * LANES + index % LANES];
                     }
                     for (int i = 0; i < number_chosen; ++i) {
                         const int dot = dots[i], index = begin * LANES + chosen[i];
