@@ -102,6 +102,7 @@ def scene(seed=0):
         [rng.integers(-300, 300, (starts[-1], 2)), rng.integers(-40, 41, starts[-1]),
          rng.integers(0, 2**16, starts[-1])]
     )  # fmt: skip
+    entries[::5, 2], entries[1::5, 2] = 16, -16  # votes halfway between both bins
     bins = np.array([(0, 15, 21, 0, 64), (315, 11, 15, 32, 91)], I32)
     scales = np.arange(-80, 120)
     factors = np.array([reference.factor(z) for z in scales], I32)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
-from cvkern.app.commands.cameras import reconstructed, without_cameras
+from cvkern.app.commands._scenes import FORWARD, SHAPES, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SHAPES, FORWARD = "shapes", "shapes-forward"
 SceneAt = Annotated[
     Path,
     typer.Argument(
@@ -107,8 +106,8 @@ def train(
         check_new(log, "log", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
-            _within(_scene(scene, shrink, test_every), bounds, near, far),
-            _with(field, setting) if setting else field,
+            within(scene_at(scene, shrink, test_every), bounds, near, far),
+            with_settings(field, setting) if setting else field,
             seconds=seconds,
             steps=steps,
             background=background,
@@ -231,7 +230,7 @@ def judge(
     from cvkern.radiance import evaluate, load_model
 
     with cvkern.use(backend=backend, device=device):
-        photographs = _scene(scene, shrink)
+        photographs = scene_at(scene, shrink)
         made = load_model(model)
         with progress_bar() as bar:
             task = bar.add_task("Rendering", total=None)
@@ -353,55 +352,3 @@ def planes(
         else:
             write_planes(made, output)
     typer.echo(f"{output}: {count} planes of {height} x {width}")
-
-
-def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
-    """Return the scene with the bounds that are given."""
-    from dataclasses import replace
-
-    from cvkern.radiance import Bounds
-
-    if bounds is not None:
-        try:
-            x, y, z, half = map(float, bounds.split(","))
-        except ValueError:
-            raise ValueError(f"bounds must be X,Y,Z,HALF, got {bounds!r}") from None
-        scene = replace(scene, bounds=Bounds((x, y, z), half, scene.bounds.unbounded))
-    given = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
-    return replace(scene, **given) if given else scene
-
-
-def _with(field: str | None, settings: list[str]) -> Any:
-    """Return the field that suits the device, with the settings that are given."""
-    import json
-    from dataclasses import fields, replace
-
-    from cvkern._checks import check_choice
-    from cvkern.radiance.training import KINDS, suited
-
-    if field is not None:
-        check_choice(field, tuple(KINDS), "field")
-    made, found = suited(field), {}
-    for setting in settings:
-        name, _, text = setting.partition("=")
-        check_choice(name, tuple(f.name for f in fields(made)), "set")
-        try:
-            value = json.loads(text)
-        except ValueError:
-            raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
-        found[name] = tuple(value) if isinstance(value, list) else value
-    return replace(made, **found)
-
-
-def _scene(path: Path, shrink: int, test_every: int = 8) -> Any:
-    from cvkern._checks import check_integer
-    from cvkern.radiance import load_scene, make_scene
-
-    layouts = {SHAPES: "around", FORWARD: "forward"}
-    if str(path) in layouts and not path.exists():
-        scene = make_scene(layout=layouts[str(path)])
-    else:
-        read = reconstructed if without_cameras(path) else load_scene
-        scene = read(path, test_every=test_every)
-    check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
-    return scene if shrink == 1 else scene.resized(shrink)
