@@ -5,7 +5,7 @@ import pytest
 from skimage.color import deltaE_ciede2000
 
 import cvkern
-from cvkern.color.spaces import _steps, thresholds
+from cvkern.color.spaces import _steps
 from cvkern.kernels.codes.color import Form
 from tests.color import reference_color as reference
 from tests.primitives import F32, U8
@@ -62,7 +62,8 @@ def test_bytes(backend):
 def test_bytes_step_up_at_their_thresholds(kernels):
     """A threshold has the next code already, the float32 before it has not."""
     numbers = np.append(np.eye(3), 1).astype(F32)
-    values = thresholds().reshape(85, 3)
+    middle = (np.arange(255) + 0.5) / 255
+    values = np.float32(reference.srgb_to_linear(middle)).reshape(85, 3)
     given = int(Form.LINEAR), numbers, _steps()
     for colours, first in ((values, 1), (np.nextafter(values, F32(-1)), 0)):
         got = kernels("color.spaces.encode", colours, *given, out=[((85, 3), U8)])
