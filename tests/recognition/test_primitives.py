@@ -183,7 +183,7 @@ def test_evidence(kernels):
     ).astype(I32)
     modes[1] = modes[0] + (20, 30, 0, 0)
     halfway, rest = divmod(int(patches.levels[:2, 0].sum()), 2)
-    assert rest == 0  # as near to one level as to the next: the first one counts
+    assert rest == 0  # two levels are equally near: the first one counts
     modes[2:5] = [
         (y, x, halfway - z, 1) for y, x, z in ((450, 600, 0), (300, 800, 0), (500, 700, 32))
     ]
