@@ -208,7 +208,7 @@ def test_extrema_that_move_beyond_the_levels_are_left_out(kernels):
 def test_extrema_that_move_into_the_margin_are_left_out(kernels, step):
     """The margin is 2 pixels wide; one that stays at the last pixel before it is kept."""
     down, along = step
-    at = 5 + 3 * down, 6 + 4 * along - (along > 0)  # the image has 11 rows and 12 columns
+    at = 5 + 3 * down, 6 + 4 * along - (along > 0)  # 11 rows and 12 columns
     for beyond, kept in ((0, 0), (1, -1)):
         row, column = at[0] + beyond * down, at[1] + beyond * along
         s, y, x = np.ogrid[:5, :11, :12]
