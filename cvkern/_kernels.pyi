@@ -54,6 +54,7 @@ class Folder:
         from cvkern.kernels.warp.panorama import seams as seams
         from cvkern.kernels.warp.panorama import warping as warping
     class radiance:
+        from cvkern.kernels.warp.radiance import appearance as appearance
         from cvkern.kernels.warp.radiance import compositing as compositing
         from cvkern.kernels.warp.radiance import encodings as encodings
         from cvkern.kernels.warp.radiance import pinhole as pinhole

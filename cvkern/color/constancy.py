@@ -251,10 +251,9 @@ def _grayness(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
     good = _inner(valid) & (np.min(contrast, axis=0) > CONTRAST)
     if not good.any():
         return _power(1)(values, valid)
-    total = np.log(sum(channels) + 1e-10)
-    changes = [
-        ndimage.gaussian_laplace(np.log(c + 1e-10) - total, 1.0) for c in (channels[0], channels[2])
-    ]
+    lit = [np.maximum(c, 0) + 1e-10 for c in channels]
+    total = np.log(np.maximum(sum(channels), 0) + 1e-10)
+    changes = [ndimage.gaussian_laplace(np.log(c) - total, 1.0) for c in (lit[0], lit[2])]
     grayness = ndimage.uniform_filter(np.hypot(*changes), 7)
     grayness[~good] = np.inf
     count = min(max(1, int(grayness.size * GREY_SHARE)), int(good.sum()))

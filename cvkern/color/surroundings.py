@@ -15,6 +15,7 @@ from cvkern.filters import gaussian
 from cvkern.shading.integration import Solver
 
 METHODS = ("surroundings", "gradients")
+MOST_STEP = 88.0  # largest step of the logarithm in float32
 TOLERANCE = 1e-5  # relative error of the solution of Poisson's equation
 
 
@@ -121,7 +122,7 @@ def _add_steps(rt: Runtime, image: Any, low: float, threshold: float, result: An
     kernels = rt.color.surroundings
     for channel in range(shape[2]):
         solver = Solver(rt, inside, (height, width))
-        ratio = math.exp(threshold)
+        ratio = math.exp(min(threshold, MOST_STEP))
         kernels.steps(values, channel, low, ratio, solver.weights, solver.rises)
         solver.solve(TOLERANCE)
         kernels.put(solver.z, float(rt.to_numpy(solver.z).mean()), channel, out)

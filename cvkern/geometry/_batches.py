@@ -40,8 +40,14 @@ def check_batch(pairs: Sequence[tuple[Any, Any]]) -> Batched:
     both = [as_items(pair, "pairs", rule) for pair in as_items(pairs, "pairs", rule)]
     if any(len(pair) != 2 for pair in both):
         raise ValueError(f"pairs must be {rule}, got one of another length")
-    names = ((f"pairs[{n}][0]", f"pairs[{n}][1]") for n in range(len(both)))
-    checked = [check_pairs(a, b, names=said) for (a, b), said in zip(both, names, strict=True)]
+    checked = []
+    for n, (a, b) in enumerate(both):
+        try:
+            checked.append(check_pairs(a, b))
+        except (TypeError, ValueError) as error:
+            if len(both) == 1:  # mostly from a function of one pair
+                raise
+            raise type(error)(f"pairs[{n}]: {error}") from None
     if not checked:
         raise ValueError("pairs must not be empty, got none")
     return batch_of(checked, "points0")

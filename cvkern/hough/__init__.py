@@ -11,7 +11,7 @@ from cvkern.hough.ellipses import Ellipses, EllipseVotes, detect_ellipses, hough
 from cvkern.hough.generalized import (
     RTable,
     Shapes,
-    find_shape,
+    detect_shape,
     generalized_hough,
     generalized_hough_votes,
     r_table,
@@ -49,7 +49,7 @@ __all__ = [
     "detect_ellipses",
     "detect_lines",
     "detect_segments",
-    "find_shape",
+    "detect_shape",
     "fit_line",
     "generalized_hough",
     "generalized_hough_votes",

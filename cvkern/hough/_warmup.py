@@ -44,4 +44,4 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     table = hough.RTable(np.ones((3, 2)), np.zeros(3), np.zeros(2), (3, 3))
     yield "generalized_hough", partial(hough.generalized_hough, byte, table, threshold=0)
     yield "generalized_hough_votes", partial(hough.generalized_hough_votes, byte, table)
-    yield "find_shape", partial(hough.find_shape, byte, byte, rotations=2)
+    yield "detect_shape", partial(hough.detect_shape, byte, byte, rotations=2)

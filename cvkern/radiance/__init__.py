@@ -1,5 +1,6 @@
 """Radiance fields: from posed photographs to a model that renders new views."""
 
+from cvkern.radiance.appearance import fit_appearance
 from cvkern.radiance.compositing import (
     Composite,
     CompositeGradient,
@@ -13,8 +14,8 @@ from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Mark, Model, load_model
-from cvkern.radiance.multiplane import planes_from_depth, planes_from_stereo
-from cvkern.radiance.pages import write_planes
+from cvkern.radiance.multiplane.pages import write_planes
+from cvkern.radiance.multiplane.pictures import planes_from_depth, planes_from_stereo
 from cvkern.radiance.pinhole import Cameras, cameras, look_at, pixel_rays, project
 from cvkern.radiance.rendering import Picture, Scores, evaluate, orbit_cameras, render, render_path
 from cvkern.radiance.scenes.paths import CameraPath, load_camera_path
@@ -45,6 +46,7 @@ __all__ = [
     "composite_rays_backward",
     "evaluate",
     "fit",
+    "fit_appearance",
     "load_camera_path",
     "load_model",
     "load_scene",

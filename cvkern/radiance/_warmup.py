@@ -66,4 +66,4 @@ def _show_planes() -> None:
 
 def _train(field: Any) -> None:
     """Train until a grid has been refined."""
-    fit(_scene(), field, steps=18, background="learnt", progress=False)
+    fit(_scene(), field, steps=18, background="learnt", appearance="affine", progress=False)

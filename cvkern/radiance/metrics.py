@@ -106,7 +106,8 @@ def ssim(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     mean_a, mean_b = mean(a), mean(b)
     var_a, var_b = mean(a * a) - mean_a**2, mean(b * b) - mean_b**2
     both = mean(a * b) - mean_a * mean_b
-    c1, c2 = C1 * top**2, C2 * top**2
+    least = float(np.finfo(np.float64).tiny)  # equal pictures without light are equal
+    c1, c2 = max(C1 * top**2, least), max(C2 * top**2, least)
     light = (2 * mean_a * mean_b + c1) / (mean_a**2 + mean_b**2 + c1)
     return float((light * (2 * both + c2) / (var_a + var_b + c2)).mean())
 

@@ -24,6 +24,8 @@ from cvkern.radiance.scenes.photographs import Bounds
 __all__ = ["Mark", "Model", "load_model"]
 
 MOST_VIEWS, MOST_MARKS = 2**20, 2**24  # rows that a file may have
+APPEARANCES = ("affine",)
+APPEARANCE = "appearance."  # begins the names of the arrays of photographs' lights
 FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField, PlanesField)}
 
 
@@ -86,6 +88,23 @@ class Model:
     """The progress of the training; ``training.marks`` is the curve of its quality."""
     extra: dict[str, np.ndarray]
     """The arrays that a resumed training needs in addition to the state of the field."""
+    appearance: str | None = None
+    """How the light of photographs is modelled: None or 'affine'."""
+    gauge: int = 0
+    """The number of the photograph whose light pictures have by default, among ``cameras``."""
+
+    @property
+    def appearances(self) -> np.ndarray:
+        """The matrices (A, b) that map colours c to A c + b for the light of each photograph.
+
+        (N, 3, 4) float64, one for each of ``cameras``; the identity for photographs that the model
+        was not trained on, and for all without `appearance`.
+        """
+        found = np.tile(np.eye(3, 4), (len(self.cameras), 1, 1))
+        if self.appearance is not None:
+            views = self.extra[APPEARANCE + "views"]
+            found[views] += self.extra[APPEARANCE + "values"].reshape(-1, 3, 4)
+        return found
 
     @property
     def frame(self) -> Frame:
@@ -130,6 +149,8 @@ class Model:
             "pixel": frame.pixel,
             "background": self.background,
             "seed": self.seed,
+            "appearance": self.appearance,
+            "gauge": self.gauge,
             "size": [views.width, views.height],
             "training": asdict(training)
             | {"marks": [], "resumable": resumable and training.resumable},
@@ -211,6 +232,34 @@ def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
     check_integer(training.rays, "rays", 0, made.rays)  # more would exceed the kernels' arrays
     made.restore(arrays.part("state"))
     given = arrays.part("extra")
-    extra = {name: taken(given, name, (3,)) for name in given}  # a colour, and its optimizer's
+    extra = {name: _extra(given, name, len(views)) for name in given}
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
-                 int(header["seed"]), training, extra)  # fmt: skip
+                 int(header["seed"]), training, extra, _appearance(header, extra),
+                 int(header.get("gauge", 0)))  # fmt: skip
+
+
+def _extra(given: checkpoints.Stored, name: str, views: int) -> np.ndarray:
+    """Return a colour, or numbers of each photograph, or what their optimizers need."""
+    if not name.startswith(APPEARANCE):
+        return taken(given, name, (3,))
+    count = given.shape(name)[0]
+    if count > views:
+        raise ValueError(f"{name} must have at most {views} rows, got {count}")
+    if name != APPEARANCE + "views":
+        return taken(given, name, (count, 12))
+    found = taken(given, name, (count,), np.int32)
+    if count and not 0 <= found.min() <= found.max() < views:
+        raise ValueError(f"{name} must be numbers of cameras, got {found.min()} to {found.max()}")
+    return found
+
+
+def _appearance(header: dict[str, Any], extra: dict[str, np.ndarray]) -> str | None:
+    """Return how the light of photographs is modelled, if its arrays are there."""
+    found = header.get("appearance")
+    if found is None:
+        return None
+    check_choice(found, APPEARANCES, "appearance")
+    shapes = {extra.get(APPEARANCE + part, np.zeros(0)).shape[0] for part in ("views", "values")}
+    if len(shapes) != 1 or 0 in shapes:
+        raise ValueError(f"appearance must have one row for each photograph, got {shapes}")
+    return found

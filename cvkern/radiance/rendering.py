@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import (
+    FLOAT32_MAX,
     as_items,
     as_numbers,
     check_flag,
@@ -52,7 +53,14 @@ class Scores(NamedTuple):
     """Structural similarity of each view, (V,) float64; NaN for images that are too small."""
 
 
-def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = None) -> Picture:
+def render(
+    model: Model,
+    cameras: Cameras,
+    view: int = 0,
+    *,
+    background: Any = None,
+    appearance: Any = None,
+) -> Picture:
     """Render a view of a model.
 
     Parameters
@@ -64,6 +72,10 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
         Index of the camera.
     background : (red, green, blue), optional
         In [0, 1]; by default ``model.behind``.
+    appearance : int or array of shape (3, 4), optional
+        The light: that of a photograph, by its number among ``model.cameras``, or a matrix (A, b)
+        that maps colours c to A c + b, such as one of ``model.appearances``, a mean of two, or the
+        result of :func:`fit_appearance`. By default the light of the photograph ``model.gauge``.
 
     Returns
     -------
@@ -72,10 +84,11 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
     Raises
     ------
     TypeError
-        If `view` is not an integer, or the background does not hold numbers.
+        If `view` is not an integer, or the background or `appearance` does not hold numbers.
     ValueError
-        If there is no such view, the background is not three numbers in [0, 1], or the camera is
-        more than 32768 half-sides of the scene's cube from its middle.
+        If there is no such view, the background is not three numbers in [0, 1], `appearance` is
+        neither a photograph nor (3, 4) finite numbers, or the camera is more than 32768 half-sides
+        of the scene's cube from its middle.
 
     Examples
     --------
@@ -90,7 +103,7 @@ def render(model: Model, cameras: Cameras, view: int = 0, *, background: Any = N
     check_instance(cameras, Cameras, "cameras")
     view = check_integer(view, "view", 0, len(cameras) - 1)
     behind = model.behind if background is None else check_behind(background)
-    return Renderer(model.field, model.rt)(cameras, view, behind)
+    return Renderer(model.field, model.rt)(cameras, view, behind, light_of(model, appearance))
 
 
 class Renderer:
@@ -99,8 +112,10 @@ class Renderer:
     def __init__(self, field: Field, rt: Runtime):
         self.field, self.rt = field, rt
 
-    def __call__(self, cameras: Cameras, view: int, behind: np.ndarray) -> Picture:
-        """Render a view."""
+    def __call__(
+        self, cameras: Cameras, view: int, behind: np.ndarray, light: np.ndarray | None = None
+    ) -> Picture:
+        """Render a view; `light` (1, 12) is what a map of colours adds to them, in float32."""
         rt, frame, width = self.rt, self.field.frame, cameras.width
         lens = on_device(rt, frame, cameras.select([view]))
         count = cameras.height * width
@@ -113,6 +128,12 @@ class Renderer:
             origins, directions = (rt.scratch(f"view.{n}", shape) for n in ("from", "towards"))
             rt.radiance.pinhole.view_rays(lens, 0, begin, origins, directions)
             self.field.see(origins, directions, View(*(a[part] for a in seen)))
+        if light is not None:
+            views = rt.scratch("view.light", (count,), np.int32)
+            rt.clear(views)
+            rt.radiance.appearance.apply(
+                seen.color, seen.opacity, views, rt.send("view.table", light), seen.color
+            )
         red, green, blue = map(float, behind)
         rt.radiance.rendering.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
         return Picture(*(rt.release(p) for p in pictures))
@@ -125,6 +146,7 @@ def render_path(
     *,
     fps: float = 20.0,
     background: Any = None,
+    appearance: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
     """Render views in sequence as a film.
@@ -140,6 +162,8 @@ def render_path(
         Frames per second, > 0; for ``.gif`` at most 50.
     background : (red, green, blue), optional
         In [0, 1]; by default ``model.behind``.
+    appearance : int, array of shape (3, 4), or array of shape (F, 3, 4), optional
+        The light, as in :func:`render`, or one for each frame.
     progress : function, optional
         Called with the number of frames done and the number of all frames.
 
@@ -150,17 +174,17 @@ def render_path(
     ModuleNotFoundError
         If `path` ends in ``.mp4`` and imageio-ffmpeg is not installed.
     TypeError
-        If `fps` is not a number, or the background does not hold numbers.
+        If `fps` is not a number, or the background or `appearance` does not hold numbers.
     ValueError
-        If `path` ends otherwise, height and width do not suit it, `fps` or the background is out of
-        its range, or a camera is more than 32768 half-sides of the scene's cube from its middle.
+        If `path` ends otherwise, height and width do not suit it, an option is out
+        of its range, or a camera is more than 32768 half-sides of the scene's cube from its middle.
     """
     check_instance(model, Model, "model")
     check_instance(cameras, Cameras, "cameras")
     from cvkern.clouds.films import check_animation, write_animation
 
     check_animation(path, (len(cameras), cameras.height, cameras.width, 3), fps)
-    frames = film(model, cameras, background=background, progress=progress)
+    frames = film(model, cameras, background=background, appearance=appearance, progress=progress)
     write_animation(path, frames, fps=fps)
 
 
@@ -169,15 +193,23 @@ def film(
     cameras: Cameras,
     *,
     background: Any = None,
+    appearance: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> np.ndarray:
     """Return the views of `cameras`, (F, H, W, 3) uint8; see :func:`render_path`."""
     behind = model.behind if background is None else check_behind(background)
     model.frame.inside(cameras.poses)  # refuses distant cameras before the work
+    each = np.ndim(appearance) == 3
+    if each and len(appearance) != len(cameras):
+        raise ValueError(
+            f"appearance must have one matrix for each of {len(cameras)} frames, got "
+            f"{len(appearance)}"
+        )
+    lights = [light_of(model, a) for a in (appearance if each else [appearance])]
     draw = Renderer(model.field, model.rt)
     frames = np.empty((len(cameras), cameras.height, cameras.width, 3), np.uint8)
     for i in range(len(cameras)):
-        frames[i] = np.round(255 * draw(cameras, i, behind).color)
+        frames[i] = np.round(255 * draw(cameras, i, behind, lights[i if each else 0]).color)
         if progress:
             progress(i + 1, len(cameras))
     return frames
@@ -291,9 +323,10 @@ def evaluate(
         raise ValueError(f"scene must have views {kind}, got {len(scene)} others")
     model.frame.inside(scene.cameras.poses[chosen])  # refuses distant cameras before the work
     draw = Renderer(model.field, model.rt)
+    light = light_of(model, None)
     scores = np.full((2, len(chosen)), np.nan)
     for i, view in enumerate(chosen):
-        found = draw(scene.cameras, view, model.behind).color
+        found = draw(scene.cameras, view, model.behind, light).color
         wanted = photograph(scene, view, model.behind)
         scores[0, i] = psnr(found, wanted)
         if min(found.shape[:2]) >= 11:
@@ -324,6 +357,25 @@ def owned(rt: Runtime, values: np.ndarray) -> Any:
     array = rt.zeros(values.shape, values.dtype)
     rt.write(array, np.ascontiguousarray(values))
     return array
+
+
+def light_of(model: Model, appearance: Any) -> np.ndarray | None:
+    """Return what a light adds to colours, (1, 12) float32, or None if it adds nothing."""
+    if appearance is None:
+        if model.appearance is None:
+            return None
+        appearance = model.gauge
+    if isinstance(appearance, (int, np.integer)) and not isinstance(appearance, bool):
+        index = check_integer(appearance, "appearance", 0, len(model.cameras) - 1)
+        found = model.appearances[index]
+    else:
+        found = as_numbers(appearance, "appearance")
+        if found.shape != (3, 4) or not (np.abs(found) <= FLOAT32_MAX).all():
+            raise ValueError(
+                "appearance must be a photograph's number, or (3, 4) finite numbers, got "
+                f"{np.array(appearance).tolist()}"
+            )
+    return (found - np.eye(3, 4)).astype(np.float32).reshape(1, 12)
 
 
 def check_behind(background: Any) -> np.ndarray:

@@ -13,11 +13,12 @@ import numpy as np
 
 from cvkern._checks import check_code
 from cvkern.kernels.codes.radiance import AdamRule, Background, Comparison, Composited, Rays
+from cvkern.radiance.appearance import Appearance
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.logs import Look, Watch
-from cvkern.radiance.models import Mark, Model
+from cvkern.radiance.models import APPEARANCE, Mark, Model
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
 
@@ -55,6 +56,13 @@ class Trainer:
         self.behind = Parameters(rt, model.behind, np.dtype(np.float32))
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
+        self.appearance = None
+        if model.appearance is not None:
+            views = np.flatnonzero(used).astype(np.int32)
+            self.appearance = Appearance(rt, len(views), count)
+            if model.extra.get(APPEARANCE + "values") is not None:
+                self.appearance.restore(model.extra)
+            model.extra[APPEARANCE + "views"] = views
         self.d_behind, self.parts = rt.zeros((count, 3)), rt.zeros((PARTS, 3))
         self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
         self.learning = Learning(
@@ -72,14 +80,21 @@ class Trainer:
             self.views, self.images, self.spread, self.model.seed, at, *self.rays[:2], self.targets,
         )  # fmt: skip
         seen = field.forward(self.rays, at)
+        color, light = seen.color, self.appearance
+        if light is not None:
+            light.draw(self.model.seed, at, self.images.shape[0])
+            color = light.forward(seen.color, seen.opacity)
         comparison = Comparison(
             self.background, self.behind.values, self.huber, field.gradient_scale, self.model.seed,
             at,
         )  # fmt: skip
         rt.radiance.training.losses.loss(
-            seen.color, seen.opacity, self.targets, self.active, comparison, self.errors,
+            color, seen.opacity, self.targets, self.active, comparison, self.errors,
             self.gradients.color, self.gradients.opacity, self.d_behind,
         )  # fmt: skip
+        if light is not None:
+            light.backward(self.active, self.gradients.color, self.gradients.opacity)
+            light.learn(self.learning, SHARE / field.gradient_scale)
         field.backward(self.gradients)
         field.learn(self.learning)
         if self.background == Background.LEARNT:
@@ -224,6 +239,8 @@ class Trainer:
     def keep(self) -> None:
         """Copy the model's data other than the field from the device."""
         self.model.training.rays = self.kept()
+        if self.appearance is not None:
+            self.model.extra |= self.appearance.state()
         if self.background == Background.LEARNT:
-            self.model.extra = self.behind.state("behind.", self.rt)
+            self.model.extra |= self.behind.state("behind.", self.rt)
             self.model.behind = self.model.extra["behind.values"].clip(0, 1)

@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
-import sys
-import threading
-import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -33,9 +29,10 @@ from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
-from cvkern.radiance.models import Model, Training, load_model
+from cvkern.radiance.models import APPEARANCES, Model, Training, load_model
+from cvkern.radiance.progress import shown, stoppable
 from cvkern.radiance.scenes.photographs import Scene
-from cvkern.radiance.trainer import Say, Trainer
+from cvkern.radiance.trainer import Trainer
 
 __all__ = ["fit"]
 
@@ -45,7 +42,6 @@ KINDS: dict[str, type[Settings]] = {
 }  # fmt: skip
 # With these settings, a step of 'hash' or 'mlp' takes about 30 ms on two cores. The default batches
 # are 16 and 4 times as large, and the default perceptron of MLPField() about 20 times.
-LINE = 10.0  # seconds between lines of progress in a log
 ALIKE, UNIFORM = 6, 0.95  # grey levels, and share of the borders, for a background of one colour
 ON_CPU: dict[str, dict[str, Any]] = {
     "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
@@ -73,6 +69,8 @@ def fit(
     background: str | None = None,
     loss: str = "squared",
     spread: float = 0.0,
+    appearance: str | None = None,
+    gauge: int | None = None,
     seed: int = 0,
     deterministic: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -112,6 +110,13 @@ def fit(
     spread : float, default 0.0
         A ray goes through a random point of its pixel, within a square of this side, from 0 (its
         centre) to 1 (the whole pixel).
+    appearance : {'affine'}, optional
+        Learn the light of each photograph, for photographs of changing light or exposure. 'affine'
+        learns a matrix (A, b) for each, which maps the colours c of the field to A c + b before
+        they are compared with the photograph. See ``model.appearances`` and :func:`render`.
+    gauge : int, optional
+        The number of the photograph, among all of the scene, whose light pictures have by default.
+        By default the first one that is trained on.
     seed : int, default 0
         Seed of all random numbers.
     deterministic : bool, default False
@@ -219,16 +224,23 @@ def fit(
         checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
+    if appearance is not None:
+        check_choice(appearance, APPEARANCES, "appearance")
+    elif gauge is not None:
+        raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
+    if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
+        raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
+    light = appearance, gauge
     if callback is not None and not callable(callback):
         raise TypeError(f"callback must be a function, got {type(callback).__name__}")
     to = None if log is None else logs.check_log(log)
-    model = _begin(scene, field, background, seed, checkpoint if resume else None)
+    model = _begin(scene, field, background, seed, light, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
     with contextlib.ExitStack() as stack:
         write = stack.enter_context(logs.opened(to, resume)) if to is not None else None
-        say, stop = stack.enter_context(_shown(progress)), stack.enter_context(_stoppable())
+        say, stop = stack.enter_context(shown(progress)), stack.enter_context(stoppable())
         watch = _watched(callback, write, model)
         trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every, watch)
     return model
@@ -266,7 +278,12 @@ def suited(field: str | None = None) -> Settings:
 
 
 def _begin(
-    scene: Scene, field: str | Settings | None, background: str | None, seed: int, checkpoint: Any
+    scene: Scene,
+    field: str | Settings | None,
+    background: str | None,
+    seed: int,
+    light: tuple[str | None, int | None],
+    checkpoint: Any,
 ) -> Model:
     """Return a new model, or the one to continue with."""
     frame = Frame.of(scene)
@@ -285,6 +302,8 @@ def _begin(
             ("field", settings if field is None else field, settings),
             ("background", background or model.background, model.background),
             ("seed", seed, model.seed),
+            ("appearance", light[0] or model.appearance, model.appearance),
+            ("gauge", model.gauge if light[1] is None else light[1], model.gauge),
             ("scene", frame, model.frame),
         ):
             if saved != wanted:
@@ -297,11 +316,13 @@ def _begin(
     background = background or _seen_behind(scene)
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
+    appearance, gauge = light
+    gauge = int(np.flatnonzero(~scene.test)[0]) if gauge is None else gauge
     made = settings.build(runtime(), frame, seed)
     made.start(scene)
     return Model(
         made, settings, background, behind, scene.cameras, seed,
-        Training(), {},
+        Training(), {}, appearance, gauge,
     )  # fmt: skip
 
 
@@ -334,57 +355,3 @@ def _apart(one: Any, other: Any) -> str:
         return type(one).__name__
     pairs = ((f.name, getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
     return ", ".join(f"{name} {mine}" for name, mine, yours in pairs if mine != yours)
-
-
-@contextlib.contextmanager
-def _stoppable() -> Iterator[threading.Event]:
-    """Turn the first Ctrl-C into an event, in the main thread; the second interrupts as usual."""
-    event = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield event
-        return
-    before = signal.getsignal(signal.SIGINT)
-
-    def note(number: int, stack: Any) -> None:
-        event.set()
-        signal.signal(signal.SIGINT, before)
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def _lines() -> Say:
-    """Return a function that prints a line every LINE seconds, for logs."""
-    last = time.monotonic()
-
-    def say(share: float, text: str) -> None:
-        nonlocal last
-        if time.monotonic() - last >= LINE:
-            last = time.monotonic()
-            print(f"{share:.0%}  {text}", file=sys.stderr, flush=True)
-
-    return say
-
-
-@contextlib.contextmanager
-def _shown(wanted: bool) -> Iterator[Say]:
-    """Yield a function that shows the progress on a terminal, or prints lines without one."""
-    if not wanted:
-        yield lambda share, text: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield _lines()
-        return
-    columns = (BarColumn(32), TextColumn("{task.description}"), TimeRemainingColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("Compiling", total=1.0)
-        yield lambda share, text: bar.update(task, completed=share, description=text)

@@ -58,7 +58,8 @@ def demosaic(raw: Any, pattern: str = "RGGB", method: str = "residual") -> Any:
     has a prior of 1, which counts as much as the line leaves unexplained: where colours are hardly
     related by what was seen, their edges are taken to be the same. Differences between colours are
     smoothed by how much of their change the texture explains. And the two directions are weighted
-    by how little these differences change. All of it scales with the values. Borders are mirrored.
+    by how little these differences change, as are pairs of neighbours where red and blue are
+    interpolated. All of it scales with the values. Borders are mirrored.
 
     References
     ----------

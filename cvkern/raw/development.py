@@ -95,13 +95,12 @@ def develop(
     if white is not None and most <= 0:
         raise ValueError(f"white must be above black, {black:g}, got {white:g}")
     # NaN where the brightest value is infinite; with a white too small for float32, light is white.
+    smallest = float(np.finfo(np.float32).tiny)
     with np.errstate(invalid="ignore", over="ignore"):
-        smallest = float(np.finfo(np.float32).tiny)
         values = (values / np.float32(max(most, smallest) if most > 0 else 1)).clip(0, 1)
     if illuminant is None:
-        light = estimate_illuminant(demosaic(values, pattern, "bilinear"), white=1.0)
-    else:
-        light = check_light(illuminant)
+        illuminant = estimate_illuminant(demosaic(values, pattern, "bilinear"), white=1.0)
+    light = check_light(illuminant)
     gains = (light.max() / light).astype(np.float32)  # at least 1: no clipped value becomes dark
     cell = np.array([[gains[(y != row) + (x != column)] for x in (0, 1)] for y in (0, 1)])
     height, width = values.shape
@@ -119,6 +118,8 @@ def develop(
             raise ValueError(f"matrix must have shape (3, 3), got {numbers.shape}")
         colours = colours @ numbers.T.astype(np.float32)
     if tone is not None:
+        # Taichi takes denormal numbers for 0, and the roots of some are large.
+        colours = np.where(np.abs(colours) < smallest, np.float32(0), colours)
         colours = np.asarray(tone_map(colours, tone))
     found = convert_color(colours.clip(0, 1), "rgb", "srgb", dtype=dtype)
     return found if library(raw) is library(found) else rt.give(np.asarray(found))

@@ -15,6 +15,8 @@ from cvkern.kernels.codes.raw import SLOTS, STEPS
 from cvkern.raw.bands import local_laplacian
 from cvkern.raw.grids import bilateral
 
+SMALLEST = 2.0**-126  # factor of radiance: Taichi takes smaller ones for 0
+MOST_STOPS = 120  # logarithm of light to the base of 2: factors of more are denormal
 METHODS = ("reinhard", "reinhard_local", "bilateral", "local_laplacian")
 SHARPNESS, SCALES = 8.0, 8  # Reinhard's phi, and his number of scales
 RANGE = 0.4 * math.log2(10)  # standard deviation in stops of the bilateral filter
@@ -96,6 +98,8 @@ def tone_map(
     ends = _measured(rt, logs)
     if not ends.pixels:
         return rt.give(np.zeros(shape, np.float32))
+    if ends.high > MOST_STOPS:
+        raise ValueError(f"radiance must be at most 2^{MOST_STOPS}, got some of 2^{ends.high:.0f}")
     result = rt.empty(shape)
     out = rt.adopt(result, np.float32, tuple(light.shape))
     if method.startswith("reinhard"):
@@ -136,7 +140,7 @@ def _measured(rt: Runtime, logs: Any) -> Ends:
 def _curved(rt: Runtime, light: Any, key: float, ends: Ends, local: bool, out: Any) -> None:
     """Apply Reinhard's curve, of the whole picture or of the surroundings of each pixel."""
     shape = tuple(light.shape[:2])
-    scale = key / 2**ends.mean
+    scale = max(key / 2**ends.mean, SMALLEST)
     around = rt.scratch("tone.around", (shape[0] * shape[1],) if local else (1,))
     if local:
         scaled, *smooth = (rt.scratch(f"tone.scale{n}", (1, *shape)) for n in range(3))

@@ -31,20 +31,28 @@ class Step(IntEnum):
 
     DEVIATIONS = 0  # from the means of windows, at the samples
     WINDOWS = 1  # the line of each window, and its weight
-    TENTATIVE = 2  # the mean line at each pixel
-    RESIDUAL = 3  # what the lines leave at the samples, interpolated
+    TENTATIVE = 2  # the mean line at each pixel, and what it leaves
+    DIAGONAL = 3  # what is left, between four samples
+    RESIDUAL = 4  # the same between two samples, and the colour
 
 
 BORDER = 26  # pixels at the border of planes whose green is not found
 # Pixels at their border that a step towards red or blue leaves out.
-MARGINS = {Step.DEVIATIONS: 28, Step.WINDOWS: 31, Step.TENTATIVE: 34, Step.RESIDUAL: 35}
+MARGINS = {
+    Step.DEVIATIONS: 28,
+    Step.WINDOWS: 31,
+    Step.TENTATIVE: 34,
+    Step.DIAGONAL: 37,
+    Step.RESIDUAL: 39,
+}
 STRIP = 256  # rows that Menon's steps take at once on the CPU: even
-MARGIN = 36  # pixels by which planes are extended: even, so that colours stay where they are
+MARGIN = 40  # pixels by which planes are extended: even, so that colours stay where they are
 # Residual interpolation: what the slope's prior weighs along rows and columns, and in windows.
 PRIOR, WINDOW_PRIOR = 1.0, 0.3
 FLOOR = 0.5 / 128**2  # variance that is always there, as a share of the squared means of both
 SMOOTH = 0.2  # how much texture speaks for smooth differences of colours
 FLAT = 1e-6  # change of these differences that does not count, as a share of the squared sample
+STEADY = 0.08  # change of what lines leave that does not count, as a share of green
 TINY = 1e-30
 # Tone: weights of linear sRGB in luminance, the logarithm of no light, and steps of logarithms in
 # sums, whose terms are integers.

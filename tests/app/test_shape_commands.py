@@ -19,7 +19,7 @@ def test_find(command, photo, tmp_path):
     options = "--rotations", 4, "--scales", 0.9, 1.1, 0.1
     code, out, _ = command(*words, *options, "--csv", table, "--json", poses)
     assert code == 0
-    found = cvkern.find_shape(image[8:56, 10:60], image, rotations=4, scales=[0.9, 1.0, 1.1])
+    found = cvkern.detect_shape(image[8:56, 10:60], image, rotations=4, scales=[0.9, 1.0, 1.1])
     assert "f.png: found 1 of shape.png\n" in out
     ((row, column),) = found.position
     assert abs(row - 31.5) < 0.1

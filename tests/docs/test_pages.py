@@ -82,6 +82,20 @@ def test_files_that_are_named_exist(file):
     assert [link for link in made if not (file.parent / link).is_file()] == []
 
 
+def test_each_native_file_has_a_row_and_each_row_its_files():
+    """A name without a folder in a row lies in the folder of the name before."""
+    named = set()
+    for row in re.findall(r"^\| [^|]+ \|([^|]+)\|", (DOCS / "native.md").read_text("utf-8"), re.M):
+        folder = ""
+        for place, name in re.findall(r"`((?:\w+/)*)(\w+\.(?:h|cu))`", row):
+            folder = place or folder
+            named.add(folder + name)
+    warp = DOCS.parent / "kernels" / "warp"
+    files = {str(f.relative_to(warp)) for f in warp.rglob("*.*") if f.suffix in (".h", ".cu")}
+    assert sorted(files - named) == []
+    assert sorted(named - files) == []
+
+
 def test_the_recipe_names_files_that_exist():
     recipe = (DOCS / "built.md").read_text(encoding="utf-8").split("## Add a primitive\n")[1]
     assert len(re.findall(r"`(?:kernels|cvkern|tests|docs)/[\w/.]+\.(?:py|md)`", recipe)) > 5

@@ -71,7 +71,7 @@ def test_what_only_colour_shows_is_found(backend):
     edges = cvkern.subpixel_edges(image, 1.5, 100, 200)
     away = np.hypot(*(edges.points - (60.2, 70.7)).T)
     np.testing.assert_allclose(away, 24, atol=0.1)
-    (shape,) = cvkern.find_shape(image[30:91, 40:101], image, rotations=1, scales=[1]).position
+    (shape,) = cvkern.detect_shape(image[30:91, 40:101], image, rotations=1, scales=[1]).position
     np.testing.assert_allclose(shape, [60, 70], atol=0.5)
 
 

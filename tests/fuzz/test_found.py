@@ -23,6 +23,12 @@ IMAGE = np.zeros((4, 5))
 CAMERA = cvkern.Camera([[40, 0, 31.5], [0, 40, 23.5], [0, 0, 1]], (), (48, 64))
 FILM = np.zeros((2, 4, 4, 3), np.uint8)
 
+BUFFER = memoryview(np.eye(3))  # pyright: ignore
+COLOURS = np.ones((4, 5, 3))
+NONE = np.zeros((0, 3))
+SIDE_BY_SIDE = cvkern.StereoCalibration(
+    CAMERA, CAMERA, np.eye(3), np.array([-0.2, 0, 0]), 0.0, NONE, NONE, NONE
+)
 BOARD = cvkern.chessboard_points((3, 4))
 TILTED = [cvkern.project_points(BOARD, CAMERA, t, (-1, -1, 6)) for t in ((0.4, 0, 0), (0, 0.4, 0))]
 UNSEEN = list(np.random.default_rng(0).random((4, 12, 2)) * 60)  # boards behind the camera
@@ -47,6 +53,7 @@ REFUSED = {
     "points0": lambda: cvkern.fit_affine(3.5, PAIR),
     "points1": lambda: cvkern.find_affine(PAIR, None),
     "pairs": lambda: cvkern.find_homographies([PAIR, 3]),
+    "pairs[1]": lambda: cvkern.find_homographies([(PAIR, PAIR), (PAIR, 3)]),
     "pairs must": lambda: cvkern.match_images([BYTES, BYTES], [0, 1, 0]),
     "features": lambda: cvkern.match_images(2.0),
     "cross_check": lambda: cvkern.match_descriptors(BYTES, BYTES, cross_check=np.zeros(2)),
@@ -135,6 +142,33 @@ REFUSED = {
     "views must": lambda: radiance.point_cloud(model(), views=3),
     "truth": lambda: radiance.psnr(IMAGE, IMAGE + np.inf),
     "distances": lambda: radiance.composite_rays(np.ones(2), np.ones((2, 3)), None, [[0, 2]]),
+    "image_points must be": lambda: cvkern.calibrate_camera(BOARD, BUFFER, (48, 64)),
+    "shape must be rows": lambda: cvkern.calibrate_camera(BOARD, TILTED, BUFFER),
+    "shape must be of": lambda: cvkern.detect_chessboard(IMAGE, BUFFER),
+    "disparities": lambda: cvkern.stereo_cost(IMAGE, IMAGE, BUFFER),
+    "taps": lambda: cvkern.correlate_separable(IMAGE, BUFFER),
+    "taps must": lambda: cvkern.correlate_separable(IMAGE, np.array([1 + 1j])),
+    "rotation": lambda: cvkern.project_points([[0, 0, 1]], CAMERA, [1e300] * 3),
+    "target": lambda: cvkern.adapt_colors([[1, 2, 3]], "D65", [1e300] * 3),
+    "illuminant": lambda: cvkern.white_balance(COLOURS, (1e300, 1, 1e-300)),
+    "illuminant must": lambda: cvkern.develop(IMAGE, illuminant=(1e300, 1, 1e-300)),
+    "seconds": lambda: cvkern.merge_exposures(np.ones((2, 4, 5)), [1, 1e300]),
+    "background": lambda: radiance.render(model(), VIEWS, 0, background=2 + 0j),
+    "background must": lambda: radiance.render(model(), VIEWS, 0, background=[10**400] * 3),
+    "negatives": lambda: cvkern.ShapeModel().fit([IMAGE], negatives=np.ones((2, 2, 2, 2))),
+    "albedo": lambda: cvkern.lambertian(IMAGE, [0, 0, 1], albedo=[1, [2]]),
+    "albedo must": lambda: cvkern.shape_from_shading(IMAGE, [0, 0, 1], albedo=((1, 2), (3, 4))),
+    "lights must": lambda: cvkern.lambertian(IMAGE, [1e300] * 3),
+    "light": lambda: cvkern.shape_from_shading(IMAGE, [1e300] * 3),
+    "images must not": lambda: cvkern.lights_from_sphere([], IMAGE),
+    "images must have": lambda: cvkern.photometric_stereo([IMAGE, IMAGE, IMAGE[1:]], np.eye(3)),
+    "right must be": lambda: cvkern.rectify_stereo(SIDE_BY_SIDE)(np.zeros((48, 64)), [1]),
+    "radiance": lambda: cvkern.tone_map(np.full((3, 4), 1e38, np.float32)),
+    "center must": lambda: cvkern.lateral_inhibition(IMAGE, 2.0**31),
+    "image1": lambda: cvkern.reconstruct_pair(
+        np.zeros((64, 64), np.uint8), np.zeros((64, 64), np.int64)
+    ),
+    "channel_axis": lambda: cvkern.box(COLOURS, channel_axis=np.ma.masked_array(2, True)),  # type: ignore
 }
 
 
@@ -160,11 +194,37 @@ def test_refusals_name_their_argument(name):
         lambda: cvkern.images.luma(np.array([[[np.inf, -np.inf, 0]]], "f4")),
         lambda: cvkern.images.apply_colormap([[0, 14]], vmax=1e-320),
         lambda: cvkern.remap_backward([[1.0]], IMAGE, np.ones((2, 1, 1)), np.int64(3)),
+        lambda: cvkern.find_similarity(PAIR, PAIR, threshold=1e30),
+        lambda: cvkern.retinex(COLOURS, method="gradients", threshold=1e30),
+        lambda: radiance.ssim(np.zeros((16, 16)), np.ones((16, 16)), data_range=1e-320),
+        lambda: cvkern.estimate_illuminant(COLOURS * np.arange(-2, 3)[:, None], black=0.5),
+        lambda: cvkern.equalize_adapthist(IMAGE, clip_limit=1e30),
+        lambda: cvkern.lateral_inhibition(IMAGE + np.eye(4, 5), weight=3e38),
+        lambda: cvkern.images.luma(np.full((4, 5), 1e300)),
         lambda: cvkern.subpixel_edges(np.array([[0, 3e38, -3e38, 1e30, 5]] * 5, "f4"), 0.6, 1, 2),
     ],
 )
 def test_nothing_is_raised_or_warned_of(call):
     call()
+
+
+@pytest.mark.parametrize("marked", [0.5, 256, -1, 1e-60])
+def test_a_mask_is_set_where_it_is_not_0(marked):
+    """A cast to bytes made 0 of such values; a cast to float32, of the least."""
+    scan = cvkern.make_scan("gray_code", (12, 16), (12, 16), seed=1).calibration
+    spots = np.zeros((12, 16))
+    spots[::2] = 1
+    columns, photo = np.full((12, 16), 7.0), np.random.default_rng(0).random((12, 16))
+    calls = [
+        lambda mask: cvkern.triangulate_columns(columns, scan, mask),
+        lambda mask: cvkern.unwrap_phase(photo, mask),
+        lambda mask: cvkern.hough_line(mask)[0],
+        lambda mask: cvkern.canny(photo, 1, mask=mask),
+        lambda mask: cvkern.integrate_normals(np.full((12, 16, 3), [0.1, 0.2, 1]), mask),
+        lambda mask: cvkern.estimate_illuminant(np.dstack([photo] * 3), mask=mask),
+    ]
+    for call in calls:
+        np.testing.assert_array_equal(call(spots * marked), call(spots > 0))
 
 
 def spoilt(*shape, seed=0, share=0.2, kinds=(np.nan, np.inf, -np.inf, -0.0)):

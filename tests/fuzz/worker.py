@@ -27,12 +27,12 @@ from tests.fuzz.families import CALLS, draw_call
 
 ALLOWED = (ValueError, TypeError)
 # What messages may be about, apart from the arguments of the call.
-SHARED = {"arrays", "votes", "out", "path", "channel_axis"}
+SHARED = {"arrays", "votes", "out", "path", "channel_axis", "points0", "points1"}
 # Three calls in four are drawn again, up to so often, until Warp does not refuse the arguments.
 TRIES = 6
 AGAIN = 8  # one call in so many is made again, with arrays laid out plainly
 MOST_MEMORY = 1 << 20  # KiB that one call may add to the peak; images have at most 130 x 130 pixels
-TINY = 2e-19  # roots of numbers that are denormal in float32
+TINY = 1e-18  # roots of some numbers that are denormal in float32, added
 SLOW = 20.0  # seconds of work of one call when nothing is compiled: far beyond what any takes
 
 

@@ -158,6 +158,6 @@ def test_entries_of_a_model_are_looked_at_before_they_are_read(scene, tmp_path):
 
 
 def test_logs_have_lines(scene, monkeypatch, capsys):
-    monkeypatch.setattr("cvkern.radiance.training.LINE", 0.0)
+    monkeypatch.setattr("cvkern.radiance.progress.LINE", 0.0)
     fit(scene, TINY, steps=17)
     assert "rays/s" in capsys.readouterr().err

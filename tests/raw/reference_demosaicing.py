@@ -116,9 +116,19 @@ def _windowed(p, q, u, v, windows, prior):
     return w, w * a, w * b
 
 
+def _between(rest, green, step, ring):
+    """Return the mean of two pairs of neighbours, which weigh as they change little."""
+    (dy, dx), pairs = step, []
+    for v, u in ((dy, dx), (dx, -dy)):
+        before, after = np.roll(rest, (v, u), (0, 1)), np.roll(rest, (-v, -u), (0, 1))
+        change = smooth(np.abs(before - after), ring / 6)
+        pairs.append(((before + after) / 2, 1 / (change**4 + (0.08 * green) ** 4 + 1e-30)))
+    return sum(m * w for m, w in pairs) / sum(w for _, w in pairs)
+
+
 def residual(raw, pattern):
     """State the method as the page of the family does, with sums over whole planes."""
-    border = 40
+    border = 44
     raw = np.pad(raw.astype(float), border, mode="reflect")
     red, is_green, blue = kinds(raw.shape, pattern)
     even, odd = np.arange(13) % 2 == 0, np.arange(13) % 2 == 1
@@ -166,7 +176,12 @@ def residual(raw, pattern):
             w, np.ones((7, 7))
         )
         rest = np.where(own, raw - tentative, 0)
-        square = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
-        colours.append(np.where(own, raw, tentative + smooth(rest, square)))
+        diagonal = ~rows & ~columns
+        ring = np.zeros((5, 5))
+        ring[[0, 2, 2, 4, 2], [2, 0, 4, 2, 2]] = 1, 1, 1, 1, 2
+        rest = np.where(diagonal, _between(rest, green, (1, 1), ring), rest)
+        ring = np.array([[1, 0, 1], [0, 2, 0], [1, 0, 1]])
+        rest = np.where(own | diagonal, rest, _between(rest, green, (0, 1), ring))
+        colours.append(tentative + rest)
     found = np.stack([colours[0], green, colours[1]], axis=-1)
     return found[border:-border, border:-border]

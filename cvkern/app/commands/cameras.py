@@ -20,7 +20,6 @@ from cvkern.app.commands import (
 )
 
 PICTURE = "cameras.png"
-SHAPES, FORWARD = "shapes", "shapes-forward"  # scenes that the library renders itself
 RESULTS = (
     *(f"{name}.{kind}" for name in ("cameras", "images", "points3D") for kind in ("txt", "bin")),
     "transforms.json", "points.ply", PICTURE,
@@ -86,22 +85,7 @@ def cameras(
         typer.echo(f"not placed: {', '.join(found.unplaced)}")
 
 
-def scene_at(path: Path, shrink: int, test_every: int = 8) -> Any:
-    """Return the scene of a folder, or one of ours; of photographs without cameras, find these."""
-    from cvkern._checks import check_integer
-    from cvkern.radiance import load_scene, make_scene
-
-    layouts = {SHAPES: "around", FORWARD: "forward"}
-    if str(path) in layouts and not path.exists():
-        scene = make_scene(layout=layouts[str(path)])
-    else:
-        read = _reconstructed if _without_cameras(path) else load_scene
-        scene = read(path, test_every=test_every)
-    check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
-    return scene if shrink == 1 else scene.resized(shrink)
-
-
-def _without_cameras(path: Path) -> bool:
+def without_cameras(path: Path) -> bool:
     """Tell whether a folder has photographs, and no file with their cameras."""
     named = ("transforms*.json", "poses_bounds.npy", "cameras.*", "sparse")
     if not path.is_dir() or any(any(path.glob(name)) for name in named):
@@ -109,7 +93,7 @@ def _without_cameras(path: Path) -> bool:
     return any(file.suffix.lower() in PHOTOGRAPHS for file in path.iterdir())
 
 
-def _reconstructed(path: Path, test_every: int) -> Any:
+def reconstructed(path: Path, test_every: int) -> Any:
     """Find the cameras of a folder of photographs, and return these as a scene."""
     from cvkern.radiance.scenes.photographs import read_images
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
-from cvkern.app.commands.cameras import FORWARD, SHAPES, scene_at
+from cvkern.app.commands._scenes import FORWARD, SHAPES, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -57,6 +57,10 @@ def train(
         ),
     ] = None,
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
+    appearance: Annotated[
+        str | None,
+        typer.Option(help="affine: learn the light of each photograph.", show_default="one light"),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
@@ -106,12 +110,13 @@ def train(
         check_new(log, "log", overwrite or resume, "--resume goes on with it, ")
     with cvkern.use(backend=backend, device=device):
         model = fit(
-            _within(scene_at(scene, shrink, test_every), bounds, near, far),
-            _with(field, setting) if setting else field,
+            within(scene_at(scene, shrink, test_every), bounds, near, far),
+            with_settings(field, setting) if setting else field,
             seconds=seconds,
             steps=steps,
             background=background,
             loss=loss,
+            appearance=appearance,
             seed=seed,
             deterministic=deterministic,
             checkpoint=output,
@@ -161,6 +166,12 @@ def render(
         typer.Option(help="Frames per second.", show_default="those of the path's file, or 20"),
     ] = None,
     size: Size = 1.0,
+    light: Annotated[
+        int | None,
+        typer.Option(
+            help="Number of the photograph whose light to use.", show_default="the model's"
+        ),
+    ] = None,
     depth: Annotated[
         Path | None,
         typer.Option(
@@ -202,13 +213,13 @@ def render(
             with progress_bar() as bar:
                 task = bar.add_task("Rendering", total=len(cameras))
                 render_path(
-                    made, cameras, output, fps=rate if fps is None else fps,
+                    made, cameras, output, fps=rate if fps is None else fps, appearance=light,
                     progress=lambda done, total: bar.update(task, completed=done, total=total),
                 )  # fmt: skip
             typer.echo(f"{output}: {len(cameras)} frames of {cameras.height} x {cameras.width}")
             return
         cameras = made.cameras.scaled(size)
-        seen = picture_of(made, cameras, view)
+        seen = picture_of(made, cameras, view, appearance=light)
     write_image(output, np.round(255 * seen.color).astype(np.uint8))
     if depth and raw:
         with replacing(depth) as beside:
@@ -352,41 +363,3 @@ def planes(
         else:
             write_planes(made, output)
     typer.echo(f"{output}: {count} planes of {height} x {width}")
-
-
-def _within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
-    """Return the scene with the bounds that are given."""
-    from dataclasses import replace
-
-    from cvkern.radiance import Bounds
-
-    if bounds is not None:
-        try:
-            x, y, z, half = map(float, bounds.split(","))
-        except ValueError:
-            raise ValueError(f"bounds must be X,Y,Z,HALF, got {bounds!r}") from None
-        scene = replace(scene, bounds=Bounds((x, y, z), half, scene.bounds.unbounded))
-    given = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
-    return replace(scene, **given) if given else scene
-
-
-def _with(field: str | None, settings: list[str]) -> Any:
-    """Return the field that suits the device, with the settings that are given."""
-    import json
-    from dataclasses import fields, replace
-
-    from cvkern._checks import check_choice
-    from cvkern.radiance.training import KINDS, suited
-
-    if field is not None:
-        check_choice(field, tuple(KINDS), "field")
-    made, found = suited(field), {}
-    for setting in settings:
-        name, _, text = setting.partition("=")
-        check_choice(name, tuple(f.name for f in fields(made)), "set")
-        try:
-            value = json.loads(text)
-        except ValueError:
-            raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
-        found[name] = tuple(value) if isinstance(value, list) else value
-    return replace(made, **found)

@@ -91,10 +91,11 @@ class Rectification(NamedTuple):
         TypeError, ValueError
             As :func:`undistort`.
         """
+        given = _checked(left, "left", self.left.shape), _checked(right, "right", self.right.shape)
         one, other = (
             undistort(image, camera, self.matrix, turn, cval=cval)
             for image, camera, turn in zip(
-                (left, right), (self.left, self.right), self.rotations, strict=True
+                given, (self.left, self.right), self.rotations, strict=True
             )
         )
         return RectifiedPair(one, other)
@@ -119,11 +120,16 @@ class _Sampler(NamedTuple):
         """Rectify checked images."""
         pair = []
         for name, image, numbers in (("left", left, self.left), ("right", right, self.right)):
-            image = check_image(image, ndim=(2, 3), name=name)
-            if tuple(image.shape[:2]) != self.shape:
-                raise ValueError(f"{name} must have shape {self.shape}, got {tuple(image.shape)}")
-            pair.append(sampled(image, numbers, self.shape, 0.0))
+            pair.append(sampled(_checked(image, name, self.shape), numbers, self.shape, 0.0))
         return RectifiedPair(*pair)
+
+
+def _checked(image: Any, name: str, shape: tuple[int, int]) -> Any:
+    """Return an image of a camera as an array."""
+    image = check_image(image, ndim=(2, 3), name=name)
+    if tuple(image.shape[:2]) != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {tuple(image.shape)}")
+    return image
 
 
 def rectify_stereo(

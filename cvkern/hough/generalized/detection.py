@@ -11,7 +11,7 @@ from cvkern.hough.generalized.tables import SIGMA, r_table
 from cvkern.hough.generalized.votes import Shapes, generalized_hough
 
 
-def find_shape(
+def detect_shape(
     template: Any,
     scene: Any,
     *,
@@ -64,11 +64,11 @@ def find_shape(
     >>> scene = np.zeros((60, 80))
     >>> scene[20:45, 30:40] = 1
     >>> scene[35:45, 40:55] = 1
-    >>> cvkern.find_shape(scene[12:53, 22:63], scene).position.round(1)
+    >>> cvkern.detect_shape(scene[12:53, 22:63], scene).position.round(1)
     array([[32., 42.]], dtype=float32)
     """
     if "orientation" in options:
-        raise TypeError("find_shape takes pictures, got orientation: use generalized_hough")
+        raise TypeError("detect_shape takes pictures, got orientation: use generalized_hough")
     scene = check_photograph(scene, "scene")
     edges = {
         "sigma": sigma,

@@ -116,7 +116,7 @@ class PlaneStack(Field):
 
     def start(self, scene: Scene) -> None:
         """See :meth:`Field.start`: a plane sweep of the photographs."""
-        from cvkern.radiance.sweep import first_planes
+        from cvkern.radiance.multiplane.sweep import first_planes
 
         reference, parameters = first_planes(scene, self.frame, self.settings)
         self._place(reference)

@@ -46,6 +46,7 @@ void mark_rows(int slab, int start, int stop, wp::array_t<wp::int64> images, int
                     const byte* const c = src + (size_t)row * width + x;
                     lanes v, p[16], result = {};
                     __builtin_memcpy(&v, c, N);
+                    __builtin_prefetch(c + 5 * w);
 #pragma unroll
                     for (int k = 0; k < 16; k += 4) __builtin_memcpy(&p[k], c + at[k], N);
                     const lanes above = __builtin_elementwise_add_sat(v, least);
@@ -169,6 +170,9 @@ void list_rows(int start, int stop, wp::array_t<wp::int64> images, wp::array_t<i
         for (int row = first; row < last; ++row) {
             int at = before + row > 0 ? ends.data[before + row - 1] : 0;
             if (at == ends.data[before + row]) continue;
+            // The last row of those that the next row's corners read.
+            for (int x = 0; x < width; x += 64)
+                __builtin_prefetch(src + (row + 5) * (size_t)width + x);
             for (int k = 0; k < stored; ++k) {
                 unsigned word = (unsigned)marks[(size_t)row * stored + k];
                 for (; word; word &= word - 1, ++at) {
@@ -245,6 +249,16 @@ void describe_one(int k, wp::array_t<wp::int64> images, wp::array_t<int> cells,
     const wp::int64* const image = images.data + 4 * (size_t)cell[0];
     const size_t width = (size_t)image[3];
     const byte* const middle = (const byte*)image[0] + (size_t)cell[2] * width + cell[3];
+    if (k + 1 < cells.shape[0]) {  // what the next point reads
+        const int* const next = cell + 4;
+        const wp::int64* const other = images.data + 4 * (size_t)next[0];
+        const byte* p = (const byte*)other[0] + (size_t)(next[2] - REACH - BLUR) * other[3] +
+                        next[3] - REACH - BLUR;
+        for (int i = 0; i < READ; ++i, p += other[3]) {
+            __builtin_prefetch(p);
+            __builtin_prefetch(p + READ - 1);
+        }
+    }
     float angle = 0.0f;
     int turn = 0;
     if (!upright) {

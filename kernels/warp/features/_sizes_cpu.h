@@ -99,6 +99,9 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
                         const int x = next + WIDE < wide ? next : wide - WIDE;
                         many_sums sum = (many_sums){} + (unsigned short)64;
                         const byte* p = from + x;
+                        // What the next columns read.
+                        __builtin_prefetch(p + READ + (taps - 2) * width);
+                        __builtin_prefetch(p + READ + (taps - 1) * width);
 #pragma clang loop unroll(disable)
                         for (int s = 0; s < taps; ++s, p += width) {
                             // A weight of 0 may be that of a row that is not there.

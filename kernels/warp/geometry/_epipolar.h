@@ -2,9 +2,17 @@
 
 // Fundamental matrices for either device: from seven matches, from a plane, and their refinement.
 // taichi/geometry/_epipolar.py has the equations, and the same order of arithmetic.
+
+// Functions with several callers stay functions on the CPU, where copies of them in each caller
+// would double the time of compiling.
+#if defined(__CUDA_ARCH__)
+#define ALONE
+#else
+#define ALONE __attribute__((noinline))
+#endif
 struct Epipolar {
     // Solve A d = b, n unknowns, positive definite; rows of 10 numbers, the last is b's.
-    static bool eliminate(double* a, int n, double least, double* d) {
+    ALONE static bool eliminate(double* a, int n, double least, double* d) {
         for (int k = 0; k < n; ++k) {
             const double* row = a + 10 * k;
             if (!(row[k] > least)) return false;
@@ -24,7 +32,7 @@ struct Epipolar {
     }
 
     // Scale a matrix to a largest element of 1; false where there is none.
-    static bool unit(double* h) {
+    ALONE static bool unit(double* h) {
         double largest = 0.0;
         for (int i = 0; i < 9; ++i) largest = wp::abs(h[i]) > largest ? wp::abs(h[i]) : largest;
         if (!(largest > 0.0 && largest < 1e300)) return false;
@@ -34,7 +42,7 @@ struct Epipolar {
 
     // Null vectors of r equations in nine unknowns, by Gauss-Jordan elimination with the largest
     // pivot of a row, of equals the first; false below a least pivot.
-    static bool null_space(double* m, int r, double* vectors) {
+    ALONE static bool null_space(double* m, int r, double* vectors) {
         int name[9];
         for (int j = 0; j < 9; ++j) name[j] = j;
         for (int k = 0; k < r; ++k) {
@@ -68,7 +76,7 @@ struct Epipolar {
         return true;
     }
 
-    static void cofactors(const double* f, double* c) {
+    ALONE static void cofactors(const double* f, double* c) {
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) {
                 const int a = (i + 1) % 3, b = (i + 2) % 3, p = (j + 1) % 3, q = (j + 2) % 3;
@@ -91,7 +99,7 @@ struct Epipolar {
     }
 
     // How often the signs of Sturm's chain change at t; all of its polynomials at once.
-    static int changes(const double* chain, int degree, double t) {
+    ALONE static int changes(const double* chain, int degree, double t) {
         double at[12], last = 0.0;
         int count = 0;
         for (int i = 0; i < 12; ++i) at[i] = chain[12 * degree + i];
@@ -118,7 +126,7 @@ struct Epipolar {
     // Real roots in (-1, 1]; p has up to 12 coefficients, lowest first. Sturm's chain and bisection
     // tell where a root is alone. From there Newton's steps lead to it, and bisection where these
     // leave the interval or do not halve the step before.
-    static int roots(const double* p, int degree, double* found) {
+    ALONE static int roots(const double* p, int degree, double* found) {
         double chain[144];  // by powers: those of all polynomials lie side by side
         for (int k = 0; k < 144; ++k) chain[k] = 0.0;
         for (int k = 0; k <= degree; ++k) chain[12 * k] = p[k];

@@ -7,7 +7,7 @@
 // and back. Models are fundamental matrices, of points: A1' E A0.
 struct Essential {
     // F = A1' E A0, or with the inverse matrices the way back.
-    static void between(const double* a1, const double* e, const double* a0, double* f) {
+    ALONE static void between(const double* a1, const double* e, const double* a0, double* f) {
         double half[9];
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j)
@@ -93,7 +93,8 @@ struct Essential {
     }
 
     // Add, or subtract, the product of two polynomials, lowest coefficient first.
-    static void multiply(const double* a, int n, const double* b, int k, double sign, double* to) {
+    ALONE static void multiply(const double* a, int n, const double* b, int k, double sign,
+                               double* to) {
         for (int i = 0; i <= n; ++i)
             for (int j = 0; j <= k; ++j) to[i + j] = to[i + j] + sign * (a[i] * b[j]);
     }

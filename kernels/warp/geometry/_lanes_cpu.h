@@ -7,8 +7,8 @@ struct Lanes {
     enum { COUNT = 32, SUMS = 54, ONE = 4096 };
 
     // The cost of a model over matches in fixed point, and the number of its inliers.
-    static int cost(int kind, const float* f, const double* known, const float* x, size_t pitch,
-                    int count, float square, int& support) {
+    ALONE static int cost(int kind, const float* f, const double* known, const float* x,
+                          size_t pitch, int count, float square, int& support) {
         const float *y = x + pitch, *u = y + pitch, *v = u + pitch, *z = v + pitch;
         const float scale = ONE / square;
         float h[12];

@@ -7,7 +7,7 @@
 // followed by its inverse.
 struct Pose {
     // The projection K (R | t), (3, 4), of a model.
-    static void project(const double* h, const double* camera, double* p) {
+    ALONE static void project(const double* h, const double* camera, double* p) {
         double m[12];
         for (int i = 0; i < 2; ++i)
             for (int j = 0; j < 3; ++j) m[4 * i + j] = h[3 * i + j];

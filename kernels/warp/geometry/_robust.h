@@ -75,8 +75,8 @@ struct Robust {
     }
 
     // The map of p to the sum over three points of scale_i a_i(p) q_i.
-    static void barycentric(const double* x, const double* y, const double* u, const double* v,
-                            const double* scale, double* h) {
+    ALONE static void barycentric(const double* x, const double* y, const double* u,
+                                  const double* v, const double* scale, double* h) {
         for (int i = 0; i < 9; ++i) h[i] = 0.0;
         for (int i = 0; i < 3; ++i) {
             const int j = (i + 1) % 3, k = (i + 2) % 3;

@@ -33,6 +33,26 @@ def _opencv(cv2: Any, image: np.ndarray) -> np.ndarray:
     return cv2.createCLAHE(clipLimit=2.56, tileGridSize=(8, 8)).apply(image)
 
 
+def _in_bytes(name: str, title: str, call: Any, oracle: Any, peer: Any, work: int) -> Case:
+    """Return a case that gives bytes, as OpenCV does."""
+    return Case(
+        name=f"{name}_bytes",
+        title=f"{title}, uint8 to uint8",
+        image=_grey,
+        call=lambda image: call(image, dtype="uint8"),
+        oracle=lambda image: np.rint(255 * oracle(image)),
+        oracle_name="scikit-image",
+        difference=relative,
+        tolerance=1.01 / 255,  # some values lie in the middle between two bytes
+        bytes_per_pixel=2,
+        operations_per_pixel=work,
+        peers=(Peer("OpenCV", "cv2", peer),),
+        captures=False,
+        work=Work("pixels", lambda image: image.size),
+        sizes=("1080p",),
+    )
+
+
 CASES = (
     Case(
         name="equalize_hist",
@@ -72,4 +92,12 @@ CASES = (
         work=Work("pixels", lambda image: image.size),
         sizes=("1080p",),
     ),
-)
+    _in_bytes(
+        "equalize_hist", "Histogram equalisation", cvkern.equalize_hist, _even,
+        lambda cv2, image: cv2.equalizeHist(image), 4,
+    ),
+    _in_bytes(
+        "equalize_adapthist", "CLAHE in 8 x 8 tiles", cvkern.equalize_adapthist, _adapted,
+        _opencv, 30,
+    ),
+)  # fmt: skip

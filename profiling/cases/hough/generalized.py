@@ -47,7 +47,7 @@ def _inputs(shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndar
 
 
 def _find(scene: Any, template: Any) -> Arrays:
-    found = cvkern.find_shape(template, scene, rotations=ROTATIONS, scales=SCALES, **EDGES)
+    found = cvkern.detect_shape(template, scene, rotations=ROTATIONS, scales=SCALES, **EDGES)
     return found[:3]
 
 
@@ -95,7 +95,7 @@ def _guil(cv2: Any, scene: np.ndarray, template: np.ndarray, dp: float = 1) -> A
 
 CASES = (
     Case(
-        name="find_shape",
+        name="detect_shape",
         title="A shape of 80 x 80 pixels, 360 rotations, 17 scales, photograph, uint8",
         image=_inputs,
         call=_find,
@@ -105,7 +105,7 @@ CASES = (
         tolerance=1.0,
         bytes_per_pixel=1,
         operations_per_pixel=0,
-        # Cells of 4 pixels are what `cvkern.find_shape` begins with. Whatever `dp` is, Guil pairs
+        # Cells of 4 pixels are what `cvkern.detect_shape` begins with. Whatever `dp` is, Guil pairs
         # all points of the template, where ours takes at most 500 of them.
         peers=(
             Peer("OpenCV, Guil", "cv2", _guil),

@@ -28,8 +28,9 @@ NOT_CALLED = {
 # Calls that take more than 10 ms with both sets come in one round of so many, and those of more
 # than 100 ms in one round of more.
 SELDOM, RARELY = 16, 128
-COSTLY = {"find_essentials", "find_fundamentals", "find_fundamental", "detect_segments",
-          "detect_lines", "find_shape", "radiance.load_model", "find_planes", "calibrate_camera",
+COSTLY = {"find_affine", "find_homography", "find_homographies", "find_similarity", "develop",
+          "find_essentials", "find_fundamentals", "find_fundamental", "detect_segments",
+          "detect_lines", "detect_shape", "radiance.load_model", "find_planes", "calibrate_camera",
           "integrate_normals", "estimate_response", "merge_exposures", "metamer", "undistort",
           "generalized_hough", "detect_circles", "radiance.render_path", "orb",
           "sift", "stereo_match"}  # fmt: skip
@@ -40,13 +41,20 @@ SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene",
 
 @lru_cache
 def turns(family: str) -> list[str]:
-    """Return the calls of all rounds, in their order; the first round has all, family by turns."""
+    """Return the calls of all rounds, in their order, family by turns.
+
+    The first round has all of them, those that cost most last.
+    """
     groups = [FAMILIES[family]] if family else FAMILIES.values()
     every = [name for names in zip_longest(*groups) for name in names if name]
-    often = [name for name in every if name not in SLOW]
-    cheap = [name for name in often if name not in COSTLY]
-    part = often + (SELDOM - 1) * cheap
-    return every + (SELDOM - 1) * cheap + (RARELY // SELDOM - 1) * part
+    cheap = [name for name in every if name not in COSTLY | SLOW]
+    part = cheap + [name for name in every if name in COSTLY] + (SELDOM - 1) * cheap
+    return (
+        part[: len(every) - len(SLOW & set(every))]
+        + [name for name in every if name in SLOW]
+        + (SELDOM - 1) * cheap
+        + (RARELY // SELDOM - 1) * part
+    )
 
 
 def draw_call(draw: Draw, index: int, family: str = "") -> tuple[str, dict[str, Any]]:

@@ -181,8 +181,8 @@ CALLS: dict[str, Call] = {
         {**IMAGE, "table": table},
         {**SHAPE_OPTIONS, "orientation": angles},
     ),
-    "find_shape": Call(
-        cvkern.find_shape,
+    "detect_shape": Call(
+        cvkern.detect_shape,
         {"template": image, "scene": image},
         {
             **SHAPE_OPTIONS,

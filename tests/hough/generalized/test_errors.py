@@ -20,7 +20,7 @@ TABLE = cvkern.RTable(np.ones((3, 2)), np.zeros(3), np.zeros(2), (4, 5))
         ("template", cvkern.r_table),
         ("image", lambda x: cvkern.generalized_hough(x, TABLE)),
         ("image", lambda x: cvkern.generalized_hough_votes(x, TABLE)),
-        ("template", lambda x: cvkern.find_shape(x, FLAT)),
+        ("template", lambda x: cvkern.detect_shape(x, FLAT)),
     ],
 )
 def test_images_of_shapes(name, function):
@@ -135,5 +135,5 @@ def test_references(reference):
 
 
 def test_orientation_of_pictures():
-    message = "find_shape takes pictures, got orientation: use generalized_hough"
-    refused(TypeError, message, cvkern.find_shape, FLAT, FLAT, orientation=FLAT)
+    message = "detect_shape takes pictures, got orientation: use generalized_hough"
+    refused(TypeError, message, cvkern.detect_shape, FLAT, FLAT, orientation=FLAT)

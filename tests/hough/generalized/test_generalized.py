@@ -199,7 +199,7 @@ def test_any_pose_is_found(backend, seed):
     scene = put(photograph("coins")[:220, :260], source, centre, SIDE, position, rotation, scale)
     scene += rng.normal(0, 4, scene.shape).astype(np.float32)
     scales = np.linspace(0.8, 1.6, 9)
-    found = cvkern.find_shape(template, scene, rotations=120, scales=scales)
+    found = cvkern.detect_shape(template, scene, rotations=120, scales=scales)
     # Twice what was measured: a tenth of a cell and of a bin, which votes alone cannot tell.
     assert_pose(found, 0, position, rotation, scale, pixels=0.35, degrees=0.6, share=0.008)
     assert found.support[0] > 0.3  # the noise turns many a weak gradient by more than is allowed
@@ -236,7 +236,7 @@ def test_the_template_in_a_photograph(backend):
     template, scene = (luma(a) if a.ndim == 3 else a for a in (template, scene))
     (left, top), (width, height) = known["top_left_xy"], known["size_wh"]
     centre = top + (height - 1) / 2, left + (width - 1) / 2
-    found = cvkern.find_shape(template, scene)
+    found = cvkern.detect_shape(template, scene)
     pose = centre, math.radians(known["rotation_deg"]), known["scale"]
     assert_pose(found, 0, *pose, pixels=0.1, degrees=0.1, share=0.002)
 
@@ -297,7 +297,7 @@ def test_an_image_without_edges_has_no_shapes(backend):
     for found in (
         cvkern.generalized_hough(np.zeros((50, 60)), table, rotations=3, threshold=0),
         cvkern.generalized_hough(np.zeros((5, 6)), table, orientation=np.full((5, 6), np.nan)),
-        cvkern.find_shape(blobs(40, 40), np.full((1, 1), 3.0)),
+        cvkern.detect_shape(blobs(40, 40), np.full((1, 1), 3.0)),
     ):
         assert [a.shape for a in found] == [(0, 2), (0,), (0,), (0,), (0,)]
         assert [a.dtype for a in found] == ["f4", "f4", "f4", "i4", "f4"]
@@ -309,9 +309,9 @@ def test_an_image_without_edges_has_no_shapes(backend):
 def test_results_are_the_callers_arrays(backend):
     torch = pytest.importorskip("torch")
     image = photograph()[:120, :140]
-    found = cvkern.find_shape(image[30:90, 30:90], torch.from_numpy(image), rotations=4)
+    found = cvkern.detect_shape(image[30:90, 30:90], torch.from_numpy(image), rotations=4)
     assert all(isinstance(a, torch.Tensor) for a in found)
-    same(found, cvkern.find_shape(image[30:90, 30:90], image, rotations=4))
+    same(found, cvkern.detect_shape(image[30:90, 30:90], image, rotations=4))
 
 
 def test_templates_without_a_boundary_are_refused(backend):
@@ -337,7 +337,7 @@ def test_orientation_counts_where_the_mask_is_set_alone(backend):
 def test_what_the_host_decides_is_refused_by_capture(backend):
     image = blobs(40, 50)
     with pytest.raises(ValueError, match=r"^captured functions must be kernels alone, got "):
-        cvkern.capture(cvkern.find_shape, image[5:30, 5:30], image)
+        cvkern.capture(cvkern.detect_shape, image[5:30, 5:30], image)
 
 
 def test_outlines_lie_where_the_shape_was_put():

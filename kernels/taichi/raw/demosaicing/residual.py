@@ -15,7 +15,17 @@ the square of how little d changes. Red and blue then follow from green by windo
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.raw import BORDER, FLAT, MARGINS, PRIOR, SMOOTH, TINY, WINDOW_PRIOR, Step
+from cvkern.kernels.codes.raw import (
+    BORDER,
+    FLAT,
+    MARGINS,
+    PRIOR,
+    SMOOTH,
+    STEADY,
+    TINY,
+    WINDOW_PRIOR,
+    Step,
+)
 from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product, quotient
 from cvkern.kernels.taichi.raw.demosaicing._fit import fit, vec8
@@ -26,7 +36,7 @@ vec3 = ti.types.vector(3, ti.f32)
 SEVENTH, SIXTH, NINTH = (float(np.float32(1) / np.float32(n)) for n in (7, 6, 9))
 # Planes of a direction's scratch: deviations, lines of windows of both kinds, residuals.
 U, V, EVEN, ODD, REST = 0, 1, 2, 5, 8
-GREEN, TENTATIVE = 3, 9
+GREEN, LEFT, TENTATIVE = 3, 4, 9
 
 
 @ti.func
@@ -265,29 +275,78 @@ def _tentative(margin: ti.i32, zero: ti.i32, planes: f32_3):
             line += sums
         value = product(line[1], planes[GREEN, y, x], zero) + line[2]
         planes[TENTATIVE, y, x] = quotient(value, line[0], zero)
+        planes[LEFT, y, x] = planes[0, y, x] - planes[TENTATIVE, y, x]
 
 
 @ti.func
-def _left(planes: f32_3, y: ti.i32, x: ti.i32) -> ti.f32:
-    return planes[0, y, x] - planes[TENTATIVE, y, x]
+def _change(planes: f32_3, y: ti.i32, x: ti.i32, dy: ti.i32, dx: ti.i32) -> ti.f32:
+    return ti.abs(planes[LEFT, y - dy, x - dx] - planes[LEFT, y + dy, x + dx])
+
+
+@ti.func
+def _between(
+    planes: f32_3, y: ti.i32, x: ti.i32, dy: ti.i32, dx: ti.i32, side: ti.i32, zero: ti.i32
+) -> ti.f32:
+    """Return the mean of two pairs of neighbours: those at (dy, dx), and those across.
+
+    A pair weighs as the inverse fourth power of its change, here and at the four nearest pixels of
+    the same kind, along the sides or the diagonals; changes that are small beside green do not
+    count.
+    """
+    ey, ex = dx, -dy
+    one, other = 2.0 * _change(planes, y, x, dy, dx), 2.0 * _change(planes, y, x, ey, ex)
+    one += _around(planes, y, x, dy, dx, side)
+    other += _around(planes, y, x, ey, ex, side)
+    one, other = product(one, SIXTH, zero), product(other, SIXTH, zero)
+    flat = product(ti.cast(STEADY, ti.f32), ti.abs(planes[GREEN, y, x]), zero)
+    scale = quotient(1.0, ((one + other) + flat) + TINY, zero)
+    least = _fourth(flat, scale, zero) + TINY
+    a = _fourth(one, scale, zero) + least
+    b = _fourth(other, scale, zero) + least
+    first = 0.5 * (planes[LEFT, y - dy, x - dx] + planes[LEFT, y + dy, x + dx])
+    second = 0.5 * (planes[LEFT, y - ey, x - ex] + planes[LEFT, y + ey, x + ex])
+    return second + product(quotient(b, a + b, zero), first - second, zero)
+
+
+@ti.func
+def _around(planes: f32_3, y: ti.i32, x: ti.i32, dy: ti.i32, dx: ti.i32, side: ti.i32) -> ti.f32:
+    found = 0.0
+    if side == 2:
+        found = _change(planes, y - 2, x, dy, dx) + _change(planes, y, x - 2, dy, dx)
+        found += _change(planes, y, x + 2, dy, dx) + _change(planes, y + 2, x, dy, dx)
+    else:
+        found = _change(planes, y - 1, x - 1, dy, dx) + _change(planes, y - 1, x + 1, dy, dx)
+        found += _change(planes, y + 1, x - 1, dy, dx) + _change(planes, y + 1, x + 1, dy, dx)
+    return found
+
+
+@ti.func
+def _fourth(value: ti.f32, scale: ti.f32, zero: ti.i32) -> ti.f32:
+    scaled = product(value, scale, zero)
+    squared = product(scaled, scaled, zero)
+    return product(squared, squared, zero)
 
 
 @ti.kernel
-def _residual(margin: ti.i32, row: ti.i32, column: ti.i32, result: ti.i32, planes: f32_3):
+def _diagonal(margin: ti.i32, row: ti.i32, column: ti.i32, zero: ti.i32, planes: f32_3):
     rows, columns = planes.shape[1] - margin, planes.shape[2] - margin
     for y, x in ti.ndrange((margin, rows), (margin, columns)):
-        found = planes[TENTATIVE, y, x]
+        if (y & 1) != row and (x & 1) != column:
+            planes[LEFT, y, x] = _between(planes, y, x, 1, 1, 2, zero)
+
+
+@ti.kernel
+def _residual(
+    margin: ti.i32, row: ti.i32, column: ti.i32, result: ti.i32, zero: ti.i32, planes: f32_3
+):
+    rows, columns = planes.shape[1] - margin, planes.shape[2] - margin
+    for y, x in ti.ndrange((margin, rows), (margin, columns)):
         here, on = (y & 1) == row, (x & 1) == column
-        if here and on:
-            found = planes[0, y, x]
-        elif here:
-            found += 0.5 * (_left(planes, y, x - 1) + _left(planes, y, x + 1))
-        elif on:
-            found += 0.5 * (_left(planes, y - 1, x) + _left(planes, y + 1, x))
-        else:
-            above = _left(planes, y - 1, x - 1) + _left(planes, y - 1, x + 1)
-            below = _left(planes, y + 1, x - 1) + _left(planes, y + 1, x + 1)
-            found += 0.25 * (above + below)
+        found = planes[0, y, x]
+        if here != on:
+            found = planes[TENTATIVE, y, x] + _between(planes, y, x, 0, 1, 1, zero)
+        elif not here:
+            found = planes[TENTATIVE, y, x] + planes[LEFT, y, x]
         planes[result, y, x] = found
 
 
@@ -304,5 +363,7 @@ def chroma(step: int, row: int, column: int, result: int, planes: np.ndarray) ->
         _windows(margin, row, column, 0, planes)
     elif step == Step.TENTATIVE:
         _tentative(margin, 0, planes)
+    elif step == Step.DIAGONAL:
+        _diagonal(margin, row, column, 0, planes)
     else:
-        _residual(margin, row, column, result, planes)
+        _residual(margin, row, column, result, 0, planes)

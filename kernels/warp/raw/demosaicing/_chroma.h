@@ -2,7 +2,7 @@
 // Planes: samples, results in 1 and 2, green in 3, then what the steps hand on.
 #include "_fit.h"
 
-// needs PART, PRIOR, DEVIATIONS, WINDOWS, TENTATIVE
+// needs PART, PRIOR, STEADY, DEVIATIONS, WINDOWS, TENTATIVE, DIAGONAL
 void _chroma(int row, int left, int right, int step, int margin, int own_row, int own_column,
              int result, wp::array_t<float> planes) {
 #pragma clang fp contract(off)
@@ -93,23 +93,57 @@ void _chroma(int row, int left, int right, int step, int margin, int own_row, in
                 return (((((x[0] + x[1]) + x[2]) + x[3]) + x[4]) + x[5]) + x[6];
             };
 #pragma clang loop vectorize(assume_safety)
-            for (int i = 0; i < count; ++i)
-                tentative[begin + i] =
-                    (sum(sums[1] + i) * g[begin + i] + sum(sums[2] + i)) / sum(sums[0] + i);
+            for (int i = 0; i < count; ++i) {
+                const int x = begin + i;
+                const float t = (sum(sums[1] + i) * g[x] + sum(sums[2] + i)) / sum(sums[0] + i);
+                tentative[x] = t;
+                u[x] = p[x] - t;
+            }
         }
     } else {
+        // What the lines leave between two pairs of neighbours, along `d` and along `e`. A pair weighs
+        // as the inverse fourth power of its change, here and at the four nearest pixels of the same
+        // kind; changes that are small beside green do not count.
+        const auto between = [=](int x, int d, int e, int a, int b) {
+            const float sixth = 1.0f / 6.0f;
+            const auto change = [=](int i, int n) {
+                const float c = u[i - n] - u[i + n];
+                return c < 0.0f ? -c : c;
+            };
+            const auto pooled = [=](int n) {
+                const float around =
+                    (change(x - a, n) + change(x - b, n)) + (change(x + b, n) + change(x + a, n));
+                return (2.0f * change(x, n) + around) * sixth;
+            };
+            const float one = pooled(d), other = pooled(e);
+            const float flat = STEADY * (g[x] < 0.0f ? -g[x] : g[x]);
+            const float scale = 1.0f / (((one + other) + flat) + TINY);
+            const auto fourth = [=](float value) {
+                const float squared = (value * scale) * (value * scale);
+                return squared * squared;
+            };
+            const float least = fourth(flat) + TINY;
+            const float along = fourth(one) + least, across = fourth(other) + least;
+            const float first = 0.5f * (u[x - d] + u[x + d]);
+            const float second = 0.5f * (u[x - e] + u[x + e]);
+            return second + across / (along + across) * (first - second);
+        };
         float* to = planes.data + result * plane + (size_t)y * s;
-        const float* t = tentative;
-        const auto rest = [=](int x) { return p[x] - t[x]; };
-        for (int x = left; x < right; ++x) {
-            const bool on = (x & 1) == own_column;
-            if (here)
-                to[x] = on ? p[x] : t[x] + 0.5f * (rest(x - 1) + rest(x + 1));
-            else if (on)
-                to[x] = t[x] + 0.5f * (rest(x - s) + rest(x + s));
-            else
-                to[x] = t[x] + 0.25f * ((rest(x - s - 1) + rest(x - s + 1)) +
-                                        (rest(x + s - 1) + rest(x + s + 1)));
+        const int beside = left + ((left & 1) == own_column);
+        const int on = left + ((left & 1) != own_column);
+        if (step == DIAGONAL) {
+            if (here) return;
+#pragma clang loop vectorize(assume_safety)
+            for (int x = beside; x < right; x += 2) u[x] = between(x, s + 1, s - 1, 2 * s, 2);
+            return;
         }
+        const int first = here ? beside : on, rest = here ? on : beside;
+#pragma clang loop vectorize(assume_safety)
+        for (int x = first; x < right; x += 2)
+            to[x] = tentative[x] + between(x, 1, s, s + 1, s - 1);
+        if (here)
+            for (int x = rest; x < right; x += 2) to[x] = p[x];
+        else
+            for (int x = rest; x < right; x += 2) to[x] = tentative[x] + u[x];
     }
 }

@@ -66,7 +66,8 @@ def _green(
     "_chroma.h",
     2,
     PRIOR=f"{codes.WINDOW_PRIOR!r}f",
-    **{s.name: int(s) for s in list(Step)[:3]},
+    STEADY=f"{codes.STEADY!r}f",
+    **{s.name: int(s) for s in list(Step)[:4]},
     **_FIT,
 )
 def _chroma(

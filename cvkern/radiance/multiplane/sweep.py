@@ -11,7 +11,7 @@ import numpy as np
 
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.planes import LEAST, MOST, PlanesField, Reference
-from cvkern.radiance.layering import extend, opacities
+from cvkern.radiance.multiplane.layering import extend, opacities
 from cvkern.radiance.pinhole import Cameras, pixel_rays
 from cvkern.radiance.scenes.photographs import Scene
 

@@ -10,8 +10,8 @@ from cvkern._checks import as_numbers, check_integer, check_number, check_positi
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.radiance.fields.field import FARTHEST, Frame
 from cvkern.radiance.fields.planes import LEAST, MOST, PlanesField, Reference
-from cvkern.radiance.layering import extend, opacities
 from cvkern.radiance.models import Model, Training
+from cvkern.radiance.multiplane.layering import extend, opacities
 from cvkern.radiance.pinhole import cameras
 from cvkern.radiance.scenes.photographs import Bounds
 

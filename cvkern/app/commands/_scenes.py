@@ -1,0 +1,63 @@
+"""Scenes and fields, as the options of ``cvkern nerf`` name them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cvkern.app.commands.cameras import reconstructed, without_cameras
+
+SHAPES, FORWARD = "shapes", "shapes-forward"  # names of synthetic scenes
+
+
+def within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
+    """Return the scene with the bounds that are given."""
+    from dataclasses import replace
+
+    from cvkern.radiance import Bounds
+
+    if bounds is not None:
+        try:
+            x, y, z, half = map(float, bounds.split(","))
+        except ValueError:
+            raise ValueError(f"bounds must be X,Y,Z,HALF, got {bounds!r}") from None
+        scene = replace(scene, bounds=Bounds((x, y, z), half, scene.bounds.unbounded))
+    given = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
+    return replace(scene, **given) if given else scene
+
+
+def with_settings(field: str | None, settings: list[str]) -> Any:
+    """Return the field that suits the device, with the settings that are given."""
+    import json
+    from dataclasses import fields, replace
+
+    from cvkern._checks import check_choice
+    from cvkern.radiance.training import KINDS, suited
+
+    if field is not None:
+        check_choice(field, tuple(KINDS), "field")
+    made, found = suited(field), {}
+    for setting in settings:
+        name, _, text = setting.partition("=")
+        check_choice(name, tuple(f.name for f in fields(made)), "set")
+        try:
+            value = json.loads(text)
+        except ValueError:
+            raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
+        found[name] = tuple(value) if isinstance(value, list) else value
+    return replace(made, **found)
+
+
+def scene_at(path: Path, shrink: int, test_every: int = 8) -> Any:
+    """Return the scene of a folder, or the synthetic one, averaged over blocks of pixels."""
+    from cvkern._checks import check_integer
+    from cvkern.radiance import load_scene, make_scene
+
+    layouts = {SHAPES: "around", FORWARD: "forward"}
+    if str(path) in layouts and not path.exists():
+        scene = make_scene(layout=layouts[str(path)])
+    else:
+        read = reconstructed if without_cameras(path) else load_scene
+        scene = read(path, test_every=test_every)
+    check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
+    return scene if shrink == 1 else scene.resized(shrink)

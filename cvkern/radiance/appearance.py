@@ -1,0 +1,136 @@
+"""The light of each photograph: an affine map of its colours, learnt with the field."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_instance
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.radiance import AdamRule
+from cvkern.radiance.fields.field import Learning
+from cvkern.radiance.fields.hash import BETAS, EPSILON
+from cvkern.radiance.fields.parameters import Clip, Parameters
+from cvkern.radiance.models import APPEARANCE, Model
+from cvkern.radiance.pinhole import Cameras
+from cvkern.radiance.rendering import render
+
+__all__ = ["fit_appearance"]
+
+RATE, WARMUP, FINAL = 1e-2, 100, 0.1  # learning rate, steps until it is full, share at the end
+RIDGE = 1e-4  # weight of the identity in the fit of a photograph's map, for each pixel
+DECAY = 3e-4  # weight decay towards the identity
+
+
+class Appearance:
+    """The maps of the training photographs, being learnt."""
+
+    def __init__(self, rt: Runtime, images: int, rays: int):
+        self.rt = rt
+        self.table = Parameters(rt, np.zeros((images, 12)), np.dtype(np.float32))
+        self.views, self.shown = rt.zeros((rays,), np.int32), rt.zeros((rays, 3))
+        self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
+
+    def draw(self, seed: int, step: Any, pixels: int) -> None:
+        """Find the photographs of the rays of a step."""
+        each = pixels // self.table.values.shape[0]
+        self.rt.radiance.appearance.draw(seed, step, pixels, each, self.views)
+
+    def forward(self, color: Any, opacity: Any) -> Any:
+        """Return composited colours in the light of their photographs."""
+        self._seen = color, opacity
+        table = self.table.values
+        self.rt.radiance.appearance.apply(color, opacity, self.views, table, self.shown)
+        return self.shown
+
+    def backward(self, active: Any, d_color: Any, d_opacity: Any) -> None:
+        """Turn gradients by the colours of :meth:`forward` into those by the composited ones."""
+        self.rt.radiance.appearance.backward(
+            *self._seen, self.views, self.table.values, active, d_color, d_opacity,
+            self.table.gradients,
+        )  # fmt: skip
+
+    def learn(self, learning: Learning, scale: float) -> None:
+        """Update the maps; `scale` is that of the gradients."""
+        adam = self.rt.radiance.training.adam
+        adam.learning_rate(
+            learning.step, learning.progress, RATE, WARMUP, FINAL, *BETAS, self._rate
+        )
+        self._clip.update(scale)
+        rule = AdamRule(*BETAS, EPSILON, DECAY)
+        adam.adam(self._rate, self._clip.factor, rule, *self.table.flat())
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return the arrays to save."""
+        return self.table.state(APPEARANCE, self.rt)
+
+    def restore(self, extra: dict[str, np.ndarray]) -> None:
+        """Restore the saved arrays."""
+        self.table.restore(APPEARANCE, extra, self.rt)
+
+
+def fit_appearance(
+    model: Model, image: Any, cameras: Cameras, view: int = 0, *, mask: Any = None
+) -> np.ndarray:
+    """Find the light of a photograph that a model was not trained on.
+
+    Parameters
+    ----------
+    model : Model
+    image : array of shape (H, W, 3) or (H, W, 4), uint8
+        The photograph.
+    cameras : Cameras
+        Its camera is the one of index `view`.
+    view : int, default 0
+    mask : array of shape (H, W), bool, optional
+        The pixels to compare, by default all; for a fair test, half of them.
+
+    Returns
+    -------
+    array of shape (3, 4), float64
+        The matrix (A, b) of the map A c + b of colours, for ``render(..., appearance=matrix)``: the
+        least squares over the pixels, with a weak preference for the identity.
+
+    Raises
+    ------
+    TypeError
+        If `image` is not uint8, or `mask` not bool.
+    ValueError
+        If a shape does not match, or no pixel is chosen.
+
+    Examples
+    --------
+    >>> from cvkern.radiance import VoxelField, fit, fit_appearance, make_scene
+    >>> scene = make_scene(train=3, test=1, size=16)
+    >>> model = fit(scene, VoxelField(resolutions=(16,), shares=(), rays=64), steps=2)
+    >>> fit_appearance(model, scene.images[3], scene.cameras, 3).shape
+    (3, 4)
+    """
+    check_instance(model, Model, "model")
+    check_instance(cameras, Cameras, "cameras")
+    photo = np.asarray(image)
+    shape = cameras.height, cameras.width
+    if photo.dtype != np.uint8:
+        raise TypeError(f"image must be uint8, got {photo.dtype}")
+    if photo.shape not in ((*shape, 3), (*shape, 4)):
+        raise ValueError(f"image must have shape {(*shape, 3)}, got {photo.shape}")
+    chosen = np.ones(shape, bool) if mask is None else np.asarray(mask)
+    if chosen.dtype != bool:
+        raise TypeError(f"mask must be bool, got {chosen.dtype}")
+    if chosen.shape != shape:
+        raise ValueError(f"mask must have shape {shape}, got {chosen.shape}")
+    if not chosen.any():
+        raise ValueError("mask must choose a pixel, got none")
+    seen = render(model, cameras, view, background=(0, 0, 0), appearance=np.eye(3, 4))
+    wanted = photo[chosen].astype(np.float64) / 255
+    color, opacity = wanted[:, :3], np.ones(len(wanted))
+    if photo.shape[2] == 4:
+        color, opacity = color * wanted[:, 3:], wanted[:, 3]
+    found = np.column_stack((seen.color[chosen], seen.opacity[chosen])).astype(np.float64)
+    # What the field does not cover is background, in the photograph too.
+    left = (opacity - found[:, 3])[:, None] * model.behind
+    start = np.eye(3, 4)
+    system = found.T @ found + RIDGE * len(found) * np.eye(4)
+    change = np.linalg.solve(system, found.T @ (color - left - found @ start.T))
+    return start + change.T

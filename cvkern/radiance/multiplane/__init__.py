@@ -1,0 +1,1 @@
+"""Multiplane images: their first texels, and their files."""

@@ -1,0 +1,133 @@
+"""Colours of a photograph's own light: an affine map for each photograph, in Taichi.
+
+A photograph has the map c -> c + A c + b of colours, a row (A, b) of 12 numbers, row by row of the
+3 x 4 matrix. Composited, the colour C of opacity O becomes C' = C + A C + b O. With gradients G by
+C',
+
+    dL/dC = G + A^T G,    dL/dO += <G, b>,    dL/dA = G C^T,    dL/db = O G.
+
+One thread adds the gradients of a photograph, in the order of the rays.
+"""
+
+import numpy as np
+import taichi as ti
+
+from cvkern.kernels.codes.radiance import Draw
+from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._random import random_index
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
+
+
+@ti.kernel
+def _draw(
+    seed: ti.i32,
+    step: i32_1,  # (1,)
+    pixels: ti.i32,
+    each: ti.i32,
+    # outputs
+    views: i32_1,  # (R,)
+):
+    for ray in range(views.shape[0]):
+        views[ray] = random_index(seed, step[0], ray, Draw.PIXEL, pixels) // each
+
+
+@primitive
+def draw(seed: int, step: np.ndarray, pixels: int, each: int, views: np.ndarray) -> None:
+    """Find the photographs (R,) of the rays that `pinhole.random_rays` makes.
+
+    There are `pixels` pixels in all photographs together, and `each` in each.
+    """
+    _draw(seed, step, pixels, each, views)
+
+
+@ti.kernel
+def _apply(
+    color: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    views: i32_1,  # (R,)
+    table: f32_2,  # (N, 12)
+    # outputs
+    shown: f32_2,  # (R, 3)
+):
+    for ray in range(opacity.shape[0]):
+        view = views[ray]
+        found = ti.Vector([0.0, 0.0, 0.0])
+        for k in ti.static(range(3)):
+            found[k] = color[ray, k] + table[view, 4 * k + 3] * opacity[ray]
+            for i in ti.static(range(3)):
+                found[k] += table[view, 4 * k + i] * color[ray, i]
+        for k in ti.static(range(3)):
+            shown[ray, k] = found[k]
+
+
+@primitive
+def apply(
+    color: np.ndarray, opacity: np.ndarray, views: np.ndarray, table: np.ndarray, shown: np.ndarray
+) -> None:
+    """Map composited colours (R, 3) by the rows `views` (R,) of `table` (N, 12).
+
+    `shown` (R, 3) may be `color` itself.
+    """
+    _apply(color, opacity, views, table, shown)
+
+
+@ti.kernel
+def _sum(
+    d_color: f32_2,  # (R, 3)
+    color: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    views: i32_1,  # (R,)
+    active: i32_1,  # (1,)
+    # outputs
+    d_table: f32_2,  # (N, 12)
+):
+    for view in range(d_table.shape[0]):
+        for k in range(12):
+            d_table[view, k] = 0.0
+        for ray in range(ti.min(active[0], views.shape[0])):
+            if views[ray] == view:
+                for k in ti.static(range(3)):
+                    for i in ti.static(range(3)):
+                        d_table[view, 4 * k + i] += d_color[ray, k] * color[ray, i]
+                    d_table[view, 4 * k + 3] += d_color[ray, k] * opacity[ray]
+
+
+@ti.kernel
+def _back(
+    views: i32_1,  # (R,)
+    table: f32_2,  # (N, 12)
+    active: i32_1,  # (1,)
+    # outputs
+    d_color: f32_2,  # (R, 3): of the mapped colour, then of the colour
+    d_opacity: f32_1,  # (R,): added to
+):
+    for ray in range(ti.min(active[0], d_opacity.shape[0])):
+        view = views[ray]
+        g = ti.Vector([d_color[ray, 0], d_color[ray, 1], d_color[ray, 2]])
+        for k in ti.static(range(3)):
+            d_opacity[ray] += table[view, 4 * k + 3] * g[k]
+            for i in ti.static(range(3)):
+                d_color[ray, i] += table[view, 4 * k + i] * g[k]
+
+
+@primitive
+def backward(
+    color: np.ndarray,
+    opacity: np.ndarray,
+    views: np.ndarray,
+    table: np.ndarray,
+    active: np.ndarray,
+    d_color: np.ndarray,
+    d_opacity: np.ndarray,
+    d_table: np.ndarray,
+) -> None:
+    """Turn gradients by mapped colours, `d_color` (R, 3), into those by colours, in place.
+
+    The other arguments are those of :func:`apply`, of which the first `active` (1,) rays count.
+    `d_opacity` (R,) is added to, `d_table` (N, 12) is filled.
+    """
+    _sum(d_color, color, opacity, views, active, d_table)
+    _back(views, table, active, d_color, d_opacity)

@@ -1,0 +1,225 @@
+"""Photographs of changing light: maps of colours and their gradients, against NumPy."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cvkern._runtime import runtime
+from cvkern.kernels.codes.radiance import CameraSet
+from cvkern.radiance import (
+    HashField,
+    PlanesField,
+    evaluate,
+    fit,
+    fit_appearance,
+    load_model,
+    make_scene,
+    psnr,
+    render,
+    render_path,
+)
+from cvkern.radiance.rendering import owned, photograph
+from profiling.experiments.wild_quality import changed
+from tests.radiance.runs import GRID, interrupt, press_ctrl_c, same
+
+RAYS, IMAGES, ACTIVE = 50, 4, 45
+# Sums of some 12 products of numbers up to 3, in float32.
+CLOSE = 1e-5
+
+
+class Case:
+    def __init__(self):
+        rng = np.random.default_rng(0)
+        self.color, self.opacity = rng.random((RAYS, 3)), rng.random(RAYS)
+        self.table = 0.2 * rng.normal(size=(IMAGES, 12))
+        self.views = rng.integers(0, IMAGES - 1, RAYS)  # the last one is not seen
+        self.gradients = rng.normal(size=(RAYS, 3))
+
+    def shown(self, color, opacity, table):
+        maps = table.reshape(-1, 3, 4)[self.views]
+        return (
+            color + np.einsum("rij,rj->ri", maps[..., :3], color) + opacity[:, None] * maps[..., 3]
+        )
+
+    def loss(self, color, opacity, table):
+        return (self.gradients * self.shown(color, opacity, table))[:ACTIVE].sum()
+
+
+def on_device(rt, *arrays):
+    return [owned(rt, a.astype(np.int32 if a.dtype.kind == "i" else np.float32)) for a in arrays]
+
+
+@pytest.mark.usefixtures("backend")
+def test_colours_are_mapped():
+    rt, c = runtime(), Case()
+    color, opacity, views, table = on_device(rt, c.color, c.opacity, c.views, c.table)
+    rt.radiance.appearance.apply(color, opacity, views, table, color)
+    np.testing.assert_allclose(rt.to_numpy(color), c.shown(c.color, c.opacity, c.table), atol=CLOSE)
+
+
+@pytest.mark.usefixtures("backend")
+def test_gradients_are_central_differences():
+    rt, c = runtime(), Case()
+    color, opacity, views, table = on_device(rt, c.color, c.opacity, c.views, c.table)
+    first = np.linspace(0, 1, RAYS)
+    d_color, d_opacity, active = on_device(rt, c.gradients, first, np.array([ACTIVE]))
+    d_table = owned(rt, np.full((IMAGES, 12), np.nan, np.float32))
+    rt.radiance.appearance.backward(
+        color, opacity, views, table, active, d_color, d_opacity, d_table
+    )
+    given = [c.color, c.opacity, c.table]
+    found = [rt.to_numpy(d_color), rt.to_numpy(d_opacity) - first, rt.to_numpy(d_table)]
+    for at, gradient in enumerate(found):
+        wanted = np.zeros(gradient.shape)
+        for index in np.ndindex(*gradient.shape):
+            ends = []
+            for step in (1e-4, -1e-4):
+                moved = [a.copy() for a in given]
+                moved[at][index] += step
+                ends.append(c.loss(*moved))
+            wanted[index] = (ends[0] - ends[1]) / 2e-4
+        used = slice(None) if at == 2 else slice(ACTIVE)
+        np.testing.assert_allclose(gradient[used], wanted[used], rtol=1e-4, atol=CLOSE)
+    assert not found[2][-1].any()
+
+
+@pytest.mark.usefixtures("backend")
+def test_rays_and_photographs_belong_together():
+    rt = runtime()
+    images = np.repeat(np.arange(5, dtype=np.uint8), 12)[:, None] * np.ones((1, 3), np.uint8)
+    poses = np.tile(np.eye(3, 4), (5, 1, 1))
+    lenses = np.zeros((5, 9))
+    lenses[:, :2] = 3
+    placed, lens = on_device(rt, poses, lenses)
+    cameras = CameraSet(placed, lens, 4, 3)
+    step, views = owned(rt, np.array([7], np.int32)), rt.zeros((40,), np.int32)
+    rays = rt.zeros((40, 3)), rt.zeros((40, 3)), rt.zeros((40, 4))
+    rt.radiance.pinhole.random_rays(cameras, owned(rt, images), 0.0, 3, step, *rays)
+    rt.radiance.appearance.draw(3, step, len(images), 12, views)
+    found = rt.to_numpy(views)
+    np.testing.assert_allclose(255 * rt.to_numpy(rays[2])[:, 0], found, atol=1e-4)
+    assert len(set(found.tolist())) == 5
+
+
+@pytest.fixture(scope="module")
+def scenes():
+    clean = make_scene(train=16, test=2, size=24)
+    return clean, changed(clean, "color")
+
+
+@pytest.fixture(scope="module")
+def model(scenes):
+    return fit(scenes[1], GRID, steps=300, appearance="affine", progress=False)
+
+
+def test_changed_light_is_told_from_the_scene(scenes, model):
+    clean, wild = scenes
+    plain = fit(wild, GRID, steps=300, progress=False)
+    mapped, without = (evaluate(m, wild).psnr.mean() for m in (model, plain))
+    assert mapped > without + 2  # measured: 25.2 and 21.2 dB
+    # A photograph is as it was taken in its own light, and not in that of another.
+    view = int(np.flatnonzero(~clean.test)[5])
+    truth = photograph(wild, view, model.behind)
+    own = render(model, wild.cameras, view, appearance=view)
+    other = render(model, wild.cameras, view)
+    assert psnr(own.color, truth) > psnr(other.color, truth) + 2
+    np.testing.assert_array_equal(
+        own.color, render(model, wild.cameras, view, appearance=model.appearances[view]).color
+    )
+    first = int(np.flatnonzero(~clean.test)[0])
+    assert model.gauge == first
+    np.testing.assert_array_equal(
+        other.color, render(model, wild.cameras, view, appearance=first).color
+    )
+
+
+def test_a_clean_scene_loses_little(scenes):
+    clean = scenes[0]
+    plain = fit(clean, GRID, steps=300, progress=False)
+    mapped = fit(clean, GRID, steps=300, appearance="affine", progress=False)
+    assert evaluate(mapped, clean).psnr.mean() > evaluate(plain, clean).psnr.mean() - 0.3
+
+
+def test_the_light_of_a_new_photograph(scenes, model):
+    """Fitted on the left half, judged on the right one."""
+    clean, _ = scenes
+    view = int(np.flatnonzero(clean.test)[0])
+    image = clean.images[view].copy()
+    image[..., :3] = np.round(image[..., :3] * [0.9, 0.7, 0.8] + [0, 20, 5])
+    left = np.zeros(image.shape[:2], bool)
+    left[:, :12] = True
+    light = fit_appearance(model, image, clean.cameras, view, mask=left)
+    truth = image[..., :3] / 255 * (image[..., 3:] / 255) + 1 - image[..., 3:] / 255
+
+    def right(picture):
+        return psnr(picture.color[:, 12:], truth[:, 12:])
+
+    fitted = right(render(model, clean.cameras, view, appearance=light))
+    assert fitted > right(render(model, clean.cameras, view)) + 2
+    again = fit_appearance(model, image, clean.cameras, view)
+    assert np.abs(again - light).max() < 0.5
+    assert light.shape == (3, 4)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [GRID, HashField(levels=8, table_bits=10, samples=2**11, rays=128, cells=32)],
+    ids=["voxel", "hash"],
+)
+def test_runs_are_equal_and_go_on(scenes, tmp_path, monkeypatch, field):
+    file, options = tmp_path / "model.npz", {"steps": 40, "progress": False}
+    straight = fit(scenes[1], field, appearance="affine", background="learnt", **options)
+    with monkeypatch.context() as patch:
+        interrupt(patch, 21, press_ctrl_c)
+        fit(scenes[1], field, appearance="affine", background="learnt", checkpoint=file, **options)
+    on = fit(scenes[1], field, background="learnt", checkpoint=file, resume=True, **options)
+    assert same(on, straight)
+    np.testing.assert_array_equal(on.appearances, straight.appearances)
+    on.save(file)
+    read = load_model(file)
+    np.testing.assert_array_equal(read.appearances, on.appearances)
+    assert (read.appearance, read.gauge) == ("affine", 0)
+    assert np.abs(on.appearances - np.eye(3, 4)).max() > 0.01
+    seen, wanted = (render(m, scenes[1].cameras, 3).color for m in (read, on))
+    np.testing.assert_array_equal(seen, wanted)
+
+
+def test_planes_and_films(tmp_path):
+    scene = changed(make_scene(train=6, test=1, size=24, layout="forward"), "color")
+    field = PlanesField(planes=3, rays=128)
+    model = fit(scene, field, steps=10, appearance="affine", gauge=2, progress=False)
+    assert model.gauge == 2
+    share = np.linspace(0, 1, 3)[:, None, None]
+    lights = (1 - share) * model.appearances[0] + share * model.appearances[4]
+    film = tmp_path / "film.gif"
+    render_path(model, scene.cameras.select(slice(3)), film, appearance=lights)
+    assert film.stat().st_size > 0
+
+
+def test_refusals(scenes, model):
+    clean, _ = scenes
+    held = int(np.flatnonzero(clean.test)[0])
+    image = clean.images[0]
+    for message, given in (
+        ("appearance must be one of", {"appearance": "embedding"}),
+        ("gauge must go with an appearance, got 1 alone", {"gauge": 1}),
+        ("gauge must be a photograph that is trained on", {"appearance": "affine", "gauge": held}),
+        ("gauge must be in", {"appearance": "affine", "gauge": 18}),
+    ):
+        options: Any = {"steps": 1, **given}
+        with pytest.raises(ValueError, match=message):
+            fit(clean, GRID, **options)
+    for light in (np.zeros((2, 4)), np.full((3, 4), np.nan), 99):
+        with pytest.raises(ValueError, match="appearance must be"):
+            render(model, clean.cameras, appearance=light)
+    with pytest.raises(ValueError, match="appearance must have one matrix for each of 18 frames"):
+        render_path(model, clean.cameras, "film.gif", appearance=np.zeros((2, 3, 4)))
+    with pytest.raises(TypeError, match="image must be uint8"):
+        fit_appearance(model, image / 255, clean.cameras)
+    with pytest.raises(ValueError, match=r"image must have shape \(24, 24, 3\)"):
+        fit_appearance(model, image[:4], clean.cameras)
+    with pytest.raises(ValueError, match="mask must choose a pixel"):
+        fit_appearance(model, image, clean.cameras, mask=np.zeros((24, 24), bool))
+    with pytest.raises(TypeError, match="mask must be bool"):
+        fit_appearance(model, image, clean.cameras, mask=np.ones((24, 24)))
