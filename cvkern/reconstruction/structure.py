@@ -194,7 +194,7 @@ def _check_names(names: Any, count: int) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _check_cameras(cameras: Any, shapes: list[tuple[int, int]]) -> list[Camera] | None:
+def _check_cameras(cameras: Any, shapes: list[tuple[int, int]]) -> Sequence[Camera] | None:
     if cameras is None:
         return None
     found = (
@@ -226,7 +226,7 @@ def _check_focals(focal_lengths: Any, count: int) -> np.ndarray:
 
 
 def _lenses(
-    heap: Heap, given: list[Camera] | None, focals: np.ndarray, own: bool, refine: bool
+    heap: Heap, given: Sequence[Camera] | None, focals: np.ndarray, own: bool, refine: bool
 ) -> Lenses:
     """Return the lenses as far as they are known, in pixels of the small photographs."""
     kinds: dict[Any, int] = {}
