@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import as_array, as_numbers, check_choice, check_integer, check_positive
+from cvkern._checks import (
+    as_array,
+    as_items,
+    as_numbers,
+    check_choice,
+    check_integer,
+    check_positive,
+)
 from cvkern._runtime import refuse_capture
 from cvkern.geometry._points import check_points
 from cvkern.geometry.cameras.lens import Camera, check_lens
@@ -124,7 +131,7 @@ def adjust_bundle(
     steps = check_integer(max_steps, "max_steps", 0, 2**31 - 1)
     given = _check_poses(poses)
     count = len(given)
-    kinds = [lenses] if isinstance(lenses, Camera) else list(lenses)
+    kinds = [lenses] if isinstance(lenses, Camera) else as_items(lenses, "lenses", "cameras")
     if not kinds:
         raise ValueError("lenses must not be empty, got none")
     kinds = [check_lens(camera, f"lenses[{i}]") for i, camera in enumerate(kinds)]

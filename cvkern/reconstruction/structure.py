@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_choice, check_flag, check_integer
+from cvkern._checks import as_items, as_numbers, check_choice, check_flag, check_integer
 from cvkern._files import as_path
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.geometry.cameras.lens import Camera, check_lens
@@ -181,7 +181,8 @@ def _from_folder(folder: Path) -> tuple[list[np.ndarray], list[str], list[float]
 def _check_names(names: Any, count: int) -> tuple[str, ...]:
     if names is None:
         return tuple(f"{i:04d}" for i in range(count))
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
+    names = as_items(names, "names", "strings")
+    if not all(isinstance(name, str) for name in names):
         raise TypeError(f"names must be strings, got {names!r}")
     if len(names) != count or len(set(names)) != count:
         raise ValueError(
@@ -193,10 +194,14 @@ def _check_names(names: Any, count: int) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _check_cameras(cameras: Any, shapes: list[tuple[int, int]]) -> list[Camera] | None:
+def _check_cameras(cameras: Any, shapes: list[tuple[int, int]]) -> Sequence[Camera] | None:
     if cameras is None:
         return None
-    found = [cameras] * len(shapes) if isinstance(cameras, Camera) else list(cameras)
+    found = (
+        [cameras] * len(shapes)
+        if isinstance(cameras, Camera)
+        else as_items(cameras, "cameras", "one Camera or several")
+    )
     if len(found) != len(shapes):
         raise ValueError(f"cameras must be one, or {len(shapes)}, got {len(found)}")
     for i, (camera, shape) in enumerate(zip(found, shapes, strict=True)):
@@ -221,7 +226,7 @@ def _check_focals(focal_lengths: Any, count: int) -> np.ndarray:
 
 
 def _lenses(
-    heap: Heap, given: list[Camera] | None, focals: np.ndarray, own: bool, refine: bool
+    heap: Heap, given: Sequence[Camera] | None, focals: np.ndarray, own: bool, refine: bool
 ) -> Lenses:
     """Return the lenses as far as they are known, in pixels of the small photographs."""
     kinds: dict[Any, int] = {}

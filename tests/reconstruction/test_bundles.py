@@ -45,7 +45,7 @@ def test_scipy_finds_nothing_better(backend, loss):
          points.ravel())
     )  # fmt: skip
     # SciPy's loss has lengths as residuals: the same cost.
-    kind = {"squared": "linear"}.get(loss, loss)
+    kind = "linear" if loss == "squared" else loss
     best = least_squares(off, start, loss=kind, f_scale=1.5, max_nfev=12)
     np.testing.assert_allclose(off(start), found.errors, rtol=0, atol=1e-9)
     squares = (found.errors / 1.5) ** 2

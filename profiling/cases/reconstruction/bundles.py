@@ -14,8 +14,8 @@ FOCAL = 600.0
 SEEN = 5  # neighbouring cameras that see a point
 NOISE = 0.5  # pixels
 SHAKEN = 0.01  # radians, and parts of the ring's radius of 4
-# A statistic of 1200 coordinates at least: its relative spread is 1 / sqrt(2400) / 2 or less.
-LIMIT = 0.02
+# The toy leaves 388 numbers free: its residual spreads by 1 / sqrt(2 * 388) = 0.036 of itself.
+LIMIT = 0.1
 
 Arrays = tuple[np.ndarray, ...]
 COUNTS = {"toy": (6, 60), "VGA": (30, 10_000), "1080p": (100, 50_000)}

@@ -149,5 +149,5 @@ CALLS: dict[str, Call] = {
         },
         {},
     ),
-    "read_reconstruction": Call(cvkern.read_reconstruction, {"path": one("/nowhere", 5, None)}, {}),
+    "read_reconstruction": Call(cvkern.read_reconstruction, {"path": one(5, None)}, {}),
 }
