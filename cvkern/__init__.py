@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
 
 if _TYPE_CHECKING:
-    from cvkern import clouds, images, radiance, scale  # noqa: F401
+    from cvkern import clouds, images, radiance, scale, torch  # noqa: F401
     from cvkern._capture import capture  # noqa: F401
     from cvkern._runtime import devices, release_memory, use  # noqa: F401
     from cvkern.color import *
@@ -100,7 +100,7 @@ _NAMES = {
     ),
 }  # fmt: skip
 # Namespaces: their names are not re-exported, as in cvkern.images.read_image.
-_NAMESPACES = ("clouds", "images", "radiance", "scale")
+_NAMESPACES = ("clouds", "images", "radiance", "scale", "torch")
 
 _HOMES = {name: module for module, names in _NAMES.items() for name in names}
 _MODULES = {module for module in _NAMES if module[0] != "_"} | set(_NAMESPACES)

@@ -15,7 +15,7 @@ from cvkern.filters import gaussian
 from cvkern.shading.integration import Solver
 
 METHODS = ("surroundings", "gradients")
-MOST_STEP = 88.0  # of the logarithm: no step of float32 is larger
+MOST_STEP = 88.0  # largest step of the logarithm in float32
 TOLERANCE = 1e-5  # relative error of the solution of Poisson's equation
 
 

@@ -45,7 +45,7 @@ def check_batch(pairs: Sequence[tuple[Any, Any]]) -> Batched:
         try:
             checked.append(check_pairs(a, b))
         except (TypeError, ValueError) as error:
-            if len(both) == 1:  # that of a function of one pair, mostly
+            if len(both) == 1:  # mostly from a function of one pair
                 raise
             raise type(error)(f"pairs[{n}]: {error}") from None
     if not checked:

@@ -26,13 +26,13 @@ FIRST_POINTS = 15  # points of the first pair
 FLAT = 0.85  # share of matches on a plane above which a first pair is chosen last
 TRIED = 60  # pairs that may be the first
 NEAR = 5  # photographs that are adjusted with a new one
-GROWN = 1.25  # of the number of photographs, between adjustments of everything
-ROUNDS = 4  # of adjustment and cleaning at the end
-NEAR_STEPS, FEW_STEPS, LAST_STEPS = 5, 8, 25  # of adjustment
+GROWN = 1.25  # growth of the number of photographs between adjustments of everything
+ROUNDS = 4  # adjusting and cleaning at the end
+NEAR_STEPS, FEW_STEPS, LAST_STEPS = 5, 8, 25  # steps of adjustments
 # Photographs from which the focal length, k1 and k2, and the principal point are found.
 FOR_FOCAL, FOR_LENS, FOR_MIDDLE = 3, 5, 8
 NOISE = 0.05, 2.0  # pixels by which places are off, at least and at most
-SCALE, LEAST_SCALE = 3.0, 0.25  # of the last loss: in units of the noise, and pixels
+SCALE, LEAST_SCALE = 3.0, 0.25  # scale of the last loss: in units of the noise, and pixels
 
 
 class Growth:

@@ -16,10 +16,10 @@ from cvkern.geometry.views import recover_pose
 from cvkern.reconstruction._photographs import Keypoints, Lenses, Say, rays_through
 
 MAX_RATIO = 0.8  # nearest distance over the second nearest
-LEAST_MATCHES = 15  # of a pair, before and after its geometry is known
+LEAST_MATCHES = 15  # matches of a pair, before and after its geometry is known
 THRESHOLD = 2.0  # Sampson distance of an inlier, pixels
 FLAT_THRESHOLD = 3.0  # distance of an inlier from a homography's place, pixels
-LEAST_SHARE = 0.25  # of the matches of a pair that must agree
+LEAST_SHARE = 0.25  # least share of the matches of a pair that must agree
 MANY, STRONG, PARTNERS = 20, 500, 16  # beyond `MANY` photographs, each is compared with partners
 SEARCHED = 40  # pairs by which the focal length is estimated
 FOCALS = np.geomspace(0.5, 3.4, 13)  # candidates for the focal length, in longest sides

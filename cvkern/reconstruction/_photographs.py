@@ -13,7 +13,7 @@ from cvkern.features.keypoints import sift
 from cvkern.geometry.cameras.lens import straightened
 from cvkern.panorama.registration import LEAST_SIDE, Heap, Progress
 
-MOST_KEYPOINTS = 4000  # of a photograph
+MOST_KEYPOINTS = 4000  # keypoints of a photograph
 CONTRAST = 0.02  # half of SIFT's default: weak points are needed where there is little texture
 
 

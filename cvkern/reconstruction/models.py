@@ -144,7 +144,7 @@ class Reconstruction:
         if len(self.points):
             near, far = np.quantile(self.points, (0.05, 0.95), axis=0)
             low, high = np.minimum(low, near), np.maximum(high, far)
-        middle, half = (low + high) / 2, 0.6 * float(np.linalg.norm(high - low)) or 1.0
+        middle, half = (low + high) / 2, 0.5 * float(np.linalg.norm(high - low)) or 1.0
         # Oblique: x to the right, y into the picture, z up.
         down = np.array([[0.0, -0.6, -0.8], [1, 0, 0]])
 
@@ -153,8 +153,10 @@ class Reconstruction:
 
         order = np.argsort(-self.points[:, 1], kind="stable")
         place = np.round(at(self.points[order])).astype(int)
-        inside = ((place >= 0) & (place < side)).all(axis=1)
-        drawn[tuple(place[inside].T)] = self.colors[order][inside]
+        inside = ((place >= 0) & (place < side - 1)).all(axis=1)
+        row, column = place[inside].T
+        for k in range(4):  # two by two pixels a point
+            drawn[row + k // 2, column + k % 2] = self.colors[order][inside]
         lines = []
         for pose, n in zip(self.poses[placed], self.lens_of[placed], strict=True):
             camera = self.lenses[n]

@@ -114,9 +114,10 @@ def reconstruct(
     Examples
     --------
     >>> import cvkern
-    >>> scene = cvkern.radiance.make_scene(train=9, test=0, size=160, texture=True)
-    >>> cvkern.reconstruct(scene.images[..., :3], focal_lengths=240).points.shape[1]
-    3
+    >>> from cvkern.radiance import make_scene
+    >>> scene = make_scene(layout="forward", train=6, test=0, size=160, texture=True)
+    >>> len(cvkern.reconstruct(scene.images, focal_lengths=240).placed)
+    6
     """
     refuse_capture("reconstruct")
     check_choice(lens, ("shared", "own"), "lens")

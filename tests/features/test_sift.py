@@ -208,7 +208,7 @@ def test_extrema_that_move_beyond_the_levels_are_left_out(kernels):
 def test_extrema_that_move_into_the_margin_are_left_out(kernels, step):
     """The margin is 2 pixels wide; one that stays at the last pixel before it is kept."""
     down, along = step
-    at = 5 + 3 * down, 6 + 4 * along - (along > 0)  # of 11 rows and 12 columns
+    at = 5 + 3 * down, 6 + 4 * along - (along > 0)  # the image has 11 rows and 12 columns
     for beyond, kept in ((0, 0), (1, -1)):
         row, column = at[0] + beyond * down, at[1] + beyond * along
         s, y, x = np.ogrid[:5, :11, :12]
@@ -219,3 +219,29 @@ def test_extrema_that_move_into_the_margin_are_left_out(kernels, step):
             12.1, 2, out=[((1, 4), F32), np.array([[0, 2, *at]], I32)],
         )  # fmt: skip
         assert cells.tolist() == [[kept, 2, row, column]]
+
+
+@pytest.mark.parametrize(("off", "kept"), [(2, 0), (4, -1)])
+def test_extrema_that_would_move_far_are_left_out(kernels, off, kept):
+    """Beyond two pixels the fit means nothing, even where it is exact."""
+    s, y, x = np.ogrid[:5, :9, :16]
+    differences = 1 - 0.02 * (s - 2.0) ** 2 - 0.01 * ((y - 4) ** 2 + (x - 5 - off) ** 2)
+    levels = np.concatenate([np.zeros((1, 9, 16)), np.cumsum(differences, axis=0)])
+    _, cells = kernels(
+        "features.keypoints.refinement.refine", [kernels._adopt(levels.astype(F32))], 0.5, 12.1,
+        2, out=[((1, 4), F32), np.array([[0, 2, 4, 5]], I32)],
+    )  # fmt: skip
+    assert cells[0, 0] == kept
+
+
+@pytest.mark.parametrize(("stretch", "kept"), [(9.9, 0), (10.1, -1)])
+def test_extrema_that_are_too_long_are_left_out(kernels, stretch, kept):
+    """Edges: of curvatures a and b, (a + b)^2 / (a b) must be below 11^2 / 10."""
+    s, y, x = np.ogrid[:5, :9, :9]
+    differences = 1 - 0.02 * (s - 2.0) ** 2 - 0.01 * ((y - 4) ** 2 + (x - 4) ** 2 / stretch)
+    levels = np.concatenate([np.zeros((1, 9, 9)), np.cumsum(differences, axis=0)])
+    _, cells = kernels(
+        "features.keypoints.refinement.refine", [kernels._adopt(levels.astype(F32))], 0.5, 12.1,
+        2, out=[((1, 4), F32), np.array([[0, 2, 4, 4]], I32)],
+    )  # fmt: skip
+    assert cells[0, 0] == kept

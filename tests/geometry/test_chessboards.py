@@ -182,10 +182,11 @@ def test_saddles(kernels):
     np.testing.assert_array_equal(found, np.pad(want, 1))
 
 
-def test_the_fit_of_a_corner_is_the_least_there_is(kernels):
+@pytest.mark.parametrize("blur", [0, 2])
+def test_the_fit_of_a_corner_is_the_least_there_is(kernels, blur):
     """SciPy fits all nine numbers at once, with the error function itself."""
     picture, truth = render(SHAPE, SMALL._replace(tilt=0.6, about=0.7, roll=0.2))
-    picture = picture.astype(F32)
+    picture = ndi.gaussian_filter(picture.astype(F32), blur)
     grid = truth.reshape(*SHAPE, 2)
     a, b = grid[1, 2] - grid[1, 1], grid[2, 1] - grid[1, 1]
     start = np.array([*grid[1, 1] + (0.3, -0.4), *a, *b, 1.0], F32)

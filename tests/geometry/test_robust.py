@@ -190,6 +190,16 @@ def test_mark(kernels, kind):
     assert (marks[rest] == 77).all()
 
 
+def test_mark_leaves_out_what_is_just_as_far_as_the_threshold(kernels):
+    x = np.array([0, 0, 0], F32)
+    matches = np.pad(np.stack([x, x, np.array([0.5, 0.25, -0.5], F32), x]), ((0, 0), (0, 29)))
+    given = Given(matches, np.array([[0, 3]], I32), np.array([0.25], F32), PLANES)
+    found = kernels(
+        "geometry.robust.mark", given, 0, np.eye(3).reshape(1, 9), out=[((32,), U8)]
+    )  # fmt: skip
+    assert found[:3].tolist() == [0, 1, 0]
+
+
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
 def test_equal_bits(all_kernels, kind):
     """Also of models in float64, in which the sets round alike."""

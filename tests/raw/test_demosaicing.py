@@ -54,6 +54,14 @@ def test_demosaic_is_the_stated_method(backend, method, pattern):
         np.testing.assert_allclose(got[inner], want[inner], rtol=0, atol=off)
 
 
+def test_of_two_equal_directions_menon_takes_the_row(backend):
+    """Changes of two grey values are exact, and often equal in both directions."""
+    raw = 8.0 * np.random.default_rng(4).integers(0, 2, (40, 60))
+    got = cvkern.demosaic(raw.astype(np.float32), "RGGB", "menon")
+    want = reference.menon(raw, "RGGB")
+    np.testing.assert_allclose(got[12:-12, 12:-12], want[12:-12, 12:-12], rtol=0, atol=2e-4)
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("shape", [(2, 2), (3, 7), (290, 67)])

@@ -15,7 +15,7 @@ SHAPE = (120, 160)
 @pytest.fixture(scope="module")
 def model():
     with cvkern.use(backend="warp"):
-        return cvkern.ShapeModel(60, patch=12, mirror=False).fit(
+        return cvkern.ShapeModel(200, patch=12, mirror=False).fit(
             things(6), negatives=[clutter((90, 130), seed) for seed in range(8)]
         )
 
@@ -139,6 +139,45 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
     want = reference.shortest(seen["evidence"][order].tolist(), shared, seen["least"])
     assert seen["chosen"].tolist() == order[want].tolist()
     assert len(want) > 2
+
+
+def test_modes_climb_to_more_evidence(backend, model, monkeypatch):
+    """Each goes to the best of nine places, by 4 pixels and then by 2, as plain Python goes."""
+    from cvkern.recognition import hypotheses
+
+    seen = {}
+
+    def spy(rt, patches, weights, space, frame, modes, factors, evidence):
+        found = climb(rt, patches, weights, space, frame, modes, factors, evidence)
+        on_host = [np.array(rt.to_numpy(a)) for a in (*patches, weights)]
+        seen.update(host=on_host, modes=modes, found=found)
+        return found
+
+    climb = hypotheses.climb
+    monkeypatch.setattr("cvkern.recognition.search.climb", spy)
+    image = clutter((70, 90), 11)
+    put(image, thing(), 21, 23)
+    model.detect(image, scales=[0.7], threshold=-2.0)
+    places, _, levels, matches, weights = seen["host"]
+    frame = model._settings.frame
+    want = {}
+    for mode in seen["modes"].tolist():
+        y, x, z, _ = mode
+        for step in (64, 32):
+            apart = int(np.floor(step * reference.factor(z) / 2**16 + 0.5))
+            near = [(y + a * apart, x + b * apart) for a in (0, -1, 1) for b in (0, -1, 1)]
+            sums = [
+                reference.evidence(places, matches, levels[:, 0], weights, frame, (*place, z))
+                for place in near
+            ]
+            best = int(np.argmax(sums))
+            y, x = near[best]
+        want[y, x, z] = sums[best]
+    modes, evidence = seen["found"]
+    found = {tuple(m[:3]): e for m, e in zip(modes.tolist(), evidence.tolist(), strict=True)}
+    assert found == want
+    assert len(modes) == len(want) > 3
+    assert {tuple(m[:3]) for m in seen["modes"].tolist()} - set(want)
 
 
 @pytest.mark.parametrize("points", ["harris", "dog"])

@@ -102,6 +102,7 @@ def scene(seed=0):
         [rng.integers(-300, 300, (starts[-1], 2)), rng.integers(-40, 41, starts[-1]),
          rng.integers(0, 2**16, starts[-1])]
     )  # fmt: skip
+    entries[::5, 2], entries[1::5, 2] = 16, -16  # votes halfway between both bins
     bins = np.array([(0, 15, 21, 0, 64), (315, 11, 15, 32, 91)], I32)
     scales = np.arange(-80, 120)
     factors = np.array([reference.factor(z) for z in scales], I32)
@@ -182,7 +183,7 @@ def test_evidence(kernels):
     ).astype(I32)
     modes[1] = modes[0] + (20, 30, 0, 0)
     halfway, rest = divmod(int(patches.levels[:2, 0].sum()), 2)
-    assert rest == 0  # as near to one level as to the next: the first one counts
+    assert rest == 0  # two levels are equally near: the first one counts
     modes[2:5] = [
         (y, x, halfway - z, 1) for y, x, z in ((450, 600, 0), (300, 800, 0), (500, 700, 32))
     ]

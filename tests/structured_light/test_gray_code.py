@@ -65,6 +65,7 @@ def test_accept(kernels, dtype):
     rng = np.random.default_rng(4)
     columns, rows = rng.integers(-1, 3, (2, 9, 41)).astype(I32)
     white, black = rng.integers(0, 256, (2, 9, 41)).astype(dtype)
+    white[0], black[0] = 120, 100  # just the contrast: too little
     name = "structured_light.gray_code.accept"
     got = kernels(name, white, black, 20.0, columns, rows, out=[((9, 41), U8)])
     both = (columns >= 0) & (rows >= 0)

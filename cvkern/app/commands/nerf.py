@@ -9,7 +9,7 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
-from cvkern.app.commands.scenes import FORWARD, SHAPES, scene_at, with_settings, within
+from cvkern.app.commands._scenes import FORWARD, SHAPES, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 

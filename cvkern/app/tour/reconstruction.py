@@ -9,8 +9,8 @@ from cvkern.app.tour.clock import Clock
 from cvkern.app.tour.page import Chapter, Figure, Panel
 from cvkern.radiance import make_scene
 
-VIEWS, SIDE = 30, 240
-FOCAL = 1.5 * SIDE  # of the cameras that the photographs are made with
+VIEWS, SIDE = 12, 240
+FOCAL = 1.5 * SIDE  # pixels; cameras with it make the photographs
 SHEET = 2, 5  # rows and columns of photographs that are shown
 
 
@@ -26,7 +26,7 @@ def chapter() -> Chapter:
 
 
 def _cameras(clock: Clock) -> Figure:
-    scene = make_scene(train=VIEWS, test=0, size=SIDE, texture=True)
+    scene = make_scene(layout="forward", train=VIEWS, test=0, size=SIDE, texture=True)
     photographs = scene.images[..., :3]
     found = clock(cvkern.reconstruct, photographs, focal_lengths=FOCAL)
     rows, columns = SHEET

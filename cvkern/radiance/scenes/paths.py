@@ -137,7 +137,8 @@ def _nerfstudio(
         if isinstance(matrix, list) and len(matrix) == 16:
             matrix = [matrix[row : row + 4] for row in range(0, 16, 4)]
         poses.append(_blender.pose_of(file, {"transform_matrix": matrix}, number))
-        angle = _blender.number_of(file, frame, "fov", FIELD_OF_VIEW, 0.0)  # of the height
+        # The angle spans the height.
+        angle = _blender.number_of(file, frame, "fov", FIELD_OF_VIEW, 0.0)
         if angle >= 180:
             raise ValueError(f"{file} must give fov below 180 degrees, got {angle:g} in {number}")
         focal = 0.5 * high / math.tan(0.5 * math.radians(angle))

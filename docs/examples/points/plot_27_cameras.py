@@ -13,13 +13,13 @@ import matplotlib.pyplot as plt
 import cvkern
 from cvkern.radiance import make_scene
 
-scene = make_scene(train=30, test=0, size=240, texture=True)
+scene = make_scene(layout="forward", train=12, test=0, size=240, texture=True)
 found = cvkern.reconstruct(scene.images[..., :3], focal_lengths=360)
 print(found, "mean error", found.errors.mean().round(2), "pixels")
 
 # sphinx_gallery_thumbnail_number = 2
 for title, picture in (
-    ("one of 30 photographs", scene.images[4]),
+    ("one of 12 photographs", scene.images[4]),
     ("cameras and points", found.picture(480)),
 ):
     plt.figure(figsize=(5, 5))

@@ -16,6 +16,9 @@ from cvkern.kernels.codes.reconstruction import (
     Slopes,
 )
 from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp.radiance._structs import struct_of
+
+from ._projection import bent, radial, turned
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -23,13 +26,33 @@ f64 = wp.float64
 NEAREST = wp.constant(f64(codes.NEAREST))
 BEHIND = wp.constant(f64(codes.BEHIND))
 FLATTEST = wp.constant(f64(codes.FLATTEST))
+
 HUBER = wp.constant(int(Loss.HUBER))
 CAUCHY = wp.constant(int(Loss.CAUCHY))
 
 
+@wp.struct
+class Cast:
+    """Cameras and points; see `codes.reconstruction.Scenery`."""
+
+    views: wp.array2d[f64]
+    lenses: wp.array2d[f64]
+    points: wp.array2d[f64]
+
+
+@wp.struct
+class Seen:
+    """Which view sees which point; see `codes.reconstruction.Sightings`."""
+
+    ends: wp.array2d[int]
+    spans: wp.array2d[int]
+    order: wp.array[int]
+    ranges: wp.array2d[int]
+
+
 def measure(scenery: Scenery, sightings: Sightings, gaps: wp.array) -> None:
     """Find the residuals, in pixels; one thread a sighting."""
-    inputs = [*scenery, sightings.where, sightings.ends]
+    inputs = [struct_of(Cast, scenery), sightings.where, sightings.ends]
     launch_each(_measure, gaps.shape[0], 64 * gaps.shape[0], inputs, [gaps])
 
 
@@ -38,7 +61,7 @@ def linearise(
 ) -> None:
     """Find residuals, their weights under a loss, and derivatives; one thread a sighting."""
     count = slopes.weights.size
-    inputs = [*scenery, sightings.where, sightings.ends, loss, scale]
+    inputs = [struct_of(Cast, scenery), sightings.where, sightings.ends, loss, scale]
     launch_each(_linearise, count, 128 * count, inputs, [*slopes])
 
 
@@ -57,9 +80,7 @@ def condense(
 ) -> None:
     """Write the equations of the views without points; one thread a parameter of a view."""
     count = condensed.right.size
-    inputs = [
-        *slopes, sightings.ends, sightings.spans, sightings.order, sightings.ranges, *eliminated
-    ]  # fmt: skip
+    inputs = [*slopes, struct_of(Seen, sightings[1:]), *eliminated]
     launch_each(_condense, count, 512 * slopes.weights.size, inputs, [*condensed])
 
 
@@ -80,46 +101,12 @@ def substitute(
     launch_each(_substitute, moves.shape[0], 64 * slopes.weights.size, inputs, [moves])
 
 
-@wp.func
-def turned(views: wp.array2d[f64], c: int, points: wp.array2d[f64], p: int) -> wp.vec3d:
-    """Return R W."""
-    x = points[p, 0]
-    y = points[p, 1]
-    z = points[p, 2]
-    return wp.vec3d(
-        views[c, 0] * x + views[c, 1] * y + views[c, 2] * z,
-        views[c, 3] * x + views[c, 4] * y + views[c, 5] * z,
-        views[c, 6] * x + views[c, 7] * y + views[c, 8] * z,
-    )
-
-
-@wp.func
-def radial(lenses: wp.array2d[f64], n: int, r2: f64) -> f64:
-    """Return by how much a lens stretches a direction of the squared length r2."""
-    return f64(1.0) + r2 * (lenses[n, 4] + r2 * (lenses[n, 5] + r2 * lenses[n, 8]))
-
-
-@wp.func
-def bent(lenses: wp.array2d[f64], n: int, u: f64, v: f64) -> wp.vec2d:
-    """Return where a lens shows the direction (u, v, 1)."""
-    r2 = u * u + v * v
-    p1 = lenses[n, 6]
-    p2 = lenses[n, 7]
-    grown = radial(lenses, n, r2)
-    return wp.vec2d(
-        u * grown + f64(2.0) * p1 * u * v + p2 * (r2 + f64(2.0) * u * u),
-        v * grown + p1 * (r2 + f64(2.0) * v * v) + f64(2.0) * p2 * u * v,
-    )
-
-
 @wp.kernel
 def _measure(
     stride: int,
     first: int,
     last: int,
-    views: wp.array2d[f64],
-    lenses: wp.array2d[f64],
-    points: wp.array2d[f64],
+    cast: Cast,
     where: wp.array2d[f64],
     ends: wp.array2d[int],
     # outputs
@@ -128,14 +115,16 @@ def _measure(
     for o in range(first + wp.tid(), last, stride):
         c = ends[o, 0]
         n = ends[o, 1]
-        q = turned(views, c, points, ends[o, 2])
-        z = q[2] + views[c, 11]
+        q = turned(cast.views, c, cast.points, ends[o, 2])
+        z = q[2] + cast.views[c, 11]
         gaps[o, 0] = BEHIND
         gaps[o, 1] = BEHIND
         if z > NEAREST:
-            there = bent(lenses, n, (q[0] + views[c, 9]) / z, (q[1] + views[c, 10]) / z)
-            gaps[o, 0] = lenses[n, 0] * there[0] + lenses[n, 2] - where[o, 0]
-            gaps[o, 1] = lenses[n, 1] * there[1] + lenses[n, 3] - where[o, 1]
+            there = bent(
+                cast.lenses, n, (q[0] + cast.views[c, 9]) / z, (q[1] + cast.views[c, 10]) / z
+            )
+            gaps[o, 0] = cast.lenses[n, 0] * there[0] + cast.lenses[n, 2] - where[o, 0]
+            gaps[o, 1] = cast.lenses[n, 1] * there[1] + cast.lenses[n, 3] - where[o, 1]
 
 
 @wp.kernel
@@ -143,9 +132,7 @@ def _linearise(
     stride: int,
     first: int,
     last: int,
-    views: wp.array2d[f64],
-    lenses: wp.array2d[f64],
-    points: wp.array2d[f64],
+    cast: Cast,
     where: wp.array2d[f64],
     ends: wp.array2d[int],
     loss: int,
@@ -159,16 +146,16 @@ def _linearise(
     for o in range(first + wp.tid(), last, stride):
         c = ends[o, 0]
         n = ends[o, 1]
-        q = turned(views, c, points, ends[o, 2])
-        z = q[2] + views[c, 11]
+        q = turned(cast.views, c, cast.points, ends[o, 2])
+        z = q[2] + cast.views[c, 11]
         if z > NEAREST:
-            u = (q[0] + views[c, 9]) / z
-            v = (q[1] + views[c, 10]) / z
-            there = bent(lenses, n, u, v)
-            fx = lenses[n, 0]
-            fy = lenses[n, 1]
-            dx = fx * there[0] + lenses[n, 2] - where[o, 0]
-            dy = fy * there[1] + lenses[n, 3] - where[o, 1]
+            u = (q[0] + cast.views[c, 9]) / z
+            v = (q[1] + cast.views[c, 10]) / z
+            there = bent(cast.lenses, n, u, v)
+            fx = cast.lenses[n, 0]
+            fy = cast.lenses[n, 1]
+            dx = fx * there[0] + cast.lenses[n, 2] - where[o, 0]
+            dy = fy * there[1] + cast.lenses[n, 3] - where[o, 1]
             gaps[o, 0] = dx
             gaps[o, 1] = dy
             square = dx * dx + dy * dy
@@ -181,12 +168,12 @@ def _linearise(
             weights[o] = weight
             # Derivatives of the bent place, which are symmetric, over the depth.
             r2 = u * u + v * v
-            k1 = lenses[n, 4]
-            k2 = lenses[n, 5]
-            p1 = lenses[n, 6]
-            p2 = lenses[n, 7]
-            grown = radial(lenses, n, r2)
-            steep = f64(2.0) * (k1 + r2 * (f64(2.0) * k2 + f64(3.0) * lenses[n, 8] * r2))
+            k1 = cast.lenses[n, 4]
+            k2 = cast.lenses[n, 5]
+            p1 = cast.lenses[n, 6]
+            p2 = cast.lenses[n, 7]
+            grown = radial(cast.lenses, n, r2)
+            steep = f64(2.0) * (k1 + r2 * (f64(2.0) * k2 + f64(3.0) * cast.lenses[n, 8] * r2))
             xx = (grown + steep * u * u + f64(2.0) * p1 * v + f64(6.0) * p2 * u) / z
             xy = (steep * u * v + f64(2.0) * p1 * u + f64(2.0) * p2 * v) / z
             yy = (grown + steep * v * v + f64(6.0) * p1 * v + f64(2.0) * p2 * u) / z
@@ -195,7 +182,9 @@ def _linearise(
                 b = wp.where(k == 0, fx * xy, fy * yy)
                 d = -(a * u + b * v)
                 for j in range(3):
-                    slopes[o, k, j] = a * views[c, j] + b * views[c, 3 + j] + d * views[c, 6 + j]
+                    slopes[o, k, j] = (
+                        a * cast.views[c, j] + b * cast.views[c, 3 + j] + d * cast.views[c, 6 + j]
+                    )
                 slopes[o, k, 3] = d * q[1] - b * q[2]
                 slopes[o, k, 4] = a * q[2] - d * q[0]
                 slopes[o, k, 5] = b * q[0] - a * q[1]
@@ -300,10 +289,7 @@ def _condense(
     slopes: wp.array3d[f64],
     gaps: wp.array2d[f64],
     weights: wp.array[f64],
-    ends: wp.array2d[int],
-    spans: wp.array2d[int],
-    order: wp.array[int],
-    ranges: wp.array2d[int],
+    seen: Seen,
     inverses: wp.array2d[f64],
     pulls: wp.array2d[f64],
     # outputs
@@ -320,9 +306,9 @@ def _condense(
                 system[c, r, other, s] = f64(0.0)
         gradient = f64(0.0)
         diagonal = f64(0.0)
-        for place in range(ranges[c, 0], ranges[c, 0] + ranges[c, 1]):
-            o = order[place]
-            p = ends[o, 2]
+        for place in range(seen.ranges[c, 0], seen.ranges[c, 0] + seen.ranges[c, 1]):
+            o = seen.order[place]
+            p = seen.ends[o, 2]
             w = weights[o]
             up = w * slopes[o, 0, 3 + r]
             down = w * slopes[o, 1, 3 + r]
@@ -338,8 +324,8 @@ def _condense(
             i = inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z
             j = inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z
             k = inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z
-            for q in range(spans[p, 0], spans[p, 0] + spans[p, 1]):
-                d = ends[q, 0]
+            for q in range(seen.spans[p, 0], seen.spans[p, 0] + seen.spans[p, 1]):
+                d = seen.ends[q, 0]
                 if d >= c:
                     up = weights[q] * (
                         slopes[q, 0, 0] * i + slopes[q, 0, 1] * j + slopes[q, 0, 2] * k

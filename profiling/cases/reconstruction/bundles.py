@@ -14,7 +14,7 @@ FOCAL = 600.0
 SEEN = 5  # neighbouring cameras that see a point
 NOISE = 0.5  # pixels
 SHAKEN = 0.01  # radians, and parts of the ring's radius of 4
-# Of 10 sightings' coordinates a point, 3 are spent on it: the residual is smaller by that share.
+# A statistic of 1200 coordinates at least: its relative spread is 1 / sqrt(2400) / 2 or less.
 LIMIT = 0.02
 
 Arrays = tuple[np.ndarray, ...]

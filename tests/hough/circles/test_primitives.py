@@ -265,10 +265,12 @@ def test_the_sets_give_equal_bits(all_kernels):
             given, _ = directed(mask, tolerance)
             for dtype in (I32, F32):
                 yield call("hough.circles.votes.vote_directed", *given, out=[(shape, dtype)])
-        for turn in (-1.0, 0.04, 0.5):
+        # Points on a lattice are at both bounds of length, and on the circles about pairs.
+        lattice = np.stack((*np.mgrid[:100:10, :200:10].reshape(2, -1), *lines[2:])).astype(F32)
+        for points, turn in ((lines, -1.0), (lines, 0.04), (lines, 0.5), (lattice, -1.0)):
             given = EllipseBounds(100.0, 5000.0, 4.0, 900.0, 1.0, turn), 32
             yield from call(
-                "hough.ellipses.votes.vote_pairs", lines, *given, out=[(pairs, I32), (pairs, I32)]
+                "hough.ellipses.votes.vote_pairs", points, *given, out=[(pairs, I32), (pairs, I32)]
             )
         dy, dx = waves(50, 60)
         pixels = np.argwhere(np.hypot(dy, dx) > 0.5).astype(I32)

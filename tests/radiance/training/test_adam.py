@@ -93,7 +93,7 @@ def test_learning_rate(kernels, warmup, progress, step):
     np.testing.assert_allclose(rate, want, rtol=2e-5)  # the bound above, for 1 - 0.99
 
 
-@pytest.mark.parametrize("most", [1.0, 1e30])
+@pytest.mark.parametrize("most", [1.0, 70.0, 1e30])  # the norm is 66
 @pytest.mark.parametrize("parts", [1, 64, 5000])
 def test_clip(kernels, parts, most):
     first, second = noise(70003), noise(50, seed=1)

@@ -1,4 +1,4 @@
-"""The scene and the field that options of ``cvkern nerf`` describe."""
+"""Scenes and fields, as the options of ``cvkern nerf`` name them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from cvkern.app.commands.cameras import reconstructed, without_cameras
 
-SHAPES, FORWARD = "shapes", "shapes-forward"
+SHAPES, FORWARD = "shapes", "shapes-forward"  # names of synthetic scenes
 
 
 def within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
@@ -49,7 +49,7 @@ def with_settings(field: str | None, settings: list[str]) -> Any:
 
 
 def scene_at(path: Path, shrink: int, test_every: int = 8) -> Any:
-    """Return the scene of a folder, or a synthetic one, with smaller photographs if asked."""
+    """Return the scene of a folder, or the synthetic one, averaged over blocks of pixels."""
     from cvkern._checks import check_integer
     from cvkern.radiance import load_scene, make_scene
 
