@@ -218,7 +218,7 @@ CALLS: dict[str, Call] = {
     ),
     "radiance.planes_from_stereo": Call(
         paired,
-        {"left": one(PHOTO, PHOTO[:, 1:]), "right": one(PHOTO, PHOTO[::-1].copy())},
+        {"left": one(PHOTO, PHOTO[:, 1:]), "right": one(np.roll(PHOTO, -2, 1), PHOTO)},
         {"planes": whole(1, 5), "baseline": number(0.5, 2)},
         equal=False,
     ),
