@@ -219,7 +219,7 @@ CALLS: dict[str, Call] = {
     "radiance.planes_from_stereo": Call(
         paired,
         {"left": one(PHOTO, PHOTO[:, 1:]), "right": one(np.roll(PHOTO, -2, 1), PHOTO)},
-        {"planes": whole(1, 5), "baseline": number(0.5, 2)},
+        {"planes": whole(1, 5), "baseline": number(0.5, 2), "doffs": number(0.5, 3)},
         equal=False,
     ),
     "radiance.write_planes": Call(paged, {}, {"motion": number(0, 1)}, equal=False),
