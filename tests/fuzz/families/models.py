@@ -55,6 +55,7 @@ def trained(steps: Any, **options: Any) -> float:
 
 K = np.array([[9.0, 0, 4], [0, 9, 3], [0, 0, 1]])
 PHOTO = np.arange(7 * 9 * 3, dtype=np.uint8).reshape(7, 9, 3)
+LEFT = np.random.default_rng(0).integers(0, 256, (24, 40, 3), np.uint8)
 AWAY = np.linspace(1, 4, 63, dtype=np.float32).reshape(7, 9)
 
 
@@ -218,7 +219,7 @@ CALLS: dict[str, Call] = {
     ),
     "radiance.planes_from_stereo": Call(
         paired,
-        {"left": one(PHOTO, PHOTO[:, 1:]), "right": one(np.roll(PHOTO, -2, 1), PHOTO)},
+        {"left": one(LEFT, LEFT[:, 1:]), "right": one(np.roll(LEFT, -2, 1), LEFT)},
         {"planes": whole(1, 5), "baseline": number(0.5, 2), "doffs": number(0.5, 3)},
         equal=False,
     ),
