@@ -53,6 +53,37 @@ def trained(steps: Any, **options: Any) -> float:
     return made.training.step
 
 
+K = np.array([[9.0, 0, 4], [0, 9, 3], [0, 0, 1]])
+PHOTO = np.arange(7 * 9 * 3, dtype=np.uint8).reshape(7, 9, 3)
+LEFT = np.random.default_rng(0).integers(0, 256, (24, 40, 3), np.uint8)
+AWAY = np.linspace(1, 4, 63, dtype=np.float32).reshape(7, 9)
+
+
+def layered(image: Any, depth: Any, **options: Any) -> Any:
+    """Make planes of a photograph and its depths, and render them."""
+    made = radiance.planes_from_depth(image, depth, K, **options)
+    return radiance.render(made, made.cameras).color
+
+
+def paired(left: Any, right: Any, **options: Any) -> Any:
+    """Make planes of a pair, and render them."""
+    made = radiance.planes_from_stereo(left, right, K, disparities=(0, 4), **options)
+    return radiance.render(made, made.cameras).color
+
+
+def paged(**options: Any) -> int:
+    """Write a page of planes; return its number of characters."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "page.html"
+        radiance.write_planes(radiance.planes_from_depth(PHOTO, AWAY, K), path, **options)
+        return len(path.read_text())
+
+
+def lit(image: Any, **options: Any) -> Any:
+    """Find the light of a photograph."""
+    return radiance.fit_appearance(model(), image, CAMERAS, **options)
+
+
 def rendered(cameras: Any, view: Any, background: Any = None) -> Any:
     """Render a view of a model."""
     return radiance.render(model(), cameras, view, background=background)
@@ -178,6 +209,25 @@ CALLS: dict[str, Call] = {
         radiance.make_scene,
         {"size": whole(1, 12)},
         {"train": whole(0, 3), "test": whole(0, 2), "samples": whole(1, 3)},
+        equal=False,
+    ),
+    "radiance.planes_from_depth": Call(
+        layered,
+        {"image": one(PHOTO, PHOTO / 255, PHOTO[..., 0]), "depth": one(AWAY, -AWAY, AWAY.T)},
+        {"planes": whole(1, 5), "reach": whole(0, 4)},
+        equal=False,
+    ),
+    "radiance.planes_from_stereo": Call(
+        paired,
+        {"left": one(LEFT, LEFT[:, 1:]), "right": one(np.roll(LEFT, -2, 1), LEFT)},
+        {"planes": whole(1, 5), "baseline": number(0.5, 2), "doffs": number(0.5, 3)},
+        equal=False,
+    ),
+    "radiance.write_planes": Call(paged, {}, {"motion": number(0, 1)}, equal=False),
+    "radiance.fit_appearance": Call(
+        lit,
+        {"image": one(np.zeros((9, 13, 3), np.uint8), PHOTO)},
+        {"mask": one(np.ones((9, 13), bool), np.zeros((9, 13), bool))},
         equal=False,
     ),
     "radiance.write_mesh": Call(
