@@ -16,15 +16,20 @@ def splat(points, pose, focal, cx, cy, size, shape):
             continue
         u, v = a / depth * focal + cx, b / depth * focal + cy
         half = F32(0.5) * min(z / depth * size, F32(64))
-        low, high = (
-            [int(np.floor(F32(c + side * half) + F32(0.5))) for c in (v, u)]
-            for side in (F32(-1), 1)
-        )
-        high = [max(h, l + 1) for l, h in zip(low, high, strict=True)]
-        area = np.s_[max(low[0], 0) : max(high[0], 0), max(low[1], 0) : max(high[1], 0)]
         key = (np.int64(depth.view(np.int32)) << np.int64(32)) | np.int64(i)
+        area = np.ix_(*(covered(c, half, side) for c, side in zip((v, u), shape, strict=True)))
         keys[area] = np.minimum(keys[area], key)
     return keys
+
+
+def covered(middle, half, side):
+    """Return the samples whose centres lie in the square, or the nearest one."""
+    centers = np.arange(-70, side + 70).astype(F32)
+    inside = (centers >= F32(middle - half)) & (centers < F32(middle + half))
+    if not inside.any():
+        inside = centers == np.floor(F32(middle + F32(0.5)))
+    found = centers[inside].astype(int)
+    return found[(found >= 0) & (found < side)]
 
 
 def shade(keys, colors, background, samples):

@@ -1,5 +1,7 @@
 """``adjust_bundle`` against SciPy's least squares, and on scenes with exact truth."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -45,7 +47,7 @@ def test_scipy_finds_nothing_better(backend, loss):
          points.ravel())
     )  # fmt: skip
     # SciPy's loss has lengths as residuals: the same cost.
-    kind = "linear" if loss == "squared" else loss
+    kind: Any = "linear" if loss == "squared" else loss
     best = least_squares(off, start, loss=kind, f_scale=1.5, max_nfev=12)
     np.testing.assert_allclose(off(start), found.errors, rtol=0, atol=1e-9)
     squares = (found.errors / 1.5) ** 2

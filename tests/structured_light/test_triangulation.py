@@ -62,7 +62,9 @@ def test_long_rows(backend):
                for c in (300, 500)]  # fmt: skip
     none = np.zeros((0, 3, 3)), np.zeros((0, 3))
     shift = np.array([-1.0, 0, 0])
-    rig = cvkern.StereoCalibration(*cameras, np.eye(3), shift, 0.0, *none, np.zeros(24))
+    rig = cvkern.StereoCalibration(
+        cameras[0], cameras[1], np.eye(3), shift, 0.0, none[0], none[1], np.zeros(24)
+    )
     y, x = np.indices((4, 700)).astype(float)
     found = cvkern.triangulate_columns(x - 300 - 600 / 6 + 500, rig)
     # Columns of up to 800 are rounded by 2^-15; a column is 0.06 of depth, and 0.04 of x.

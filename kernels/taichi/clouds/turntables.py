@@ -28,6 +28,15 @@ def _moved(
     return total + product(pose[row, 2], z, zero) + pose[row, 3]
 
 
+@ti.func
+def _first_sample(middle: ti.f32, half: ti.f32) -> ti.i32:
+    """Return the first sample whose centre a square covers, or the nearest if it covers none."""
+    first = ti.ceil(middle - half)
+    if first >= middle + half:
+        first = ti.floor(middle + 0.5)
+    return ti.cast(first, ti.i32)
+
+
 @ti.kernel
 def _splat(
     points: f32_2,  # (N, 3)
@@ -56,11 +65,10 @@ def _splat(
                 and u - half < ti.cast(keys.shape[1], ti.f32) + 0.5
                 and v - half < ti.cast(keys.shape[0], ti.f32) + 0.5
             ):
-                # The samples whose centres the square covers, and at least one.
-                left = ti.cast(ti.floor(u - half + 0.5), ti.i32)
-                top = ti.cast(ti.floor(v - half + 0.5), ti.i32)
-                right = ti.max(ti.cast(ti.floor(u + half + 0.5), ti.i32), left + 1)
-                bottom = ti.max(ti.cast(ti.floor(v + half + 0.5), ti.i32), top + 1)
+                left = _first_sample(u, half)
+                top = _first_sample(v, half)
+                right = ti.max(ti.cast(ti.ceil(u + half), ti.i32), left + 1)
+                bottom = ti.max(ti.cast(ti.ceil(v + half), ti.i32), top + 1)
                 # Bits of positive floats have the order of their values; a tie shows the first.
                 key = (ti.cast(ti.bit_cast(depth, ti.i32), ti.i64) << 32) | ti.cast(i, ti.i64)
                 for row in range(ti.max(top, 0), ti.min(bottom, keys.shape[0])):

@@ -31,6 +31,13 @@ def moved(pose: wp.array2d[float], row: int, x: float, y: float, z: float) -> fl
     return pose[row, 0] * x + pose[row, 1] * y + pose[row, 2] * z + pose[row, 3]
 
 
+@wp.func
+def first_sample(middle: float, half: float) -> int:
+    """Return the first sample whose centre a square covers, or the nearest if it covers none."""
+    first = wp.ceil(middle - half)
+    return int(wp.where(first < middle + half, first, wp.floor(middle + 0.5)))
+
+
 @wp.kernel
 def _splat(
     points: wp.array2d[float],  # (N, 3)
@@ -59,11 +66,10 @@ def _splat(
         and v - half < float(keys.shape[0]) + 0.5
     ):
         return
-    # The samples whose centres the square covers, and at least one.
-    left = int(wp.floor(u - half + 0.5))
-    top = int(wp.floor(v - half + 0.5))
-    right = wp.max(int(wp.floor(u + half + 0.5)), left + 1)
-    bottom = wp.max(int(wp.floor(v + half + 0.5)), top + 1)
+    left = first_sample(u, half)
+    top = first_sample(v, half)
+    right = wp.max(int(wp.ceil(u + half)), left + 1)
+    bottom = wp.max(int(wp.ceil(v + half)), top + 1)
     # Bits of positive floats have the order of their values; a tie shows the first point.
     key = (wp.int64(wp.cast(depth, wp.int32)) << wp.int64(32)) | wp.int64(i)
     for row in range(wp.max(top, 0), wp.min(bottom, keys.shape[0])):

@@ -134,6 +134,9 @@ def test_claim_on_bounds(kernels):
         after[-1] = 1
         given: Any = points, codes, after, lines, directions, 12.0, tolerance
         got = kernels("hough.lines.segments.claim", *given, out=[(after.shape, I32)])
-        want = lines_reference.claim(points, codes, after, *lines, directions, 12.0, tolerance)
+        cosine, sine, rho = lines
+        want = lines_reference.claim(
+            points, codes, after, cosine, sine, rho, directions, 12.0, tolerance
+        )
         np.testing.assert_array_equal(got, want)
         assert got[-1] == 2
