@@ -198,8 +198,8 @@ def test_the_first_frame_is_what_the_camera_saw(backend):
     (frame,) = turntable(points, picture.reshape(-1, 3), shape=(96, 128), frames=1)
     shown = (frame != (16, 17, 20)).any(-1)
     rows, columns = (np.flatnonzero(shown.any(axis)) for axis in (1, 0))
-    # The margin is 12 % of the picture, equal on all sides; quantiles leave out a pixel or so of the
-    # plane, and points at its rim are some three pixels wide.
+    # The margin is 12 % of the picture, equal on all sides; quantiles leave out a pixel or so of
+    # the plane, and points at its rim are some three pixels wide.
     assert 0 <= len(rows) - 96 / 1.12 < 5
     assert 0 <= len(columns) - 128 / 1.12 < 5
     assert rows[0] == 95 - rows[-1]
