@@ -21,6 +21,7 @@ BETAS, EPSILON = (0.9, 0.99), 1e-15
 WARMUP = 20  # steps until the learning rate reaches its full value
 LAST_BYTE = 1 / 255  # share of the light at which a ray through texels of 8 bits ends
 LEAST, MOST = 2, 2**13  # rows and columns of a plane
+MOST_PLANES = 512
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class PlanesField:
     """Learning rate at the end, as a share of that at the beginning."""
 
     def __post_init__(self) -> None:
-        check_integer(self.planes, "planes", 1, 512)
+        check_integer(self.planes, "planes", 1, MOST_PLANES)
         check_integer(self.texels, "texels", LEAST**2 * self.planes, 2**29)
         check_integer(self.rays, "rays", 1, 2**20)
         for name in ("detail", "learning_rate", "final_rate"):

@@ -9,7 +9,7 @@ import numpy as np
 from cvkern._checks import as_numbers, check_integer, check_number, check_positive
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.radiance.fields.field import FARTHEST, Frame
-from cvkern.radiance.fields.planes import LEAST, MOST, PlanesField, Reference
+from cvkern.radiance.fields.planes import LEAST, MOST, MOST_PLANES, PlanesField, Reference
 from cvkern.radiance.models import Model, Training
 from cvkern.radiance.multiplane.layering import extend, opacities
 from cvkern.radiance.pinhole import cameras
@@ -181,6 +181,7 @@ def _layered(
     `span` has the depths of the first and of the last plane, or None.
     """
     near, far = span
+    planes = check_integer(planes, "planes", 1, MOST_PLANES)
     settings = PlanesField(planes, near, far, texels=max(2**24, planes * photo[..., 0].size))
     matrix, shape = _matrix(K), photo.shape[:2]
     reach = round(BEHIND * max(shape)) if reach is None else check_integer(reach, "reach", 0, MOST)

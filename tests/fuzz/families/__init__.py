@@ -18,17 +18,11 @@ FAMILIES: dict[str, dict[str, Call]] = {
     for module in sorted(info.name for info in pkgutil.iter_modules(__path__))
 }
 CALLS: dict[str, Call] = {name: call for calls in FAMILIES.values() for name, call in calls.items()}
-LATE = "it is new here: only the tests of its own family try it yet"
 TORCH = "it takes tensors of PyTorch, which may not be there; tests of its own try it"
 # Public functions that are not called, and why.
 NOT_CALLED = {
     "devices": "it names what is there, and has one option, which test_runtime.py tries",
     "release_memory": "it takes no arguments; test_memory.py calls it between others",
-    "radiance.fit_appearance": LATE,
-    "radiance.load_camera_path": LATE,
-    "radiance.planes_from_depth": LATE,
-    "radiance.planes_from_stereo": LATE,
-    "radiance.write_planes": LATE,
     "torch.composite_rays": TORCH,
     "torch.gaussian": TORCH,
     "torch.remap": TORCH,

@@ -136,6 +136,17 @@ def scene_of(content: Any, test_every: Any = 8) -> int:
             raise ValueError(f"path: {str(error).replace(folder, '')}") from None
 
 
+def film_of(content: Any, factor: Any = 1.0) -> Any:
+    """Read the cameras of a film from a file of any content."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "transforms.json"
+        _write(path, content)
+        try:
+            return radiance.load_camera_path(path, factor=factor).cameras.poses
+        except ValueError as error:
+            raise ValueError(f"path: {str(error).replace(folder, '')}") from None
+
+
 def written(surface: Any) -> bytes:
     """Return the file of a mesh."""
     with tempfile.TemporaryDirectory() as folder:
@@ -205,6 +216,9 @@ CALLS: dict[str, Call] = {
     "radiance.point_cloud": Call(clouded, {"cameras": PLACES}, {"views": VIEWS}, equal=False),
     "radiance.load_model": Call(loaded, {"content": harmed}, {}),
     "radiance.load_scene": Call(scene_of, {"content": harmed_text}, {"test_every": whole(0, 9)}),
+    "radiance.load_camera_path": Call(
+        film_of, {"content": harmed_text}, {"factor": number(0.2, 2)}
+    ),
     "radiance.make_scene": Call(
         radiance.make_scene,
         {"size": whole(1, 12)},
