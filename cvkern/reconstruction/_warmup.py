@@ -10,6 +10,9 @@ import numpy as np
 from cvkern.geometry.cameras.lens import Camera
 from cvkern.reconstruction import adjust_bundle
 
+# Families that they call compile theirs.
+NO_KERNELS = ("read_reconstruction", "reconstruct", "write_reconstruction")
+
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     """Yield a name and a call for every function that has own kernels."""

@@ -25,7 +25,7 @@ def test_warmup_calls_everything():
     called = {name for name, _ in warmup.calls()}
     others = {
         "ShapeModel", "composite_rays", "composite_rays_backward", "fit", "make_scene",
-        "positional_encoding", "spherical_harmonics", "turntable",
+        "planes_from_depth", "positional_encoding", "spherical_harmonics", "turntable",
     }  # fmt: skip
     assert called == functions | others
 

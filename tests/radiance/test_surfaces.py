@@ -158,7 +158,7 @@ def test_mesh_without_scikit_image(monkeypatch):
         (lambda m: render(m, m.cameras, background=(0, 2, 0)), ValueError,
          r"background must be three numbers in \[0, 1\], got \(0, 2, 0\)"),
         (lambda m: render(m, m.cameras, background="white"), TypeError,
-         "background must be three numbers, got 'white'"),
+         "background must be real numbers, got 'white'"),
         (lambda m: point_cloud(m, views=[7]), ValueError, r"views must be in \[0, 4\], got 7"),
         (lambda m: mesh(m, resolution=4), ValueError, r"resolution must be in \[8, 1024\], got 4"),
         (lambda m: mesh(m, density=-1), ValueError, "density must be > 0, got -1"),

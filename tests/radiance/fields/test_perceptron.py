@@ -200,12 +200,14 @@ def test_saved_models_render_the_same(scene, tmp_path):
     for name in ("whole", "small"):
         read = load_model(tmp_path / f"{name}.npz")
         assert read.settings == TINY
+        # Half precision rounds weights by a share of 2^-12, of which sums and samples keep a part.
+        error = 5e-4 if name == "small" else 0
         for a, b in zip(render(read, scene.cameras, 3), want, strict=True):
-            np.testing.assert_array_equal(a, b)
+            np.testing.assert_allclose(a, b, rtol=error, atol=error)
     with cvkern.use(backend="taichi"):
         other = render(load_model(tmp_path / "small.npz"), scene.cameras, 3)
     # Sums of up to 128 products in float32, in another order, then some 64 samples a ray.
-    np.testing.assert_allclose(other.color, want.color, atol=1e-4)
+    np.testing.assert_allclose(other.color, want.color, atol=1e-4 + 5e-4)
 
 
 @pytest.mark.parametrize("unbounded", [False, True])
