@@ -121,11 +121,11 @@ def evidence(places, matches, levels, weights, frame, at, inside=None):
 
 
 def shortest(evidence, shared, least):
-    """Every step of the greedy description anew, from what is chosen so far."""
+    """Every step of the greedy description anew; `shared` gives the evidence that two share."""
     chosen = []
     while True:
         left = {
-            i: evidence[i] - sum(max(shared[i][j], 0) for j in chosen)
+            i: evidence[i] - sum(max(shared(i, j), 0) for j in chosen)
             for i in range(len(evidence))
             if i not in chosen
         }

@@ -1,5 +1,7 @@
 """Shape models find objects made of an alphabet of parts, at any scale and half hidden."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import scipy.ndimage as ndi
@@ -135,7 +137,7 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
     order = order[seen["evidence"][order] >= seen["least"]]
     assert len(order) > 10
     modes = seen["modes"][order].tolist()
-    shared = [[reference.evidence(*given, a, b) for b in modes] for a in modes]
+    shared = cache(lambda i, j: reference.evidence(*given, modes[i], modes[j]))
     want = reference.shortest(seen["evidence"][order].tolist(), shared, seen["least"])
     assert seen["chosen"].tolist() == order[want].tolist()
     assert len(want) > 2
