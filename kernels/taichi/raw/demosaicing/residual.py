@@ -18,6 +18,7 @@ import taichi as ti
 from cvkern.kernels.codes.raw import (
     BORDER,
     FLAT,
+    LEAST,
     MARGINS,
     PRIOR,
     SMOOTH,
@@ -43,6 +44,12 @@ GREEN, LEFT, TENTATIVE = 3, 4, 9
 def _sample(a: f32_3, k: ti.i32, y: ti.i32, x: ti.i32, n: ti.i32, vertical: ti.i32) -> ti.f32:
     """Return the element n pixels along the line."""
     return a[k, y + n * vertical, x + n * (1 - vertical)]
+
+
+@ti.func
+def _settled(value: ti.f32) -> ti.f32:
+    """Return an estimate, or 0 if it is so small that it is the rounding error of a zero."""
+    return 0.0 if ti.abs(value) < ti.cast(LEAST, ti.f32) else value
 
 
 @ti.func
@@ -136,7 +143,7 @@ def _rest(planes: f32_3, vertical: ti.i32, zero: ti.i32, work: f32_3):
     for y, x in ti.ndrange((top, rows), (left, columns)):
         line = _mean_line(work, EVEN, ODD, y, x, vertical)
         value = product(line[1], _guide(planes, y, x, 0, vertical), zero) + line[2]
-        work[REST, y, x] = planes[0, y, x] - quotient(value, line[0], zero)
+        work[REST, y, x] = planes[0, y, x] - _settled(quotient(value, line[0], zero))
 
 
 @ti.kernel
@@ -148,7 +155,7 @@ def _differences(vertical: ti.i32, odd: ti.i32, zero: ti.i32, work: f32_3, plane
         line = _mean_line(work, ODD, EVEN, y, x, vertical)
         before = _sample(work, REST, y, x, -1, vertical)
         rest = 0.5 * (before + _sample(work, REST, y, x, 1, vertical))
-        found = quotient(product(line[1], p, zero) + line[2], line[0], zero) + rest
+        found = _settled(quotient(product(line[1], p, zero) + line[2], line[0], zero) + rest)
         planes[1 + vertical, y, x] = p - found if (y + x + odd) & 1 else found - p
 
 
@@ -194,7 +201,7 @@ def _green(red_row: ti.i32, red_column: ti.i32, zero: ti.i32, planes: f32_3):
             total += product(w, found, zero)
         green = p
         if ((y + x + red_row + red_column) & 1) == 0:
-            green = p + quotient(total, weights, zero)
+            green = _settled(p + quotient(total, weights, zero))
         planes[GREEN, y, x] = green
 
 
@@ -274,7 +281,7 @@ def _tentative(margin: ti.i32, zero: ti.i32, planes: f32_3):
                     sums[k] += planes[6 + k, y + dy, x + dx]
             line += sums
         value = product(line[1], planes[GREEN, y, x], zero) + line[2]
-        planes[TENTATIVE, y, x] = quotient(value, line[0], zero)
+        planes[TENTATIVE, y, x] = _settled(quotient(value, line[0], zero))
         planes[LEFT, y, x] = planes[0, y, x] - planes[TENTATIVE, y, x]
 
 
@@ -344,9 +351,9 @@ def _residual(
         here, on = (y & 1) == row, (x & 1) == column
         found = planes[0, y, x]
         if here != on:
-            found = planes[TENTATIVE, y, x] + _between(planes, y, x, 0, 1, 1, zero)
+            found = _settled(planes[TENTATIVE, y, x] + _between(planes, y, x, 0, 1, 1, zero))
         elif not here:
-            found = planes[TENTATIVE, y, x] + planes[LEFT, y, x]
+            found = _settled(planes[TENTATIVE, y, x] + planes[LEFT, y, x])
         planes[result, y, x] = found
 
 

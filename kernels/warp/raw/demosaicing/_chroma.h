@@ -1,6 +1,7 @@
 // The steps that interpolate red or blue beside green, whose samples are at (row, column) of cells.
 // Planes: samples, results in 1 and 2, green in 3, then what the steps hand on.
 #include "_fit.h"
+#include "_settled.h"
 
 // needs PART, PRIOR, STEADY, DEVIATIONS, WINDOWS, TENTATIVE, DIAGONAL
 void _chroma(int row, int left, int right, int step, int margin, int own_row, int own_column,
@@ -95,7 +96,8 @@ void _chroma(int row, int left, int right, int step, int margin, int own_row, in
 #pragma clang loop vectorize(assume_safety)
             for (int i = 0; i < count; ++i) {
                 const int x = begin + i;
-                const float t = (sum(sums[1] + i) * g[x] + sum(sums[2] + i)) / sum(sums[0] + i);
+                const float t =
+                    settled((sum(sums[1] + i) * g[x] + sum(sums[2] + i)) / sum(sums[0] + i));
                 tentative[x] = t;
                 u[x] = p[x] - t;
             }
@@ -140,10 +142,10 @@ void _chroma(int row, int left, int right, int step, int margin, int own_row, in
         const int first = here ? beside : on, rest = here ? on : beside;
 #pragma clang loop vectorize(assume_safety)
         for (int x = first; x < right; x += 2)
-            to[x] = tentative[x] + between(x, 1, s, s + 1, s - 1);
+            to[x] = settled(tentative[x] + between(x, 1, s, s + 1, s - 1));
         if (here)
             for (int x = rest; x < right; x += 2) to[x] = p[x];
         else
-            for (int x = rest; x < right; x += 2) to[x] = tentative[x] + u[x];
+            for (int x = rest; x < right; x += 2) to[x] = settled(tentative[x] + u[x]);
     }
 }

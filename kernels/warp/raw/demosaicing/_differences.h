@@ -1,6 +1,7 @@
 // Differences between green and the other colour of a line, along rows or columns, LANES lines and
 // PART pixels at once. The letters are those of the Taichi set.
 #include "_fit.h"
+#include "_settled.h"
 
 // needs PART, LANES, PRIOR, REACH
 void _differences(int row, int left, int right, int vertical, int red_row, int red_column,
@@ -74,7 +75,7 @@ void _differences(int row, int left, int right, int vertical, int red_row, int r
                 const float w = evens(even[0], i, l) + odds(odd[0], i, l);
                 const float a = evens(even[1], i, l) + odds(odd[1], i, l);
                 const float b = evens(even[2], i, l) + odds(odd[2], i, l);
-                r[i][l] = p[i][l] - (a * q[i][l] + b) / w;
+                r[i][l] = p[i][l] - settled((a * q[i][l] + b) / w);
             }
         float* to = planes.data + (1 + vertical) * plane + (size_t)first * across +
                     (size_t)(begin + REACH) * along;
@@ -85,7 +86,8 @@ void _differences(int row, int left, int right, int vertical, int red_row, int r
                 const float w = evens(odd[0], i, l) + odds(even[0], i, l);
                 const float a = evens(odd[1], i, l) + odds(even[1], i, l);
                 const float b = evens(odd[2], i, l) + odds(even[2], i, l);
-                const float found = (a * p[i][l] + b) / w + 0.5f * (r[i - 1][l] + r[i + 1][l]);
+                const float found =
+                    settled((a * p[i][l] + b) / w + 0.5f * (r[i - 1][l] + r[i + 1][l]));
                 const bool green = (at + first + l + red_row + red_column) & 1;
                 d[l] = green ? p[i][l] - found : found - p[i][l];
             }

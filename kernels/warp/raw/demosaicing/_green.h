@@ -1,4 +1,5 @@
 // Green from the differences along rows and columns, PART pixels at once.
+#include "_settled.h"
 
 // needs PART, BORDER, SMOOTH, FLAT, TINY
 void _green(int row, int left, int right, int red_row, int red_column, wp::array_t<float> planes) {
@@ -51,7 +52,7 @@ void _green(int row, int left, int right, int red_row, int red_column, wp::array
                 total += w * found;
             }
             const bool chroma = ((begin + i) & 1) == column;
-            to[i] = chroma ? p[i] + total / weights : p[i];
+            to[i] = chroma ? settled(p[i] + total / weights) : p[i];
         }
     }
 }
