@@ -2,7 +2,7 @@
 
 Each photograph is placed before the points that are there; then it gives new points. Bundle
 adjustment of its surroundings follows each photograph, and adjustment of everything whenever the
-number of photographs has grown by a fifth.
+number of photographs has grown by a quarter.
 """
 
 from __future__ import annotations
