@@ -49,7 +49,8 @@ def test_there_is_something_to_test():
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_examples_run(backend, name):
+def test_examples_run(backend, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some write files
     found = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={})
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
     for test in found:
