@@ -58,7 +58,8 @@ def apply(
         Height and width of a tile, pixels.
     journal : path, optional
         A folder that is made, in which finished tiles are noted. After a run that was killed, the
-        same call goes on with the others. It is removed at the end.
+        same call goes on with the others. It is removed at the end. The function, its options and
+        the shapes must be the same; pixels are not compared.
     progress : callable, optional
         Called with the number of finished tiles and that of all of them.
     **options
@@ -104,7 +105,8 @@ def apply(
     seams = Seams(shape[:2]) if name == "canny" else None
     call = tile_edges if seams else getattr(cvkern, name)
     tiles = list(tiles_of(shape[:2], sides, reach))
-    book = Journal(journal, {"function": name, "shape": shape, "tile": sides, "options": options})
+    plan = {"function": name, "shape": shape, "tile": sides, "options": options}
+    book = Journal(journal, plan | {"masked": mask is not None})
     if book.begun and target is None:
         raise ValueError("target must be given to go on with a journal, got None")
 
