@@ -25,9 +25,9 @@ class _Options(NamedTuple):
     """The options that all operators share, as they are given."""
 
     mask: Any
-    mode: str = "reflect"
-    cval: float = 0.0
-    batch_axis: int | None = None
+    mode: str
+    cval: float
+    batch_axis: int | None
 
 
 def sobel(

@@ -1,24 +1,8 @@
-"""Rays through parallel planes, front to back, in Warp.
+"""Rays through parallel planes, front to back, in Warp; the Taichi set has the equations.
 
-Planes are parallel to the image of a reference camera. The array `planes` (16 + D,) has the map of
-the frame to its axes, a row of 4 for each, then fx, fy, cx, cy, and then 1 / depth of each plane,
-the nearest first. A texel has premultiplied colours and an opacity (c, a), interpolated linearly
-between the centres of four texels. The outermost texels go on for half a texel. In the camera's
-axes, with s = (d_x / d_z, d_y / d_z), a ray o + t d meets the plane of disparity q at the texel
-
-    (x, y) = f (s + q (o_xy - o_z s)) + c,    t = (1 - q o_z) / (q d_z),
-
-linear in q: the homography of the plane. Rays with d_z <= 0 meet nothing, nor do planes behind the
-origin count. With T_i = prod_{j < i} (1 - a_j), the ray has C = sum T_i c_i, O = sum T_i a_i,
-D = sum T_i a_i t_i, and ends where T_i falls to `stop`. For gradients g by these,
-
-    dL/dc_i = T_i g_C,    dL/da_i = T_i (g_O + g_D t_i) - S_i / (1 - a_i),
-    S_i = sum_{j > i} T_j (<g_C, c_j> + a_j (g_O + g_D t_j)),
-
-and a texel has the gradient of each sample times its share in it. S_i is what is left of
-<g_C, C> + g_O O + g_D D after the samples up to i. The gradients of samples are stored. Then, on
-the CPU, one thread adds those of a plane in the order of the rays; on CUDA a thread takes one
-sample, and the order has no effect on integer sums.
+A thread takes a ray, on the CPU a slab of rays. The gradients of samples are stored. Then, on the
+CPU, one thread adds those of a plane in the order of the rays; on CUDA a thread takes one sample,
+and the order has no effect on integer sums.
 """
 
 from functools import cache
