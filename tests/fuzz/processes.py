@@ -95,7 +95,7 @@ class Process:
             if process.stdin is not None:
                 process.stdin.close()
         try:
-            process.wait(2)
+            process.wait(60)  # compiled kernels are written to the cache at the end
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
