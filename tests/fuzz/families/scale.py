@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import cvkern.images
 import cvkern.scale
-from tests.fuzz.arguments import EDGES, IMAGE, Call, number, one, pair, whole
+from tests.fuzz.arguments import EDGES, IMAGE, Call, Draw, number, one, pair, whole
 
 
 def halo(function: str, sigma: float, radius: int) -> Any:
@@ -28,6 +31,25 @@ def tiled(name: str) -> Any:
     return call
 
 
+def mapped(images: list[np.ndarray], radius: Any, suffix: Any) -> np.ndarray:
+    """Find the medians of a few files; return the number of those done, kept and failed."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{n}.png" for n in range(len(images))]
+        for file, image in zip(files, images, strict=True):
+            cvkern.images.write_image(file, image)
+        options = {"suffix": suffix, "radius": radius}
+        found = cvkern.scale.map_images(files, "median", folder + "/out", **options)
+        again = cvkern.scale.map_images(files, "median", folder + "/out", **options)
+        if again.kept != found.done or list(again.failed) != list(found.failed):
+            raise AssertionError("the second run did something else")
+        return np.array([len(part) for part in found])
+
+
+def pictures(draw: Draw) -> list[np.ndarray]:
+    """Return up to three small pictures."""
+    return [draw.rng.integers(0, 256, (9, 12 + n), np.uint8) for n in range(draw.rng.integers(4))]
+
+
 TILES = {**IMAGE, "tile": pair(whole(1, 40))}
 CALLS: dict[str, Call] = {
     "scale.apply canny": Call(
@@ -37,6 +59,11 @@ CALLS: dict[str, Call] = {
     ),
     "scale.apply gaussian": Call(tiled("gaussian"), TILES, {"sigma": pair(number(0, 8))}),
     "scale.apply median": Call(tiled("median"), TILES, {"radius": whole(0, 5)}),
+    "scale.map_images": Call(
+        mapped,
+        {"images": pictures, "radius": whole(0, 4), "suffix": one(".npy", ".npz", ".png", ".xyz")},
+        {},
+    ),
     "scale.halo": Call(
         halo,
         {"function": one("gaussian", "median", "canny", "x"), "sigma": number(0, 9),
