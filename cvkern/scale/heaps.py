@@ -107,8 +107,10 @@ def map_images(
         If a path is not one.
     ImportError
         If the engine is not installed.
+    FileNotFoundError
+        If `paths` names no folder that exists.
     OSError
-        If `paths` names no folder that exists, or `target` cannot be made.
+        If `target` cannot be made.
 
     Notes
     -----
@@ -134,7 +136,7 @@ def map_images(
     workers = check_integer(workers, "workers", 1, 4096)
     overwrite = check_flag(overwrite, "overwrite")
     formats = *ARRAYS, *PHOTOGRAPHS
-    if suffix not in formats:
+    if not isinstance(suffix, str) or suffix not in formats:
         raise ValueError(f"suffix must be one of {', '.join(formats)}, got {suffix!r}")
     folder = as_path(target, "target")
     results = [folder / f"{file.stem}{suffix}" for file in files]
@@ -193,6 +195,8 @@ def _files(paths: Any) -> list[Path]:
     """Return the files that are named, or those of a folder by name."""
     if isinstance(paths, (str, os.PathLike)):
         folder = as_path(paths, "paths")
+        if not folder.is_dir():
+            raise FileNotFoundError(f"paths must be a folder that exists, got {str(folder)!r}")
         files = sorted(f for f in folder.iterdir() if f.suffix.lower() in PHOTOGRAPHS)
     elif isinstance(paths, Iterable):
         files = [as_path(path, "paths") for path in paths]

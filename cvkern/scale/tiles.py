@@ -13,7 +13,7 @@ import cvkern
 from cvkern._checks import check_integer, check_pair
 from cvkern._runtime import refuse_capture
 from cvkern.scale._lazy import lazy_tiles
-from cvkern.scale.edges import Seams, tile_edges
+from cvkern.scale.edges import Place, Seams, tile_edges
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
 
@@ -106,7 +106,7 @@ def apply(
     shape = _shape(source)
     sides = [check_integer(side, "tile", 1, 2**16) for side in check_pair(tile, "tile")]
     mask = options.pop("mask", None)
-    if mask is not None and tuple(mask.shape) != shape[:2]:
+    if mask is not None and np.shape(mask) != shape[:2]:
         raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
     seams = Seams(shape[:2]) if name == "canny" else None
     call = tile_edges if seams else getattr(cvkern, name)
@@ -124,8 +124,8 @@ def apply(
         raise ValueError("target must be given to go on with a journal, got None")
 
     def read(tile: Tile) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        window = np.ascontiguousarray(source[tile.window])
-        return window, {} if mask is None else {"mask": np.ascontiguousarray(mask[tile.window])}
+        window = _cut(source, tile.window, "source")
+        return window, {} if mask is None else {"mask": _cut(mask, tile.window, "mask")}
 
     def write(tile: Tile, results: tuple[np.ndarray, ...], kept: dict[str, np.ndarray]) -> None:
         for one, result in zip(targets, results, strict=True):
@@ -210,6 +210,19 @@ def tiles_of(shape: tuple[int, ...], sides: list[int], reach: int) -> Iterator[T
             slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True)
         )
         yield Tile(number, inner, outer, (inside[0], inside[1]))
+
+
+def _cut(source: Any, window: Place, name: str) -> np.ndarray:
+    try:
+        part = source[window]
+    except (TypeError, IndexError, NotImplementedError):
+        got = type(source).__name__
+        raise TypeError(
+            f"{name} must give arrays for slices of rows and columns, got {got}"
+        ) from None
+    if isinstance(part, np.ma.MaskedArray):
+        raise TypeError(f"{name} must not be masked, got {type(source).__name__}")
+    return np.ascontiguousarray(part)
 
 
 def _shape(source: Any) -> tuple[int, ...]:

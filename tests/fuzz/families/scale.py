@@ -21,9 +21,12 @@ def halo(function: str, sigma: float, radius: int) -> Any:
 def tiled(name: str) -> Any:
     """Return a call of one function in tiles, and check it against the whole image."""
 
-    def call(image: Any, tile: Any, **options: Any) -> Any:
-        found = cvkern.scale.apply(name, np.asarray(image), tile=tile, **options)
-        whole = getattr(cvkern, name)(np.asarray(image), **options)
+    def call(source: Any, tile: Any, **options: Any) -> Any:
+        try:
+            found = cvkern.scale.apply(name, source, tile=tile, **options)
+        except (TypeError, ValueError) as error:  # some speak of the function's image
+            raise type(error)(str(error).replace("image ", "source ")) from None
+        whole = getattr(cvkern, name)(source, **options)
         if not np.array_equal(found, whole, equal_nan=found.dtype.kind == "f"):
             raise AssertionError(f"tiles of {name} differ from the whole image")
         return found
@@ -31,11 +34,15 @@ def tiled(name: str) -> Any:
     return call
 
 
-def mapped(images: list[np.ndarray], radius: Any, suffix: Any) -> np.ndarray:
+def mapped(paths: Any, radius: Any, suffix: Any) -> Any:
     """Find the medians of a few files; return the number of those done, kept and failed."""
+    if not isinstance(paths, list) or not all(isinstance(a, np.ndarray) for a in paths):
+        with tempfile.TemporaryDirectory() as folder:
+            cvkern.scale.map_images(paths, "median", folder, suffix=suffix)
+        return None
     with tempfile.TemporaryDirectory() as folder:
-        files = [Path(folder) / f"{n}.png" for n in range(len(images))]
-        for file, image in zip(files, images, strict=True):
+        files = [Path(folder) / f"{n}.png" for n in range(len(paths))]
+        for file, image in zip(files, paths, strict=True):
             cvkern.images.write_image(file, image)
         options = {"suffix": suffix, "radius": radius}
         found = cvkern.scale.map_images(files, "median", folder + "/out", **options)
@@ -50,7 +57,7 @@ def pictures(draw: Draw) -> list[np.ndarray]:
     return [draw.rng.integers(0, 256, (9, 12 + n), np.uint8) for n in range(draw.rng.integers(4))]
 
 
-TILES = {**IMAGE, "tile": pair(whole(1, 40))}
+TILES = {"source": IMAGE["image"], "tile": pair(whole(1, 40))}
 CALLS: dict[str, Call] = {
     "scale.apply canny": Call(
         tiled("canny"),
@@ -61,7 +68,7 @@ CALLS: dict[str, Call] = {
     "scale.apply median": Call(tiled("median"), TILES, {"radius": whole(0, 5)}),
     "scale.map_images": Call(
         mapped,
-        {"images": pictures, "radius": whole(0, 4), "suffix": one(".npy", ".npz", ".png", ".xyz")},
+        {"paths": pictures, "radius": whole(0, 4), "suffix": one(".npy", ".npz", ".tif", ".xyz")},
         {},
     ),
     "scale.halo": Call(
