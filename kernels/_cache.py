@@ -11,7 +11,7 @@ import warnings
 # The environment variable that chooses the folder of each set.
 VARIABLES = {"warp": "WARP_CACHE_PATH", "taichi": "TI_OFFLINE_CACHE_FILE_PATH"}
 
-# Taichi holds its lock while it reads or writes the list of kernels, which takes less than a second.
+# Seconds; Taichi holds its lock while it reads or writes the list of kernels, for less than one.
 OLD = 60.0
 
 
