@@ -35,7 +35,10 @@ def tiled(name: str) -> Any:
 
 
 def mapped(paths: Any, radius: Any, suffix: Any) -> Any:
-    """Find the medians of a few files; return the number of those done, kept and failed."""
+    """Find the medians of a few files; return the number of those done, kept and failed.
+
+    A FileNotFoundError or an OSError leaves it where a path names no folder.
+    """
     if not isinstance(paths, list) or not all(isinstance(a, np.ndarray) for a in paths):
         with tempfile.TemporaryDirectory() as folder:
             cvkern.scale.map_images(paths, "median", folder, suffix=suffix)
