@@ -12,6 +12,7 @@ import argparse
 import collections
 import os
 import re
+import signal
 import sys
 import threading
 import time
@@ -110,6 +111,7 @@ def main() -> int:
         given.first, given.calls = given.only, 1
     if given.calls is None:
         given.calls = 2**31 if given.minutes else 400
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # it ends as Ctrl-C ends it
     work, since = Work(given), time.monotonic()
     runners = [threading.Thread(target=serve, args=(work, n)) for n in range(given.workers)]
     for runner in runners:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_integer, check_number, check_positive
+from cvkern._checks import as_array, as_numbers, check_integer, check_number, check_positive
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.radiance.fields.field import FARTHEST, Frame
 from cvkern.radiance.fields.planes import LEAST, MOST, MOST_PLANES, PlanesField, Reference
@@ -217,7 +217,7 @@ def _layered(
 
 def _photograph(image: Any, name: str) -> np.ndarray:
     """Return a photograph as NumPy array."""
-    photo = np.asarray(image)
+    photo = np.asarray(as_array(image, name))
     if photo.dtype != np.uint8:
         raise TypeError(f"{name} must be uint8, got {photo.dtype}")
     shape = photo.shape
