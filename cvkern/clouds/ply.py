@@ -118,7 +118,7 @@ def read_ply(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | Non
             else:
                 table = np.fromfile(stream, row, min(count, file.stat().st_size))
             points = np.stack([table[name] for name in ("x", "y", "z")], axis=1)
-        except (ValueError, TypeError, KeyError, OverflowError) as error:
+        except (ValueError, TypeError, LookupError, OverflowError) as error:
             raise ValueError(
                 f"path must be a PLY file of points, got {file.name!r}: {error}"
             ) from None
