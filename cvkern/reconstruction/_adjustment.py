@@ -232,8 +232,9 @@ class _Equations:
         kernels.eliminate(self.slopes, self.sightings, damping, self.eliminated)
         kernels.condense(self.slopes, self.sightings, self.eliminated, self.condensed)
         system, right, sizes = (np.array(rt.to_numpy(a)) for a in self.condensed)
-        whole, gradient, diagonal = _shared(system, right, sizes, bundle.lens_of, size)
         kinds = len(bundle.lenses)
+        members = (bundle.lens_of[:, None] == np.arange(kinds)).astype(np.float64)  # (C, L)
+        whole, gradient, diagonal = _shared(system, right, sizes, members)
         pull, stiffness = _anchored(bundle, self.effort)
         gradient[len(gradient) - pull.size :] += pull.ravel()
         diagonal[len(gradient) - pull.size :] += stiffness.ravel()
@@ -267,10 +268,11 @@ class _Equations:
 
 
 def _shared(
-    system: np.ndarray, right: np.ndarray, sizes: np.ndarray, lens_of: np.ndarray, size: int
+    system: np.ndarray, right: np.ndarray, sizes: np.ndarray, members: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the equations of poses, then of lenses: matrix, gradient, and undamped diagonal."""
-    views, kinds, more = len(right), int(lens_of.max()) + 1, size - POSE
+    (views, kinds), size = members.shape, right.shape[1]
+    more = size - POSE
     flat = system.reshape(views * size, views * size)
     # Kernels write the blocks above the diagonal; those on it are whole.
     own = system[np.arange(views), :, np.arange(views)]
@@ -283,7 +285,6 @@ def _shared(
     found[:poses, :poses] = whole[:, :POSE, :, :POSE].reshape(poses, poses)
     gradient[:poses], diagonal[:poses] = right[:, :POSE].ravel(), sizes[:, :POSE].ravel()
     if more:
-        members = (lens_of[:, None] == np.arange(kinds)).astype(np.float64)  # (C, L)
         mixed = np.einsum("cpdm,dl->cplm", whole[:, :POSE, :, POSE:], members)
         found[:poses, poses:] = mixed.reshape(poses, kinds * more)
         found[poses:, :poses] = found[:poses, poses:].T
