@@ -2,8 +2,8 @@
 #include "_coarse_cpu.h"
 
 // needs LANES
-// Lay the means of 16 words side by side, and behind them 4 bytes that a bound needs: the length of
-// the errors, and that of the rest in three parts. `sums` has -128 times the sum of the means, to
+// Lay the means of 16 words side by side, and behind them 4 bytes that a bound needs: the lengths of
+// the errors and of the three differences. `sums` has -128 times the sum of the means, to
 // which is added what three bytes do not hold; the length of the means; and 128 times the sum of the
 // word.
 void pack_group(int group, wp::array_t<wp::int8> words, wp::array_t<wp::int8> packed,
@@ -29,13 +29,13 @@ void pack_group(int group, wp::array_t<wp::int8> words, wp::array_t<wp::int8> pa
             sum += own.mean[k];
         }
         out[Bytes::place(j, own.size)] = own.error;
-        int rest = (own.rest + 1) / 2;
-        for (int k = 1; k < 4; ++k) {
-            const int part = rest < 127 ? rest : 127;
-            out[Bytes::place(j, own.size + k)] = part;
-            rest -= part;
+        int missing = 0;
+        for (int k = 0; k < 3; ++k) {
+            const int rest = (own.rest[k] + 1) / 2;
+            out[Bytes::place(j, own.size + 1 + k)] = rest < 127 ? rest : 127;
+            missing += rest > 127 ? 255 * (rest - 127) : 0;
         }
-        known[j] = 255 * rest - 128 * sum;
+        known[j] = missing - 128 * sum;
         known[LANES + j] = own.length;
         known[2 * LANES + j] = 128 * all;
     }
@@ -47,7 +47,7 @@ void pack_group(int group, wp::array_t<wp::int8> words, wp::array_t<wp::int8> pa
 // Coarse products bound the exact ones from above. They are computed for all words, and the exact
 // ones for those words alone whose bound reaches the worst of the best so far. A quarter of the bound
 // in _coarse_cpu.h is one sum of products of bytes: those of the means, of |m| / 4 with |S'|, and of
-// |r| / 2 with |r'| / 2, rounded up. What bytes do not hold is added to the sum, or left to `beyond`.
+// halves of the other lengths, rounded up. What bytes do not hold is added to the sum, or left to `beyond`.
 void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<wp::int8> words,
                 wp::array_t<wp::int8> packed, wp::array_t<int> sums, int least,
                 wp::array_t<int> products, wp::array_t<int> matches) {
@@ -56,9 +56,14 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
     const int size = patches.shape[1], most = matches.shape[1], groups = packed.shape[0];
     const auto load = [](const int* at)
                           __attribute__((always_inline)) { return *(const lanes*)at; };
-    // The best words of a patch: the largest product first, the smallest index in a tie.
+    // The best words of a patch, each as a product and, below it, the index from the largest down:
+    // the largest product first, the smallest index in a tie.
     struct Best {
-        int found, product[MOST], word[MOST];
+        wp::int64 key[MOST];
+
+        static wp::int64 of(int product, int word) {
+            return ((wp::int64)product << 32) + (0xffffffffu - (unsigned int)word);
+        }
     };
     lanes step, bit;
     for (int j = 0; j < LANES; ++j) step[j] = j, bit[j] = 1 << j;
@@ -92,14 +97,17 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
             own.see(patch, size);
             wp::uint8* mean = means[count];
             for (int k = 0; k < own.size; ++k) mean[k] = own.mean[k] ^ 128;
-            const int length = (own.length + 3) / 4, rest = (own.rest + 1) / 2;
+            const int length = (own.length + (own.error + 3) / 4 + 3) / 4;
             mean[own.size] = length < 255 ? length : 255;
-            for (int k = 1; k < 4; ++k) mean[own.size + k] = rest < 255 ? rest : 255;
             beyond[count] = (own.error * longest + 3) / 4;
             if (length > 255) beyond[count] += (length - 255) * 127;
-            if (rest > 255) beyond[count] += (rest - 255) * HALF_LENGTH;
+            for (int k = 0; k < 3; ++k) {
+                const int rest = (own.rest[k] + 1) / 2;
+                mean[own.size + 1 + k] = rest < 255 ? rest : 255;
+                if (rest > 255) beyond[count] += (rest - 255) * HALF_LENGTH;
+            }
             for (int k = 0; k < size; ++k) pixels[count][k] = patch[k] ^ 128;
-            best[count].found = 0;
+            for (int m = 0; m < MOST; ++m) best[count].key[m] = Best::of(least - 1, 0);
             of[count++] = row;
         }
         if (!count) break;
@@ -123,7 +131,10 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
             }
             for (int r = 0; r < count; ++r) {
                 Best& b = best[r];
-                int floor = b.found == most ? b.product[most - 1] : least;
+                const auto floor = [&]() {
+                    const int worst = (int)(b.key[most - 1] >> 32);
+                    return worst > least ? worst : least;
+                };
                 int chosen[CHUNK * LANES], number_chosen = 0;
                 const auto see = [&]() {
                     int dots[CHUNK * LANES];
@@ -134,29 +145,19 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
                             sums.data[((size_t)(index / LANES) * 3 + 2) * LANES + index % LANES];
                     }
                     for (int i = 0; i < number_chosen; ++i) {
-                        const int dot = dots[i], index = begin * LANES + chosen[i];
-                        if (dot < floor) continue;
-                        int at = b.found;
-                        if (at == most) {
-                            if (dot == floor && index > b.word[most - 1]) continue;
-                            --at;
-                        } else {
-                            ++b.found;
+                        wp::int64 key = Best::of(dots[i], begin * LANES + chosen[i]);
+                        if (key < b.key[most - 1]) continue;
+#pragma unroll
+                        for (int m = 0; m < MOST; ++m) {
+                            const wp::int64 other = b.key[m];
+                            b.key[m] = other > key ? other : key;
+                            key = other > key ? key : other;
                         }
-                        for (; at > 0 && (b.product[at - 1] < dot ||
-                                          (b.product[at - 1] == dot && b.word[at - 1] > index));
-                             --at) {
-                            b.product[at] = b.product[at - 1];
-                            b.word[at] = b.word[at - 1];
-                        }
-                        b.product[at] = dot;
-                        b.word[at] = index;
-                        if (b.found == most) floor = b.product[most - 1];
                     }
                     number_chosen = 0;
                 };
                 // Four times a bound, and what is missing in it, is at least the product.
-                const auto needed = [&]() { return ((floor + 3) >> 2) - beyond[r]; };
+                const auto needed = [&]() { return ((floor() + 3) >> 2) - beyond[r]; };
                 // First the best bound of each lane: it raises the floor for the others.
                 for (int j = 0; j < LANES; ++j) {
                     if (top[r][j] < needed()) continue;
@@ -183,8 +184,10 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
         for (int r = 0; r < count; ++r)
             for (int m = 0; m < most; ++m) {
                 const size_t out = (size_t)of[r] * most + m;
-                products.data[out] = m < best[r].found ? best[r].product[m] : 0;
-                matches.data[out] = m < best[r].found ? best[r].word[m] : -1;
+                const int product = (int)(best[r].key[m] >> 32);
+                const int word = (int)(0xffffffffu - (unsigned int)best[r].key[m]);
+                products.data[out] = product >= least ? product : 0;
+                matches.data[out] = product >= least ? word : -1;
             }
     }
 }
