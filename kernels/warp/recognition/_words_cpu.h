@@ -51,7 +51,7 @@ void pack_group(int group, wp::array_t<wp::int8> words, wp::array_t<wp::int8> pa
 void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<wp::int8> words,
                 wp::array_t<wp::int8> packed, wp::array_t<int> sums, int least,
                 wp::array_t<int> products, wp::array_t<int> matches) {
-    enum { CHUNK = 128, AT_ONCE = 4, HALF_LENGTH = 1700 };  // of 640 bytes, at most
+    enum { CHUNK = 128, AT_ONCE = 4, HALF_LENGTH = 1700 };  // half the length of 640 bytes
     typedef Bytes::Lanes lanes;
     const int size = patches.shape[1], most = matches.shape[1], groups = packed.shape[0];
     const auto load = [](const int* at)
