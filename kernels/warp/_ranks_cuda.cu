@@ -16,3 +16,6 @@ int rank_in_block(int count) {
     __syncthreads();
     return before;
 }
+
+// Return how many threads of a block have a number that is not 0. All threads must call it.
+int count_in_block(int is_there) { return __syncthreads_count(is_there); }

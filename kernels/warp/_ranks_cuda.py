@@ -10,3 +10,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 @_native.func_native("_ranks_cuda.cu", BLOCK=BLOCK)
 def rank_in_block(count: int) -> int: ...
+
+
+@_native.func_native("_ranks_cuda.cu")
+def count_in_block(is_there: int) -> int: ...
