@@ -18,6 +18,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 # Blocks are numbered along one axis.
 _OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
 ROWS = 16  # rows that a warp goes down
+REGISTERS = (BLOCK, 3)  # three blocks per multiprocessor: 80 registers a thread
 BRIGHTEST = wp.constant(MOST_GRAY)
 RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
 
@@ -58,7 +59,9 @@ def double(
 def mark(levels: int) -> wp.Kernel:
     """Return the kernel for octaves with so many inner levels."""
 
-    @_native.kernel("_extrema_cuda.cu", _OPTIONS, LEVELS=levels, ROWS=ROWS, MOVES=MOVES)
+    @_native.kernel(
+        "_extrema_cuda.cu", _OPTIONS, launch_bounds=REGISTERS, LEVELS=levels, ROWS=ROWS, MOVES=MOVES
+    )
     def mark(
         octaves: wp.array2d[wp.int64],  # (O, 4)
         threshold: float,

@@ -22,7 +22,9 @@ ROWS = 16  # rows of a tile: registers of a thread, with the reach of the taps o
 WORDS = 8  # numbers of a job
 
 
-@_native.kernel("_smoothing_cuda.cu", COLUMNS=COLUMNS, ROWS=ROWS, WORDS=WORDS)
+@_native.kernel(
+    "_smoothing_cuda.cu", launch_bounds=(COLUMNS, 3), COLUMNS=COLUMNS, ROWS=ROWS, WORDS=WORDS
+)
 def smooth(first: int, jobs: wp.array2d[wp.int64]): ...  # (J, WORDS)
 
 
