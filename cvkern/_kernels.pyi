@@ -32,6 +32,7 @@ class Folder:
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
     class geometry:
+        from cvkern.kernels.warp.geometry import matches as matches
         from cvkern.kernels.warp.geometry import robust as robust
         class cameras:
             from cvkern.kernels.warp.geometry.cameras import chessboards as chessboards
