@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._checks import check_choice, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.features.keypoints import white_of
+from cvkern.features._photographs import white_of
 from cvkern.kernels.codes.recognition import LARGEST, NOBODY
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, Sampling
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.features import corner_harris, corner_peaks, sift
-from cvkern.features.keypoints import prepared
+from cvkern.features._photographs import prepared
 from cvkern.kernels.codes.recognition import FINE, OCTAVE, PART, SPREAD, WHITE
 from cvkern.recognition._kept import kept
 from cvkern.transform.resampling import resample
