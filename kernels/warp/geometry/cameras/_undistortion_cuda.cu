@@ -45,14 +45,40 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
     // Three bytes a pixel are read, and those of four lanes written, as words where these are whole.
     const unsigned below = (unsigned)width * CHANNELS;
     const bool reads = CHANNELS == 3 && below % 4 == 0 && (size_t)src.data % 4 == 0;
+    // Places in bytes are numbers of 32 bits where segments lie within the image.
+    const bool small = (size_t)height * below < (size_t)1 << 31;
     const bool writes = CHANNELS == 3 && columns % 4 == 0 && (size_t)dst.data % 4 == 0;
 #else
     const float outside = cval;
     const unsigned below = (unsigned)width * CHANNELS;
 #endif
     for (int base = 0; base < STEPS && begin + 32 * base < columns; base += GROUP) {
+#if BYTES && CHANNELS == 1 && SEGMENT == 32
+        if (small && below % 4 == 0 && (size_t)src.data % 4 == 0 && parabolas[base][7] > 0.0f) {
+            const float4 p = *(const float4*)parabolas[base];
+            const float4 q = *(const float4*)(parabolas[base] + 4);
+            const float t = (float)lane;
+            const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
+            const unsigned ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
+            const unsigned first = (iy >> 8) * below + (ix >> 8), last = first + 1;
+            const unsigned weights = (ix & 255) * 65535 + 256, low = iy & 255, high = 256 - low;
+            unsigned made[2];
+#pragma unroll
+            for (int i = 0; i < 2; ++i) {
+                // Both pixels of a row lie in one word, or else in two.
+                const char* line = (const char*)src.data + (i ? below : 0u);
+                const unsigned w0 = *(const unsigned*)(line + (first & ~3u));
+                const unsigned w1 = *(const unsigned*)(line + (last & ~3u));
+                made[i] = __dp2a_lo(weights, __funnelshift_r(w0, w1, 8 * first), 0u);
+            }
+            const int k = 32 * base + lane;
+            const unsigned all = made[0] * high + made[1] * low + 32768;
+            if (begin + k < columns) to[k] = (SCALAR)(all >> 16);
+            continue;
+        }
+#endif
 #if BYTES && CHANNELS == 3 && SEGMENT == 32
-        if (reads && writes && parabolas[base][7] > 0.0f) {
+        if (small && reads && writes && parabolas[base][7] > 0.0f) {
             const float4 p = *(const float4*)parabolas[base];
             const float4 q = *(const float4*)(parabolas[base] + 4);
             const float t = (float)lane;
