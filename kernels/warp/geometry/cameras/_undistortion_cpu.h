@@ -48,6 +48,7 @@ void sample_row(int i, wp::array_t<SCALAR> src, wp::array_t<float> numbers, floa
     };
     // Eight bytes of a row are read if a pixel has three.
     const float lowest = last_y - (CHANNELS == 3 ? 1.5f : 0.5f);
+    const int furthest = (height - (CHANNELS == 3 ? 2 : 1)) * pitch;
     for (int begin = 0; begin < columns; begin += PART) {
         const int count = columns - begin < PART ? columns - begin : PART;
 #pragma clang loop vectorize(assume_safety)
@@ -82,7 +83,9 @@ void sample_row(int i, wp::array_t<SCALAR> src, wp::array_t<float> numbers, floa
                     along[SEGMENT * s + k] = ix & 255, down[SEGMENT * s + k] = iy & 255;
                 }
 #endif
-            } else if (bends[s]) {
+                continue;
+            }
+            if (bends[s]) {
 #pragma clang loop vectorize(assume_safety)
                 for (int k = 0; k < SEGMENT; ++k) {
                     const float t = (float)k;
@@ -96,6 +99,11 @@ void sample_row(int i, wp::array_t<SCALAR> src, wp::array_t<float> numbers, floa
                     locate(SEGMENT * s + k, u, v, in);
                 }
             }
+            // All of a segment may still be so far within.
+            int all = 1;
+            for (int k = SEGMENT * s; k < SEGMENT * (s + 1); ++k)
+                all &= (seen[k] != 0) & (place[k] < furthest);
+            inside[s] = all;
         }
         SCALAR* const to = line + (size_t)begin * CHANNELS;
 #if BYTES && CHANNELS == 1
