@@ -24,7 +24,7 @@ from cvkern.geometry.cameras.lens import (
 from cvkern.kernels.codes.geometry import LENS_SEGMENT
 
 LOOKED_AT = 33  # rows and segments of a picture for which parabolas are compared with the lens
-ROUGHEST = 1e-3  # largest distance of a parabola from the places of a segment, pixels
+ROUGHEST = 1 / 512  # largest distance of a parabola from the places, pixels: half a step of weights
 
 
 def undistort(
