@@ -13,14 +13,17 @@ from cvkern.geometry.epipolar import find_fundamentals
 from cvkern.geometry.essential import find_essentials
 from cvkern.geometry.maps import find_homographies
 from cvkern.geometry.views import recover_pose
-from cvkern.reconstruction._photographs import Keypoints, Lenses, Say, rays_through
+from cvkern.reconstruction._photographs import Keypoints, Lenses, rays_through
+from cvkern.reconstruction._vocabulary import likeness, nearest_pairs
 
 MAX_RATIO = 0.8  # nearest distance over the second nearest
 LEAST_MATCHES = 15  # matches of a pair, before and after its geometry is known
 THRESHOLD = 2.0  # Sampson distance of an inlier, pixels
 FLAT_THRESHOLD = 3.0  # distance of an inlier from a homography's place, pixels
 LEAST_SHARE = 0.25  # least share of the matches of a pair that must agree
-MANY, STRONG, PARTNERS = 20, 500, 16  # beyond `MANY` photographs, each is compared with partners
+# Up to `MANY` photographs, all pairs are matched. Up to `HUNDREDS`, the strongest keypoints of all
+# pairs tell which are alike; beyond, the vocabulary does.
+MANY, HUNDREDS, STRONG = 20, 100, 500
 SEARCHED = 40  # pairs by which the focal length is estimated
 FOCALS = np.geomspace(0.5, 3.4, 13)  # candidates for the focal length, in longest sides
 TRIALS = 4096
@@ -55,13 +58,13 @@ class Matched(NamedTuple):
     """Indices of places, (M, 2) each."""
 
 
-def match(rt: Runtime, found: list[Keypoints], say: Say) -> Matched:
-    """Match all pairs of photographs, or each photograph with its partners."""
-    say(0, 3, "Matching")
-    pairs = _likely(rt, found)
+def match(rt: Runtime, found: list[Keypoints], pairs: np.ndarray) -> Matched:
+    """Match pairs of photographs, (P, 2); those with too few matches are left out."""
     if not len(pairs):
-        return Matched(pairs, [])
-    matches = match_images([k.descriptors for k in found], pairs, max_ratio=MAX_RATIO)
+        return Matched(np.zeros((0, 2), int), [])
+    used, own = np.unique(pairs, return_inverse=True)
+    descriptors = [found[i].descriptors for i in used]
+    matches = match_images(descriptors, own.reshape(-1, 2), max_ratio=MAX_RATIO)
     kept, places = [], []
     for (i, j), pair in zip(pairs, matches, strict=True):
         pair = as_host(rt, pair)
@@ -77,25 +80,33 @@ def match(rt: Runtime, found: list[Keypoints], say: Say) -> Matched:
     return Matched(np.array(kept, int).reshape(-1, 2), places)
 
 
-def _likely(rt: Runtime, found: list[Keypoints]) -> np.ndarray:
-    """Return pairs (P, 2), i < j: all, or among many photographs those with most strong matches."""
+def choose_pairs(
+    rt: Runtime, found: list[Keypoints], pairs: str | np.ndarray, neighbors: int
+) -> np.ndarray:
+    """Return the pairs (P, 2), i < j, to match: see :func:`cvkern.reconstruct`."""
     count = len(found)
-    pairs = np.stack(np.triu_indices(count, 1), axis=1)
-    if count <= MANY:
+    if not isinstance(pairs, str):
         return pairs
+    whole = np.stack(np.triu_indices(count, 1), axis=1)
+    if pairs == "all" or (pairs == "auto" and count <= MANY):
+        return whole
+    if pairs == "sequence":
+        return whole[whole[:, 1] - whole[:, 0] <= neighbors]
+    if pairs == "vocabulary" or count > HUNDREDS:
+        return nearest_pairs(likeness(rt, found), neighbors)
+    return nearest_pairs(_shared(rt, found, whole), neighbors)
+
+
+def _shared(rt: Runtime, found: list[Keypoints], pairs: np.ndarray) -> np.ndarray:
+    """Return how many strong matches photographs share, (N, N)."""
     strong = []
     for keypoints in found:
         order = np.argsort(-keypoints.responses, kind="stable")[:STRONG]
         strong.append(rt.give(as_host(rt, keypoints.descriptors)[np.sort(order)]))
     matches = match_images(strong, pairs, max_ratio=MAX_RATIO)
-    numbers = np.zeros((count, count), int)
+    numbers = np.zeros((len(found), len(found)))
     numbers[pairs[:, 0], pairs[:, 1]] = [len(m) for m in matches]
-    numbers += numbers.T
-    likely = np.zeros((count, count), bool)
-    nearest = np.argsort(-numbers, axis=1, kind="stable")[:, :PARTNERS]
-    likely[np.arange(count)[:, None], nearest] = True
-    likely = (likely | likely.T) & (numbers > 0)
-    return pairs[likely[pairs[:, 0], pairs[:, 1]]]
+    return numbers + numbers.T
 
 
 Points = list[tuple[np.ndarray, np.ndarray]]

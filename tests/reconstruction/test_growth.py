@@ -50,7 +50,9 @@ def grown(found, matches, told=True, fixed=False, focal=scenes.FOCAL):
         growth = _growth.Growth(_tracks.find_tracks(found, pairs), pairs, chosen, 0)
         if growth.begin():
             growth.grow(say)
-            growth.settle()
+            for _ in range(_growth.ROUNDS):
+                if growth.settle(last=True):
+                    break
             return growth
     return None
 
