@@ -228,11 +228,11 @@ class Growth:
     def _clean(self) -> None:
         """Decide which sightings belong to points, and drop points that too few rays fix."""
         tracks = self.tracks
-        chosen = np.flatnonzero(self.placed[tracks.view])
+        known = np.isfinite(self.points[:, 0])
+        chosen = np.flatnonzero(self.placed[tracks.view] & known[tracks.track])
         off = self._errors(chosen, self.points[tracks.track[chosen]])
         self.active[:] = False
         self.active[chosen[off <= ERROR]] = True
-        known = np.isfinite(self.points[:, 0])
         wide = self._angles() >= LEAST_ANGLE
         self.points[known & ~wide] = np.nan
         self.active &= wide[tracks.track]
