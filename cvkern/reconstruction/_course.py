@@ -15,6 +15,7 @@ from cvkern.reconstruction._growth import ROUNDS, Growth
 from cvkern.reconstruction._pairs import (
     Matched,
     Pair,
+    agreeing,
     choose_pairs,
     consistent,
     match,
@@ -162,13 +163,14 @@ def _verified(
     if kept is not None:
         rows = zip(
             kept["first"].tolist(), kept["second"].tolist(), _parted(kept), kept["flat"].tolist(),
-            kept["rotation"], kept["translation"], strict=True,
+            kept["rotation"], kept["translation"], kept["other"], strict=True,
         )  # fmt: skip
         return [Pair(*row) for row in rows]
     pairs = consistent(verify(found, matched, lenses, course.options.seed), len(found))
+    pairs = agreeing(pairs, len(found))
     columns: dict[str, Any] = {
         name: np.array([getattr(p, name) for p in pairs])
-        for name in ("first", "second", "flat", "rotation", "translation")
+        for name in ("first", "second", "flat", "rotation", "translation", "other")
     }
     course.book.note(f"verified-{k}", columns | _joined([p.places for p in pairs]))
     return pairs

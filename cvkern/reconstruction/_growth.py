@@ -26,6 +26,7 @@ LEAST_POINTS, LEAST_SHARE = 15, 0.2  # known points that a photograph must agree
 FIRST_ANGLES = np.radians((8.0, 4.0, 2.0))  # median angle of the first pair, in turn
 FIRST_POINTS = 15  # points of the first pair
 FLAT = 0.85  # share of matches on a plane above which a first pair is chosen last
+FOR_TWINS = 4  # photographs by which the two motions of a plane are compared
 TRIED = 60  # pairs that may be the first
 NEAR = 5  # photographs that are adjusted with a new one
 GROWN = 1.25  # growth of the number of photographs between adjustments of everything
@@ -61,7 +62,7 @@ class Growth:
     def state(self) -> dict[str, np.ndarray]:
         """Return what changes while it grows."""
         failed = np.array(list(self.failed.items()), int).reshape(-1, 2)
-        whole = {name: getattr(self, name) for name in KEPT}
+        whole = {name: getattr(self, name).copy() for name in KEPT}
         return {**whole, "failed": failed, "counts": np.array([self.adjusted, self.rounds])}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -90,11 +91,27 @@ class Growth:
         for least in FIRST_ANGLES:
             wide = [(n, -k) for k, (pair, n, angle) in enumerate(tried) if angle >= least]
             if wide:
-                self._place_two(tried[-max(wide)[1]][0])
-                self._adjust_all(FEW_STEPS)
-                self.adjusted = 2
+                self._begin_with(tried[-max(wide)[1]][0])
                 return True
         return False
+
+    def _begin_with(self, pair: Pair) -> None:
+        """Place a pair; of a plane, with the motion by which more photographs fit better."""
+        twin = pair._replace(rotation=pair.other[:, :3], translation=pair.other[:, 3])
+        two = [pair] if pair.flat < FLAT or np.isnan(twin.rotation[0, 0]) else [pair, twin]
+        scores = []
+        for one in two:
+            self._clear()
+            self._place_two(one)
+            self._adjust_all(FEW_STEPS)
+            self.adjusted = 2
+            if len(two) > 1:
+                start = self.state()
+                self.grow(lambda *given: None, FOR_TWINS)
+                number, error = self.cost()
+                scores.append((-number * max(0.0, ERROR - error), len(scores), start))
+        if scores:
+            self.restore(min(scores[0], scores[1], key=lambda s: s[:2])[2])
 
     def _place_two(self, pair: Pair) -> None:
         self.placed[[pair.first, pair.second]] = True
@@ -107,6 +124,8 @@ class Growth:
     def _clear(self) -> None:
         self.placed[:], self.active[:], self.points[:] = False, False, np.nan
         self.rotations[:], self.translations[:] = np.eye(3), 0
+        self.rows, self.failed, self.adjusted = self.lenses.rows.copy(), {}, 0
+        self._straighten()
 
     # --- further photographs ---------------------------------------------------------------------
 

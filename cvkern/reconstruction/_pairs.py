@@ -13,7 +13,9 @@ from cvkern.geometry.epipolar import find_fundamentals
 from cvkern.geometry.essential import find_essentials
 from cvkern.geometry.maps import find_homographies
 from cvkern.geometry.views import recover_pose
+from cvkern.reconstruction._averaging import angles_between, average_turns
 from cvkern.reconstruction._photographs import Keypoints, Lenses, rays_through
+from cvkern.reconstruction._planes import motions_of
 from cvkern.reconstruction._vocabulary import likeness, nearest_pairs
 
 MAX_RATIO = 0.8  # nearest distance over the second nearest
@@ -31,6 +33,8 @@ MOST_FOCALS = 4  # focal lengths that are tried
 AS_GOOD = 1.15  # focal lengths with a cost up to this many times the least are tried as well
 APART = 1.5  # least ratio of two focal lengths that are tried
 FLAT = 0.9  # share of matches on a plane above which the turn of a pair is uncertain
+PLANE = 0.8  # share above which both motions that explain a plane are kept
+APART_TURNS = np.radians(2)  # least angle between their turns
 LOOP = np.radians(10)  # largest angle by which the turns of three pairs may fail to close
 
 
@@ -47,6 +51,9 @@ class Pair(NamedTuple):
     """X1 = R X0 + t, (3, 3)."""
     translation: np.ndarray
     """(3,), of length 1."""
+    other: np.ndarray
+    """Another motion that explains the matches of a plane, R and t side by side, (3, 4); NaN for
+    pairs that are no plane."""
 
 
 class Matched(NamedTuple):
@@ -177,7 +184,8 @@ def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) 
     matrices = lenses.matrices()[lenses.of]
     ends = matched.pairs
     given = []
-    for (i, j), (a, b) in zip(ends, points_of(found, matched), strict=True):
+    points = points_of(found, matched)
+    for (i, j), (a, b) in zip(ends, points, strict=True):
         both = []
         for k, places in ((i, a), (j, b)):
             lens = lenses.rows[lenses.of[k]]
@@ -200,17 +208,22 @@ def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) 
             pose = recover_pose(fits.matrices[n], a, b, matrices[i], matrices[j])
         except ValueError:  # no match is in front of both cameras
             continue
-        pairs.append(
-            Pair(
-                i,
-                j,
-                matched.places[n][inliers],
-                int(plane.sum()) / number,
-                pose.rotation,
-                pose.translation,
-            )
-        )
+        share, other = int(plane.sum()) / number, np.full((3, 4), np.nan)
+        if share > PLANE:
+            inside = np.linalg.inv(matrices[j]) @ flat.matrices[n] @ matrices[i]
+            rays = rays_through(points[n][0][inliers & plane], lenses.rows[lenses.of[i]])
+            other = _other_motion(motions_of(inside, rays), pose.rotation)
+        motion = pose.rotation, pose.translation, other
+        pairs.append(Pair(i, j, matched.places[n][inliers], share, *motion))
     return pairs
+
+
+def _other_motion(motions: list[tuple[np.ndarray, np.ndarray]], turn: np.ndarray) -> np.ndarray:
+    """Return the motion whose turn differs most from the given one, if it does at all."""
+    off = [float(angles_between(r, turn)) for r, _ in motions]
+    if not off or max(off) < APART_TURNS:
+        return np.full((3, 4), np.nan)
+    return np.column_stack(motions[int(np.argmax(off))])
 
 
 def consistent(pairs: list[Pair], count: int) -> list[Pair]:
@@ -250,3 +263,30 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
                     good[other, third] = bad[other, third] = False
             good[n], bad[n] = False, False
     return [pair for pair, keep in zip(pairs, kept, strict=True) if keep]
+
+
+def agreeing(pairs: list[Pair], count: int) -> list[Pair]:
+    """Leave out pairs whose turn contradicts the turns of all photographs together.
+
+    Pairs of a plane have no say, and stay: of their two motions, the one that fits is taken.
+    """
+    told = [n for n, pair in enumerate(pairs) if pair.flat <= FLAT]
+    if not told:
+        return pairs
+    ends = np.array([(pairs[n].first, pairs[n].second) for n in told])
+    numbers = np.array([float(len(pairs[n].places)) for n in told])
+    turns, off = average_turns(count, ends, np.stack([pairs[n].rotation for n in told]), numbers)
+    wrong = {n for n, angle in zip(told, off, strict=True) if angle > LOOP}
+    kept = []
+    for n, pair in enumerate(pairs):
+        if pair.flat > FLAT and np.isfinite(pair.other).all():
+            between = turns[pair.second] @ turns[pair.first].T
+            now, then = (angles_between(r, between) for r in (pair.rotation, pair.other[:, :3]))
+            if then < min(now, LOOP):  # NaN is not
+                other = np.column_stack((pair.rotation, pair.translation))
+                pair = pair._replace(
+                    rotation=pair.other[:, :3], translation=pair.other[:, 3], other=other
+                )
+        if n not in wrong:
+            kept.append(pair)
+    return kept

@@ -122,8 +122,8 @@ def reconstruct(
     Notes
     -----
     SIFT keypoints of pairs of photographs are matched. Essential matrices verify the pairs, and
-    pairs whose turns do not close with those of others are left out. Matches are joined to tracks;
-    a track never has two places in one photograph.
+    pairs whose turns contradict those of others are left out [3]_, [5]_. Matches are joined to
+    tracks; a track never has two places in one photograph.
 
     Words of the vocabulary are means of the photographs' own descriptors, by k-means. A photograph
     is a list of words, weighted by how rare they are [4]_.
@@ -137,6 +137,8 @@ def reconstruct(
        constraints", CVPR 2010.
     .. [4] J. Sivic and A. Zisserman, "Video Google: a text retrieval approach to object matching in
        videos", ICCV 2003.
+    .. [5] A. Chatterjee and V. M. Govindu, "Efficient and robust large-scale rotation averaging",
+       ICCV 2013.
 
     Examples
     --------
