@@ -5,7 +5,7 @@ import pytest
 
 import cvkern
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.radiance import Seen
+from cvkern.kernels.codes.radiance import Rays, Seen
 from cvkern.radiance import (
     Composite,
     PlanesField,
@@ -79,8 +79,8 @@ def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):
     with cvkern.use(backend=backend, device="cuda"):
         rt, case = runtime(), test_planes.Case()
         rays, planes = case.arrays(rt)
-        many = [owned(rt, np.tile(rt.to_numpy(a), (100, 1))) for a in rays[:2]]
-        rays = type(rays)(*many, owned(rt, np.array([4000], np.int32)))
+        from_, to = (owned(rt, np.tile(rt.to_numpy(a), (100, 1))) for a in rays[:2])
+        rays = Rays(from_, to, owned(rt, np.array([4000], np.int32)))
         texels = owned(rt, case.texels.astype(np.float32))
         seen = Seen(rt.zeros((4000, 3)), rt.zeros((4000,)), rt.zeros((4000,)))
         rt.radiance.fields.planes.rays.render(rays, planes, texels, 0.0, seen)
