@@ -37,6 +37,9 @@ class Reconstruction:
     """Row and column of each of these, (O, 2) float64."""
     errors: np.ndarray
     """Mean distance of the places of a point from where it is projected, (P,) float64, pixels."""
+    others: tuple[Reconstruction, ...] = ()
+    """Further models, each in a world of its own, the largest first: of photographs that have no
+    place in this one. Only with ``models='all'``."""
 
     def __repr__(self) -> str:
         return (

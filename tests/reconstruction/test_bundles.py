@@ -8,6 +8,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import cvkern
+from cvkern.reconstruction._solving import solve
 from tests.reconstruction import scenes
 
 
@@ -116,3 +117,15 @@ def test_order_of_sightings_does_not_matter_and_runs_are_equal():
             scene.poses, scene.camera, scene.points, scene.tracks, scene.places
         )
     np.testing.assert_array_equal(found.points, other.points)
+
+
+@pytest.mark.parametrize("count", [1, 64, 65, 200])
+def test_solve(count):
+    rng = np.random.default_rng(count)
+    root = rng.normal(size=(count, count))
+    matrix, right = root @ root.T + np.eye(count), rng.normal(size=count)
+    found = solve(np.tril(matrix), right)
+    # The condition is about 4 `count`, of 16 digits.
+    np.testing.assert_allclose(matrix @ found, right, rtol=0, atol=1e-11)
+    matrix[count // 2, count // 2] = -1
+    assert solve(matrix, right) is None
