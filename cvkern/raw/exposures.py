@@ -131,9 +131,11 @@ def merge_exposures(
     Notes
     -----
     The weighted mean of log exposures. Each value weighs as the inverse of the variance that a step
-    of one makes there, ``1 / g'^2`` of the response g, times its distance from the nearer end of the
-    scale, as flare and clipping grow towards these [1]_. Linear values weigh as the squared time. Where no exposure counts, the shortest tells what
-    is too bright and the longest what is too dark. It agrees between devices to rounding.
+    of one makes there, ``1 / g'^2`` of the response g, times its distance from the nearer end of
+    the scale, as flare and clipping grow towards these [1]_; within an eighth of either end, it
+    weighs less. Linear values weigh as the squared time. Where no exposure counts, the shortest
+    tells what is too bright and the longest what is too dark. It agrees between devices to
+    rounding.
 
     References
     ----------
