@@ -139,3 +139,11 @@ def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
     assert add in compile_for_hopper(kernel.module, tmp_path / "scatter").replace("red.", "atom.")
     for name in ("rays", "texels"):
         compile_for_hopper(load(f"radiance.fields.planes.{name}"), tmp_path / name)
+
+
+def test_heads_and_weights_of_photographs_compile_for_hopper(tmp_path):
+    for name in ("transient", "distractors"):
+        compile_for_hopper(load(f"radiance.{name}"), tmp_path / name)
+    for sums, add in ((wp.float32, "add.f32"), (wp.int64, "add.u64")):
+        kernel = load("radiance.transient").scatterer(sums, False)
+        assert f".global.{add}" in compile_for_hopper(kernel.module, tmp_path / add)
