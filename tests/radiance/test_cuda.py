@@ -74,6 +74,29 @@ def test_planes_and_their_gradients_are_those_of_the_cpu(backend):
         np.testing.assert_allclose(there, here, atol=test_planes.CLOSE)
 
 
+def test_planes_of_8_bits_are_those_of_the_cpu(backend):
+    """Fewer rays than a block has threads, and more; on CUDA Warp has native code."""
+    answers = []
+    case = test_planes.Case()
+    words = np.round(255 * case.texels).astype(np.uint8).view("<u4")[..., 0].astype(np.uint32)
+    for device in ("cpu", "cuda"):
+        with cvkern.use(backend=backend, device=device):
+            rt = runtime()
+            rays, planes = case.arrays(rt)
+            from_, to = (owned(rt, np.tile(rt.to_numpy(a), (10, 1))) for a in rays[:2])
+            rays = Rays(from_, to, owned(rt, np.array([390], np.int32)))
+            for stop in (0.0, 0.5):
+                seen = Seen(rt.zeros((400, 3)), rt.zeros((400,)), rt.zeros((400,)))
+                rt.radiance.fields.planes.rays.render(rays, planes, owned(rt, words), stop, seen)
+                answers.append([rt.to_numpy(a).copy() for a in seen])
+    for here, there in zip(answers[:2], answers[2:], strict=True):
+        assert not there[1][390:].any()
+        for one, two in zip(here, there, strict=True):
+            # A weight of 1 / 256 that is rounded the other way moves a sample by as much.
+            np.testing.assert_allclose(two, one, atol=0.02)
+            assert np.abs(two - one).mean() < 1e-5
+
+
 def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):
     """40 rays are repeated 100 times, so that many threads add to a texel."""
     found = []
