@@ -135,6 +135,18 @@ class Patches:
     side: int
 
 
+@wp.struct
+class Head:
+    """What passes in front of photographs of one size."""
+
+    nodes: wp.array4d[float]  # (N, h, w, 5)
+    width: int
+    side: int
+    least: float
+    rate: float
+    delay: int
+
+
 def struct_of(kind: Any, values: Any) -> Any:
     """Return a structure of these values, in the order of its fields."""
     made = kind()
