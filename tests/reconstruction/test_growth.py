@@ -175,6 +175,42 @@ def test_turns_of_all_photographs_from_those_of_pairs():
     assert (found.off[~wrong] < 0.1).all()
 
 
+def test_a_repeated_facade():
+    """Windows that look alike join photographs of different places; these places stay apart."""
+    rng = np.random.default_rng(3)
+    window = rng.uniform((0, -1, -0.1), (0.8, 1, 0.3), (25, 3))
+    windows = np.concatenate([window + np.array((n, 0, 0)) for n in range(10)])
+    points = np.concatenate((windows, rng.uniform((0, -1, -0.3), (10, 1, 0.3), (150, 3))))
+    eyes = np.column_stack((np.arange(1.2, 9, 0.7), rng.uniform(-0.1, 0.1, 12), np.full(12, -3.0)))
+    poses = np.concatenate((np.tile(np.eye(3), (12, 1, 1)), eyes[:, :, None]), axis=2)
+    found, names = heap(poses, points, 0.2)
+    shown = [np.abs(points[n, 0] - eye[0]) < 1.4 for n, eye in zip(names, eyes, strict=True)]
+    names = [
+        np.where(s, n, -1 - i * 1000 - n) for i, (n, s) in enumerate(zip(names, shown, strict=True))
+    ]
+    true = matched(names)
+    pairs, places = true.pairs.tolist(), list(true.places)
+    for i in range(12):
+        for j in range(i + 1, 12):
+            # Photographs of different places: the windows in the middle of both seem to be one.
+            if eyes[j, 0] - eyes[i, 0] > 2.9:
+                middle = [25 * int(eyes[k, 0]) + np.arange(25) for k in (i, j)]
+                at = [
+                    np.flatnonzero(names[k] == p)[0]
+                    for k, w in zip((i, j), middle, strict=True)
+                    for p in w
+                ]
+                pairs.append([i, j])
+                places.append(np.array(at).reshape(2, 25).T)
+    assert len(pairs) > len(true.pairs) + 20
+    growth = grown(found, _pairs.Matched(np.array(pairs), places), fixed=True)
+    assert growth is not None
+    assert growth.placed.all()
+    centres, turns = scenes.errors(placed(growth), poses)
+    assert centres < 0.02
+    assert turns < 0.5
+
+
 def test_of_two_scenes_the_larger_is_found():
     one, names_one = heap(scenes.ring(5), CLOUD)
     other, names_other = heap(scenes.ring(3, seed=1), CLOUD[::-1], seed=1)
