@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_instance
+from cvkern._checks import as_array, check_instance
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import AdamRule
 from cvkern.radiance.fields.field import Learning
@@ -109,13 +109,13 @@ def fit_appearance(
     """
     check_instance(model, Model, "model")
     check_instance(cameras, Cameras, "cameras")
-    photo = np.asarray(image)
+    photo = np.asarray(as_array(image, "image"))
     shape = cameras.height, cameras.width
     if photo.dtype != np.uint8:
         raise TypeError(f"image must be uint8, got {photo.dtype}")
     if photo.shape not in ((*shape, 3), (*shape, 4)):
         raise ValueError(f"image must have shape {(*shape, 3)}, got {photo.shape}")
-    chosen = np.ones(shape, bool) if mask is None else np.asarray(mask)
+    chosen = np.ones(shape, bool) if mask is None else np.asarray(as_array(mask, "mask"))
     if chosen.dtype != bool:
         raise TypeError(f"mask must be bool, got {chosen.dtype}")
     if chosen.shape != shape:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
@@ -80,6 +81,7 @@ def fit(
     callback: Callable[[int, float, Model], Any] | None = None,
     log: str | os.PathLike[str] | None = None,
     progress: bool = True,
+    viewer: bool = False,
 ) -> Model:
     """Train a radiance field on the photographs of a scene.
 
@@ -147,6 +149,9 @@ def fit(
     progress : bool, default True
         Show a progress bar if the standard error is a terminal, and otherwise print a line every 10
         seconds.
+    viewer : bool, default False
+        Show the field while it trains, on a page in the browser of this machine; its address is
+        printed. Needs viser. ``cvkern view`` shows a model afterwards.
 
     Returns
     -------
@@ -164,6 +169,8 @@ def fit(
         If `checkpoint` or `log` cannot be written.
     TypeError
         If an argument has the wrong type.
+    ImportError
+        If viser is not installed for `viewer`.
     ValueError
         If an option is unknown or out of its range; if both `seconds` and `steps` are given; if the
         scene has no training views, images of 2 GiB or more together, or a camera more than 32768
@@ -191,6 +198,7 @@ def fit(
     deterministic = check_flag(deterministic, "deterministic")
     resume = check_flag(resume, "resume")
     progress = check_flag(progress, "progress")
+    viewer = check_flag(viewer, "viewer")
     refuse_capture("fit")
     if isinstance(field, str):
         check_choice(field, tuple(KINDS), "field")
@@ -241,9 +249,17 @@ def fit(
     with contextlib.ExitStack() as stack:
         write = stack.enter_context(logs.opened(to, resume)) if to is not None else None
         say, stop = stack.enter_context(shown(progress)), stack.enter_context(stoppable())
+        if viewer:
+            from cvkern.app.viewer.fields import shown_while_training
+
+            callback = stack.enter_context(shown_while_training(model, callback, _told))
         watch = _watched(callback, write, model)
         trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every, watch)
     return model
+
+
+def _told(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _watched(

@@ -84,7 +84,7 @@ def test_what_is_fixed_stays():
     scene = scenes.make(count=4, points=40, noise=0.5)
     poses, points = shaken(scene)
     fixed = np.array([True, False, True, False])
-    lenses = [scene.camera, scenes.camera(610.0)]
+    lenses = [scene.camera, scenes.camera(610.0), scenes.camera(700.0)]  # the last: no photograph
     found = cvkern.adjust_bundle(
         poses, lenses, points, scene.tracks, scene.places, lens_of=[0, 1, 0, 1], fixed=fixed,
         refine="all",
@@ -94,6 +94,7 @@ def test_what_is_fixed_stays():
     assert (np.abs(found.poses[~fixed] - poses[~fixed]).max(axis=(1, 2)) > 1e-4).all()
     np.testing.assert_array_equal(found.lenses[0].matrix, lenses[0].matrix)
     assert found.lenses[1].matrix[0, 0] != 610.0
+    np.testing.assert_array_equal(found.lenses[2].matrix, lenses[2].matrix)
     still = cvkern.adjust_bundle(
         poses, lenses, points, scene.tracks, scene.places, lens_of=[0, 1, 0, 1], max_steps=0
     )

@@ -94,6 +94,9 @@ def train(
             help="Log to write, .csv, or a folder for TensorBoard; --resume continues it."
         ),
     ] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the field in the browser while it trains.")
+    ] = False,
     shrink: Shrink = 1,
     overwrite: Overwrite = False,
     backend: Backend = None,
@@ -122,6 +125,7 @@ def train(
             checkpoint=output,
             resume=resume,
             log=log,
+            viewer=view,
         )
     done = model.training
     said = f"{output}: 1 step"  # the time of the first step is not counted
