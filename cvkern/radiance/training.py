@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,14 @@ ON_GPU: dict[str, dict[str, Any]] = {
 LAST_GRID = 11 * 10**9  # bytes of the last two grids; a GPU with less omits the last one
 
 
+class Wild(NamedTuple):
+    """The options for photographs of changing light and crowds."""
+
+    appearance: str | None
+    gauge: int | None
+    robust: bool
+
+
 def fit(
     scene: Scene,
     field: str | Settings | None = None,
@@ -72,6 +80,7 @@ def fit(
     spread: float = 0.0,
     appearance: str | None = None,
     gauge: int | None = None,
+    robust: bool = False,
     seed: int = 0,
     deterministic: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -119,6 +128,9 @@ def fit(
     gauge : int, optional
         The number of the photograph, among all of the scene, whose light pictures have by default.
         By default the first one that is trained on.
+    robust : bool, default False
+        Ignore what does not stay, such as passers-by: a pixel counts as much as it is likely to
+        show the scene, by its error and those of its neighbourhood. See ``model.weights``.
     seed : int, default 0
         Seed of all random numbers.
     deterministic : bool, default False
@@ -228,6 +240,8 @@ def fit(
         evaluate_every = check_integer(evaluate_every, "evaluate_every", 1, 2**31 - 1)
     if not (~scene.test).any():
         raise ValueError(f"scene must have views to train from, got {len(scene)} held out")
+    if scene.masks is not None and not scene.masks[~scene.test].any():
+        raise ValueError("scene must have pixels to train from, got masks without any")
     if checkpoint is not None:
         checkpoints.check_path(checkpoint)
     elif resume:
@@ -238,11 +252,11 @@ def fit(
         raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
     if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
         raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
-    light = appearance, gauge
+    wild = Wild(appearance, gauge, check_flag(robust, "robust"))
     if callback is not None and not callable(callback):
         raise TypeError(f"callback must be a function, got {type(callback).__name__}")
     to = None if log is None else logs.check_log(log)
-    model = _begin(scene, field, background, seed, light, checkpoint if resume else None)
+    model = _begin(scene, field, background, seed, wild, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
@@ -298,7 +312,7 @@ def _begin(
     field: str | Settings | None,
     background: str | None,
     seed: int,
-    light: tuple[str | None, int | None],
+    wild: Wild,
     checkpoint: Any,
 ) -> Model:
     """Return a new model, or the one to continue with."""
@@ -318,8 +332,9 @@ def _begin(
             ("field", settings if field is None else field, settings),
             ("background", background or model.background, model.background),
             ("seed", seed, model.seed),
-            ("appearance", light[0] or model.appearance, model.appearance),
-            ("gauge", model.gauge if light[1] is None else light[1], model.gauge),
+            ("appearance", wild.appearance or model.appearance, model.appearance),
+            ("gauge", model.gauge if wild.gauge is None else wild.gauge, model.gauge),
+            ("robust", wild.robust or model.robust, model.robust),
             ("scene", frame, model.frame),
         ):
             if saved != wanted:
@@ -332,13 +347,12 @@ def _begin(
     background = background or _seen_behind(scene)
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
-    appearance, gauge = light
-    gauge = int(np.flatnonzero(~scene.test)[0]) if gauge is None else gauge
+    gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
     made = settings.build(runtime(), frame, seed)
     made.start(scene)
     return Model(
         made, settings, background, behind, scene.cameras, seed,
-        Training(), {}, appearance, gauge,
+        Training(), {}, wild.appearance, gauge, wild.robust,
     )  # fmt: skip
 
 

@@ -61,6 +61,9 @@ def train(
         str | None,
         typer.Option(help="affine: learn the light of each photograph.", show_default="one light"),
     ] = None,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Ignore passers-by and what else does not stay.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
@@ -120,6 +123,7 @@ def train(
             background=background,
             loss=loss,
             appearance=appearance,
+            robust=robust,
             seed=seed,
             deterministic=deterministic,
             checkpoint=output,
