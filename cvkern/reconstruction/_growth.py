@@ -17,7 +17,7 @@ from cvkern.reconstruction._adjustment import Bundle, Effort, adjust, gaps_of
 from cvkern.reconstruction._pairs import Pair
 from cvkern.reconstruction._photographs import Lenses, Say, rays_through
 from cvkern.reconstruction._tracks import Tracks
-from cvkern.reconstruction._triangulation import Rays, triangulate, widest_angles
+from cvkern.reconstruction._triangulation import Rays, lengths_of, triangulate, widest_angles
 
 ERROR = 4.0  # pixels: a place farther from its projected point does not belong to it
 POSE_ERROR = 6.0  # the same while a photograph is placed
@@ -131,8 +131,10 @@ class Growth:
     def _clear(self) -> None:
         self.placed[:], self.active[:], self.points[:] = False, False, np.nan
         self.rotations[:], self.translations[:] = np.eye(3), 0
-        self.rows, self.failed, self.adjusted = self.lenses.rows.copy(), {}, 0
-        self._straighten()
+        self.failed, self.adjusted = {}, 0
+        if not np.array_equal(self.rows, self.lenses.rows):
+            self.rows = self.lenses.rows.copy()
+            self._straighten()
 
     # --- further photographs ---------------------------------------------------------------------
 
@@ -223,7 +225,7 @@ class Growth:
         turns = self.rotations[view]
         ahead = np.einsum("oji,oj->oi", turns, flat)
         eyes = -np.einsum("nji,nj->ni", self.rotations, self.translations)[view]
-        ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+        ahead /= lengths_of(ahead)[:, None]
         return Rays(self.tracks.track[chosen], eyes, ahead, view)
 
     def _angles(self) -> np.ndarray:
@@ -236,7 +238,7 @@ class Growth:
         inside = np.einsum("oij,oj->oi", self.rotations[view], points) + self.translations[view]
         with np.errstate(all="ignore"):
             off = inside[:, :2] / inside[:, 2:] - self.straight[chosen]
-            off = np.linalg.norm(off * self.rows[self.lenses.of[view], :2], axis=1)
+            off = lengths_of(off * self.rows[self.lenses.of[view], :2])
         return np.where(inside[:, 2] > 0, off, np.inf)
 
     def _add_points(self) -> None:
