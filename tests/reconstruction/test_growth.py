@@ -1,14 +1,16 @@
 """Reconstruction from given places of points, without images: noise, outliers, hard scenes."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cvkern.reconstruction import _averaging, _growth, _pairs, _planes, _tracks
+from cvkern.reconstruction import _averaging, _course, _growth, _pairs, _planes, _tracks
 from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._photographs import Keypoints, Lenses
+from cvkern.scale.journals import Journal
 from tests.reconstruction import scenes
 
 
@@ -211,13 +213,26 @@ def test_a_repeated_facade():
     assert turns < 0.5
 
 
-def test_of_two_scenes_the_larger_is_found():
-    one, names_one = heap(scenes.ring(5), CLOUD)
+@pytest.mark.parametrize("every", [False, True])
+def test_of_two_scenes_the_one_with_most_photographs_is_first(every, monkeypatch):
+    """The smaller one has more matches, and is begun with."""
+    one, names_one = heap(scenes.ring(5), CLOUD[:90])
     other, names_other = heap(scenes.ring(3, seed=1), CLOUD[::-1], seed=1)
     names = [*names_one, *(n + 1000 for n in names_other)]
-    growth = grown([*one, *other], matched(names))
-    assert growth is not None
-    assert growth.placed.tolist() == [True] * 5 + [False] * 3
+    matches = matched(names)
+    assert max(matches.pairs[np.argsort([len(p) for p in matches.places])[-1]]) > 4
+    monkeypatch.setattr(_course, "_keypoints", lambda *given: [*one, *other])
+    monkeypatch.setattr(_course, "_matches", lambda *given: matches)
+    options = _course.Options(100, "all", 1, every, 0)
+    say: Any = lambda *given: None  # noqa: E731
+    nothing: Any = None
+    course = _course.Course(nothing, options, Journal(None, {}), say)
+    lenses = Lenses(lens_row(scenes.camera())[None], np.zeros(8, int), np.array([True]), False)
+    largest, smaller = _course.find_models(course, nothing, lenses)
+    assert largest.placed.tolist() == [True] * 5 + [False] * 3
+    assert smaller.placed.tolist() == [False] * 5 + [True] * 3
+    for growth, poses in ((largest, scenes.ring(5)), (smaller, scenes.ring(3, seed=1))):
+        assert scenes.errors(placed(growth), poses)[0] < 0.02
 
 
 def test_a_photograph_of_something_else_and_a_duplicate():
