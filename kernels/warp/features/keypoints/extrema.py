@@ -20,7 +20,7 @@ from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
 from . import _smoothing_cuda as cuda_smoothing
 from ._smoothing_cpu import smooth_rows
-from .refinement import keep, refine
+from .refinement import refine
 from .selection import add_up
 
 LINE = 16  # floats of a line of the cache
@@ -112,7 +112,7 @@ def mark_keypoints(
     clear(words)
     clear(ends)
     if total:
-        keep(octaves, cells, words, ends)
+        launch(cpu.keep, 1, [table(octaves), cells], [words, ends])
     add_up(ends)
 
 
