@@ -59,6 +59,7 @@ class Folder:
     class radiance:
         from cvkern.kernels.warp.radiance import appearance as appearance
         from cvkern.kernels.warp.radiance import compositing as compositing
+        from cvkern.kernels.warp.radiance import distractors as distractors
         from cvkern.kernels.warp.radiance import encodings as encodings
         from cvkern.kernels.warp.radiance import pinhole as pinhole
         from cvkern.kernels.warp.radiance import rendering as rendering
