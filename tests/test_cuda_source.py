@@ -157,6 +157,16 @@ def test_robust_fits_fuse_no_product_with_a_sum(tmp_path):
         assert "fma.rn.f" not in Path(ptx).read_text()
 
 
+def test_extrema_fuse_no_product_with_a_sum(tmp_path):
+    from cvkern.kernels.warp.features.keypoints import _extrema_cuda as extrema
+
+    kernels.start("cpu", None)
+    for levels in (1, 3, 8):
+        module, folder = extrema.mark(levels).module, tmp_path / f"{levels}"
+        (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=folder, use_ptx=True)
+        assert "fma.rn.f" not in Path(ptx).read_text()
+
+
 def test_matching_compiles_since_ampere(tmp_path):
     from cvkern.kernels.warp.features import _matching_cuda as matching
 

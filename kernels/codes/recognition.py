@@ -18,6 +18,7 @@ OCTAVE = 64
 ONE = 2**16
 FACTOR_BITS = 16  # factors of scale are in parts of 2^16
 KERNEL_ONE = 2**10  # value of the kernel of mean shift at its middle
+AROUND = 3  # votes are listed in cells that are at most so many from one of a maximum
 DEEPEST = 255  # largest radius of that kernel in steps of scale
 NOBODY = -1  # match of a patch that activates no further word
 
