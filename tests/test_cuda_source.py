@@ -87,6 +87,7 @@ def stereo_kernels():
         yield from disparity.medians(radius, contrast)
     yield from (fill_rows, fill_empty_rows)
     yield from cost_kernels()
+    yield match_costs.pack
     for aligned in (True, False):
         yield match_costs.match_costs_kernel(aligned)
     for scalar in (byte, word, wp.float32):
