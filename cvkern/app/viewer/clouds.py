@@ -22,7 +22,7 @@ def cloud_page(
         points, colors = points[chosen], None if colors is None else colors[chosen]
     low, high = np.percentile(points, (2, 98), axis=0)
     middle, extent = (low + high) / 2, float(np.linalg.norm(high - low)) or 1.0
-    width = extent / max(2 * len(points) ** 0.5, 200)  # of a point
+    width = extent / max(2 * len(points) ** 0.5, 200)  # the side of a point
     server.scene.set_up_direction((0.0, -1.0, 0.0))
     shade = np.full((len(points), 3), 200, np.uint8) if colors is None else colors
     cloud = server.scene.add_point_cloud(

@@ -53,7 +53,7 @@ class PhotographPage:
             warnings.simplefilter("ignore")
             try:
                 self.found, said = self._find(**state)
-            except ValueError as error:  # of values that do not fit together
+            except ValueError as error:  # the values do not fit together
                 self.text.content = str(error)
                 return False
         self.text.content = f"{said}, {1e3 * (time.perf_counter() - begin):.0f} ms"
