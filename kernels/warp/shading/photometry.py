@@ -1,8 +1,7 @@
 """Normals and albedo of pixels seen under several lights, in Warp.
 
-The Taichi set has the equations. Least squares take 64 pixels at once on the CPU; on CUDA one pixel
-a thread, whose values stay in shared memory if there are not too many images. Robust rules take
-eight pixels at once on the CPU (`_photometry_cpu.h`), and one a thread on CUDA.
+The Taichi set has the equations. Least squares take 64 pixels at once on the CPU, and robust rules
+eight (`_photometry_cpu.h`); on CUDA a thread takes one pixel.
 """
 
 import warp as wp
@@ -13,7 +12,6 @@ from cvkern.kernels.warp._lanes_cpu import WIDE
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
 from cvkern.kernels.warp.shading._mask import is_inside
 from cvkern.kernels.warp.shading._photometry_cpu import solve_lanes
-from cvkern.kernels.warp.shading._photometry_cuda import solve_kept, threads_for
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -83,11 +81,8 @@ def solve(
 ) -> None:
     """Write what least squares over all images give: the inverse (3, K) times each pixel."""
     inputs, outputs = [images, inverse, lights, mask], [normals, albedo, residual]
-    size, threads = albedo.size, threads_for(images.shape[0])
-    if albedo.device.is_cuda and threads:
-        launch(solve_kept, size, inputs, outputs, threads)
-    elif albedo.device.is_cuda or size < WIDE:
-        launch(_solve, size, inputs, outputs)
+    if albedo.device.is_cuda or albedo.size < WIDE:
+        launch(_solve, albedo.size, inputs, outputs)
     else:
         solve_lanes(*inputs, *outputs)
 
