@@ -12,7 +12,7 @@ import numpy as np
 from cvkern._checks import as_items, as_numbers, check_choice, check_flag, check_integer
 from cvkern._files import as_path
 from cvkern._runtime import refuse_capture, runtime
-from cvkern.geometry.cameras.lens import Camera, check_lens
+from cvkern.geometry.cameras.lens import Camera, check_lens, matrix_of
 from cvkern.images._formats import PHOTOGRAPHS
 from cvkern.panorama.registration import Heap, Progress, check_heap, make_small
 from cvkern.reconstruction._adjustment import lens_row
@@ -262,9 +262,8 @@ def _cameras(rows: np.ndarray, of: np.ndarray, heap: Heap) -> tuple[Camera, ...]
     found = []
     for n, row in enumerate(rows):
         image = int(np.flatnonzero(of == n)[0])
-        fx, fy, cx, cy, *bent = _scaled(row, 1 / heap.factors[image])
-        matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
-        found.append(Camera(matrix, bent, tuple(heap.images[image].shape[:2])))
+        lens = _scaled(row, 1 / heap.factors[image])
+        found.append(Camera(matrix_of(*lens[:4]), lens[4:], tuple(heap.images[image].shape[:2])))
     return tuple(found)
 
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Iterator
+from inspect import signature
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import runtime
-from cvkern.edges.masks import canny_options, find_states
+from cvkern.edges.masks import canny, canny_options, find_states
 from cvkern.kernels.codes.edges import Edge
 
 _EDGE = 1  # node of all pixels that are edges already; 0 is no node
@@ -24,7 +25,9 @@ Place = tuple[slice, slice]
 
 def tile_edges(window: np.ndarray, **options: Any) -> np.ndarray:
     """Return the states of the pixels of a window, uint8."""
-    image, checked = canny_options(window, **options)
+    given = signature(canny).bind(window, **options)
+    given.apply_defaults()
+    image, checked = canny_options(*given.args, **given.kwargs)
     rt = runtime(image)
     states = rt.empty(tuple(image.shape[:2]), np.uint8)
     find_states(rt, image, checked, rt.adopt(states, np.uint8))

@@ -25,6 +25,7 @@ from cvkern.geometry.cameras.lens import (
     Camera,
     check_lens,
     focal_and_center,
+    matrix_of,
     rays_of,
 )
 
@@ -320,8 +321,7 @@ def numbers_of(camera: Camera) -> np.ndarray:
 
 def camera_of(numbers: np.ndarray, shape: tuple[int, int]) -> Camera:
     """Return the camera of nine numbers."""
-    fx, fy, cx, cy = numbers[:4]
-    return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), numbers[4:], shape)
+    return Camera(matrix_of(*numbers[:4]), numbers[4:], shape)
 
 
 def split(values: np.ndarray, boards: list[np.ndarray]) -> list[np.ndarray]:

@@ -14,6 +14,9 @@ from ._space import Cells, below, cells_of, factor_of, kernel_at, scaled
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FINE = wp.constant(codes.FINE)
+FINE_BITS = wp.constant(codes.FINE_BITS)  # a shift rounds down, the quotient of Warp towards 0
+SHARE_BITS = wp.constant(codes.SHARE_BITS)
+KERNEL_BITS = wp.constant(wp.int64(codes.KERNEL_BITS))
 WIDE = wp.constant(wp.int64(codes.FINE))
 APART = wp.constant(codes.OCTAVE // 2)
 LANES = 256  # threads of a mode on CUDA, which share the pixels of each patch
@@ -67,7 +70,7 @@ def paint_patch(
         column = first[1] + k - down * side
         if row >= 0 and column >= 0 and row < balance.shape[1] and column < balance.shape[2]:
             product = weight * (2 * int(figures[entry, k]) - 255)
-            wp.atomic_add(balance, t, row, column, product >> 8)
+            wp.atomic_add(balance, t, row, column, product >> SHARE_BITS)
 
 
 @wp.kernel
@@ -110,13 +113,13 @@ def _paint(
                         near = kernel_at(other - place, reach, scales)
                         i = sources[v, 0]
                         if near > wp.int64(0) and wp.abs(places[i, 2] - place[2]) < APART:
-                            weight = int(wp.int64(cells.votes[v, 3]) * near >> wp.int64(10))
+                            weight = int(wp.int64(cells.votes[v, 3]) * near >> KERNEL_BITS)
                             # First pixel of the patch in the box, halves rounded up.
                             top = below(places[i, 0] - place[0], own) + FINE // 2
                             left = below(places[i, 1] - place[1], own) + FINE // 2
                             top += FINE * (height - side) // 2
                             left += FINE * (width - side) // 2
-                            first = wp.vec2i(top >> 4, left >> 4)
+                            first = wp.vec2i(top >> FINE_BITS, left >> FINE_BITS)
                             paint_patch(
                                 balance, figures, t, sources[v, 1], side, first, weight, lane, lanes
                             )
@@ -164,16 +167,16 @@ def _spread(
         row = line - t * masks.shape[1]
         factor = factor_of(factors, lowest, modes[t, 2])
         y = below(FINE * row - modes[t, 0], factor) + FINE * (height - 1) // 2
-        top = y >> 4
+        top = y >> FINE_BITS
         if top >= -1 and top < height:
             down = wp.int64(y - FINE * top)
             # The box, and some pixels more.
             half = scaled(FINE * (width + 3) // 2, factor)
-            first = wp.max((modes[t, 1] - half) >> 4, 0)
-            last = wp.min(((modes[t, 1] + half) >> 4) + 2, masks.shape[2])
+            first = wp.max((modes[t, 1] - half) >> FINE_BITS, 0)
+            last = wp.min(((modes[t, 1] + half) >> FINE_BITS) + 2, masks.shape[2])
             for column in range(first + lane, last, lanes):
                 x = below(FINE * column - modes[t, 1], factor) + FINE * (width - 1) // 2
-                left = x >> 4
+                left = x >> FINE_BITS
                 along = wp.int64(x - FINE * left)
                 upper = (WIDE - along) * balance_at(balance, t, top, left)
                 upper += along * balance_at(balance, t, top, left + 1)

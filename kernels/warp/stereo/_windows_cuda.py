@@ -35,7 +35,7 @@ def columns_of(words: int) -> int:
 @lru_cache
 def match_kernel(words: int) -> wp.Kernel:
     """Return the kernel for up to 64 `words` disparities; it is compiled at the first use."""
-    needs = {"WORDS": words, "COLUMNS": columns_of(words), "BLOCK": _BLOCK, "WIDE": "int"}
+    needs = {"WORDS": words, "COLUMNS": columns_of(words), "BLOCK": _BLOCK, "WIDE": wp.int32}
 
     @_native.kernel("_windows_cuda.cu", OPTIONS, launch_bounds=(_BLOCK, 4), **needs, **CURVES)
     def match(

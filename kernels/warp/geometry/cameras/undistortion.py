@@ -18,7 +18,6 @@ from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 STEPS, GROUP = 8, 1  # pixels of a lane on CUDA; fetching more than one at once was slower
-NAMES = {wp.uint8: "wp::uint8", wp.float32: "float"}
 
 
 def sample(src: wp.array, numbers: wp.array, cval: float, dst: wp.array) -> None:
@@ -45,7 +44,7 @@ def sample_rows_cpu(scalar: Any, channels: int) -> wp.Kernel:
     native = _native.func_native(
         "_undistortion_cpu.h",
         BYTES=int(scalar is wp.uint8),
-        SCALAR=NAMES[scalar],
+        SCALAR=scalar,
         CHANNELS=channels,
         SEGMENT=LENS_SEGMENT,
     )
@@ -84,7 +83,7 @@ def sample_parts_cuda(scalar: Any, channels: int) -> wp.Kernel:
         "_undistortion_cuda.cu",
         OPTIONS,
         BYTES=int(scalar is wp.uint8),
-        SCALAR=NAMES[scalar],
+        SCALAR=scalar,
         CHANNELS=channels,
         SEGMENT=LENS_SEGMENT,
         STEPS=STEPS,

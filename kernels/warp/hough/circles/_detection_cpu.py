@@ -32,10 +32,10 @@ def sight(*aim: Any) -> Any:
     return made
 
 
-def _shrink(scalar: Any, c_type: str) -> wp.Kernel:
+def _shrink(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
 
-    @_native.kernel("_centers_cpu.h", SCALAR=c_type)
+    @_native.kernel("_centers_cpu.h", SCALAR=scalar)
     def shrink(
         slab: int,
         first: int,
@@ -51,7 +51,7 @@ def _shrink(scalar: Any, c_type: str) -> wp.Kernel:
     return shrink
 
 
-shrinks = {wp.uint8: _shrink(wp.uint8, "wp::uint8"), wp.float32: _shrink(wp.float32, "float")}
+shrinks = {scalar: _shrink(scalar) for scalar in (wp.uint8, wp.float32)}
 
 
 @_native.kernel("_centers_cpu.h", LINE_ONE=LINE_ONE, LINE_BITS=LINE_ONE.bit_length() - 1)

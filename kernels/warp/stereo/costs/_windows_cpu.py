@@ -16,14 +16,6 @@ from cvkern.kernels.warp._launch import scratch
 # Without fused multiply-add a cost has the same bits on every device.
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
-C_TYPES = {
-    wp.uint8: "unsigned char",
-    wp.uint16: "unsigned short",
-    wp.int32: "int",
-    wp.float32: "float",
-    wp.float64: "double",
-    wp.uint64: "unsigned long long",
-}
 # Number of disparities in a vector, by the type of the sums.
 LANES_OF = {wp.uint16: 64, wp.int32: 32, wp.float32: 32, wp.float64: 16}
 
@@ -83,9 +75,9 @@ def constants(cost: int, pixel: Any, sums: Any) -> dict[str, Any]:
     return {
         "COST": int(cost),
         **{code.name: int(code) for code in Cost if code != Cost.CENSUS_SYMMETRIC},
-        "PIXEL": C_TYPES[values_dtype(pixel)],
-        "ELEMENT": C_TYPES[pixel],
-        "SUM": C_TYPES[sums],
+        "PIXEL": values_dtype(pixel),
+        "ELEMENT": pixel,
+        "SUM": sums,
         "LANES": LANES_OF[sums],
         "FLOATS": "true" if pixel is wp.float32 else "false",
     }
@@ -95,7 +87,7 @@ def constants(cost: int, pixel: Any, sums: Any) -> dict[str, Any]:
 def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
     """Return the kernel of a cost, for images and costs of these types."""
     value, sums = values_dtype(pixel), sums_dtype(pixel, out)
-    needs = {**constants(cost, pixel, sums), "OUT": C_TYPES[out]}
+    needs = {**constants(cost, pixel, sums), "OUT": out}
 
     @_native.kernel("_windows_cpu.h", OPTIONS, **needs)
     def window_costs(

@@ -40,7 +40,7 @@ def winners(line_type: Any, paths: int, room: int, pixels: int) -> wp.Kernel:
         "DEPTH": room,
         "TILE": pixels,
         "BLOCK": BLOCK,
-        "WIDE": "int",
+        "WIDE": wp.int32,
         **CURVES,
         **total_constants(line_type, paths),
     }
