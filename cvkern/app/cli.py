@@ -27,6 +27,7 @@ from cvkern.app.commands.pair import pair
 from cvkern.app.commands.panorama import panorama
 from cvkern.app.commands.recognize import recognize
 from cvkern.app.commands.relief import relief
+from cvkern.app.commands.scale import scale
 from cvkern.app.commands.scan import scan
 from cvkern.app.commands.stereo import stereo
 
@@ -92,6 +93,7 @@ app.command()(relief)
 app.command()(scan)
 app.command()(develop)
 app.command()(hdr)
+app.command()(scale)
 app.add_typer(recognize, name="recognize")
 app.add_typer(nerf, name="nerf")
 

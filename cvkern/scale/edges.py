@@ -56,7 +56,8 @@ class Seams:
         self.last = np.zeros(shape[1], np.int64)  # the same of the tiles of this row
         self.side = np.zeros(0, np.int64)  # nodes of the last column of the tile to the left
 
-    def split(self, states: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    @staticmethod
+    def split(states: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return the edges that a tile decides, and its undecided pixels, packed."""
         states = np.ascontiguousarray(states)
         edges = _flooded(states)

@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 
 import cvkern
+from cvkern._checks import check_number
 
 Options = Mapping[str, Any]
 
 
-def _largest(values: Any) -> float:
-    return float(np.max(np.atleast_1d(np.asarray(values, np.float64))))
+def _largest(options: Options, name: str) -> float:
+    """Return the largest number of an option, one or several."""
+    values = options[name]
+    several = values if isinstance(values, (tuple, list, np.ndarray)) else (values,)
+    return max((check_number(value, name, low=0) for value in several), default=0.0)
 
 
 def _taps(options: Options) -> int:
@@ -25,26 +29,26 @@ def _taps(options: Options) -> int:
 
 
 def _gaussian(options: Options) -> int:
-    return int(options["truncate"] * _largest(options["sigma"]) + 0.5)
+    return int(_largest(options, "truncate") * _largest(options, "sigma") + 0.5)
 
 
 def _gradient(options: Options) -> int:
-    return int(4 * float(options["sigma"]) + 0.5) + 1
+    return int(4 * _largest(options, "sigma") + 0.5) + 1
 
 
 def _canny(options: Options) -> int:
     # The Gaussian, the operator, the comparison with neighbours, and the rim without edges.
-    return int(4 * float(options["sigma"]) + 0.5) + 3
+    return int(4 * _largest(options, "sigma") + 0.5) + 3
 
 
 _HALOS: dict[str, Callable[[Options], int]] = {
-    "box": lambda options: int(_largest(options["radius"])),
+    "box": lambda options: int(_largest(options, "radius")),
     "canny": _canny,
     "correlate_separable": _taps,
     "gaussian": _gaussian,
     "gradient": _gradient,
     "laplace": lambda _: 2,
-    "median": lambda options: int(options["radius"]),
+    "median": lambda options: int(_largest(options, "radius")),
     "prewitt": lambda _: 2,
     "scharr": lambda _: 2,
     "sobel": lambda _: 2,

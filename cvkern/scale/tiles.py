@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -11,7 +12,8 @@ import numpy as np
 import cvkern
 from cvkern._checks import check_integer, check_pair
 from cvkern._runtime import refuse_capture
-from cvkern.scale.edges import Seams, tile_edges
+from cvkern.scale._lazy import lazy_tiles
+from cvkern.scale.edges import Place, Seams, tile_edges
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
 
@@ -50,18 +52,22 @@ def apply(
         One of :data:`TILED`, or its name.
     source : array of shape (H, W) or (H, W, C)
         Anything with a `shape` that gives an array when it is sliced by rows and columns: a NumPy
-        memory map, an array of Zarr or HDF5.
+        memory map, an array of Zarr or HDF5. For an array of Dask, tiles are tasks of Dask, which
+        run where its scheduler says: on threads, or on the workers of a client.
     target : array of the result's shape, or a tuple of them, optional
         Anything that takes a tile when it is assigned to a slice. When omitted, NumPy arrays are
-        allocated. Functions with several results need one target for each.
+        allocated; of an array of Dask, one of Dask is returned, and nothing is computed yet.
+        Functions with several results need one target for each.
     tile : int or (int, int), default 2048
         Height and width of a tile, pixels.
     journal : path, optional
         A folder that is made, in which finished tiles are noted. After a run that was killed, the
         same call goes on with the others. It is removed at the end. The function, its options and
-        the shapes must be the same; pixels are not compared.
+        the shapes must be the same; pixels are not compared. Not for arrays of Dask, which
+        computes the tasks of a lost worker again.
     progress : callable, optional
-        Called with the number of finished tiles and that of all of them.
+        Called with the number of finished tiles and that of all of them; not for arrays of Dask,
+        which have progress bars of their own.
     **options
         As the function takes them. Of `mask`, the part of each tile is read.
 
@@ -100,19 +106,26 @@ def apply(
     shape = _shape(source)
     sides = [check_integer(side, "tile", 1, 2**16) for side in check_pair(tile, "tile")]
     mask = options.pop("mask", None)
-    if mask is not None and tuple(mask.shape) != shape[:2]:
+    if mask is not None and np.shape(mask) != shape[:2]:
         raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
     seams = Seams(shape[:2]) if name == "canny" else None
     call = tile_edges if seams else getattr(cvkern, name)
     tiles = list(tiles_of(shape[:2], sides, reach))
+    if hasattr(source, "__dask_graph__"):
+        if journal is not None or progress is not None:
+            raise ValueError("journal and progress must be None for an array of Dask")
+        _, shapes, dtypes = results_of(name, source, **options)
+        work = None if seams else call
+        found = lazy_tiles(work, source, tiles, options, mask, (shapes, dtypes))
+        return found if target is None else _store(found, target)
     plan = {"function": name, "shape": shape, "tile": sides, "options": options}
     book = Journal(journal, plan | {"masked": mask is not None})
     if book.begun and target is None:
         raise ValueError("target must be given to go on with a journal, got None")
 
     def read(tile: Tile) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        window = np.ascontiguousarray(source[tile.window])
-        return window, {} if mask is None else {"mask": np.ascontiguousarray(mask[tile.window])}
+        window = _cut(source, tile.window, "source")
+        return window, {} if mask is None else {"mask": _cut(mask, tile.window, "mask")}
 
     def write(tile: Tile, results: tuple[np.ndarray, ...], kept: dict[str, np.ndarray]) -> None:
         for one, result in zip(targets, results, strict=True):
@@ -157,6 +170,30 @@ def apply(
     return targets[0] if len(targets) == 1 else tuple(targets)
 
 
+def results_of(
+    function: str, source: Any, **options: Any
+) -> tuple[list[str], list[tuple[int, ...]], list[np.dtype]]:
+    """Return the names, shapes and dtypes of the results; a single one has the name ""."""
+    shape = _shape(source)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # one black pixel has no edges
+        found = getattr(cvkern, function)(np.zeros((1, 1, *shape[2:]), source.dtype), **options)
+    parts = found if isinstance(found, tuple) else (found,)
+    names = list(getattr(found, "_fields", [str(n) for n in range(len(parts))]))
+    shapes = [(*shape[:2], *part.shape[2:]) for part in parts]
+    return names if len(parts) > 1 else [""], shapes, [part.dtype for part in parts]
+
+
+def _store(results: Any, target: Any) -> Any:
+    """Write arrays of Dask into the targets."""
+    import dask.array as da
+
+    arrays = results if isinstance(results, tuple) else (results,)
+    # Dask writes under a lock: two tiles may lie in one chunk of the target.
+    da.store(list(arrays), _checked(target, [a.shape for a in arrays], [a.dtype for a in arrays]))
+    return target
+
+
 def tiles_of(shape: tuple[int, ...], sides: list[int], reach: int) -> Iterator[Tile]:
     """Yield the tiles of an image in raster order."""
     rows, columns = (
@@ -175,6 +212,19 @@ def tiles_of(shape: tuple[int, ...], sides: list[int], reach: int) -> Iterator[T
         yield Tile(number, inner, outer, (inside[0], inside[1]))
 
 
+def _cut(source: Any, window: Place, name: str) -> np.ndarray:
+    try:
+        part = source[window]
+    except (TypeError, IndexError, NotImplementedError):
+        got = type(source).__name__
+        raise TypeError(
+            f"{name} must give arrays for slices of rows and columns, got {got}"
+        ) from None
+    if isinstance(part, np.ma.MaskedArray):
+        raise TypeError(f"{name} must not be masked, got {type(source).__name__}")
+    return np.ascontiguousarray(part)
+
+
 def _shape(source: Any) -> tuple[int, ...]:
     shape = getattr(source, "shape", None)
     if shape is None or len(shape) not in (2, 3) or 0 in shape:
@@ -188,11 +238,16 @@ def _targets(target: Any, results: list[np.ndarray], shape: tuple[int, ...]) -> 
     shapes = [(*shape[:2], *r.shape[2:]) for r in results]
     if target is None:
         return [np.empty(s, r.dtype) for s, r in zip(shapes, results, strict=True)]
+    return _checked(target, shapes, [r.dtype for r in results])
+
+
+def _checked(target: Any, shapes: list[tuple[int, ...]], dtypes: list[np.dtype]) -> list[Any]:
+    """Return the targets as a list, if their shapes and dtypes are those of the results."""
     given = list(target) if isinstance(target, (tuple, list)) else [target]
     if [tuple(t.shape) for t in given] != shapes:
         got = ", ".join(str(tuple(t.shape)) for t in given)
         raise ValueError(f"target must have shape {', '.join(map(str, shapes))}, got {got}")
-    for one, result in zip(given, results, strict=True):
-        if np.dtype(one.dtype) != result.dtype:
-            raise ValueError(f"target must hold {result.dtype}, got {one.dtype}")
+    for one, dtype in zip(given, dtypes, strict=True):
+        if np.dtype(one.dtype) != dtype:
+            raise ValueError(f"target must hold {dtype}, got {one.dtype}")
     return given

@@ -105,6 +105,24 @@ def test_files_are_read_and_written_in_place(tmp_path):
     assert seen == [(n, 4) for n in (1, 2, 3, 4)]
 
 
+def test_arrays_of_dask(tmp_path):
+    da = pytest.importorskip("dask.array")
+    image = skimage.data.camera()[100:300, 50:261]
+    lazy = da.from_array(image, chunks=(60, 90))
+    edges = {"sigma": 1.5, "low_threshold": 1, "high_threshold": 40}
+    found = apply("canny", lazy, tile=(37, 50), mask=lazy > 9, **edges)
+    assert found.chunks[0] == (37, 37, 37, 37, 37, 15)
+    same(found.compute(), cvkern.canny(image, mask=image > 9, **edges))
+    seen = apply("gradient", lazy, tile=64, sigma=1)
+    same(da.compute(*seen), tuple(cvkern.gradient(image, sigma=1)))
+    color = da.from_array(skimage.data.astronaut()[:90, :130], chunks=50)
+    target = np.zeros(color.shape, np.float32)
+    assert apply("gaussian", color, target, tile=40, sigma=2, channel_axis=-1) is target
+    same(target, cvkern.gaussian(color.compute(), 2, channel_axis=-1))
+    with pytest.raises(ValueError, match="journal and progress must be None for an array of Dask"):
+        apply("box", lazy, journal=tmp_path / "journal")
+
+
 RUN = """
 import sys, time
 import numpy as np

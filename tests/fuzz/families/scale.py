@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import cvkern.images
 import cvkern.scale
-from tests.fuzz.arguments import EDGES, IMAGE, Call, number, one, pair, whole
+from tests.fuzz.arguments import EDGES, IMAGE, Call, Draw, number, one, pair, whole
 
 
 def halo(function: str, sigma: float, radius: int) -> Any:
@@ -18,9 +21,12 @@ def halo(function: str, sigma: float, radius: int) -> Any:
 def tiled(name: str) -> Any:
     """Return a call of one function in tiles, and check it against the whole image."""
 
-    def call(image: Any, tile: Any, **options: Any) -> Any:
-        found = cvkern.scale.apply(name, np.asarray(image), tile=tile, **options)
-        whole = getattr(cvkern, name)(np.asarray(image), **options)
+    def call(source: Any, tile: Any, **options: Any) -> Any:
+        try:
+            found = cvkern.scale.apply(name, source, tile=tile, **options)
+        except (TypeError, ValueError) as error:  # some speak of the function's image
+            raise type(error)(str(error).replace("image ", "source ")) from None
+        whole = getattr(cvkern, name)(source, **options)
         if not np.array_equal(found, whole, equal_nan=found.dtype.kind == "f"):
             raise AssertionError(f"tiles of {name} differ from the whole image")
         return found
@@ -28,7 +34,30 @@ def tiled(name: str) -> Any:
     return call
 
 
-TILES = {**IMAGE, "tile": pair(whole(1, 40))}
+def mapped(paths: Any, radius: Any, suffix: Any) -> Any:
+    """Find the medians of a few files; return the number of those done, kept and failed."""
+    if not isinstance(paths, list) or not all(isinstance(a, np.ndarray) for a in paths):
+        with tempfile.TemporaryDirectory() as folder:
+            cvkern.scale.map_images(paths, "median", folder, suffix=suffix)
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{n}.png" for n in range(len(paths))]
+        for file, image in zip(files, paths, strict=True):
+            cvkern.images.write_image(file, image)
+        options = {"suffix": suffix, "radius": radius}
+        found = cvkern.scale.map_images(files, "median", folder + "/out", **options)
+        again = cvkern.scale.map_images(files, "median", folder + "/out", **options)
+        if again.kept != found.done or list(again.failed) != list(found.failed):
+            raise AssertionError("the second run did something else")
+        return np.array([len(part) for part in found])
+
+
+def pictures(draw: Draw) -> list[np.ndarray]:
+    """Return up to three small pictures."""
+    return [draw.rng.integers(0, 256, (9, 12 + n), np.uint8) for n in range(draw.rng.integers(4))]
+
+
+TILES = {"source": IMAGE["image"], "tile": pair(whole(1, 40))}
 CALLS: dict[str, Call] = {
     "scale.apply canny": Call(
         tiled("canny"),
@@ -37,6 +66,11 @@ CALLS: dict[str, Call] = {
     ),
     "scale.apply gaussian": Call(tiled("gaussian"), TILES, {"sigma": pair(number(0, 8))}),
     "scale.apply median": Call(tiled("median"), TILES, {"radius": whole(0, 5)}),
+    "scale.map_images": Call(
+        mapped,
+        {"paths": pictures, "radius": whole(0, 4), "suffix": one(".npy", ".npz", ".tif", ".xyz")},
+        {},
+    ),
     "scale.halo": Call(
         halo,
         {"function": one("gaussian", "median", "canny", "x"), "sigma": number(0, 9),

@@ -1,0 +1,121 @@
+"""Heaps of files: every result is that of the function, and what fails stops nothing."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import numpy as np
+import pytest
+
+import cvkern
+from cvkern.images import read_image, write_image
+from cvkern.scale import map_images
+
+
+def heap(folder, number=6):
+    folder.mkdir()
+    for n in range(number):
+        image = np.random.default_rng(n).integers(0, 256, (20 + n, 31), np.uint8)
+        write_image(folder / f"{n}.png", image)
+    (folder / "broken.png").write_bytes((folder / "0.png").read_bytes()[:60])
+    return folder
+
+
+def check(report, folder, target):
+    assert sorted(os.path.basename(f) for f in report.done) == [f"{n}.png" for n in range(6)]
+    assert [os.path.basename(f) for f in report.failed] == ["broken.png"]
+    (reason,) = report.failed.values()
+    assert reason.startswith("ValueError: path must be a readable image")
+    assert len(list(target.iterdir())) == 6
+    for n in range(6):
+        want = cvkern.gaussian(read_image(folder / f"{n}.png"), 1.5)
+        np.testing.assert_array_equal(np.load(target / f"{n}.npy"), want)
+
+
+@pytest.mark.parametrize("engine", ["threads", "dask", "ray"])
+def test_engines(tmp_path, engine):
+    """A worker is killed in the middle of its third file, once."""
+    pytest.importorskip({"threads": "os", "dask": "distributed", "ray": "ray"}[engine])
+    folder, mark = heap(tmp_path / "in"), tmp_path / "killed"
+
+    def blurred(image, sigma):
+        if engine != "threads" and len(image) == 23 and not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return cvkern.gaussian(image, sigma)
+
+    seen = []
+    out = tmp_path / "out"
+    given = {"sigma": 1.5, "engine": engine, "progress": lambda *n: seen.append(n)}
+    check(map_images(folder, blurred, out, **given), folder, out)
+    assert seen == [(n, 7) for n in range(1, 8)]
+    assert mark.exists() == (engine != "threads")
+
+
+RUN = """
+import sys, time
+import cvkern
+from cvkern.scale import map_images
+
+def slow(image):
+    print(len(image), flush=True)
+    time.sleep(float(sys.argv[3]))
+    return cvkern.gaussian(image, 1.5)
+
+report = map_images(sys.argv[1], slow, sys.argv[2], workers=1)
+print(len(report.done), len(report.kept), len(report.failed))
+"""
+
+
+def test_a_killed_run_does_what_is_left(tmp_path):
+    folder = heap(tmp_path / "in")
+    words = [sys.executable, "-c", textwrap.dedent(RUN), folder, tmp_path / "out"]
+    first = subprocess.Popen([*words, "0.3"], stdout=subprocess.PIPE, text=True)
+    assert first.stdout
+    while first.stdout.readline().strip() != "22":
+        assert first.poll() is None
+    time.sleep(0.05)
+    os.kill(first.pid, signal.SIGKILL)
+    first.wait()
+    first.stdout.close()
+    done = subprocess.run([*words, "0"], check=True, capture_output=True, text=True).stdout
+    assert done.split("\n")[-2] == "4 2 1"
+    assert len(list((tmp_path / "out").glob("*.npy"))) == 6
+
+
+def test_forms_of_results(tmp_path):
+    folder = heap(tmp_path / "in", 1)
+    (folder / "broken.png").unlink()
+    image = read_image(folder / "0.png")
+    map_images([folder / "0.png"], "gradient", tmp_path, suffix=".npz")
+    with np.load(tmp_path / "0.npz") as parts:
+        for name, want in cvkern.gradient(image)._asdict().items():
+            np.testing.assert_array_equal(parts[name], want)
+    map_images(folder, cvkern.median, tmp_path, suffix=".png", radius=1)
+    np.testing.assert_array_equal(read_image(tmp_path / "0.png"), cvkern.median(image, 1))
+    assert map_images(folder, "median", tmp_path, suffix=".png").kept == [str(folder / "0.png")]
+    report = map_images(folder, "gaussian", tmp_path, suffix=".png", overwrite=True, size=3)
+    assert "TypeError" in report.failed[str(folder / "0.png")]
+
+
+@pytest.mark.parametrize(
+    ("error", "message", "options"),
+    [
+        (ValueError, "function must be one, or the name", {"function": "blur"}),
+        (ValueError, "paths must name at least one image", {"paths": []}),
+        (TypeError, "paths must be a folder or paths, got int", {"paths": 3}),
+        (ValueError, "paths must have different names, got 'a' twice",
+         {"paths": ["a.png", "a.jpg"]}),
+        (ValueError, "engine must be 'threads', 'dask', 'ray' or a client", {"engine": "spark"}),
+        (ValueError, "suffix must be one of .npy, .npz", {"suffix": ".exe"}),
+        (ValueError, "device must be", {"device": "tpu"}),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_refused(tmp_path, error, message, options):
+    call = {"paths": ["a.png"], "function": "box", "target": tmp_path / "out"} | options
+    with pytest.raises(error, match=message):
+        map_images(**call)
+    assert not (tmp_path / "out").exists()
