@@ -29,13 +29,6 @@ class Options:
     cval: int
 
 
-def options(*given: int) -> Any:
-    """Return the structure of options in their order."""
-    made = Options()
-    made.radius, made.step, made.low, made.bits, made.border, made.cval = given
-    return made
-
-
 def _median(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
     vector = wp.types.vector(WIDE, scalar)

@@ -14,8 +14,9 @@ import warp as wp
 from cvkern.kernels.codes.stereo import Rule, Winners
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, scratch
+from cvkern.kernels.warp._structs import struct_of
 
-from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule, struct_of
+from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule
 from .costs._windows_cpu import Windows
 
 wp.set_module_options(OPTIONS)

@@ -13,8 +13,9 @@ import warp as wp
 from cvkern.kernels.codes.stereo import Rule, Winners
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch
+from cvkern.kernels.warp._structs import struct_of
 
-from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule, struct_of
+from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule
 
 BLOCK = 256  # threads of a block
 

@@ -25,13 +25,6 @@ class Sight:
     last_side: int
 
 
-def sight(*aim: Any) -> Any:
-    """Return the structure of an `Aim`."""
-    made = Sight()
-    made.slack, made.slope, made.first_side, made.last_side = aim
-    return made
-
-
 def _shrink(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
 

@@ -12,6 +12,7 @@ import warp as wp
 from cvkern.kernels.codes.stereo import Cost
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import scratch
+from cvkern.kernels.warp._structs import struct_of
 
 # Without fused multiply-add a cost has the same bits on every device.
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -32,11 +33,7 @@ class Windows:
 
 def windows_of(first: int, octets: int, radius_y: int, radius_x: int) -> Windows:
     """Return the struct of some windows."""
-    windows = Windows()
-    windows.first, windows.octets, windows.radius_y, windows.radius_x = (
-        first, octets, radius_y, radius_x,
-    )  # fmt: skip
-    return windows
+    return struct_of(Windows, (first, octets, radius_y, radius_x))
 
 
 def sums_dtype(pixel: Any, out: Any) -> Any:
