@@ -23,6 +23,8 @@ class Folder:
             from cvkern.kernels.warp.features.keypoints import descriptors as descriptors
             from cvkern.kernels.warp.features.keypoints import extrema as extrema
             from cvkern.kernels.warp.features.keypoints import refinement as refinement
+            from cvkern.kernels.warp.features.keypoints import selection as selection
+            from cvkern.kernels.warp.features.keypoints import windows as windows
     class filters:
         from cvkern.kernels.warp.filters import channels as channels
         from cvkern.kernels.warp.filters import depths as depths
@@ -30,6 +32,7 @@ class Folder:
         from cvkern.kernels.warp.filters import linear as linear
         from cvkern.kernels.warp.filters import medians as medians
     class geometry:
+        from cvkern.kernels.warp.geometry import matches as matches
         from cvkern.kernels.warp.geometry import robust as robust
         class cameras:
             from cvkern.kernels.warp.geometry.cameras import chessboards as chessboards
@@ -56,6 +59,7 @@ class Folder:
     class radiance:
         from cvkern.kernels.warp.radiance import appearance as appearance
         from cvkern.kernels.warp.radiance import compositing as compositing
+        from cvkern.kernels.warp.radiance import distractors as distractors
         from cvkern.kernels.warp.radiance import encodings as encodings
         from cvkern.kernels.warp.radiance import pinhole as pinhole
         from cvkern.kernels.warp.radiance import rendering as rendering

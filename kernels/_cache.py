@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
+import time
 import warnings
 
 # The environment variable that chooses the folder of each set.
 VARIABLES = {"warp": "WARP_CACHE_PATH", "taichi": "TI_OFFLINE_CACHE_FILE_PATH"}
+
+# Seconds; Taichi holds its lock while it reads or writes the list of kernels, for less than one.
+OLD = 60.0
 
 
 def refusal(folder: str | os.PathLike[str]) -> str:
@@ -19,6 +24,13 @@ def refusal(folder: str | os.PathLike[str]) -> str:
     except OSError as error:
         return error.strerror or type(error).__name__
     return ""
+
+
+def unlock(path: str | os.PathLike[str]) -> None:
+    """Remove the lock that a killed process left, with which no process would use the cache."""
+    with contextlib.suppress(OSError):  # there is none, or another process was faster
+        if time.time() - os.stat(path).st_mtime > OLD:
+            os.remove(path)
 
 
 def warn(kernel_set: str, folder: str | os.PathLike[str], reason: str) -> None:

@@ -67,7 +67,7 @@ def cost_kernels():
         yield windows.correlate_along(kept)
     for kept, out in ((word, byte), (word, word), (integer, real), (real, real)):
         yield windows.sum_along(kept, out)
-    yield census.distances
+    yield from (census.distances, census.census_of_24)
     for words in matching.WORDS:
         yield matching.match_kernel(words)
 
@@ -80,12 +80,12 @@ def stereo_kernels():
     from cvkern.kernels.warp.stereo.paths import _matching_cuda as match
     from cvkern.kernels.warp.stereo.paths import _steps_cuda as paths
     from cvkern.kernels.warp.stereo.refinement import _medians_cuda as disparity
-    from cvkern.kernels.warp.stereo.refinement._gaps_cuda import fill_rows
+    from cvkern.kernels.warp.stereo.refinement._gaps_cuda import fill_empty_rows, fill_rows
 
     byte, word = wp.uint8, wp.uint16
     for radius in (0, 6, 15):
         yield from disparity.medians(radius)
-    yield fill_rows
+    yield from (fill_rows, fill_empty_rows)
     yield from cost_kernels()
     for aligned in (True, False):
         yield match_costs.match_costs_kernel(aligned)
@@ -154,6 +154,16 @@ def test_robust_fits_fuse_no_product_with_a_sum(tmp_path):
     for kernel in (robust.propose, robust.refine, robust.mark):
         folder = tmp_path / kernel.key
         (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
+        assert "fma.rn.f" not in Path(ptx).read_text()
+
+
+def test_extrema_fuse_no_product_with_a_sum(tmp_path):
+    from cvkern.kernels.warp.features.keypoints import _extrema_cuda as extrema
+
+    kernels.start("cpu", None)
+    for levels in (1, 3, 8):
+        module, folder = extrema.mark(levels).module, tmp_path / f"{levels}"
+        (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=folder, use_ptx=True)
         assert "fma.rn.f" not in Path(ptx).read_text()
 
 

@@ -30,6 +30,7 @@ from cvkern.app.commands.relief import relief
 from cvkern.app.commands.scale import scale
 from cvkern.app.commands.scan import scan
 from cvkern.app.commands.stereo import stereo
+from cvkern.app.commands.view import view
 
 app = typer.Typer(
     name="cvkern",
@@ -94,6 +95,7 @@ app.command()(scan)
 app.command()(develop)
 app.command()(hdr)
 app.command()(scale)
+app.command()(view)
 app.add_typer(recognize, name="recognize")
 app.add_typer(nerf, name="nerf")
 

@@ -1,7 +1,7 @@
 """Point clouds: PLY files and films."""
 
 from cvkern.clouds.films import write_animation
-from cvkern.clouds.ply import write_ply
+from cvkern.clouds.ply import read_ply, write_ply
 from cvkern.clouds.turntables import turntable
 
-__all__ = ["turntable", "write_animation", "write_ply"]
+__all__ = ["read_ply", "turntable", "write_animation", "write_ply"]

@@ -14,6 +14,16 @@ from cvkern._runtime import runtime
 PLACE = tuple((name, "<f4", "float") for name in ("x", "y", "z"))
 TINT = tuple((name, "u1", "uchar") for name in ("red", "green", "blue"))
 
+KINDS = {
+    name: kind
+    for kind, *names in (
+        ("i1", "char", "int8"), ("u1", "uchar", "uint8"), ("i2", "short", "int16"),
+        ("u2", "ushort", "uint16"), ("i4", "int", "int32"), ("u4", "uint", "uint32"),
+        ("f4", "float", "float32"), ("f8", "double", "float64"),
+    )
+    for name in names
+}  # fmt: skip
+
 
 def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> None:
     """Write a point cloud as binary PLY (little-endian), whole or not at all.
@@ -63,6 +73,83 @@ def write_ply(path: str | os.PathLike[str], points: Any, colors: Any = None) -> 
     with replacing(path) as beside, beside.open("wb") as file:
         file.write(head.encode("ascii"))
         file.write(table.tobytes())
+
+
+def read_ply(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None]:
+    """Read the points of a PLY file.
+
+    Parameters
+    ----------
+    path : path
+        ASCII or binary PLY, of which `vertex` is the first element. Faces and properties other than
+        places and colours are passed over.
+
+    Returns
+    -------
+    points : array of shape (N, 3), float32
+    colors : array of shape (N, 3), uint8, or None
+        Red, green, blue, if the file has them as bytes.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no file `path`.
+    ValueError
+        If `path` is not a PLY file with vertices, is damaged, or is cut short.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from cvkern.clouds import read_ply, write_ply
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_ply(f"{folder}/one.ply", [[0, 0, 1]])
+    ...     read_ply(f"{folder}/one.ply")
+    (array([[0., 0., 1.]], dtype=float32), None)
+    """
+    file = as_path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"path must be a file that exists, got {os.fspath(path)!r}")
+    with file.open("rb") as stream:
+        try:
+            form, count, row = _head(stream)
+            if form == "ascii":
+                lines = [stream.readline().split() for _ in range(min(count, file.stat().st_size))]
+                table: Any = np.array([tuple(line[: len(row)]) for line in lines], row)
+            else:
+                table = np.fromfile(stream, row, min(count, file.stat().st_size))
+            points = np.stack([table[name] for name in ("x", "y", "z")], axis=1)
+        except (ValueError, TypeError, LookupError, OverflowError) as error:
+            raise ValueError(
+                f"path must be a PLY file of points, got {file.name!r}: {error}"
+            ) from None
+    if len(table) != count:
+        raise ValueError(f"path must have {count} points as it says, got {len(table)}")
+    names = [name for name, _, _ in TINT]
+    tinted = all(name in row.fields and row[name].kind == "u" for name in names)
+    colors = np.stack([table[name] for name in names], axis=1) if tinted else None
+    return points.astype(np.float32), colors
+
+
+def _head(stream: Any) -> tuple[str, int, Any]:
+    """Return the format, the number of points, and the dtype of a point."""
+    words = [stream.readline(256).split() for _ in range(2)]
+    if words[0] != [b"ply"] or len(words[1]) != 3:
+        raise ValueError("it does not begin as one")
+    form = words[1][1].decode()
+    order = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}[form]
+    count, row, element = 0, [], b""
+    for _ in range(256):  # lines
+        line = stream.readline(4096).split()
+        if line[:1] == [b"end_header"]:
+            return form, count, np.dtype(row)
+        if line[:1] == [b"element"]:
+            element = line[1]
+            if not row and element != b"vertex":
+                raise ValueError("its first element is no vertex")
+            count = int(line[2]) if element == b"vertex" else count
+        elif line[:1] == [b"property"] and element == b"vertex":
+            row.append((line[2].decode(), order + KINDS[line[1].decode()]))
+    raise ValueError("its header does not end")
 
 
 def check_cloud(points: Any, colors: Any) -> tuple[np.ndarray, Any]:

@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 GROUP = 16  # responses of which only the largest is looked at first
+
+
+class Grid(NamedTuple):
+    """Squares of an image, over which points are spread."""
+
+    side: float
+    """Pixels."""
+    across: int
+    """Squares of a row."""
+    squares: int
+    """All squares: 1 if points are not spread."""
+
+
+def grid_of(shape: tuple[int, ...], count: int | None) -> Grid:
+    """Return about `count` / 4 squares, or one for the whole image."""
+    if not count:
+        return Grid(float(shape[0] + shape[1]), 1, 1)
+    side = max(1.0, math.sqrt(4.0 * shape[0] * shape[1] / count))
+    across = int(shape[1] / side) + 1
+    return Grid(side, across, across * (int(shape[0] / side) + 1))
 
 
 def best(
@@ -25,10 +48,9 @@ def best(
         return np.empty(0, np.int64)
     if not spread:
         return np.flatnonzero(_strongest(responses, count))
-    side = max(1.0, np.sqrt(4.0 * shape[0] * shape[1] / count))
-    across = int(shape[1] / side) + 1
-    row, column = (points / side).astype(np.int64).T
-    square = row * across + column
+    grid = grid_of(shape, count)
+    row, column = (points.astype(np.float64) / grid.side).astype(np.int64).T
+    square = row * grid.across + column
     order = np.argsort(-responses, kind="stable")
     # NumPy sorts numbers of 16 bits by counting.
     small = square[order].astype(np.min_scalar_type(square.max()))

@@ -9,18 +9,22 @@ import numpy as np
 
 from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.features._choice import best
-from cvkern.features._elementary import cos_sin, exp2
-from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked, white_of
+from cvkern.features._choice import Grid, grid_of
+from cvkern.features._photographs import check_photograph, prepared, white_of
 from cvkern.filters.linear import gaussian_taps
 from cvkern.kernels.codes.features import (
-    BINS,
+    CELL_SIDE,
     CELLS,
+    DIRECTIONS,
     LONGEST,
     MARGIN,
+    ORIENTATION_SIGMA,
     PEAKS,
-    REACH,
     WORD,
+    Limits,
+    Points,
+    Scales,
+    Settled,
 )
 
 # Sigma that a photograph is taken to have, in pixels. Lowe has 0.5; with less, more points of sharp
@@ -28,8 +32,7 @@ from cvkern.kernels.codes.features import (
 CAMERA_BLUR = 0.2
 TRUNCATE = 3.5  # radius of the Gaussians, in standard deviations
 SMALLEST = 12  # pixels: the least side of an octave
-ORIENTATION_SIGMA = 1.5  # sigma of the window of an orientation, in scales of the point
-CELL_SIDE = 3.0  # side of a cell of a descriptor, in scales of the point
+NUMBERS = CELLS * CELLS * DIRECTIONS  # bytes of a descriptor
 LARGEST_SIGMA = 4.0
 LEAST_CONTRAST = 1e-4  # noise of a byte has more
 
@@ -48,13 +51,6 @@ class Features(NamedTuple):
     orientations: Any
     responses: Any
     descriptors: Any
-
-
-class _Octaves(NamedTuple):
-    """A scale space: the levels of each octave for kernels, and pixels of the image per pixel."""
-
-    levels: list[Any]
-    steps: np.ndarray
 
 
 def sift(
@@ -168,41 +164,33 @@ def sift(
     white = white_of(image, data_range)
     rt = runtime(image)
     octaves = _scale_space(rt, image, white, double, levels, sigma)
-    limit = contrast / levels, (ratio + 1) ** 2 / ratio
-    offsets, cells = _extrema(rt, octaves.levels, *limit)
-    steps = octaves.steps[cells[:, 0]]
-    points = (cells[:, 2:] + offsets[:, :2].astype(np.float64)) * steps[:, None]
-    points = points.astype(np.float32)
-    kept = np.arange(len(points))
-    if mask is not None:
-        kept = unmasked(points, as_host(rt, mask))
-    kept = kept[best(offsets[kept, 3], points[kept], shape[:2], max_keypoints, spread)]
-    offsets, cells, points, steps = (a[kept] for a in (offsets, cells, points, steps))
-    # Scale in pixels of the octave; levels are counted from 1, as extrema have them.
-    scales = (sigma * exp2((cells[:, 1] + offsets[:, 2].astype(np.float64)) / levels)).astype(
-        np.float32
+    limits = Limits(
+        float(np.float32(0.5 * (contrast / levels))), contrast / levels, (ratio + 1) ** 2 / ratio
     )
-    source, bins = _orientations(rt, octaves.levels, cells, scales, upright, sigma, levels)
-    if max_keypoints is not None and len(source) > max_keypoints:
-        chosen = best(offsets[source, 3], points[source], shape[:2], max_keypoints, spread)
-        source, bins = source[chosen], bins[chosen]
-    turned = np.where(bins >= BINS / 2 + 1e-9, bins - BINS, bins)
-    angles = (turned * (2 * math.pi / BINS)).astype(np.float32)
-    descriptors = _descriptors(
-        rt, octaves.levels, cells[source], scales[source], angles, root, sigma, levels
-    )
-    return Features(
-        rt.give(points[source]),
-        rt.give((scales[source] * steps[source]).astype(np.float32)),
-        rt.give(angles),
-        rt.give(np.ascontiguousarray(offsets[source, 3])),
-        descriptors,
-    )
+    scales = Scales(sigma, levels, 0.5 if double else 1.0)
+    grid = grid_of(shape[:2], max_keypoints if spread else None)
+    found = _candidates(rt, octaves, limits, _mask_for(rt, mask, shape[:2]), grid, scales.step)
+    count = 0 if found is None else found.cells.shape[0]
+    room = count if max_keypoints is None else min(count, max_keypoints)
+    if found is None or not room:
+        none = np.zeros(0, np.float32)
+        empty = none.reshape(0, 2), none, none, none, np.zeros((0, NUMBERS), np.uint8)
+        return Features(*map(rt.give, empty))
+    # The host need not know how many points there are until all are chosen.
+    chosen, number = _chosen(rt, found.values, found.squares, grid, room, "points")
+    bins, counts = _orientations(rt, octaves, found, chosen, number, scales, upright)
+    every = (PEAKS * room,)
+    values, squares = (rt.scratch(f"sift.{n}_of", every, np.int32) for n in ("values", "squares"))
+    rt.features.keypoints.windows.repeat(found, chosen, number, counts, values, squares)
+    most = every[0] if max_keypoints is None else min(every[0], max_keypoints)
+    places, number = _chosen(rt, values, squares, grid, most, "places")
+    last = int(rt.to_numpy(number)[0])
+    return _described(rt, octaves, found, chosen, places, bins, scales, last, root)
 
 
 def _scale_space(
     rt: Runtime, image: Any, white: float, double: bool, levels: int, sigma: float
-) -> _Octaves:
+) -> list[Any]:
     """Smooth and shrink the image; the octaves stay in memory until all points are described."""
     kernels = rt.features.keypoints.extrema
     first = prepared(rt, image, white)
@@ -217,101 +205,135 @@ def _scale_space(
     sigmas = sigma * 2.0 ** (np.arange(levels + 3) / levels)
     extra = [math.sqrt(sigma**2 - before**2)]
     extra += [math.sqrt(sigmas[i + 1] ** 2 - sigmas[i] ** 2) for i in range(levels + 2)]
-    octaves, steps = [], []
+    octaves = []
     # Each octave halves the sides, so there are at most 17.
     while not octaves or min(height, width) >= SMALLEST:
         octaves.append(rt.scratch(f"sift.octave{len(octaves)}", (levels + 3, height, width)))
-        steps.append(step)
-        height, width, step = height // 2, width // 2, 2 * step
+        height, width = height // 2, width // 2
     taps = [rt.constant(gaussian_taps(s, 0, TRUNCATE)) for s in extra]
     kernels.fill_octaves(first, taps, octaves)
-    return _Octaves(octaves, np.array(steps))
+    return octaves
 
 
-def _extrema(
-    rt: Runtime, octaves: list[Any], contrast: float, edge: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return offsets (N, 4) and cells (N, 4): octave, level, row and column, in this order."""
+def _mask_for(rt: Runtime, mask: Any, shape: tuple[int, ...]) -> Any:
+    """Return a mask for kernels; without one, a single pixel that is set stands for all."""
+    if mask is None:
+        return rt.constant(np.ones((1, 1), np.uint8))
+    if isinstance(mask, (np.ndarray, list, tuple)):
+        return rt.send("sift.mask", (np.asarray(mask) != 0).astype(np.uint8))
+    return rt.adopt_mask(mask)
+
+
+def _candidates(
+    rt: Runtime, octaves: list[Any], limits: Limits, mask: Any, grid: Grid, step: float
+) -> Points | None:
+    """Return all points of the scale space, in the order of octave, level, row and column."""
     kernels = rt.features.keypoints
     shapes = np.array([octave.shape for octave in octaves], np.int64)
     rows = (shapes[:, 0] - 3) * shapes[:, 1]
     words = rt.scratch("sift.words", (int((rows * -(-shapes[:, 2] // WORD)).sum()),), np.int32)
     ends = rt.scratch("sift.ends", (int(rows.sum()),), np.int32)
-    threshold = float(np.float32(0.5 * contrast))
-    kernels.extrema.mark_extrema(octaves, threshold, MARGIN, words, ends)
+    kernels.extrema.mark_keypoints(octaves, limits, MARGIN, words, ends)
     total = int(rt.to_numpy(ends[-1:])[0])
     if not total:
-        return np.empty((0, 4), np.float32), np.empty((0, 4), np.int32)
-    offsets = rt.scratch("sift.offsets", (total, 4))
-    cells = rt.scratch("sift.cells", (total, 4), np.int32)
-    kernels.extrema.list_extrema(octaves, words, ends, cells)
-    kernels.refinement.refine(octaves, contrast, edge, MARGIN, offsets, cells)
-    offsets, cells = rt.to_numpy(offsets), rt.to_numpy(cells)
-    kept = np.flatnonzero(cells[:, 0] >= 0)
-    offsets, cells = offsets[kept], cells[kept]
-    # Extrema that moved to one pixel are one; the order is that of the pixels.
-    pixels = np.cumsum(shapes.prod(axis=1)) - shapes.prod(axis=1)
-    octave, level, row, column = cells.T
-    _, height, width = shapes.T
-    key = pixels[octave] + (level * height[octave] + row) * width[octave] + column
-    _, one_each = np.unique(key, return_index=True)
-    return offsets[one_each], cells[one_each]
+        return None
+    found = Points(
+        rt.scratch("sift.cells", (total, 4), np.int32),
+        rt.scratch("sift.offsets", (total, 4)),
+        rt.scratch("sift.points", (total, 2)),
+        rt.scratch("sift.values", (total,), np.int32),
+        rt.scratch("sift.squares", (total,), np.int32),
+    )
+    kernels.extrema.list_keypoints(octaves, words, ends, found.cells)
+    refine = kernels.refinement.refine
+    refine(octaves, limits.contrast, limits.edge, MARGIN, found.offsets, found.cells)
+    kernels.selection.place(
+        found.cells, found.offsets, step, mask, grid.side, grid.across, *found[2:]
+    )
+    return found
+
+
+def _chosen(
+    rt: Runtime, values: Any, squares: Any, grid: Grid, most: int, name: str
+) -> tuple[Any, Any]:
+    """Return the places of at most `most` points of the largest values, and their number."""
+    kernels = rt.features.keypoints.selection
+    chosen = rt.scratch(f"sift.chosen_{name}", (most,), np.int32)
+    number = rt.scratch(f"sift.number_of_{name}", (1,), np.int32)
+    ranked = grid.squares > 1 and most < values.shape[0]
+    ranks = values
+    if ranked:
+        ranks = rt.scratch("sift.ranks", values.shape, np.int32)
+        kernels.rank(values, squares, grid.squares, ranks)
+    kernels.choose(values, ranks, int(ranked), number, chosen)
+    return chosen, number
 
 
 def _orientations(
     rt: Runtime,
     octaves: list[Any],
-    cells: np.ndarray,
-    scales: np.ndarray,
+    found: Points,
+    chosen: Any,
+    number: Any,
+    scales: Scales,
     upright: bool,
-    sigma: float,
-    levels: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the point and the direction, in bins, of each orientation of each point."""
-    if upright or not len(cells):
-        return np.arange(len(cells)), np.zeros(len(cells))
-    size = ORIENTATION_SIGMA * scales.astype(np.float64)
-    radius = np.minimum(np.floor(3 * size + 0.5), REACH).astype(np.int32)
-    windows = rt.send("sift.windows", np.column_stack((cells, radius)).astype(np.int32))
-    spreads = rt.send("sift.spreads", (1 / (2 * size * size)).astype(np.float32))
-    widest = ORIENTATION_SIGMA * sigma * 2 ** ((levels + 1) / levels)
+) -> tuple[Any, Any]:
+    """Return the directions (M, PEAKS) of each chosen point, in bins, and their numbers."""
+    room = chosen.shape[0]
+    if upright:
+        bins, counts = np.zeros((room, PEAKS), np.float32), np.ones(room, np.int32)
+        return rt.send("sift.angles", bins), rt.send("sift.peaks", counts)
+    windows = rt.scratch("sift.windows", (room, 5), np.int32)
+    spreads = rt.scratch("sift.spreads", (room,))
+    rt.features.keypoints.windows.aim(found, chosen, number, scales, windows, spreads)
+    widest = ORIENTATION_SIGMA * _widest(scales)
+    bins = rt.scratch("sift.angles", (room, PEAKS))
+    counts = rt.scratch("sift.peaks", (room,), np.int32)
     one = _one(2 * math.pi * widest**2)
-    angles = rt.scratch("sift.angles", (len(cells), PEAKS))
-    counts = rt.scratch("sift.peaks", (len(cells),), np.int32)
-    rt.features.keypoints.descriptors.orient(octaves, windows, spreads, one, angles, counts)
-    there = np.arange(PEAKS) < rt.to_numpy(counts)[:, None]
-    source = np.repeat(np.arange(len(cells)), there.sum(axis=1))
-    return source, rt.to_numpy(angles)[there].astype(np.float64)
+    rt.features.keypoints.descriptors.orient(octaves, windows, spreads, one, bins, counts)
+    return bins, counts
 
 
-def _descriptors(
+def _described(
     rt: Runtime,
     octaves: list[Any],
-    cells: np.ndarray,
-    scales: np.ndarray,
-    angles: np.ndarray,
+    found: Points,
+    chosen: Any,
+    places: Any,
+    bins: Any,
+    scales: Scales,
+    count: int,
     root: bool,
-    sigma: float,
-    levels: int,
-) -> Any:
-    """Describe each point; the result is an array of the caller's."""
-    side = CELL_SIDE * scales.astype(np.float64)
-    half = side * math.sqrt(2) * (CELLS + 1) / 2
-    radius = np.minimum(np.floor(half + 0.5), REACH).astype(np.int32)
-    cosine, sine = cos_sin(angles.astype(np.float64))
-    # The Gaussian of the window has half the width of the cells.
-    spread = 1 / (2 * (CELLS / 2 * side) ** 2)
-    one = _one((CELL_SIDE * sigma * 2 ** ((levels + 1) / levels)) ** 2)
-    numbers = CELLS * CELLS * 8
-    result = rt.empty((len(cells), numbers), np.uint8)
-    if not len(cells):
-        return rt.release(result)
-    whole = rt.adopt(result, np.uint8)
-    windows = rt.send("sift.windows", np.column_stack((cells, radius)).astype(np.int32))
-    turns = np.column_stack((cosine / side, sine / side, angles, spread))
-    turns = rt.send("sift.turns", turns.astype(np.float32))
-    rt.features.keypoints.descriptors.describe(octaves, windows, turns, one, int(root), whole)
-    return rt.release(result)
+) -> Features:
+    """Describe `count` points with their orientations; the results are arrays of the caller's."""
+    results = [
+        rt.empty(shape, dtype)
+        for shape, dtype in (
+            ((count, 2), np.float32), ((count,), np.float32), ((count,), np.float32),
+            ((count,), np.float32), ((count, NUMBERS), np.uint8),
+        )
+    ]  # fmt: skip
+    if count:
+        *lists, descriptors = (
+            rt.adopt(a, np.uint8 if i == 4 else np.float32) for i, a in enumerate(results)
+        )
+        settled = Settled(
+            rt.scratch("sift.windows", (count, 5), np.int32),
+            rt.scratch("sift.turns", (count, 4)),
+            *lists,
+        )
+        kernels = rt.features.keypoints
+        kernels.windows.settle(found, chosen, places, bins, scales, settled)
+        one = _one((CELL_SIDE * _widest(scales)) ** 2)
+        kernels.descriptors.describe(
+            octaves, settled.windows, settled.turns, one, int(root), descriptors
+        )
+    return Features(*map(rt.release, results))
+
+
+def _widest(scales: Scales) -> float:
+    """Return the largest scale of a point, in pixels of its octave."""
+    return scales.sigma * 2 ** ((scales.levels + 1) / scales.levels)
 
 
 def _one(weight: float) -> float:

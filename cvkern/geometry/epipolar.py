@@ -220,7 +220,7 @@ def find_fundamentals(
 
 def _find(pairs: Sequence[tuple[Any, Any]], options: Search) -> RobustFits:
     batched = check_batch(pairs)
-    batch = gather(batched.points, alike=True)
+    batch = gather(batched.rt, batched.points, alike=True)
     explorer = Explorer(batched.rt, batch, options)
     found = _beside_planes(explorer, explorer.explore(Model.FUNDAMENTAL))
     matrices, marks, costs = explorer.finish(Model.FUNDAMENTAL, found)

@@ -247,7 +247,7 @@ def find_similarity(
 def find_many(pairs: Sequence[tuple[Any, Any]], model: Model, options: Search) -> RobustFits:
     """Check the pairs of a batch, and fit a map to each."""
     batched = check_batch(pairs)
-    batch = gather(batched.points)
+    batch = gather(batched.rt, batched.points)
     explorer = Explorer(batched.rt, batch, options)
     matrices, marks, costs = explorer.finish(model, explorer.explore(model))
     matrices = np.linalg.inv(batch.to_unit[1]) @ matrices @ batch.to_unit[0]

@@ -121,11 +121,11 @@ class _Finder:
         if len(points) < max(self.least, SAMPLE[Model.HOMOGRAPHY] + 1):
             return None
         options = self.options._replace(threshold=share * self.options.threshold)
-        batch = gather([(points[:, :2], points[:, 2:])])
+        batch = gather(self.rt, [(points[:, :2], points[:, 2:])])
         explorer = Explorer(self.rt, batch, options)
         matrices, marks, _ = explorer.finish(Model.HOMOGRAPHY, explorer.explore(Model.HOMOGRAPHY))
         matrix = np.linalg.inv(batch.to_unit[1, 0]) @ matrices[0] @ batch.to_unit[0, 0]
-        enough = np.isfinite(matrix).all() and (marks != 0).sum() >= self.least
+        enough = np.isfinite(matrix).all() and (marks[: batch.spans[0, 1]] != 0).sum() >= self.least
         return matrix if enough and abs(np.linalg.det(matrix)) > 0 else None
 
     def squares(self, matrix: np.ndarray) -> np.ndarray:

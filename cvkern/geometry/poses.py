@@ -100,7 +100,7 @@ def find_pose(
     options = search_options(threshold, confidence, max_trials, seed)
     camera = check_camera(K, "K")
     batched = batch_of([check_pairs(points3d, points2d, 3, ("points3d", "points2d"))], "points3d")
-    batch = gather(batched.points)
+    batch = gather(batched.rt, batched.points)
     to_image = batch.to_unit[1, 0] @ camera  # from rays to scaled points
     known = np.concatenate((to_image, np.linalg.inv(to_image))).reshape(1, 18)
     explorer = Explorer(batched.rt, batch, options, known)

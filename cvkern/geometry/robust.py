@@ -17,7 +17,6 @@ from cvkern.kernels.codes.geometry import (
     COST_ONE,
     GROUP,
     LANES,
-    MAX_MATCHES,
     NO_COST,
     SAMPLE,
     Draw,
@@ -28,7 +27,6 @@ from cvkern.kernels.codes.geometry import (
 FIRST, MOST = 256, 8192  # hypotheses of the first round, and largest number in a round
 LEAST = 512  # least number of hypotheses in all rounds
 CANDIDATES = 2  # models of a round that are refined
-_INDEX = np.uint64(MAX_MATCHES - 1)
 MOST_SQUARE = 1e36  # squared threshold in the unit of kernels, far from the end of float32
 # Squared thresholds of the least-squares steps, over the square of the caller's threshold. The
 # first ones are wide, because the model of a noisy sample is far from many of its inliers.
@@ -85,13 +83,13 @@ class Search(NamedTuple):
 class Batch(NamedTuple):
     """The matches of several pairs, as kernels take them."""
 
-    matches: np.ndarray
-    """x0, y0, x1, y1, and z0 of scenes, within [-1, 1], (4 or 5, M) float32; a pair begins at a
-    multiple of `LANES`."""
+    matches: Any
+    """x0, y0, x1, y1, and z0 of scenes, within [-1, 1], (4 or 5, M) float32, a kernel array; a pair
+    begins at a multiple of `LANES`."""
     spans: np.ndarray
     """First and number of the matches of each pair, (P, 2) int32."""
     places: np.ndarray
-    """Where each match is in `matches`, (N,) int64; -1 for those that are not finite."""
+    """Where each match is in `matches`, (N,) int32; -1 for those that are not finite."""
     to_unit: np.ndarray
     """The matrices that scale the points of either image, (2, P, 3, 3) float64."""
     sides: np.ndarray
@@ -100,7 +98,9 @@ class Batch(NamedTuple):
     """Offset of the scaled z0 of scenes, (P,) float64."""
 
 
-def gather(pairs: Sequence[tuple[np.ndarray, np.ndarray]], *, alike: bool = False) -> Batch:
+def gather(
+    rt: Runtime, pairs: Sequence[tuple[np.ndarray, np.ndarray]], *, alike: bool = False
+) -> Batch:
     """Scale the matches of each pair, in the order of a hash of their coordinates, equal ones once.
 
     Points are (row, column), or in the first list (x, y, z) of a scene. Any order of the same
@@ -108,78 +108,56 @@ def gather(pairs: Sequence[tuple[np.ndarray, np.ndarray]], *, alike: bool = Fals
     the scale (a power of two, of both images if `alike`) are those of the points' box, which no
     order rounds otherwise.
     """
-    lists = [_sorted(_columns(a, b)) for a, b in pairs]
-    counts = np.array([values.shape[1] for values, _ in lists], np.int64)
-    rooms = -(-counts // LANES) * LANES
-    starts = np.cumsum(rooms) - rooms
-    rows = len(lists[0][0])
+    kernels = rt.geometry.matches
+    numbers = np.array([len(a) for a, _ in pairs], np.int64)
+    rooms = -(-numbers // LANES) * LANES
+    spans = np.stack((np.cumsum(numbers) - numbers, numbers, np.cumsum(rooms) - rooms), 1)
+    rows, count = 2 + pairs[0][0].shape[1], len(pairs)
+    total = int(numbers.sum())
+    points0 = rt.send("robust.points0", _together([a for a, _ in pairs], rows - 2))
+    points1 = rt.send("robust.points1", _together([b for _, b in pairs], 2))
+    sent = rt.send("robust.lists", spans.astype(np.int32))
+    order, places = (
+        rt.scratch(f"robust.{name}", (max(total, 1),), np.int32) for name in ("order", "places")
+    )
+    counts = rt.scratch("robust.counts", (count,), np.int32)
+    boxes = rt.scratch("robust.boxes", (count, 2, rows), np.float64)
+    kernels.sort_matches(points0, points1, sent, order, places, counts, boxes)
+    low, high = np.array(rt.to_numpy(boxes)).swapaxes(0, 1)
+    found = np.array(rt.to_numpy(counts))
     second = np.arange(rows) // 2 == 1  # x1, y1
-    matches = np.zeros((rows, max(int(rooms.sum()), LANES)), np.float32)
-    to_unit = np.zeros((2, len(pairs), 3, 3))
-    to_unit[:, :, (0, 1, 2), (0, 1, 2)] = 1
-    sides, deep = np.zeros((len(pairs), 2)), np.zeros(len(pairs))
-    places = []
-    for i, (values, place) in enumerate(lists):
-        places.append(np.where(place >= 0, place + starts[i], -1))
-        if not counts[i]:
-            continue
-        low, high = values.min(axis=1), values.max(axis=1)
-        half = (high - low) / 2
-        half = np.where(second, half[second].max(), half[~second].max())
-        half[:] = half.max() if alike else half
-        scale = np.ldexp(1.0, -np.frexp(np.where(half > 0, half, 1.0))[1])
-        shift = scale * (low + high) / 2
-        matches[:, starts[i] : starts[i] + counts[i]] = values * scale[:, None] - shift[:, None]
-        to_unit[:, i, (0, 1), (0, 1)] = scale[:4].reshape(2, 2)
-        to_unit[:, i, :2, 2] = -shift[:4].reshape(2, 2)
-        sides[i] = ((high - low) * scale)[2:4]
-        deep[i] = -shift[4] if rows == 5 else 0
-    spans = np.stack((starts, counts), 1).astype(np.int32)
-    return Batch(matches, spans, np.concatenate(places), to_unit, sides, deep)
+    half = (high - low) / 2
+    sides = np.stack([half[:, ~second].max(axis=1), half[:, second].max(axis=1)], 1)
+    half = (np.repeat(sides.max(axis=1, keepdims=True), 2, 1) if alike else sides)[
+        :, second.astype(int)
+    ]
+    scale = np.ldexp(1.0, -np.frexp(np.where(half > 0, half, 1.0))[1])
+    scale[found == 0] = 1.0
+    shift = scale * (low + high) / 2
+    matches = rt.scratch("robust.matches", (rows, max(int(rooms.sum()), LANES)))
+    scales = rt.send("robust.scales", np.stack((scale, shift), 1))
+    kernels.scale_matches(points0, points1, sent, order, counts, scales, matches)
+    to_unit = np.zeros((2, count, 3, 3))
+    to_unit[..., 2, 2] = 1
+    for i in (0, 1):
+        for k in (0, 1):
+            to_unit[i, :, k, k] = scale[:, 2 * i + k]
+            to_unit[i, :, k, 2] = -shift[:, 2 * i + k]
+    return Batch(
+        matches,
+        np.stack((spans[:, 2], found), 1).astype(np.int32),
+        np.array(rt.to_numpy(places))[:total],
+        to_unit,
+        ((high - low) * scale)[:, 2:4],
+        -shift[:, 4] if rows == 5 else np.zeros(count),
+    )
 
 
-def _columns(points0: np.ndarray, points1: np.ndarray) -> np.ndarray:
-    """Return x0, y0, x1, y1, (4, N) float64, and z0 as a fifth row of a scene."""
-    values = np.empty((2 + points0.shape[1], len(points0)))
-    if points0.shape[1] == 3:
-        values[[0, 1, 4]] = points0.T
-    else:
-        values[:2] = points0.T[::-1]
-    values[2:4] = points1.T[::-1]
-    values += 0.0  # one zero, not two
-    return values
-
-
-def _sorted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return finite matches (R, K) by their hash, and where each of (R, N) is among them, or -1.
-
-    Two different matches of one hash, of 46 bits, are in the order in which they came.
-    """
-    count = values.shape[1]
-    kept = np.arange(count)
-    if not np.isfinite(values).all():
-        kept = np.flatnonzero(np.isfinite(values).all(axis=0))
-        values = values[:, kept]
-    keys = np.zeros(len(kept), np.uint64)
-    for row in values.view(np.uint64):  # mixed as by splitmix64
-        keys ^= row
-        keys *= np.uint64(0x9E3779B97F4A7C15)
-        keys ^= keys >> np.uint64(29)
-    keys &= ~_INDEX
-    keys |= np.arange(len(kept), dtype=np.uint64)
-    keys.sort()
-    order = (keys & _INDEX).astype(np.int64)
-    values = values.take(order, axis=1)
-    place = np.full(count, -1, np.int64)
-    keys >>= np.uint64(18)
-    same = keys[1:] == keys[:-1]
-    if not same.any():
-        place[kept[order]] = np.arange(len(order))
-        return values, place
-    fresh = np.ones(len(order), bool)
-    fresh[1:] = ~same | (values[:, 1:] != values[:, :-1]).any(axis=0)
-    place[kept[order]] = np.cumsum(fresh) - 1
-    return values[:, fresh], place
+def _together(lists: list[np.ndarray], columns: int) -> np.ndarray:
+    """Return all points, or one if there is none."""
+    if not any(map(len, lists)):
+        return np.zeros((1, columns))
+    return np.ascontiguousarray(np.concatenate(lists), np.float64)
 
 
 class Found(NamedTuple):
@@ -205,7 +183,7 @@ class Explorer:
         squares = np.minimum((options.threshold * scales) ** 2, MOST_SQUARE)
         self.squares = squares.astype(np.float32)
         self._given = Given(
-            rt.send("robust.matches", batch.matches),
+            batch.matches,
             rt.send("robust.spans", batch.spans),
             rt.send("robust.squares", self.squares),
             rt.send("robust.known", np.zeros((1, 9)) if known is None else known),

@@ -36,6 +36,7 @@ BEND_SPREAD = 0.2  # standard deviation of k
 BEND_STEP = 1e-6  # difference of k for derivatives
 NEWTON = 8  # steps of Newton that straighten a point
 STEEPEST = 0.1  # least slope of the lens, in them
+FOLD = 1.5  # factor at which a lens of negative k turns back; no solution is beyond
 WEAK = 1e-9  # weight of the term that keeps the equations solvable
 
 
@@ -214,6 +215,7 @@ def straightened(points: np.ndarray, bend: float) -> np.ndarray:
     for _ in range(NEWTON if bend else 0):  # f (1 + k f^2 |q|^2) = 1
         inner = bend * factor**2 * squares
         factor -= (factor * (1 + inner) - 1) / np.maximum(1 + 3 * inner, STEEPEST)
+        np.clip(factor, 0, FOLD, out=factor)
     return points * factor
 
 

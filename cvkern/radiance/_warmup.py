@@ -66,4 +66,7 @@ def _show_planes() -> None:
 
 def _train(field: Any) -> None:
     """Train until a grid has been refined."""
-    fit(_scene(), field, steps=18, background="learnt", appearance="affine", progress=False)
+    fit(
+        _scene(), field, steps=18, background="learnt", appearance="affine", robust=True,
+        progress=False,
+    )  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_instance
+from cvkern._checks import as_array, check_instance
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import AdamRule
 from cvkern.radiance.fields.field import Learning
@@ -29,27 +29,20 @@ class Appearance:
     def __init__(self, rt: Runtime, images: int, rays: int):
         self.rt = rt
         self.table = Parameters(rt, np.zeros((images, 12)), np.dtype(np.float32))
-        self.views, self.shown = rt.zeros((rays,), np.int32), rt.zeros((rays, 3))
+        self.shown = rt.zeros((rays, 3))
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
 
-    def draw(self, seed: int, step: Any, pixels: int) -> None:
-        """Find the photographs of the rays of a step."""
-        each = pixels // self.table.values.shape[0]
-        self.rt.radiance.appearance.draw(seed, step, pixels, each, self.views)
-
-    def forward(self, color: Any, opacity: Any) -> Any:
-        """Return composited colours in the light of their photographs."""
-        self._seen = color, opacity
-        table = self.table.values
-        self.rt.radiance.appearance.apply(color, opacity, self.views, table, self.shown)
+    def forward(self, color: Any, opacity: Any, views: Any) -> Any:
+        """Return composited colours in the light of their photographs, `views` (R,)."""
+        self._seen = color, opacity, views
+        self.rt.radiance.appearance.apply(*self._seen, self.table.values, self.shown)
         return self.shown
 
     def backward(self, active: Any, d_color: Any, d_opacity: Any) -> None:
         """Turn gradients by the colours of :meth:`forward` into those by the composited ones."""
         self.rt.radiance.appearance.backward(
-            *self._seen, self.views, self.table.values, active, d_color, d_opacity,
-            self.table.gradients,
-        )  # fmt: skip
+            *self._seen, self.table.values, active, d_color, d_opacity, self.table.gradients
+        )
 
     def learn(self, learning: Learning, scale: float) -> None:
         """Update the maps; `scale` is that of the gradients."""
@@ -109,13 +102,13 @@ def fit_appearance(
     """
     check_instance(model, Model, "model")
     check_instance(cameras, Cameras, "cameras")
-    photo = np.asarray(image)
+    photo = np.asarray(as_array(image, "image"))
     shape = cameras.height, cameras.width
     if photo.dtype != np.uint8:
         raise TypeError(f"image must be uint8, got {photo.dtype}")
     if photo.shape not in ((*shape, 3), (*shape, 4)):
         raise ValueError(f"image must have shape {(*shape, 3)}, got {photo.shape}")
-    chosen = np.ones(shape, bool) if mask is None else np.asarray(mask)
+    chosen = np.ones(shape, bool) if mask is None else np.asarray(as_array(mask, "mask"))
     if chosen.dtype != bool:
         raise TypeError(f"mask must be bool, got {chosen.dtype}")
     if chosen.shape != shape:

@@ -12,6 +12,7 @@ from cvkern._checks import check_choice, check_code, check_integer, check_positi
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints
+from cvkern.radiance.distractors import DISTRACTORS, patches_of
 from cvkern.radiance.fields.field import Field, Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
@@ -92,6 +93,8 @@ class Model:
     """How the light of photographs is modelled: None or 'affine'."""
     gauge: int = 0
     """The number of the photograph whose light pictures have by default, among ``cameras``."""
+    robust: bool = False
+    """Whether rays were weighed by how likely they are to show the scene."""
 
     @property
     def appearances(self) -> np.ndarray:
@@ -104,6 +107,22 @@ class Model:
         if self.appearance is not None:
             views = self.extra[APPEARANCE + "views"]
             found[views] += self.extra[APPEARANCE + "values"].reshape(-1, 3, 4)
+        return found
+
+    @property
+    def weights(self) -> np.ndarray:
+        """The share of each pixel of the photographs that shows the scene, found by `robust`.
+
+        (N, H, W) float32, one for each of ``cameras``, the same for all pixels of a patch; 1 for
+        photographs that the model was not trained on, and for all without `robust`.
+        """
+        height, width = self.cameras.height, self.cameras.width
+        found = np.ones((len(self.cameras), height, width), np.float32)
+        if self.robust:
+            side, _, _ = patches_of(height, width)
+            share = self.extra[DISTRACTORS + "share"]
+            wide = share.repeat(side, axis=1).repeat(side, axis=2)[:, :height, :width]
+            found[self.extra[DISTRACTORS + "views"]] = wide
         return found
 
     @property
@@ -151,6 +170,7 @@ class Model:
             "seed": self.seed,
             "appearance": self.appearance,
             "gauge": self.gauge,
+            "robust": self.robust,
             "size": [views.width, views.height],
             "training": asdict(training)
             | {"marks": [], "resumable": resumable and training.resumable},
@@ -232,20 +252,26 @@ def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
     check_integer(training.rays, "rays", 0, made.rays)  # more would exceed the kernels' arrays
     made.restore(arrays.part("state"))
     given = arrays.part("extra")
-    extra = {name: _extra(given, name, len(views)) for name in given}
+    extra = {name: _extra(given, name, views) for name in given}
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
                  int(header["seed"]), training, extra, _appearance(header, extra),
-                 int(header.get("gauge", 0)))  # fmt: skip
+                 int(header.get("gauge", 0)), _robust(header, extra))  # fmt: skip
 
 
-def _extra(given: checkpoints.Stored, name: str, views: int) -> np.ndarray:
+def _extra(given: checkpoints.Stored, name: str, cameras: Cameras) -> np.ndarray:
     """Return a colour, or numbers of each photograph, or what their optimizers need."""
-    if not name.startswith(APPEARANCE):
+    if name == DISTRACTORS + "noise":
+        return taken(given, name, (1,))
+    if not name.startswith((APPEARANCE, DISTRACTORS)):
         return taken(given, name, (3,))
-    count = given.shape(name)[0]
+    count, views = given.shape(name)[0], len(cameras)
     if count > views:
         raise ValueError(f"{name} must have at most {views} rows, got {count}")
-    if name != APPEARANCE + "views":
+    if name.startswith(DISTRACTORS) and not name.endswith("views"):
+        shape = (count, *patches_of(cameras.height, cameras.width)[1:])
+        dtype = np.float32 if name == DISTRACTORS + "share" else np.int32
+        return taken(given, name, shape, dtype)
+    if not name.endswith("views"):
         return taken(given, name, (count, 12))
     found = taken(given, name, (count,), np.int32)
     if count and not 0 <= found.min() <= found.max() < views:
@@ -256,10 +282,22 @@ def _extra(given: checkpoints.Stored, name: str, views: int) -> np.ndarray:
 def _appearance(header: dict[str, Any], extra: dict[str, np.ndarray]) -> str | None:
     """Return how the light of photographs is modelled, if its arrays are there."""
     found = header.get("appearance")
-    if found is None:
-        return None
-    check_choice(found, APPEARANCES, "appearance")
-    shapes = {extra.get(APPEARANCE + part, np.zeros(0)).shape[0] for part in ("views", "values")}
-    if len(shapes) != 1 or 0 in shapes:
-        raise ValueError(f"appearance must have one row for each photograph, got {shapes}")
+    if found is not None:
+        check_choice(found, APPEARANCES, "appearance")
+        _check_rows(extra, APPEARANCE, "values")
     return found
+
+
+def _robust(header: dict[str, Any], extra: dict[str, np.ndarray]) -> bool:
+    """Return whether rays were weighed, if the arrays of the weights are there."""
+    found = header.get("robust") is True
+    if found:
+        _check_rows(extra, DISTRACTORS, "share")
+    return found
+
+
+def _check_rows(extra: dict[str, np.ndarray], prefix: str, name: str) -> None:
+    """Refuse arrays of photographs that do not belong together."""
+    rows = {extra.get(prefix + part, np.zeros(0)).shape[0] for part in ("views", name)}
+    if len(rows) != 1 or 0 in rows:
+        raise ValueError(f"{prefix}{name} must have one row for each photograph, got {rows}")

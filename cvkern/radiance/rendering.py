@@ -301,7 +301,8 @@ def evaluate(
     -------
     Scores
         One value per view. Photographs with opacity are composited over ``model.behind``, as the
-        renderings are.
+        renderings are. Pixels that a mask of the scene leaves out do not count in the signal-to-
+        noise ratio, and are taken as equal in the structural similarity.
 
     Raises
     ------
@@ -328,7 +329,12 @@ def evaluate(
     for i, view in enumerate(chosen):
         found = draw(scene.cameras, view, model.behind, light).color
         wanted = photograph(scene, view, model.behind)
-        scores[0, i] = psnr(found, wanted)
+        if scene.masks is None:
+            scores[0, i] = psnr(found, wanted)
+        elif scene.masks[view].any():
+            seen = scene.masks[view]
+            scores[0, i] = psnr(found[seen][None], wanted[seen][None])
+            found = np.where(seen[..., None], found, wanted)
         if min(found.shape[:2]) >= 11:
             scores[1, i] = ssim(found, wanted)
         if progress:

@@ -14,6 +14,7 @@ import numpy as np
 from cvkern._checks import check_code
 from cvkern.kernels.codes.radiance import AdamRule, Background, Comparison, Composited, Rays
 from cvkern.radiance.appearance import Appearance
+from cvkern.radiance.distractors import DISTRACTORS, Distractors
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
@@ -48,6 +49,11 @@ class Trainer:
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
         images = scene.images[used]
         self.images = owned(rt, images.reshape(-1, images.shape[3]))
+        chosen = np.array([-1], np.int32)  # all pixels
+        if scene.masks is not None:
+            chosen = np.flatnonzero(scene.masks[used]).astype(np.int32)
+        self.chosen = owned(rt, chosen)
+        self.places = rt.zeros((count,), np.int32), rt.zeros((count,), np.int32)
         state.rays = state.rays if state.step else self.field.first_rays
         self.active = owned(rt, np.array([state.rays], np.int32))
         self.rays = Rays(rt.zeros((count, 3)), rt.zeros((count, 3)), self.active)
@@ -56,13 +62,19 @@ class Trainer:
         self.behind = Parameters(rt, model.behind, np.dtype(np.float32))
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
+        views = np.flatnonzero(used).astype(np.int32)
         self.appearance = None
         if model.appearance is not None:
-            views = np.flatnonzero(used).astype(np.int32)
             self.appearance = Appearance(rt, len(views), count)
             if model.extra.get(APPEARANCE + "values") is not None:
                 self.appearance.restore(model.extra)
             model.extra[APPEARANCE + "views"] = views
+        self.distractors = None
+        if model.robust:
+            self.distractors = Distractors(rt, images.shape[:3], count)
+            if DISTRACTORS + "share" in model.extra:
+                self.distractors.restore(model.extra)
+            model.extra[DISTRACTORS + "views"] = views
         self.d_behind, self.parts = rt.zeros((count, 3)), rt.zeros((PARTS, 3))
         self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
         self.learning = Learning(
@@ -77,21 +89,26 @@ class Trainer:
         """Draw rays, render them, and learn from the errors."""
         rt, field, at = self.rt, self.field, self.learning.step
         rt.radiance.pinhole.random_rays(
-            self.views, self.images, self.spread, self.model.seed, at, *self.rays[:2], self.targets,
+            self.views, self.images, self.spread, self.model.seed, at, self.chosen, *self.rays[:2],
+            self.targets, *self.places,
         )  # fmt: skip
         seen = field.forward(self.rays, at)
         color, light = seen.color, self.appearance
         if light is not None:
-            light.draw(self.model.seed, at, self.images.shape[0])
-            color = light.forward(seen.color, seen.opacity)
+            color = light.forward(seen.color, seen.opacity, self.places[0])
         comparison = Comparison(
             self.background, self.behind.values, self.huber, field.gradient_scale, self.model.seed,
-            at,
+            at, light is not None,
         )  # fmt: skip
         rt.radiance.training.losses.loss(
             color, seen.opacity, self.targets, self.active, comparison, self.errors,
             self.gradients.color, self.gradients.opacity, self.d_behind,
         )  # fmt: skip
+        if self.distractors is not None:
+            self.distractors.weigh(
+                self.errors, self.places, self.active,
+                (self.gradients.color, self.gradients.opacity, self.d_behind),
+            )  # fmt: skip
         if light is not None:
             light.backward(self.active, self.gradients.color, self.gradients.opacity)
             light.learn(self.learning, SHARE / field.gradient_scale)
@@ -149,6 +166,8 @@ class Trainer:
         look_at_clock(state.step // LOOK * LOOK)  # a resumed run may have a different budget
         while (state.step < steps if steps else spent() < (seconds or 0)) and not stop.is_set():
             self.field.tend(state.step, self.learning)
+            if self.distractors is not None:
+                self.distractors.tend(state.step)
             self.repeat()
             state.step += 1
             state.total_rays += state.rays
@@ -241,6 +260,8 @@ class Trainer:
         self.model.training.rays = self.kept()
         if self.appearance is not None:
             self.model.extra |= self.appearance.state()
+        if self.distractors is not None:
+            self.model.extra |= self.distractors.state()
         if self.background == Background.LEARNT:
             self.model.extra |= self.behind.state("behind.", self.rt)
             self.model.behind = self.model.extra["behind.values"].clip(0, 1)

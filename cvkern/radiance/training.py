@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -60,6 +61,14 @@ ON_GPU: dict[str, dict[str, Any]] = {
 LAST_GRID = 11 * 10**9  # bytes of the last two grids; a GPU with less omits the last one
 
 
+class Wild(NamedTuple):
+    """The options for photographs of changing light and crowds."""
+
+    appearance: str | None
+    gauge: int | None
+    robust: bool
+
+
 def fit(
     scene: Scene,
     field: str | Settings | None = None,
@@ -71,6 +80,7 @@ def fit(
     spread: float = 0.0,
     appearance: str | None = None,
     gauge: int | None = None,
+    robust: bool = False,
     seed: int = 0,
     deterministic: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -80,6 +90,7 @@ def fit(
     callback: Callable[[int, float, Model], Any] | None = None,
     log: str | os.PathLike[str] | None = None,
     progress: bool = True,
+    viewer: bool = False,
 ) -> Model:
     """Train a radiance field on the photographs of a scene.
 
@@ -117,6 +128,9 @@ def fit(
     gauge : int, optional
         The number of the photograph, among all of the scene, whose light pictures have by default.
         By default the first one that is trained on.
+    robust : bool, default False
+        Ignore what does not stay, such as passers-by: a pixel counts as much as it is likely to
+        show the scene, by its error and those of its neighbourhood. See ``model.weights``.
     seed : int, default 0
         Seed of all random numbers.
     deterministic : bool, default False
@@ -147,6 +161,9 @@ def fit(
     progress : bool, default True
         Show a progress bar if the standard error is a terminal, and otherwise print a line every 10
         seconds.
+    viewer : bool, default False
+        Show the field while it trains, on a page in the browser of this machine; its address is
+        printed. Needs viser. ``cvkern view`` shows a model afterwards.
 
     Returns
     -------
@@ -164,6 +181,8 @@ def fit(
         If `checkpoint` or `log` cannot be written.
     TypeError
         If an argument has the wrong type.
+    ImportError
+        If viser is not installed for `viewer`.
     ValueError
         If an option is unknown or out of its range; if both `seconds` and `steps` are given; if the
         scene has no training views, images of 2 GiB or more together, or a camera more than 32768
@@ -191,6 +210,7 @@ def fit(
     deterministic = check_flag(deterministic, "deterministic")
     resume = check_flag(resume, "resume")
     progress = check_flag(progress, "progress")
+    viewer = check_flag(viewer, "viewer")
     refuse_capture("fit")
     if isinstance(field, str):
         check_choice(field, tuple(KINDS), "field")
@@ -220,6 +240,8 @@ def fit(
         evaluate_every = check_integer(evaluate_every, "evaluate_every", 1, 2**31 - 1)
     if not (~scene.test).any():
         raise ValueError(f"scene must have views to train from, got {len(scene)} held out")
+    if scene.masks is not None and not scene.masks[~scene.test].any():
+        raise ValueError("scene must have pixels to train from, got masks without any")
     if checkpoint is not None:
         checkpoints.check_path(checkpoint)
     elif resume:
@@ -230,20 +252,28 @@ def fit(
         raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
     if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
         raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
-    light = appearance, gauge
+    wild = Wild(appearance, gauge, check_flag(robust, "robust"))
     if callback is not None and not callable(callback):
         raise TypeError(f"callback must be a function, got {type(callback).__name__}")
     to = None if log is None else logs.check_log(log)
-    model = _begin(scene, field, background, seed, light, checkpoint if resume else None)
+    model = _begin(scene, field, background, seed, wild, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
     trainer = Trainer(model, scene, loss, spread)
     with contextlib.ExitStack() as stack:
         write = stack.enter_context(logs.opened(to, resume)) if to is not None else None
         say, stop = stack.enter_context(shown(progress)), stack.enter_context(stoppable())
+        if viewer:
+            from cvkern.app.viewer.fields import shown_while_training
+
+            callback = stack.enter_context(shown_while_training(model, callback, _told))
         watch = _watched(callback, write, model)
         trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every, watch)
     return model
+
+
+def _told(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 def _watched(
@@ -282,7 +312,7 @@ def _begin(
     field: str | Settings | None,
     background: str | None,
     seed: int,
-    light: tuple[str | None, int | None],
+    wild: Wild,
     checkpoint: Any,
 ) -> Model:
     """Return a new model, or the one to continue with."""
@@ -302,8 +332,9 @@ def _begin(
             ("field", settings if field is None else field, settings),
             ("background", background or model.background, model.background),
             ("seed", seed, model.seed),
-            ("appearance", light[0] or model.appearance, model.appearance),
-            ("gauge", model.gauge if light[1] is None else light[1], model.gauge),
+            ("appearance", wild.appearance or model.appearance, model.appearance),
+            ("gauge", model.gauge if wild.gauge is None else wild.gauge, model.gauge),
+            ("robust", wild.robust or model.robust, model.robust),
             ("scene", frame, model.frame),
         ):
             if saved != wanted:
@@ -316,13 +347,12 @@ def _begin(
     background = background or _seen_behind(scene)
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
-    appearance, gauge = light
-    gauge = int(np.flatnonzero(~scene.test)[0]) if gauge is None else gauge
+    gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
     made = settings.build(runtime(), frame, seed)
     made.start(scene)
     return Model(
         made, settings, background, behind, scene.cameras, seed,
-        Training(), {}, appearance, gauge,
+        Training(), {}, wild.appearance, gauge, wild.robust,
     )  # fmt: skip
 
 

@@ -12,12 +12,12 @@ from cvkern.filters.linear import gaussian_taps
 
 
 def bilateral(
-    rt: Runtime, logs: Any, lowest: float, span: float, sigma: float, reach: float
+    rt: Runtime, logs: Any, lowest: float, span: float, sigma: float, reach: float, sums: Any
 ) -> Any:
     """Return the kernel array of (H, W) values, smoothed where they differ by less than `reach`.
 
     Values begin at `lowest` and extend over `span`; `sigma` is in pixels. The grid has a cell for
-    each of both.
+    each of both. What remains is measured in `sums`.
     """
     space, depth = np.float32(1 / sigma), np.float32(1 / reach)
     ends = ((logs.shape[0] - 1) * space, (logs.shape[1] - 1) * space, span * depth)
@@ -26,11 +26,10 @@ def bilateral(
     cells = rt.scratch("grids.cells", (*shape, 2), np.int64)
     one, two = (rt.scratch(f"grids.{n}", (*shape, 2)) for n in ("one", "two"))
     rt.clear(cells)
-    kernels.fill(logs, lowest, float(space), float(depth), cells)
     taps = rt.constant(gaussian_taps(1.0))
-    kernels.smooth_depth(cells, taps, one)
-    kernels.smooth(one, taps, 0, two)
-    kernels.smooth(two, taps, 1, one)
+    kernels.fill(logs, lowest, float(space), float(depth), taps, cells, one)
+    smoothed = rt.scratch("grids.smoothed", (*shape, 2))
+    kernels.smooth(one, taps, two, smoothed)
     base = rt.scratch("grids.base", tuple(logs.shape))
-    kernels.read(logs, one, lowest, float(space), float(depth), base)
+    kernels.read(logs, smoothed, lowest, float(space), float(depth), base, sums)
     return base

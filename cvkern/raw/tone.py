@@ -94,8 +94,9 @@ def tone_map(
     shape = tuple(radiance.shape)
     light = rt.adopt(radiance, np.float32, (*shape[:2], 3 if len(shape) == 3 else 1))
     logs = rt.scratch("tone.logs", shape[:2])
-    rt.raw.tone.luminance(light, 0.0, logs)
-    ends = _measured(rt, logs)
+    sums = _cleared(rt)
+    rt.raw.tone.survey(light, logs, sums)
+    ends = _ends(rt, sums)
     if not ends.pixels:
         return rt.give(np.zeros(shape, np.float32))
     if ends.high > MOST_STOPS:
@@ -127,10 +128,13 @@ class Ends(NamedTuple):
         return min(1.0, contrast / span) if span > 0 else 1.0
 
 
-def _measured(rt: Runtime, logs: Any) -> Ends:
+def _cleared(rt: Runtime) -> Any:
     sums = rt.scratch("tone.sums", (SLOTS, 4), np.int64)
     rt.clear(sums)
-    rt.raw.tone.measure(logs.reshape((logs.size,)), sums)
+    return sums
+
+
+def _ends(rt: Runtime, sums: Any) -> Ends:
     found = np.array(rt.to_numpy(sums))
     total, count = (int(n) for n in found[:, :2].sum(axis=0))
     low, high = 2**32 - int(found[:, 2].max()), int(found[:, 3].max()) - 2**32
@@ -163,8 +167,9 @@ def _curved(rt: Runtime, light: Any, key: float, ends: Ends, local: bool, out: A
 def _smoothed(rt: Runtime, logs: Any, ends: Ends, contrast: float) -> tuple[Any, ...]:
     """Compress what a bilateral filter leaves, whose brightest becomes white."""
     sigma = max(2.0, 0.02 * max(logs.shape))
-    base = bilateral(rt, logs, ends.low, ends.high - ends.low, sigma, RANGE)
-    own = _measured(rt, base)
+    sums = _cleared(rt)
+    base = bilateral(rt, logs, ends.low, ends.high - ends.low, sigma, RANGE, sums)
+    own = _ends(rt, sums)
     share = own.share(contrast)
     return base, share - 1, base, 0.0, -share * own.high
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._checks import check_choice, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.features.keypoints import white_of
+from cvkern.features._photographs import white_of
 from cvkern.kernels.codes.recognition import LARGEST, NOBODY
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, Sampling
 
@@ -113,12 +113,10 @@ def learn_codebook(
     rt.features.keypoints.extrema.prepare(
         flat.reshape((count * side, side, 1)), float(np.float32(1 / white)), gray
     )
-    pixels = rt.scratch("recognition.pixels", (count * side, side), np.int32)
-    kernels.round_pixels(gray, pixels)
     corners = np.column_stack([side * np.arange(count), np.zeros(count)]).astype(np.int32)
     normal = rt.scratch("recognition.patches", (count, sampling.size), np.int8)
     sent = rt.send("recognition.corners", corners)
-    kernels.sample_patches(pixels, sent, side, sampling.least, normal)
+    kernels.sample_patches(gray, sent, side, sampling.least, normal)
     values = np.array(rt.to_numpy(normal))
     there = np.flatnonzero(values.any(axis=1))
     if not len(there):

@@ -8,6 +8,8 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.recognition import FINE, OCTAVE
+from cvkern.recognition._kept import kept
+from cvkern.recognition.fitting import frame_on
 from cvkern.recognition.training import Settings
 from cvkern.recognition.votes import Votes
 
@@ -49,18 +51,19 @@ class Found(NamedTuple):
 
 def paint(found: Found, figures: np.ndarray, settings: Settings, masks: Any) -> None:
     """Fill the masks (N, H, W), for kernels, of what was found."""
-    rt, votes, side = found.rt, found.votes, settings.sampling.side
-    if votes is None:
+    rt, side = found.rt, settings.sampling.side
+    if found.votes is None:
         return
+    patches, occurrences, space, window, _ = found.votes
     shape = (len(found.modes), settings.height + 2 * side, settings.width + 2 * side)
     balance = rt.scratch("recognition.balance", shape, np.int32)
     modes = rt.send("recognition.found", np.ascontiguousarray(found.modes))
     kernels = rt.recognition.figures
     kernels.paint_figures(
-        votes.listed, votes.sources, votes.starts, votes.space, votes.window, votes.places,
-        rt.send("recognition.figures", figures), modes, balance,
+        patches, occurrences, space, window, frame_on(rt, settings),
+        kept(rt, figures), modes, balance,
     )  # fmt: skip
-    kernels.spread_figures(balance, modes, votes.space, masks)
+    kernels.spread_figures(balance, modes, space, masks)
 
 
 def inside(modes: np.ndarray, shape: np.ndarray, settings: Settings) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, Frame, Patches, Space
+from cvkern.recognition.votes import distinct
 
 STEPS = (4, 2)  # pixels of the model that a mode climbs by
 AROUND = np.array([(y, x) for y in (0, -1, 1) for x in (0, -1, 1)])
@@ -49,7 +50,7 @@ def climb(
         best = found.reshape(len(modes), -1).argmax(axis=1)
         every = np.arange(len(modes))
         modes, evidence = near[every, best], found.reshape(len(modes), -1)[every, best]
-        _, first = np.unique(modes[:, :3], axis=0, return_index=True)
+        first = distinct(modes)
         modes, evidence, factors = modes[first], evidence[first], factors[first]
     return np.ascontiguousarray(modes), evidence
 

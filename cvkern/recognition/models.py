@@ -8,29 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import (
-    check_choice,
-    check_flag,
-    check_integer,
-    check_number,
-)
+from cvkern._checks import check_choice, check_flag, check_integer, check_number
 from cvkern._runtime import runtime
 from cvkern.kernels.codes.recognition import MOST_WORDS
 from cvkern.recognition import files
-from cvkern.recognition._arguments import (
-    Box,
-    check_boxes,
-    check_masks,
-    cut_all,
-    grays_of,
-)
+from cvkern.recognition._arguments import Box, check_boxes, check_masks, cut_all, grays_of
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
-from cvkern.recognition.figures import (
-    Objects,
-    Segmentation,
-    objects_of,
-    paint,
-)
+from cvkern.recognition.figures import Objects, Segmentation, objects_of, paint
 from cvkern.recognition.fitting import Fitted, fit
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling
 from cvkern.recognition.search import search, votes_of
@@ -75,6 +59,8 @@ class ShapeModel:
         Least score of what :meth:`detect` finds by default.
     words : array of shape (K, S, S), int8, or None
         Visual words.
+    has_masks : bool
+        Whether the model was fitted with masks, for :meth:`segment`.
 
     Raises
     ------
@@ -153,6 +139,11 @@ class ShapeModel:
     def threshold(self) -> float | None:
         """Least score of what is found by default."""
         return None if self._fitted is None else self._fitted.threshold
+
+    @property
+    def has_masks(self) -> bool:
+        """Whether the model was fitted with masks, for :meth:`segment`."""
+        return self._fitted is not None and self._fitted.figures.size > 0
 
     def fit(
         self,

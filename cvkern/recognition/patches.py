@@ -10,8 +10,9 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.features import corner_harris, corner_peaks, sift
-from cvkern.features.keypoints import prepared
+from cvkern.features._photographs import prepared
 from cvkern.kernels.codes.recognition import FINE, OCTAVE, PART, SPREAD, WHITE
+from cvkern.recognition._kept import kept
 from cvkern.transform.resampling import resample
 
 POINTS = ("grid", "harris", "dog")
@@ -59,6 +60,8 @@ class Sampled(NamedTuple):
     """Scale, first row and last but one of each level, (L, 3) int32."""
     patches: Any
     """Kernel array (N, D), int8."""
+    grid: bool
+    """Whether the arrays on the host are those of a grid, and never change."""
 
 
 def scale_code(scale: float) -> int:
@@ -90,15 +93,15 @@ def sample(
         corners, places, rows, levels = _listed(found, shapes, codes, (height, width), sampling)
     patches = rt.scratch("recognition.patches", (len(places), sampling.size), np.int8)
     kernels = rt.recognition.patches
-    for level, shape, (_, first, last) in zip(zoomed, shapes, levels.tolist(), strict=True):
+    grid = sampling.points == "grid"
+    corners = kept(rt, corners) if grid else rt.send("recognition.corners", corners)
+    for level, (_, first, last) in zip(zoomed, levels.tolist(), strict=True):
         if first == last:
             continue
         begin, end = int(rows[first, 1]), int(rows[last - 1, 2])
-        pixels = rt.scratch("recognition.pixels", shape, np.int32)
-        kernels.round_pixels(level, pixels)
-        sent = rt.send("recognition.corners", corners[begin:end])
-        kernels.sample_patches(pixels, sent, sampling.side, sampling.least, patches[begin:end])
-    return Sampled(places, rows, levels, patches)
+        some = corners[begin:end], sampling.side, sampling.least, patches[begin:end]
+        kernels.sample_patches(level, *some)
+    return Sampled(places, rows, levels, patches, grid)
 
 
 @lru_cache(maxsize=32)

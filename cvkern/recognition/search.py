@@ -10,6 +10,7 @@ from cvkern._checks import check_number
 from cvkern._runtime import runtime
 from cvkern.kernels.codes.recognition import Occurrences
 from cvkern.recognition._arguments import check_picture, check_scales
+from cvkern.recognition._kept import kept
 from cvkern.recognition.figures import Found, inside
 from cvkern.recognition.fitting import Fitted, frame_on
 from cvkern.recognition.hypotheses import climb, explain, weigh
@@ -39,15 +40,12 @@ def search(
     if not len(sampled.places):
         return nothing
     patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
-    occurrences = Occurrences(
-        rt.send("recognition.begins", fitted.starts),
-        rt.send("recognition.entries", fitted.entries),
-    )
+    occurrences = Occurrences(kept(rt, fitted.starts), kept(rt, fitted.entries))
     votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
     modes = modes[inside(modes, np.array(shape), settings)]
     if not len(modes):
         return nothing._replace(votes=votes)
-    weights, space = rt.send("recognition.weights", fitted.weights), votes.space
+    weights, space = kept(rt, fitted.weights), votes.space
     frame = frame_on(rt, settings)
     floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
     evidence = weigh(rt, patches, weights, space, frame, modes)

@@ -19,6 +19,7 @@ from cvkern.kernels.codes.recognition import (
     Space,
     Window,
 )
+from cvkern.recognition._kept import kept
 from cvkern.recognition.patches import Sampled, scale_code
 
 CELL = 4  # pixels of the model along the side of a cell of votes
@@ -31,18 +32,12 @@ WIDEST = 2.0  # least spacing of scales that counts as one, octaves
 
 
 class Votes(NamedTuple):
-    """The votes of a picture by their cells, for kernels."""
+    """The votes of a picture, for kernels."""
 
+    patches: Patches
+    occurrences: Occurrences
     space: Space
     window: Window
-    listed: Any
-    """Place, scale and weight of each, (V, 4) int32."""
-    sources: Any
-    """Patch and occurrence of each, (V, 2) int32."""
-    starts: Any
-    """First vote of each cell, and the number of all, (C + 1,) int32."""
-    places: Any
-    """Places of the patches, (N, 3) int32."""
     sums: Any
     """Sum of the weights in each cell, (C,) int32."""
 
@@ -84,11 +79,9 @@ def activate(rt: Runtime, sampled: Sampled, words: np.ndarray, least: int, most:
         rt.scratch(f"recognition.{name}", (count, most), np.int32)
         for name in ("products", "matches")
     )
-    rt.recognition.codebook.match_words(
-        sampled.patches, rt.send("recognition.words", words), least, products, matches
-    )
+    rt.recognition.codebook.match_words(sampled.patches, kept(rt, words), least, products, matches)
     places, rows, levels = (
-        rt.send(f"recognition.{name}", array)
+        kept(rt, array) if sampled.grid else rt.send(f"recognition.{name}", array)
         for name, array in zip(("places", "rows", "levels"), sampled[:3], strict=True)
     )
     return Patches(places, rows, levels, matches)
@@ -107,23 +100,39 @@ def find_modes(
     cells = int((space.bins[:, 1] * space.bins[:, 2]).sum())
     space = Space(rt.constant(space.bins), space.slack, rt.constant(space.factors), space.lowest)
     sums = rt.scratch("recognition.cells", (cells,), np.int32)
+    counts = rt.scratch("recognition.counts", (cells,), np.int32)
     starts = rt.scratch("recognition.starts", (cells + 1,), np.int32)
-    kernels.count_votes(patches, occurrences, space, sums, starts)
+    kernels.count_votes(patches, occurrences, space, sums, counts)
+    maxima = rt.scratch("recognition.maxima", (len(tiles), 4), np.int32)
+    kernels.find_maxima(sums, space, kept(rt, tiles), maxima)
+    highest = np.asarray(rt.to_numpy(maxima))
+    highest = highest[strongest(highest[:, 3], MOST_MODES)]
+    if not len(highest):
+        return Votes(patches, occurrences, space, window, sums), highest
+    sent = rt.send("recognition.highest", highest)
+    kernels.mark_votes(sent, space, window, counts, starts)
     count = int(rt.to_numpy(starts[cells : cells + 1])[0])
     votes = rt.scratch("recognition.votes", (count, 4), np.int32)
-    sources = rt.scratch("recognition.sources", (count, 2), np.int32)
-    found = Votes(space, window, votes, sources, starts, patches.places, sums)
-    if not count:
-        return found, np.empty((0, 4), np.int32)
-    kernels.list_votes(patches, occurrences, space, starts, votes, sources)
-    maxima = rt.scratch("recognition.maxima", (len(tiles), 4), np.int32)
-    kernels.find_maxima(sums, space, rt.constant(tiles), maxima)
-    highest = np.array(rt.to_numpy(maxima))
-    order = np.argsort(-highest[:, 3].astype(np.int64), kind="stable")[:MOST_MODES]
-    highest = np.ascontiguousarray(highest[order[highest[order, 3] > 0]])
-    if not len(highest):
-        return found, np.empty((0, 4), np.int32)
+    kernels.list_votes(patches, occurrences, space, starts, votes)
     modes = rt.scratch("recognition.modes", highest.shape, np.int32)
-    sent = rt.send("recognition.highest", highest)
     kernels.shift_modes(votes, starts, space, window, sent, modes)
-    return found, np.unique(rt.to_numpy(modes), axis=0)
+    found = Votes(patches, occurrences, space, window, sums)
+    moved = np.asarray(rt.to_numpy(modes))
+    return found, moved[distinct(moved)]
+
+
+def strongest(values: np.ndarray, most: int) -> np.ndarray:
+    """Return the indices of the largest values above 0, ascending; of equal ones, the first."""
+    least = np.partition(values, -most)[-most] if len(values) > most else 0
+    above = np.flatnonzero(values > max(least, 0))
+    if least <= 0:
+        return above
+    equal = np.flatnonzero(values == least)[: most - len(above)]
+    return np.sort(np.concatenate([above, equal]))
+
+
+def distinct(modes: np.ndarray) -> np.ndarray:
+    """Return the first index of each place and scale, in the order of rows, columns and scales."""
+    row, column, scale = (modes[:, k].astype(np.int64) for k in range(3))
+    key = ((row << 26) + column << 12) + scale  # |column| < 2^25 and |scale| < 2^11
+    return np.unique(key, return_index=True)[1]

@@ -7,6 +7,8 @@ number of photographs has grown by a quarter.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cvkern.geometry.cameras.lens import matrix_of
@@ -25,6 +27,7 @@ LEAST_POINTS, LEAST_SHARE = 15, 0.2  # known points that a photograph must agree
 FIRST_ANGLES = np.radians((8.0, 4.0, 2.0))  # median angle of the first pair, in turn
 FIRST_POINTS = 15  # points of the first pair
 FLAT = 0.85  # share of matches on a plane above which a first pair is chosen last
+FOR_TWINS = 4  # photographs by which the two motions of a plane are compared
 TRIED = 60  # pairs that may be the first
 NEAR = 5  # photographs that are adjusted with a new one
 GROWN = 1.25  # growth of the number of photographs between adjustments of everything
@@ -34,6 +37,8 @@ NEAR_STEPS, FEW_STEPS, LAST_STEPS = 5, 8, 25  # steps of adjustments
 FOR_FOCAL, FOR_LENS, FOR_MIDDLE = 3, 5, 8
 NOISE = 0.05, 2.0  # pixels by which places are off, at least and at most
 SCALE, LEAST_SCALE = 3.0, 0.25  # scale of the last loss: in units of the noise, and pixels
+
+KEPT = "rows", "placed", "rotations", "translations", "points", "active"  # arrays of a state
 
 
 class Growth:
@@ -47,6 +52,26 @@ class Growth:
         self.rotations, self.translations = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
         self.points = np.full((tracks.total, 3), np.nan)
         self.active = np.zeros(len(tracks.track), bool)
+        self.failed: dict[int, int] = {}
+        """The number of known points with which a photograph could not be placed."""
+        self.adjusted = 0
+        """Placed photographs when everything was adjusted last."""
+        self.rounds = 0
+        """Rounds of the end: the one that comes next, 0 before the end."""
+        self._straighten()
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return what changes while it grows."""
+        failed = np.array(list(self.failed.items()), int).reshape(-1, 2)
+        whole = {name: getattr(self, name).copy() for name in KEPT}
+        return {**whole, "failed": failed, "counts": np.array([self.adjusted, self.rounds])}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go back to a state."""
+        for name in KEPT:
+            setattr(self, name, state[name].copy())
+        self.failed = dict(state["failed"].tolist())
+        self.adjusted, self.rounds = state["counts"].tolist()
         self._straighten()
 
     # --- the first pair --------------------------------------------------------------------------
@@ -67,10 +92,27 @@ class Growth:
         for least in FIRST_ANGLES:
             wide = [(n, -k) for k, (pair, n, angle) in enumerate(tried) if angle >= least]
             if wide:
-                self._place_two(tried[-max(wide)[1]][0])
-                self._adjust_all(FEW_STEPS)
+                self._begin_with(tried[-max(wide)[1]][0])
                 return True
         return False
+
+    def _begin_with(self, pair: Pair) -> None:
+        """Place a pair; of a plane, with the motion by which more photographs fit better."""
+        twin = pair._replace(rotation=pair.other[:, :3], translation=pair.other[:, 3])
+        two = [pair] if pair.flat < FLAT or np.isnan(twin.rotation[0, 0]) else [pair, twin]
+        scores = []
+        for one in two:
+            self._clear()
+            self._place_two(one)
+            self._adjust_all(FEW_STEPS)
+            self.adjusted = 2
+            if len(two) > 1:
+                start = self.state()
+                self.grow(lambda *given: None, FOR_TWINS)
+                number, error = self.cost()
+                scores.append((-number * max(0.0, ERROR - error), len(scores), start))
+        if scores:
+            self.restore(min(scores[0], scores[1], key=lambda s: s[:2])[2])
 
     def _place_two(self, pair: Pair) -> None:
         self.placed[[pair.first, pair.second]] = True
@@ -83,49 +125,53 @@ class Growth:
     def _clear(self) -> None:
         self.placed[:], self.active[:], self.points[:] = False, False, np.nan
         self.rotations[:], self.translations[:] = np.eye(3), 0
+        self.rows, self.failed, self.adjusted = self.lenses.rows.copy(), {}, 0
+        self._straighten()
 
     # --- further photographs ---------------------------------------------------------------------
 
-    def grow(self, say: Say, most: int | None = None) -> None:
+    def grow(
+        self, say: Say, most: int | None = None, save: Callable[[], None] = lambda: None
+    ) -> None:
         """Place photographs until none can be placed, or until `most` are."""
         total = len(self.placed)
-        failed: dict[int, int] = {}  # the number of points with which a photograph failed
-        adjusted = int(self.placed.sum())
         while not self.placed.all() and (most is None or self.placed.sum() < most):
+            save()
             say(int(self.placed.sum()), total, "Placing photographs")
             visible = self._visible()
             order = [
                 int(v) for v in np.argsort(-visible, kind="stable")
-                if visible[v] >= LEAST_POINTS and visible[v] > failed.get(int(v), 0)
+                if visible[v] >= LEAST_POINTS and visible[v] > self.failed.get(int(v), 0)
             ]  # fmt: skip
             if not order:
-                if adjusted == self.placed.sum():
+                if self.adjusted == self.placed.sum():
                     break
-                self.settle(1)
-                adjusted = int(self.placed.sum())
-                failed = {}
+                self.settle()
+                self.adjusted = int(self.placed.sum())
+                self.failed = {}
                 continue
             view = order[0]
             if not self._place(view):
-                failed[view] = int(1.1 * visible[view])
+                self.failed[view] = int(1.1 * visible[view])
                 continue
             self._add_points()
             self._adjust_near(view)
             self._add_points()
             now = int(self.placed.sum())
-            if now >= max(GROWN * adjusted, adjusted + 1) or now <= FOR_LENS + 1:
+            if now >= max(GROWN * self.adjusted, self.adjusted + 1) or now <= FOR_LENS + 1:
                 self._adjust_all(FEW_STEPS)
                 self._add_points()
-                adjusted = now
+                self.adjusted = now
 
-    def settle(self, rounds: int = ROUNDS, error: float = ERROR) -> None:
-        """Adjust everything, leave out what does not fit, and look for more, until both agree."""
-        for _ in range(rounds):
-            before = self.active.copy()
-            self._adjust_all(FEW_STEPS if rounds == 1 else LAST_STEPS, error, rounds > 1)
-            self._add_points(error)
-            if (before != self.active).sum() <= 1e-3 * max(1, before.sum()):
-                break
+    def settle(self, last: bool = False) -> bool:
+        """Adjust everything, leave out what does not fit, look for more; True if nothing changed.
+
+        In the end, `last`, with more steps and all parameters of the lens.
+        """
+        before = self.active.copy()
+        self._adjust_all(LAST_STEPS if last else FEW_STEPS, last)
+        self._add_points()
+        return bool((before != self.active).sum() <= 1e-3 * max(1, before.sum()))
 
     def _visible(self) -> np.ndarray:
         """Return how many known points each photograph without a place shows."""
@@ -187,26 +233,26 @@ class Growth:
             off = np.linalg.norm(off * self.rows[self.lenses.of[view], :2], axis=1)
         return np.where(inside[:, 2] > 0, off, np.inf)
 
-    def _add_points(self, error: float = ERROR) -> None:
+    def _add_points(self) -> None:
         """Find points of tracks without one, and take in sightings that fit."""
         tracks = self.tracks
         known = np.isfinite(self.points[:, 0])
         open_ = np.flatnonzero(self.placed[tracks.view] & ~known[tracks.track])
         found = triangulate(
-            self._rays(open_), LEAST_ANGLE, error, lambda points: self._errors(open_, points),
+            self._rays(open_), LEAST_ANGLE, ERROR, lambda points: self._errors(open_, points),
             self.seed,
         )  # fmt: skip
         self.points[found.tracks] = found.points
-        self._clean(error)
+        self._clean()
 
-    def _clean(self, error: float) -> None:
+    def _clean(self) -> None:
         """Decide which sightings belong to points, and drop points that too few rays fix."""
         tracks = self.tracks
-        chosen = np.flatnonzero(self.placed[tracks.view])
+        known = np.isfinite(self.points[:, 0])
+        chosen = np.flatnonzero(self.placed[tracks.view] & known[tracks.track])
         off = self._errors(chosen, self.points[tracks.track[chosen]])
         self.active[:] = False
-        self.active[chosen[off <= error]] = True
-        known = np.isfinite(self.points[:, 0])
+        self.active[chosen[off <= ERROR]] = True
         wide = self._angles() >= LEAST_ANGLE
         self.points[known & ~wide] = np.nan
         self.active &= wide[tracks.track]
@@ -248,9 +294,9 @@ class Growth:
         bundle, views, names = self._bundle(np.flatnonzero(self.active & about[tracks.track]))
         effort = Effort(POSE, Loss.CAUCHY, 2.0, NEAR_STEPS, 1e-3)
         self._take(adjust(bundle, effort, ~moving[views])[0], views, names)
-        self._clean(ERROR)
+        self._clean()
 
-    def _adjust_all(self, steps: int, error: float = ERROR, last: bool = False) -> None:
+    def _adjust_all(self, steps: int, last: bool = False) -> None:
         """Adjust everything, with the parameters of lenses that the photographs determine."""
         number = int(self.placed.sum())
         size = POSE
@@ -267,7 +313,7 @@ class Growth:
         self._take(bundle, views, names)
         self.rows = bundle.lenses
         self._straighten()
-        self._clean(error)
+        self._clean()
 
     def distances(self, chosen: np.ndarray) -> np.ndarray:
         """Return the distances of places from projected points, pixels of the small images."""

@@ -13,14 +13,19 @@ from cvkern.geometry.epipolar import find_fundamentals
 from cvkern.geometry.essential import find_essentials
 from cvkern.geometry.maps import find_homographies
 from cvkern.geometry.views import recover_pose
-from cvkern.reconstruction._photographs import Keypoints, Lenses, Say, rays_through
+from cvkern.reconstruction._averaging import angles_between, average_turns
+from cvkern.reconstruction._photographs import Keypoints, Lenses, rays_through
+from cvkern.reconstruction._planes import motions_of
+from cvkern.reconstruction._vocabulary import likeness, nearest_pairs
 
 MAX_RATIO = 0.8  # nearest distance over the second nearest
 LEAST_MATCHES = 15  # matches of a pair, before and after its geometry is known
 THRESHOLD = 2.0  # Sampson distance of an inlier, pixels
 FLAT_THRESHOLD = 3.0  # distance of an inlier from a homography's place, pixels
 LEAST_SHARE = 0.25  # least share of the matches of a pair that must agree
-MANY, STRONG, PARTNERS = 20, 500, 16  # beyond `MANY` photographs, each is compared with partners
+# Up to `MANY` photographs, all pairs are matched. Up to `HUNDREDS`, the strongest keypoints of all
+# pairs tell which are alike; beyond, the vocabulary does.
+MANY, HUNDREDS, STRONG = 20, 100, 500
 SEARCHED = 40  # pairs by which the focal length is estimated
 FOCALS = np.geomspace(0.5, 3.4, 13)  # candidates for the focal length, in longest sides
 TRIALS = 4096
@@ -28,6 +33,8 @@ MOST_FOCALS = 4  # focal lengths that are tried
 AS_GOOD = 1.15  # focal lengths with a cost up to this many times the least are tried as well
 APART = 1.5  # least ratio of two focal lengths that are tried
 FLAT = 0.9  # share of matches on a plane above which the turn of a pair is uncertain
+PLANE = 0.8  # share above which both motions that explain a plane are kept
+APART_TURNS = np.radians(2)  # least angle between their turns
 LOOP = np.radians(10)  # largest angle by which the turns of three pairs may fail to close
 
 
@@ -44,6 +51,9 @@ class Pair(NamedTuple):
     """X1 = R X0 + t, (3, 3)."""
     translation: np.ndarray
     """(3,), of length 1."""
+    other: np.ndarray
+    """Another motion that explains the matches of a plane, R and t side by side, (3, 4); NaN for
+    pairs that are no plane."""
 
 
 class Matched(NamedTuple):
@@ -55,13 +65,13 @@ class Matched(NamedTuple):
     """Indices of places, (M, 2) each."""
 
 
-def match(rt: Runtime, found: list[Keypoints], say: Say) -> Matched:
-    """Match all pairs of photographs, or each photograph with its partners."""
-    say(0, 3, "Matching")
-    pairs = _likely(rt, found)
+def match(rt: Runtime, found: list[Keypoints], pairs: np.ndarray) -> Matched:
+    """Match pairs of photographs, (P, 2); those with too few matches are left out."""
     if not len(pairs):
-        return Matched(pairs, [])
-    matches = match_images([k.descriptors for k in found], pairs, max_ratio=MAX_RATIO)
+        return Matched(np.zeros((0, 2), int), [])
+    used, own = np.unique(pairs, return_inverse=True)
+    descriptors = [found[i].descriptors for i in used]
+    matches = match_images(descriptors, own.reshape(-1, 2), max_ratio=MAX_RATIO)
     kept, places = [], []
     for (i, j), pair in zip(pairs, matches, strict=True):
         pair = as_host(rt, pair)
@@ -77,25 +87,33 @@ def match(rt: Runtime, found: list[Keypoints], say: Say) -> Matched:
     return Matched(np.array(kept, int).reshape(-1, 2), places)
 
 
-def _likely(rt: Runtime, found: list[Keypoints]) -> np.ndarray:
-    """Return pairs (P, 2), i < j: all, or among many photographs those with most strong matches."""
+def choose_pairs(
+    rt: Runtime, found: list[Keypoints], pairs: str | np.ndarray, neighbors: int
+) -> np.ndarray:
+    """Return the pairs (P, 2), i < j, to match: see :func:`cvkern.reconstruct`."""
     count = len(found)
-    pairs = np.stack(np.triu_indices(count, 1), axis=1)
-    if count <= MANY:
+    if not isinstance(pairs, str):
         return pairs
+    whole = np.stack(np.triu_indices(count, 1), axis=1)
+    if pairs == "all" or (pairs == "auto" and count <= MANY):
+        return whole
+    if pairs == "sequence":
+        return whole[whole[:, 1] - whole[:, 0] <= neighbors]
+    if pairs == "vocabulary" or count > HUNDREDS:
+        return nearest_pairs(likeness(rt, found), neighbors)
+    return nearest_pairs(_shared(rt, found, whole), neighbors)
+
+
+def _shared(rt: Runtime, found: list[Keypoints], pairs: np.ndarray) -> np.ndarray:
+    """Return how many strong matches photographs share, (N, N)."""
     strong = []
     for keypoints in found:
         order = np.argsort(-keypoints.responses, kind="stable")[:STRONG]
         strong.append(rt.give(as_host(rt, keypoints.descriptors)[np.sort(order)]))
     matches = match_images(strong, pairs, max_ratio=MAX_RATIO)
-    numbers = np.zeros((count, count), int)
+    numbers = np.zeros((len(found), len(found)))
     numbers[pairs[:, 0], pairs[:, 1]] = [len(m) for m in matches]
-    numbers += numbers.T
-    likely = np.zeros((count, count), bool)
-    nearest = np.argsort(-numbers, axis=1, kind="stable")[:, :PARTNERS]
-    likely[np.arange(count)[:, None], nearest] = True
-    likely = (likely | likely.T) & (numbers > 0)
-    return pairs[likely[pairs[:, 0], pairs[:, 1]]]
+    return numbers + numbers.T
 
 
 Points = list[tuple[np.ndarray, np.ndarray]]
@@ -166,7 +184,8 @@ def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) 
     matrices = lenses.matrices()[lenses.of]
     ends = matched.pairs
     given = []
-    for (i, j), (a, b) in zip(ends, points_of(found, matched), strict=True):
+    points = points_of(found, matched)
+    for (i, j), (a, b) in zip(ends, points, strict=True):
         both = []
         for k, places in ((i, a), (j, b)):
             lens = lenses.rows[lenses.of[k]]
@@ -189,17 +208,22 @@ def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) 
             pose = recover_pose(fits.matrices[n], a, b, matrices[i], matrices[j])
         except ValueError:  # no match is in front of both cameras
             continue
-        pairs.append(
-            Pair(
-                i,
-                j,
-                matched.places[n][inliers],
-                int(plane.sum()) / number,
-                pose.rotation,
-                pose.translation,
-            )
-        )
+        share, other = int(plane.sum()) / number, np.full((3, 4), np.nan)
+        if share > PLANE:
+            inside = np.linalg.inv(matrices[j]) @ flat.matrices[n] @ matrices[i]
+            rays = rays_through(points[n][0][inliers & plane], lenses.rows[lenses.of[i]])
+            other = _other_motion(motions_of(inside, rays), pose.rotation)
+        motion = pose.rotation, pose.translation, other
+        pairs.append(Pair(i, j, matched.places[n][inliers], share, *motion))
     return pairs
+
+
+def _other_motion(motions: list[tuple[np.ndarray, np.ndarray]], turn: np.ndarray) -> np.ndarray:
+    """Return the motion whose turn differs most from the given one, if it does at all."""
+    off = [float(angles_between(r, turn)) for r, _ in motions]
+    if not off or max(off) < APART_TURNS:
+        return np.full((3, 4), np.nan)
+    return np.column_stack(motions[int(np.argmax(off))])
 
 
 def consistent(pairs: list[Pair], count: int) -> list[Pair]:
@@ -239,3 +263,30 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
                     good[other, third] = bad[other, third] = False
             good[n], bad[n] = False, False
     return [pair for pair, keep in zip(pairs, kept, strict=True) if keep]
+
+
+def agreeing(pairs: list[Pair], count: int) -> list[Pair]:
+    """Leave out pairs whose turn contradicts the turns of all photographs together.
+
+    Pairs of a plane have no say, and stay: of their two motions, the one that fits is taken.
+    """
+    told = [n for n, pair in enumerate(pairs) if pair.flat <= FLAT]
+    if not told:
+        return pairs
+    ends = np.array([(pairs[n].first, pairs[n].second) for n in told])
+    numbers = np.array([float(len(pairs[n].places)) for n in told])
+    turns, off = average_turns(count, ends, np.stack([pairs[n].rotation for n in told]), numbers)
+    wrong = {n for n, angle in zip(told, off, strict=True) if angle > LOOP}
+    kept = []
+    for n, pair in enumerate(pairs):
+        if pair.flat > FLAT and np.isfinite(pair.other).all():
+            between = turns[pair.second] @ turns[pair.first].T
+            now, then = (angles_between(r, between) for r in (pair.rotation, pair.other[:, :3]))
+            if then < min(now, LOOP):  # NaN is not
+                other = np.column_stack((pair.rotation, pair.translation))
+                pair = pair._replace(
+                    rotation=pair.other[:, :3], translation=pair.other[:, 3], other=other
+                )
+        if n not in wrong:
+            kept.append(pair)
+    return kept

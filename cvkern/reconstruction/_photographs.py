@@ -11,7 +11,7 @@ from cvkern._runtime import Runtime
 from cvkern.features._photographs import as_host, white_of
 from cvkern.features.keypoints import sift
 from cvkern.geometry.cameras.lens import straightened
-from cvkern.panorama.registration import LEAST_SIDE, Heap, Progress
+from cvkern.panorama.registration import LEAST_SIDE, Heap
 
 MOST_KEYPOINTS = 4000  # keypoints of a photograph
 CONTRAST = 0.02  # half of SIFT's default: weak points are needed where there is little texture
@@ -53,16 +53,9 @@ class Keypoints(NamedTuple):
     """The colour at each place, (N, 3) uint8."""
 
 
-def find_keypoints(rt: Runtime, heap: Heap, say: Progress, most: int) -> list[Keypoints]:
-    """Find the keypoints of all photographs."""
-    found = []
-    for i, image in enumerate(heap.small):
-        say(i, len(heap.small), "Keypoints")
-        found.append(_keypoints(rt, image, white_of(heap.images[i], heap.white), most))
-    return found
-
-
-def _keypoints(rt: Runtime, image: Any, white: float, most: int) -> Keypoints:
+def find_keypoints(rt: Runtime, heap: Heap, i: int, most: int) -> Keypoints:
+    """Find the keypoints of one of the photographs."""
+    image, white = heap.small[i], white_of(heap.images[i], heap.white)
     if min(image.shape[:2]) < LEAST_SIDE:
         none = np.zeros((0, 2))
         empty = np.zeros(0, int)

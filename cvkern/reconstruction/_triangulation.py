@@ -41,15 +41,22 @@ def widest_angles(rays: Rays, count: int) -> np.ndarray:
     widest = np.zeros(count)
     if not len(rays.track):
         return widest
-    _, first, place = np.unique(rays.track, return_index=True, return_inverse=True)
-    place = place.reshape(-1)
-    off = _between(rays.ahead, rays.ahead[first][place])
-    # The farthest is the last one after a sort by track and angle.
-    order = np.lexsort((off, place))
-    last = np.append(first[1:], len(place)) - 1
-    off = _between(rays.ahead, rays.ahead[order[last]][place])
-    np.maximum.at(widest, rays.track, off)
+    starts, place, _ = _spans(rays.track)
+    off = _between(rays.ahead, rays.ahead[starts][place])
+    # The farthest ray; of several, the last.
+    best = off == np.maximum.reduceat(off, starts)[place]
+    farthest = np.maximum.reduceat(np.where(best, np.arange(len(off)), -1), starts)
+    off = _between(rays.ahead, rays.ahead[farthest][place])
+    widest[rays.track[starts]] = np.maximum.reduceat(off, starts)
     return widest
+
+
+def _spans(track: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return where sorted tracks begin, the number of each ray's track, and their sizes."""
+    new = np.ones(len(track), bool)
+    new[1:] = track[1:] != track[:-1]
+    starts = np.flatnonzero(new)
+    return starts, np.cumsum(new) - 1, np.diff(np.append(starts, len(track)))
 
 
 def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -70,10 +77,8 @@ def triangulate(
     one with the least sum of distances. `errors` returns the distance in pixels of each ray from a
     point (O, 3).
     """
-    names, starts, place, counts = np.unique(
-        rays.track, return_index=True, return_inverse=True, return_counts=True
-    )
-    place = place.reshape(-1)
+    starts, place, counts = _spans(rays.track)
+    names = rays.track[starts]
     best = np.full((len(names), 3), np.nan)
     fits, costs = np.ones(len(names), int), np.full(len(names), np.inf)
     rng = np.random.default_rng(seed)

@@ -148,14 +148,17 @@ def adjust_bundle(
             raise ValueError(f"{name} must be finite, got some that are not")
     limits = np.array([len(scene), count])
     seen = _indices(tracks, (len(where), 2), limits, "tracks")
-    if len(np.unique(seen, axis=0)) < len(seen):
-        raise ValueError("tracks must have each point of a photograph once, got one twice")
+    key = seen @ np.array([count, 1])
+    order = np.arange(len(key))
+    if (np.diff(key) <= 0).any():
+        order = np.argsort(key, kind="stable")
+        if (np.diff(key[order]) == 0).any():
+            raise ValueError("tracks must have each point of a photograph once, got one twice")
     still = None
     if fixed is not None:
         still = np.asarray(as_array(fixed, "fixed"))
         if still.shape != (count,) or still.dtype != bool:
             raise ValueError(f"fixed must be bool of shape ({count},), got {still.dtype}")
-    order = np.lexsort((seen[:, 1], seen[:, 0]))
     turns = given[:, :, :3].transpose(0, 2, 1)
     bundle = Bundle(
         turns, -np.einsum("nij,nj->ni", turns, given[:, :, 3]),

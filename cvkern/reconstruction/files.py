@@ -14,7 +14,7 @@ from cvkern._checks import check_choice, check_instance
 from cvkern._files import as_path, replacing, write_text
 from cvkern.geometry.cameras.lens import Camera, focal_and_center, matrix_of
 from cvkern.radiance.scenes import _colmap
-from cvkern.reconstruction.models import Reconstruction
+from cvkern.reconstruction.models import Reconstruction, checked
 
 FORMATS = ("colmap", "colmap_binary", "transforms", "ply")
 COLMAP = ("cameras", "images", "points3D")
@@ -55,10 +55,11 @@ def write_reconstruction(
     FileNotFoundError
         If the folder does not exist.
     TypeError
-        If `reconstruction` is not a Reconstruction.
+        If `reconstruction` is not a Reconstruction, or an array of it does not hold real numbers.
     ValueError
-        If `format` is unknown, no photograph has a place, or a lens has a k3, which these formats
-        cannot hold.
+        If `format` is unknown, an array of `reconstruction` has another shape than the class says,
+        is not finite (poses may be NaN) or points to what is not there, no photograph has a place,
+        or a lens has a k3, which these formats cannot hold.
 
     See Also
     --------
@@ -85,6 +86,7 @@ def write_reconstruction(
     """
     check_choice(format, FORMATS, "format")
     check_instance(reconstruction, Reconstruction, "reconstruction")
+    reconstruction = checked(reconstruction)
     folder = as_path(path)
     if not folder.is_dir():
         raise FileNotFoundError(f"path must be a folder that exists, got {str(folder)!r}")

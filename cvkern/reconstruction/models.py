@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from cvkern._checks import as_numbers
 from cvkern.geometry.cameras.lens import Camera, focal_and_center
 
 
@@ -36,6 +37,9 @@ class Reconstruction:
     """Row and column of each of these, (O, 2) float64."""
     errors: np.ndarray
     """Mean distance of the places of a point from where it is projected, (P,) float64, pixels."""
+    others: tuple[Reconstruction, ...] = ()
+    """Further models, each in a world of its own, the largest first: of photographs that have no
+    place in this one. Only with ``models='all'``."""
 
     def __repr__(self) -> str:
         return (
@@ -188,3 +192,30 @@ def levelled(poses: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     turned = turn @ poses[:, :, :3]
     moved = scale * (eyes - middle) @ turn.T
     return np.concatenate((turned, moved[:, :, None]), axis=2), scale * (points - middle) @ turn.T
+
+
+def checked(made: Reconstruction) -> Reconstruction:
+    """Return a reconstruction with arrays of the class's shapes and dtypes, or refuse it."""
+    views, count, seen = len(made.names), np.shape(made.points)[:1], np.shape(made.tracks)[:1]
+    fields = {
+        "poses": ((views, 3, 4), np.float64),
+        "lens_of": ((views,), np.int64),
+        "points": ((*count, 3), np.float64),
+        "colors": ((*count, 3), np.uint8),
+        "tracks": ((*seen, 2), np.int32),
+        "places": ((*seen, 2), np.float64),
+        "errors": (count, np.float64),
+    }
+    limits = {"lens_of": len(made.lenses), "colors": 256, "tracks": (*count, views)}
+    found = {}
+    for field, (shape, dtype) in fields.items():
+        values = as_numbers(getattr(made, field), f"reconstruction.{field}")
+        if values.shape != shape:
+            raise ValueError(f"reconstruction.{field} must have shape {shape}, got {values.shape}")
+        if not np.isfinite(values).all() and field != "poses":
+            raise ValueError(f"reconstruction.{field} must be finite, got others")
+        if field in limits and not ((values >= 0) & (values < limits[field])).all():
+            limit = limits[field]
+            raise ValueError(f"reconstruction.{field} must be at least 0 and below {limit}")
+        found[field] = values.astype(dtype)
+    return replace(made, **found)

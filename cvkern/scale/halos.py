@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 
 import cvkern
-from cvkern._checks import check_number
+from cvkern._checks import check_number, check_pair
+from cvkern.filters.linear import check_radius
 
 Options = Mapping[str, Any]
 
 
 def _largest(options: Options, name: str) -> float:
-    """Return the largest number of an option, one or several."""
-    values = options[name]
-    several = values if isinstance(values, (tuple, list, np.ndarray)) else (values,)
-    return max((check_number(value, name, low=0) for value in several), default=0.0)
+    return max(check_number(value, name, low=0) for value in check_pair(options[name], name))
 
 
 def _taps(options: Options) -> int:
@@ -28,25 +26,19 @@ def _taps(options: Options) -> int:
     return max(len(t) for t in (taps if nested else (taps,))) // 2
 
 
-def _gaussian(options: Options) -> int:
-    return int(_largest(options, "truncate") * _largest(options, "sigma") + 0.5)
-
-
-def _gradient(options: Options) -> int:
-    return int(4 * _largest(options, "sigma") + 0.5) + 1
-
-
-def _canny(options: Options) -> int:
-    # The Gaussian, the operator, the comparison with neighbours, and the rim without edges.
-    return int(4 * _largest(options, "sigma") + 0.5) + 3
+def _spread(options: Options, truncate: Any = 4.0) -> int:
+    radius = check_number(truncate, "truncate", low=0) * _largest(options, "sigma")
+    check_radius(radius)
+    return int(radius + 0.5)
 
 
 _HALOS: dict[str, Callable[[Options], int]] = {
     "box": lambda options: int(_largest(options, "radius")),
-    "canny": _canny,
+    # The Gaussian, the operator, the comparison with neighbours, and the rim without edges.
+    "canny": lambda options: _spread(options) + 3,
     "correlate_separable": _taps,
-    "gaussian": _gaussian,
-    "gradient": _gradient,
+    "gaussian": lambda options: _spread(options, options["truncate"]),
+    "gradient": lambda options: _spread(options) + 1,
     "laplace": lambda _: 2,
     "median": lambda options: int(_largest(options, "radius")),
     "prewitt": lambda _: 2,

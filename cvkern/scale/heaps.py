@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from importlib import import_module
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import cvkern
-from cvkern._checks import check_flag, check_integer
+from cvkern._checks import as_items, check_flag, check_integer
 from cvkern._files import as_path, replacing
 from cvkern._runtime import refuse_capture
 from cvkern.images._formats import PHOTOGRAPHS
@@ -198,10 +198,8 @@ def _files(paths: Any) -> list[Path]:
         if not folder.is_dir():
             raise FileNotFoundError(f"paths must be a folder that exists, got {str(folder)!r}")
         files = sorted(f for f in folder.iterdir() if f.suffix.lower() in PHOTOGRAPHS)
-    elif isinstance(paths, Iterable):
-        files = [as_path(path, "paths") for path in paths]
     else:
-        raise TypeError(f"paths must be a folder or paths, got {type(paths).__name__}")
+        files = [as_path(path, "paths") for path in as_items(paths, "paths", "a folder or paths")]
     if not files:
         raise ValueError("paths must name at least one image, got none")
     return files

@@ -1,4 +1,4 @@
-"""Finished tiles on disk, so that a killed run goes on where it was."""
+"""Finished parts of a run on disk, so that a killed run goes on where it was."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._archives import DAMAGED
 from cvkern._files import as_path, replacing, write_text
 
 
 class Journal:
-    """A folder with one small file for each finished tile; without a path, nothing is kept."""
+    """A folder with one file for each finished part; without a path, nothing is kept."""
 
     def __init__(self, path: Any, plan: dict[str, Any]) -> None:
         self.folder: Path | None = None if path is None else as_path(path, "journal")
@@ -35,21 +36,24 @@ class Journal:
 
     @property
     def begun(self) -> bool:
-        """Whether some tile is finished already."""
+        """Whether some part is finished already."""
         return self.folder is not None and next(self.folder.glob("*.npz"), None) is not None
 
-    def note(self, tile: int, kept: dict[str, np.ndarray]) -> None:
-        """Note that a tile was written, and keep what later passes need of it."""
+    def note(self, part: int | str, kept: dict[str, np.ndarray]) -> None:
+        """Note that a part is finished, a tile for example, and keep what is needed of it."""
         if self.folder is not None:
-            with replacing(self.folder / f"{tile}.npz") as beside, open(beside, "wb") as stream:
+            with replacing(self.folder / f"{part}.npz") as beside, open(beside, "wb") as stream:
                 np.savez(stream, done=np.ones(1, bool), **kept)  # pyright: ignore[reportArgumentType]
 
-    def kept(self, tile: int) -> dict[str, np.ndarray] | None:
-        """Return what was kept of a finished tile, or None."""
-        if self.folder is None or not (self.folder / f"{tile}.npz").exists():
+    def kept(self, part: int | str) -> dict[str, np.ndarray] | None:
+        """Return what was kept of a finished part, or None; a damaged file is no finished part."""
+        if self.folder is None or not (self.folder / f"{part}.npz").exists():
             return None
-        with np.load(self.folder / f"{tile}.npz", allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files if name != "done"}
+        try:
+            with np.load(self.folder / f"{part}.npz", allow_pickle=False) as archive:
+                return {name: archive[name] for name in archive.files if name != "done"}
+        except DAMAGED:
+            return None
 
     def remove(self) -> None:
         """Remove the journal of a finished run."""

@@ -18,6 +18,9 @@ COARSEST = 16  # largest number of pixels of the coarsest level, unless it is a 
 SETTLED = 8  # forward and backward sweeps that solve the coarsest level
 OFTEN = 4  # steps between checks of convergence on a GPU, where the host waits for them
 MOST_STEPS = 400
+# A residual of this share of the first is below what float32 shows of depths. Where little is left
+# to change, as in the last rounds of a method, rounding errors are all that is left of residuals.
+ROUNDING = 1e-9
 LEAST_GAIN = 1e-4  # relative decrease of the energy below which the weights are final
 
 
@@ -163,6 +166,7 @@ class Solver:
             rt.scratch(f"relief.{name}", shape, np.float64) for name in "zrpq"
         )
         rt.clear(self.z)
+        self.largest = 0.0  # the largest residual so far, at first of the whole right side
         # Dot products: residual and preconditioned residual; direction and its image; the former
         # value of the first.
         self.sums = rt.scratch("relief.sums", (3,), np.float64)
@@ -209,7 +213,8 @@ class Solver:
             if step % often == 0:
                 left = float(self.rt.to_numpy(self.sums)[0])
                 first = left if first is None else first
-                if not left > tolerance**2 * first:
+                self.largest = max(self.largest, first)
+                if not left > max(tolerance**2 * first, ROUNDING**2 * self.largest):
                     return step
             kernels.turn(smoothed, self.sums, self.p)
             pull(weights, self.none, self.p, -1.0, self.q)

@@ -101,7 +101,8 @@ def photometric_stereo(
     These axes are the one exception to the rules of the library: y points up.
 
     `least_squares` gives the same bits with both kernel sets. The other methods compute in float64,
-    and agree up to the rounding of their float32 results.
+    and agree up to the rounding of their float32 results; on a GPU, `consensus` and `trimmed` sum
+    up in float32 and correct the solution by what it leaves, which agrees to 3e-5.
 
     References
     ----------

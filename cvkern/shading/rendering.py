@@ -218,7 +218,8 @@ def lambertian_backward(
         rendering.depth_gradients(depth, slopes, rt.adopt(by_surface))
     rows = rt.scratch("shading.by_lights", (seen[0], *given.shape), np.float64)
     rendering.light_gradients(*inputs, rows)
-    by_lights = rt.to_numpy(rows).sum(axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):  # albedos and surfaces may be infinite
+        by_lights = rt.to_numpy(rows).sum(axis=0)
     if given.shape[1] == HARMONIC:
         by_lights = by_lights * HARMONICS
     return LambertianGradient(

@@ -106,11 +106,13 @@ def reconstruct_pair(
 
     Raises
     ------
+    FileNotFoundError
+        If a path names no file.
     TypeError
         If an image does not hold real numbers.
     ValueError
-        If an argument is out of range, the photographs have too few matches of one geometry, or
-        they cannot be rectified, because the camera moved forwards.
+        If an argument is out of range, a file is no image, the photographs have too few matches of
+        one geometry, or they cannot be rectified, because the camera moved forwards.
 
     Examples
     --------
@@ -162,7 +164,10 @@ def _photograph(image: Any, name: str) -> np.ndarray:
     from cvkern.images.files import read_image
 
     named = isinstance(image, (str, os.PathLike))
-    photo = read_image(image) if named else check_numbers(image, name)
+    try:
+        photo = read_image(image) if named else check_numbers(image, name)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{name}: {error}") from None
     if photo.ndim not in (2, 3) or (photo.ndim == 3 and photo.shape[2] not in (3, 4)):
         raise ValueError(
             f"{name} must have shape (H, W), (H, W, 3) or (H, W, 4), got {photo.shape}"

@@ -116,23 +116,19 @@ def decode_gray_code(
     margin = check_number(margin, "margin", low=0)
     contrast = 2 * margin if contrast is None else check_number(contrast, "contrast", low=0)
 
-    found, begin = {}, 0
+    found, begin, valid = {}, 0, rt.empty(seen, bool)
+    good = rt.adopt(valid, bool)
     for axis, count in zip(axes, counts, strict=True):
         found[axis] = rt.empty(seen, np.int32)
         size = width if axis == "columns" else height
         codes = rt.adopt(found[axis], np.int32)
-        rt.structured_light.gray_code.decode(frames, begin, count // 2, size, margin, codes)
+        rt.structured_light.gray_code.decode(
+            frames, begin, count // 2, size, margin, begin > 0, codes, good
+        )
         begin += count
-    first, second = (rt.adopt(found[axis], np.int32) for axis in (axes[0], axes[-1]))
-    valid = rt.empty(seen, bool)
     if lights:
         bright, dark = (rt.adopt(light, carried) for light in lights)
-    else:
-        bright = dark = rt.constant(np.zeros((1, 1), carried))
-        contrast = -1.0
-    rt.structured_light.gray_code.accept(
-        bright, dark, contrast, first, second, rt.adopt(valid, bool)
-    )
+        rt.structured_light.gray_code.accept(bright, dark, contrast, good)
     released = {axis: rt.release(codes) for axis, codes in found.items()}
     return GrayCode(released.get("columns"), released.get("rows"), rt.release(valid))
 

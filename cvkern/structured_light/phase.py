@@ -122,10 +122,13 @@ def decode_phase_shift(
     dtype = library(images).dtype(images)
     frames = rt.adopt(images, carried_as(dtype))
     turns = 2 * math.pi * np.arange(steps) / steps
-    waves = rt.constant(np.stack([np.sin(turns), np.cos(turns)], axis=1).astype(np.float32))
+    # Rounded, so that sines of quarter turns are whole numbers.
+    waves = np.stack([np.sin(turns), np.cos(turns)], axis=1).round(12).astype(np.float32)
+    waves = rt.constant(waves + np.float32(0))  # no -0
     numbers = rt.constant(np.array(frequencies, np.float32))
 
-    places = [rt.empty(seen) for _ in axes]
+    places, valid = [rt.empty(seen) for _ in axes], rt.empty(seen, bool)
+    good, least = rt.adopt(valid, bool), 0.0 if threshold is None else threshold
     phase, modulation = (rt.empty((len(axes), *seen)) for _ in range(2))
     planes = [
         [rt.adopt(a, np.float32, (len(axes), *seen))[n] for n in range(len(axes))]
@@ -134,13 +137,12 @@ def decode_phase_shift(
     for n, axis in enumerate(axes):
         size = width if axis == "columns" else height
         rt.structured_light.phase.decode(
-            frames, n * each, numbers, waves, size, rt.adopt(places[n]), planes[0][n], planes[1][n]
-        )
-    strengths = planes[1][0], planes[1][-1]
+            frames, n * each, numbers, waves, size, least, n > 0,
+            rt.adopt(places[n]), planes[0][n], planes[1][n], good,
+        )  # fmt: skip
     if threshold is None:  # the default depends on the modulations
-        threshold = _threshold(rt, planes[1])
-    valid = rt.empty(seen, bool)
-    rt.structured_light.phase.accept(*strengths, threshold, rt.adopt(valid, bool))
+        strengths = planes[1][0], planes[1][-1]
+        rt.structured_light.phase.accept(*strengths, _threshold(rt, planes[1]), good)
     found = {axis: rt.release(place) for axis, place in zip(axes, places, strict=True)}
     return PhaseShift(
         found.get("columns"), found.get("rows"),

@@ -2,6 +2,7 @@
 
 import math
 from enum import IntEnum
+from typing import Any, NamedTuple
 
 
 class Corner(IntEnum):
@@ -32,6 +33,65 @@ DESCRIPTOR_ONE = 512.0
 
 # exp(-x) = (1 - y (1 - y / 2 (1 - y / 3 (...))))^16 for y = x / 16 <= 1 / 2, within 3e-7.
 DECAY_TERMS = 7
+
+ORIENTATION_SIGMA = 1.5  # sigma of the window of an orientation, in scales of the point
+CELL_SIDE = 3.0  # side of a cell of a descriptor, in scales of the point
+EXP_TERMS, COS_TERMS = 30, 17  # terms of series, enough for float64 up to e^2.1 and cos(4)
+
+
+class Limits(NamedTuple):
+    """What a keypoint must have."""
+
+    threshold: float
+    """The difference of levels at its pixel is above this."""
+    contrast: float
+    """Least height of the fit."""
+    edge: float
+    """Its tr^2 / det is below this."""
+
+
+class Scales(NamedTuple):
+    """Sizes of the scale space."""
+
+    sigma: float
+    """That of the first level of an octave, in its pixels."""
+    levels: int
+    """Levels with extrema in an octave."""
+    step: float
+    """A pixel of the first octave, in pixels of the image."""
+
+
+class Points(NamedTuple):
+    """Keypoints before the best are chosen, as kernel arrays."""
+
+    cells: Any
+    """Octave, level, row and column, (N, 4) int32."""
+    offsets: Any
+    """Row, column and level from there, and the response, (N, 4) float32."""
+    points: Any
+    """Row and column in the image, (N, 2) float32."""
+    values: Any
+    """The response as an integer, or -1 of points to leave out, (N,) int32."""
+    squares: Any
+    """Squares of a grid, (N,) int32."""
+
+
+class Settled(NamedTuple):
+    """Keypoints with an orientation, as kernel arrays."""
+
+    windows: Any
+    """Octave, level, row, column and radius, (N, 5) int32."""
+    turns: Any
+    """Cosine and sine over a cell's side, angle, and 1 / (2 sigma^2), (N, 4) float32."""
+    points: Any
+    """(N, 2) float32."""
+    scales: Any
+    """(N,) float32, in pixels of the image."""
+    orientations: Any
+    """(N,) float32, radians."""
+    responses: Any
+    """(N,) float32."""
+
 
 GRAY = (0.2125, 0.7154, 0.0721)  # Rec. 709, as skimage.color.rgb2gray
 MOST_GRAY = 1e15  # times white; squares of larger values would overflow float32

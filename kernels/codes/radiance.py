@@ -211,6 +211,27 @@ class Comparison(NamedTuple):
     seed: int
     step: Any
     """Number of the training step, (1,) int32."""
+    censored: bool = False
+    """Whether a channel of 0 or 1 of an opaque pixel means that much or beyond."""
+
+
+class Patches(NamedTuple):
+    """How likely the patches of photographs are to show the scene; kernel arrays.
+
+    A patch is a square of `side` pixels; the last ones of a row or column may be cut.
+    """
+
+    share: Any
+    """The share of a patch that shows the scene, (N, h, w) float32."""
+    sums: Any
+    """Sum of the shares of its rays, in units of 1 / 256, (N, h, w) int32."""
+    counts: Any
+    """Number of these rays, (N, h, w) int32."""
+    noise: Any
+    """Mean squared error of a channel where the scene is seen, (1,) float32."""
+    width: int
+    """Width of a photograph, pixels."""
+    side: int
 
 
 class Views(NamedTuple):

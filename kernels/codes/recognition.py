@@ -21,6 +21,7 @@ SHARE_BITS = 8  # votes for pixels are divided by 2^8, because shares of figures
 FACTOR_BITS = 16  # factors of scale are in parts of 2^16
 KERNEL_BITS = 10
 KERNEL_ONE = 1 << KERNEL_BITS  # value of the kernel of mean shift at its middle
+AROUND = 3  # votes are listed in cells that are at most so many from one of a maximum
 DEEPEST = 255  # largest radius of that kernel in steps of scale
 NOBODY = -1  # match of a patch that activates no further word
 

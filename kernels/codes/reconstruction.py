@@ -9,6 +9,8 @@ FLATTEST = 2.0**-100  # added to the diagonal of a point's equations, so that th
 POSE = 6  # parameters of a pose: a turn about the camera's axes, then a shift along them
 # Parameters of a view: a pose; the logarithm of both focal lengths; k1, k2; the principal point.
 SIZES = (6, 7, 9, 11)
+# Sightings whose costs are joined to one number: of Cauchy's loss, the product of 1 + (r / c)^2.
+JOINED = 8
 
 
 class Loss(IntEnum):
@@ -65,11 +67,20 @@ class Eliminated(NamedTuple):
     """(P, 3) float64: this inverse times the point's gradient."""
 
 
+class Blocks(NamedTuple):
+    """Pairs of views that see the same points, each with itself too, as kernel arrays."""
+
+    views: Any
+    """(B, 2) int32: a view, and itself or a later one; sorted."""
+    number: Any
+    """(C, C) int32: which row of `views` has these two views; -1 where none has."""
+
+
 class Condensed(NamedTuple):
     """The equations of the views without points, as kernel arrays."""
 
     system: Any
-    """(C, K, C, K) float64: blocks of a view with itself and with later ones; 0 elsewhere."""
+    """(B, K, K) float64: parameters of the first view of each block by those of the second."""
     right: Any
     """(C, K) float64: the gradient."""
     sizes: Any

@@ -164,6 +164,8 @@ def _cache_options() -> dict[str, Any]:
     if reason:
         _cache.warn("taichi", folder, reason)
         folder = tempfile.gettempdir()  # nothing is written, but Taichi crashes without a folder
+    else:
+        _cache.unlock(os.path.join(folder, "ticache.lock"))
     return {"offline_cache": not reason, "offline_cache_file_path": folder}
 
 

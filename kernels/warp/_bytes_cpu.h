@@ -7,10 +7,11 @@ struct Bytes {
     // Place of byte k of one of the others.
     static int place(int lane, int k) { return (k / 4 * LANES + lane) * 4 + k % 4; }
 
+    // Add the products to `start`.
     static inline __attribute__((always_inline)) void multiply(const unsigned char* const* rows,
                                                                const void* others, int size,
-                                                               Lanes* dots) {
-        for (int r = 0; r < ROWS; ++r) dots[r] = (Lanes){};
+                                                               Lanes* dots, Lanes start = {}) {
+        for (int r = 0; r < ROWS; ++r) dots[r] = start;
         for (int k = 0; k < size; k += 4) {
 #if defined(__AVX512VNNI__)
             const Lanes other = *(const Lanes*)((const char*)others + (size_t)k * LANES);

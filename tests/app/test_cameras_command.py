@@ -49,6 +49,34 @@ def test_cameras(command, photographs, tmp_path):
     assert not (target / "cameras.txt").exists()
 
 
+def test_resume(command, photographs, tmp_path, monkeypatch):
+    from cvkern.reconstruction import _course
+
+    target = tmp_path / "deep" / "out"
+    options = "cameras", photographs, "-o", target, "--focal", "190", "--pairs", "sequence"
+
+    def stop(*given):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(_course, "with_focals", stop)
+        code, *_ = command(*options)
+    assert code != 0
+    assert [file.name for file in target.iterdir()] == ["journal"]
+    code, _, error = command(*options)
+    assert code == 2
+    assert "--resume goes on with it" in error
+    code, _, error = command(*options, "--resume", "--seed", "1")
+    assert code == 2
+    assert "journal must be of the same call" in error
+    with monkeypatch.context() as patch:
+        patch.delattr(_course, "match")
+        code, out, _ = command(*options, "--resume", "--models", "largest")
+    assert code == 0
+    assert "3 of 4 photographs" in out
+    assert not (target / "journal").exists()
+
+
 def test_refusals(command, photographs, tmp_path):
     for arguments, text in (
         ((tmp_path / "no", "-o", tmp_path / "out"), "images must be a folder that exists"),

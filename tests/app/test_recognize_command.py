@@ -48,6 +48,7 @@ def test_recognize(command, pictures, tmp_path):
     table = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1, ndmin=2)
     np.testing.assert_allclose(table[0, :4], rows[0]["box"], rtol=1e-6)
     changed = (read_image(out) != read_image(pictures / "photo.png")[..., None]).any(axis=-1)
+    assert changed[55:77, 75:113].mean() > 0.9  # the pixels of the object are tinted
     rows_drawn, columns_drawn = np.nonzero(changed)
     assert rows_drawn.min() <= 52
     assert columns_drawn.max() >= 116

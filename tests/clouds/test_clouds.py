@@ -12,7 +12,7 @@ from PIL import Image
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
-from cvkern.clouds import turntable, write_animation, write_ply
+from cvkern.clouds import read_ply, turntable, write_animation, write_ply
 from tests.clouds import reference_clouds as reference
 from tests.primitives import Primitives
 
@@ -25,7 +25,7 @@ def scene(count=300, seed=0):
     return points, rng.integers(0, 256, (count, 3), U8)
 
 
-def read_ply(path):
+def columns_of(path):
     """Return the columns of a PLY file by name, read by what its head says, byte by byte."""
     head, found, body = path.read_bytes().partition(b"end_header\n")
     assert found
@@ -46,14 +46,60 @@ def read_ply(path):
 def test_ply(backend, tmp_path):
     points, colors = scene()
     write_ply(tmp_path / "a.ply", points, colors)
-    read = read_ply(tmp_path / "a.ply")
+    read = columns_of(tmp_path / "a.ply")
     assert list(read) == ["x", "y", "z", "red", "green", "blue"]
     np.testing.assert_array_equal(np.array([read[k] for k in "xyz"], F32).T, points)
     np.testing.assert_array_equal(np.array([read[k] for k in ("red", "green", "blue")]).T, colors)
     write_ply(tmp_path / "b.PLY", points.astype(np.float64)[::-1])
-    read = read_ply(tmp_path / "b.PLY")
+    read = columns_of(tmp_path / "b.PLY")
     np.testing.assert_array_equal(np.array([read[k] for k in "xyz"], F32).T, points[::-1])
     assert len(read) == 3
+
+
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_ply_of_others(tmp_path, form):
+    """More properties, doubles, and faces after the points."""
+    points, colors = scene(5)
+    kind = [("x", "f8"), ("y", "f8"), ("z", "f8"), ("nx", "f4")] + [(c, "u1") for c in "rgb"]
+    table = np.zeros(5, [(n, k if k == "u1" else ">" + k) for n, k in kind])
+    for k in range(3):
+        table["xyz"[k]], table["rgb"[k]] = points[:, k], colors[:, k]
+    names = {"f8": "double", "f4": "float", "u1": "uint8"}
+    full = dict(zip("rgb", ("red", "green", "blue"), strict=True))
+    lines = [f"property {names[k]} {full.get(n, n)}" for n, k in kind]
+    head = "\n".join(["ply", f"format {form} 1.0", "comment here", "element vertex 5", *lines,
+                      "element face 1", "property list uchar int v", "end_header"])  # fmt: skip
+    if form == "binary_little_endian":
+        table = table.astype(np.dtype(kind))
+    body = table.tobytes()
+    if form == "ascii":
+        body = "".join(" ".join(repr(v) for v in row) + "\n" for row in table.tolist()).encode()
+    (tmp_path / "a.ply").write_bytes(head.encode() + b"\n" + body + b"3 0 1 2\n")
+    got = read_ply(tmp_path / "a.ply")
+    np.testing.assert_array_equal(got[0], points)
+    np.testing.assert_array_equal(got[1], colors)
+
+
+def test_ply_that_is_none(tmp_path):
+    file = tmp_path / "a.ply"
+    with pytest.raises(FileNotFoundError, match="path must be a file that exists"):
+        read_ply(file)
+    write_ply(file, scene(9)[0])
+    whole = file.read_bytes()
+    faces = whole.replace(b"vertex", b"face")
+    many = whole.replace(b"vertex 9", b"vertex 999999999999")
+    for content in (
+        b"",
+        b"x" * 90,
+        whole[:70],
+        whole[:-1],
+        faces,
+        whole.replace(b" x", b" q"),
+        many,
+    ):
+        file.write_bytes(content)
+        with pytest.raises(ValueError, match=r"path must (be a PLY file of points|have 9)"):
+            read_ply(file)
 
 
 def test_ply_of_tensors(tmp_path):

@@ -190,6 +190,29 @@ def test_squares_take_turns(shape):
     assert best(responses, points, shape, 40, spread=True).tolist() == want
 
 
+@pytest.mark.parametrize("most", [1, 40, 130, 400])
+def test_kernels_choose_by_rank_value_and_place(kernels, most):
+    """Against sorting; many values are equal, some are no points, and squares are of any size."""
+    rng = np.random.default_rng(most)
+    values = rng.integers(-30, 90, 300).astype(I32) << 20
+    values[values < 0] = -1
+    squares = (rng.random(300) ** 2 * 20).astype(I32)
+    ranks = kernels("features.keypoints.selection.rank", values, squares, 20, out=[((300,), I32)])
+    there = np.flatnonzero(values >= 0)
+    better = (values > values[:, None]) | (
+        (values == values[:, None]) & np.tri(300, k=-1, dtype=bool)
+    )
+    want = (better & (squares == squares[:, None]) & (values >= 0)).sum(axis=1)
+    np.testing.assert_array_equal(ranks[there], want[there])
+    for ranked in (0, 1):
+        number, chosen = kernels(
+            "features.keypoints.selection.choose", values, ranks, ranked,
+            out=[((1,), I32), ((most,), I32)],
+        )  # fmt: skip
+        order = np.lexsort((there, -values[there], ranks[there] * ranked))[:most]
+        assert chosen[: number[0]].tolist() == np.sort(there[order]).tolist()
+
+
 def test_extrema_that_move_beyond_the_levels_are_left_out(kernels):
     """Memory goes on behind an octave, with the very extremum that must not be looked for there."""
     s, y, x = np.ogrid[:7, :11, :12]

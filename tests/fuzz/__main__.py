@@ -12,38 +12,49 @@ import argparse
 import collections
 import os
 import re
+import signal
 import sys
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.processes import Process
+from tests.fuzz.processes import Chunk, Process
 
 FAMILIES = sorted(path.stem for path in Path(__file__).parent.glob("families/[a-z]*.py"))
-CHUNK = 100  # calls that a process is given at a time
+CHUNK = 20  # calls that a process is given at a time, about
+LEAD = 250  # chunks that a part may be ahead of the last
 EXAMPLES = 3  # faults of one kind that are printed
 
 
 class Work:
-    """The calls yet to be made, and what was found; shared by the threads of all processes."""
+    """The calls yet to be made, and what was found; shared by the threads of all processes.
+
+    The functions are in as many parts as there are processes. Each process stays with a part,
+    since it has compiled the kernels of that part, until another part is far behind.
+    """
 
     def __init__(self, given: argparse.Namespace):
         self.given = given
-        self.next, self.last = given.first, given.first + given.calls
+        self.last = given.first + given.calls
+        self.next = [given.first] * given.workers  # the next call of each part
         self.end = time.monotonic() + 60 * given.minutes if given.minutes else float("inf")
         self.made = self.peak = 0
         self.kinds: collections.Counter[str] = collections.Counter()
         self.lock = threading.Lock()
 
-    def take(self) -> tuple[int, int] | None:
-        """Return the calls that a process makes next, from the one to the other."""
+    def take(self, part: int) -> Chunk | None:
+        """Return the calls that the process of a part makes next."""
         with self.lock:
-            if self.next >= self.last or time.monotonic() > self.end:
+            behind = min(range(len(self.next)), key=self.next.__getitem__)
+            if self.next[behind] >= self.last or time.monotonic() > self.end:
                 return None
-            size = min(CHUNK, max(1, self.given.calls // self.given.workers))
-            first, self.next = self.next, min(self.next + size, self.last)
-            return first, self.next
+            size = CHUNK * len(self.next)
+            if self.next[part] - self.next[behind] > LEAD * size or self.next[part] >= self.last:
+                part = behind
+            first, stop = self.next[part], min(self.next[part] + size, self.last)
+            self.next[part] = stop
+            return Chunk(first, stop, part, len(self.next))
 
     def report(self, fault: dict[str, Any]) -> None:
         """Print a fault and the command that repeats it, unless it was seen often."""
@@ -65,17 +76,16 @@ class Work:
             self.peak = max(self.peak, peak)
 
 
-def serve(work: Work) -> None:
-    """Let one process after another make calls, until there are none left."""
+def serve(work: Work, part: int) -> None:
+    """Let one process after another make calls of a part, until there are none left."""
     given = work.given
     process = Process(given.seed, given.device, threads(given.workers), given.family)
     try:
-        while (chunk := work.take()) is not None:
-            first, stop = chunk
-            while first < stop:
-                begun, peak = process.make(first, stop, work.report)
-                work.done(begun - first, peak)
-                first = begun
+        while (chunk := work.take(part)) is not None:
+            while chunk.first < chunk.stop:
+                first, made, peak = process.make(chunk, work.report)
+                work.done(made, peak)
+                chunk = chunk._replace(first=first)
     finally:
         process.close()
 
@@ -101,8 +111,9 @@ def main() -> int:
         given.first, given.calls = given.only, 1
     if given.calls is None:
         given.calls = 2**31 if given.minutes else 400
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # it ends as Ctrl-C ends it
     work, since = Work(given), time.monotonic()
-    runners = [threading.Thread(target=serve, args=(work,)) for _ in range(given.workers)]
+    runners = [threading.Thread(target=serve, args=(work, n)) for n in range(given.workers)]
     for runner in runners:
         runner.start()
     try:
@@ -116,8 +127,8 @@ def main() -> int:
     for kind, count in work.kinds.most_common():
         print(f"{count:6} x {kind}")
     rate = f"{work.made / took:.0f} a second, at most {work.peak >> 10} MiB a process"
-    if work.next < work.last:
-        rate += f"; --first {work.next} goes on"
+    if min(work.next) < work.last:
+        rate += f"; --first {min(work.next)} goes on"
     print(rate)
     print(
         f"{work.made} calls from {given.first} on with seed {given.seed}, "

@@ -10,12 +10,22 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 PATIENCE = 600.0  # seconds for one call, compilation included, on a machine that others use too
-# Each pool of threads of a worker: kernels, and BLAS.
-POOLS = ("CVKERN_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+# Matrices are small here: more threads of BLAS only wait for each other.
+POOLS = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+MEMORY = "/dev/shm"  # a folder in memory, for the small files that calls write
 WORKER = ["-m", "tests.fuzz.worker"]
+
+
+class Chunk(NamedTuple):
+    """Those calls from one number to another that belong to one of so many parts."""
+
+    first: int
+    stop: int
+    part: int = 0
+    parts: int = 1
 
 
 class Process:
@@ -28,6 +38,7 @@ class Process:
     def _start(self) -> subprocess.Popen[str]:
         self._said = tempfile.TemporaryFile("w+", errors="replace")  # noqa: SIM115
         reads, writes = os.pipe()
+        folder = {"TMPDIR": MEMORY} if os.access(MEMORY, os.W_OK) else {}
         process = subprocess.Popen(
             [sys.executable, *WORKER, *self._words, str(writes)],
             stdin=subprocess.PIPE,
@@ -36,35 +47,33 @@ class Process:
             pass_fds=[writes],
             start_new_session=True,  # Ctrl-C is for the command, which lets calls end
             text=True,
-            env={**os.environ, **dict.fromkeys(POOLS, str(self._threads))},
+            env={**os.environ, **POOLS, **folder, "CVKERN_NUM_THREADS": str(self._threads)},
         )
         os.close(writes)
         self._log, self._rest = reads, b""
         return process
 
-    def make(
-        self, first: int, stop: int, report: Callable[[dict[str, Any]], None]
-    ) -> tuple[int, int]:
-        """Make calls; return the number of the next one, and the most memory held, in KiB."""
+    def make(self, chunk: Chunk, report: Callable[[dict[str, Any]], None]) -> tuple[int, int, int]:
+        """Make calls; return the number of the next, how many, and the most memory held, in KiB."""
         if self._process is None:
             self._process = self._start()
-        process, begun = self._process, first
+        process, begun, made = self._process, chunk.first, 0
         with contextlib.suppress(BrokenPipeError):
-            print(first, stop, file=process.stdin, flush=True)
+            print(*chunk, file=process.stdin, flush=True)
         while (lines := self._lines()) is not None:
             for line in lines:
                 if "begin" in line:
-                    begun = line["begin"]
+                    begun, made = line["begin"], made + 1
                 elif "end" in line:
-                    return stop, line["peak"]
+                    return chunk.stop, made, line["peak"]
                 else:
                     report(line)
         late = process.poll() is None and not self._ended
         self.close()
         code = process.returncode
-        end = f"the process ended with {code} after calls from {first} on: {self.said}"
+        end = f"the process ended with {code} after calls from {chunk.first} on: {self.said}"
         report({"call": begun, "fault": "no answer in time" if late else end})
-        return begun + 1, 0
+        return begun + 1, made, 0
 
     def _lines(self) -> list[dict[str, Any]] | None:
         """Wait for whole lines; None at the end, or when there are none for too long."""
@@ -86,7 +95,7 @@ class Process:
             if process.stdin is not None:
                 process.stdin.close()
         try:
-            process.wait(2)
+            process.wait(60)  # compiled kernels are written to the cache at the end
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

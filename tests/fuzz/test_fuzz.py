@@ -78,7 +78,7 @@ def test_a_process_that_dies_or_hangs_is_replaced(monkeypatch):
     work = "import os, sys, time; log = os.fdopen(int(sys.argv[4]), 'w', buffering=1)\n"
     script = work + (
         "for line in sys.stdin:\n"
-        "    for n in range(*map(int, line.split())):\n"
+        "    for n in range(*map(int, line.split()[:2])):\n"
         "        print('{\"begin\": %d}' % n, file=log)\n"
         "        if n == 2: os.abort()\n"
         "        if n == 4: time.sleep(60)\n"
@@ -88,7 +88,7 @@ def test_a_process_that_dies_or_hangs_is_replaced(monkeypatch):
     monkeypatch.setattr(processes, "WORKER", ["-c", script])
     process, faults, at = processes.Process(0, "cpu", 1), [], 0
     while at < 6:
-        at, _ = process.make(at, 6, faults.append)
+        at, _, _ = process.make(processes.Chunk(at, 6), faults.append)
     process.close()
     assert [fault["call"] for fault in faults] == [2, 4]
     assert "ended with -6" in faults[0]["fault"]

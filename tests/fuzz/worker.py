@@ -1,8 +1,8 @@
 """One process of the fuzzer: it says which call it makes before it makes it.
 
 It is given the seed, a device, a family or nothing, and the number of a pipe to write to. It reads
-lines of two numbers, makes the calls from the one to the other, and writes a line of JSON for each
-that begins, each that is at fault, and the end.
+lines that name chunks of calls, makes these, and writes a line of JSON for each that begins, each
+that is at fault, and the end.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import numpy as np
 import cvkern
 from cvkern._runtime import KERNEL_SETS
 from tests.fuzz.arguments import Frame, begin
-from tests.fuzz.families import CALLS, draw_call
+from tests.fuzz.families import CALLS, draw_call, name_of, parts
 
 ALLOWED = (ValueError, TypeError)
 # What messages may be about, apart from the arguments of the call.
@@ -214,8 +214,11 @@ def main() -> None:
     seed, device, family, pipe = int(sys.argv[1]), sys.argv[2], sys.argv[3], int(sys.argv[4])
     with os.fdopen(pipe, "w", buffering=1) as log:
         for line in sys.stdin:
-            first, stop = map(int, line.split())
+            first, stop, part, count = map(int, line.split())
+            part_of = parts(family, count)
             for index in range(first, stop):
+                if part_of[name_of(index, family)] != part:
+                    continue
                 log.write(f'{{"begin": {index}}}\n')
                 with contextlib.suppress(KeyboardInterrupt):
                     if fault := make(seed, index, device, family):

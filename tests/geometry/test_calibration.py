@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import cvkern
+from cvkern.geometry.cameras import calibration
 from cvkern.geometry.cameras.lens import turn_of, turned
 from cvkern.images import read_image
 from tests.refusals import refused
@@ -205,3 +206,8 @@ def test_errors():
     )  # fmt: skip
     refused(TypeError, "camera must be a Camera, got int", *one, left, SHAPE, camera=3)
     refused(TypeError, "image_points must be a sequence of arrays, got 3", *one, 3, SHAPE)
+
+
+def test_what_is_no_camera_is_refused_by_the_argument_it_was_found_from():
+    with pytest.raises(ValueError, match="left_points must be of boards that a camera can see"):
+        calibration.camera_of(np.array([-9.0, 9, 3, 4, 0, 0, 0, 0, 0]), (6, 8), "left_points")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from cvkern._runtime import runtime
 from cvkern.geometry.robust import gather
 from cvkern.kernels.codes.geometry import Draw, Given
 from tests.geometry import reference_robust as reference
@@ -233,7 +234,8 @@ def assert_as_equal_as_can_be(ones, others, *, on_gpu):
             np.testing.assert_array_equal(one, other)
 
 
-def test_gather():
+def test_gather(backend):
+    rt = runtime(np.empty(0))
     rng = np.random.default_rng(0)
     a, b = rng.uniform(0, 700, (2, 50, 2))
     a[7], b[9] = np.nan, np.inf
@@ -241,7 +243,8 @@ def test_gather():
     a[21], b[21] = a[3], b[4]
     a[0], b[0] = 0.0, -0.0
     empty = np.empty((0, 2))
-    batch = gather([(a, b), (empty, empty), (a[:5], b[:5])])
+    batch = gather(rt, [(a, b), (empty, empty), (a[:5], b[:5])])
+    scaled = np.array(rt.to_numpy(batch.matches))
     assert batch.spans.tolist() == [[0, 47], [64, 0], [64, 5]]
     assert batch.places[[7, 9]].tolist() == [-1, -1]
     assert batch.places[20] == batch.places[3] != batch.places[21]
@@ -249,13 +252,45 @@ def test_gather():
         offset = 50 if pair else 0
         for side, points in enumerate((a, b)):
             q = np.c_[points[rows, ::-1], np.ones(len(rows))] @ batch.to_unit[side, pair].T
-            got = batch.matches[2 * side : 2 * side + 2, batch.places[offset + rows]]
+            got = scaled[2 * side : 2 * side + 2, batch.places[offset + rows]]
             np.testing.assert_array_equal(got, q[:, :2].T.astype(F32))
             assert np.abs(got).max() <= 1
     order = rng.permutation(50)
-    again = gather([(a[order], b[order])])
-    np.testing.assert_array_equal(again.matches[:, :47], batch.matches[:, :47])
+    again = gather(rt, [(a[order], b[order])])
+    np.testing.assert_array_equal(rt.to_numpy(again.matches)[:, :47], scaled[:, :47])
     np.testing.assert_array_equal(again.places, batch.places[:50][order])
+
+
+@pytest.mark.parametrize("columns", [2, 3])
+def test_matches_are_sorted_by_a_hash(kernels, columns):
+    """Against NumPy's sort of splitmix64's mix; some matches are equal, some not finite."""
+    rng = np.random.default_rng(0)
+    a, b = (rng.integers(-3, 3, (5000, n)).astype(F64) for n in (columns, 2))
+    a[rng.random(5000) < 0.1] *= 1.1
+    a[7, 0], b[4003, 1] = np.nan, -np.inf
+    values = np.c_[a[:, 1::-1] if columns == 2 else a[:, :2], b[:, ::-1], a[:, 2:]] + 0.0
+    spans = np.array([[0, 4990, 32], [4990, 10, 5024], [5000, 0, 0]], I32)
+    order, places, counts, boxes = kernels(
+        "geometry.matches.sort_matches", a, b, spans,
+        out=[((5000,), I32), ((5000,), I32), ((3,), I32), ((3, 2, 2 + columns), F64)],
+    )  # fmt: skip
+    for pair, (first, number, start) in enumerate(spans):
+        mine = values[first : first + number]
+        key = np.zeros(number, np.uint64)
+        for column in mine.T.copy().view(np.uint64):
+            key = (key ^ column) * np.uint64(0x9E3779B97F4A7C15)
+            key ^= key >> np.uint64(29)
+        rows = np.flatnonzero(np.isfinite(mine).all(axis=1))
+        rows = rows[np.argsort(key[rows] >> np.uint64(18), kind="stable")]
+        fresh = np.r_[True, (mine[rows[1:]] != mine[rows[:-1]]).any(axis=1)][: len(rows)]
+        assert counts[pair] == fresh.sum()
+        assert counts[0] < 4000
+        assert order[first : first + fresh.sum()].tolist() == rows[fresh].tolist()
+        want = np.full(number, -1)
+        want[rows] = start + np.cumsum(fresh) - 1
+        assert places[first : first + number].tolist() == want.tolist()
+        box = [mine[rows].min(axis=0), mine[rows].max(axis=0)] if number else 0.0
+        np.testing.assert_array_equal(boxes[pair], np.broadcast_to(box, (2, 2 + columns)))
 
 
 def test_refine_ends_on_fundamental_matrices(kernels):

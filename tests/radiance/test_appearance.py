@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.radiance import CameraSet
 from cvkern.radiance import (
     HashField,
     PlanesField,
@@ -82,24 +81,6 @@ def test_gradients_are_central_differences():
         used = slice(None) if at == 2 else slice(ACTIVE)
         np.testing.assert_allclose(gradient[used], wanted[used], rtol=1e-4, atol=CLOSE)
     assert not found[2][-1].any()
-
-
-@pytest.mark.usefixtures("backend")
-def test_rays_and_photographs_belong_together():
-    rt = runtime()
-    images = np.repeat(np.arange(5, dtype=np.uint8), 12)[:, None] * np.ones((1, 3), np.uint8)
-    poses = np.tile(np.eye(3, 4), (5, 1, 1))
-    lenses = np.zeros((5, 9))
-    lenses[:, :2] = 3
-    placed, lens = on_device(rt, poses, lenses)
-    cameras = CameraSet(placed, lens, 4, 3)
-    step, views = owned(rt, np.array([7], np.int32)), rt.zeros((40,), np.int32)
-    rays = rt.zeros((40, 3)), rt.zeros((40, 3)), rt.zeros((40, 4))
-    rt.radiance.pinhole.random_rays(cameras, owned(rt, images), 0.0, 3, step, *rays)
-    rt.radiance.appearance.draw(3, step, len(images), 12, views)
-    found = rt.to_numpy(views)
-    np.testing.assert_allclose(255 * rt.to_numpy(rays[2])[:, 0], found, atol=1e-4)
-    assert len(set(found.tolist())) == 5
 
 
 @pytest.fixture(scope="module")

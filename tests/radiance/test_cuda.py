@@ -5,8 +5,22 @@ import pytest
 
 import cvkern
 from cvkern._runtime import runtime
-from cvkern.radiance import Composite, composite_rays, composite_rays_backward, march
+from cvkern.kernels.codes.radiance import Rays, Seen
+from cvkern.radiance import (
+    Composite,
+    PlanesField,
+    composite_rays,
+    composite_rays_backward,
+    evaluate,
+    fit,
+    make_scene,
+    march,
+)
+from cvkern.radiance.rendering import owned
+from profiling.experiments.wild_quality import changed
 from tests.on_cuda import LIBRARIES, give, take
+from tests.radiance import test_appearance
+from tests.radiance.fields import test_planes
 from tests.radiance.fields.test_hash import Trial
 from tests.radiance.test_primitives_compositing import bundle, draw
 
@@ -45,6 +59,64 @@ def test_a_hash_field_sees_what_it_does_on_the_cpu(unbounded, backend, monkeypat
     for here, wide, narrow in zip(*answers, strict=True):
         np.testing.assert_array_equal(narrow, wide)  # the same sums in the same order
         np.testing.assert_allclose(wide, here, rtol=bound, atol=bound)
+
+
+def test_planes_and_their_gradients_are_those_of_the_cpu(backend):
+    answers = []
+    for device in ("cpu", "cuda"):
+        with cvkern.use(backend=backend, device=device):
+            rt, case = runtime(), test_planes.Case()
+            texels = owned(rt, case.texels.astype(np.float32))
+            seen = test_planes.seen_by(rt, case, texels)
+            answers.append([*map(rt.to_numpy, seen), test_planes.gradient(rt, case)])
+    for here, there in zip(*answers, strict=True):
+        np.testing.assert_allclose(there, here, atol=test_planes.CLOSE)
+
+
+def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):
+    """40 rays are repeated 100 times, so that many threads add to a texel."""
+    found = []
+    with cvkern.use(backend=backend, device="cuda"):
+        rt, case = runtime(), test_planes.Case()
+        rays, planes = case.arrays(rt)
+        from_, to = (owned(rt, np.tile(rt.to_numpy(a), (100, 1))) for a in rays[:2])
+        rays = Rays(from_, to, owned(rt, np.array([4000], np.int32)))
+        texels = owned(rt, case.texels.astype(np.float32))
+        seen = Seen(rt.zeros((4000, 3)), rt.zeros((4000,)), rt.zeros((4000,)))
+        rt.radiance.fields.planes.rays.render(rays, planes, texels, 0.0, seen)
+        for _ in range(3):
+            sums = rt.zeros(case.texels.shape, np.int64)
+            rt.radiance.fields.planes.rays.render_backward(
+                seen, rays, planes, texels, 0.0, seen, sums
+            )
+            found.append(rt.to_numpy(sums).copy())
+    assert found[0].any()
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+
+
+def test_colours_in_the_light_of_photographs(backend):
+    with cvkern.use(backend=backend, device="cuda"):
+        check = test_appearance
+        for test in (
+            check.test_colours_are_mapped,
+            check.test_gradients_are_central_differences,
+        ):
+            test()
+
+
+def test_planes_learn_in_changing_light():
+    scene = changed(make_scene(train=12, test=2, size=48, layout="forward"), "color")
+    field, options = PlanesField(planes=12, rays=1024), {"steps": 100, "progress": False}
+    with cvkern.use(backend="warp", device="cuda"):
+        plain = fit(scene, field, **options)
+        one, two = (
+            fit(scene, field, appearance="affine", deterministic=True, **options) for _ in "ab"
+        )
+        assert evaluate(one, scene).psnr.mean() > evaluate(plain, scene).psnr.mean() + 1
+    np.testing.assert_array_equal(one.appearances, two.appearances)
+    for name, values in one.field.state().items():
+        np.testing.assert_array_equal(two.field.state()[name], values)
 
 
 def test_a_gpu_has_memory_left(backend):

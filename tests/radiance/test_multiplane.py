@@ -166,6 +166,7 @@ def test_refusals(tmp_path):
         (ValueError, r"depth must have shape \(30, 44\), got \(44, 30\)", {"depth": depth.T}),
         (ValueError, "depth must not be negative, got -1", {"depth": -depth}),
         (ValueError, "depth must be finite and > 0 somewhere", {"depth": np.nan * depth}),
+        (ValueError, "depth must be finite and > 0 somewhere", {"depth": 1e-320 * depth}),
         (ValueError, "K must be a camera matrix", {"K": np.zeros((3, 3))}),
         (ValueError, r"planes must be in \[1, 512\], got 0", {"planes": 0}),
         (ValueError, "near must be below far, got 5 and 4", {"near": 5.0, "far": 4.0}),

@@ -74,19 +74,20 @@ def test_random_rays_are_those_of_the_pixels_they_show(kernels, channels):
     images = np.stack([pixels & 255, pixels >> 8, 9 * pixels & 255, 5 * pixels & 255], 1)
     images = images[:, :channels].astype(U8)
 
-    def draw(spread, step=7):
-        step = np.array([step], I32)
-        given = CameraSet(poses, lenses, width, height), images, spread, 11, step
-        out = [((rays, 3), F32), ((rays, 3), F32), ((rays, 4), F32)]
+    def draw(spread, step=7, chosen=-1):
+        step, chosen = np.array([step], I32), np.atleast_1d(chosen).astype(I32)
+        given = CameraSet(poses, lenses, width, height), images, spread, 11, step, chosen
+        out = [((rays, 3), F32), ((rays, 3), F32), ((rays, 4), F32), (rays, I32), (rays, I32)]
         return kernels("radiance.pinhole.random_rays", *given, out=out)
 
-    origins, directions, targets = draw(0.0)
+    origins, directions, targets, views, places = draw(0.0)
     bytes_ = np.round(targets * 255).astype(int)
     pixel = bytes_[:, 0] + 256 * bytes_[:, 1]
     np.testing.assert_array_equal(
         pixel, reference.random_index(11, 7, np.arange(rays), 0, len(pixels))
     )
     np.testing.assert_array_equal(bytes_[:, :channels], images[pixel])
+    np.testing.assert_array_equal(views * width * height + places, pixel)
     if channels == 3:
         assert (targets[:, 3] == 1).all()
     for view in range(count):
@@ -99,7 +100,12 @@ def test_random_rays_are_those_of_the_pixels_they_show(kernels, channels):
         np.testing.assert_array_equal(origins[own], whole[0][within])
         np.testing.assert_allclose(directions[own], whole[1][within], rtol=0, atol=1e-6)
 
-    _, spread_out, again = draw(1.0)
+    few = np.flatnonzero(pixels % 7 == 3)
+    given = draw(0.0, chosen=few)
+    index = reference.random_index(11, 7, np.arange(rays), 0, len(few))
+    np.testing.assert_array_equal(given[3] * width * height + given[4], few[index])
+
+    _, spread_out, again, *_ = draw(1.0)
     np.testing.assert_array_equal(again, targets)  # the same pixels
     for view in range(count):
         own = pixel // (width * height) == view

@@ -5,9 +5,13 @@ import numpy as np
 WHITE, SPREAD, LARGEST = 4095, 32, 127
 
 
+def rounded(image):
+    return np.floor(np.clip(image, 0, 1) * np.float32(WHITE) + np.float32(0.5)).astype(int)
+
+
 def normalised(image, corners, side, least):
     """Patches of mean 0 and standard deviation 32, by exact integers of Python."""
-    pixels = np.floor(np.clip(image, 0, 1) * np.float32(WHITE) + np.float32(0.5)).astype(int)
+    pixels = rounded(image)
     found = []
     for row, column in corners:
         patch = pixels[row : row + side, column : column + side].ravel().astype(object)
@@ -135,15 +139,19 @@ def shortest(evidence, shared, least):
         chosen.append(best)
 
 
-def balance(votes, places, figures, at, window, shape):
-    """What the votes in the kernel of a place say of each pixel of the box."""
+def balance(votes, places, figures, at, window, frame, shape):
+    """What the votes in the kernel of a place, of patches in the box, say of each pixel."""
     side = int(np.sqrt(figures.shape[1]))
     reach = int(np.floor(window.radius * factor(at[2]) / 2**16 + 0.5))
     found = np.zeros(shape, int)
     for _, y, x, z, weight, patch, entry in votes.tolist():
         apart = (y - at[0]) ** 2 + (x - at[1]) ** 2
         near = 1024 - 1024 * apart // reach**2 - 1024 * (z - at[2]) ** 2 // window.scales**2
-        if near <= 0 or abs(int(places[patch, 2]) - at[2]) >= 32:
+        row, column, size = places[patch].tolist()
+        if near <= 0 or abs(size - at[2]) >= 32:
+            continue
+        half = (int(np.floor(n * factor(size) / 2**16 + 0.5)) for n in frame[1:])
+        if any(abs(p - q) > h + reach for p, q, h in zip((row, column), at, half, strict=False)):
             continue
         first = [
             ((int(places[patch, i]) - at[i]) * 2**16 // factor(at[2]) + 8 * (shape[i] - side) + 8)

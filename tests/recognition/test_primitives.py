@@ -16,13 +16,13 @@ def test_patches(kernels, side):
     image[:, 26:] = 0.25  # flat
     image[5, 49] = 0.75  # in a patch whose largest value is cut off
     corners = np.array([(r, c) for r in (0, 3, 40 - side) for c in (0, 7, 26, 51 - side)], I32)
-    pixels = kernels("recognition.patches.round_pixels", image, out=[(image.shape, I32)])
+    pixels = reference.rounded(image)
     size = -(-side * side // 32) * 32
     patches = [pixels[r : r + side, c : c + side].astype(I64) for r, c in corners]
     squares = [side**2 * (x**2).sum() - x.sum() ** 2 for x in patches]
     least = int(np.sqrt(min(s for s in squares if s > 0)))  # the contrast that one patch just has
     found = kernels(
-        "recognition.patches.sample_patches", pixels, corners, side, least,
+        "recognition.patches.sample_patches", image, corners, side, least,
         out=[((len(corners), size), I8)],
     )  # fmt: skip
     want = reference.normalised(image, corners, side, least)
@@ -114,39 +114,67 @@ def scene(seed=0):
     )
 
 
-def cast(kernels, patches, occurrences, space):
+def cast(kernels, patches, occurrences, space, maxima=None, window=None):
+    """Return sums, starts and votes: all, or those near maxima."""
     cells = int((space.bins[:, 1] * space.bins[:, 2]).sum())
-    sums, starts = kernels(
+    sums, counts = kernels(
         "recognition.votes.count_votes", patches, occurrences, space,
-        out=[((cells,), I32), ((cells + 1,), I32)],
+        out=[((cells,), I32)] * 2,
     )  # fmt: skip
+    starts = np.r_[0, np.cumsum(counts)].astype(I32)
+    if maxima is not None:
+        starts = kernels(
+            "recognition.votes.mark_votes", maxima, space, window, counts,
+            out=[((cells + 1,), I32)],
+        )  # fmt: skip
     count = int(starts[-1])
-    votes, sources = kernels(
+    votes = kernels(
         "recognition.votes.list_votes", patches, occurrences, space, starts,
-        out=[((count, 4), I32), ((count, 2), I32)],
+        out=[((count, 4), I32)],
     )  # fmt: skip
-    return sums, starts, votes, sources
+    return sums, starts, votes
 
 
 def test_votes(kernels):
     patches, occurrences, space = scene()
-    sums, starts, votes, sources = cast(kernels, patches, occurrences, space)
+    sums, starts, votes = cast(kernels, patches, occurrences, space)
     want = reference.votes(patches.places, patches.matches, *occurrences, space.bins, space.slack)
     assert len(want) > 1000
     np.testing.assert_array_equal(sums, np.bincount(want[:, 0], want[:, 4], len(sums)))
     np.testing.assert_array_equal(
         starts[1:], np.cumsum(np.bincount(want[:, 0], minlength=len(sums)))
     )
+    assert_same_votes(starts, votes, want)
+
+
+def assert_same_votes(starts, votes, want):
+    """Compare votes by their cells; within a cell they are in any order."""
     cell = np.searchsorted(starts, np.arange(len(votes)), side="right") - 1
-    found = np.column_stack([cell, votes, sources])
-    for a in (found, want):  # within a cell they are in any order
-        a[:] = a[np.lexsort((a[:, 6], a[:, 5], a[:, 0]))]
+    found, want = (a[np.lexsort(a.T)] for a in (np.column_stack([cell, votes]), want[:, :5]))
     np.testing.assert_array_equal(found, want)
+
+
+def test_votes_near_maxima(kernels):
+    patches, occurrences, space = scene(6)
+    maxima = np.array([(410, 600, 0, 9), (20, 1300, 32, 1), (800, 90, 32, 0)], I32)
+    window = Window(90, 15, 6)  # with the slack of 20, it reaches both bins
+    _, starts, votes = cast(kernels, patches, occurrences, space, maxima, window)
+    want = reference.votes(patches.places, patches.matches, *occurrences, space.bins, space.slack)
+    near = np.zeros(len(starts) - 1, bool)
+    for first, rows, columns, _, side in space.bins.tolist():
+        row, column = np.divmod(np.arange(rows * columns), columns)
+        for y, x, _, value in maxima.tolist():
+            apart = np.maximum(abs(row - y // side), abs(column - x // side))
+            near[first : first + rows * columns] |= (apart <= 3) & (value > 0)
+    want = want[near[want[:, 0]]]
+    assert 0.02 < near.mean() < 0.5
+    np.testing.assert_array_equal(np.diff(starts), np.bincount(want[:, 0], minlength=len(near)))
+    assert_same_votes(starts, votes, want)
 
 
 def test_modes(kernels):
     patches, occurrences, space = scene(1)
-    sums, starts, votes, _ = cast(kernels, patches, occurrences, space)
+    sums, starts, votes = cast(kernels, patches, occurrences, space)
     tiles = np.array(
         [(s, r, c, min(r + 4, rows), min(c + 5, columns))
          for s, (_, rows, columns, _, _) in enumerate(space.bins.tolist())
@@ -206,21 +234,20 @@ def test_evidence(kernels):
 
 def test_figures(kernels):
     patches, occurrences, space = scene(4)
-    _, starts, votes, sources = cast(kernels, patches, occurrences, space)
     figures = np.random.default_rng(5).integers(0, 256, (len(occurrences.entries), 25)).astype(U8)
-    window = Window(120, 40, 6)
+    window, frame = Window(120, 40, 6), Frame(np.zeros((0, 6), I32), 100, 250)
     modes = np.array([(500, 600, 0, 1), (300, 200, 32, 1), (700, 900, 11, 1)], I32)
     shape = (3, 40, 50)
     balance = kernels(
-        "recognition.figures.paint_figures", votes, sources, starts, space, window, patches.places,
-        figures, modes, out=[(shape, I32)],
+        "recognition.figures.paint_figures", patches, occurrences, space, window, frame, figures,
+        modes, out=[(shape, I32)],
     )  # fmt: skip
     listed = reference.votes(patches.places, patches.matches, *occurrences, space.bins, space.slack)
     masks = kernels(
         "recognition.figures.spread_figures", balance, modes, space, out=[((3, 60, 80), U8)]
     )
     for mode, box, mask in zip(modes.tolist(), balance, masks, strict=True):
-        want = reference.balance(listed, patches.places, figures, mode, window, shape[1:])
+        want = reference.balance(listed, patches.places, figures, mode, window, frame, shape[1:])
         assert (want != 0).sum() > 100
         np.testing.assert_array_equal(box, want)
         np.testing.assert_array_equal(mask, reference.mask(box, mode, (60, 80)))

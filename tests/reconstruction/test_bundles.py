@@ -8,6 +8,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 import cvkern
+from cvkern.reconstruction._solving import solve
 from tests.reconstruction import scenes
 
 
@@ -83,7 +84,7 @@ def test_what_is_fixed_stays():
     scene = scenes.make(count=4, points=40, noise=0.5)
     poses, points = shaken(scene)
     fixed = np.array([True, False, True, False])
-    lenses = [scene.camera, scenes.camera(610.0)]
+    lenses = [scene.camera, scenes.camera(610.0), scenes.camera(700.0)]  # the last: no photograph
     found = cvkern.adjust_bundle(
         poses, lenses, points, scene.tracks, scene.places, lens_of=[0, 1, 0, 1], fixed=fixed,
         refine="all",
@@ -93,6 +94,7 @@ def test_what_is_fixed_stays():
     assert (np.abs(found.poses[~fixed] - poses[~fixed]).max(axis=(1, 2)) > 1e-4).all()
     np.testing.assert_array_equal(found.lenses[0].matrix, lenses[0].matrix)
     assert found.lenses[1].matrix[0, 0] != 610.0
+    np.testing.assert_array_equal(found.lenses[2].matrix, lenses[2].matrix)
     still = cvkern.adjust_bundle(
         poses, lenses, points, scene.tracks, scene.places, lens_of=[0, 1, 0, 1], max_steps=0
     )
@@ -115,3 +117,15 @@ def test_order_of_sightings_does_not_matter_and_runs_are_equal():
             scene.poses, scene.camera, scene.points, scene.tracks, scene.places
         )
     np.testing.assert_array_equal(found.points, other.points)
+
+
+@pytest.mark.parametrize("count", [1, 64, 65, 200])
+def test_solve(count):
+    rng = np.random.default_rng(count)
+    root = rng.normal(size=(count, count))
+    matrix, right = root @ root.T + np.eye(count), rng.normal(size=count)
+    found = solve(np.tril(matrix), right)
+    # The condition is about 4 `count`, of 16 digits.
+    np.testing.assert_allclose(matrix @ found, right, rtol=0, atol=1e-11)
+    matrix[count // 2, count // 2] = -1
+    assert solve(matrix, right) is None

@@ -8,19 +8,38 @@ import warp as wp
 
 import cvkern
 from cvkern._runtime import KERNEL_SETS
-from tests.reconstruction import scenes
+from tests.reconstruction import scenes, test_primitives
 
 
 def test_compiles_without_fused_products(tmp_path):
     import cvkern.kernels.warp as kernel_set
-    from cvkern.kernels.warp.reconstruction import adjustment
+    from cvkern.kernels.warp.reconstruction import _condensing_cuda, adjustment
 
     kernel_set.start("cpu", None)
-    (ptx,) = wp.compile_aot_module(adjustment, arch=90, module_dir=tmp_path, use_ptx=True)
-    code = Path(ptx).read_text()
-    assert ".target sm_90" in code
-    assert "_condense" in code
-    assert "fma.rn.f" not in code
+    for module, name in ((adjustment, "_linearise"), (_condensing_cuda, "_fill_blocks")):
+        (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
+        code = Path(ptx).read_text()
+        assert ".target sm_90" in code
+        assert name in code
+        assert "fma.rn.f" not in code
+
+
+def test_blocks_of_cuda_have_the_bits_of_the_cpu(all_kernels, monkeypatch):
+    """Its kernels run on the CPU too: the order of their sums is that of the others."""
+    from cvkern.kernels.warp.reconstruction import _condensing_cuda, adjustment
+
+    kernels = all_kernels[0]
+    given = test_primitives.bundle(behind=True)
+    expected = test_primitives.step(kernels, *given, 9, 1e-3)[2]
+
+    def condense(slopes, sightings, eliminated, blocks, condensed):
+        seen = adjustment.struct_of(adjustment.Seen, sightings[1:])
+        _condensing_cuda.condense(slopes, seen, eliminated, blocks, condensed)
+
+    monkeypatch.setattr(adjustment, "condense", condense)
+    found = test_primitives.step(kernels, *given, 9, 1e-3)[2]
+    for one, other in zip(expected, found, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("backend", KERNEL_SETS)

@@ -32,6 +32,13 @@ CAMERA = cvkern.Camera([[30, 0, 15], [0, 30, 10], [0, 0, 1]], shape=(20, 30))
         (IMAGES, {"focal_lengths": -3}, ValueError, "focal_lengths must be > 0"),
         (IMAGES, {"focal_lengths": [3, 4, 5]}, ValueError, "focal_lengths must be one, or 2"),
         (IMAGES, {"focal_lengths": 9, "cameras": CAMERA}, ValueError, "must not be given with"),
+        (IMAGES, {"pairs": "near"}, ValueError, "pairs must be one of"),
+        (IMAGES, {"pairs": [[0.5, 1.0]]}, TypeError, "pairs must be integers"),
+        (IMAGES, {"pairs": [0, 1]}, ValueError, r"pairs must have shape \(P, 2\)"),
+        (IMAGES, {"pairs": [[1, 1]]}, ValueError, "pairs must be two different images of 2"),
+        (IMAGES, {"neighbors": 0}, ValueError, "neighbors must be in"),
+        (IMAGES, {"models": "both"}, ValueError, "models must be one of"),
+        (IMAGES, {"journal": 3}, TypeError, "journal must be a string or a path"),
         ("/nowhere", {}, FileNotFoundError, "images must be a folder that exists"),
     ],
 )

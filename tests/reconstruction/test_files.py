@@ -1,5 +1,6 @@
 """Files of reconstructions: round trips, other readers, and broken files."""
 
+import dataclasses
 import json
 import struct
 
@@ -123,6 +124,15 @@ def test_nothing_is_written_of_nothing(made, tmp_path):
     )  # fmt: skip
     with pytest.raises(ValueError, match="lenses with k3 = 0"):
         cvkern.write_reconstruction(tmp_path, bent)
+    for error, said, field, value in (
+        (TypeError, "colors must be real numbers", "colors", [["x"] * 3] * len(made.points)),
+        (ValueError, "colors must have shape", "colors", made.colors[1:]),
+        (ValueError, "colors must be at least 0 and below 256", "colors", made.colors + 256.0),
+        (ValueError, "points must be finite", "points", made.points * np.nan),
+        (ValueError, "tracks must be at least 0 and below", "tracks", made.tracks + 3),
+    ):
+        with pytest.raises(error, match=f"reconstruction.{said}"):
+            cvkern.write_reconstruction(tmp_path, dataclasses.replace(made, **{field: value}))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from cvkern.reconstruction import _growth, _pairs, _tracks
+from cvkern.reconstruction import _averaging, _growth, _pairs, _planes, _tracks
 from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._photographs import Keypoints, Lenses
 from tests.reconstruction import scenes
@@ -47,10 +48,13 @@ def grown(found, matches, told=True, fixed=False, focal=scenes.FOCAL):
     say = lambda *given: None  # noqa: E731
     for chosen in _pairs.with_focals(found, matches, lenses, 0):
         pairs = _pairs.consistent(_pairs.verify(found, matches, chosen, 0), len(found))
+        pairs = _pairs.agreeing(pairs, len(found))
         growth = _growth.Growth(_tracks.find_tracks(found, pairs), pairs, chosen, 0)
         if growth.begin():
             growth.grow(say)
-            growth.settle()
+            for _ in range(_growth.ROUNDS):
+                if growth.settle(last=True):
+                    break
             return growth
     return None
 
@@ -98,7 +102,24 @@ def test_a_camera_that_only_turns_gives_nothing():
     assert grown(found, matched(names)) is None
 
 
-def test_a_plane_before_known_cameras():
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_plane_before_known_cameras(swapped, monkeypatch):
+    """Two motions explain two photographs of a plane; further photographs decide."""
+    verify = _pairs.verify
+
+    def other_first(*given):
+        pairs = verify(*given)
+        assert sum(np.isfinite(p.other).all() for p in pairs) > 5
+        return [
+            p._replace(
+                rotation=p.other[:, :3], translation=p.other[:, 3],
+                other=np.column_stack((p.rotation, p.translation)),
+            ) if np.isfinite(p.other).all() else p
+            for p in pairs
+        ]  # fmt: skip
+
+    if swapped:
+        monkeypatch.setattr(_pairs, "verify", other_first)
     flat = CLOUD * (1, 1, 0)
     poses = scenes.ring(6)
     found, names = heap(poses, flat, 0.2)
@@ -108,6 +129,50 @@ def test_a_plane_before_known_cameras():
     centres, turns = scenes.errors(placed(growth), poses)
     assert centres < 0.02
     assert turns < 0.5
+
+
+def test_motions_before_a_plane():
+    rng = np.random.default_rng(0)
+    turns = Rotation.from_rotvec(rng.normal(0, 0.3, (6, 3))).as_matrix()
+    for turn in turns:
+        normal = np.append(rng.normal(0, 0.4, 2), 1)
+        shift = rng.normal(size=3)
+        homography = rng.uniform(-3, 3) * (turn + np.outer(shift, normal) / 4)
+        rays = rng.uniform(-0.3, 0.3, (20, 2))
+        motions = _planes.motions_of(homography, rays)
+        unit = shift / np.linalg.norm(shift)
+        off = [np.abs(r - turn).max() + np.abs(t - unit).max() for r, t in motions]
+        assert 1 <= len(motions) <= 2
+        assert min(off) < 1e-6
+        # Each of them gives the homography, with a plane of its own.
+        flat = np.column_stack((rays, np.ones(20)))
+        seen = flat @ homography.T
+        for r, t in motions:
+            moved = flat @ r.T
+            # The ray, the moved ray and the shift lie in a plane.
+            volume = (np.cross(moved, seen) @ t) / np.linalg.norm(seen, axis=1)
+            np.testing.assert_allclose(volume, 0, atol=1e-8)
+    assert _planes.motions_of(turns[0], np.zeros((3, 2))) == []
+
+
+def test_turns_of_all_photographs_from_those_of_pairs():
+    rng = np.random.default_rng(1)
+    count = 15
+    true = Rotation.from_rotvec(rng.normal(0, 2, (count, 3))).as_matrix()
+    ends = np.stack(np.triu_indices(count, 1), axis=1)
+    ends = ends[((ends < 10).all(axis=1) | (ends >= 10).all(axis=1)) & (ends != 14).all(axis=1)]
+    noise = Rotation.from_rotvec(rng.normal(0, 0.01, (len(ends), 3))).as_matrix()
+    turns = noise @ true[ends[:, 1]] @ true[ends[:, 0]].transpose(0, 2, 1)
+    wrong = (rng.random(len(ends)) < 0.3) & (ends < 10).all(axis=1)
+    turns[wrong] = Rotation.from_rotvec(rng.normal(0, 2, (int(wrong.sum()), 3))).as_matrix()
+    found = _averaging.average_turns(count, ends, turns, rng.uniform(15, 99, len(ends)))
+    assert np.isnan(found.rotations[14]).all()
+    for group in (np.arange(10), np.arange(10, 14)):
+        between = true[group].transpose(0, 2, 1) @ found.rotations[group]
+        # One turn of the world is free; the others differ by the noise, 0.017 a pair.
+        assert _averaging.angles_between(between, between[0]).max() < 0.04
+    assert (found.off[wrong] > 0.3).all()
+    assert (found.off[~wrong] < 0.1).all()
 
 
 def test_of_two_scenes_the_larger_is_found():
@@ -155,7 +220,7 @@ def test_tracks_never_have_a_photograph_twice():
 
     def pair(i, j, places):
         places = np.array(places)
-        return _pairs.Pair(i, j, places, 0.0, np.eye(3), np.ones(3))
+        return _pairs.Pair(i, j, places, 0.0, np.eye(3), np.ones(3), np.full((3, 4), np.nan))
 
     found = [keypoints(3), keypoints(3), keypoints(2)]
     # 0:0 - 1:0 - 2:0 - 0:1 would join two places of photograph 0: its weakest join is refused.

@@ -12,18 +12,22 @@ LENS = cvkern.Camera([[190.0, 0, 99.5], [0, 190, 74.5], [0, 0, 1]], shape=(150, 
 
 @pytest.fixture(scope="module")
 def heap():
-    """Return four photographs of boards, a stranger, and the true poses."""
+    """Return four photographs of boards, a stranger, three of other boards, and the true poses."""
     poses = scenes.ring(4, spread=0.45)
-    images = list(scenes.photographs(poses, LENS))
+    images = scenes.photographs(poses, LENS)
     noise = np.random.default_rng(1).integers(0, 256, LENS.shape).astype(np.uint8)
-    return [*images, noise], poses
+    others = scenes.photographs(poses[:3], LENS, seed=7)
+    return [*images, noise, *others], poses
 
 
 def test_cameras_of_photographs(heap):
     images, poses = heap
-    found = cvkern.reconstruct(images, LENS)
+    found = cvkern.reconstruct(images, LENS, models="all")
     assert found.placed.tolist() == [0, 1, 2, 3]
-    assert found.unplaced == ("0004",)
+    assert found.unplaced == ("0004", "0005", "0006", "0007")
+    (other,) = found.others
+    assert other.placed.tolist() == [5, 6, 7]
+    assert scenes.errors(other.poses[5:], poses[:3])[0] < 0.02
     centres, turns = scenes.errors(found.poses[:4], poses)
     # Keypoints to a fifth of a pixel or so, 190 pixels away; a base of 1.8 at a distance of 4.
     assert centres < 0.02

@@ -112,6 +112,19 @@ def test_a_broken_file_is_compiled_again(suffix, left, compiled, right):
         file.write_bytes(data)
 
 
+def test_a_lock_of_a_killed_process_is_removed(compiled, right):
+    """With it, no process would use the kernels, nor keep new ones."""
+    places, environment = compiled
+    lock = Path(places["taichi"]) / "ticache.lock"
+    lock.touch()
+    _cache.unlock(lock)
+    assert lock.exists()  # another process may be at work
+    before = lock.stat().st_mtime - 2 * _cache.OLD
+    os.utime(lock, (before, before))
+    assert call("taichi", environment)[:2] == (right, 0)
+    assert not lock.exists()
+
+
 def test_the_doctor_names_the_variable(tmp_path):
     (tmp_path / "file").touch()
     for name, variable in _cache.VARIABLES.items():

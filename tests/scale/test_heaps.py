@@ -106,7 +106,7 @@ def test_forms_of_results(tmp_path):
     [
         (ValueError, "function must be one, or the name", {"function": "blur"}),
         (ValueError, "paths must name at least one image", {"paths": []}),
-        (TypeError, "paths must be a folder or paths, got int", {"paths": 3}),
+        (TypeError, "paths must be a folder or paths, got", {"paths": np.uint8(3)}),
         (ValueError, "paths must have different names, got 'a' twice",
          {"paths": ["a.png", "a.jpg"]}),
         (ValueError, "engine must be 'threads', 'dask', 'ray' or a client", {"engine": "spark"}),

@@ -162,9 +162,9 @@ def test_captured(backend, method):
             np.testing.assert_array_equal(a, b)
 
 
-@pytest.mark.parametrize("count", [14, 100, 400])
+@pytest.mark.parametrize("count", [14, 100, 250])
 def test_captured_on_cuda(gpu, count):
-    """Values fit into shared memory for up to 288 images."""
+    """Values fit into registers for up to 192 images."""
     images, lights, _ = scene((37, 53), count)
     mask = np.arange(images[0].size).reshape(37, 53) % 3 > 0
     for method in ("least_squares", "trimmed", "consensus"):

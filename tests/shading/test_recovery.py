@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from cvkern.shading.integration import Solver
 from tests.shading import data
 
 F32, U8 = np.float32, np.uint8
@@ -70,6 +71,18 @@ def test_known_normals_at_the_border(backend):
         image = cvkern.lambertian(normals, OBLIQUE)
         found = cvkern.shape_from_shading(image, OBLIQUE, boundary=known)
         assert data.apart(found.normals, normals, np.ones((40, 40), bool)) < 1
+
+
+def test_a_solver_ends_where_only_rounding_errors_are_left(monkeypatch):
+    """Normals that are all known never change, so each round begins with the solution."""
+    steps = []
+    solve = Solver.solve
+    monkeypatch.setattr(Solver, "solve", lambda *given: steps.append(solve(*given)))
+    rng = np.random.default_rng(4)
+    normals = rng.normal((0, 0, 1), 0.3, (33, 8, 3))
+    cvkern.shape_from_shading(np.ones((33, 8)), (0, 0, 1), boundary=normals, rounds=4)
+    assert len(steps) == 5
+    assert max(steps) < 40
 
 
 def test_a_sweep(kernels):

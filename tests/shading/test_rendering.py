@@ -186,6 +186,15 @@ def test_gradients_with_cast_shadows_are_those_of_what_is_lit(backend):
     np.testing.assert_array_equal(found.albedo, image)
 
 
+def test_gradients_of_infinite_albedos_are_no_reason_for_a_warning(backend):
+    albedo = np.ones((5, 4), F32)
+    albedo[1, 1] = albedo[2, 2] = np.inf
+    grad = np.ones((5, 4))
+    grad[2, 2] = -1
+    found = cvkern.lambertian_backward(grad, 0 * grad, [0, 0, 1], albedo=albedo)
+    assert not np.isfinite(found.lights).all()
+
+
 def test_a_mesh_of_a_depth_map_looks_like_it(backend):
     y, x = np.indices((30, 40))
     depth = 20 - 0.01 * (x - 20.0) ** 2 - 0.02 * (y - 12.0) ** 2

@@ -14,6 +14,8 @@ from cvkern.kernels.warp.structured_light import gray_code, laser, phase, triang
 def made(scalar) -> Iterator[Any]:
     """Yield the kernels for frames of one dtype."""
     yield gray_code._decode_cuda(scalar)
+    if scalar is wp.uint8:
+        yield gray_code._decode_bytes_cuda()
     yield gray_code._accept_cuda(scalar)
     yield gray_code._spreads(scalar)
     yield phase._decode_cuda(scalar)

@@ -51,28 +51,26 @@ def test_decode(kernels, shape, dtype):
     if dtype == np.float32:
         frames += rng.random(frames.shape, np.float32)
         frames[5, 0, 0] = np.nan
+    before = rng.integers(0, 2, shape).astype(U8)
     for begin, bits, size, margin in ((0, 6, 64, 3.0), (2, 5, 21, 0.0), (4, 1, 2, 30.5)):
         got = kernels(
-            "structured_light.gray_code.decode", frames, begin, bits, size, margin,
-            out=[(shape, I32)],
+            "structured_light.gray_code.decode", frames, begin, bits, size, margin, begin > 0,
+            out=[(shape, I32), before],
         )  # fmt: skip
         want = reference.gray_codes(frames[begin : begin + 2 * bits], size, margin)
-        np.testing.assert_array_equal(got, want)
+        np.testing.assert_array_equal(got[0], want)
+        np.testing.assert_array_equal(got[1], (want >= 0) & ((begin == 0) | (before != 0)))
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
 def test_accept(kernels, dtype):
     rng = np.random.default_rng(4)
-    columns, rows = rng.integers(-1, 3, (2, 9, 41)).astype(I32)
+    valid = rng.integers(0, 2, (9, 41)).astype(U8)
     white, black = rng.integers(0, 256, (2, 9, 41)).astype(dtype)
     white[0], black[0] = 120, 100  # just the contrast: too little
     name = "structured_light.gray_code.accept"
-    got = kernels(name, white, black, 20.0, columns, rows, out=[((9, 41), U8)])
-    both = (columns >= 0) & (rows >= 0)
-    np.testing.assert_array_equal(got, both & (white.astype(float) - black > 20))
-    nothing = np.zeros((1, 1), dtype)
-    got = kernels(name, nothing, nothing, -1.0, columns, rows, out=[((9, 41), U8)])
-    np.testing.assert_array_equal(got, both)
+    got = kernels(name, white, black, 20.0, out=[valid])
+    np.testing.assert_array_equal(got, (valid != 0) & (white.astype(float) - black > 20))
 
 
 def photographs(shape, sigma, seed=0):

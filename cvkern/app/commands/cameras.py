@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +21,7 @@ from cvkern.app.commands import (
     progress_bar,
 )
 
-PICTURE = "cameras.png"
+PICTURE, JOURNAL = "cameras.png", "journal"
 RESULTS = (
     *(f"{name}.{kind}" for name in ("cameras", "images", "points3D") for kind in ("txt", "bin")),
     "transforms.json", "points.ply", PICTURE,
@@ -37,6 +38,19 @@ def cameras(
     lens: Annotated[
         str, typer.Option(help="shared by photographs of one size, or each its own.")
     ] = "shared",
+    pairs: Annotated[
+        str, typer.Option(help="Photographs to compare: auto, all, vocabulary or sequence.")
+    ] = "auto",
+    neighbors: Annotated[
+        int, typer.Option(help="How many others each photograph is compared with, if not all.")
+    ] = 16,
+    models: Annotated[
+        str,
+        typer.Option(help="largest, or all: further models are written into DIR/model-2, ..."),
+    ] = "largest",
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a run that was stopped, if there is one.")
+    ] = False,
     binary: Annotated[
         bool, typer.Option("--binary", help="Write COLMAP's files as .bin, not .txt.")
     ] = False,
@@ -50,40 +64,66 @@ def cameras(
     DIR is made if missing. It gets the reconstruction in COLMAP's format, transforms.json for
     radiance fields, the points as points.ply, and a picture, cameras.png. Photographs that could
     not be placed are named. Photographs are taken as they are stored, whatever their EXIF
-    orientation.
+    orientation. A run that is stopped leaves DIR/journal, with which --resume goes on.
     """
-    from cvkern.images.files import write_image
-
     check_folder(output, RESULTS, overwrite)
     if output.resolve() == folder.resolve():
         raise ValueError(f"output must not be the folder of photographs, got {str(output)!r}")
-    with cvkern.use(backend=backend, device=device), progress_bar() as bar:
-        task = bar.add_task("Reading", total=None)
-        found = cvkern.reconstruct(
-            folder, focal_lengths=focal, lens=lens, seed=seed,
-            progress=lambda done, total, text: bar.update(
-                task, completed=done, total=total, description=text
-            ),
-        )  # fmt: skip
-    if not len(found.placed):
-        raise ValueError(
-            f"folder must have photographs of one scene from several places, got {str(folder)!r}"
-        )
+    journal = output / JOURNAL
+    if journal.exists() and not resume:
+        if not overwrite:
+            raise ValueError(
+                f"output must have no journal of a run, got {str(journal)!r}: --resume goes on "
+                "with it, --overwrite replaces it"
+            )
+        shutil.rmtree(journal)
+    fresh = not output.exists()
     output.mkdir(parents=True, exist_ok=True)
-    beside = Path(os.path.relpath(folder.resolve(), output.resolve())).as_posix()
+    try:
+        with cvkern.use(backend=backend, device=device), progress_bar() as bar:
+            task = bar.add_task("Reading", total=None)
+            found = cvkern.reconstruct(
+                folder, focal_lengths=focal, lens=lens, pairs=pairs, neighbors=neighbors,
+                models=models, seed=seed, journal=journal,
+                progress=lambda done, total, text: bar.update(
+                    task, completed=done, total=total, description=text
+                ),
+            )  # fmt: skip
+        if not len(found.placed):
+            raise ValueError(
+                "folder must have photographs of one scene from several places, got "
+                f"{str(folder)!r}"
+            )
+    except BaseException:
+        if fresh and not any(output.iterdir()):
+            output.rmdir()
+        raise
+    for n, model in enumerate((found, *found.others)):
+        place = output / f"model-{n + 1}" if n else output
+        place.mkdir(exist_ok=True)
+        _write(place, model, folder, binary)
+        error = float(model.errors.mean()) if len(model.errors) else 0.0
+        typer.echo(
+            f"{place}: {len(model.placed)} of {len(model.names)} photographs, "
+            f"{len(model.points)} points, mean error {error:.2f} pixels"
+        )
+    there = {int(i) for model in (found, *found.others) for i in model.placed}
+    missing = [name for i, name in enumerate(found.names) if i not in there]
+    if missing:
+        typer.echo(f"not placed: {', '.join(missing)}")
+
+
+def _write(output: Path, found: Any, photographs: Path, binary: bool) -> None:
+    """Write the files of a model, and remove those that an earlier run left."""
+    from cvkern.images.files import write_image
+
+    beside = Path(os.path.relpath(photographs.resolve(), output.resolve())).as_posix()
     written = []
     for format in ("colmap_binary" if binary else "colmap", "transforms", "ply"):
         written += cvkern.write_reconstruction(output, found, format=format, images=beside)
     write_image(output / PICTURE, found.picture())
     for name in {*RESULTS} - {file.name for file in written} - {PICTURE}:
         (output / name).unlink(missing_ok=True)
-    error = float(found.errors.mean()) if len(found.errors) else 0.0
-    typer.echo(
-        f"{output}: {len(found.placed)} of {len(found.names)} photographs, {len(found.points)} "
-        f"points, mean error {error:.2f} pixels"
-    )
-    if found.unplaced:
-        typer.echo(f"not placed: {', '.join(found.unplaced)}")
 
 
 def without_cameras(path: Path) -> bool:

@@ -69,6 +69,9 @@ def train(
         str | None,
         typer.Option(help="affine: learn the light of each photograph.", show_default="one light"),
     ] = None,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Ignore passers-by and what else does not stay.")
+    ] = False,
     seed: Seed = 0,
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
@@ -102,6 +105,9 @@ def train(
             help="Log to write, .csv, or a folder for TensorBoard; --resume continues it."
         ),
     ] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the field in the browser while it trains.")
+    ] = False,
     shrink: Shrink = 1,
     overwrite: Overwrite = False,
     backend: Backend = None,
@@ -125,11 +131,13 @@ def train(
             background=background,
             loss=loss,
             appearance=appearance,
+            robust=robust,
             seed=seed,
             deterministic=deterministic,
             checkpoint=output,
             resume=resume,
             log=log,
+            viewer=view,
         )
     done = model.training
     said = f"{output}: 1 step"  # the time of the first step is not counted

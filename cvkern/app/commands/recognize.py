@@ -123,7 +123,10 @@ def find(
     backend: Backend = None,
     device: Device = None,
 ) -> None:
-    """Find objects in a photograph: cvkern recognize MODEL PHOTO -o OUT."""
+    """Find objects in a photograph: cvkern recognize MODEL PHOTO -o OUT.
+
+    Their boxes are drawn. If the model was learnt with masks, their pixels are tinted too.
+    """
     from cvkern._files import replacing, write_text
     from cvkern.images.files import write_image
 
@@ -133,7 +136,11 @@ def find(
     sizes = None if scales is None else _numbers(scales)
     known, image = cvkern.ShapeModel.load(model), _read(photo)
     with cvkern.use(backend=backend, device=device):
-        found = known.detect(image, scales=sizes, threshold=threshold)
+        if known.has_masks:
+            found, masks = known.segment(image, scales=sizes, threshold=threshold)
+            image = tinted(image, masks)
+        else:
+            found = known.detect(image, scales=sizes, threshold=threshold)
     with contextlib.ExitStack() as files:  # an error in one file removes all
         columns = (found.boxes, found.scores, found.scales)
         if to_csv:
@@ -162,6 +169,15 @@ def drawn(image: np.ndarray, found: Any) -> np.ndarray:
     for top, left, bottom, right in found.boxes - 0.5:
         corners = np.array([[top, left], [top, right], [bottom, right], [bottom, left]])
         image = draw_lines(image, np.hstack((corners, np.roll(corners, -1, axis=0))), color=FRAME)
+    return image
+
+
+def tinted(image: np.ndarray, masks: np.ndarray) -> np.ndarray:
+    """Return a picture whose pixels of objects are mixed with the colour of their frames."""
+    shown = masks.any(axis=0)
+    image = np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image.copy()
+    color = np.array(FRAME) * (int(np.iinfo(image.dtype).max) // 255)
+    image[shown, :3] = image[shown, :3] // 2 + (color // 2).astype(image.dtype)
     return image
 
 

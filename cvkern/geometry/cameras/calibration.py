@@ -184,7 +184,7 @@ def calibrate_camera(
     found = adjusted_camera(boards, places, numbers, poses, free, "image_points")
     off = found.residuals.off
     return Calibration(
-        camera_of(found.shared, shape), rms_of(off), *found.poses, found.deviations,
+        camera_of(found.shared, shape, "image_points"), rms_of(off), *found.poses, found.deviations,
         np.array([rms_of(part) for part in split(off, boards)]),
     )  # fmt: skip
 
@@ -319,9 +319,12 @@ def numbers_of(camera: Camera) -> np.ndarray:
     return np.concatenate((focal_and_center(camera.matrix), camera.distortion))
 
 
-def camera_of(numbers: np.ndarray, shape: tuple[int, int]) -> Camera:
-    """Return the camera of nine numbers."""
-    return Camera(matrix_of(*numbers[:4]), numbers[4:], shape)
+def camera_of(numbers: np.ndarray, shape: tuple[int, int], name: str) -> Camera:
+    """Return the camera of nine numbers, which were found from the argument `name`."""
+    try:
+        return Camera(matrix_of(*numbers[:4]), numbers[4:], shape)
+    except ValueError as error:
+        raise ValueError(f"{name} must be of boards that a camera can see: {error}") from None
 
 
 def split(values: np.ndarray, boards: list[np.ndarray]) -> list[np.ndarray]:

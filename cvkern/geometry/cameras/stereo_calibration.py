@@ -219,8 +219,10 @@ def calibrate_two(
     free = np.concatenate((moving, moving, np.ones(6, bool)))
     with seen_by_cameras(points[0].name):
         found = adjust(evaluate, _moved, begin, poses[0], both, free)
+    seen_by_both = zip((found.shared[:9], found.shared[9:18]), shapes, points, strict=True)
+    left, right = (camera_of(lens, shape, seen.name) for lens, shape, seen in seen_by_both)
     return StereoCalibration(
-        camera_of(found.shared[:9], shapes[0]), camera_of(found.shared[9:18], shapes[1]),
+        left, right,
         found.shared[18:27].reshape(3, 3), found.shared[27:], rms_of(found.residuals.off),
         *found.poses, found.deviations,
     )  # fmt: skip

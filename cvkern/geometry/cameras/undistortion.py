@@ -24,7 +24,7 @@ from cvkern.geometry.cameras.lens import (
 from cvkern.kernels.codes.geometry import LENS_SEGMENT
 
 LOOKED_AT = 33  # rows and segments of a picture for which parabolas are compared with the lens
-ROUGHEST = 1e-3  # largest distance of a parabola from the places of a segment, pixels
+ROUGHEST = 1 / 512  # largest distance of a parabola from the places, pixels: half a step of weights
 
 
 def undistort(
@@ -111,24 +111,32 @@ def undistortion_numbers(
 ) -> np.ndarray:
     """Return kernel parameters: the matrix from new pixels to old rays, and the old camera."""
     new = camera.matrix if matrix is None else check_matrix(matrix, (3, 3), "matrix")
-    if np.linalg.matrix_rank(new) < 3:
-        raise ValueError("matrix must have an inverse, got a matrix of rank below 3")
     turn = check_pose(rotation, None)[0]
-    back = turn.T @ np.linalg.inv(new)
-    widest = min(turning_radius(camera.distortion) ** 2, 1e30)
-    numbers = np.concatenate((back.ravel(), numbers_of(camera), [widest]))
-    smooth = _is_smooth(numbers.tobytes(), shape[0], shape[1])
-    return np.append(numbers, float(smooth)).astype(np.float32)
+    return _numbers(new.tobytes(), turn.tobytes(), numbers_of(camera).tobytes(), *shape)
 
 
 @lru_cache
-def _is_smooth(numbers: bytes, height: int, width: int) -> bool:
+def _numbers(new: bytes, turn: bytes, lens: bytes, height: int, width: int) -> np.ndarray:
+    """Return these parameters, from float64 arrays; videos repeat them for each frame."""
+    matrix, rotation = (np.frombuffer(a).reshape(3, 3) for a in (new, turn))
+    camera = np.frombuffer(lens)
+    if np.linalg.matrix_rank(matrix) < 3:
+        raise ValueError("matrix must have an inverse, got a matrix of rank below 3")
+    back = rotation.T @ np.linalg.inv(matrix)
+    widest = min(turning_radius(camera[4:]) ** 2, 1e30)
+    numbers = np.concatenate((back.ravel(), camera, [widest]))
+    smooth = _is_smooth(numbers, height, width)
+    found = np.append(numbers, float(smooth)).astype(np.float32)
+    found.flags.writeable = False
+    return found
+
+
+def _is_smooth(values: np.ndarray, height: int, width: int) -> bool:
     """Tell whether parabolas through three places of a segment are as good as all of its places.
 
     The third derivative along a row, by which they are off, changes slowly: rows and segments are
     looked at on a grid.
     """
-    values = np.frombuffer(numbers)
     back, lens, widest = values[:9].reshape(3, 3), values[9:18], values[18]
     rows = np.linspace(0, height - 1, min(height, LOOKED_AT)).round()
     last = (width - 1) // LENS_SEGMENT

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_numbers, check_integer, check_number, check_positive
+from cvkern._checks import as_array, as_numbers, check_integer, check_number, check_positive
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.radiance.fields.field import FARTHEST, Frame
 from cvkern.radiance.fields.planes import LEAST, MOST, MOST_PLANES, PlanesField, Reference
@@ -19,6 +19,7 @@ __all__ = ["planes_from_depth", "planes_from_stereo"]
 
 TAILS = 0.1, 99.9  # percentiles of the inverse depths between which the planes are
 BEHIND = 0.08  # share of the longer side by which planes go on behind nearer surfaces
+REMOTE = 1e30  # depths from there on are far away; those below 1 / REMOTE are unknown too
 SAME = 1e-3  # least range of inverse depths, as a share of the largest
 
 
@@ -43,7 +44,7 @@ def planes_from_depth(
         The photograph, at least 2 x 2 pixels.
     depth : array of shape (H, W)
         Distance of each pixel from the camera along its axis, > 0, as :func:`disparity_to_depth`
-        returns it. Infinite, NaN and 0 mean far away.
+        returns it. Infinite, NaN and 0 mean far away, as does what is beyond 1e-30 to 1e30.
     K : array of shape (3, 3)
         Camera matrix of the photograph, ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]``; no distortion.
     planes : int, default 32
@@ -90,7 +91,7 @@ def planes_from_depth(
         raise ValueError(f"depth must have shape {photo.shape[:2]}, got {found.shape}")
     if (found < 0).any():
         raise ValueError(f"depth must not be negative, got {np.nanmin(found):g}")
-    known = (found > 0) & np.isfinite(found)
+    known = (found > 1 / REMOTE) & (found < REMOTE)
     if not known.any():
         raise ValueError("depth must be finite and > 0 somewhere, got none")
     inverse = np.where(known, 1 / np.where(known, found, 1.0), 0.0)
@@ -160,7 +161,7 @@ def planes_from_stereo(
     shift = check_number(doffs, "doffs")
     found = stereo_match(photos[0], photos[1], disparities, channel_axis=-1)
     inverse = (found.disparity.astype(np.float64) + shift) / length
-    known = np.isfinite(inverse) & (inverse > 0)
+    known = (inverse > 1 / REMOTE) & (inverse < REMOTE)
     if not known.any():
         raise ValueError(f"disparities must put pixels in front of the cameras, got {disparities}")
     inverse = np.where(known, inverse, 0.0)
@@ -217,7 +218,7 @@ def _layered(
 
 def _photograph(image: Any, name: str) -> np.ndarray:
     """Return a photograph as NumPy array."""
-    photo = np.asarray(image)
+    photo = np.asarray(as_array(image, name))
     if photo.dtype != np.uint8:
         raise TypeError(f"{name} must be uint8, got {photo.dtype}")
     shape = photo.shape

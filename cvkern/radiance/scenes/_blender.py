@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cvkern.radiance.pinhole import Cameras, cameras
+from cvkern.radiance.scenes._masks import read_masks
 from cvkern.radiance.scenes.photographs import (
     Bounds,
     Scene,
@@ -39,11 +40,12 @@ def load(file: Path, test_every: int, outside: bool) -> Scene:
         return _instant_ngp(file, test_every, outside)
     parts = [(s, file.with_name(f"transforms_{s}.json")) for s in SPLITS]
     parts = [(split, part) for split, part in parts if part.exists() and split != "val"]
-    files, poses, held, lenses = [], [], [], []
+    files, masks, poses, held, lenses = [], [], [], [], []
     for split, part in parts:
         content = _content(part)
         for number, frame in enumerate(content["frames"]):
             files.append(_photograph(part, frame, number, outside))
+            masks.append(_mask(part, frame, number, outside))
             poses.append(pose_of(part, frame, number))
             held.append(split == "test")
         lenses += [(part, content)] * len(content["frames"])
@@ -58,6 +60,7 @@ def load(file: Path, test_every: int, outside: bool) -> Scene:
         BLENDER_NEAR,
         BLENDER_FAR,
         _depths(files, height, width),
+        read_masks(masks, height, width),
     )
 
 
@@ -68,6 +71,7 @@ def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
     frames = [frames[i] for i in order]
     images = read_images([_photograph(file, frame, i, outside) for i, frame in enumerate(frames)])
     height, width = images.shape[1:3]
+    masks = [_mask(file, frame, i, outside) for i, frame in enumerate(frames)]
     lenses = [lens_of(file, content | frame, width, height) for frame in frames]
     poses = [pose_of(file, frame, i) for i, frame in enumerate(frames)]
     if any("split" in frame for frame in frames):
@@ -87,7 +91,8 @@ def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
             "other bounds, or remove aabb_scale, scale and offset from the file",
             stacklevel=4,
         )
-    return Scene(images, views, held, bounds, near, math.inf)
+    seen = read_masks(masks, height, width)
+    return Scene(images, views, held, bounds, near, math.inf, masks=seen)
 
 
 def _cube(file: Path, content: dict[str, Any], views: Cameras) -> tuple[Bounds, float]:
@@ -154,10 +159,19 @@ def number_of(
     return found
 
 
-def _photograph(file: Path, frame: dict[str, Any], number: int, outside: bool) -> Path:
-    name = frame.get("file_path")
+def _mask(file: Path, frame: dict[str, Any], number: int, outside: bool) -> Path | None:
+    """Return the mask of a frame, if it has one."""
+    if frame.get("mask_path") is None:
+        return None
+    return _photograph(file, frame, number, outside, "mask_path")
+
+
+def _photograph(
+    file: Path, frame: dict[str, Any], number: int, outside: bool, key: str = "file_path"
+) -> Path:
+    name = frame.get(key)
     if not isinstance(name, str):
-        raise ValueError(f"{file} must give file_path for each frame, got {name!r} in {number}")
+        raise ValueError(f"{file} must give {key} for each frame, got {name!r} in {number}")
     beyond = Path(name).is_absolute() or ".." in Path(os.path.normpath(name)).parts
     if beyond and not outside:
         raise ValueError(
@@ -171,7 +185,7 @@ def _photograph(file: Path, frame: dict[str, Any], number: int, outside: bool) -
             there = found.is_file()
         except (OSError, ValueError) as error:  # a name that is too long or contains a zero byte
             raise ValueError(
-                f"{file} must give file_path for each frame, got {name!r:.80} in {number}: {error}"
+                f"{file} must give {key} for each frame, got {name!r:.80} in {number}: {error}"
             ) from None
         if there:
             return found

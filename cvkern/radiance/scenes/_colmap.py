@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from cvkern.radiance.pinhole import cameras
+from cvkern.radiance.scenes._masks import beside as masks_beside
+from cvkern.radiance.scenes._masks import read_masks
 from cvkern.radiance.scenes.photographs import (
     Bounds,
     Scene,
@@ -53,8 +55,10 @@ def load(file: Path, test_every: int) -> Scene:
         raise ValueError(f"{beside['points3D']} must have finite points")
     views.sort()
     folder = _photographs(file)
-    images = read_images([folder / name for name, _, _ in views])
+    names = [name for name, _, _ in views]
+    images = read_images([folder / name for name in names])
     height, width = images.shape[1:3]
+    masks = read_masks(masks_beside(folder, names), height, width)
     intrinsics, distortion, poses = [], [], []
     for name, camera, place in views:
         if camera not in lenses:
@@ -70,7 +74,7 @@ def load(file: Path, test_every: int) -> Scene:
     except ValueError as error:
         raise ValueError(f"{file.parent}: {error}") from None
     bounds, near, far = _extent(seen.poses, points)
-    return Scene(images, seen, every(len(views), test_every), bounds, near, far)
+    return Scene(images, seen, every(len(views), test_every), bounds, near, far, masks=masks)
 
 
 def _lens(lens: Lens, width: int, height: int, file: Path) -> tuple[list[float], list[float]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cvkern.radiance.pinhole import cameras
+from cvkern.radiance.scenes._masks import beside, read_masks
 from cvkern.radiance.scenes.photographs import Bounds, Scene, every, focus_of, read_images, shrunk
 
 FOLDERS = ("images", "images_2", "images_4", "images_8")
@@ -23,8 +24,10 @@ def load(file: Path, test_every: int) -> Scene:
         raise ValueError(f"{file} must be an array of NumPy: {error}") from None
     if table.ndim != 2 or table.shape[1] != 17 or not np.isfinite(table).all():
         raise ValueError(f"{file} must be finite, of shape (N, 17), got {table.shape}")
-    images = read_images(photographs(file, len(table)))
+    files = photographs(file, len(table))
+    images = read_images(files)
     height, width = images.shape[1:3]
+    masks = read_masks(beside(files[0].parent, [f.name for f in files]), height, width)
     blocks = table[:, :15].reshape(-1, 3, 5)
     if not (blocks[:, :, 4] > 0).all():
         raise ValueError(f"{file} must give heights, widths and focal lengths > 0")
@@ -48,7 +51,7 @@ def load(file: Path, test_every: int) -> Scene:
     half = float(np.abs(poses[:, :, 3] - center).max() + 0.5 * near)
     held = every(len(images), test_every)
     bounds = Bounds((float(center[0]), float(center[1]), float(center[2])), half, True)
-    return Scene(images, views, held, bounds, float(near), float(far))
+    return Scene(images, views, held, bounds, float(near), float(far), masks=masks)
 
 
 def photographs(file: Path, count: int) -> list[Path]:

@@ -34,10 +34,10 @@ class Scene:
     Raises
     ------
     TypeError
-        If `images` are not uint8, or `test` is not bool.
+        If `images` are not uint8, or `test` or `masks` are not bool.
     ValueError
-        If `images`, `test` or `depths` do not match the cameras, the bounds have no size, or `near`
-        is not below `far`.
+        If `images`, `test`, `depths` or `masks` do not match the cameras, the bounds have no size,
+        or `near` is not below `far`.
     """
 
     images: np.ndarray
@@ -53,6 +53,8 @@ class Scene:
     """Distance from a camera at which rays end; may be infinite."""
     depths: np.ndarray | None = None
     """Distance along the rays of the views, (N, H, W) float32; NaN where it is unknown."""
+    masks: np.ndarray | None = None
+    """Whether a pixel counts, (N, H, W) bool: training ignores the others, as :func:`evaluate`."""
 
     def __post_init__(self) -> None:
         views = len(self.cameras), self.cameras.height, self.cameras.width
@@ -67,6 +69,10 @@ class Scene:
             raise ValueError(f"test must have shape {views[:1]}, got {self.test.shape}")
         if self.depths is not None and self.depths.shape != views:
             raise ValueError(f"depths must have shape {views}, got {self.depths.shape}")
+        if self.masks is not None:
+            check_dtype(self.masks, np.bool_, "masks")
+            if self.masks.shape != views:
+                raise ValueError(f"masks must have shape {views}, got {self.masks.shape}")
         if not (0 < self.bounds.half < np.inf and np.isfinite(self.bounds.center).all()):
             raise ValueError(f"bounds must be finite with half > 0, got {self.bounds}")
         if not 0 <= self.near < self.far:
@@ -87,7 +93,8 @@ class Scene:
     def resized(self, factor: int) -> Scene:
         """Return the scene with its images averaged over blocks of `factor` x `factor` pixels.
 
-        The depth of a block is that of the pixel at, or next to, its middle.
+        The depth of a block is that of the pixel at, or next to, its middle. A block counts if all
+        of its pixels do.
 
         Raises
         ------
@@ -100,7 +107,12 @@ class Scene:
             depths = depths[:, factor // 2 :: factor, factor // 2 :: factor]
             depths = depths[:, : small.height, : small.width]
         images = np.stack([_averaged(image, factor) for image in self.images])
-        return replace(self, images=images, cameras=small, depths=depths)
+        masks = self.masks
+        if masks is not None:
+            rows, columns = small.height * factor, small.width * factor
+            blocks = masks[:, :rows, :columns]
+            masks = blocks.reshape(-1, small.height, factor, small.width, factor).all(axis=(2, 4))
+        return replace(self, images=images, cameras=small, depths=depths, masks=masks)
 
 
 def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scene:
@@ -155,6 +167,10 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     Formats with pixel centres at halves are shifted by half a pixel, and the OpenGL axes (y up, z
     backward) of Blender, instant-ngp and LLFF are converted to those of OpenCV. Lengths stay in the
     unit of the files.
+
+    Masks are pictures of the photographs' size in which the pixels to ignore are dark, below 128:
+    ``mask_path`` of a frame in a JSON file, or, for COLMAP and LLFF, ``masks/a.jpg.png`` or
+    ``masks/a.png`` for the photograph ``images/a.jpg``.
 
     A depth picture beside a photograph of a Blender scene shows a distance d as 255 (1 - d / 8),
     and empty space as 0.

@@ -24,7 +24,7 @@ March = ti.types.struct(
 )
 """The occupied cells of space, and the positions of samples along a ray."""
 
-Comparison = ti.types.struct(kind=ti.i32, huber=ti.f32, scale=ti.f32, seed=ti.i32)
+Comparison = ti.types.struct(kind=ti.i32, huber=ti.f32, scale=ti.f32, seed=ti.i32, censored=ti.i32)
 """The options of the loss between colours and photographs."""
 
 Round = ti.types.struct(few=ti.i32, living=ti.i32)

@@ -12,35 +12,11 @@ One thread adds the gradients of a photograph, in the order of the rays.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi._random import random_index
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
-
-
-@ti.kernel
-def _draw(
-    seed: ti.i32,
-    step: i32_1,  # (1,)
-    pixels: ti.i32,
-    each: ti.i32,
-    # outputs
-    views: i32_1,  # (R,)
-):
-    for ray in range(views.shape[0]):
-        views[ray] = random_index(seed, step[0], ray, Draw.PIXEL, pixels) // each
-
-
-@primitive
-def draw(seed: int, step: np.ndarray, pixels: int, each: int, views: np.ndarray) -> None:
-    """Find the photographs (R,) of the rays that `pinhole.random_rays` makes.
-
-    There are `pixels` pixels in all photographs together, and `each` in each.
-    """
-    _draw(seed, step, pixels, each, views)
 
 
 @ti.kernel

@@ -78,13 +78,19 @@ def _random_rays(
     spread: ti.f32,
     seed: ti.i32,
     step: i32_1,  # (1,)
+    chosen: i32_1,  # (V,)
     # outputs
     origins: f32_2,  # (R, 3)
     directions: f32_2,  # (R, 3)
     targets: f32_2,  # (R, 4)
+    views: i32_1,  # (R,)
+    pixels: i32_1,  # (R,)
 ):
     for ray in range(origins.shape[0]):
-        pixel = random_index(seed, step[0], ray, Draw.PIXEL, images.shape[0])
+        count = images.shape[0] if chosen[0] < 0 else chosen.shape[0]
+        pixel = random_index(seed, step[0], ray, Draw.PIXEL, count)
+        if chosen[0] >= 0:
+            pixel = chosen[pixel]
         view = pixel // (width * height)
         within = pixel - view * (width * height)
         row = within // width
@@ -98,6 +104,8 @@ def _random_rays(
         if images.shape[1] == 4:
             opacity = images[pixel, 3] / 255.0
         targets[ray, 3] = opacity
+        views[ray] = view
+        pixels[ray] = within
 
 
 @primitive
@@ -107,16 +115,22 @@ def random_rays(
     spread: float,
     seed: int,
     step: np.ndarray,
+    chosen: np.ndarray,
     origins: np.ndarray,
     directions: np.ndarray,
     targets: np.ndarray,
+    views: np.ndarray,
+    pixels: np.ndarray,
 ) -> None:
     """Make rays (R, 3) through random pixels of all views, with the colours of these pixels.
 
     A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre. `images`
-    (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1.
+    (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1. The
+    pixels are drawn from the rows `chosen` (V,) of the images, or from all if the first one is
+    negative. `views` (R,) are the photographs, and `pixels` (R,) the pixels within them.
     """
     poses, lenses, width, height = cameras
     _random_rays(
-        poses, lenses, images, width, height, spread, seed, step, origins, directions, targets
-    )
+        poses, lenses, images, width, height, spread, seed, step, chosen,
+        origins, directions, targets, views, pixels,
+    )  # fmt: skip

@@ -12,6 +12,7 @@ import taichi as ti
 from cvkern.kernels.codes.raw import STEPS
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product, quotient
+from cvkern.kernels.taichi.raw._sums import add_up
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -41,12 +42,6 @@ def _fill(logs: f32_2, lowest: ti.f32, space: ti.f32, depth: ti.f32, zero: ti.i3
         ti.atomic_add(cells[at[0], at[1], at[2], 1], ti.i64(1))
 
 
-@primitive
-def fill(logs: np.ndarray, lowest: float, space: float, depth: float, cells: np.ndarray) -> None:
-    """Add values and their number to the nearest of (Y, X, Z, 2) cells; one thread a pixel."""
-    _fill(logs, lowest, space, depth, 0, cells)
-
-
 @ti.kernel
 def _smooth_depth(cells: i64_4, taps: f32_1, zero: ti.i32, out: f32_4):
     for y, x, z, part in out:
@@ -59,8 +54,20 @@ def _smooth_depth(cells: i64_4, taps: f32_1, zero: ti.i32, out: f32_4):
 
 
 @primitive
-def smooth_depth(cells: np.ndarray, taps: np.ndarray, out: np.ndarray) -> None:
-    """Smooth cells along Z, into real numbers; one thread a number."""
+def fill(
+    logs: np.ndarray,
+    lowest: float,
+    space: float,
+    depth: float,
+    taps: np.ndarray,
+    cells: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Add values and their number to the nearest of (Y, X, Z, 2) cells; smooth along Z into `out`.
+
+    Cells are 0 before. One thread a pixel, then one a number.
+    """
+    _fill(logs, lowest, space, depth, 0, cells)
     _smooth_depth(cells, taps, 0, out)
 
 
@@ -80,9 +87,10 @@ def _smooth(src: f32_4, taps: f32_1, axis: ti.i32, zero: ti.i32, out: f32_4):
 
 
 @primitive
-def smooth(src: np.ndarray, taps: np.ndarray, axis: int, out: np.ndarray) -> None:
-    """Smooth along Y or X; one thread a number."""
-    _smooth(src, taps, axis, 0, out)
+def smooth(src: np.ndarray, taps: np.ndarray, between: np.ndarray, out: np.ndarray) -> None:
+    """Smooth along Y, into `between`, then along X; one thread a number."""
+    _smooth(src, taps, 0, 0, between)
+    _smooth(between, taps, 1, 0, out)
 
 
 @ti.func
@@ -123,7 +131,17 @@ def _read(
 
 @primitive
 def read(
-    logs: np.ndarray, cells: np.ndarray, lowest: float, space: float, depth: float, out: np.ndarray
+    logs: np.ndarray,
+    cells: np.ndarray,
+    lowest: float,
+    space: float,
+    depth: float,
+    out: np.ndarray,
+    sums: np.ndarray,
 ) -> None:
-    """Write the mean of the cells around each pixel and its value; one thread a pixel."""
+    """Write the mean of the cells around each pixel and its value, and measure these means.
+
+    One thread a pixel.
+    """
     _read(logs, cells, lowest, space, depth, 0, out)
+    add_up(out, sums)

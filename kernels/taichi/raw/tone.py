@@ -8,15 +8,15 @@ luminance is. What is negative or not finite is black.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.raw import EDGE, LUMINANCE, SLOTS, STEPS, UNSEEN
+from cvkern.kernels.codes.raw import EDGE, LUMINANCE, UNSEEN
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product, quotient
 from cvkern.kernels.taichi.raw._powers import exp2, log2
+from cvkern.kernels.taichi.raw._sums import add_up
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
-i64_2 = ti.types.ndarray(dtype=ti.i64, ndim=2)
 u8_1 = ti.types.ndarray(dtype=ti.u8, ndim=1)
 
 RED, GREEN, BLUE = LUMINANCE
@@ -54,26 +54,15 @@ def luminance(radiance: np.ndarray, scale: float, out: np.ndarray) -> None:
     _luminance(radiance, scale, 0, out)
 
 
-@ti.kernel
-def _measure(logs: f32_1, sums: i64_2):
-    for i in logs:
-        if logs[i] > -500.0:
-            fixed = ti.cast(ti.floor(logs[i] * float(STEPS) + 0.5), ti.i64)
-            slot = i % SLOTS
-            ti.atomic_add(sums[slot, 0], fixed)
-            ti.atomic_add(sums[slot, 1], ti.i64(1))
-            ti.atomic_max(sums[slot, 2], ti.i64(2**32) - fixed)
-            ti.atomic_max(sums[slot, 3], ti.i64(2**32) + fixed)
-
-
 @primitive
-def measure(logs: np.ndarray, sums: np.ndarray) -> None:
-    """Add up seen logarithms, in (SLOTS, 4) sums, count them, and find both ends.
+def survey(radiance: np.ndarray, logs: np.ndarray, sums: np.ndarray) -> None:
+    """Write log2 of the luminance of (H, W, C) radiance, and measure it.
 
-    In steps of 1 / STEPS. Ends are written as the largest of 2^32 less, and of 2^32 more. One
-    thread a value.
+    Sums (SLOTS, 4) hold the sum of seen logarithms, in steps of 1 / STEPS, their number, and the
+    largest of 2^32 less and of 2^32 more. One thread a pixel.
     """
-    _measure(logs, sums)
+    _luminance(radiance, 0.0, 0, logs)
+    add_up(logs, sums)
 
 
 @ti.kernel

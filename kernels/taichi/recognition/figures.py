@@ -8,11 +8,22 @@ from cvkern.kernels.codes.recognition import (
     KERNEL_ONE,
     OCTAVE,
     SHARE_BITS,
+    Frame,
+    Occurrences,
+    Patches,
     Space,
     Window,
 )
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi.recognition.votes import _below, _factor, _kernel_at, _scaled, _span
+from cvkern.kernels.taichi.recognition.votes import (
+    _active,
+    _below,
+    _bin,
+    _cell,
+    _factor,
+    _kernel_at,
+    _scaled,
+)
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
@@ -20,17 +31,16 @@ i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 vec3i = ti.types.vector(3, ti.i32)
-i32_5 = ti.types.vector(5, ti.i32)
+i32_6 = ti.types.vector(6, ti.i32)
 
 
 @primitive
 def paint_figures(
-    votes: np.ndarray,
-    sources: np.ndarray,
-    starts: np.ndarray,
+    patches: Patches,
+    occurrences: Occurrences,
     space: Space,
     window: Window,
-    places: np.ndarray,
+    frame: Frame,
     figures: np.ndarray,
     modes: np.ndarray,
     balance: np.ndarray,
@@ -39,62 +49,71 @@ def paint_figures(
 
     `figures` (O, S S) have the share of the object in each pixel at each occurrence, in parts of
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
-    of the object at scale 0 with a margin. Pixels are the nearest ones. Patches
-    of another size, half an octave off, say nothing. One thread a mode.
+    of the object at scale 0 with a margin. Pixels are the nearest ones. Patches of another size,
+    half an octave off, say nothing, nor those whose middle is farther from the mode than the box
+    at their own size and the radius of the kernel. One thread a mode.
     """
-    given = i32_5(space.slack, space.lowest, *window)
-    _paint(
-        votes, sources, starts, space.bins, space.factors, given, places, figures, modes, balance
-    )
+    places, _, _, matches = patches
+    bins, slack, factors, lowest = space
+    given = i32_6(slack, lowest, window.radius, window.scales, frame.box_height, frame.box_width)
+    _paint(places, matches, *occurrences, bins, factors, given, figures, modes, balance)
 
 
 @ti.kernel
 def _paint(
-    votes: i32_2,  # (V, 4)
-    sources: i32_2,  # (V, 2)
-    starts: i32_1,
+    places: i32_2,  # (N, 3)
+    matches: i32_2,
+    begins: i32_1,
+    entries: i32_2,
     bins: i32_2,
     factors: i32_1,
-    given: i32_5,
-    places: i32_2,  # (N, 3)
+    given: i32_6,
     figures: u8_2,
     modes: i32_2,  # (T, 4)
     # outputs
     balance: i32_3,  # (T, H, W)
 ):
     slack, lowest, radius, scales = given[0], given[1], given[2], given[3]
+    height = balance.shape[1]
+    width = balance.shape[2]
+    side = ti.cast(ti.sqrt(ti.cast(figures.shape[1], ti.f32)) + 0.5, ti.i32)
     for t in range(modes.shape[0]):
-        height = balance.shape[1]
-        width = balance.shape[2]
         for row, column in ti.ndrange(height, width):
             balance[t, row, column] = 0
-        side = ti.cast(ti.sqrt(ti.cast(figures.shape[1], ti.f32)) + 0.5, ti.i32)
-        y = modes[t, 0]
-        x = modes[t, 1]
-        z = modes[t, 2]
-        own = _factor(factors, lowest, z)
+        mode = vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
+        own = _factor(factors, lowest, mode[2])
         reach = _scaled(radius, own)
-        for s in range(bins.shape[0]):
-            if ti.abs(bins[s, 3] - z) <= scales + slack:
-                above, below, before, behind = _span(bins, s, y, x, reach)
-                for cells in range(above, below):
-                    cell = bins[s, 0] + cells * bins[s, 2]
-                    for v in range(starts[cell + before], starts[cell + behind]):
-                        apart = vec3i(votes[v, 0] - y, votes[v, 1] - x, votes[v, 2] - z)
-                        near = _kernel_at(apart, reach, scales)
-                        i = sources[v, 0]
-                        if near > 0 and ti.abs(places[i, 2] - z) < OCTAVE // 2:
-                            weight = ti.cast(votes[v, 3] * near // KERNEL_ONE, ti.i32)
-                            # First pixel of the patch in the box, in parts of a pixel.
-                            top = _below(places[i, 0] - y, own) + FINE * (height - side) // 2
-                            left = _below(places[i, 1] - x, own) + FINE * (width - side) // 2
-                            first = (top + FINE // 2) // FINE
-                            begin = (left + FINE // 2) // FINE
+        for i in range(places.shape[0]):
+            place = vec3i(places[i, 0], places[i, 1], places[i, 2])
+            apart = place - mode
+            factor = _factor(factors, lowest, place[2])
+            near_box = (
+                ti.abs(apart[2]) < OCTAVE // 2
+                and ti.abs(apart[0]) <= _scaled(given[4], factor) + reach
+                and ti.abs(apart[1]) <= _scaled(given[5], factor) + reach
+            )
+            if near_box:
+                # First pixel of the patch in the box, halves rounded up.
+                top = _below(apart[0], own) + FINE * (height - side) // 2
+                left = _below(apart[1], own) + FINE * (width - side) // 2
+                first = (top + FINE // 2) // FINE
+                begin = (left + FINE // 2) // FINE
+                active = _active(matches, i)
+                for m in range(active):
+                    word = matches[i, m]
+                    for e in range(begins[word], begins[word + 1]):
+                        down = _scaled(entries[e, 0], factor)
+                        along = _scaled(entries[e, 1], factor)
+                        vote = place + vec3i(down, along, entries[e, 2])
+                        near = _kernel_at(vote - mode, reach, scales)
+                        s = _bin(bins, vote[2], slack)
+                        if near > 0 and _cell(bins, s, vote[0], vote[1]) >= 0:
+                            weight = ti.cast(entries[e, 3] // active * near // KERNEL_ONE, ti.i32)
                             for k in range(figures.shape[1]):
                                 row = first + k // side
                                 column = begin + k % side
                                 if 0 <= row < height and 0 <= column < width:
-                                    share = ti.cast(figures[sources[v, 1], k], ti.i32)
+                                    share = ti.cast(figures[e, k], ti.i32)
                                     product = weight * (2 * share - 255)
                                     balance[t, row, column] += product >> SHARE_BITS
 

@@ -4,7 +4,7 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes.recognition import LARGEST, SPREAD, WHITE
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -13,9 +13,18 @@ i8_2 = ti.types.ndarray(dtype=ti.i8, ndim=2)
 
 
 @primitive
-def round_pixels(image: np.ndarray, pixels: np.ndarray) -> None:
-    """Round pixels between 0 and 1 to integers between 0 and `WHITE`; a thread a pixel."""
+def sample_patches(
+    image: np.ndarray, corners: np.ndarray, side: int, least: int, patches: np.ndarray
+) -> None:
+    """Cut out patches and normalise them: mean 0, standard deviation `SPREAD`; a thread a patch.
+
+    Pixels between 0 and 1 are rounded to integers between 0 and `WHITE`. `corners` (N, 2) are first
+    pixels. Deviations are (n x - sum x) / R for n pixels, with R^2 = n sum x^2 - (sum x)^2, halves
+    rounded up. A patch with R < `least` is 0, and so is what is behind its pixels.
+    """
+    pixels = scratch(image.shape, np.int32)
     _round(image, 0, pixels)
+    _sample(pixels, corners, side, least, patches)
 
 
 @ti.kernel
@@ -28,18 +37,6 @@ def _round(
     for row, column in pixels:
         value = ti.min(ti.max(image[row, column], 0.0), 1.0)
         pixels[row, column] = ti.cast(ti.floor(product(value, WHITE, zero) + 0.5), ti.i32)
-
-
-@primitive
-def sample_patches(
-    pixels: np.ndarray, corners: np.ndarray, side: int, least: int, patches: np.ndarray
-) -> None:
-    """Cut out patches and normalise them: mean 0, standard deviation `SPREAD`; a thread a patch.
-
-    `corners` (N, 2) are first pixels. Deviations are (n x - sum x) / R for n pixels, with
-    R^2 = n sum x^2 - (sum x)^2. A patch with R < `least` is 0, and so is what is behind its pixels.
-    """
-    _sample(pixels, corners, side, least, patches)
 
 
 @ti.func
@@ -77,7 +74,7 @@ def _sample(
             value = ti.cast(0, ti.i64)
             if k < count and root >= least:
                 x = ti.cast(pixels[top + k // side, left + k % side], ti.i64)
-                # Halves are rounded up. The sum is positive, where every division rounds alike.
+                # The sum is positive, where every division rounds alike.
                 above = 2 * SPREAD * (count * x - total) + root + 2 * root * 4096
                 value = above // (2 * root) - 4096
             value = ti.min(ti.max(value, -LARGEST), LARGEST)

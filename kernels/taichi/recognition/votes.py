@@ -8,6 +8,7 @@ import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes.recognition import (
+    AROUND,
     FACTOR_BITS,
     KERNEL_ONE,
     NOBODY,
@@ -100,15 +101,11 @@ def _kernel_at(apart: vec3i, reach: ti.i32, scales: ti.i32) -> ti.i64:
 
 @primitive
 def count_votes(
-    patches: Patches, occurrences: Occurrences, space: Space, sums: np.ndarray, starts: np.ndarray
+    patches: Patches, occurrences: Occurrences, space: Space, sums: np.ndarray, counts: np.ndarray
 ) -> None:
-    """Add up the votes of each of C cells, and list where the votes of each would begin.
-
-    `starts` (C + 1,) ends with the number of all votes. One thread a patch; then one adds up.
-    """
+    """Add up the weights of the votes for each of C cells, and count the votes."""
     places, _, _, matches = patches
-    _count(places, matches, *occurrences, *space, sums, starts)
-    _begin(starts)
+    _count(places, matches, *occurrences, *space, sums, counts)
 
 
 @ti.kernel
@@ -123,11 +120,11 @@ def _count(
     lowest: ti.i32,
     # outputs
     sums: i32_1,
-    starts: i32_1,
+    counts: i32_1,
 ):
     for c in range(sums.shape[0]):
         sums[c] = 0
-        starts[c + 1] = 0
+        counts[c] = 0
     for i in range(places.shape[0]):
         factor = _factor(factors, lowest, places[i, 2])
         active = _active(matches, i)
@@ -140,7 +137,44 @@ def _count(
                 c = _cell(bins, s, y, x)
                 if c >= 0:
                     ti.atomic_add(sums[c], entries[e, 3] // active)
-                    ti.atomic_add(starts[c + 1], 1)
+                    ti.atomic_add(counts[c], 1)
+
+
+@primitive
+def mark_votes(
+    maxima: np.ndarray, space: Space, window: Window, counts: np.ndarray, starts: np.ndarray
+) -> None:
+    """List where the votes of each cell begin that is within `AROUND` cells of a maximum.
+
+    Other cells have no room in `starts` (C + 1,), which ends with the number of votes. Every bin is
+    marked that the kernel of mean shift reaches.
+    """
+    _mark(maxima, space.bins, window.scales + space.slack, counts, starts)
+    _begin(starts)
+
+
+@ti.kernel
+def _mark(
+    maxima: i32_2,  # (T, 4)
+    bins: i32_2,
+    reach: ti.i32,
+    counts: i32_1,
+    # outputs
+    starts: i32_1,  # (C + 1,)
+):
+    for c in range(starts.shape[0]):
+        starts[c] = 0
+    for t in range(maxima.shape[0]):
+        for s in range(bins.shape[0]):
+            if maxima[t, 3] > 0 and ti.abs(bins[s, 3] - maxima[t, 2]) <= reach:
+                row = maxima[t, 0] // bins[s, 4]
+                column = maxima[t, 1] // bins[s, 4]
+                for y in range(ti.max(row - AROUND, 0), ti.min(row + AROUND + 1, bins[s, 1])):
+                    for x in range(
+                        ti.max(column - AROUND, 0), ti.min(column + AROUND + 1, bins[s, 2])
+                    ):
+                        c = bins[s, 0] + y * bins[s, 2] + x
+                        starts[c + 1] = counts[c]
 
 
 @ti.kernel
@@ -163,15 +197,11 @@ def list_votes(
     space: Space,
     starts: np.ndarray,
     votes: np.ndarray,
-    sources: np.ndarray,
 ) -> None:
-    """List the votes of each cell, in any order: V rows of place, scale and weight.
-
-    `sources` (V, 2) has the patch and the occurrence of each. One thread a patch.
-    """
+    """List the votes of each cell with room, in any order: V rows of place, scale and weight."""
     places, _, _, matches = patches
     counts = scratch((starts.shape[0],), np.int32)
-    _list(places, matches, *occurrences, *space, starts, counts, votes, sources)
+    _list(places, matches, *occurrences, *space, starts, counts, votes)
 
 
 @ti.kernel
@@ -188,7 +218,6 @@ def _list(
     # outputs
     counts: i32_1,
     votes: i32_2,
-    sources: i32_2,
 ):
     for c in range(counts.shape[0]):
         counts[c] = 0
@@ -202,14 +231,15 @@ def _list(
                 y = places[i, 0] + _scaled(entries[e, 0], factor)
                 x = places[i, 1] + _scaled(entries[e, 1], factor)
                 c = _cell(bins, _bin(bins, scale, slack), y, x)
+                wanted = 0
                 if c >= 0:
+                    wanted = ti.cast(starts[c + 1] > starts[c], ti.i32)
+                if wanted == 1:
                     at = starts[c] + ti.atomic_add(counts[c], 1)
                     votes[at, 0] = y
                     votes[at, 1] = x
                     votes[at, 2] = scale
                     votes[at, 3] = entries[e, 3] // active
-                    sources[at, 0] = i
-                    sources[at, 1] = e
 
 
 @primitive

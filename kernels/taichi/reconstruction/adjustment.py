@@ -10,7 +10,9 @@ import taichi as ti
 from cvkern.kernels.codes.reconstruction import (
     BEHIND,
     FLATTEST,
+    JOINED,
     NEAREST,
+    Blocks,
     Condensed,
     Eliminated,
     Loss,
@@ -23,7 +25,6 @@ from cvkern.kernels.taichi._launch import primitive
 f64_1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
 f64_2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
 f64_3 = ti.types.ndarray(dtype=ti.f64, ndim=3)
-f64_4 = ti.types.ndarray(dtype=ti.f64, ndim=4)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 HUBER, CAUCHY = int(Loss.HUBER), int(Loss.CAUCHY)
@@ -54,12 +55,16 @@ def eliminate(slopes: Slopes, sightings: Sightings, damping: float, eliminated: 
 
 @primitive
 def condense(
-    slopes: Slopes, sightings: Sightings, eliminated: Eliminated, condensed: Condensed
+    slopes: Slopes,
+    sightings: Sightings,
+    eliminated: Eliminated,
+    blocks: Blocks,
+    condensed: Condensed,
 ) -> None:
     """Write the equations of the views without points; one thread a parameter of a view."""
     _condense(
         *slopes, sightings.ends, sightings.spans, sightings.order, sightings.ranges, *eliminated,
-        *condensed,
+        blocks.number, *condensed,
     )  # fmt: skip
 
 
@@ -69,15 +74,23 @@ def substitute(
     sightings: Sightings,
     eliminated: Eliminated,
     steps: np.ndarray,
-    moves: np.ndarray,
+    points: np.ndarray,
+    moved: np.ndarray,
 ) -> None:
-    """Find the moves of the points that go with the steps (C, K) of the views.
-
-    One thread a point.
-    """
+    """Move the points (P, 3) as it goes with the steps (C, K) of the views; one thread a point."""
     _substitute(
-        slopes.slopes, slopes.weights, sightings.ends, sightings.spans, *eliminated, steps, moves
-    )
+        slopes.slopes, slopes.weights, sightings.ends, sightings.spans, *eliminated, steps, points,
+        moved,
+    )  # fmt: skip
+
+
+@primitive
+def join_costs(gaps: np.ndarray, loss: int, scale: float, costs: np.ndarray) -> None:
+    """Join the costs of `JOINED` residuals each to a number; see `codes.reconstruction.JOINED`.
+
+    Costs are twice r^2 / 2 and so on, before Cauchy's logarithm. One thread a number.
+    """
+    _join_costs(gaps, loss, scale, costs)
 
 
 @ti.func
@@ -296,8 +309,9 @@ def _condense(
     ranges: i32_2,
     inverses: f64_2,
     pulls: f64_2,
+    number: i32_2,
     # outputs
-    system: f64_4,
+    system: f64_3,
     right: f64_2,
     sizes: f64_2,
 ):
@@ -305,9 +319,12 @@ def _condense(
     for item in range(right.shape[0] * right.shape[1]):
         c = item // size
         r = item - c * size
-        for other in range(right.shape[0]):
-            for s in range(size):
-                system[c, r, other, s] = ti.f64(0.0)
+        for other in range(c, right.shape[0]):
+            b = number[c, other]
+            if b >= 0:
+                for s in range(size):
+                    system[b, r, s] = ti.f64(0.0)
+        own = number[c, c]
         gradient = ti.f64(0.0)
         diagonal = ti.f64(0.0)
         for place in range(ranges[c, 0], ranges[c, 0] + ranges[c, 1]):
@@ -320,7 +337,7 @@ def _condense(
             diagonal += up * slopes[o, 0, 3 + r] + down * slopes[o, 1, 3 + r]
             for s in range(size):
                 here = up * slopes[o, 0, 3 + s] + down * slopes[o, 1, 3 + s]
-                system[c, r, c, s] = system[c, r, c, s] + here
+                system[own, r, s] = system[own, r, s] + here
             x = up * slopes[o, 0, 0] + down * slopes[o, 1, 0]
             y = up * slopes[o, 0, 1] + down * slopes[o, 1, 1]
             z = up * slopes[o, 0, 2] + down * slopes[o, 1, 2]
@@ -331,6 +348,7 @@ def _condense(
             for q in range(spans[p, 0], spans[p, 0] + spans[p, 1]):
                 d = ends[q, 0]
                 if d >= c:
+                    b = number[c, d]
                     up = weights[q] * (
                         slopes[q, 0, 0] * i + slopes[q, 0, 1] * j + slopes[q, 0, 2] * k
                     )
@@ -339,7 +357,7 @@ def _condense(
                     )
                     for s in range(size):
                         there = up * slopes[q, 0, 3 + s] + down * slopes[q, 1, 3 + s]
-                        system[c, r, d, s] = system[c, r, d, s] - there
+                        system[b, r, s] = system[b, r, s] - there
         right[c, r] = gradient
         sizes[c, r] = diagonal
 
@@ -353,10 +371,11 @@ def _substitute(
     inverses: f64_2,
     pulls: f64_2,
     steps: f64_2,
+    points: f64_2,
     # outputs
-    moves: f64_2,
+    moved: f64_2,
 ):
-    for p in range(moves.shape[0]):
+    for p in range(moved.shape[0]):
         x = ti.f64(0.0)
         y = ti.f64(0.0)
         z = ti.f64(0.0)
@@ -370,12 +389,39 @@ def _substitute(
                 x += slopes[o, k, 0] * change
                 y += slopes[o, k, 1] * change
                 z += slopes[o, k, 2] * change
-        moves[p, 0] = -(
+        moved[p, 0] = points[p, 0] - (
             pulls[p, 0] + (inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z)
         )
-        moves[p, 1] = -(
+        moved[p, 1] = points[p, 1] - (
             pulls[p, 1] + (inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z)
         )
-        moves[p, 2] = -(
+        moved[p, 2] = points[p, 2] - (
             pulls[p, 2] + (inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z)
         )
+
+
+@ti.kernel
+def _join_costs(
+    gaps: f64_2,
+    loss: ti.i32,
+    scale: ti.f64,
+    # outputs
+    costs: f64_1,
+):
+    for n in range(costs.shape[0]):
+        joined = ti.f64(0.0)
+        if loss == CAUCHY:
+            joined = ti.f64(1.0)
+        for o in range(n * JOINED, ti.min((n + 1) * JOINED, gaps.shape[0])):
+            x = gaps[o, 0]
+            y = gaps[o, 1]
+            square = x * x + y * y
+            if loss == CAUCHY:
+                joined = joined * (ti.f64(1.0) + square / (scale * scale))
+            else:
+                if loss == HUBER:
+                    length = ti.sqrt(square)
+                    if length > scale:
+                        square = scale * (ti.f64(2.0) * length - scale)
+                joined = joined + square
+        costs[n] = joined

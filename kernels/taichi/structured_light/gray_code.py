@@ -27,8 +27,10 @@ def _decode(
     bits: ti.i32,
     size: ti.i32,
     margin: ti.f32,
+    joins: ti.i32,
     # outputs
     codes: i32_2,
+    valid: u8_2,
 ):
     for y, x in codes:
         code = 0
@@ -40,45 +42,46 @@ def _decode(
             bit ^= ti.cast(pattern > inverse, ti.i32)
             code = 2 * code + bit
             clear = clear and ti.abs(pattern - inverse) > margin
-        codes[y, x] = code if clear and code < size else NONE
+        known = clear and code < size
+        codes[y, x] = code if known else NONE
+        valid[y, x] = ti.cast(known and (joins == 0 or valid[y, x] != 0), ti.u8)
 
 
 @primitive
 def decode(
-    frames: np.ndarray, begin: int, bits: int, size: int, margin: float, codes: np.ndarray
+    frames: np.ndarray,
+    begin: int,
+    bits: int,
+    size: int,
+    margin: float,
+    joins: bool,
+    codes: np.ndarray,
+    valid: np.ndarray,
 ) -> None:
-    """Decode the pairs of frames, from `begin` on, of an axis of `size` lines; a thread a pixel."""
-    _decode(frames, begin, bits, size, margin, codes)
+    """Decode the pairs of frames, from `begin` on, of an axis of `size` lines; a thread a pixel.
+
+    `valid` tells which pixels have a code; with `joins`, only those that were valid before.
+    """
+    _decode(frames, begin, bits, size, margin, joins, codes, valid)
 
 
 @ti.kernel
 def _accept(
-    white: any_2,  # (H, W), or of another shape for none
+    white: any_2,  # (H, W)
     black: any_2,
     contrast: ti.f32,
-    columns: i32_2,
-    rows: i32_2,
     # outputs
     valid: u8_2,
 ):
     for y, x in valid:
-        lit = True
-        if white.shape[0] == valid.shape[0] and white.shape[1] == valid.shape[1]:
-            lit = ti.cast(white[y, x], ti.f32) - ti.cast(black[y, x], ti.f32) > contrast
-        valid[y, x] = ti.cast(lit and columns[y, x] >= 0 and rows[y, x] >= 0, ti.u8)
+        lit = ti.cast(white[y, x], ti.f32) - ti.cast(black[y, x], ti.f32) > contrast
+        valid[y, x] = ti.cast(lit and valid[y, x] != 0, ti.u8)
 
 
 @primitive
-def accept(
-    white: np.ndarray,
-    black: np.ndarray,
-    contrast: float,
-    columns: np.ndarray,
-    rows: np.ndarray,
-    valid: np.ndarray,
-) -> None:
-    """Mark the pixels with a code on both axes and enough light; one thread a pixel."""
-    _accept(white, black, contrast, columns, rows, valid)
+def accept(white: np.ndarray, black: np.ndarray, contrast: float, valid: np.ndarray) -> None:
+    """Clear the pixels without enough light; one thread a pixel."""
+    _accept(white, black, contrast, valid)
 
 
 @ti.kernel

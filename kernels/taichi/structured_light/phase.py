@@ -21,6 +21,7 @@ from cvkern.kernels.taichi._rounding import product, quotient, root
 any_3 = ti.types.ndarray(ndim=3)  # u8, u16 or f32
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
 TURN = 1 / (2 * math.pi)
 
@@ -32,11 +33,14 @@ def _decode(
     frequencies: f32_1,
     waves: f32_2,  # (steps, 2): sine, cosine
     size: ti.i32,
+    threshold: ti.f32,
+    joins: ti.i32,
     zero: ti.i32,
     # outputs
     places: f32_2,
     phases: f32_2,
     modulations: f32_2,
+    valid: u8_2,
 ):
     steps = waves.shape[0]
     for y, x in places:
@@ -75,6 +79,8 @@ def _decode(
         places[y, x] = product(t, ti.cast(size, ti.f32), zero) - 0.5 if seen == 1 else nowhere
         phases[y, x] = angle if seen == 1 else nowhere
         modulations[y, x] = least if seen == 1 else nowhere
+        good = seen == 1 and least > threshold
+        valid[y, x] = ti.cast(good and (joins == 0 or valid[y, x] != 0), ti.u8)
 
 
 @primitive
@@ -84,15 +90,20 @@ def decode(
     frequencies: np.ndarray,
     waves: np.ndarray,
     size: int,
+    threshold: float,
+    joins: bool,
     places: np.ndarray,
     phases: np.ndarray,
     modulations: np.ndarray,
+    valid: np.ndarray,
 ) -> None:
     """Decode the frames of an axis of `size` lines, from `begin` on; one thread a pixel.
 
-    Writes the place in the axis, the phase of the last frequency, and the least modulation.
+    Writes the place in the axis, the phase of the last frequency, the least modulation, and whether
+    that is above the threshold; with `joins`, only for pixels that were valid before.
     """
-    _decode(frames, begin, frequencies, waves, size, 0, places, phases, modulations)
+    outputs = places, phases, modulations, valid
+    _decode(frames, begin, frequencies, waves, size, threshold, joins, 0, *outputs)
 
 
 @ti.kernel
@@ -101,7 +112,7 @@ def _accept(
     rows: f32_2,
     threshold: ti.f32,
     # outputs
-    valid: ti.types.ndarray(dtype=ti.u8, ndim=2),
+    valid: u8_2,
 ):
     for y, x in valid:
         valid[y, x] = ti.cast(columns[y, x] > threshold and rows[y, x] > threshold, ti.u8)

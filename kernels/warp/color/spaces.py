@@ -7,7 +7,8 @@ import warp as wp
 
 from cvkern.kernels.codes import color as codes
 from cvkern.kernels.codes.color import DARKEST, FIRST, Form
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs, view
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp.color import _spaces_cuda
 from cvkern.kernels.warp.color._spaces_cpu import encode_linear
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -43,10 +44,11 @@ def encode(
     """Do the same to sRGB of 8 bits, with a table of its steps up."""
     inputs = [source, numbers, steps]
     count = out.shape[0]
-    if out.device.is_cuda and count % 4 == 0 and colours.ptr % 16 == 0 and out.ptr % 4 == 0:
-        groups = (count // 4, 3)
-        words = view(out, wp.uint32, groups)
-        launch(_encode_four, count // 4, [view(colours, wp.vec4, groups), *inputs], [words])
+    aligned = count % 4 == 0 and colours.ptr % 16 == 0 and out.ptr % 4 == 0
+    if out.device.is_cuda and aligned and source == Form.LINEAR:
+        threads = _spaces_cuda.threads(count // 4)
+        given = [colours, numbers, steps]
+        launch(_spaces_cuda.encode_four, threads, given, [out], _spaces_cuda.BLOCK)
     elif out.device.is_cuda or source != Form.LINEAR:
         launch_each(_encode, count, 20 * count, [colours, *inputs], [out])
     else:
@@ -138,13 +140,6 @@ def _code(v: float, steps: wp.array[int]):
     return (steps[(bits >> 16) - _FIRST] + (bits & 0xFFFF)) >> 16
 
 
-@wp.func
-def _word(a: float, b: float, c: float, d: float, steps: wp.array[int]):
-    low = _code(a, steps) | (_code(b, steps) << 8)
-    high = _code(c, steps) | (_code(d, steps) << 8)
-    return wp.uint32(low) | (wp.uint32(high) << wp.uint32(16))
-
-
 @wp.kernel
 def _encode(
     stride: int,
@@ -162,26 +157,3 @@ def _encode(
         v = _mixed(given, source, numbers)
         for k in range(3):
             out[i, k] = wp.uint8(_code(v[k], steps))
-
-
-@wp.kernel
-def _encode_four(
-    colours: wp.array2d[wp.vec4],
-    source: int,
-    numbers: wp.array[float],
-    steps: wp.array[int],
-    # outputs
-    out: wp.array2d[wp.uint32],
-):
-    """Encode four pixels: three vectors of four values, and three words of four bytes."""
-    i = wp.tid()
-    a = colours[i, 0]
-    b = colours[i, 1]
-    c = colours[i, 2]
-    one = _mixed(wp.vec3(a[0], a[1], a[2]), source, numbers)
-    two = _mixed(wp.vec3(a[3], b[0], b[1]), source, numbers)
-    three = _mixed(wp.vec3(b[2], b[3], c[0]), source, numbers)
-    four = _mixed(wp.vec3(c[1], c[2], c[3]), source, numbers)
-    out[i, 0] = _word(one[0], one[1], one[2], two[0], steps)
-    out[i, 1] = _word(two[1], two[2], three[0], three[1], steps)
-    out[i, 2] = _word(three[2], four[0], four[1], four[2], steps)

@@ -42,33 +42,6 @@ def clear(
 
 
 @wp.kernel
-def count_pixels(
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
-    norm: int,
-    level: int,
-    shift: int,
-    width: int,
-    found: wp.array2d[int],  # (2, 2)
-    # outputs
-    counts: wp.array3d[int],  # (1, 2, BINS)
-    most: wp.array[int],  # (1,)
-):
-    y, x = wp.tid()
-    bits = bits_of(dy[y, x], dx[y, x], norm)
-    digit = (bits >> shift) & ((1 << width) - 1)
-    above = bits >> (shift + width)
-    if level == 0:
-        wp.atomic_add(counts, 0, 0, digit, 1)
-    else:
-        for i in range(2):
-            if above == found[i, 0]:
-                wp.atomic_add(counts, 0, i, digit, 1)
-    if bits > most[0]:
-        wp.atomic_max(most, 0, bits)
-
-
-@wp.kernel
 def count_rows(
     slab: int,
     first: int,

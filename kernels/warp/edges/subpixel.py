@@ -1,4 +1,4 @@
-"""Sub-pixel edge points, in Warp: one thread per row.
+"""Sub-pixel edge points, in Warp: a thread a row (CPU), or a block of threads a row (CUDA).
 
 Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
 parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
@@ -8,56 +8,12 @@ two passes: the points of each row are counted, and then listed at the row's pla
 
 import warp as wp
 
-from cvkern.kernels.codes.edges import LEAST_MANTISSA, LEAST_RATIO, LN2, LOG, MANTISSA_BITS
-from cvkern.kernels.warp._angles import atan2
-from cvkern.kernels.warp._launch import launch
+from cvkern.kernels.warp._launch import BLOCK, launch
+
+from . import _subpixel_cuda as cuda
+from ._parabolas import is_peak, locate, three_lengths
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
-
-L0, L1, L2, L3, L4 = (wp.constant(c) for c in LOG)
-SMALLEST = wp.constant(LEAST_RATIO)
-HALF_ROOT = wp.constant(LEAST_MANTISSA)
-SHIFT = wp.constant(MANTISSA_BITS)
-LOG_2 = wp.constant(LN2)
-
-
-@wp.func
-def _log_of_ratio(a: float, b: float) -> float:
-    """Logarithm of a / b: sums, products and quotients alone, so equal bits on every device."""
-    ratio = wp.max(a / b, SMALLEST)
-    bits = wp.cast(ratio, wp.int32)
-    exponent = (bits - HALF_ROOT) >> SHIFT
-    m = wp.cast(bits - (exponent << SHIFT), wp.float32)
-    s = (m - 1.0) / (m + 1.0)
-    z = s * s
-    series = (((L4 * z + L3) * z + L2) * z + L1) * z + L0
-    return 2.0 * s * series + float(exponent) * LOG_2
-
-
-@wp.func
-def _squared(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> float:
-    """Return the squared gradient length at (y, x), 0 outside the image."""
-    if y < 0 or x < 0 or y >= dy.shape[0] or x >= dy.shape[1]:
-        return 0.0
-    return dx[y, x] * dx[y, x] + dy[y, x] * dy[y, x]
-
-
-@wp.func
-def _three(dy: wp.array2d[float], dx: wp.array2d[float], y: int, x: int) -> wp.vec3:
-    """Return squared lengths before, at and after (y, x), along the larger derivative."""
-    down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1, 0)
-    across = 1 - down
-    return wp.vec3(
-        _squared(dy, dx, y - down, x - across),
-        _squared(dy, dx, y, x),
-        _squared(dy, dx, y + down, x + across),
-    )
-
-
-@wp.func
-def _is_peak(m: wp.vec3) -> bool:
-    """Tell whether a parabola through the logarithms of `m` has its maximum near the middle."""
-    return m[1] > m[0] and m[1] >= m[2] and m[0] > 0.0 and m[2] > 0.0 and m[1] < wp.inf
 
 
 @wp.kernel
@@ -72,7 +28,7 @@ def _count_edges(
     count = int(0)
     for x in range(mask.shape[1]):
         if mask[y, x] != wp.uint8(0):
-            if _is_peak(_three(dy, dx, y, x)):
+            if is_peak(three_lengths(dy, dx, y, x)):
                 count += 1
     counts[y] = count
 
@@ -92,22 +48,19 @@ def _gather_edges(
     i = starts[y]
     for x in range(mask.shape[1]):
         if mask[y, x] != wp.uint8(0):
-            m = _three(dy, dx, y, x)
-            if _is_peak(m):
-                p = _log_of_ratio(m[0], m[1])
-                q = _log_of_ratio(m[2], m[1])
-                offset = 0.5 * (p - q) / (p + q)
-                down = wp.where(wp.abs(dy[y, x]) > wp.abs(dx[y, x]), 1.0, 0.0)
-                points[i, 0] = float(y) + down * offset
-                points[i, 1] = float(x) + (1.0 - down) * offset
-                orientation[i] = atan2(dy[y, x], dx[y, x])
-                strength[i] = wp.sqrt(m[1])
+            m = three_lengths(dy, dx, y, x)
+            if is_peak(m):
+                locate(dy, dx, y, x, m, i, points, orientation, strength)
                 i += 1
 
 
 def count_edges(dy: wp.array, dx: wp.array, mask: wp.array, counts: wp.array) -> None:
     """Count the sub-pixel edge points of each row."""
-    launch(_count_edges, mask.shape[0], [dy, dx, mask], [counts])
+    rows = mask.shape[0]
+    if counts.device.is_cuda:
+        launch(cuda.count_edges, rows * BLOCK, [dy, dx, mask], [counts])
+        return
+    launch(_count_edges, rows, [dy, dx, mask], [counts])
 
 
 def gather_edges(
@@ -120,9 +73,8 @@ def gather_edges(
     strength: wp.array,
 ) -> None:
     """Locate the edge points of each row, and list them at its place in `starts`."""
-    launch(
-        _gather_edges,
-        mask.shape[0],
-        [dy, dx, mask, starts],
-        [points, orientation, strength],
-    )
+    rows, inputs, outputs = mask.shape[0], [dy, dx, mask, starts], [points, orientation, strength]
+    if points.device.is_cuda:
+        launch(cuda.gather_edges, rows * BLOCK, inputs, outputs)
+        return
+    launch(_gather_edges, rows, inputs, outputs)

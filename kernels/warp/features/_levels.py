@@ -13,7 +13,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 BITS = wp.constant(WORD)
 place_t = wp.types.vector(5, wp.int32)
-_MOST_TABLES = 16
+_MOST_TABLES = 32
 
 _tables: dict[tuple, wp.array] = {}
 
@@ -23,14 +23,19 @@ def table(octaves: Sequence[wp.array]) -> wp.array:
 
     The marked levels of an octave (L, H, W) are the L - 3 inner ones; an image (H, W) is one.
     """
-    device = octaves[0].device
-    key = (device.alias, *((octave.ptr, octave.shape) for octave in octaves))
+    rows = [[octave.ptr, *marked(octave)] for octave in octaves]
+    return kept_table(rows, octaves[0].device)
+
+
+def kept_table(rows: Sequence[Sequence[Any]], device: wp.Device) -> wp.array:
+    """Return a table of addresses and sizes, int64; it is sent to its device once."""
+    values = np.array(rows, np.int64)
+    key = (device.alias, values.shape, values.tobytes())
     found = _tables.get(key)
     if found is None:
         if len(_tables) >= _MOST_TABLES:
             _tables.clear()
-        rows = np.array([[octave.ptr, *marked(octave)] for octave in octaves], np.int64)
-        found = _tables[key] = wp.array(rows, dtype=wp.int64, device=device)
+        found = _tables[key] = wp.array(values, dtype=wp.int64, device=device)
         wp.synchronize_device(device)  # the copy is on another stream than its readers
     return found
 

@@ -1,14 +1,18 @@
-// needs WORDS WARPS AHEAD BINARY FARTHEST
-// The two nearest of other rows, for 32 rows a block of threads: distances |a|^2 + |b|^2 - 2 a b by
-// products on tensor cores (`mma`), of bytes, or of bits, whose squares and products are counts of
-// ones. A warp has all 32 rows, two tiles of 16, and every WARPS-th group of eight other rows.
+// needs WORDS WARPS ROWS BLOCK_ROWS BINARY FARTHEST
+// The two nearest of other rows, for ROWS rows a block of threads: distances |a|^2 + |b|^2 - 2 a b
+// by products on tensor cores (`mma`), of bytes, or of bits, whose squares and products are counts
+// of ones. A warp has all ROWS rows, in tiles of 16, and every WARPS-th group of eight other rows.
 //
 // Lane 4 g + t holds words t EACH to (t + 1) EACH of row g of a tile: in which order `mma` takes
 // the words of a row does not matter, as long as it is the same for both. It gets the products of
 // rows g and g + 8 with the others 2 t and 2 t + 1.
+//
+// A key is 256 (|b|^2 - 2 a b) plus the place among the others of a lane, below 256: less than 2^31
+// for 128 bytes. So two minima and a maximum find the nearest, the second, and the smallest place.
 void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<int> best,
            wp::array_t<int> second, wp::array_t<int> index) {
-    enum { EACH = WORDS / 4 };
+    enum { EACH = WORDS / 4, HELD = ROWS / 8, STEP = 8 * WARPS, CHUNK = 128 * STEP };
+    enum { NONE = 0x7fffffff };
     struct Row {
         unsigned int word[EACH];
 
@@ -32,13 +36,6 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
     struct Nearest {
         int best, second, index;
 
-        void see(int distance, int place) {
-            const bool nearer = distance < best;
-            second = nearer ? best : distance < second ? distance : second;
-            index = nearer ? place : index;
-            best = nearer ? distance : best;
-        }
-
         // Join the nearest descriptors of two threads; the smallest index wins a tie.
         void join(int other, int other_second, int other_index) {
             const bool nearer = other < best || (other == best && other_index < index);
@@ -49,70 +46,72 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
             best = nearer ? other : best;
         }
     };
-    __shared__ Nearest found[WARPS][32];
-    const int* block = blocks.data + 5 * (blockIdx.x / 2);
-    const int first = block[0] + 32 * (blockIdx.x % 2), last = block[1];
+    __shared__ Nearest found[WARPS][ROWS];
+    const int* block = blocks.data + 5 * (blockIdx.x / (BLOCK_ROWS / ROWS));
+    const int first = block[0] + ROWS * (blockIdx.x % (BLOCK_ROWS / ROWS)), last = block[1];
     if (first >= last) return;
     const int begin = block[2], end = block[3];
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
 
-    Row own[4];  // rows g, g + 8, g + 16, g + 24
-    Nearest near[4];
-    for (int i = 0; i < 4; ++i) {
-        const int row = first + 8 * i + g;
-        own[i].read(words, row < last ? row : last - 1, t);
-        near[i] = {FARTHEST, FARTHEST, 0};
-    }
-    // With AHEAD the next group is loaded before this one is compared.
-    Row next;
-    if (AHEAD) next.read(words, min(begin + 8 * warp + g, end - 1), t);
-    for (int j = begin + 8 * warp; j < end; j += 8 * WARPS) {
-        if (!AHEAD) next.read(words, min(j + g, end - 1), t);
-        const Row other = next;
-        if (AHEAD) next.read(words, min(j + 8 * WARPS + g, end - 1), t);
-        const int square = other.square();
-        const int squares[2] = {__shfl_sync(~0u, square, 8 * t),
-                                __shfl_sync(~0u, square, 8 * t + 4)};
-        for (int tile = 0; tile < 2; ++tile) {
-            const Row &low = own[2 * tile], &high = own[2 * tile + 1];
-            int product[4] = {0, 0, 0, 0};
-            for (int k = 0; k < EACH; k += 2) {
-                // Rows by the first operand, the others by the second.
-                if (BINARY)
-                    asm("mma.sync.aligned.m16n8k256.row.col.s32.b1.b1.s32.and.popc "
-                        "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-                        : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
-                        : "r"(low.word[k]), "r"(high.word[k]), "r"(low.word[k + 1]),
-                          "r"(high.word[k + 1]), "r"(other.word[k]), "r"(other.word[k + 1]));
-                else
-                    asm("mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 "
-                        "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-                        : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
-                        : "r"(low.word[k]), "r"(high.word[k]), "r"(low.word[k + 1]),
-                          "r"(high.word[k + 1]), "r"(other.word[k]), "r"(other.word[k + 1]));
-            }
-            for (int i = 0; i < 4; ++i) {
-                const int place = j + 2 * t + i % 2;
-                if (place < end)
-                    near[2 * tile + i / 2].see(squares[i % 2] - 2 * product[i], place - begin);
+    Row own[HELD];  // rows g, g + 8, g + 16, ...
+    for (int i = 0; i < HELD; ++i) own[i].read(words, min(first + 8 * i + g, last - 1), t);
+    for (int i = lane; i < ROWS; i += 32) found[warp][i] = {FARTHEST, FARTHEST, 0};
+    __syncwarp();
+    for (int chunk = begin + 8 * warp; chunk < end; chunk += CHUNK) {
+        int near[HELD], next_to[HELD];  // keys
+        for (int i = 0; i < HELD; ++i) near[i] = next_to[i] = NONE;
+        // The next group is loaded before this one is compared.
+        Row next;
+        next.read(words, min(chunk + g, end - 1), t);
+        const int stop = min(end, chunk + CHUNK);
+        for (int j = chunk, place = g % 2; j < stop; j += STEP, place += 2) {
+            const Row other = next;
+            next.read(words, min(j + STEP + g, end - 1), t);
+            int key = 256 * other.square() + place;
+            key = j + g < end ? key : NONE;
+            const int keys[2] = {__shfl_sync(~0u, key, 8 * t), __shfl_sync(~0u, key, 8 * t + 4)};
+            for (int tile = 0; tile < HELD / 2; ++tile) {
+                const Row &low = own[2 * tile], &high = own[2 * tile + 1];
+                int product[4] = {0, 0, 0, 0};
+                for (int k = 0; k < EACH; k += 2) {
+                    // Rows by the first operand, the others by the second.
+                    if (BINARY)
+                        asm("mma.sync.aligned.m16n8k256.row.col.s32.b1.b1.s32.and.popc "
+                            "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+                            : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
+                            : "r"(low.word[k]), "r"(high.word[k]), "r"(low.word[k + 1]),
+                              "r"(high.word[k + 1]), "r"(other.word[k]), "r"(other.word[k + 1]));
+                    else
+                        asm("mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 "
+                            "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+                            : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
+                            : "r"(low.word[k]), "r"(high.word[k]), "r"(low.word[k + 1]),
+                              "r"(high.word[k + 1]), "r"(other.word[k]), "r"(other.word[k + 1]));
+                }
+                for (int i = 0; i < 4; ++i) {
+                    const int at = 2 * tile + i / 2;
+                    // Nothing is taken from a row that does not exist.
+                    const int seen = keys[i % 2] == NONE ? NONE : keys[i % 2] - 512 * product[i];
+                    next_to[at] = min(next_to[at], max(near[at], seen));
+                    near[at] = min(near[at], seen);
+                }
             }
         }
-    }
-    for (int i = 0; i < 4; ++i) {
-        const int square = own[i].square();
-        for (int apart = 1; apart < 4; apart *= 2)
-            near[i].join(__shfl_xor_sync(~0u, near[i].best, apart),
-                         __shfl_xor_sync(~0u, near[i].second, apart),
-                         __shfl_xor_sync(~0u, near[i].index, apart));
-        if (t == 0) {
-            if (near[i].best < FARTHEST) near[i].best += square;
-            if (near[i].second < FARTHEST) near[i].second += square;
-            found[warp][8 * i + g] = near[i];
+        for (int i = 0; i < HELD; ++i) {
+            const int square = own[i].square();
+            const int where = chunk - begin + (near[i] & 255) / 2 * STEP + 2 * t + (near[i] & 1);
+            Nearest all = {near[i] == NONE ? FARTHEST : (near[i] >> 8) + square,
+                           next_to[i] == NONE ? FARTHEST : (next_to[i] >> 8) + square, where};
+            for (int apart = 1; apart < 4; apart *= 2)
+                all.join(__shfl_xor_sync(~0u, all.best, apart),
+                         __shfl_xor_sync(~0u, all.second, apart),
+                         __shfl_xor_sync(~0u, all.index, apart));
+            if (t == 0) found[warp][8 * i + g].join(all.best, all.second, all.index);
         }
     }
     __syncthreads();
     const int row = first + threadIdx.x;
-    if (threadIdx.x < 32 && row < last) {
+    if (threadIdx.x < ROWS && row < last) {
         Nearest all = found[0][threadIdx.x];
         for (int k = 1; k < WARPS; ++k) {
             const Nearest& part = found[k][threadIdx.x];

@@ -6,30 +6,31 @@ thread takes a row.
 
 import warp as wp
 
-from cvkern.kernels.codes.features import FARTHEST
+from cvkern.kernels.codes.features import BLOCK_ROWS, FARTHEST
 from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LARGEST = wp.constant(FARTHEST)
-PARTS = 2  # blocks on tensor cores for BLOCK_ROWS rows
-FEW = 256  # blocks that do not fill a GPU
-# Threads of a block, and whether they load ahead. Where blocks are few, more warps hide the others'
-# loads. On an H200 one pair takes 19 instead of 25 us, but each of 66 pairs 11.0 instead of 9.8.
-MANY_BLOCKS, FEW_BLOCKS = (256, 0), (512, 1)
+FEW = 256  # blocks of half of BLOCK_ROWS that do not fill a GPU
+# Threads of a block, and its rows: other rows are read once for all rows of a block. Where blocks
+# are few, more warps share the other rows.
+MANY_BLOCKS, FEW_BLOCKS = (256, BLOCK_ROWS), (768, BLOCK_ROWS // 2)
 OLDEST = 80  # architecture: `mma` has the products of bits since then
 SIZES = {(0, 128): 32, (1, 32): 8}  # words of a descriptor, by whether it is binary and its bytes
 
 
-def _match(binary: int, words: int, threads: int, ahead: int) -> wp.Kernel:
+def _match(binary: int, words: int, threads: int, rows: int) -> wp.Kernel:
     """Return the kernel for descriptors of so many words."""
 
     @_native.kernel(
         "_matching_cuda.cu",
         {},
+        launch_bounds=(threads, 512 // threads or 1),
         WORDS=words,
         WARPS=threads // 32,
-        AHEAD=ahead,
+        ROWS=rows,
+        BLOCK_ROWS=BLOCK_ROWS,
         BINARY=binary,
         FARTHEST=FARTHEST,
     )

@@ -62,11 +62,11 @@ def find_nearest(
     if descriptors.device.is_cuda:
         words = view(descriptors, wp.uint32, (rows, size // 4))
         outputs = [best, second, index]
-        shape = cuda.FEW_BLOCKS if cuda.PARTS * count <= cuda.FEW else cuda.MANY_BLOCKS
+        shape = cuda.FEW_BLOCKS if 2 * count <= cuda.FEW else cuda.MANY_BLOCKS
         match = cuda.matches.get((binary, size, *shape))
         if match is not None and descriptors.device.arch >= cuda.OLDEST:
-            threads = shape[0]
-            launch(match, cuda.PARTS * count * threads, [words, blocks], outputs, threads)
+            threads, part = shape
+            launch(match, BLOCK_ROWS // part * count * threads, [words, blocks], outputs, threads)
             return
         inputs = [words, blocks, BLOCK_ROWS, binary]
         launch(cuda.match_any, count * BLOCK_ROWS, inputs, outputs, BLOCK_ROWS)

@@ -79,6 +79,45 @@ struct Lanes {
         }
     }
 
+    // Add those of `count` matches that are within the limit. Each lane lists its own first, so
+    // that the sums, which take longest, meet few others; their order in a lane is the same.
+    static void add_listed(const double* h, const float* x, size_t pitch, int count, double limit,
+                           double* sums) {
+        enum { LISTED = 64 };
+        const float *y = x + pitch, *u = y + pitch, *v = u + pitch;
+        int list[COUNT][LISTED + 1], near[COUNT], number[COUNT];
+        float some[4 * COUNT];
+        for (int first = 0; first < count; first += LISTED * COUNT) {
+            for (int l = 0; l < COUNT; ++l) number[l] = 0;
+            const int last = count - first < LISTED * COUNT ? count : first + LISTED * COUNT;
+            for (int base = first; base < last; base += COUNT) {
+#pragma clang loop vectorize(assume_safety)
+                for (int l = 0; l < COUNT; ++l) {
+                    const int i = base + l;
+                    const double inverse = 1.0 / ((h[6] * x[i] + h[7] * y[i]) + h[8]);
+                    const double rx = ((h[0] * x[i] + h[1] * y[i]) + h[2]) * inverse - u[i];
+                    const double ry = ((h[3] * x[i] + h[4] * y[i]) + h[5]) * inverse - v[i];
+                    near[l] = (i < count) & (rx * rx + ry * ry < limit);
+                }
+                for (int l = 0; l < COUNT; ++l) {
+                    list[l][number[l]] = base + l;
+                    number[l] += near[l];
+                }
+            }
+            int most = 0;
+            for (int l = 0; l < COUNT; ++l) most = number[l] > most ? number[l] : most;
+            for (int k = 0; k < most; ++k) {
+                for (int l = 0; l < COUNT; ++l) {
+                    const bool there = k < number[l];
+                    const int i = there ? list[l][k] : first;
+                    some[l] = x[i], some[COUNT + l] = y[i], some[3 * COUNT + l] = v[i];
+                    some[2 * COUNT + l] = there ? u[i] : 3e38f;  // beyond any limit
+                }
+                add(h, some, COUNT, COUNT, limit, sums);
+            }
+        }
+    }
+
     // The same for matches of an epipolar geometry.
     static void add_epipolar(const double* h, const float* x, size_t pitch, int left, double limit,
                              double* sums) {
@@ -140,13 +179,12 @@ struct Lanes {
             const double limit = (double)square * (double)schedule[s];
             double sums[SUMS * COUNT], total[SUMS];
             for (int i = 0; i < number * COUNT; ++i) sums[i] = 0.0;
-            for (int base = 0; base < count; base += COUNT) {
+            if (kind < Robust::FUNDAMENTAL) add_listed(h, x, pitch, count, limit, sums);
+            for (int base = 0; base < count && kind >= Robust::FUNDAMENTAL; base += COUNT) {
                 if (kind == Robust::POSE)
                     add_pose(h, known, x + base, pitch, count - base, limit, sums);
-                else if (kind >= Robust::FUNDAMENTAL)
-                    add_epipolar(h, x + base, pitch, count - base, limit, sums);
                 else
-                    add(h, x + base, pitch, count - base, limit, sums);
+                    add_epipolar(h, x + base, pitch, count - base, limit, sums);
             }
             for (int half = COUNT / 2; half > 0; half /= 2)
                 for (int i = 0; i < number; ++i)

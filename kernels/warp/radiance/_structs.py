@@ -118,6 +118,19 @@ class Comparison:
     scale: float
     seed: int
     step: wp.array[int]  # (1,)
+    censored: bool
+
+
+@wp.struct
+class Patches:
+    """How likely the patches of photographs are to show the scene."""
+
+    share: wp.array3d[float]  # (N, h, w)
+    sums: wp.array3d[int]  # (N, h, w)
+    counts: wp.array3d[int]  # (N, h, w)
+    noise: wp.array[float]  # (1,)
+    width: int
+    side: int
 
 
 # Names in native code of the structures that its own structures contain.

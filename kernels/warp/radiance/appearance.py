@@ -11,39 +11,9 @@ One thread adds the gradients of a photograph, in the order of the rays.
 
 import warp as wp
 
-from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.warp._launch import launch_each
-from cvkern.kernels.warp._random import random_index
 
 wp.set_module_options({"enable_backward": False})
-
-PIXEL = wp.constant(int(Draw.PIXEL))
-
-
-@wp.kernel
-def draw_kernel(
-    stride: int,
-    first: int,
-    last: int,
-    seed: int,
-    step: wp.array[int],  # (1,)
-    pixels: int,
-    each: int,
-    # outputs
-    views: wp.array[int],  # (R,)
-):
-    """Find the photograph of a ray."""
-    for ray in range(first + wp.tid(), last, stride):
-        views[ray] = random_index(seed, step[0], ray, PIXEL, pixels) // each
-
-
-def draw(seed: int, step: wp.array, pixels: int, each: int, views: wp.array) -> None:
-    """Find the photographs (R,) of the rays that `pinhole.random_rays` makes.
-
-    There are `pixels` pixels in all photographs together, and `each` in each.
-    """
-    count = views.shape[0]
-    launch_each(draw_kernel, count, 16 * count, [seed, step, pixels, each], [views])
 
 
 @wp.kernel

@@ -94,16 +94,23 @@ def random_rays_kernel(
     spread: float,
     seed: int,
     step: wp.array[int],  # (1,)
+    chosen: wp.array[int],  # (V,)
     # outputs
     origins: wp.array2d[float],  # (R, 3)
     directions: wp.array2d[float],  # (R, 3)
     targets: wp.array2d[float],  # (R, 4)
+    views: wp.array[int],  # (R,)
+    pixels: wp.array[int],  # (R,)
 ):
     """Write the ray through a random pixel."""
     width = cameras.width
     height = cameras.height
+    every = chosen[0] < 0
+    count = wp.where(every, images.shape[0], chosen.shape[0])
     for ray in range(first + wp.tid(), last, stride):
-        pixel = random_index(seed, step[0], ray, PIXEL, images.shape[0])
+        pixel = random_index(seed, step[0], ray, PIXEL, count)
+        if not every:
+            pixel = chosen[pixel]
         view = pixel // (width * height)
         within = pixel - view * (width * height)
         row = within // width
@@ -117,6 +124,8 @@ def random_rays_kernel(
         if images.shape[1] == 4:
             opacity = float(images[pixel, 3]) / 255.0
         targets[ray, 3] = opacity
+        views[ray] = view
+        pixels[ray] = within
 
 
 def random_rays(
@@ -125,20 +134,25 @@ def random_rays(
     spread: float,
     seed: int,
     step: wp.array,
+    chosen: wp.array,
     origins: wp.array,
     directions: wp.array,
     targets: wp.array,
+    views: wp.array,
+    pixels: wp.array,
 ) -> None:
     """Make rays (R, 3) through random pixels of all views, with the colours of these pixels.
 
     A ray goes through a random point of its pixel, `spread` pixels wide; 0 is the centre. `images`
-    (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1.
+    (N height width, 3 or 4) uint8 give `targets` (R, 4): the colour, and the opacity or 1. The
+    pixels are drawn from the rows `chosen` (V,) of the images, or from all if the first one is
+    negative. `views` (R,) are the photographs, and `pixels` (R,) the pixels within them.
     """
     count = origins.shape[0]
     launch_each(
         random_rays_kernel,
         count,
         64 * count,
-        [struct_of(CameraSet, cameras), images, spread, seed, step],
-        [origins, directions, targets],
+        [struct_of(CameraSet, cameras), images, spread, seed, step, chosen],
+        [origins, directions, targets, views, pixels],
     )

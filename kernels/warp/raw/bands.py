@@ -1,14 +1,10 @@
-"""Bands of a local Laplacian filter, in Warp.
-
-The Taichi set has the equations. On the CPU a thread takes a slab of rows, on CUDA PART values of a
-row; the code of both is _bands.h.
-"""
+"""Bands of a local Laplacian filter, in Warp; the Taichi set has the equations."""
 
 import warp as wp
 
+from cvkern.kernels.warp._launch import launch
 from cvkern.kernels.warp._spans import spans
-
-PART = 2  # values that a thread of CUDA works on: even
+from cvkern.kernels.warp.raw import _bands_cuda
 
 
 def begin(
@@ -17,12 +13,21 @@ def begin(
     """Write the first smaller level of the image remapped about each reference, and of its own."""
     planes, rows, columns = dst.shape
     inputs = [logs, lowest, step, sigma, slope]
+    if dst.device.is_cuda:
+        groups = (planes - 2) // _bands_cuda.MANY + 1
+        threads = _bands_cuda.warps(groups, rows, columns)
+        launch(_bands_cuda.begin_strips, threads, inputs, [dst])
+        return
     _begin.launch(rows, columns, 20 * planes * rows * columns, inputs, [dst])
 
 
 def reduce(src: wp.array, planes: int, dst: wp.array) -> None:
     """Smooth the first planes, and keep every second row and column."""
     _, rows, columns = dst.shape
+    if dst.device.is_cuda:
+        threads = _bands_cuda.warps(planes, rows, columns)
+        launch(_bands_cuda.reduce_strips, threads, [planes, src], [dst])
+        return
     work = 4 * planes * rows * columns
     _reduce.launch(planes * rows, columns, work, [src], [dst])
 
@@ -45,10 +50,14 @@ def collapse(
     """
     _, rows, columns = out.shape
     inputs = [fine, coarse, below, share, lowest, step, sigma, slope]
+    if out.device.is_cuda:
+        squares = -(-rows // 2) * -(-columns // 2)
+        launch(_bands_cuda.collapse_four, _bands_cuda.threads(squares), inputs, [out])
+        return
     _collapse.launch(rows, columns, 40 * rows * columns, inputs, [out])
 
 
-@spans("_bands.h", PART)
+@spans("_bands.h")
 def _begin(
     row: int,
     left: int,
@@ -62,7 +71,7 @@ def _begin(
 ): ...
 
 
-@spans("_bands.h", PART)
+@spans("_bands.h")
 def _reduce(
     row: int,
     left: int,
@@ -72,7 +81,7 @@ def _reduce(
 ): ...
 
 
-@spans("_bands.h", PART)
+@spans("_bands.h")
 def _collapse(
     row: int,
     left: int,

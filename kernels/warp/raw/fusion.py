@@ -5,11 +5,10 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.codes import raw as codes
+from cvkern.kernels.warp._launch import launch
 from cvkern.kernels.warp._spans import Spans, spans
-from cvkern.kernels.warp.raw._types import constants
-
-PART = 2  # pixels that a thread of CUDA works on: even
+from cvkern.kernels.warp.raw._bands_cuda import threads, warps
+from cvkern.kernels.warp.raw._fusion_cuda import kernels, names
 
 
 def weigh(
@@ -26,6 +25,10 @@ def weigh(
     """
     _, rows, columns = weights.shape
     inputs = [frames, scale, contrast, saturation, exposure]
+    if weights.device.is_cuda:
+        squares = -(-rows // 2) * -(-columns // 4)
+        launch(kernels(frames.dtype, frames.shape[3]).weigh, threads(squares), inputs, [weights])
+        return
     kernel = _weigh(frames.dtype, frames.shape[3])
     kernel.launch(rows, columns, 10 * weights.size, inputs, [weights])
 
@@ -33,8 +36,13 @@ def weigh(
 def begin(frames: wp.array, scale: float, weights: wp.array, dst: wp.array) -> None:
     """Write the first smaller level (K, C + 1, h, w) of the channels and of the weights."""
     count, _, rows, columns = dst.shape
+    inputs = [frames, scale, weights]
+    if dst.device.is_cuda:
+        begin = kernels(frames.dtype, frames.shape[3]).begin
+        launch(begin, warps(count, rows, columns), inputs, [dst])
+        return
     kernel = _begin(frames.dtype, frames.shape[3])
-    kernel.launch(count * rows, columns, 4 * dst.size, [frames, scale, weights], [dst])
+    kernel.launch(count * rows, columns, 4 * dst.size, inputs, [dst])
 
 
 def blend(fine: wp.array, coarse: wp.array, alone: int, below: wp.array, out: wp.array) -> None:
@@ -43,8 +51,13 @@ def blend(fine: wp.array, coarse: wp.array, alone: int, below: wp.array, out: wp
     The level that stands `alone` is its own band, and adds to nothing.
     """
     channels, rows, columns = out.shape
+    inputs = [fine, coarse, alone, below]
+    if out.device.is_cuda:
+        squares = -(-rows // 2) * -(-columns // 2)
+        launch(kernels(wp.float32, channels).blend, threads(squares), inputs, [out])
+        return
     kernel = _blend(channels)
-    kernel.launch(rows, columns, 4 * fine.size, [fine, coarse, alone, below], [out])
+    kernel.launch(rows, columns, 4 * fine.size, inputs, [out])
 
 
 def finish(
@@ -59,22 +72,17 @@ def finish(
     """Add the bands of the frames themselves, and bend values into 0 to 1: (H, W, C)."""
     rows, columns, channels = out.shape
     inputs = [frames, scale, weights, coarse, alone, below]
+    if out.device.is_cuda:
+        squares = -(-rows // 2) * -(-columns // 2)
+        launch(kernels(frames.dtype, channels).finish, threads(squares), inputs, [out])
+        return
     kernel = _finish(frames.dtype, channels)
     kernel.launch(rows, columns, 4 * frames.size, inputs, [out])
 
 
-def _names(scalar: Any, channels: int) -> dict[str, Any]:
-    types = constants(scalar)
-    return {
-        "TYPE": types["TYPE"], "INTEGRAL": types["INTEGRAL"], "CHANNELS": channels,
-        "SUM": wp.int16 if types["INTEGRAL"] else wp.float32,
-        "STEEP": f"{1 / codes.KNEE!r}f", "LEAST": f"{codes.LEAST!r}f",
-    }  # fmt: skip
-
-
 @lru_cache
 def _weigh(scalar: Any, channels: int) -> Spans:
-    @spans("_fusion.h", PART, **_names(scalar, channels))
+    @spans("_fusion.h", **names(scalar, channels))
     def _weigh(
         row: int,
         left: int,
@@ -92,7 +100,7 @@ def _weigh(scalar: Any, channels: int) -> Spans:
 
 @lru_cache
 def _begin(scalar: Any, channels: int) -> Spans:
-    @spans("_fusion.h", PART, **_names(scalar, channels))
+    @spans("_fusion.h", **names(scalar, channels))
     def _begin(
         row: int,
         left: int,
@@ -108,7 +116,7 @@ def _begin(scalar: Any, channels: int) -> Spans:
 
 @lru_cache
 def _blend(channels: int) -> Spans:
-    @spans("_fusion.h", PART, **_names(wp.float32, channels))
+    @spans("_fusion.h", **names(wp.float32, channels))
     def _blend(
         row: int,
         left: int,
@@ -125,7 +133,7 @@ def _blend(channels: int) -> Spans:
 
 @lru_cache
 def _finish(scalar: Any, channels: int) -> Spans:
-    @spans("_fusion.h", PART, **_names(scalar, channels))
+    @spans("_fusion.h", **names(scalar, channels))
     def _finish(
         row: int,
         left: int,

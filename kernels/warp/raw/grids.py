@@ -1,41 +1,68 @@
 """A bilateral grid, in Warp; the Taichi set has the rules.
 
-On the CPU one thread fills a row of cells, on CUDA one adds up a row of pixels of a cell.
+On the CPU one thread fills a row of cells; on CUDA a block fills those of one place.
 """
 
 import warp as wp
 
 from cvkern.kernels.codes import raw as codes
-from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_each
+from cvkern.kernels.warp.raw import _grids_cuda, _tone_cuda
+from cvkern.kernels.warp.raw._sums_cpu import add_up
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 _STEPS = wp.constant(float(codes.STEPS))
 
 
-def fill(logs: wp.array, lowest: float, space: float, depth: float, cells: wp.array) -> None:
-    """Add values and their number to the nearest of (Y, X, Z, 2) cells."""
+def fill(
+    logs: wp.array,
+    lowest: float,
+    space: float,
+    depth: float,
+    taps: wp.array,
+    cells: wp.array,
+    out: wp.array,
+) -> None:
+    """Add values and their number to the nearest of (Y, X, Z, 2) cells; smooth along Z into `out`.
+
+    Cells are 0 before, and on CUDA afterwards.
+    """
     rows, columns = cells.shape[:2]
-    inputs = [logs, lowest, space, depth, int(logs.device.is_cuda)]
-    count = logs.shape[0] * columns if logs.device.is_cuda else rows
-    launch_each(_fill, count, 2 * logs.size, inputs, [cells])
-
-
-def smooth_depth(cells: wp.array, taps: wp.array, out: wp.array) -> None:
-    """Smooth cells along Z, into real numbers."""
+    inputs = [logs, lowest, space, depth]
+    if out.device.is_cuda:
+        launch(_grids_cuda.fill_cells, rows * columns * BLOCK, [*inputs, taps], [out])
+        return
+    launch_each(_fill, rows, 2 * logs.size, inputs, [cells])
     launch_each(_smooth_depth, out.size, 9 * out.size, [cells, taps], [out])
 
 
-def smooth(src: wp.array, taps: wp.array, axis: int, out: wp.array) -> None:
-    """Smooth along Y or X."""
-    launch_each(_smooth, out.size, 9 * out.size, [src, taps, axis], [out])
+def smooth(src: wp.array, taps: wp.array, between: wp.array, out: wp.array) -> None:
+    """Smooth along Y, then X; what is in between goes into `between`, except on CUDA."""
+    if out.device.is_cuda:
+        launch(_grids_cuda.smooth_cells, out.size, [src, taps], [out])
+        return
+    launch_each(_smooth, out.size, 9 * out.size, [src, taps, 0], [between])
+    launch_each(_smooth, out.size, 9 * out.size, [between, taps, 1], [out])
 
 
 def read(
-    logs: wp.array, cells: wp.array, lowest: float, space: float, depth: float, out: wp.array
+    logs: wp.array,
+    cells: wp.array,
+    lowest: float,
+    space: float,
+    depth: float,
+    out: wp.array,
+    sums: wp.array,
 ) -> None:
-    """Write the mean of the cells around each pixel and its value."""
-    launch_each(_read, out.size, 20 * out.size, [logs, cells, lowest, space, depth], [out])
+    """Write the mean of the cells around each pixel and its value, and measure these means."""
+    inputs = [logs, cells, lowest, space, depth]
+    if out.device.is_cuda:
+        groups = out.shape[0] * -(-out.shape[1] // 4)
+        launch(_grids_cuda.read_four, _tone_cuda.threads(groups), inputs, [out, sums])
+        return
+    launch_each(_read, out.size, 20 * out.size, inputs, [out])
+    add_up(out, sums)
 
 
 @wp.func
@@ -54,46 +81,33 @@ def _fill(
     lowest: float,
     space: float,
     depth: float,
-    narrow: int,
     # outputs
     cells: wp.array4d[wp.int64],
 ):
     height = logs.shape[0]
     width = logs.shape[1]
     for item in range(first + wp.tid(), last, stride):
-        # The rows and the columns of pixels that an item adds up, at least.
+        # The rows of pixels that a row of cells adds up, at least.
         top = int((float(item) - 3.0) / space)
         bottom = int((float(item) - 1.0) / space)
-        left = int(0)
-        right = width - 1
-        column = int(-1)
-        row = item
-        if narrow == 1:
-            top = item // cells.shape[1]
-            bottom = top
-            column = item - top * cells.shape[1]
-            row = int(float(top) * space + 2.5)
-            left = wp.max(int((float(column) - 3.0) / space), 0)
-            right = wp.min(int((float(column) - 1.0) / space), width - 1)
         for y in range(wp.max(top, 0), wp.min(bottom, height - 1) + 1):
-            if int(float(y) * space + 2.5) == row:
+            if int(float(y) * space + 2.5) == item:
                 value = wp.int64(0)
                 count = wp.int64(0)
                 at = int(0)
                 z = int(0)
-                for x in range(left, right + 1):
+                for x in range(width):
                     here = int(float(x) * space + 2.5)
-                    if column < 0 or here == column:
-                        deep = int((logs[y, x] - lowest) * depth + 2.5)
-                        if deep != z or here != at:
-                            _add(cells, row, at, z, value, count)
-                            value = wp.int64(0)
-                            count = wp.int64(0)
-                            z = deep
-                            at = here
-                        value += wp.int64(wp.floor((logs[y, x] - lowest) * _STEPS + 0.5))
-                        count += wp.int64(1)
-                _add(cells, row, at, z, value, count)
+                    deep = int((logs[y, x] - lowest) * depth + 2.5)
+                    if deep != z or here != at:
+                        _add(cells, item, at, z, value, count)
+                        value = wp.int64(0)
+                        count = wp.int64(0)
+                        z = deep
+                        at = here
+                    value += wp.int64(wp.floor((logs[y, x] - lowest) * _STEPS + 0.5))
+                    count += wp.int64(1)
+                _add(cells, item, at, z, value, count)
 
 
 @wp.kernel

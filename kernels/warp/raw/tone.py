@@ -3,34 +3,35 @@
 import warp as wp
 
 from cvkern.kernels.codes import raw as codes
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._launch import launch, launch_each
 from cvkern.kernels.warp._spans import spans
+from cvkern.kernels.warp.raw import _tone_cuda
+from cvkern.kernels.warp.raw._sums_cpu import add_up
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-_THREADS = 2**17  # threads of CUDA that add values up
-_SLOTS, _STEPS = wp.constant(codes.SLOTS), wp.constant(float(codes.STEPS))
 _EDGE = wp.constant(codes.EDGE)
 _RED, _GREEN, _BLUE = (wp.constant(w) for w in codes.LUMINANCE)
-_NAMES = dict(zip(("RED", "GREEN", "BLUE"), (f"{w!r}f" for w in codes.LUMINANCE), strict=True))
-_NAMES["UNSEEN"] = f"{codes.UNSEEN!r}f"
+
+
+def survey(radiance: wp.array, logs: wp.array, sums: wp.array) -> None:
+    """Write log2 of the luminance of (H, W, C) radiance, and measure it.
+
+    Sums (SLOTS, 4) hold the sum of seen logarithms, in steps of 1 / STEPS, their number, and the
+    largest of 2^32 less and of 2^32 more.
+    """
+    if logs.device.is_cuda:
+        count = _tone_cuda.threads(-(-logs.size // 4))
+        launch(_tone_cuda.survey_four, count, [radiance], [logs, sums])
+    else:
+        luminance(radiance, 0.0, logs)
+        add_up(logs, sums)
 
 
 def luminance(radiance: wp.array, scale: float, out: wp.array) -> None:
     """Write the luminance of (H, W, C) radiance times `scale`, or its log2 with a scale of 0."""
     rows, columns = out.shape
     _luminance.launch(rows, columns, 4 * out.size, [radiance, scale], [out])
-
-
-def measure(logs: wp.array, sums: wp.array) -> None:
-    """Add up seen logarithms, in (SLOTS, 4) sums, count them, and find both ends.
-
-    In steps of 1 / STEPS. Ends are written as the largest of 2^32 less, and of 2^32 more.
-    """
-    if logs.device.is_cuda:
-        launch(_measure, min(_THREADS, logs.size), [0, 0, logs.size, _THREADS, logs], [sums])
-    else:
-        launch_slabs(_measure, logs.size, slabs(logs.size, logs.size), [1, logs], [sums])
 
 
 def limit(lowest: float, logs: wp.array) -> None:
@@ -50,7 +51,11 @@ def show(
     """Multiply (H, W, C) radiance by 2 to a weighted sum of two images, and limit it to 1."""
     rows, columns = one.shape
     inputs = [radiance, one, own, two, other, offset]
-    _show.launch(rows, columns, 8 * one.size, inputs, [out])
+    if out.device.is_cuda:
+        count = _tone_cuda.threads(-(-one.size // 4))
+        launch(_tone_cuda.show_four, count, inputs, [out])
+    else:
+        _show.launch(rows, columns, 8 * one.size, inputs, [out])
 
 
 def widen(
@@ -66,7 +71,7 @@ def curve(radiance: wp.array, around: wp.array, scale: float, white: float, out:
     launch_each(_curve, out.shape[0], 8 * out.size, [radiance, around, scale, white], [out])
 
 
-@spans("_tone.h", 2, **_NAMES)
+@spans("_tone.h", 2, **_tone_cuda.NAMES)
 def _luminance(
     row: int,
     left: int,
@@ -77,7 +82,7 @@ def _luminance(
 ): ...
 
 
-@spans("_tone.h", 1, **_NAMES)
+@spans("_tone.h", **_tone_cuda.NAMES)
 def _show(
     row: int,
     left: int,
@@ -90,36 +95,6 @@ def _show(
     offset: float,
     out: wp.array3d[float],
 ): ...
-
-
-@wp.kernel
-def _measure(
-    slab: int,
-    first: int,
-    last: int,
-    stride: int,
-    logs: wp.array[float],
-    # outputs
-    sums: wp.array2d[wp.int64],
-):
-    total = wp.int64(0)
-    count = wp.int64(0)
-    low = wp.int64(0)
-    high = wp.int64(0)
-    for i in range(first + wp.tid(), last, stride):
-        value = logs[i]
-        if value > -500.0:
-            fixed = wp.int64(wp.floor(value * _STEPS + 0.5))
-            total += fixed
-            count += wp.int64(1)
-            low = wp.max(low, wp.int64(4294967296) - fixed)
-            high = wp.max(high, wp.int64(4294967296) + fixed)
-    slot = (slab + wp.tid()) % _SLOTS
-    if count > wp.int64(0):
-        wp.atomic_add(sums, slot, 0, total)
-        wp.atomic_add(sums, slot, 1, count)
-        wp.atomic_max(sums, slot, 2, low)
-        wp.atomic_max(sums, slot, 3, high)
 
 
 @wp.kernel

@@ -120,6 +120,20 @@ def cell_of(bins: wp.array2d[int], s: int, y: int, x: int) -> int:
 
 
 @wp.func
+def first_from(places: wp.array2d[int], begin: int, end: int, column: int) -> int:
+    """Return the first patch of a part of a row that is not before a column."""
+    low = begin
+    high = end
+    while low < high:
+        middle = (low + high) // 2
+        if places[middle, 1] < column:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@wp.func
 def active_words(matches: wp.array2d[int], i: int) -> int:
     """Return the number of words of a patch."""
     found = int(0)

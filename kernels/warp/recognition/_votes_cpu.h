@@ -1,98 +1,168 @@
+// Lay the entries of each word, for each bin, side by side at the size of a level, so that 16 of
+// them get their cells at once. `words` (L, S, 3 (K + 1)) has first entries, least rows and largest.
+void lay_level(int level, Ballot ballot, wp::array_t<int> words, wp::array_t<int> live) {
+    const int* l = ballot.levels.data + 3 * level;
+    const int count = ballot.begins.shape[0] - 1, bins = ballot.bins.shape[0];
+    const size_t room = live.shape[2];
+    int* down = live.data + (size_t)level * 4 * room;
+    int *along = down + room, *scale = along + room, *weight = scale + room;
+    const int at = l[0] - ballot.lowest, size = ballot.factors.shape[0];
+    const wp::int64 factor = ballot.factors.data[at < 0 ? 0 : at < size ? at : size - 1];
+    const int all = ballot.begins.data[count];
+    const int* entries = ballot.entries.data;
+    const auto nearest = [&](int z) {
+        int found = -1, slack = ballot.slack + 1;
+        for (int k = 0; k < bins; ++k) {
+            const int apart = __builtin_abs(z - ballot.bins.data[5 * k + 3]);
+            if (apart < slack) slack = apart, found = k;
+        }
+        return found;
+    };
+    int next = 0;
+    for (int s = 0; s < bins; ++s) {
+        int* from = words.data + ((size_t)level * bins + s) * 3 * (count + 1);
+        int *least = from + count + 1, *most = least + count + 1;
+        int known = all ? entries[2] : 0, reached = nearest(l[0] + known);
+        int lowest = 0x7fffffff, highest = -0x7fffffff;
+        for (int word = 0; word < count; ++word) {
+            from[word] = next;
+            int low = 0x7fffffff, high = -0x7fffffff;
+            const int end = ballot.begins.data[word + 1];
+            for (int e = ballot.begins.data[word]; e < end; ++e) {
+                const int* entry = entries + 4 * (size_t)e;
+                if (entry[2] != known) known = entry[2], reached = nearest(l[0] + known);
+                if (reached != s) continue;
+                const int rows = (int)((entry[0] * factor + (1 << 15)) >> 16);
+                down[next] = rows, along[next] = (int)((entry[1] * factor + (1 << 15)) >> 16);
+                scale[next] = l[0] + known, weight[next++] = entry[3];
+                low = rows < low ? rows : low, high = rows > high ? rows : high;
+            }
+            least[word] = low, most[word] = high;
+            lowest = low < lowest ? low : lowest, highest = high > highest ? high : highest;
+        }
+        from[count] = next, least[count] = lowest, most[count] = highest;
+    }
+}
+
 // needs LANES
-// Cast the votes for the bins of a slab. The entries of a bin and a level are laid side by side
-// first, at the size of the level, so that 16 entries of a word get their cells at once.
-//
-// Places stay below 2^24: the quotient of two such integers, rounded to a float, has the integer
-// part of the exact one. The same holds for weights.
-void cast_bins(int slab, int first, int last, Ballot ballot, wp::array_t<int> firsts,
-               wp::array_t<int> live, wp::array_t<int> sums, wp::array_t<int> counts,
-               wp::array_t<int> votes, wp::array_t<int> sources) {
+// Count or list the votes for cells of a band: rows `band[1]` to `band[2]` of bin `band[0]`. Only
+// cells that have room in `starts` are listed.
+void cast_band(int number, Ballot ballot, wp::array_t<int> bands, wp::array_t<int> words,
+               wp::array_t<int> live, wp::array_t<wp::uint64> cells, wp::array_t<int> sums,
+               wp::array_t<int> counts, wp::array_t<int> votes) {
     typedef int lanes __attribute__((vector_size(4 * LANES)));
     typedef float floats __attribute__((vector_size(4 * LANES)));
-    const int words = ballot.begins.shape[0] - 1, number = ballot.bins.shape[0];
+    const int* band = bands.data + 3 * number;
+    const int* bin = ballot.bins.data + 5 * band[0];
+    const int columns = bin[2], side = bin[4], span = (band[2] - band[1]) * columns;
+    const int top = band[1] * side, bottom = band[2] * side, right = columns * side;
+    const int first = bin[0] + band[1] * columns;
+    const int count = ballot.begins.shape[0] - 1, bins = ballot.bins.shape[0];
     const int most = ballot.matches.shape[1];
     const size_t room = live.shape[2];
-    int* from = firsts.data + (size_t)slab * (words + 1);
-    int* down = live.data + (size_t)slab * 5 * room;
-    int *along = down + room, *scale = along + room, *weight = scale + room, *of = weight + room;
+    // The cells of this band, then one for votes that are elsewhere, for each lane. When votes are
+    // counted, a cell holds their number in its upper half, and the sum of weights in the lower.
+    // When they are listed, it holds where its next vote goes, or -1.
+    wp::uint64* own = cells.data + first + (size_t)LANES * number;
+    wp::int64* next = (wp::int64*)own;
+    for (int c = 0; c < span + LANES; ++c) own[c] = 0;
+    if (ballot.listing) {
+        const int* starts = ballot.starts.data + first;
+        for (int c = 0; c < span; ++c) next[c] = starts[c + 1] > starts[c] ? starts[c] : -1;
+        for (int j = 0; j < LANES; ++j) next[span + j] = -1;
+    }
+    lanes step;
+    for (int j = 0; j < LANES; ++j) step[j] = j;
     const auto load = [](const int* at) __attribute__((always_inline)) {
         lanes value;
         __builtin_memcpy(&value, at, sizeof value);
         return value;
     };
-    lanes step;
-    for (int j = 0; j < LANES; ++j) step[j] = j;
-    for (int s = first; s < last; ++s) {
-        const int* bin = ballot.bins.data + 5 * s;
-        const int begin = bin[0], columns = bin[2], side = bin[4];
-        const int bottom = bin[1] * side, right = columns * side;
-        for (int level = 0; level < ballot.levels.shape[0]; ++level) {
-            const int* l = ballot.levels.data + 3 * level;
-            if (l[1] == l[2]) continue;
-            const int at = l[0] - ballot.lowest, size = ballot.factors.shape[0];
-            const wp::int64 factor = ballot.factors.data[at < 0 ? 0 : at < size ? at : size - 1];
-            int count = 0, known = 0, nearest = -2;
-            for (int word = 0; word < words; ++word) {
-                from[word] = count;
-                for (int e = ballot.begins.data[word]; e < ballot.begins.data[word + 1]; ++e) {
-                    const int* entry = ballot.entries.data + 4 * (size_t)e;
-                    if (nearest == -2 || entry[2] != known) {
-                        known = entry[2], nearest = -1;
-                        int least = ballot.slack + 1;
-                        for (int k = 0; k < number; ++k) {
-                            const int own = ballot.bins.data[5 * k + 3];
-                            const int apart = __builtin_abs(l[0] + known - own);
-                            if (apart < least) least = apart, nearest = k;
-                        }
-                    }
-                    if (nearest != s) continue;
-                    down[count] = (int)((entry[0] * factor + (1 << 15)) >> 16);
-                    along[count] = (int)((entry[1] * factor + (1 << 15)) >> 16);
-                    scale[count] = l[0] + known, weight[count] = entry[3], of[count++] = e;
-                }
-            }
-            from[words] = count;
-            if (!count) continue;
-            const int end = ballot.rows.data[3 * (l[2] - 1) + 2];
-            for (int i = ballot.rows.data[3 * l[1] + 1]; i < end; ++i) {
+    // Integer parts of quotients of integers below 2^24: the product with the inverse is off by 1.
+    const auto divide = [](lanes n, int by, float inverse) __attribute__((always_inline)) {
+        lanes q = __builtin_convertvector(__builtin_convertvector(n, floats) * inverse, lanes);
+        const lanes rest = n - q * by;
+        q -= rest >= by;
+        return q + (rest < 0);
+    };
+    const float thin = 1.0f / (float)side;
+    for (int level = 0; level < ballot.levels.shape[0]; ++level) {
+        const int* l = ballot.levels.data + 3 * level;
+        const int* from = words.data + ((size_t)level * bins + band[0]) * 3 * (count + 1);
+        const int *least = from + count + 1, *largest = least + count + 1;
+        if (from[0] == from[count]) continue;
+        const int* down = live.data + (size_t)level * 4 * room;
+        const int *along = down + room, *scale = along + room, *weight = scale + room;
+        for (int line = l[1]; line < l[2]; ++line) {
+            const int* row = ballot.rows.data + 3 * line;
+            const int y = row[0];
+            if (y + least[count] >= bottom || y + largest[count] < top) continue;
+            for (int i = row[1]; i < row[2]; ++i) {
                 const int* match = ballot.matches.data + (size_t)i * most;
                 int active = 0;
                 for (int m = 0; m < most; ++m) active += match[m] >= 0;
-                const int y = ballot.places.data[3 * i], x = ballot.places.data[3 * i + 1];
+                const int x = ballot.places.data[3 * i + 1];
+                const float part = 1.0f / (float)(active ? active : 1);
                 for (int m = 0; m < active; ++m) {
-                    const int behind = from[match[m] + 1];
-                    for (int v = from[match[m]]; v < behind; v += LANES) {
-                        const lanes row = load(down + v) + y, column = load(along + v) + x;
-                        const lanes there = (row >= 0) & (row < bottom) & (column >= 0) &
-                                            (column < right) & (step < behind - v);
-                        const lanes r = __builtin_convertvector(
-                            __builtin_convertvector(row, floats) / (float)side, lanes);
-                        const lanes c = __builtin_convertvector(
-                            __builtin_convertvector(column, floats) / (float)side, lanes);
-                        const lanes part = __builtin_convertvector(
-                            __builtin_convertvector(load(weight + v), floats) / (float)active,
-                            lanes);
-                        alignas(64) int cell[LANES], share[LANES];
-                        *(lanes*)cell = there ? begin + r * columns + c : (lanes){} - 1;
-                        *(lanes*)share = part;
-                        const int n = behind - v < LANES ? behind - v : LANES;
-                        for (int j = 0; j < n; ++j) {
-                            if (cell[j] < 0) continue;
-                            if (!ballot.listing) {
-                                sums.data[cell[j]] += share[j];
-                                ++counts.data[cell[j] + 1];
-                                continue;
-                            }
-                            const size_t to = ballot.starts.data[cell[j]] + counts.data[cell[j]]++;
-                            int* vote = votes.data + 4 * to;
-                            vote[0] = y + down[v + j], vote[1] = x + along[v + j];
-                            vote[2] = scale[v + j], vote[3] = share[j];
-                            sources.data[2 * to] = i, sources.data[2 * to + 1] = of[v + j];
+                    const int word = match[m], behind = from[word + 1];
+                    if (y + least[word] >= bottom || y + largest[word] < top) continue;
+                    for (int v = from[word]; v < behind; v += LANES) {
+                        const lanes r = load(down + v) + (y - top), c = load(along + v) + x;
+                        const lanes there = (r >= 0) & (r < bottom - top) & (c >= 0) & (c < right) &
+                                            (step < behind - v);
+                        const lanes at = divide(r, side, thin) * columns + divide(c, side, thin);
+                        const lanes share = divide(load(weight + v), active, part);
+                        alignas(64) int cell[LANES], shares[LANES];
+                        *(lanes*)cell = there ? at : step + span;
+                        *(lanes*)shares = share;
+                        if (!ballot.listing) {
+#pragma unroll
+                            for (int j = 0; j < LANES; ++j)
+                                own[cell[j]] += (1ull << 32) + (unsigned int)shares[j];
+                            continue;
+                        }
+                        int chosen[LANES], wanted = 0;
+#pragma unroll
+                        for (int j = 0; j < LANES; ++j) {
+                            chosen[wanted] = j;
+                            wanted += next[cell[j]] >= 0;
+                        }
+                        if (!wanted) continue;
+                        // From 16 votes of each number to 4 numbers of each vote in turn.
+                        const lanes z = load(scale + v);
+                        alignas(64) int listed[4 * LANES];
+                        const lanes row = r + top;
+                        const lanes a = __builtin_shufflevector(row, c, 0, 16, 1, 17, 2, 18, 3, 19,
+                                                                4, 20, 5, 21, 6, 22, 7, 23);
+                        const lanes b = __builtin_shufflevector(z, share, 0, 16, 1, 17, 2, 18, 3,
+                                                                19, 4, 20, 5, 21, 6, 22, 7, 23);
+                        const lanes d = __builtin_shufflevector(row, c, 8, 24, 9, 25, 10, 26, 11,
+                                                                27, 12, 28, 13, 29, 14, 30, 15, 31);
+                        const lanes e = __builtin_shufflevector(z, share, 8, 24, 9, 25, 10, 26, 11,
+                                                                27, 12, 28, 13, 29, 14, 30, 15, 31);
+                        lanes* to16 = (lanes*)listed;
+                        to16[0] = __builtin_shufflevector(a, b, 0, 1, 16, 17, 2, 3, 18, 19, 4, 5,
+                                                          20, 21, 6, 7, 22, 23);
+                        to16[1] = __builtin_shufflevector(a, b, 8, 9, 24, 25, 10, 11, 26, 27, 12,
+                                                          13, 28, 29, 14, 15, 30, 31);
+                        to16[2] = __builtin_shufflevector(d, e, 0, 1, 16, 17, 2, 3, 18, 19, 4, 5,
+                                                          20, 21, 6, 7, 22, 23);
+                        to16[3] = __builtin_shufflevector(d, e, 8, 9, 24, 25, 10, 11, 26, 27, 12,
+                                                          13, 28, 29, 14, 15, 30, 31);
+                        for (int k = 0; k < wanted; ++k) {
+                            const int j = chosen[k];
+                            const size_t to = next[cell[j]]++;
+                            __builtin_memcpy(votes.data + 4 * to, listed + 4 * j, 16);
                         }
                     }
                 }
             }
         }
+    }
+    if (ballot.listing) return;
+    for (int c = 0; c < span; ++c) {
+        sums.data[first + c] = (int)own[c];
+        counts.data[first + c] = (int)(own[c] >> 32);
     }
 }
 

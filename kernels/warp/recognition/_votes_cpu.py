@@ -17,20 +17,55 @@ FILE = "_votes_cpu.h"
 LANES = 16
 
 
-@_native.kernel(FILE, LANES=LANES)
-def cast_bins(
+@_native.func_native(FILE)
+def lay_level(level: int, ballot: Ballot, words: wp.array3d[int], live: wp.array3d[int]): ...
+
+
+@_native.func_native(FILE, LANES=LANES)
+def cast_band(
+    number: int,
+    ballot: Ballot,
+    bands: wp.array2d[int],
+    words: wp.array3d[int],
+    live: wp.array3d[int],
+    cells: wp.array[wp.uint64],
+    sums: wp.array[int],
+    counts: wp.array[int],
+    votes: wp.array2d[int],
+): ...
+
+
+@wp.kernel
+def lay(
     slab: int,
     first: int,
     last: int,
     ballot: Ballot,
-    firsts: wp.array2d[int],  # (slabs, K + 1): work space
-    live: wp.array3d[int],  # (slabs, 5, O + LANES): work space
+    # outputs
+    words: wp.array3d[int],  # (L, S, 3 (K + 1))
+    live: wp.array3d[int],  # (L, 4, O + LANES)
+):
+    for level in range(first, last):
+        lay_level(level, ballot, words, live)
+
+
+@wp.kernel
+def cast(
+    slab: int,
+    first: int,
+    last: int,
+    ballot: Ballot,
+    bands: wp.array2d[int],  # (B, 3): bin, first row of cells, row behind the last
+    words: wp.array3d[int],  # (L, S, 3 (K + 1))
+    live: wp.array3d[int],  # (L, 4, O + LANES)
+    cells: wp.array[wp.uint64],  # (C + B LANES,): work space
     # outputs
     sums: wp.array[int],
     counts: wp.array[int],
     votes: wp.array2d[int],  # (V, 4)
-    sources: wp.array2d[int],  # (V, 2)
-): ...
+):
+    for number in range(first, last):
+        cast_band(number, ballot, bands, words, live, cells, sums, counts, votes)
 
 
 @_native.func_native(FILE, LANES=LANES, ONE=KERNEL_ONE, DEEPEST=DEEPEST)

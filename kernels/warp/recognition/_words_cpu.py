@@ -43,8 +43,8 @@ def pack(
     last: int,
     words: wp.array2d[wp.int8],  # (K, D)
     # outputs
-    packed: wp.array2d[wp.int8],  # (G, 16 C): C means of each word
-    sums: wp.array2d[int],  # (G, 5 16)
+    packed: wp.array2d[wp.int8],  # (G, 16 (C + 4)): C means of each word, and its bound
+    sums: wp.array2d[int],  # (G, 3 16)
 ):
     for group in range(first, last):
         pack_group(group, words, packed, sums)

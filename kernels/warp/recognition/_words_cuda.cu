@@ -1,24 +1,15 @@
 // needs WORDS MOST
-// The best words of 16 patches a block of threads: products of bytes on tensor cores (`mma`). A
-// warp has all 16 patches and every WARPS-th group of eight words.
+// The best words of 16 patches a warp: products of bytes on tensor cores (`mma`). The warps of a
+// block read 32 words at a time into shared memory.
 //
-// Lane 4 g + t holds parts t EACH to (t + 1) EACH of row g of a tile, in units of four bytes: in
-// which order `mma` takes the bytes of a row does not matter, as long as it is the same for both.
-// It gets the products of rows g and g + 8 with the words 2 t and 2 t + 1.
+// Lane 4 g + t holds bytes 8 t to 8 t + 7 of every 32 bytes of row g of a tile: in which order `mma`
+// takes the bytes of a row does not matter, as long as it is the same for both. It gets the products
+// of rows g and g + 8 with the words 2 t and 2 t + 1.
 void match(wp::array_t<wp::uint32> patches, wp::array_t<wp::uint32> words, int least,
            wp::array_t<int> products, wp::array_t<int> matches) {
-    enum { WARPS = 8, EACH = WORDS / 4 };
-    struct Row {
-        unsigned int part[EACH];
-
-        void read(const wp::array_t<wp::uint32>& from, int row, int t) {
-            const uint2* at = (const uint2*)(from.data + (size_t)row * WORDS + t * EACH);
-            for (int k = 0; k < EACH / 2; ++k) {
-                const uint2 two = __ldg(at + k);
-                part[2 * k] = two.x, part[2 * k + 1] = two.y;
-            }
-        }
-    };
+    // Rows of the tile are 8 or 24 numbers behind one another, modulo 32: so no two lanes of a half
+    // warp read the same bank.
+    enum { WARPS = 4, STEPS = WORDS / 8, TILE = 32, ROW = WORDS + (WORDS % 16 ? 0 : 8) };
     // The best so far: the largest product first, the smallest index in a tie.
     struct Best {
         int product[MOST], word[MOST];
@@ -35,31 +26,48 @@ void match(wp::array_t<wp::uint32> patches, wp::array_t<wp::uint32> words, int l
             }
         }
     };
-    __shared__ Best found[WARPS][16];
-    const int first = 16 * blockIdx.x, last = patches.shape[0], count = words.shape[0];
+    __shared__ alignas(16) unsigned int tile[TILE * ROW];
+    const int last = patches.shape[0], count = words.shape[0];
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32, g = lane / 4, t = lane % 4;
-    Row low, high;
-    low.read(patches, first + g < last ? first + g : last - 1, t);
-    high.read(patches, first + g + 8 < last ? first + g + 8 : last - 1, t);
+    const int first = 16 * (WARPS * blockIdx.x + warp);
+    const auto read = [&](int row, int k) {
+        const size_t from = (size_t)(row < last ? row : last - 1) * WORDS + 8 * k + 2 * t;
+        return __ldg((const uint2*)(patches.data + from));
+    };
+    uint2 low[STEPS], high[STEPS];
+#pragma unroll
+    for (int k = 0; k < STEPS; ++k) low[k] = read(first + g, k), high[k] = read(first + g + 8, k);
     Best best[2];
 #pragma unroll
     for (int m = 0; m < MOST; ++m)
         for (int i = 0; i < 2; ++i) best[i].product[m] = least - 1, best[i].word[m] = 0x7fffffff;
-    for (int j = 8 * warp; j < count; j += 8 * WARPS) {
-        Row other;
-        other.read(words, j + g < count ? j + g : count - 1, t);
-        int product[4] = {0, 0, 0, 0};
+    for (int begin = 0; begin < count; begin += TILE) {
+        __syncthreads();
+        for (int k = threadIdx.x; k < TILE * WORDS / 2; k += 32 * WARPS) {
+            const int row = k / (WORDS / 2), at = 2 * (k % (WORDS / 2));
+            uint2 two = make_uint2(0, 0);
+            if (begin + row < count)
+                two = __ldg((const uint2*)(words.data + (size_t)(begin + row) * WORDS + at));
+            *(uint2*)(tile + row * ROW + at) = two;
+        }
+        __syncthreads();
 #pragma unroll
-        for (int k = 0; k < EACH; k += 2)
-            asm("mma.sync.aligned.m16n8k32.row.col.s32.s8.s8.s32 "
-                "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-                : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
-                : "r"(low.part[k]), "r"(high.part[k]), "r"(low.part[k + 1]), "r"(high.part[k + 1]),
-                  "r"(other.part[k]), "r"(other.part[k + 1]));
+        for (int j = 0; j < TILE; j += 8) {
+            int product[4] = {0, 0, 0, 0};
 #pragma unroll
-        for (int i = 0; i < 4; ++i) {
-            const int word = j + 2 * t + i % 2;
-            if (word < count && product[i] >= least) best[i / 2].see(product[i], word);
+            for (int k = 0; k < STEPS; ++k) {
+                const uint2 other = *(const uint2*)(tile + (j + g) * ROW + 8 * k + 2 * t);
+                asm("mma.sync.aligned.m16n8k32.row.col.s32.s8.s8.s32 "
+                    "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+                    : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
+                    : "r"(low[k].x), "r"(high[k].x), "r"(low[k].y), "r"(high[k].y), "r"(other.x),
+                      "r"(other.y));
+            }
+#pragma unroll
+            for (int i = 0; i < 4; ++i) {
+                const int word = begin + j + 2 * t + i % 2;
+                if (word < count && product[i] >= least) best[i / 2].see(product[i], word);
+            }
         }
     }
 #pragma unroll
@@ -73,21 +81,13 @@ void match(wp::array_t<wp::uint32> patches, wp::array_t<wp::uint32> words, int l
                 if (t == 0) best[i].see(product, word);
             }
         }
-        if (t == 0) found[warp][8 * i + g] = best[i];
-    }
-    __syncthreads();
-    const int row = first + threadIdx.x;
-    if (threadIdx.x < 16 && row < last) {
-        Best all = found[0][threadIdx.x];
-        for (int k = 1; k < WARPS; ++k)
+        const int row = first + 8 * i + g;
+        if (t == 0 && row < last)
 #pragma unroll
-            for (int m = 0; m < MOST; ++m)
-                all.see(found[k][threadIdx.x].product[m], found[k][threadIdx.x].word[m]);
-#pragma unroll
-        for (int m = 0; m < MOST; ++m) {
-            const bool is = all.product[m] >= least;
-            products.data[(size_t)row * MOST + m] = is ? all.product[m] : 0;
-            matches.data[(size_t)row * MOST + m] = is ? all.word[m] : -1;
-        }
+            for (int m = 0; m < MOST; ++m) {
+                const bool is = best[i].product[m] >= least;
+                products.data[(size_t)row * MOST + m] = is ? best[i].product[m] : 0;
+                matches.data[(size_t)row * MOST + m] = is ? best[i].word[m] : -1;
+            }
     }
 }

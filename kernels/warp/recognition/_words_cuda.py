@@ -8,8 +8,8 @@ from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-THREADS = 256  # threads of a block on tensor cores
-ROWS = 16  # patches of such a block
+THREADS = 128  # threads of a block on tensor cores
+ROWS = 64  # patches of such a block
 OLDEST = 80  # architecture: `mma` has these products of bytes since then
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 

@@ -37,8 +37,8 @@ def match_words(
         return
     groups = -(-number // cpu.LANES)
     means = -(-((math.isqrt(size) // 2) ** 2) // 4) * 4
-    packed = scratch("recognition.packed", (groups, cpu.LANES * means), wp.int8, device)
-    sums = scratch("recognition.sums", (groups, 5 * cpu.LANES), wp.int32, device)
+    packed = scratch("recognition.packed", (groups, cpu.LANES * (means + 4)), wp.int8, device)
+    sums = scratch("recognition.sums", (groups, 3 * cpu.LANES), wp.int32, device)
     if groups:
         launch_slabs(cpu.pack, groups, slabs(groups, number * size), [words], [packed, sums])
     inputs = [patches, words, packed, sums, least]

@@ -5,11 +5,23 @@ import math
 import warp as wp
 
 from cvkern.kernels.codes import recognition as codes
-from cvkern.kernels.codes.recognition import Space, Window
-from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.codes.recognition import Frame, Occurrences, Patches, Space, Window
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 from cvkern.kernels.warp._zeros import clear
 
-from ._space import Cells, below, cells_of, factor_of, kernel_at, scaled
+from . import _figures_cpu as cpu
+from ._space import (
+    Ballot,
+    active_words,
+    ballot_of,
+    below,
+    bin_of,
+    cell_of,
+    factor_of,
+    first_from,
+    kernel_at,
+    scaled,
+)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -19,18 +31,18 @@ SHARE_BITS = wp.constant(codes.SHARE_BITS)
 KERNEL_BITS = wp.constant(wp.int64(codes.KERNEL_BITS))
 WIDE = wp.constant(wp.int64(codes.FINE))
 APART = wp.constant(codes.OCTAVE // 2)
-LANES = 256  # threads of a mode on CUDA, which share the pixels of each patch
+LANES = wp.constant(32)  # threads of a warp on CUDA, which share the pixels of each patch
+PARTS = wp.constant(8)  # warps of a row of patches and a mode
 LANES_OF_ROW = 32  # threads of a row of a mask on CUDA
 WORK = 1 << 17  # pixels of the patches of a mode, roughly: for the number of threads only
 
 
 def paint_figures(
-    votes: wp.array,
-    sources: wp.array,
-    starts: wp.array,
+    patches: Patches,
+    occurrences: Occurrences,
     space: Space,
     window: Window,
-    places: wp.array,
+    frame: Frame,
     figures: wp.array,
     modes: wp.array,
     balance: wp.array,
@@ -39,90 +51,97 @@ def paint_figures(
 
     `figures` (O, S S) have the share of the object in each pixel at each occurrence, in parts of
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
-    of the object at scale 0 with a margin. Pixels are the nearest ones. Patches
-    of another size, half an octave off, say nothing. One thread a mode.
+    of the object at scale 0 with a margin. Pixels are the nearest ones. Patches of another size,
+    half an octave off, say nothing, nor those whose middle is farther from the mode than the box
+    at their own size and the radius of the kernel.
     """
     clear(balance)
-    lanes = LANES if balance.device.is_cuda else 1
     count, side = modes.shape[0], math.isqrt(figures.shape[1])
-    cells = cells_of(votes, starts, space)
-    reach = wp.vec2i(window.radius, window.scales)
-    inputs = [lanes, cells, reach, sources, places, figures, side, modes]
-    launch_each(_paint, count * lanes, count * WORK, inputs, [balance])
+    ballot = ballot_of(patches, occurrences, space, 0, occurrences.starts)
+    by = cpu.Painter()
+    by.radius, by.scales, by.side = window.radius, window.scales, side
+    by.half_height, by.half_width = frame.box_height, frame.box_width
+    inputs = [ballot, by, figures, modes]
+    if balance.device.is_cuda:
+        threads = count * patches.rows.shape[0] * PARTS * LANES
+        launch(_paint, threads, inputs, [balance])
+        return
+    launch_slabs(cpu.paint, count, slabs(count, count * WORK), inputs, [balance])
 
 
 @wp.func
-def paint_patch(
-    balance: wp.array3d[int],
-    figures: wp.array2d[wp.uint8],
-    t: int,
-    entry: int,
-    side: int,
-    first: wp.vec2i,
-    weight: int,
-    lane: int,
-    lanes: int,
-):
-    """Add a weighted mask to the figure of a mode, at a first pixel."""
-    for k in range(lane, side * side, lanes):
-        down = k // side
-        row = first[0] + down
-        column = first[1] + k - down * side
-        if row >= 0 and column >= 0 and row < balance.shape[1] and column < balance.shape[2]:
-            product = weight * (2 * int(figures[entry, k]) - 255)
-            wp.atomic_add(balance, t, row, column, product >> SHARE_BITS)
+def near_mode(
+    ballot: Ballot, by: cpu.Painter, e: int, place: wp.vec3i, mode: wp.vec3i, reach: int
+) -> wp.int64:
+    """Return the kernel at the vote of an occurrence, at most 0 where it does not count."""
+    factor = factor_of(ballot.factors, ballot.lowest, place[2])
+    other = wp.vec3i(
+        place[0] + scaled(ballot.entries[e, 0], factor),
+        place[1] + scaled(ballot.entries[e, 1], factor),
+        place[2] + ballot.entries[e, 2],
+    )
+    near = kernel_at(other - mode, reach, by.scales)
+    if near > wp.int64(0):
+        s = bin_of(ballot.bins, other[2], ballot.slack)
+        if cell_of(ballot.bins, s, other[0], other[1]) < 0:
+            near = wp.int64(0)
+    return near
 
 
 @wp.kernel
 def _paint(
-    stride: int,
-    begin: int,
-    end: int,
-    lanes: int,
-    cells: Cells,
-    window: wp.vec2i,  # radius, in places and in scales
-    sources: wp.array2d[int],  # (V, 2)
-    places: wp.array2d[int],  # (N, 3)
+    ballot: Ballot,
+    by: cpu.Painter,
     figures: wp.array2d[wp.uint8],  # (O, S S)
-    side: int,
     modes: wp.array2d[int],  # (T, 4)
     # outputs
     balance: wp.array3d[int],  # (T, H, W)
 ):
+    # A warp has every `PARTS`-th patch of a row for a mode; a lane has every 32nd pixel.
+    item = wp.tid() // LANES
+    lane = wp.tid() - item * LANES
+    part = item % PARTS
+    line = item // PARTS
+    rows = ballot.rows.shape[0]
+    t = line // rows
+    row = line - t * rows
+    mode = wp.vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
+    begin = ballot.rows[row, 1]
+    end = ballot.rows[row, 2]
+    scale = ballot.places[begin, 2]
+    factor = factor_of(ballot.factors, ballot.lowest, scale)
+    own = factor_of(ballot.factors, ballot.lowest, mode[2])
+    reach = scaled(by.radius, own)
+    if wp.abs(scale - mode[2]) >= APART:
+        return
+    if wp.abs(ballot.rows[row, 0] - mode[0]) > scaled(by.half_height, factor) + reach:
+        return
+    along = scaled(by.half_width, factor) + reach
     height = int(balance.shape[1])
     width = int(balance.shape[2])
-    for item in range(begin + wp.tid(), end, stride):
-        t = item // lanes
-        lane = item - t * lanes
-        place = wp.vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
-        own = factor_of(cells.factors, cells.lowest, place[2])
-        reach = scaled(window[0], own)
-        scales = window[1]
-        for s in range(cells.bins.shape[0]):
-            if wp.abs(cells.bins[s, 3] - place[2]) <= scales + cells.slack:
-                wide = cells.bins[s, 4]
-                columns = cells.bins[s, 2]
-                above = wp.max(place[0] - reach, 0) // wide
-                last = wp.min((place[0] + reach) // wide + 1, cells.bins[s, 1])
-                before = wp.min(wp.max(place[1] - reach, 0) // wide, columns)
-                behind = wp.max(wp.min((place[1] + reach) // wide + 1, columns), before)
-                for row in range(above, last):
-                    cell = cells.bins[s, 0] + row * columns
-                    for v in range(cells.starts[cell + before], cells.starts[cell + behind]):
-                        other = wp.vec3i(cells.votes[v, 0], cells.votes[v, 1], cells.votes[v, 2])
-                        near = kernel_at(other - place, reach, scales)
-                        i = sources[v, 0]
-                        if near > wp.int64(0) and wp.abs(places[i, 2] - place[2]) < APART:
-                            weight = int(wp.int64(cells.votes[v, 3]) * near >> KERNEL_BITS)
-                            # First pixel of the patch in the box, halves rounded up.
-                            top = below(places[i, 0] - place[0], own) + FINE // 2
-                            left = below(places[i, 1] - place[1], own) + FINE // 2
-                            top += FINE * (height - side) // 2
-                            left += FINE * (width - side) // 2
-                            first = wp.vec2i(top >> FINE_BITS, left >> FINE_BITS)
-                            paint_patch(
-                                balance, figures, t, sources[v, 1], side, first, weight, lane, lanes
-                            )
+    side = by.side
+    first = first_from(ballot.places, begin, end, mode[1] - along)
+    for i in range(first + part, first_from(ballot.places, first, end, mode[1] + along + 1), PARTS):
+        place = wp.vec3i(ballot.places[i, 0], ballot.places[i, 1], scale)
+        # First pixel of the patch in the box, halves rounded up.
+        top = below(place[0] - mode[0], own) + FINE // 2 + FINE * (height - side) // 2
+        left = below(place[1] - mode[1], own) + FINE // 2 + FINE * (width - side) // 2
+        top = top >> FINE_BITS
+        left = left >> FINE_BITS
+        active = active_words(ballot.matches, i)
+        for m in range(active):
+            word = ballot.matches[i, m]
+            for e in range(ballot.begins[word], ballot.begins[word + 1]):
+                near = near_mode(ballot, by, e, place, mode, reach)
+                if near > wp.int64(0):
+                    weight = int(wp.int64(ballot.entries[e, 3] // active) * near >> KERNEL_BITS)
+                    for k in range(lane, side * side, LANES):
+                        down = k // side
+                        column = left + k - down * side
+                        down += top
+                        if down >= 0 and column >= 0 and down < height and column < width:
+                            product = weight * (2 * int(figures[e, k]) - 255)
+                            wp.atomic_add(balance, t, down, column, product >> SHARE_BITS)
 
 
 def spread_figures(balance: wp.array, modes: wp.array, space: Space, masks: wp.array) -> None:

@@ -9,11 +9,14 @@ import warp as wp
 
 from cvkern.kernels.codes.recognition import Frame, Patches, Space
 from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp._zeros import clear
 
-from ._space import below, factor_of, scaled
+from ._space import below, factor_of, first_from, scaled
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
+LANES = 128  # threads of a mode, or of a pair of modes, on CUDA
+PER_ROW = wp.constant(16)  # those among them that share a row of patches
 WORK = 1024  # steps for a mode, roughly: for the number of threads only
 
 
@@ -49,13 +52,15 @@ def weigh_evidence(
     modes: wp.array,
     evidence: wp.array,
 ) -> None:
-    """Add up the evidence of all patches for each of T modes; a thread a mode.
+    """Add up the evidence of all patches for each of T modes.
 
     `weights` (K, cells) are those of each word, cells row by row.
     """
+    lanes = LANES if evidence.device.is_cuda else 1
     count = modes.shape[0]
-    scene = _scene(patches, weights, space, frame)
-    launch_each(_weigh, count, count * WORK, [scene, modes], [evidence])
+    clear(evidence)
+    inputs = [lanes, _scene(patches, weights, space, frame), modes]
+    launch_each(_weigh, count * lanes, count * WORK, inputs, [evidence])
 
 
 def weigh_overlaps(
@@ -66,13 +71,15 @@ def weigh_overlaps(
     modes: wp.array,
     shared: wp.array,
 ) -> None:
-    """Add up the evidence for mode i of the patches in the box of mode j, (T, T); a thread a pair.
+    """Add up the evidence for mode i of the patches in the box of mode j, (T, T).
 
     The box is that of the mode's scale.
     """
+    lanes = LANES if shared.device.is_cuda else 1
     count = shared.size
-    scene = _scene(patches, weights, space, frame)
-    launch_each(_weigh_pairs, count, count * WORK, [scene, modes], [shared])
+    clear(shared)
+    inputs = [lanes, _scene(patches, weights, space, frame), modes]
+    launch_each(_weigh_pairs, count * lanes, count * WORK, inputs, [shared])
 
 
 @wp.func
@@ -99,8 +106,28 @@ def level_of(levels: wp.array2d[int], scale: int) -> int:
 
 
 @wp.func
-def evidence_of(scene: Scene, modes: wp.array2d[int], t: int, by: int) -> int:
-    """Return the evidence for mode t of the patches in the box of mode `by` too, if not -1."""
+def first_row(rows: wp.array2d[int], begin: int, end: int, place: int) -> int:
+    """Return the first row of patches of a part of them that is not above a place."""
+    low = begin
+    high = end
+    while low < high:
+        middle = (low + high) // 2
+        if rows[middle, 0] < place:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@wp.func
+def evidence_of(
+    scene: Scene, modes: wp.array2d[int], t: int, by: int, lane: int, lanes: int
+) -> int:
+    """Return a lane's part of the evidence for mode t.
+
+    If `by` is not -1, it is that of the patches that are in the box of that mode too. Lanes share
+    the rows of patches, and 16 of them the patches of a row.
+    """
     total = int(0)
     y = modes[t, 0]
     x = modes[t, 1]
@@ -110,27 +137,36 @@ def evidence_of(scene: Scene, modes: wp.array2d[int], t: int, by: int) -> int:
     wide = factor_of(scene.factors, scene.lowest, modes[other, 2])
     high = scaled(scene.box_height, wide)
     broad = scaled(scene.box_width, wide)
+    step = wp.min(lanes, PER_ROW)
     for b in range(scene.layers.shape[0]):
         level = level_of(scene.levels, modes[t, 2] + scene.layers[b, 4])
         factor = factor_of(scene.factors, scene.lowest, scene.levels[level, 0])
         height = scaled(scene.layers[b, 0], factor) + 1
         width = scaled(scene.layers[b, 1], factor) + 1
-        for row in range(scene.levels[level, 1], scene.levels[level, 2]):
+        top = y - height
+        bottom = y + height
+        left = x - width
+        right = x + width
+        if by >= 0:
+            top = wp.max(top, modes[other, 0] - high)
+            bottom = wp.min(bottom, modes[other, 0] + high)
+            left = wp.max(left, modes[other, 1] - broad)
+            right = wp.min(right, modes[other, 1] + broad)
+        last = scene.levels[level, 2]
+        row = first_row(scene.rows, scene.levels[level, 1], last, top) + lane // step
+        while row < last and scene.rows[row, 0] <= bottom:
             dy = scene.rows[row, 0] - y
-            if wp.abs(dy) <= height and (
-                by < 0 or wp.abs(scene.rows[row, 0] - modes[other, 0]) <= high
-            ):
-                for i in range(scene.rows[row, 1], scene.rows[row, 2]):
-                    dx = scene.places[i, 1] - x
-                    if wp.abs(dx) <= width and (
-                        by < 0 or wp.abs(scene.places[i, 1] - modes[other, 1]) <= broad
-                    ):
-                        cell = cell_at(scene.layers, b, dy, dx, factor)
-                        if cell >= 0:
-                            for m in range(scene.matches.shape[1]):
-                                word = scene.matches[i, m]
-                                if word >= 0:
-                                    total += scene.weights[word, cell]
+            end = scene.rows[row, 2]
+            i = first_from(scene.places, scene.rows[row, 1], end, left) + lane % step
+            while i < end and scene.places[i, 1] <= right:
+                cell = cell_at(scene.layers, b, dy, scene.places[i, 1] - x, factor)
+                if cell >= 0:
+                    for m in range(scene.matches.shape[1]):
+                        word = scene.matches[i, m]
+                        if word >= 0:
+                            total += scene.weights[word, cell]
+                i += step
+            row += lanes // step
     return total
 
 
@@ -139,13 +175,17 @@ def _weigh(
     stride: int,
     first: int,
     last: int,
+    lanes: int,
     scene: Scene,
     modes: wp.array2d[int],  # (T, 4)
     # outputs
     evidence: wp.array[int],
 ):
-    for t in range(first + wp.tid(), last, stride):
-        evidence[t] = evidence_of(scene, modes, t, -1)
+    for item in range(first + wp.tid(), last, stride):
+        t = item // lanes
+        total = evidence_of(scene, modes, t, -1, item - t * lanes, lanes)
+        if total != 0:
+            wp.atomic_add(evidence, t, total)
 
 
 @wp.kernel
@@ -153,12 +193,16 @@ def _weigh_pairs(
     stride: int,
     first: int,
     last: int,
+    lanes: int,
     scene: Scene,
     modes: wp.array2d[int],  # (T, 4)
     # outputs
     shared: wp.array2d[int],  # (T, T)
 ):
     for item in range(first + wp.tid(), last, stride):
-        i = item // shared.shape[1]
-        j = item - i * shared.shape[1]
-        shared[i, j] = evidence_of(scene, modes, i, j)
+        pair = item // lanes
+        i = pair // shared.shape[1]
+        j = pair - i * shared.shape[1]
+        total = evidence_of(scene, modes, i, j, item - pair * lanes, lanes)
+        if total != 0:
+            wp.atomic_add(shared, i, j, total)

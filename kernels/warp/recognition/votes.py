@@ -1,49 +1,86 @@
 """Votes of words for centres of objects, their maxima, and mean shift on them, in Warp.
 
 A patch with m words casts the weights of each word's occurrences, divided by m and rounded down.
-Every sum is of integers, so that no order shows. On the CPU a thread has the votes of whole bins;
-on CUDA it has one word of one patch.
+Every sum is of integers, so that no order shows. On the CPU a thread has the votes for some rows of
+cells; on CUDA a few threads have one word of one patch.
 """
 
+import numpy as np
 import warp as wp
 
 from cvkern.kernels.codes import recognition as codes
 from cvkern.kernels.codes.recognition import Occurrences, Patches, Space, Window
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
+from cvkern.kernels.warp._sums import scan
 from cvkern.kernels.warp._zeros import clear
 
 from . import _votes_cpu as cpu
-from ._space import (
-    Ballot,
-    Cells,
-    active_words,
-    ballot_of,
-    bin_of,
-    cell_of,
-    cells_of,
-    factor_of,
-    kernel_at,
-    scaled,
-)
+from . import _votes_cuda as cuda
+from ._space import Ballot, ballot_of, cells_of
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-KERNEL_ONE = wp.constant(wp.int64(codes.KERNEL_ONE))
 # Votes of a word, and votes that a maximum sees, roughly: for the number of threads only.
 VOTES_OF_WORD, VOTES_OF_MODE = 32, 1024
+AROUND = wp.constant(codes.AROUND)
+MARKED = (2 * codes.AROUND + 1) ** 2
+BANDS = 4  # bands of cells of a thread on the CPU
 
 
 def count_votes(
-    patches: Patches, occurrences: Occurrences, space: Space, sums: wp.array, starts: wp.array
+    patches: Patches, occurrences: Occurrences, space: Space, sums: wp.array, counts: wp.array
 ) -> None:
-    """Add up the votes of each of C cells, and list where the votes of each would begin.
+    """Add up the weights of the votes for each of C cells, and count the votes."""
+    ballot = ballot_of(patches, occurrences, space, 0, counts)
+    if not sums.device.is_cuda:
+        _cast(ballot, [sums, counts, None])
+        return
+    cells = scratch("recognition.room", counts.shape, wp.uint64, counts.device)
+    clear(cells)
+    launch(cuda.cast, patches.matches.size * cuda.LANES, [ballot], [cells, None])
+    launch(cuda.split, counts.size, [cells], [sums, counts])
 
-    `starts` (C + 1,) ends with the number of all votes. One thread a patch; then one adds up.
+
+def mark_votes(
+    maxima: wp.array, space: Space, window: Window, counts: wp.array, starts: wp.array
+) -> None:
+    """List where the votes of each cell begin that is within `AROUND` cells of a maximum.
+
+    Other cells have no room in `starts` (C + 1,), which ends with the number of votes. Every bin is
+    marked that the kernel of mean shift reaches.
     """
-    clear(sums)
     clear(starts)
-    _cast(patches, occurrences, space, 0, starts, [sums, starts, None, None])
-    wp.utils.array_scan(starts, starts, inclusive=True)
+    bins = space.bins.shape[0]
+    reach = window.scales + space.slack
+    count = maxima.shape[0] * bins
+    launch_each(_mark, count, count * MARKED, [maxima, space.bins, reach, counts], [starts])
+    scan(starts)
+
+
+@wp.kernel
+def _mark(
+    stride: int,
+    begin: int,
+    end: int,
+    maxima: wp.array2d[int],  # (T, 4)
+    bins: wp.array2d[int],  # (S, 5)
+    reach: int,
+    counts: wp.array[int],
+    # outputs
+    starts: wp.array[int],  # (C + 1,)
+):
+    for item in range(begin + wp.tid(), end, stride):
+        t = item // bins.shape[0]
+        s = item - t * bins.shape[0]
+        if maxima[t, 3] > 0 and wp.abs(bins[s, 3] - maxima[t, 2]) <= reach:
+            row = maxima[t, 0] // bins[s, 4]
+            column = maxima[t, 1] // bins[s, 4]
+            left = wp.max(column - AROUND, 0)
+            right = wp.min(column + AROUND + 1, bins[s, 2])
+            for y in range(wp.max(row - AROUND, 0), wp.min(row + AROUND + 1, bins[s, 1])):
+                for x in range(left, right):
+                    c = bins[s, 0] + y * bins[s, 2] + x
+                    starts[c + 1] = counts[c]
 
 
 def list_votes(
@@ -52,88 +89,40 @@ def list_votes(
     space: Space,
     starts: wp.array,
     votes: wp.array,
-    sources: wp.array,
 ) -> None:
-    """List the votes of each cell, in any order: V rows of place, scale and weight.
-
-    `sources` (V, 2) has the patch and the occurrence of each. One thread a patch.
-    """
-    counts = scratch("recognition.counts", starts.shape, wp.int32, starts.device)
-    clear(counts)
-    _cast(patches, occurrences, space, 1, starts, [counts, counts, votes, sources])
-
-
-def _cast(
-    patches: Patches,
-    occurrences: Occurrences,
-    space: Space,
-    listing: int,
-    starts: wp.array,
-    outputs: list,
-) -> None:
-    ballot = ballot_of(patches, occurrences, space, listing, starts)
-    if starts.device.is_cuda:
-        launch(_cast_word, patches.matches.size, [ballot], outputs)
+    """List the votes of each cell with room, in any order: V rows of place, scale and weight."""
+    ballot = ballot_of(patches, occurrences, space, 1, starts)
+    if not starts.device.is_cuda:
+        _cast(ballot, [starts, starts, votes])
         return
-    bins, device = space.bins.shape[0], starts.device
-    words, entries = occurrences.starts.shape[0], occurrences.entries.shape[0]
-    parts = slabs(bins, patches.matches.size * VOTES_OF_WORD)
-    firsts = scratch("recognition.firsts", (parts, words), wp.int32, device)
-    live = scratch("recognition.live", (parts, 5, entries + cpu.LANES), wp.int32, device)
-    launch_slabs(cpu.cast_bins, bins, parts, [ballot, firsts, live], outputs)
+    cells = scratch("recognition.room", (starts.size - 1,), wp.uint64, starts.device)
+    clear(cells)
+    launch(cuda.cast, patches.matches.size * cuda.LANES, [ballot], [cells, votes])
 
 
-@wp.func
-def vote(
-    c: int,
-    weight: int,
-    source: wp.vec2i,
-    place: wp.vec3i,
-    ballot: Ballot,
-    sums: wp.array[int],
-    counts: wp.array[int],
-    votes: wp.array2d[int],
-    sources: wp.array2d[int],
-):
-    """Count a vote in a cell, or list it."""
-    if ballot.listing == 0:
-        wp.atomic_add(sums, c, weight)
-        wp.atomic_add(counts, c + 1, 1)
-    else:
-        at = ballot.starts[c] + wp.atomic_add(counts, c, 1)
-        for k in range(3):
-            votes[at, k] = place[k]
-        votes[at, 3] = weight
-        sources[at, 0] = source[0]
-        sources[at, 1] = source[1]
+def _cast(ballot: Ballot, outputs: list) -> None:
+    """Count or list votes on the CPU; a thread takes bands of cells."""
+    device, matches, entries = ballot.places.device, ballot.matches, ballot.entries.shape[0]
+    bins, levels, words = (a.shape[0] for a in (ballot.bins, ballot.levels, ballot.begins))
+    parts = slabs(matches.shape[0], matches.size * VOTES_OF_WORD)
+    at_words = scratch("recognition.laid", (levels, bins, 3 * words), wp.int32, device)
+    live = scratch("recognition.live", (levels, 4, entries + cpu.LANES), wp.int32, device)
+    launch_slabs(cpu.lay, levels, min(parts, levels), [ballot], [at_words, live])
+    bands, cells = _bands(ballot.bins.numpy(), BANDS * parts if parts > 1 else 1)
+    room = scratch("recognition.room", (cells + len(bands) * cpu.LANES,), wp.uint64, device)
+    inputs = [ballot, wp.array(bands, dtype=wp.int32, device=device, copy=False), at_words, live]
+    launch_slabs(cpu.cast, len(bands), len(bands), [*inputs, room], outputs)
 
 
-@wp.kernel
-def _cast_word(
-    ballot: Ballot,
-    # outputs
-    sums: wp.array[int],
-    counts: wp.array[int],
-    votes: wp.array2d[int],  # (V, 4)
-    sources: wp.array2d[int],  # (V, 2)
-):
-    item = wp.tid()
-    i = item // ballot.matches.shape[1]
-    word = ballot.matches[i, item - i * ballot.matches.shape[1]]
-    if word < 0:
-        return
-    active = active_words(ballot.matches, i)
-    factor = factor_of(ballot.factors, ballot.lowest, ballot.places[i, 2])
-    for e in range(ballot.begins[word], ballot.begins[word + 1]):
-        scale = ballot.places[i, 2] + ballot.entries[e, 2]
-        y = ballot.places[i, 0] + scaled(ballot.entries[e, 0], factor)
-        x = ballot.places[i, 1] + scaled(ballot.entries[e, 1], factor)
-        c = cell_of(ballot.bins, bin_of(ballot.bins, scale, ballot.slack), y, x)
-        if c >= 0:
-            weight = ballot.entries[e, 3] // active
-            source = wp.vec2i(i, e)
-            place = wp.vec3i(y, x, scale)
-            vote(c, weight, source, place, ballot, sums, counts, votes, sources)
+def _bands(bins: np.ndarray, count: int) -> tuple[np.ndarray, int]:
+    """Return about `count` bands of rows of the bins (B, 3), and the number of cells."""
+    cells = bins[:, 1] * bins[:, 2]
+    found = []
+    for s, (rows, own) in enumerate(zip(bins[:, 1], cells, strict=True)):
+        number = min(max(1, round(count * own / cells.sum())), rows)
+        ends = rows * np.arange(number + 1) // number
+        found.append(np.column_stack([np.full(number, s), ends[:-1], ends[1:]]))
+    return np.concatenate(found).astype(np.int32), int(cells.sum())
 
 
 def find_maxima(sums: wp.array, space: Space, tiles: wp.array, maxima: wp.array) -> None:
@@ -195,103 +184,15 @@ def shift_modes(
     maxima: wp.array,
     modes: wp.array,
 ) -> None:
-    """Move each of T maxima to a mode of the votes' density by mean shift; a thread each.
+    """Move each of T maxima to a mode of the votes' density by mean shift.
 
     The kernel of Epanechnikov, 1 - d^2, grows with the scale of the place: its gradient leads to
     the mean of the votes within. `modes` (T, 4) are row, column, scale and density.
     """
     count = maxima.shape[0]
+    inputs = [cells_of(votes, starts, space), *window, maxima]
     if modes.device.is_cuda:
-        launch(_shift, count, [cells_of(votes, starts, space), *window, maxima], [modes])
+        launch(cuda.shift, count * cuda.THREADS, inputs, [modes], cuda.THREADS)
         return
     parts = slabs(count, count * VOTES_OF_MODE)
-    inputs = [cells_of(votes, starts, space), *window, maxima]
     launch_slabs(cpu.shift, count, min(count, 8 * parts) if parts > 1 else 1, inputs, [modes])
-
-
-@wp.struct
-class Sums:
-    """Sums over the votes in a kernel: weights, weighted places, and the density."""
-
-    mass: wp.int64
-    down: wp.int64
-    along: wp.int64
-    deep: wp.int64
-    density: wp.int64
-
-
-@wp.func
-def sums_within(
-    cells: Cells,
-    place: wp.vec3i,
-    reach: int,
-    scales: int,
-) -> Sums:
-    """Return sums over the votes whose kernel is above 0."""
-    found = Sums()
-    y = place[0]
-    x = place[1]
-    z = place[2]
-    for s in range(cells.bins.shape[0]):
-        if wp.abs(cells.bins[s, 3] - z) <= scales + cells.slack:
-            side = cells.bins[s, 4]
-            columns = cells.bins[s, 2]
-            above = wp.max(y - reach, 0) // side
-            below = wp.min((y + reach) // side + 1, cells.bins[s, 1])
-            before = wp.min(wp.max(x - reach, 0) // side, columns)
-            behind = wp.max(wp.min((x + reach) // side + 1, columns), before)
-            for row in range(above, below):
-                cell = cells.bins[s, 0] + row * columns
-                for v in range(cells.starts[cell + before], cells.starts[cell + behind]):
-                    other = wp.vec3i(cells.votes[v, 0], cells.votes[v, 1], cells.votes[v, 2])
-                    height = kernel_at(other - place, reach, scales)
-                    if height > wp.int64(0):
-                        weight = wp.int64(cells.votes[v, 3])
-                        found.mass += weight
-                        found.down += weight * wp.int64(cells.votes[v, 0])
-                        found.along += weight * wp.int64(cells.votes[v, 1])
-                        found.deep += weight * wp.int64(cells.votes[v, 2] - cells.lowest)
-                        found.density += weight * height
-    return found
-
-
-@wp.func
-def mean(sum: wp.int64, mass: wp.int64) -> int:
-    """Return a quotient, halves rounded up."""
-    return int((wp.int64(2) * sum + mass) // (wp.int64(2) * mass))
-
-
-@wp.kernel
-def _shift(
-    cells: Cells,
-    radius: int,
-    scales: int,
-    rounds: int,
-    maxima: wp.array2d[int],  # (T, 4)
-    # outputs
-    modes: wp.array2d[int],  # (T, 4)
-):
-    t = wp.tid()
-    place = wp.vec3i(maxima[t, 0], maxima[t, 1], maxima[t, 2])
-    density = wp.int64(0)
-    moving = maxima[t, 3] > 0
-    left = rounds + 1
-    while moving and left > 0:
-        left -= 1
-        reach = scaled(radius, factor_of(cells.factors, cells.lowest, place[2]))
-        found = sums_within(cells, place, reach, scales)
-        density = found.density
-        moving = False
-        if found.mass > wp.int64(0) and left > 0:
-            other = wp.vec3i(
-                mean(found.down, found.mass),
-                mean(found.along, found.mass),
-                mean(found.deep, found.mass) + cells.lowest,
-            )
-            for k in range(3):
-                if other[k] != place[k]:
-                    moving = True
-            place = other
-    for k in range(3):
-        modes[t, k] = place[k]
-    modes[t, 3] = int(density // KERNEL_ONE)

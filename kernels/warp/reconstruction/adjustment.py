@@ -9,6 +9,7 @@ import warp as wp
 
 from cvkern.kernels.codes import reconstruction as codes
 from cvkern.kernels.codes.reconstruction import (
+    Blocks,
     Condensed,
     Eliminated,
     Loss,
@@ -19,7 +20,9 @@ from cvkern.kernels.codes.reconstruction import (
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._structs import struct_of
 
+from . import _condensing_cuda as cuda
 from ._projection import bent, radial, turned
+from ._sightings import Seen
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -28,6 +31,7 @@ NEAREST = wp.constant(f64(codes.NEAREST))
 BEHIND = wp.constant(f64(codes.BEHIND))
 FLATTEST = wp.constant(f64(codes.FLATTEST))
 
+JOINED = wp.constant(codes.JOINED)
 HUBER = wp.constant(int(Loss.HUBER))
 CAUCHY = wp.constant(int(Loss.CAUCHY))
 
@@ -39,16 +43,6 @@ class Cast:
     views: wp.array2d[f64]
     lenses: wp.array2d[f64]
     points: wp.array2d[f64]
-
-
-@wp.struct
-class Seen:
-    """Which view sees which point; see `codes.reconstruction.Sightings`."""
-
-    ends: wp.array2d[int]
-    spans: wp.array2d[int]
-    order: wp.array[int]
-    ranges: wp.array2d[int]
 
 
 def measure(scenery: Scenery, sightings: Sightings, gaps: wp.array) -> None:
@@ -77,11 +71,22 @@ def eliminate(slopes: Slopes, sightings: Sightings, damping: float, eliminated: 
 
 
 def condense(
-    slopes: Slopes, sightings: Sightings, eliminated: Eliminated, condensed: Condensed
+    slopes: Slopes,
+    sightings: Sightings,
+    eliminated: Eliminated,
+    blocks: Blocks,
+    condensed: Condensed,
 ) -> None:
-    """Write the equations of the views without points; one thread a parameter of a view."""
+    """Write the equations of the views without points.
+
+    On the CPU, a thread takes a parameter of a view. On CUDA it takes a number of a block.
+    """
+    seen = struct_of(Seen, sightings[1:])
+    if condensed.right.device.is_cuda:
+        cuda.condense(slopes, seen, eliminated, blocks, condensed)
+        return
     count = condensed.right.size
-    inputs = [*slopes, struct_of(Seen, sightings[1:]), *eliminated]
+    inputs = [*slopes, seen, *eliminated, blocks.number]
     launch_each(_condense, count, 512 * slopes.weights.size, inputs, [*condensed])
 
 
@@ -90,16 +95,23 @@ def substitute(
     sightings: Sightings,
     eliminated: Eliminated,
     steps: wp.array,
-    moves: wp.array,
+    points: wp.array,
+    moved: wp.array,
 ) -> None:
-    """Find the moves of the points that go with the steps (C, K) of the views.
-
-    One thread a point.
-    """
+    """Move the points (P, 3) as it goes with the steps (C, K) of the views; one thread a point."""
     inputs = [
-        slopes.slopes, slopes.weights, sightings.ends, sightings.spans, *eliminated, steps
+        slopes.slopes, slopes.weights, sightings.ends, sightings.spans, *eliminated, steps, points
     ]  # fmt: skip
-    launch_each(_substitute, moves.shape[0], 64 * slopes.weights.size, inputs, [moves])
+    launch_each(_substitute, moved.shape[0], 64 * slopes.weights.size, inputs, [moved])
+
+
+def join_costs(gaps: wp.array, loss: int, scale: float, costs: wp.array) -> None:
+    """Join the costs of `JOINED` residuals each to a number; see `codes.reconstruction.JOINED`.
+
+    Costs are twice r^2 / 2 and so on, before Cauchy's logarithm. One thread a number.
+    """
+    count = costs.shape[0]
+    launch_each(_join_costs, count, 8 * gaps.shape[0], [gaps, loss, scale], [costs])
 
 
 @wp.kernel
@@ -293,8 +305,9 @@ def _condense(
     seen: Seen,
     inverses: wp.array2d[f64],
     pulls: wp.array2d[f64],
+    number: wp.array2d[int],
     # outputs
-    system: wp.array4d[f64],
+    system: wp.array3d[f64],
     right: wp.array2d[f64],
     sizes: wp.array2d[f64],
 ):
@@ -302,9 +315,12 @@ def _condense(
     for item in range(first + wp.tid(), last, stride):
         c = item // size
         r = item - c * size
-        for other in range(right.shape[0]):
-            for s in range(size):
-                system[c, r, other, s] = f64(0.0)
+        for other in range(c, right.shape[0]):
+            b = number[c, other]
+            if b >= 0:
+                for s in range(size):
+                    system[b, r, s] = f64(0.0)
+        own = number[c, c]
         gradient = f64(0.0)
         diagonal = f64(0.0)
         for place in range(seen.ranges[c, 0], seen.ranges[c, 0] + seen.ranges[c, 1]):
@@ -317,7 +333,7 @@ def _condense(
             diagonal += up * slopes[o, 0, 3 + r] + down * slopes[o, 1, 3 + r]
             for s in range(size):
                 here = up * slopes[o, 0, 3 + s] + down * slopes[o, 1, 3 + s]
-                system[c, r, c, s] = system[c, r, c, s] + here
+                system[own, r, s] = system[own, r, s] + here
             x = up * slopes[o, 0, 0] + down * slopes[o, 1, 0]
             y = up * slopes[o, 0, 1] + down * slopes[o, 1, 1]
             z = up * slopes[o, 0, 2] + down * slopes[o, 1, 2]
@@ -328,6 +344,7 @@ def _condense(
             for q in range(seen.spans[p, 0], seen.spans[p, 0] + seen.spans[p, 1]):
                 d = seen.ends[q, 0]
                 if d >= c:
+                    b = number[c, d]
                     up = weights[q] * (
                         slopes[q, 0, 0] * i + slopes[q, 0, 1] * j + slopes[q, 0, 2] * k
                     )
@@ -336,7 +353,7 @@ def _condense(
                     )
                     for s in range(size):
                         there = up * slopes[q, 0, 3 + s] + down * slopes[q, 1, 3 + s]
-                        system[c, r, d, s] = system[c, r, d, s] - there
+                        system[b, r, s] = system[b, r, s] - there
         right[c, r] = gradient
         sizes[c, r] = diagonal
 
@@ -353,8 +370,9 @@ def _substitute(
     inverses: wp.array2d[f64],
     pulls: wp.array2d[f64],
     steps: wp.array2d[f64],
+    points: wp.array2d[f64],
     # outputs
-    moves: wp.array2d[f64],
+    moved: wp.array2d[f64],
 ):
     for p in range(first + wp.tid(), last, stride):
         x = f64(0.0)
@@ -370,12 +388,42 @@ def _substitute(
                 x += slopes[o, k, 0] * change
                 y += slopes[o, k, 1] * change
                 z += slopes[o, k, 2] * change
-        moves[p, 0] = -(
+        moved[p, 0] = points[p, 0] - (
             pulls[p, 0] + (inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z)
         )
-        moves[p, 1] = -(
+        moved[p, 1] = points[p, 1] - (
             pulls[p, 1] + (inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z)
         )
-        moves[p, 2] = -(
+        moved[p, 2] = points[p, 2] - (
             pulls[p, 2] + (inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z)
         )
+
+
+@wp.kernel
+def _join_costs(
+    stride: int,
+    first: int,
+    last: int,
+    gaps: wp.array2d[f64],
+    loss: int,
+    scale: f64,
+    # outputs
+    costs: wp.array[f64],
+):
+    for n in range(first + wp.tid(), last, stride):
+        joined = f64(0.0)
+        if loss == CAUCHY:
+            joined = f64(1.0)
+        for o in range(n * JOINED, wp.min((n + 1) * JOINED, gaps.shape[0])):
+            x = gaps[o, 0]
+            y = gaps[o, 1]
+            square = x * x + y * y
+            if loss == CAUCHY:
+                joined = joined * (f64(1.0) + square / (scale * scale))
+            else:
+                if loss == HUBER:
+                    length = wp.sqrt(square)
+                    if length > scale:
+                        square = scale * (f64(2.0) * length - scale)
+                joined = joined + square
+        costs[n] = joined

@@ -1,7 +1,9 @@
 """Normals and albedo of pixels seen under several lights, in Warp.
 
-The Taichi set has the equations. Least squares take 64 pixels at once on the CPU, and robust rules
-eight (`_photometry_cpu.h`); on CUDA a thread takes one pixel.
+The Taichi set has the equations. Least squares take 64 pixels at once on the CPU; on CUDA one pixel
+a thread, whose values stay in registers if there are not too many images. Robust rules take
+eight pixels at once on the CPU (`_photometry_cpu.h`), and one a thread on CUDA: `_robust_cuda.cu`
+under distant lights.
 """
 
 import warp as wp
@@ -10,8 +12,10 @@ from cvkern.kernels.codes import shading as codes
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._lanes_cpu import WIDE
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
+from cvkern.kernels.warp.shading import _photometry_cuda
 from cvkern.kernels.warp.shading._mask import is_inside
 from cvkern.kernels.warp.shading._photometry_cpu import solve_lanes
+from cvkern.kernels.warp.shading._robust_cuda import rank_kept, threads_for, weigh_kept
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -81,8 +85,11 @@ def solve(
 ) -> None:
     """Write what least squares over all images give: the inverse (3, K) times each pixel."""
     inputs, outputs = [images, inverse, lights, mask], [normals, albedo, residual]
-    if albedo.device.is_cuda or albedo.size < WIDE:
-        launch(_solve, albedo.size, inputs, outputs)
+    size = albedo.size
+    if albedo.device.is_cuda and images.shape[0] <= _photometry_cuda.MOST:
+        _photometry_cuda.solve(inputs, outputs)
+    elif albedo.device.is_cuda or size < WIDE:
+        launch(_solve, size, inputs, outputs)
     else:
         solve_lanes(*inputs, *outputs)
 
@@ -136,7 +143,10 @@ def rank(images: wp.array, scales: wp.array, mask: wp.array, limit: float, ranks
     """
     inputs = [images, scales, mask, limit]
     size = ranks.shape[1] * ranks.shape[2]
-    if ranks.device.is_cuda:
+    threads = threads_for(images.shape[0])
+    if ranks.device.is_cuda and threads:
+        launch(rank_kept, size, inputs, [ranks], threads)
+    elif ranks.device.is_cuda:
         launch(_rank, size, inputs, [ranks])
     else:
         count = slabs(ranks.shape[1], images.shape[0] * images.size)
@@ -188,7 +198,14 @@ def weigh(
     """
     inputs = [images, ranks, lights, depth, windows, wp.vec2i(weighing.method, weighing.sweeps)]
     outputs = [normals, albedo, residual]
-    if albedo.device.is_cuda:
+    count, consensus = images.shape[0], weighing.method == codes.Photometric.CONSENSUS
+    short = consensus or weighing.method == codes.Photometric.TRIMMED
+    if albedo.device.is_cuda and short and depth.shape[0] == 0 and threads_for(count):
+        threads = threads_for(count)
+        given = [images, ranks, lights, windows, int(consensus), weighing.sweeps]
+        blocks = -(-albedo.size // threads)
+        launch(weigh_kept, blocks * threads, given, outputs, threads)
+    elif albedo.device.is_cuda:
         bayes = weighing.method == codes.Photometric.SPARSE_BAYES
         shape = tuple(images.shape) if bayes else (1, 1, 1)
         variances = scratch("shading.variances", shape, wp.float32, images.device)

@@ -2,7 +2,7 @@
 
 // needs TYPE, NONE
 void decode_row(int row, wp::array_t<TYPE> frames, int begin, int bits, int size, float margin,
-                wp::array_t<int> codes) {
+                bool joins, wp::array_t<int> codes, wp::array_t<wp::uint8> valid) {
     enum { PART = 256 };
     const int width = codes.shape[1];
     const size_t plane = (size_t)codes.shape[0] * width;
@@ -27,23 +27,24 @@ void decode_row(int row, wp::array_t<TYPE> frames, int begin, int bits, int size
             }
         }
         int* to = codes.data + (size_t)row * width + left;
-        for (int i = 0; i < count; ++i)
-            to[i] = least[i] > margin && code[i] < size ? code[i] : NONE;
+        unsigned char* good = valid.data + (size_t)row * width + left;
+        const unsigned char always = !joins;
+#pragma clang loop vectorize(assume_safety)
+        for (int i = 0; i < count; ++i) {
+            const bool known = (least[i] > margin) & (code[i] < size);
+            to[i] = known ? code[i] : NONE;
+            good[i] = (good[i] | always) & (unsigned char)known;
+        }
     }
 }
 
 // needs TYPE
 void accept_row(int row, wp::array_t<TYPE> white, wp::array_t<TYPE> black, float contrast,
-                wp::array_t<int> columns, wp::array_t<int> rows, wp::array_t<wp::uint8> valid) {
+                wp::array_t<wp::uint8> valid) {
     const int width = valid.shape[1];
     const size_t first = (size_t)row * width;
-    const int *column = columns.data + first, *line = rows.data + first;
+    const TYPE *bright = white.data + first, *dark = black.data + first;
     unsigned char* to = valid.data + first;
 #pragma clang loop vectorize(assume_safety)
-    for (int x = 0; x < width; ++x) to[x] = column[x] >= 0 && line[x] >= 0;
-    if (white.shape[0] == valid.shape[0] && white.shape[1] == width) {
-        const TYPE *bright = white.data + first, *dark = black.data + first;
-#pragma clang loop vectorize(assume_safety)
-        for (int x = 0; x < width; ++x) to[x] &= (float)bright[x] - (float)dark[x] > contrast;
-    }
+    for (int x = 0; x < width; ++x) to[x] &= (float)bright[x] - (float)dark[x] > contrast;
 }

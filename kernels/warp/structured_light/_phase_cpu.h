@@ -5,8 +5,9 @@
 
 // needs TYPE, TURN
 void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequencies,
-                wp::array_t<float> waves, int size, wp::array_t<float> places,
-                wp::array_t<float> phases, wp::array_t<float> modulations) {
+                wp::array_t<float> waves, int size, float threshold, bool joins,
+                wp::array_t<float> places, wp::array_t<float> phases,
+                wp::array_t<float> modulations, wp::array_t<wp::uint8> valid) {
 #pragma clang fp contract(off)
     enum { PART = 256 };
     const int width = places.shape[1], steps = waves.shape[0];
@@ -49,6 +50,7 @@ void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float>
             }
         }
         const float whole = (float)size, lowest = frequencies.data[0];
+        const unsigned char always = !joins;
         for (int i = 0; i < count; ++i) {
             // Noise may have moved a place across the end of the first period.
             const float u = lowest * place[i];
@@ -57,6 +59,8 @@ void decode_row(int row, wp::array_t<TYPE> frames, int begin, wp::array_t<float>
             places.data[here + i] = seen ? place[i] * whole - 0.5f : __builtin_nanf("");
             phases.data[here + i] = seen ? angle[i] : __builtin_nanf("");
             modulations.data[here + i] = seen ? least[i] : __builtin_nanf("");
+            const unsigned char before = valid.data[here + i] | always;
+            valid.data[here + i] = before & (unsigned char)(seen & (least[i] > threshold));
         }
     }
 }

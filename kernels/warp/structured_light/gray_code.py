@@ -16,35 +16,41 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 wp.set_module_options({"enable_backward": False})
 
 _QUAD = 8  # pixels of a thread on CUDA
+_WORDS = 2  # words of four pixels of a thread on CUDA, for bytes
 
 
 def decode(
-    frames: wp.array, begin: int, bits: int, size: int, margin: float, codes: wp.array
+    frames: wp.array,
+    begin: int,
+    bits: int,
+    size: int,
+    margin: float,
+    joins: bool,
+    codes: wp.array,
+    valid: wp.array,
 ) -> None:
-    """Decode the pairs of frames of an axis of `size` lines, from `begin` on."""
-    inputs = [frames, begin, bits, size, margin]
+    """Decode the pairs of frames of an axis of `size` lines, from `begin` on.
+
+    `valid` tells which pixels have a code; with `joins`, only those that were valid before.
+    """
+    inputs, outputs = [frames, begin, bits, size, margin, joins], [codes, valid]
     if codes.device.is_cuda:
-        launch(_decode_cuda(frames.dtype), -(-codes.size // _QUAD), inputs, [codes])
+        packed = frames.dtype is wp.uint8 and bits <= 16
+        kernel = _decode_bytes_cuda() if packed else _decode_cuda(frames.dtype)
+        launch(kernel, -(-codes.size // (4 * _WORDS if packed else _QUAD)), inputs, [codes])
         return
     height = codes.shape[0]
     launch_slabs(
-        _decode_cpu(frames.dtype), height, slabs(height, 2 * bits * codes.size), inputs, [codes]
+        _decode_cpu(frames.dtype), height, slabs(height, 2 * bits * codes.size), inputs, outputs
     )
 
 
-def accept(
-    white: wp.array,
-    black: wp.array,
-    contrast: float,
-    columns: wp.array,
-    rows: wp.array,
-    valid: wp.array,
-) -> None:
-    """Mark the pixels with a code on both axes and enough light.
+def accept(white: wp.array, black: wp.array, contrast: float, valid: wp.array) -> None:
+    """Clear the pixels without enough light.
 
     One thread a slab of rows on the CPU, four pixels on CUDA.
     """
-    inputs, height = [white, black, contrast, columns, rows], valid.shape[0]
+    inputs, height = [white, black, contrast], valid.shape[0]
     if valid.device.is_cuda:
         launch(_accept_cuda(white.dtype), -(-valid.size // 4), inputs, [valid])
         return
@@ -70,7 +76,9 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
         bits: int,
         size: int,
         margin: float,
+        joins: bool,
         codes: wp.array2d[int],
+        valid: wp.array2d[wp.uint8],
     ): ...
 
     @wp.kernel(module="unique", module_options={"enable_backward": False})
@@ -83,11 +91,13 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
         bits: int,
         size: int,
         margin: float,
+        joins: bool,
         # outputs
         codes: wp.array2d[int],
+        valid: wp.array2d[wp.uint8],
     ):
         for row in range(first, last):
-            decode_row(row, frames, begin, bits, size, margin, codes)
+            decode_row(row, frames, begin, bits, size, margin, joins, codes, valid)
 
     return decode_slab
 
@@ -107,10 +117,29 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
         bits: int,
         size: int,
         margin: float,
+        joins: bool,
         codes: wp.array2d[int],
+        valid: wp.array2d[wp.uint8],
     ): ...
 
     return decode_quad
+
+
+@lru_cache
+def _decode_bytes_cuda() -> wp.Kernel:
+    @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, NONE=NONE, WORDS=_WORDS)
+    def decode_bytes(
+        frames: wp.array3d[wp.uint8],
+        begin: int,
+        bits: int,
+        size: int,
+        margin: float,
+        joins: bool,
+        codes: wp.array2d[int],
+        valid: wp.array2d[wp.uint8],
+    ): ...
+
+    return decode_bytes
 
 
 @lru_cache
@@ -121,8 +150,6 @@ def _accept_cpu(scalar: Any) -> wp.Kernel:
         white: wp.array2d[scalar],
         black: wp.array2d[scalar],
         contrast: float,
-        columns: wp.array2d[int],
-        rows: wp.array2d[int],
         valid: wp.array2d[wp.uint8],
     ): ...
 
@@ -131,16 +158,14 @@ def _accept_cpu(scalar: Any) -> wp.Kernel:
         slab: int,
         first: int,
         last: int,
-        white: wp.array2d[scalar],  # (H, W), or of another shape for none
+        white: wp.array2d[scalar],  # (H, W)
         black: wp.array2d[scalar],
         contrast: float,
-        columns: wp.array2d[int],
-        rows: wp.array2d[int],
         # outputs
         valid: wp.array2d[wp.uint8],
     ):
         for row in range(first, last):
-            accept_row(row, white, black, contrast, columns, rows, valid)
+            accept_row(row, white, black, contrast, valid)
 
     return accept_slab
 
@@ -149,11 +174,9 @@ def _accept_cpu(scalar: Any) -> wp.Kernel:
 def _accept_cuda(scalar: Any) -> wp.Kernel:
     @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, TYPE=scalar)
     def accept_four(
-        white: wp.array2d[scalar],  # (H, W), or of another shape for none
+        white: wp.array2d[scalar],  # (H, W)
         black: wp.array2d[scalar],
         contrast: float,
-        columns: wp.array2d[int],
-        rows: wp.array2d[int],
         valid: wp.array2d[wp.uint8],
     ): ...
 

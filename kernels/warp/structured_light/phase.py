@@ -26,16 +26,20 @@ def decode(
     frequencies: wp.array,
     waves: wp.array,
     size: int,
+    threshold: float,
+    joins: bool,
     places: wp.array,
     phases: wp.array,
     modulations: wp.array,
+    valid: wp.array,
 ) -> None:
     """Decode the frames of an axis of `size` lines, from `begin` on.
 
-    Writes the place in the axis, the phase of the last frequency, and the least modulation.
+    Writes the place in the axis, the phase of the last frequency, the least modulation, and whether
+    that is above the threshold; with `joins`, only for pixels that were valid before.
     """
-    inputs = [frames, begin, frequencies, waves, size]
-    outputs = [places, phases, modulations]
+    inputs = [frames, begin, frequencies, waves, size, threshold, joins]
+    outputs = [places, phases, modulations, valid]
     if places.device.is_cuda:
         launch(_decode_cuda(frames.dtype), -(-places.size // _QUAD), inputs, outputs)
         return
@@ -77,9 +81,12 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
         frequencies: wp.array[float],
         waves: wp.array2d[float],
         size: int,
+        threshold: float,
+        joins: bool,
         places: wp.array2d[float],
         phases: wp.array2d[float],
         modulations: wp.array2d[float],
+        valid: wp.array2d[wp.uint8],
     ): ...
 
     @wp.kernel(module="unique", module_options=OPTIONS)
@@ -92,14 +99,18 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
         frequencies: wp.array[float],
         waves: wp.array2d[float],  # (steps, 2): sine, cosine
         size: int,
+        threshold: float,
+        joins: bool,
         # outputs
         places: wp.array2d[float],
         phases: wp.array2d[float],
         modulations: wp.array2d[float],
+        valid: wp.array2d[wp.uint8],
     ):
         for row in range(first, last):
             decode_row(
-                row, frames, begin, frequencies, waves, size, places, phases, modulations
+                row, frames, begin, frequencies, waves, size, threshold, joins,
+                places, phases, modulations, valid,
             )  # fmt: skip
 
     return decode_slab
@@ -114,9 +125,12 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
         frequencies: wp.array[float],
         waves: wp.array2d[float],
         size: int,
+        threshold: float,
+        joins: bool,
         places: wp.array2d[float],
         phases: wp.array2d[float],
         modulations: wp.array2d[float],
+        valid: wp.array2d[wp.uint8],
     ): ...
 
     return decode_quad

@@ -29,45 +29,59 @@ NOT_CALLED = {
 }
 
 
-# Calls that take more than 10 ms with both sets come in one round of so many, and those of more
-# than 100 ms in one round of more.
-SELDOM, RARELY = 16, 128
-COSTLY = {"find_affine", "find_homography", "find_homographies", "find_similarity", "develop",
-          "find_essentials", "find_fundamentals", "find_fundamental", "detect_segments",
-          "detect_lines", "detect_shape", "radiance.load_model", "find_planes", "calibrate_camera",
-          "integrate_normals", "estimate_response", "merge_exposures", "metamer", "undistort",
-          "generalized_hough", "detect_circles", "radiance.render_path", "orb",
-          "sift", "stereo_match"}  # fmt: skip
-SLOW = {"make_scan", "radiance.evaluate", "radiance.fit", "radiance.make_scene", "reconstruct_pair",
-        "recognize_panoramas", "reconstruct", "stitch", "ShapeModel", "calibrate_projector",
-        "calibrate_stereo", "estimate_lights", "shape_from_shading"}  # fmt: skip
+# Calls that take more than 15 ms with both sets come in one round of two, those that take more than
+# 30 ms in one round of four.
+PERIODS: dict[int, set[str]] = {
+    2: {"StereoMatcher", "demosaic", "detect_shape", "find_fundamental", "find_fundamentals",
+        "find_similarity", "find_essentials", "radiance.load_model", "radiance.write_planes",
+        "clouds.turntable"},
+    4: {"ShapeModel", "adjust_bundle", "calibrate_camera", "calibrate_projector",
+        "calibrate_stereo", "estimate_lights", "estimate_response", "integrate_normals",
+        "merge_exposures", "metamer", "photometric_stereo", "radiance.fit", "radiance.make_scene",
+        "recognize_panoramas", "reconstruct", "reconstruct_pair", "shape_from_shading", "stitch"},
+}  # fmt: skip
+LONGEST = max(PERIODS)
+PERIOD = {name: period for period, names in PERIODS.items() for name in names}
 
 
 @lru_cache
 def turns(family: str) -> list[str]:
     """Return the calls of all rounds, in their order, family by turns.
 
-    The first round has all of them, those that cost most last.
+    The first round has all of them, those that take longest last.
     """
     groups = [FAMILIES[family]] if family else FAMILIES.values()
     every = [name for names in zip_longest(*groups) for name in names if name]
-    cheap = [name for name in every if name not in COSTLY | SLOW]
-    part = cheap + [name for name in every if name in COSTLY] + (SELDOM - 1) * cheap
-    return (
-        part[: len(every) - len(SLOW & set(every))]
-        + [name for name in every if name in SLOW]
-        + (SELDOM - 1) * cheap
-        + (RARELY // SELDOM - 1) * part
-    )
+    order = sorted(every, key=lambda name: PERIOD.get(name, 1))
+    for after in range(1, LONGEST):
+        order += [name for n, name in enumerate(every) if (after + n) % PERIOD.get(name, 1) == 0]
+    return order
 
 
-def draw_call(draw: Draw, index: int, family: str = "") -> tuple[str, dict[str, Any]]:
-    """Return the name of a call and its arguments, one of which may be nonsense.
+@lru_cache
+def parts(family: str, count: int) -> dict[str, int]:
+    """Return which of so many parts each call belongs to.
+
+    Calls of one family, which share kernels, are mostly in one part, so that each process
+    compiles only a part of all kernels. All parts take about as long.
+    """
+    names = [name for calls in FAMILIES.values() for name in calls]
+    load = np.cumsum([turns(family).count(name) * PERIOD.get(name, 1) for name in names])
+    return dict(zip(names, (count * (load - 1) // load[-1]).tolist(), strict=True))
+
+
+def name_of(index: int, family: str = "") -> str:
+    """Return the name of a call by its number.
 
     The functions take turns, all of them or those of a family.
     """
     order = turns(family)
-    name = order[index % len(order)]
+    return order[index % len(order)]
+
+
+def draw_call(draw: Draw, index: int, family: str = "") -> tuple[str, dict[str, Any]]:
+    """Return the name of a call and its arguments, one of which may be nonsense."""
+    name = name_of(index, family)
     call = CALLS[name]
     chosen = {key: make(draw) for key, make in call.needed.items()}
     chosen |= {key: make(draw) for key, make in call.options.items() if draw.odd(0.35)}

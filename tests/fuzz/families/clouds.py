@@ -45,6 +45,25 @@ def ply(points: Any, colors: Any = None) -> bytes:
         return path.read_bytes()
 
 
+def read(path: bytes) -> Any:
+    """Read a file of any content; return its points and colours."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "a.ply"
+        try:
+            file.write_bytes(path)
+        except TypeError:
+            raise TypeError("path") from None
+        return tuple(part for part in cvkern.clouds.read_ply(file) if part is not None)
+
+
+def harmed(draw: Draw) -> bytes:
+    """Return a file of points, a few of whose bytes are others, or that is cut short."""
+    content = bytearray(ply(draw.rng.normal(0, 1, (4, 3)), np.zeros((4, 3), np.uint8)))
+    for _ in range(int(draw.pick([0, 1, 1, 4]))):
+        content[draw.rng.integers(len(content))] = draw.rng.integers(256)
+    return bytes(content[: len(content) - int(draw.pick([0, 0, 1, 100]))])
+
+
 def animation(frames: Any, fps: Any = 20.0) -> int:
     """Return how many bytes a film has."""
     with tempfile.TemporaryDirectory() as folder:
@@ -64,6 +83,7 @@ CALLS: dict[str, Call] = {
             "background": one((16, 17, 20), (0, 0), (300, 0, 0)),
         },
     ),
+    "clouds.read_ply": Call(read, {"path": harmed}, {}),
     "clouds.write_ply": Call(ply, {"points": cloud}, {"colors": colors}),
     "clouds.write_animation": Call(animation, {"frames": film}, {"fps": one(20.0, 1, 0, 1e9)}),
 }

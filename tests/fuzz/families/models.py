@@ -65,9 +65,9 @@ def layered(image: Any, depth: Any, **options: Any) -> Any:
     return radiance.render(made, made.cameras).color
 
 
-def paired(left: Any, right: Any, **options: Any) -> Any:
+def paired(left: Any, right: Any, disparities: Any, **options: Any) -> Any:
     """Make planes of a pair, and render them."""
-    made = radiance.planes_from_stereo(left, right, K, disparities=(0, 4), **options)
+    made = radiance.planes_from_stereo(left, right, K, disparities=disparities, **options)
     return radiance.render(made, made.cameras).color
 
 
@@ -233,7 +233,11 @@ CALLS: dict[str, Call] = {
     ),
     "radiance.planes_from_stereo": Call(
         paired,
-        {"left": one(LEFT, LEFT[:, 1:]), "right": one(np.roll(LEFT, -2, 1), LEFT)},
+        {
+            "left": one(LEFT, LEFT[:, 1:]),
+            "right": one(np.roll(LEFT, -2, 1), LEFT),
+            "disparities": one((0, 4), (1, 4)),
+        },
         {"planes": whole(1, 5), "baseline": number(0.5, 2), "doffs": number(0.5, 3)},
         equal=False,
     ),

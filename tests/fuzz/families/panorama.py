@@ -85,7 +85,7 @@ def round_trip(points: Any, colors: Any, format: Any, images: Any) -> Any:
     """Write a reconstruction and read it again where that is possible."""
     made = cvkern.Reconstruction(
         ("a", "b"), np.stack([np.eye(3, 4)] * 2), (CAMERA,), np.zeros(2, int), points, colors,
-        np.array([[0, 0], [0, 1]], np.int32), np.full((2, 2), 7.0), np.zeros(len(points)),
+        np.array([[0, 0], [0, 1]], np.int32), np.full((2, 2), 7.0), np.zeros(1),
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         cvkern.write_reconstruction(folder, made, format=format, images=images)

@@ -77,12 +77,12 @@ def orient(
 ) -> None:
     """Find the directions of each point, in bins, by a histogram; a thread a point.
 
-    A window is octave, level, row, column and radius.
+    A window is octave, level, row, column and radius; one of octave -1 has no directions.
     """
     sums = scratch((windows.shape[0], BINS), np.int32)
     for o, levels in enumerate(octaves):
         _orient(levels, o, windows, spreads, one, 0, sums)
-    _pick(sums, angles, counts)
+    _pick(windows, sums, angles, counts)
 
 
 @ti.func
@@ -131,12 +131,16 @@ def _orient(
 
 @ti.kernel
 def _pick(
+    windows: i32_2,
     sums: i32_2,
     # outputs
     angles: f32_2,  # (N, PEAKS)
     counts: i32_1,
 ):
     for k in counts:
+        counts[k] = 0
+        if windows[k, 0] < 0:
+            continue
         most = ti.cast(0, ti.i64)
         for b in range(BINS):
             most = ti.max(most, _smooth(sums, k, b))

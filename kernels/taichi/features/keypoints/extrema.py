@@ -3,8 +3,9 @@
 Level s of an octave is the image smoothed by a Gaussian of ``sigma_0 2^(s / S)``. Their differences
 ``D_s = L_(s+1) - L_s`` have extrema at blobs, in place and in scale: pixels whose difference
 exceeds those of the 26 neighbours on three levels, or is below them [D. G. Lowe, IJCV 60(2),
-2004]. An extremum sets a bit; then the bits of each row are counted and listed, so that the points
-have the order of their places. One thread takes a pixel, or a row of bits.
+2004]. A fit (refinement.py) moves an extremum to the pixel where a paraboloid has its own, and sets
+a bit there; then the bits of each row are counted and listed, so that the points have the order of
+their places. One thread takes a pixel, or a row of bits.
 """
 
 from collections.abc import Sequence
@@ -12,13 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
-from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD, Limits
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product
 from cvkern.kernels.taichi.features._marks import count_marks, list_marks, rows_of
-from cvkern.kernels.taichi.filters.linear import correlate_separable
 
+from .refinement import fit
+
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
@@ -79,8 +81,9 @@ def fill_octaves(
     """Smooth an image to the first level of the first octave, and each level to the next one.
 
     An octave begins with every second pixel of the larger one's level that is third from its end.
-    Taps are applied down the rows and then along the columns, mirrored: the first ones to the
-    image, the others to the levels. One thread a pixel and pass.
+    Symmetric taps are applied down the rows and then along the columns, mirrored: the first ones
+    to the image, the others to the levels. A sum begins with the middle, and adds pairs of elements
+    from the inner ones outwards. One thread a pixel and pass.
     """
     for o, octave in enumerate(octaves):
         if o:
@@ -92,9 +95,55 @@ def fill_octaves(
 
 
 def _smooth(src: np.ndarray, taps: np.ndarray, dst: np.ndarray) -> None:
-    planes = (1, *src.shape)
-    border = int(Border.MIRROR)
-    correlate_separable(src.reshape(planes), taps, taps, 1, border, 0.0, dst.reshape(planes))
+    middle = scratch(src.shape, np.float32)
+    _smooth_down(src, taps, 0, middle)
+    _smooth_along(middle, taps, 0, dst)
+
+
+@ti.kernel
+def _smooth_down(
+    src: f32_2,
+    taps: f32_1,
+    zero: ti.i32,
+    # outputs
+    dst: f32_2,
+):
+    reach = taps.shape[0] // 2
+    for y, x in dst:
+        total = product(taps[reach], src[y, x], zero)
+        for t in range(1, reach + 1):
+            pair = src[_mirrored(y - t, src.shape[0]), x] + src[_mirrored(y + t, src.shape[0]), x]
+            total = total + product(taps[reach + t], pair, zero)
+        dst[y, x] = total
+
+
+@ti.kernel
+def _smooth_along(
+    src: f32_2,
+    taps: f32_1,
+    zero: ti.i32,
+    # outputs
+    dst: f32_2,
+):
+    reach = taps.shape[0] // 2
+    for y, x in dst:
+        total = product(taps[reach], src[y, x], zero)
+        for t in range(1, reach + 1):
+            pair = src[y, _mirrored(x - t, src.shape[1])] + src[y, _mirrored(x + t, src.shape[1])]
+            total = total + product(taps[reach + t], pair, zero)
+        dst[y, x] = total
+
+
+@ti.func
+def _mirrored(i: ti.i32, size: ti.i32) -> ti.i32:
+    """Mirror an index about the outermost pixels."""
+    k = ti.abs(i)
+    if size == 1:
+        k = 0
+    else:
+        k = k % (2 * (size - 1))
+        k = ti.min(k, 2 * (size - 1) - k)
+    return k
 
 
 @ti.kernel
@@ -108,21 +157,54 @@ def _halve(
 
 
 @primitive
-def mark_extrema(
+def mark_keypoints(
     octaves: Sequence[np.ndarray],
-    threshold: float,
+    limits: Limits,
     margin: int,
     words: np.ndarray,
     ends: np.ndarray,
 ) -> None:
-    """Mark pixels whose difference of levels is extreme among 26 neighbours.
+    """Mark the pixels to which fits move the extrema among 26 neighbours, if they are kept.
 
     A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
-    number up to the end of each row. One thread a word, then a sum by one thread.
+    number up to the end of each row. Extrema that move to one pixel are one. One thread a word.
     """
-    for levels, (marks, _) in zip(octaves, rows_of(octaves, words), strict=True):
-        _mark(levels, threshold, margin, marks)
+    extrema = scratch(words.shape, np.int32)
+    both = zip(rows_of(octaves, extrema), rows_of(octaves, words), strict=True)
+    for levels, ((found, _), (marks, _)) in zip(octaves, both, strict=True):
+        _mark(levels, limits.threshold, margin, found)
+        _clear(marks)
+        _move(levels, limits.contrast, limits.edge, margin, 0, found, marks)
     count_marks(octaves, words, ends)
+
+
+@ti.kernel
+def _clear(
+    words: i32_3,
+):
+    for s, y, k in words:
+        words[s, y, k] = 0
+
+
+@ti.kernel
+def _move(
+    levels: f32_3,  # (L, H, W)
+    contrast: ti.f32,
+    edge: ti.f32,
+    margin: ti.i32,
+    zero: ti.i32,
+    extrema: i32_3,  # (L - 3, H, ceil(W / 32))
+    # outputs
+    words: i32_3,
+):
+    for s, y, k in extrema:
+        if extrema[s, y, k] != 0:
+            for bit in range(WORD):
+                if (extrema[s, y, k] >> bit) & 1 == 1:
+                    end = fit(levels, s + 1, y, k * WORD + bit, contrast, edge, margin, zero)
+                    if end.kept == 1:
+                        bits = 1 << (end.x % WORD)
+                        ti.atomic_or(words[end.s - 1, end.y, end.x // WORD], bits)
 
 
 @ti.func
@@ -161,7 +243,7 @@ def _mark(
 
 
 @primitive
-def list_extrema(
+def list_keypoints(
     octaves: Sequence[np.ndarray], words: np.ndarray, ends: np.ndarray, cells: np.ndarray
 ) -> None:
     """List octave, level, row and column of the N marks, in this order; one thread a row."""

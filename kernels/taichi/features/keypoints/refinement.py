@@ -58,23 +58,37 @@ def _dot(a: ti.f64, b: ti.f64, c: ti.f64, x: ti.f64, y: ti.f64, z: ti.f64, zero:
     return wide_product(a, x, zero) + wide_product(b, y, zero) + wide_product(c, z, zero)
 
 
+@ti.dataclass
+class Fit:
+    """Where a fit ends, and whether it is kept."""
+
+    kept: ti.i32
+    s: ti.i32
+    y: ti.i32
+    x: ti.i32
+    oy: ti.f64
+    ox: ti.f64
+    os: ti.f64
+    top: ti.f64
+
+
 @ti.func
-def _fit_one(
+def fit(
     levels: ti.template(),
-    n: ti.i32,
+    s0: ti.i32,
+    y0: ti.i32,
+    x0: ti.i32,
     contrast: ti.f32,
     edge: ti.f32,
     margin: ti.i32,
     zero: ti.i32,
-    offsets: ti.template(),
-    cells: ti.template(),
 ):
-    """Refine one extremum."""
+    """Fit a paraboloid to an extremum, and move it to where that has its own."""
     height = levels.shape[1]
     width = levels.shape[2]
-    s = cells[n, 1]
-    y = cells[n, 2]
-    x = cells[n, 3]
+    s = s0
+    y = y0
+    x = x0
     kept = 0
     oy = ti.cast(0.0, ti.f64)
     ox = ti.cast(0.0, ti.f64)
@@ -144,15 +158,7 @@ def _fit_one(
             break
         if y < margin or y >= height - margin or x < margin or x >= width - margin:
             break
-    offsets[n, 0] = ti.cast(oy, ti.f32)
-    offsets[n, 1] = ti.cast(ox, ti.f32)
-    offsets[n, 2] = ti.cast(os, ti.f32)
-    offsets[n, 3] = ti.cast(ti.abs(top), ti.f32)
-    if kept == 0:
-        cells[n, 0] = -1
-    cells[n, 1] = s
-    cells[n, 2] = y
-    cells[n, 3] = x
+    return Fit(kept=kept, s=s, y=y, x=x, oy=oy, ox=ox, os=os, top=ti.abs(top))
 
 
 @ti.kernel
@@ -170,4 +176,13 @@ def _fit(
 ):
     for n in range(cells.shape[0]):
         if cells[n, 0] == octave:
-            _fit_one(levels, n, contrast, edge, margin, zero, offsets, cells)
+            end = fit(levels, cells[n, 1], cells[n, 2], cells[n, 3], contrast, edge, margin, zero)
+            offsets[n, 0] = ti.cast(end.oy, ti.f32)
+            offsets[n, 1] = ti.cast(end.ox, ti.f32)
+            offsets[n, 2] = ti.cast(end.os, ti.f32)
+            offsets[n, 3] = ti.cast(end.top, ti.f32)
+            if end.kept == 0:
+                cells[n, 0] = -1
+            cells[n, 1] = end.s
+            cells[n, 2] = end.y
+            cells[n, 3] = end.x

@@ -6,6 +6,9 @@ the channels of l(F - P), where l is the square, or Huber's: e^2 / 2 for |e| < k
 beyond. So with D = l' / 3,
 
     dL/dC = D,  dL/dO = -<D, B>,  dL/dB = D (a - O).
+
+A camera clips what is too bright or too dark. If `censored`, there is no error where P is 1 and F
+above, or P is 0 and F below, in pixels with a = 1.
 """
 
 import numpy as np
@@ -65,6 +68,9 @@ def _loss(
             for k in ti.static(range(3)):
                 found = color[ray, k] + through * behind[k]
                 e = found - (seen * targets[ray, k] + (1.0 - seen) * behind[k])
+                if comparison.censored and seen >= 1.0:
+                    if (targets[ray, k] >= 1.0 and e > 0.0) or (targets[ray, k] <= 0.0 and e < 0.0):
+                        e = 0.0
                 error += e * e / 3.0
                 d = 2.0 * e
                 if huber > 0.0:
@@ -99,6 +105,8 @@ def loss(
     and `d_learnt` (R, 3), one row per ray, are not written for the other rays.
     """
     c = comparison
-    numbers = Comparison(kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed)
+    numbers = Comparison(
+        kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed, censored=int(c.censored)
+    )
     inputs = color, opacity, targets, active, numbers, c.learnt, c.step
     _loss(*inputs, errors, d_color, d_opacity, d_learnt)

@@ -9,6 +9,8 @@ void orient_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> windows,
                 wp::array_t<float> spreads, float one, wp::array_t<float> angles,
                 wp::array_t<int> counts) {
     const int* window = windows.data + 5 * (size_t)k;
+    counts.data[k] = 0;
+    if (window[0] < 0) return;
     const wp::int64* octave = octaves.data + 4 * (size_t)window[0];
     const int height = (int)octave[2], width = (int)octave[3];
     const int cy = window[2], cx = window[3], radius = window[4];

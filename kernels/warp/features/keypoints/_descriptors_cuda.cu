@@ -9,6 +9,10 @@ void orient(wp::array_t<wp::int64> octaves, wp::array_t<int> windows, wp::array_
     __shared__ wp::int64 smooth[BINS];
     const int k = blockIdx.x, thread = threadIdx.x, threads = blockDim.x;
     const int* window = windows.data + 5 * (size_t)k;
+    if (window[0] < 0) {
+        if (thread == 0) counts.data[k] = 0;
+        return;
+    }
     const wp::int64* octave = octaves.data + 4 * (size_t)window[0];
     const int height = (int)octave[2], width = (int)octave[3];
     const int cy = window[2], cx = window[3], radius = window[4];

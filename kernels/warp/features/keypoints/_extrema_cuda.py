@@ -1,12 +1,24 @@
-"""Extrema of a scale space on CUDA, where a thread takes a pixel. The Taichi set has the rule."""
+"""Extrema of a scale space on CUDA. The Taichi set has the rule.
+
+A thread takes a pixel; in `mark` a warp takes 32 columns, and goes down the rows. Its code
+(_extrema_cuda.cu) is native, because a warp's lanes exchange what they load.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
 
 import warp as wp
 
-from cvkern.kernels.codes.features import GRAY, MOST_GRAY, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, MOVES, WORD
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import BLOCK
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-BITS = wp.constant(WORD)
+# Blocks are numbered along one axis.
+_OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
+ROWS = 16  # rows that a warp goes down
+REGISTERS = (BLOCK, 3)  # three blocks per multiprocessor: 80 registers a thread
 BRIGHTEST = wp.constant(MOST_GRAY)
 RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
 
@@ -29,16 +41,6 @@ def gray(
 
 
 @wp.kernel
-def halve(
-    src: wp.array2d[float],
-    # outputs
-    dst: wp.array2d[float],
-):
-    y, x = wp.tid()
-    dst[y, x] = src[2 * y, 2 * x]
-
-
-@wp.kernel
 def double(
     src: wp.array2d[float],  # (H, W)
     # outputs
@@ -53,39 +55,28 @@ def double(
     dst[v, u] = 0.5 * (left + 0.5 * (src[y, right] + src[below, right]))
 
 
-@wp.func
-def exceeded(levels: wp.array3d[float], l: int, y: int, x: int, v: float, sign: float) -> bool:
-    """Tell whether one of the nine differences about a pixel exceeds `v`; `sign` turns minima."""
-    for i in range(y - 1, y + 2):
-        for j in range(x - 1, x + 2):
-            if sign * (levels[l + 1, i, j] - levels[l, i, j]) > v:
-                return True
-    return False
+@lru_cache
+def mark(levels: int) -> wp.Kernel:
+    """Return the kernel for octaves with so many inner levels."""
+
+    @_native.kernel(
+        "_extrema_cuda.cu", _OPTIONS, launch_bounds=REGISTERS, LEVELS=levels, ROWS=ROWS, MOVES=MOVES
+    )
+    def mark(
+        octaves: wp.array2d[wp.int64],  # (O, 4)
+        threshold: float,
+        contrast: float,
+        edge: float,
+        margin: int,
+        # outputs, cleared
+        words: wp.array[int],
+        counts: wp.array[int],  # (rows,)
+    ): ...
+
+    return mark
 
 
-@wp.kernel
-def mark(
-    levels: wp.array3d[float],  # (L, H, W)
-    threshold: float,
-    margin: int,
-    # outputs
-    words: wp.array3d[int],  # (L - 3, H, ceil(W / 32)), cleared
-):
-    y, x = wp.tid()
-    height = levels.shape[1]
-    width = levels.shape[2]
-    if y < margin or y >= height - margin or x < margin or x >= width - margin:
-        return
-    low = levels[1, y, x]
-    for l in range(1, levels.shape[0] - 2):
-        high = levels[l + 1, y, x]
-        v = high - low
-        low = high
-        if wp.abs(v) > threshold:
-            sign = wp.where(v < 0.0, -1.0, 1.0)
-            v = sign * v
-            if not exceeded(levels, l, y, x, v, sign):
-                if not exceeded(levels, l - 1, y, x, v, sign):
-                    if not exceeded(levels, l + 1, y, x, v, sign):
-                        # Sets a bit that no other thread sets: the order cannot show.
-                        wp.atomic_or(words, l - 1, y, x // BITS, 1 << (x % BITS))
+def threads(octaves: Sequence[wp.array]) -> int:
+    """Return the threads of a launch of `mark`: a warp for 32 columns of `ROWS` rows."""
+    warps = sum(-(-o.shape[1] // ROWS) * -(-o.shape[2] // WORD) for o in octaves)
+    return -(-warps * WORD // BLOCK) * BLOCK

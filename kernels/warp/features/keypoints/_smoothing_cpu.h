@@ -1,16 +1,22 @@
-// Smooth rows by the same taps down the rows and then along them, sums in the order of the taps;
-// the image is mirrored about its outermost pixels. Two rows are done together, as they share most
-// of what they read. Between the passes they stand in lines, pixel 0 at element `margin`.
+// Smooth rows by the same symmetric taps down the rows and then along them: the middle, then pairs
+// of elements from the inner ones outwards; the image is mirrored about its outermost pixels. Two
+// rows are done together, as they share most of what they read. Between the passes they stand in
+// lines, pixel 0 at element `margin`.
 void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::array_t<float> taps,
                  int margin, wp::array_t<float> lines, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
     // Loads that are not aligned are quicker in halves of a line of the cache.
-    enum { N = 8, TALL = 4, LONG = 8 };
+    enum { N = 8, TALL = 2, LONG = 8 };
     typedef float lanes __attribute__((vector_size(N * sizeof(float))));
-    const int height = src.shape[0], width = src.shape[1], n = taps.shape[0], reach = n / 2;
-    const float* const tap = taps.data;
+    const int height = src.shape[0], width = src.shape[1], reach = taps.shape[0] / 2;
+    const float* const tap = taps.data + reach;  // tap[t] for elements t away
     float* const line = lines.data + (size_t)slab * 2 * lines.shape[1] + margin;
     const int pitch = lines.shape[1];
+    const auto load = [](const float* p) {
+        lanes v;
+        __builtin_memcpy(&v, p, sizeof v);
+        return v;
+    };
     const auto mirrored = [](int i, int size) {
         if (size == 1) return 0;
         const int period = 2 * (size - 1), k = (i % period + period) % period;
@@ -21,49 +27,47 @@ void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::arra
         const bool pair = inside && row + 1 < last && row + 1 + reach < height;
         const bool wide = width >= N * LONG;
         if (pair && wide) {
-            const float* const top = src.data + (size_t)(row - reach) * width;
+            const float* const middle = src.data + (size_t)row * width;
             for (int x = 0; x < width; x += N * TALL) {
                 const int at = x + N * TALL < width ? x : width - N * TALL;
-                const float* p = top + at;
-                lanes one[TALL], other[TALL], v;
+                const float *up = middle + at, *down = up + width;
+                // The rows above and below that one of both rows has read and the other has not.
+                lanes one[TALL], other[TALL], above[TALL], below[TALL];
 #pragma unroll
                 for (int b = 0; b < TALL; ++b) {
-                    __builtin_memcpy(&v, p + N * b, sizeof v);
-                    one[b] = tap[0] * v;
-                    other[b] = (lanes){};
+                    above[b] = load(up + N * b), below[b] = load(down + N * b);
+                    one[b] = tap[0] * above[b], other[b] = tap[0] * below[b];
                 }
 #pragma clang loop unroll_count(2)
-                for (int t = 1; t < n; ++t) {
-                    p += width;
-                    const float w = tap[t], before = tap[t - 1];
+                for (int t = 1; t <= reach; ++t) {
+                    up -= width, down += width;
+                    const float w = tap[t];
 #pragma unroll
                     for (int b = 0; b < TALL; ++b) {
-                        __builtin_memcpy(&v, p + N * b, sizeof v);
-                        one[b] += w * v;
-                        other[b] += before * v;
+                        const lanes u = load(up + N * b), d = load(down + N * b);
+                        one[b] += w * (u + below[b]);
+                        other[b] += w * (above[b] + d);
+                        above[b] = u, below[b] = d;
                     }
                 }
-                p += width;
                 // The rows that the next pair reads first.
-                __builtin_prefetch(p + width);
-                __builtin_prefetch(p + 2 * width);
-                __builtin_prefetch(p + width + 16);
-                __builtin_prefetch(p + 2 * width + 16);
+                __builtin_prefetch(down + width);
+                __builtin_prefetch(down + 2 * width);
 #pragma unroll
                 for (int b = 0; b < TALL; ++b) {
-                    __builtin_memcpy(&v, p + N * b, sizeof v);
-                    other[b] += tap[n - 1] * v;
-                    __builtin_memcpy(line + at + N * b, &one[b], sizeof v);
-                    __builtin_memcpy(line + pitch + at + N * b, &other[b], sizeof v);
+                    __builtin_memcpy(line + at + N * b, &one[b], sizeof one[b]);
+                    __builtin_memcpy(line + pitch + at + N * b, &other[b], sizeof other[b]);
                 }
             }
         } else {
-            for (int x = 0; x < width; ++x) line[x] = 0.0f;
-            for (int t = 0; t < n; ++t) {
-                const int y = row - reach + t;
-                const float* p = src.data + (size_t)(inside ? y : mirrored(y, height)) * width;
+            const float* const middle = src.data + (size_t)row * width;
+            for (int x = 0; x < width; ++x) line[x] = tap[0] * middle[x];
+            for (int t = 1; t <= reach; ++t) {
+                const int y = inside ? row - t : mirrored(row - t, height);
+                const int z = inside ? row + t : mirrored(row + t, height);
+                const float *p = src.data + (size_t)y * width, *q = src.data + (size_t)z * width;
 #pragma clang loop vectorize(assume_safety)
-                for (int x = 0; x < width; ++x) line[x] += tap[t] * p[x];
+                for (int x = 0; x < width; ++x) line[x] += tap[t] * (p[x] + q[x]);
             }
         }
         for (int k = 0; k <= (pair && wide); ++k) {
@@ -76,25 +80,26 @@ void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::arra
             if (wide) {
                 for (int x = 0; x < width; x += N * LONG) {
                     const int at = x + N * LONG < width ? x : width - N * LONG;
-                    const float* p = from + at - reach;
-                    lanes sums[LONG] = {}, v;
-#pragma clang loop unroll_count(2)
-                    for (int t = 0; t < n; ++t, ++p) {
-                        const float w = tap[t];
+                    const float* const p = from + at;
+                    lanes sums[LONG];
 #pragma unroll
-                        for (int b = 0; b < LONG; ++b) {
-                            __builtin_memcpy(&v, p + N * b, sizeof v);
-                            sums[b] += w * v;
-                        }
+                    for (int b = 0; b < LONG; ++b) sums[b] = tap[0] * load(p + N * b);
+#pragma clang loop unroll_count(2)
+                    for (int t = 1; t <= reach; ++t) {
+                        const float w = tap[t];
+                        const float *left = p - t, *right = p + t;
+#pragma unroll
+                        for (int b = 0; b < LONG; ++b)
+                            sums[b] += w * (load(left + N * b) + load(right + N * b));
                     }
 #pragma unroll
                     for (int b = 0; b < LONG; ++b)
-                        __builtin_memcpy(to + at + N * b, &sums[b], sizeof v);
+                        __builtin_memcpy(to + at + N * b, &sums[b], sizeof sums[b]);
                 }
             } else {
                 for (int x = 0; x < width; ++x) {
-                    float sum = 0.0f;
-                    for (int t = 0; t < n; ++t) sum += tap[t] * from[x - reach + t];
+                    float sum = tap[0] * from[x];
+                    for (int t = 1; t <= reach; ++t) sum += tap[t] * (from[x - t] + from[x + t]);
                     to[x] = sum;
                 }
             }

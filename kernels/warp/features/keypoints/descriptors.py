@@ -28,7 +28,7 @@ def orient(
 ) -> None:
     """Find the directions of each point, in bins, by a histogram; on CUDA a block a point.
 
-    A window is octave, level, row, column and radius.
+    A window is octave, level, row, column and radius; one of octave -1 has no directions.
     """
     count = windows.shape[0]
     inputs = [table(octaves), windows, spreads, one]

@@ -1,24 +1,27 @@
 """Extrema of a scale space in Warp.
 
-The Taichi set has the rule. On the CPU a thread takes a slab of rows (_extrema_cpu.h); rows are
-smoothed two at a time (_smoothing_cpu.h). On CUDA a thread takes a pixel (_extrema_cuda.py).
+The Taichi set has the rules. On the CPU a thread takes a slab of rows (_extrema_cpu.h); rows are
+smoothed two at a time (_smoothing_cpu.h). On CUDA a block smooths a tile (_smoothing_cuda.py), and
+a warp compares 32 columns (_extrema_cuda.py).
 """
 
 from collections.abc import Sequence
 
 import warp as wp
 
-from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.codes.features import Limits
+from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
 from cvkern.kernels.warp._replays import repeat
 from cvkern.kernels.warp._zeros import clear
-from cvkern.kernels.warp.features._levels import level_of, rows_of
-from cvkern.kernels.warp.features._marks import count_marks, list_marks
-from cvkern.kernels.warp.filters.linear import correlate_separable
+from cvkern.kernels.warp.features._levels import level_of, rows_of, table
+from cvkern.kernels.warp.features._marks import list_marks
 
 from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
+from . import _smoothing_cuda as cuda_smoothing
 from ._smoothing_cpu import smooth_rows
+from .refinement import keep, refine
+from .selection import add_up
 
 LINE = 16  # floats of a line of the cache
 
@@ -43,17 +46,15 @@ def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.a
     """Smooth an image to the first level of the first octave, and each level to the next one.
 
     An octave begins with every second pixel of the larger one's level that is third from its end.
-    Taps are applied down the rows and then along the columns, mirrored: the first ones to the
-    image, the others to the levels. On the CPU two rows are done together; CUDA repeats a graph.
+    Symmetric taps are applied down the rows and then along the columns, mirrored: the first ones
+    to the image, the others to the levels. On the CPU two rows are done together; CUDA does levels
+    of several octaves together, and repeats a graph.
     """
     if src.device.is_cuda:
-        arrays = [src, *taps, *octaves]
-        repeat("fill_octaves", lambda: _fill(src, taps, octaves), arrays)
-    else:
-        _fill(src, taps, octaves)
-
-
-def _fill(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> None:
+        jobs = cuda_smoothing.jobs_of(src, taps, octaves)
+        arrays = [src, *taps, *octaves, jobs.table]
+        repeat("fill_octaves", lambda: cuda_smoothing.fill(jobs), arrays)
+        return
     for o, octave in enumerate(octaves):
         level = level_of(octave, 0)
         if o:
@@ -68,10 +69,6 @@ def _fill(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) 
 
 def _smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
     height, width = src.shape
-    if dst.device.is_cuda:
-        one, other = (view(a, wp.float32, (1, height, width)) for a in (src, dst))
-        correlate_separable(one, taps, taps, 1, int(Border.MIRROR), 0.0, other)
-        return
     parts = slabs(height, src.size)
     margin = -(-taps.shape[0] // (2 * LINE)) * LINE
     lines = scratch("keypoints.rows", (2 * parts, width + 2 * margin), wp.float32, dst.device)
@@ -79,33 +76,47 @@ def _smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
 
 
 def _halve(src: wp.array, dst: wp.array) -> None:
-    if dst.device.is_cuda:
-        launch(cuda.halve, dst.shape, [src], [dst])
-        return
     launch_slabs(cpu.halve, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
-def mark_extrema(
-    octaves: Sequence[wp.array], threshold: float, margin: int, words: wp.array, ends: wp.array
+def mark_keypoints(
+    octaves: Sequence[wp.array],
+    limits: Limits,
+    margin: int,
+    words: wp.array,
+    ends: wp.array,
 ) -> None:
-    """Mark pixels whose difference of levels is extreme among 26 neighbours.
+    """Mark the pixels to which fits move the extrema among 26 neighbours, if they are kept.
 
     A bit a pixel of the inner levels of all octaves, rows of words one after the other, and their
     number up to the end of each row.
     """
     if words.device.is_cuda:
         clear(words)
+        clear(ends)
+        mark = cuda.mark(octaves[0].shape[0] - 3)
+        launch(mark, cuda.threads(octaves), [table(octaves), *limits, margin], [words, ends])
+        add_up(ends)
+        return
     for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
-        inputs = [levels, threshold, margin]
+        inputs = [levels, limits.threshold, margin]
         height = levels.shape[1]
-        if words.device.is_cuda:
-            launch(cuda.mark, levels.shape[1:], inputs, [marks])
-        else:
-            launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
-    count_marks(octaves, words, ends)
+        launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
+    add_up(ends)
+    total = int(ends.numpy()[-1])
+    cells = scratch("keypoints.extrema", (max(total, 1), 4), wp.int32, words.device)[:total]
+    list_marks(octaves, words, ends, cells)
+    offsets = scratch("keypoints.fits", (max(total, 1), 4), wp.float32, words.device)[:total]
+    if total:
+        refine(octaves, limits.contrast, limits.edge, margin, offsets, cells)
+    clear(words)
+    clear(ends)
+    if total:
+        keep(octaves, cells, words, ends)
+    add_up(ends)
 
 
-def list_extrema(
+def list_keypoints(
     octaves: Sequence[wp.array], words: wp.array, ends: wp.array, cells: wp.array
 ) -> None:
     """List octave, level, row and column of the N marks, in this order; one thread a row."""

@@ -1,6 +1,7 @@
 """Extrema between the pixels and levels of a scale space, in Warp.
 
-The Taichi set has the equations. One thread takes a point; on the CPU, a slab of points.
+The Taichi set has the equations. One thread takes a point; on the CPU, a slab of points. The code
+(_refinement.h) is native, because on CUDA it is also part of a native kernel.
 """
 
 from collections.abc import Sequence
@@ -8,13 +9,13 @@ from collections.abc import Sequence
 import warp as wp
 
 from cvkern.kernels.codes.features import MOVES
-from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import launch, launch_each
 from cvkern.kernels.warp.features._levels import table
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-MOST = wp.constant(MOVES)
-HALF = wp.constant(0.5)
+_FILE = "_refinement.h"
 
 
 def refine(
@@ -35,10 +36,33 @@ def refine(
     launch_each(_fit, count, 100 * count, inputs, [offsets, cells])
 
 
-@wp.func
-def difference(levels: wp.array3d[float], s: int, y: int, x: int) -> wp.float64:
-    """Return the difference of two neighbouring levels."""
-    return wp.float64(levels[s + 1, y, x] - levels[s, y, x])
+def keep(octaves: Sequence[wp.array], cells: wp.array, words: wp.array, counts: wp.array) -> None:
+    """Set the bits of the pixels of refined extrema on the CPU, and count them for each row."""
+    launch(_keep, 1, [table(octaves), cells], [words, counts])
+
+
+@_native.func_native(_FILE, MOVES=MOVES)
+def fit_one(
+    n: int,
+    octaves: wp.array2d[wp.int64],
+    contrast: float,
+    edge: float,
+    margin: int,
+    offsets: wp.array2d[float],
+    cells: wp.array2d[int],
+):
+    """Fit a paraboloid to extremum `n`."""
+
+
+@_native.func_native(_FILE)
+def keep_one(
+    n: int,
+    octaves: wp.array2d[wp.int64],
+    cells: wp.array2d[int],
+    words: wp.array[int],
+    counts: wp.array[int],
+):
+    """Set the bit of extremum `n`."""
 
 
 @wp.kernel
@@ -55,95 +79,17 @@ def _fit(
     # in place
     cells: wp.array2d[int],  # (N, 4): octave, level, row, column
 ):
-    half = wp.float64(0.5)
     for n in range(first + wp.tid(), last, stride):
-        o = cells[n, 0]
-        s = cells[n, 1]
-        y = cells[n, 2]
-        x = cells[n, 3]
-        height = int(octaves[o, 2])
-        width = int(octaves[o, 3])
-        levels = wp.array(
-            ptr=wp.uint64(octaves[o, 0]),
-            shape=(int(octaves[o, 1]) + 3, height, width),
-            dtype=wp.float32,
-        )
-        kept = int(0)
-        oy = wp.float64(0.0)
-        ox = wp.float64(0.0)
-        os = wp.float64(0.0)
-        top = wp.float64(0.0)
-        for _ in range(MOST):
-            c = difference(levels, s, y, x)
-            u = difference(levels, s, y - 1, x)
-            d = difference(levels, s, y + 1, x)
-            l = difference(levels, s, y, x - 1)
-            r = difference(levels, s, y, x + 1)
-            b = difference(levels, s - 1, y, x)
-            a = difference(levels, s + 1, y, x)
-            gy = half * (d - u)
-            gx = half * (r - l)
-            gs = half * (a - b)
-            yy = d + u - c - c
-            xx = r + l - c - c
-            ss = a + b - c - c
-            quarter = half * half
-            xy = quarter * (
-                difference(levels, s, y + 1, x + 1)
-                - difference(levels, s, y + 1, x - 1)
-                - difference(levels, s, y - 1, x + 1)
-                + difference(levels, s, y - 1, x - 1)
-            )
-            xs = quarter * (
-                difference(levels, s + 1, y, x + 1)
-                - difference(levels, s + 1, y, x - 1)
-                - difference(levels, s - 1, y, x + 1)
-                + difference(levels, s - 1, y, x - 1)
-            )
-            ys = quarter * (
-                difference(levels, s + 1, y + 1, x)
-                - difference(levels, s + 1, y - 1, x)
-                - difference(levels, s - 1, y + 1, x)
-                + difference(levels, s - 1, y - 1, x)
-            )
-            # The inverse by cofactors.
-            m00 = yy * ss - ys * ys
-            m01 = xs * ys - xy * ss
-            m02 = xy * ys - xs * yy
-            det = xx * m00 + xy * m01 + xs * m02
-            if det == wp.float64(0.0):
-                break
-            m11 = xx * ss - xs * xs
-            m12 = xy * xs - xx * ys
-            m22 = xx * yy - xy * xy
-            ox = -((m00 * gx + m01 * gy + m02 * gs) / det)
-            oy = -((m01 * gx + m11 * gy + m12 * gs) / det)
-            os = -((m02 * gx + m12 * gy + m22 * gs) / det)
-            if wp.abs(ox) < half and wp.abs(oy) < half and wp.abs(os) < half:
-                top = c + half * (gx * ox + gy * oy + gs * os)
-                trace = xx + yy
-                # This is tr^2 / det < edge, for a positive det.
-                if wp.abs(top) >= wp.float64(contrast) and m22 > wp.float64(0.0):
-                    if trace * trace < wp.float64(edge) * m22:
-                        kept = int(1)
-                break
-            # Beyond two pixels the fit means nothing.
-            if not (wp.abs(ox) < wp.float64(3.0) and wp.abs(oy) < wp.float64(3.0)):
-                break
-            if not (wp.abs(os) < wp.float64(3.0)):
-                break
-            x += int(wp.floor(ox + half))
-            y += int(wp.floor(oy + half))
-            s += int(wp.floor(os + half))
-            if s < 1 or s > levels.shape[0] - 3:
-                break
-            if y < margin or y >= height - margin or x < margin or x >= width - margin:
-                break
-        offsets[n, 0] = float(oy)
-        offsets[n, 1] = float(ox)
-        offsets[n, 2] = float(os)
-        offsets[n, 3] = float(wp.abs(top))
-        cells[n, 0] = wp.where(kept == 1, o, -1)
-        cells[n, 1] = s
-        cells[n, 2] = y
-        cells[n, 3] = x
+        fit_one(n, octaves, contrast, edge, margin, offsets, cells)
+
+
+@wp.kernel
+def _keep(
+    octaves: wp.array2d[wp.int64],
+    cells: wp.array2d[int],
+    # outputs
+    words: wp.array[int],
+    counts: wp.array[int],
+):
+    for n in range(cells.shape[0]):
+        keep_one(n, octaves, cells, words, counts)

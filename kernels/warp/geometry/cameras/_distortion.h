@@ -43,4 +43,13 @@ struct Lens {
         a = (3.0f * one - two) * (1.0f / SEGMENT);
         b = (two - one) * (2.0f / (SEGMENT * SEGMENT));
     }
+
+    // Whether such a parabola u0 + t (a + t b) stays half a pixel or more above 0, and below `most`.
+    // It lies within the triangle of its ends and of the point where the tangents there meet; no
+    // rounding is half a pixel.
+    static bool within(float u0, float a, float u2, float most) {
+        const float bend = u0 + (0.5f * SEGMENT) * a;
+        return (u0 >= 0.5f) & (bend >= 0.5f) & (u2 >= 0.5f) & (u0 <= most) & (bend <= most) &
+               (u2 <= most);
+    }
 };

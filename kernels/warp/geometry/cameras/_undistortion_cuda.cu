@@ -31,6 +31,10 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
             Lens::bend(v, v1, v2, a, b);
             to[4] = v, to[5] = a, to[6] = b;
             to[3] = numbers.data[19] > 0.0f && (there >> lane & 5u) == 5u ? 1.0f : 0.0f;
+            const bool within = to[3] > 0.0f &&
+                                Lens::within(to[0], to[1], u2, (float)width - 1.5f) &&
+                                Lens::within(to[4], to[5], v2, (float)height - 1.5f);
+            to[7] = within ? 1.0f : 0.0f;
         }
         __syncwarp();
     }
@@ -41,12 +45,80 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
     // Three bytes a pixel are read, and those of four lanes written, as words where these are whole.
     const unsigned below = (unsigned)width * CHANNELS;
     const bool reads = CHANNELS == 3 && below % 4 == 0 && (size_t)src.data % 4 == 0;
+    // Places in bytes are numbers of 32 bits where segments lie within the image.
+    const bool small = (size_t)height * below < (size_t)1 << 31;
     const bool writes = CHANNELS == 3 && columns % 4 == 0 && (size_t)dst.data % 4 == 0;
 #else
     const float outside = cval;
     const unsigned below = (unsigned)width * CHANNELS;
 #endif
     for (int base = 0; base < STEPS && begin + 32 * base < columns; base += GROUP) {
+#if BYTES && CHANNELS == 1 && SEGMENT == 32
+        if (small && below % 4 == 0 && (size_t)src.data % 4 == 0 && parabolas[base][7] > 0.0f) {
+            const float4 p = *(const float4*)parabolas[base];
+            const float4 q = *(const float4*)(parabolas[base] + 4);
+            const float t = (float)lane;
+            const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
+            const unsigned ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
+            const unsigned first = (iy >> 8) * below + (ix >> 8), last = first + 1;
+            const unsigned weights = (ix & 255) * 65535 + 256, low = iy & 255, high = 256 - low;
+            unsigned made[2];
+#pragma unroll
+            for (int i = 0; i < 2; ++i) {
+                // Both pixels of a row lie in one word, or else in two.
+                const char* line = (const char*)src.data + (i ? below : 0u);
+                const unsigned w0 = *(const unsigned*)(line + (first & ~3u));
+                const unsigned w1 = *(const unsigned*)(line + (last & ~3u));
+                made[i] = __dp2a_lo(weights, __funnelshift_r(w0, w1, 8 * first), 0u);
+            }
+            const int k = 32 * base + lane;
+            const unsigned all = made[0] * high + made[1] * low + 32768;
+            if (begin + k < columns) to[k] = (SCALAR)(all >> 16);
+            continue;
+        }
+#endif
+#if BYTES && CHANNELS == 3 && SEGMENT == 32
+        if (small && reads && writes && parabolas[base][7] > 0.0f) {
+            const float4 p = *(const float4*)parabolas[base];
+            const float4 q = *(const float4*)(parabolas[base] + 4);
+            const float t = (float)lane;
+            const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
+            const unsigned ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
+            const unsigned first = (iy >> 8) * below + (ix >> 8) * 3, last = first + 5;
+            // Both weights of the columns; six bytes lie in two words, or else in three.
+            const unsigned weights = (ix & 255) * 65535 + 256, low = iy & 255, high = 256 - low;
+            unsigned one[2], two[2];
+#pragma unroll
+            for (int i = 0; i < 2; ++i) {
+                const char* line = (const char*)src.data + (i ? below : 0u);
+                const unsigned* word = (const unsigned*)(line + (first & ~3u));
+                const unsigned w0 = word[0], w1 = word[1];
+                const unsigned w2 = *(const unsigned*)(line + (last & ~3u));
+                one[i] = __funnelshift_r(w0, w1, 8 * first);
+                two[i] = __funnelshift_r(w1, w2, 8 * first);
+            }
+            unsigned line[2][3];
+#pragma unroll
+            for (int i = 0; i < 2; ++i) {
+                const unsigned both = __byte_perm(one[i], two[i], 0x4130);
+                line[i][0] = __dp2a_lo(weights, both, 0u);
+                line[i][1] = __dp2a_hi(weights, both, 0u);
+                line[i][2] = __dp2a_lo(weights, __byte_perm(one[i], two[i], 0x0052), 0u);
+            }
+            unsigned made[3];
+#pragma unroll
+            for (int c = 0; c < 3; ++c) made[c] = line[0][c] * high + line[1][c] * low + 32768;
+            const unsigned all =
+                __byte_perm(__byte_perm(made[0], made[1], 0x0062), made[2], 0x7610);
+            const unsigned next = __shfl_down_sync(0xffffffffu, all, 1);
+            const int turn = lane & 3, k = 32 * base + lane;
+            // Four lanes have three words: bytes 0 1 2 0, 1 2 0 1 and 2 0 1 2 of two lanes each.
+            const unsigned bytes = turn == 0 ? 0x4210 : turn == 1 ? 0x5421 : 0x6542;
+            if (begin + k < columns && turn < 3)
+                *(unsigned*)(to + (k >> 2) * 12 + 4 * turn) = __byte_perm(all, next, bytes);
+            continue;
+        }
+#endif
         bool met[GROUP];
         SCALAR a[GROUP][2 * CHANNELS], b[GROUP][2 * CHANNELS];
 #if BYTES

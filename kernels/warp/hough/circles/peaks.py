@@ -1,4 +1,4 @@
-"""Peaks among the votes for circles, in Warp: a thread takes a slab of rows (CPU) or a row (CUDA).
+"""Peaks among the votes for circles, in Warp: a thread takes rows (CPU), a block a row (CUDA).
 
 A peak is above the limit of its plane. In a window around it, no value is larger, and no equal
 value precedes it. Each row counts its peaks, the host computes the prefix sum of the counts, and
@@ -11,7 +11,9 @@ import warp as wp
 
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._lanes_cpu import WIDE, f32_wide, vectors
-from cvkern.kernels.warp._launch import launch_each, launch_slabs, slabs, view
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, slabs, view
+
+from . import _peaks_cuda as cuda
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -122,7 +124,7 @@ def row_maxima(votes: wp.array, tops: wp.array) -> None:
 
 def count_peaks(votes: wp.array, limits: wp.array, down: int, along: int, counts: wp.array) -> None:
     """Count the peaks of each row."""
-    _by_rows(_count_peaks, votes, [limits, down, along], [counts])
+    _by_rows(_count_peaks, cuda.count_peaks, votes, [limits, down, along], [counts])
 
 
 def gather_peaks(
@@ -135,11 +137,19 @@ def gather_peaks(
     values: wp.array,
 ) -> None:
     """List plane, row, column and votes of the peaks of each row, at its place in `starts`."""
-    _by_rows(_gather_peaks, votes, [limits, down, along, starts], [places, values])
+    inputs, outputs = [limits, down, along, starts], [places, values]
+    _by_rows(_gather_peaks, cuda.gather_peaks, votes, inputs, outputs)
 
 
 def _by_rows(
-    kernel: wp.Kernel, votes: wp.array, inputs: list[Any], outputs: list[wp.array]
+    kernel: wp.Kernel,
+    on_cuda: wp.Kernel,
+    votes: wp.array,
+    inputs: list[Any],
+    outputs: list[wp.array],
 ) -> None:
     rows = votes.shape[0] * votes.shape[1]
+    if votes.device.is_cuda:
+        launch(on_cuda, rows * BLOCK, [votes, *inputs], outputs)
+        return
     launch_each(kernel, rows, votes.size, [votes, *inputs], outputs)

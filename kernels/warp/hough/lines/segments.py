@@ -5,7 +5,8 @@ import math
 import numpy as np
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, scratch, slabs
+from cvkern.kernels.warp._zeros import clear
 
 from . import _segments_cpu as cpu
 from . import _segments_cuda as cuda
@@ -31,7 +32,14 @@ def claim(
     number = points.shape[0]
     inputs = [points, codes, after, lines, directions, distance, tolerance]
     if points.device.is_cuda:
-        launch(cuda.claim, number, inputs, [labels])
+        device, tiles = points.device, cuda.TILES**2
+        extent = scratch("claim.extent", (1,), wp.int32, device)
+        near = scratch("claim.near", (tiles, lines.shape[1]), wp.int32, device)
+        counts = scratch("claim.counts", (tiles,), wp.int32, device)
+        clear(extent)
+        launch(cuda.find_extent, number, [points], [extent])
+        launch(cuda.find_near, tiles * BLOCK, [lines, distance, extent], [near, counts])
+        launch(cuda.claim, number, [*inputs, extent, near, counts], [labels])
         return
     tiles = _tiles_of(points)
     rows = tiles.starts.shape[0] - 1

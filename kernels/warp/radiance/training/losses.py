@@ -6,6 +6,9 @@ the channels of l(F - P), where l is the square, or Huber's: e^2 / 2 for |e| < k
 beyond. So with D = l' / 3,
 
     dL/dC = D,  dL/dO = -<D, B>,  dL/dB = D (a - O).
+
+A camera clips what is too bright or too dark. If `censored`, there is no error where P is 1 and F
+above, or P is 0 and F below, in pixels with a = 1.
 """
 
 import warp as wp
@@ -68,6 +71,9 @@ def loss_kernel(
             for k in range(3):
                 found = color[ray, k] + through * behind[k]
                 e = found - (seen * targets[ray, k] + (1.0 - seen) * behind[k])
+                if comparison.censored and seen >= 1.0:
+                    if (targets[ray, k] >= 1.0 and e > 0.0) or (targets[ray, k] <= 0.0 and e < 0.0):
+                        e = float(0.0)
                 error += e * e / 3.0
                 d = 2.0 * e
                 if comparison.huber > 0.0:

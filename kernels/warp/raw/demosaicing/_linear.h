@@ -11,38 +11,12 @@ void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_ro
     float near[5][PART + 4], own[PART], other[PART], green[PART];
     const bool blue = (row & 1) != red_row;  // whether it is a row of blue and green
     const int column = blue ? 1 - red_column : red_column;
-#if defined(__CUDA_ARCH__)
-    // Rows that begin at a multiple of PART are read and written by up to 16 bytes at once.
-    struct alignas(sizeof(TYPE) * PART > 16 ? 16 : sizeof(TYPE) * PART) Samples {
-        TYPE v[PART];
-    };
-    struct alignas(sizeof(Samples) > 16 ? 16 : sizeof(Samples)) Colours {
-        TYPE v[3 * PART];
-    };
-    const bool even = width % PART == 0;
-#endif
     for (int begin = left; begin < right; begin += PART) {
-        const int some = right - begin < PART ? right - begin : PART;
-        const bool inner = begin >= 2 && begin + some + 2 <= width;
-#if defined(__CUDA_ARCH__)
-        const int count = PART;  // loops of a fixed length keep arrays in registers
-#else
-        const int count = some;
-#endif
+        const int count = right - begin < PART ? right - begin : PART;
+        const bool inner = begin >= 2 && begin + count + 2 <= width;
         for (int k = 0; k < 5; ++k) {
             const TYPE* from = raw.data + (size_t)Mirror::at(row + k - 2, height) * width;
-#if defined(__CUDA_ARCH__)
-            if (inner && even) {
-                const Samples middle = *(const Samples*)(from + begin);
-                near[k][0] = (float)from[begin - 2];
-                near[k][1] = (float)from[begin - 1];
-                for (int i = 0; i < PART; ++i) near[k][i + 2] = (float)middle.v[i];
-                near[k][PART + 2] = (float)from[begin + PART];
-                near[k][PART + 3] = (float)from[begin + PART + 1];
-                continue;
-            }
-#endif
-            if (inner && some == count)
+            if (inner)
                 for (int i = 0; i < count + 4; ++i) near[k][i] = (float)from[begin + i - 2];
             else
                 for (int i = 0; i < count + 4; ++i)
@@ -74,26 +48,6 @@ void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_ro
             return (TYPE)(int)(value < 0.0f ? 0.0f : value > most ? most : value);
         };
         TYPE* to = colours.data + ((size_t)row * width + begin) * 3;
-#if defined(__CUDA_ARCH__)
-        if (even) {
-            Colours found;
-            for (int i = 0; i < PART; ++i) {
-                found.v[3 * i] = rounded(blue ? other[i] : own[i]);
-                found.v[3 * i + 1] = rounded(green[i]);
-                found.v[3 * i + 2] = rounded(blue ? own[i] : other[i]);
-            }
-            *(Colours*)to = found;
-            continue;
-        }
-#endif
-#if defined(__CUDA_ARCH__)
-        for (int i = 0; i < PART; ++i) {
-            if (i >= some) break;
-            to[3 * i] = rounded(blue ? other[i] : own[i]);
-            to[3 * i + 1] = rounded(green[i]);
-            to[3 * i + 2] = rounded(blue ? own[i] : other[i]);
-        }
-#else
         const float *red = blue ? other : own, *last = blue ? own : other;
         TYPE values[3][PART];
         for (int i = 0; i < count; ++i) {
@@ -103,6 +57,5 @@ void interpolate(int row, int left, int right, wp::array_t<TYPE> raw, int red_ro
         }
         for (int i = 0; i < count; ++i)
             for (int k = 0; k < 3; ++k) to[3 * i + k] = values[k][i];
-#endif
     }
 }

@@ -1,7 +1,7 @@
 """Menon's demosaicing, in Warp.
 
 The Taichi set has the equations. On the CPU the steps go over extended planes of a strip of rows,
-of which a thread takes a slab; on CUDA a block of threads takes a tile, and keeps it between steps.
+of which a thread takes a slab; on CUDA a warp keeps the rows that the steps need in registers.
 """
 
 import warp as wp
@@ -9,7 +9,7 @@ import warp as wp
 from cvkern.kernels.codes.raw import MARGIN, MENON_MARGINS, STRIP, Menon
 from cvkern.kernels.warp._launch import scratch
 from cvkern.kernels.warp._spans import spans
-from cvkern.kernels.warp.raw.demosaicing import _tiles_cuda, planes
+from cvkern.kernels.warp.raw.demosaicing import _menon_cuda, planes
 
 STEPS = ("DIFFERENCES", "GREEN", "AT_GREEN", "AT_CHROMA", "REFINE_GREEN", "REFINE_AT_CHROMA")
 
@@ -17,7 +17,7 @@ STEPS = ("DIFFERENCES", "GREEN", "AT_GREEN", "AT_CHROMA", "REFINE_GREEN", "REFIN
 def menon(raw: wp.array, red_row: int, red_column: int, colours: wp.array) -> None:
     """Fill in the two colours that each pixel misses; red is at (red_row, red_column)."""
     if raw.device.is_cuda:
-        _tiles_cuda.demosaic(raw, red_row, red_column, colours)
+        _menon_cuda.demosaic(raw, red_row, red_column, colours)
         return
     height, width = raw.shape
     for top in range(0, height, STRIP):
@@ -32,7 +32,7 @@ def menon(raw: wp.array, red_row: int, red_column: int, colours: wp.array) -> No
         planes.join(strip, 1, 3, 2, top, rows, colours)
 
 
-@spans("_menon.h", 2, **{name: int(Menon[name]) for name in STEPS})
+@spans("_menon.h", **{name: int(Menon[name]) for name in STEPS})
 def _menon(
     row: int,
     left: int,

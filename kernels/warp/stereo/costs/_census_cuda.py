@@ -1,7 +1,8 @@
 """Census and Hamming distance on CUDA: one thread per pixel, and threads along the disparities.
 
 census.py describes the transform. The code of the distances is native, so that a block stores those
-of a tile in order.
+of a tile in order. So is the census of semi-global matching, because the kernel of any window took
+91 us for 1080p on an H200.
 """
 
 from functools import lru_cache
@@ -58,6 +59,14 @@ def census_kernel(scalar: Any, symmetric: bool) -> wp.Kernel:
     return census
 
 
+@_native.kernel("_census_cuda.cu", OPTIONS)
+def census_of_24(
+    image: wp.array3d[wp.uint8],  # (H, W, 1)
+    # outputs
+    bits: wp.array3d[wp.uint64],  # (H, W, 1)
+): ...
+
+
 @_native.kernel("_census_cuda.cu", OPTIONS, BLOCK=_BLOCK, TILE=_TILE)
 def distances(
     left: wp.array3d[wp.uint64],  # (H, W, C)
@@ -71,7 +80,11 @@ def distances(
 def census(
     image: wp.array, radius_y: int, radius_x: int, spacing: int, symmetric: bool, bits: wp.array
 ) -> None:
-    """Launch a thread for each value."""
+    """Launch a thread for each value; for bytes and the 24 neighbours of matching, for four."""
+    usual = radius_y == radius_x == 2 and spacing == 1 and not symmetric
+    if usual and image.dtype is wp.uint8 and image.shape[2] == 1:
+        launch(census_of_24, image.shape[0] * -(-image.shape[1] // 4), [image], [bits])
+        return
     inputs = [image, radius_y, radius_x, spacing]
     launch(census_kernel(image.dtype, bool(symmetric)), image.shape, inputs, [bits])
 

@@ -1,11 +1,12 @@
 #include "../_winner.h"
 #include "_total_cuda.h"
 
-// needs DEPTH, TILE, BLOCK
+// needs DEPTH, TILE, BLOCK, NARROW
 void winners(wp::array_t<PATH_TYPE> lines, int depth, WinnerRule rule, WinnerArrays found,
              wp::array_t<int> right) {
     const unsigned ALL = 0xffffffffu;
     const int PITCH = DEPTH + 16, LANES = BLOCK / TILE;  // a pitch that spreads pixels over banks
+    const int TURNS = DEPTH / 2 / LANES;
     const int width = lines.shape[2], padded = lines.shape[3], chunks = padded / 16;
     const int tiles = (width + TILE - 1) / TILE;
     const int y = blockIdx.x / tiles, begin = blockIdx.x % tiles * TILE;
@@ -18,11 +19,13 @@ void winners(wp::array_t<PATH_TYPE> lines, int depth, WinnerRule rule, WinnerArr
         const long long at = (row + begin + pixel) * padded + d;
         unsigned total[8];
         Total::of_chunk(lines.data, pixels * padded, at, total);
-// No sum is 0xffff, because paths * (C + P2) is a multiple of 4 below 2^16.
+        // No sum is 0xffff, because paths * (C + P2) is a multiple of 4 below 2^16.
+        if (d + 16 > depth) {
 #pragma unroll
-        for (int j = 0; j < 8; ++j) {
-            if (d + 2 * j >= depth) total[j] |= 0xffffu;
-            if (d + 2 * j + 1 >= depth) total[j] |= 0xffff0000u;
+            for (int j = 0; j < 8; ++j) {
+                if (d + 2 * j >= depth) total[j] |= 0xffffu;
+                if (d + 2 * j + 1 >= depth) total[j] |= 0xffff0000u;
+            }
         }
         uint4* to = shared + (pixel * PITCH + d) / 8;
         to[0] = make_uint4(total[0], total[1], total[2], total[3]);
@@ -37,15 +40,28 @@ void winners(wp::array_t<PATH_TYPE> lines, int depth, WinnerRule rule, WinnerArr
         const unsigned* pairs = reinterpret_cast<const unsigned*>(here);
         const int words = pixel < count ? padded / 2 : 0;
         unsigned key = ALL, second = ALL;
-        for (int w = lane; w < words; w += LANES)
-            key = min(key, min(pairs[w] << 16 | 2 * w, (pairs[w] & 0xffff0000u) | 2 * w + 1));
+        if (NARROW && depth == DEPTH && pixel < count) {
+            // Both halves of a number have a sum of 10 bits above the turn of 6 bits.
+            unsigned both = ALL;
+#pragma unroll
+            for (int t = 0; t < TURNS; ++t)
+                both = __vminu2(both, pairs[lane + t * LANES] * 64 + t * 0x10001u);
+            const unsigned low = both & 0xffff, high = both >> 16;
+            key = min(low >> 6 << 16 | 2 * (lane + (low & 63) * LANES),
+                      high >> 6 << 16 | 2 * (lane + (high & 63) * LANES) + 1);
+        } else {
+            for (int w = lane; w < words; w += LANES)
+                key = min(key, min(pairs[w] << 16 | 2 * w, (pairs[w] & 0xffff0000u) | 2 * w + 1));
+        }
 #pragma unroll
         for (int o = LANES / 2; o > 0; o >>= 1) key = min(key, __shfl_xor_sync(ALL, key, o));
         const int k = key & 0xffff;
+#pragma unroll 4
         for (int w = lane; w < words; w += LANES) {
+            const unsigned gap = 2 * w - k + 2;  // 1 to 3: near the winner; the next one, 0 to 2
             unsigned far = pairs[w];
-            if (abs(2 * w - k) <= 1) far |= 0xffffu;
-            if (abs(2 * w + 1 - k) <= 1) far |= 0xffff0000u;
+            far |= gap - 1 <= 2u ? 0xffffu : 0u;
+            far |= gap <= 2u ? 0xffff0000u : 0u;
             second = __vminu2(second, far);
         }
         second = min(second & 0xffff, second >> 16);

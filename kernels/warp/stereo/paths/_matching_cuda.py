@@ -41,6 +41,7 @@ def winners(line_type: Any, paths: int, room: int, pixels: int) -> wp.Kernel:
         "DEPTH": room,
         "TILE": pixels,
         "BLOCK": BLOCK,
+        "NARROW": int(line_type is wp.uint8 and paths == 4),  # whether a sum has 10 bits
         "WIDE": wp.int32,
         **CURVES,
         **total_constants(line_type, paths),

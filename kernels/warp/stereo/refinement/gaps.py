@@ -35,17 +35,14 @@ def _find_sources(
 
 @wp.kernel
 def _fill_empty_rows(
-    lanes: int,
     found: wp.array[int],  # (H,) the row to fill from, or -1
     # outputs
     filled: wp.array2d[float],  # (H, W)
 ):
-    # `lanes` threads take a row.
-    i = wp.tid()
-    row = i // lanes
+    row = wp.tid()
     source = found[row]
     if source != row:
-        for x in range(i % lanes, filled.shape[1], lanes):
+        for x in range(filled.shape[1]):
             value = none()
             if source >= 0:
                 value = filled[source, x]
@@ -57,13 +54,13 @@ def fill(disparity: wp.array, filled: wp.array, valid: wp.array) -> None:
 
     A row without disparities is copied from the nearest row above that has one, or else below.
     """
-    height, lanes = filled.shape[0], 1
+    height = filled.shape[0]
     found = scratch("fill.found", (height,), wp.int32, filled.device)
     if filled.device.is_cuda:
-        lanes = 32
-        launch(cuda.fill_rows, lanes * height, [disparity], [filled, valid, found])
-    else:
-        count = slabs(height, filled.size)
-        launch_slabs(cpu.fill, height, count, [disparity], [filled, valid, found])
+        launch(cuda.fill_rows, 32 * height, [disparity], [filled, valid, found], cuda.BLOCK)
+        launch(cuda.fill_empty_rows, 32 * height, [found], [filled], cuda.BLOCK)
+        return
+    count = slabs(height, filled.size)
+    launch_slabs(cpu.fill, height, count, [disparity], [filled, valid, found])
     launch(_find_sources, 1, [], [found])
-    launch(_fill_empty_rows, lanes * height, [lanes, found], [filled])
+    launch(_fill_empty_rows, height, [found], [filled])

@@ -4,8 +4,8 @@ The median runs along the rows, and then down the columns of the result. A pixel
 the weight max(1, contrast - g), where g is the difference of the guide's values there and in the
 middle. Values are in ascending order, equal ones in the order of their places. The median is the
 first value at which the sum of the weights reaches half of the total. Each pair of values is
-compared once. On the CPU a thread takes a slab of rows, 16 pixels at once; on CUDA it takes a
-pixel, with the window in its registers.
+compared once. On the CPU a thread takes a slab of rows, 16 pixels at once; on CUDA it takes two
+neighbouring pixels, with their windows in its registers.
 """
 
 import warp as wp
@@ -28,8 +28,8 @@ def guided_median(
     across = scratch("guided_median.across", (height, width), wp.float32, smooth.device)
     if smooth.device.is_cuda:
         along, down = cuda.medians(radius)
-        launch(along, smooth.shape, [disparity, guide, contrast], [across])
-        launch(down, smooth.shape, [across, guide, contrast], [smooth])
+        launch(along, height * -(-width // 2), [disparity, guide, contrast], [across])
+        launch(down, -(-height // 2) * width, [across, guide, contrast], [smooth])
         return
     options = [guide, radius, contrast]
     count = slabs(height, smooth.size * (2 * radius + 1))

@@ -1,0 +1,70 @@
+"""``cvkern view``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+import cvkern
+from cvkern.app.commands import Backend, Device
+from cvkern.app.viewer.server import HOST, PORT, Page
+
+Host = Annotated[
+    str, typer.Option(help="Address to listen on; 0.0.0.0 for every machine that reaches this one.")
+]
+Port = Annotated[int, typer.Option(help="Port of the page.")]
+
+
+def view(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", help="Photograph, model (.npz), cloud (.ply), or map (.npy, .tif)."
+        ),
+    ],
+    host: Host = HOST,
+    port: Port = PORT,
+    backend: Backend = None,
+    device: Device = None,
+) -> None:
+    """Show a file on a page in the browser, until Ctrl-C.
+
+    A photograph has sliders for the parameters of edges, segments and circles. A radiance field is
+    rendered from where you stand, coarsely while you move. A map of depths or disparities, an image
+    of floating-point numbers, tells the value where you click. Only this machine sees the page,
+    unless --host says otherwise; nothing but FILE is served. Needs viser.
+    """
+    if not file.is_file():
+        raise FileNotFoundError(f"file must be one that exists, got {str(file)!r}")
+    with cvkern.use(backend=backend, device=device):
+        if file.suffix == ".npz":
+            from cvkern.app.viewer.fields import FieldPage
+            from cvkern.radiance import load_model
+
+            model = load_model(file)
+            field = FieldPage(model.cameras, host, port)
+            page, serve = field.page, lambda: field.serve(model)
+        elif file.suffix == ".ply":
+            from cvkern.app.viewer.clouds import cloud_page
+            from cvkern.clouds.ply import read_ply
+
+            page, serve = cloud_page(*read_ply(file), host, port), lambda: False
+        else:
+            page, serve = _image(file, host, port)
+        typer.echo(f"{page.address}: open it in a browser; Ctrl-C ends")
+        page.wait(serve)
+
+
+def _image(file: Path, host: str, port: int) -> tuple[Page, Callable[[], bool]]:
+    from cvkern.app.viewer.photographs import PhotographPage, map_page
+    from cvkern.images import read_image
+
+    values = np.load(file, allow_pickle=False) if file.suffix == ".npy" else read_image(file)
+    if values.dtype.kind == "f" and values.ndim == 2:
+        return map_page(values, host, port), lambda: False
+    photograph = PhotographPage(values, host, port)
+    return photograph.page, photograph.serve

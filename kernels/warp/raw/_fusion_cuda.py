@@ -1,0 +1,85 @@
+"""Fusion of exposures on CUDA, in native code: a thread has four pixels."""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from cvkern.kernels.codes import raw as codes
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import BLOCK
+from cvkern.kernels.warp.raw._bands_cuda import OPTIONS, PART
+from cvkern.kernels.warp.raw._types import constants
+
+
+class Fusion(NamedTuple):
+    """The kernels for frames of one type."""
+
+    weigh: wp.Kernel
+    begin: wp.Kernel
+    blend: wp.Kernel
+    finish: wp.Kernel
+
+
+def names(scalar: Any, channels: int) -> dict[str, Any]:
+    """Return the constants of the native code for values of a type."""
+    types = constants(scalar)
+    return {
+        "TYPE": types["TYPE"], "INTEGRAL": types["INTEGRAL"], "CHANNELS": channels,
+        "SUM": wp.int16 if types["INTEGRAL"] else wp.float32,
+        "STEEP": f"{1 / codes.KNEE!r}f", "LEAST": f"{codes.LEAST!r}f",
+    }  # fmt: skip
+
+
+@lru_cache
+def kernels(scalar: Any, channels: int) -> Fusion:
+    """Make the kernels for frames of a type."""
+    own = {"PART": PART, **names(scalar, channels)}
+
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    def weigh_block(
+        frames: wp.array4d[scalar],
+        scale: float,
+        contrast: float,
+        saturation: float,
+        exposure: float,
+        # outputs
+        weights: wp.array3d[float],
+    ):
+        """Forward to the native code."""
+
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
+    def frame_strips(
+        frames: wp.array4d[scalar],
+        scale: float,
+        weights: wp.array3d[float],
+        # outputs
+        dst: wp.array4d[float],
+    ):
+        """Forward to the native code."""
+
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
+    def blend_four(
+        fine: wp.array4d[float],
+        coarse: wp.array3d[float],
+        alone: int,
+        below: wp.array3d[float],
+        # outputs
+        out: wp.array3d[float],
+    ):
+        """Forward to the native code."""
+
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
+    def finish_four(
+        frames: wp.array4d[scalar],
+        scale: float,
+        weights: wp.array3d[float],
+        coarse: wp.array3d[float],
+        alone: int,
+        below: wp.array3d[float],
+        # outputs
+        out: wp.array3d[float],
+    ):
+        """Forward to the native code."""
+
+    return Fusion(weigh_block, frame_strips, blend_four, finish_four)

@@ -1,0 +1,127 @@
+// A bilateral grid on CUDA: a block fills the cells of one place and smooths them along Z; a thread
+// reads four pixels of a row.
+#include "_sums_cuda.h"
+
+// needs STEPS, SLOTS, DEEPEST
+void fill_cells(wp::array_t<float> logs, float lowest, float space, float depth,
+                wp::array_t<float> taps, wp::array_t<float> out) {
+    enum { WIDE = 64 };  // threads along a row
+    __shared__ unsigned long long sums[2 * DEEPEST];
+    const int height = logs.shape[0], width = logs.shape[1], size = out.shape[2];
+    const int row = blockIdx.x / out.shape[1], column = blockIdx.x % out.shape[1];
+    for (int i = threadIdx.x; i < 2 * size; i += blockDim.x) sums[i] = 0;
+    __syncthreads();
+    // The rows and the columns of pixels of the cell, at least.
+    const int top = max((int)(((float)row - 3.0f) / space), 0);
+    const int bottom = min((int)(((float)row - 1.0f) / space), height - 1);
+    const int left = max((int)(((float)column - 3.0f) / space), 0);
+    const int right = min((int)(((float)column - 1.0f) / space), width - 1);
+    for (int x = left + threadIdx.x % WIDE; x <= right; x += WIDE) {
+        if ((int)((float)x * space + 2.5f) != column) continue;
+        long long total = 0, count = 0;
+        int z = 0;
+        const auto flush = [&] {
+            if (!count) return;
+            atomicAdd(sums + 2 * z, (unsigned long long)total);
+            atomicAdd(sums + 2 * z + 1, (unsigned long long)count);
+        };
+        for (int y = top + threadIdx.x / WIDE; y <= bottom; y += blockDim.x / WIDE) {
+            if ((int)((float)y * space + 2.5f) != row) continue;
+            const float off = logs.data[(size_t)y * width + x] - lowest;
+            const int deep = (int)(off * depth + 2.5f);
+            if (deep != z) {
+                flush();
+                total = count = 0;
+                z = deep;
+            }
+            total += (long long)floorf(off * STEPS + 0.5f);
+            ++count;
+        }
+        flush();
+    }
+    __syncthreads();
+    float* to = out.data + (size_t)blockIdx.x * 2 * size;
+    for (int i = threadIdx.x; i < 2 * size; i += blockDim.x) {
+        float total = 0.0f;
+        for (int t = 0; t < taps.shape[0]; ++t) {
+            const int u = i / 2 + t - taps.shape[0] / 2;
+            if (u >= 0 && u < size) total += taps.data[t] * (float)(long long)sums[2 * u + i % 2];
+        }
+        to[i] = total;
+    }
+}
+
+// needs STEPS, SLOTS, DEEPEST
+void smooth_cells(wp::array_t<float> src, wp::array_t<float> taps, wp::array_t<float> out) {
+    const int size = 2 * src.shape[2], half = taps.shape[0] / 2;
+    const int count = src.shape[0] * src.shape[1] * size;
+    for (int i = blockIdx.x * blockDim.x + threadIdx.x; i < count; i += gridDim.x * blockDim.x) {
+        const int x = i / size % src.shape[1], y = i / size / src.shape[1];
+        float total = 0.0f;
+        for (int t = 0; t < taps.shape[0]; ++t) {
+            const int u = x + t - half;
+            if (u < 0 || u >= src.shape[1]) continue;
+            float column = 0.0f;
+            for (int s = 0; s < taps.shape[0]; ++s) {
+                const int v = y + s - half;
+                if (v < 0 || v >= src.shape[0]) continue;
+                column += taps.data[s] * src.data[i + ((v - y) * src.shape[1] + u - x) * size];
+            }
+            total += taps.data[t] * column;
+        }
+        out.data[i] = total;
+    }
+}
+
+// needs STEPS, SLOTS, DEEPEST
+void read_four(wp::array_t<float> logs, wp::array_t<float> cells, float lowest, float space,
+               float depth, wp::array_t<float> out, wp::array_t<wp::int64> sums) {
+    const int height = logs.shape[0], width = logs.shape[1], parts = (width + 3) / 4;
+    const int down = cells.shape[1] * cells.shape[2];
+    const bool aligned = width % 4 == 0 && (((size_t)logs.data | (size_t)out.data) & 15) == 0;
+    const auto between = [](float2 a, float2 b, float f) {
+        return make_float2(a.x + f * (b.x - a.x), a.y + f * (b.y - a.y));
+    };
+    Sums own;
+    for (int i = blockIdx.x * blockDim.x + threadIdx.x; i < height * parts;
+         i += gridDim.x * blockDim.x) {
+        const int row = i / parts, begin = i % parts * 4;
+        const size_t start = (size_t)row * width + begin;
+        const float y = (float)row * space + 2.0f;
+        const float fy = y - (float)(int)y;
+        float v[4] = {lowest, lowest, lowest, lowest};
+        if (aligned) {
+            const float4 four = *(const float4*)(logs.data + start);
+            v[0] = four.x;
+            v[1] = four.y;
+            v[2] = four.z;
+            v[3] = four.w;
+        } else {
+            for (int k = 0; k < 4; ++k)
+                if (begin + k < width) v[k] = logs.data[start + k];
+        }
+        for (int k = 0; k < 4; ++k) {
+            // A pixel beyond the row reads the cells of its end, and is not written.
+            const int column = begin + k < width ? begin + k : width - 1;
+            const float x = (float)column * space + 2.0f, z = (v[k] - lowest) * depth + 2.0f;
+            const float fx = x - (float)(int)x, fz = z - (float)(int)z;
+            const float2* at = (const float2*)cells.data +
+                               ((int)y * cells.shape[1] + (int)x) * cells.shape[2] + (int)z;
+            float2 near[2];
+            for (int n = 0; n < 2; ++n) {
+                const float2* p = at + n * down;
+                near[n] = between(between(p[0], p[1], fz),
+                                  between(p[cells.shape[2]], p[cells.shape[2] + 1], fz), fx);
+            }
+            const float2 found = between(near[0], near[1], fy);
+            v[k] = lowest + found.x / ((found.y > 1.0e-12f ? found.y : 1.0e-12f) * STEPS);
+            if (begin + k < width) own.add(v[k]);
+        }
+        if (aligned)
+            *(float4*)(out.data + start) = make_float4(v[0], v[1], v[2], v[3]);
+        else
+            for (int k = 0; k < 4; ++k)
+                if (begin + k < width) out.data[start + k] = v[k];
+    }
+    own.share(sums.data);
+}

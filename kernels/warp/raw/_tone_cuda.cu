@@ -1,0 +1,92 @@
+// Luminance with the ends and the sum of its logarithms, and colours scaled by powers of 2, of four
+// pixels a thread. Sums are those of _tone.h, in the same order.
+#include "_powers.h"
+#include "_sums_cuda.h"
+
+// needs RED, GREEN, BLUE, UNSEEN, STEPS, SLOTS
+void survey_four(wp::array_t<float> radiance, wp::array_t<float> logs,
+                 wp::array_t<wp::int64> sums) {
+    const int channels = radiance.shape[2], count = logs.shape[0] * logs.shape[1];
+    const bool aligned = (((size_t)radiance.data | (size_t)logs.data) & 15) == 0;
+    const auto seen = [](float v) { return v > 0.0f && v < 3.4e38f ? v : 0.0f; };
+    Sums own;
+    for (int i = 4 * (blockIdx.x * blockDim.x + threadIdx.x); i < count;
+         i += 4 * gridDim.x * blockDim.x) {
+        const int some = count - i < 4 ? count - i : 4;
+        const float* from = radiance.data + (size_t)i * channels;
+        float v[12], found[4];
+        if (aligned && some == 4) {
+            for (int k = 0; k < 3; ++k) {
+                if (k >= channels) break;
+                const float4 four = ((const float4*)from)[k];
+                v[4 * k] = four.x;
+                v[4 * k + 1] = four.y;
+                v[4 * k + 2] = four.z;
+                v[4 * k + 3] = four.w;
+            }
+        } else {
+            for (int k = 0; k < 12; ++k) v[k] = k < some * channels ? from[k] : 0.0f;
+        }
+        for (int k = 0; k < 4; ++k) {
+            const float light = channels == 1
+                                    ? seen(v[k])
+                                    : (RED * seen(v[3 * k]) + GREEN * seen(v[3 * k + 1])) +
+                                          BLUE * seen(v[3 * k + 2]);
+            found[k] = light > 1.2e-38f ? Powers::log2(light) : UNSEEN;
+            if (k < some) own.add(found[k]);
+        }
+        if (aligned && some == 4)
+            *(float4*)(logs.data + i) = make_float4(found[0], found[1], found[2], found[3]);
+        else
+            for (int k = 0; k < 4; ++k)
+                if (k < some) logs.data[i + k] = found[k];
+    }
+    own.share(sums.data);
+}
+
+// needs RED, GREEN, BLUE, UNSEEN, STEPS, SLOTS
+void show_four(wp::array_t<float> radiance, wp::array_t<float> one, float own,
+               wp::array_t<float> two, float other, float offset, wp::array_t<float> out) {
+    const int channels = radiance.shape[2], count = one.shape[0] * one.shape[1];
+    const bool aligned =
+        (((size_t)radiance.data | (size_t)one.data | (size_t)two.data | (size_t)out.data) & 15) ==
+        0;
+    const auto shown = [](float v, float ratio) {
+        const float value = (v > 0.0f && v < 3.4e38f ? v : 0.0f) * ratio;
+        return value < 1.0f ? value : 1.0f;
+    };
+    for (int i = 4 * (blockIdx.x * blockDim.x + threadIdx.x); i < count;
+         i += 4 * gridDim.x * blockDim.x) {
+        const int some = count - i < 4 ? count - i : 4;
+        const size_t start = (size_t)i * channels;
+        if (aligned && some == 4) {
+            const float4 a = *(const float4*)(one.data + i), b = *(const float4*)(two.data + i);
+            const float ratios[4] = {Powers::exp2((own * a.x + other * b.x) + offset),
+                                     Powers::exp2((own * a.y + other * b.y) + offset),
+                                     Powers::exp2((own * a.z + other * b.z) + offset),
+                                     Powers::exp2((own * a.w + other * b.w) + offset)};
+            const auto each = [&](int k, int p, int q, int r, int s) {
+                const float4 v = ((const float4*)(radiance.data + start))[k];
+                ((float4*)(out.data + start))[k] =
+                    make_float4(shown(v.x, ratios[p]), shown(v.y, ratios[q]), shown(v.z, ratios[r]),
+                                shown(v.w, ratios[s]));
+            };
+            if (channels == 1) {
+                each(0, 0, 1, 2, 3);
+            } else {
+                each(0, 0, 0, 0, 1);
+                each(1, 1, 1, 2, 2);
+                each(2, 2, 3, 3, 3);
+            }
+            continue;
+        }
+        for (int k = 0; k < some; ++k) {
+            const float ratio =
+                Powers::exp2((own * one.data[i + k] + other * two.data[i + k]) + offset);
+            for (int c = 0; c < channels; ++c) {
+                const size_t at = start + k * channels + c;
+                out.data[at] = shown(radiance.data[at], ratio);
+            }
+        }
+    }
+}

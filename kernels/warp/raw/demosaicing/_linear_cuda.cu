@@ -1,0 +1,98 @@
+// Fixed filters of 5 x 5 samples: a thread does PART pixels of ROWS rows, so that it reads each row
+// once. Both are even. Rows and columns beyond the image are those mirrored at its border. The sums
+// are those of _linear.h, in the same order.
+
+#include "../_mirror.h"
+
+// needs TYPE, INTEGRAL, HIGHEST, SHARP, RED_ROW, RED_COLUMN, PART, ROWS
+void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
+    struct alignas(sizeof(TYPE) * PART > 16 ? 16 : sizeof(TYPE) * PART) Samples {
+        TYPE v[PART];
+    };
+    struct alignas(sizeof(TYPE) * 2) Pair {
+        TYPE v[2];
+    };
+    struct alignas(sizeof(Samples) > 16 ? 16 : sizeof(Samples)) Colours {
+        TYPE v[3 * PART];
+    };
+    // Integers become floats and back as the lower bits of 2^23 and more: conversions are slow.
+    const float shift = 8388608.0f;
+    const auto real = [=](TYPE v) {
+        return INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)v) - shift : (float)v;
+    };
+    const auto rounded = [=](float value) {
+        if (!INTEGRAL) return (TYPE)value;
+        const float within = fminf(fmaxf(value + 0.5f, 0.0f), (float)HIGHEST);
+        return (TYPE)__float_as_uint(__fadd_rz(within, shift));
+    };
+    const int height = raw.shape[0], width = raw.shape[1];
+    const int parts = (width + PART - 1) / PART;
+    const int items = (height + ROWS - 1) / ROWS * parts;
+    const bool aligned = (((size_t)raw.data | (size_t)colours.data) & 15) == 0 && width % PART == 0;
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
+         item += gridDim.x * blockDim.x) {
+        const int top = item / parts * ROWS, begin = item % parts * PART;
+        const bool inner = aligned && begin >= 2 && begin + PART + 2 <= width;
+        float near[ROWS + 4][PART + 4];
+        const auto read = [&](int k) {
+            const TYPE* from = raw.data + (size_t)Mirror::at(top + k - 2, height) * width;
+            if (inner) {
+                const Pair before = *(const Pair*)(from + begin - 2);
+                const Samples middle = *(const Samples*)(from + begin);
+                const Pair after = *(const Pair*)(from + begin + PART);
+#pragma unroll
+                for (int i = 0; i < 2; ++i) {
+                    near[k][i] = real(before.v[i]);
+                    near[k][PART + 2 + i] = real(after.v[i]);
+                }
+#pragma unroll
+                for (int i = 0; i < PART; ++i) near[k][i + 2] = real(middle.v[i]);
+            } else {
+#pragma unroll
+                for (int i = 0; i < PART + 4; ++i)
+                    near[k][i] = real(from[Mirror::at(begin + i - 2, width)]);
+            }
+        };
+#pragma unroll
+        for (int k = 0; k < 4; ++k) read(k);
+#pragma unroll
+        for (int r = 0; r < ROWS; ++r) {
+            if (top + r >= height) break;
+            read(r + 4);
+            const bool blue = (r & 1) != RED_ROW;  // whether it is a row of blue and green
+            const int column = blue ? 1 - RED_COLUMN : RED_COLUMN;
+            Colours found;
+#pragma unroll
+            for (int i = 0; i < PART; ++i) {
+                const float* n[5] = {near[r] + i, near[r + 1] + i, near[r + 2] + i, near[r + 3] + i,
+                                     near[r + 4] + i};
+                const float c = n[2][2], h = n[2][1] + n[2][3], v = n[1][2] + n[3][2];
+                const float d = (n[1][1] + n[1][3]) + (n[3][1] + n[3][3]);
+                const float far_h = n[2][0] + n[2][4], far_v = n[0][2] + n[4][2];
+                float cross = 0.25f * (h + v), across = 0.5f * h, down = 0.5f * v,
+                      corners = 0.25f * d;
+                if (SHARP) {
+                    cross = 0.125f * ((4.0f * c + 2.0f * (h + v)) - (far_h + far_v));
+                    across = 0.125f * (((5.0f * c + 4.0f * h) - (d + far_h)) + 0.5f * far_v);
+                    down = 0.125f * (((5.0f * c + 4.0f * v) - (d + far_v)) + 0.5f * far_h);
+                    corners = 0.125f * ((6.0f * c + 2.0f * d) - 1.5f * (far_h + far_v));
+                }
+                const bool chroma = (i & 1) == column;
+                found.v[3 * i + (blue ? 2 : 0)] = rounded(chroma ? c : across);
+                found.v[3 * i + 1] = rounded(chroma ? cross : c);
+                found.v[3 * i + (blue ? 0 : 2)] = rounded(chroma ? corners : down);
+            }
+            TYPE* to = colours.data + ((size_t)(top + r) * width + begin) * 3;
+            if (aligned) {
+                *(Colours*)to = found;
+                continue;
+            }
+#pragma unroll
+            for (int i = 0; i < PART; ++i) {
+                if (begin + i >= width) break;
+#pragma unroll
+                for (int c = 0; c < 3; ++c) to[3 * i + c] = found.v[3 * i + c];
+            }
+        }
+    }
+}

@@ -1,0 +1,243 @@
+// Menon's demosaicing: a warp goes down a strip of columns, of which each lane has four, and keeps
+// the rows that the later steps need. The sums are those of _menon.h, in the same order. A row has
+// two samples of a colour and two of green in each lane.
+
+#include "../_mirror.h"
+
+// needs TYPE, INTEGRAL, HIGHEST, RED_ROW, RED_COLUMN, ROWS, HALO
+void interpolate_strips(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
+    enum { WIDE = 4 * (32 - 2 * HALO), BEFORE = 16 };  // rows before the first that is written
+    struct Two {
+        float v[2];
+    };
+    struct alignas(4 * sizeof(TYPE)) Samples {
+        TYPE v[4];
+    };
+    struct alignas(4 * sizeof(TYPE)) Colours {
+        TYPE v[12];
+    };
+    const float third = 1.0f / 3.0f, shift = 8388608.0f;
+    const auto rounded = [=](float value) {
+        if (!INTEGRAL) return (TYPE)value;
+        const float within = fminf(fmaxf(value + 0.5f, 0.0f), (float)HIGHEST);
+        return (TYPE)__float_as_uint(__fadd_rz(within, shift));
+    };
+    const auto left = [](const Two& a) { return __shfl_up_sync(0xffffffffu, a.v[1], 1); };
+    const auto right = [](const Two& a) { return __shfl_down_sync(0xffffffffu, a.v[0], 1); };
+    // The sums of what is before and after each place of the other kind, whose columns are odd or
+    // even.
+    const auto around = [=](const Two& a, int odd) {
+        Two sums;
+        if (odd) {
+            sums.v[0] = a.v[0] + a.v[1];
+            sums.v[1] = a.v[1] + right(a);
+        } else {
+            sums.v[0] = left(a) + a.v[0];
+            sums.v[1] = a.v[0] + a.v[1];
+        }
+        return sums;
+    };
+    const int height = raw.shape[0], width = raw.shape[1], lane = threadIdx.x % 32;
+    const int strips = (width + WIDE - 1) / WIDE, chunks = (height + ROWS - 1) / ROWS;
+    const bool aligned =
+        width % 4 == 0 && (((size_t)raw.data | (size_t)colours.data) & (4 * sizeof(TYPE) - 1)) == 0;
+    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < strips * chunks;
+         item += gridDim.x * blockDim.x / 32) {
+        const int begin = item / strips * ROWS, x = item % strips * WIDE + 4 * (lane - HALO);
+        const int end = begin + ROWS < height ? begin + ROWS : height;
+        const bool own_lane = lane >= HALO && lane < 32 - HALO;
+        // Rows of samples, of changes of the differences along rows, of differences along both,
+        // of green and direction, of colours at green samples, of the other colour and refined
+        // green at samples of a colour, and of refined colours at green samples.
+        Two chroma[9], green[9], down[5], across[3], found[3], own[3], other[3], second[3], fine[3],
+            last_own[3], last_other[3];
+        float change[5][3];
+        int flat[5];
+        const Two none = {{0.0f, 0.0f}};
+        for (int k = 0; k < 9; ++k) chroma[k] = green[k] = none;
+        for (int k = 0; k < 5; ++k) {
+            down[k] = none;
+            change[k][0] = change[k][1] = change[k][2] = 0.0f;
+            flat[k] = 0;
+        }
+        for (int k = 0; k < 3; ++k)
+            across[k] = found[k] = own[k] = other[k] = second[k] = fine[k] = last_own[k] =
+                last_other[k] = none;
+        for (int top = begin - BEFORE; top < end; top += 2) {
+#pragma unroll
+            for (int u = 0; u < 2; ++u) {
+                const int y = top + u;
+                // Whether a row of the parity of y has samples of a colour at odd columns.
+                const int odd = (u != RED_ROW) != RED_COLUMN, even = 1 - odd;
+#pragma unroll
+                for (int k = 0; k < 8; ++k) {
+                    chroma[k] = chroma[k + 1];
+                    green[k] = green[k + 1];
+                }
+                {
+                    const TYPE* row = raw.data + (size_t)Mirror::at(y + 8, height) * width;
+                    float v[4];
+                    if (aligned && x >= 0 && x + 4 <= width) {
+                        const Samples four = *(const Samples*)(row + x);
+                        for (int i = 0; i < 4; ++i)
+                            v[i] = INTEGRAL
+                                       ? __uint_as_float(0x4b000000u | (unsigned)four.v[i]) - shift
+                                       : (float)four.v[i];
+                    } else {
+                        for (int i = 0; i < 4; ++i) v[i] = (float)row[Mirror::at(x + i, width)];
+                    }
+                    for (int n = 0; n < 2; ++n) {
+                        chroma[8].v[n] = v[2 * n + odd];
+                        green[8].v[n] = v[2 * n + even];
+                    }
+                }
+                // Differences to green in row y + 6.
+#pragma unroll
+                for (int k = 0; k < 4; ++k) {
+                    down[k] = down[k + 1];
+                    flat[k] = flat[k + 1];
+                    for (int n = 0; n < 3; ++n) change[k][n] = change[k + 1][n];
+                }
+                across[0] = across[1];
+                across[1] = across[2];
+                {
+                    const Two near = around(green[6], odd);
+                    const float before = left(chroma[6]), after = right(chroma[6]);
+                    const float far[2] = {before + chroma[6].v[1], chroma[6].v[0] + after};
+                    for (int n = 0; n < 2; ++n) {
+                        const float c = chroma[6].v[n];
+                        const float h = 0.5f * near.v[n] + (0.5f * c - 0.25f * far[n]);
+                        const float w = 0.5f * (green[5].v[n] + green[7].v[n]) +
+                                        (0.5f * c - 0.25f * (chroma[4].v[n] + chroma[8].v[n]));
+                        across[2].v[n] = c - h;
+                        down[4].v[n] = c - w;
+                    }
+                    change[4][1] = fabsf(across[2].v[0] - across[2].v[1]);
+                    change[4][2] = fabsf(across[2].v[1] - right(across[2]));
+                    change[4][0] = __shfl_up_sync(0xffffffffu, change[4][2], 1);
+                }
+                // Green and the direction in row y + 4: changes along each, nearer ones more.
+                found[0] = found[1];
+                found[1] = found[2];
+                {
+                    Two after, before, across_rows;
+                    for (int n = 0; n < 2; ++n) {
+                        after.v[n] = fabsf(down[2].v[n] - down[4].v[n]);
+                        before.v[n] = fabsf(down[0].v[n] - down[2].v[n]);
+                        across_rows.v[n] = fabsf(down[1].v[n] - down[3].v[n]);
+                    }
+                    const float a[4] = {left(after), after.v[0], after.v[1], right(after)};
+                    const float b[4] = {left(before), before.v[0], before.v[1], right(before)};
+                    const float m[3] = {odd ? across_rows.v[0] : left(across_rows),
+                                        odd ? across_rows.v[1] : across_rows.v[0],
+                                        odd ? right(across_rows) : across_rows.v[1]};
+                    flat[4] = 0;
+                    for (int n = 0; n < 2; ++n) {
+                        float along = change[0][n + 1];
+                        along += change[0][n];
+                        along += change[1][n + odd];
+                        along += 3.0f * change[2][n + 1];
+                        along += 3.0f * change[2][n];
+                        along += change[3][n + odd];
+                        along += change[4][n + 1];
+                        along += change[4][n];
+                        float upright = a[n];
+                        upright += b[n];
+                        upright += m[n];
+                        upright += 3.0f * a[n + 1];
+                        upright += 3.0f * b[n + 1];
+                        upright += m[n + 1];
+                        upright += a[n + 2];
+                        upright += b[n + 2];
+                        const bool level = upright >= along;
+                        flat[4] |= level ? 1 << n : 0;
+                        found[2].v[n] = chroma[4].v[n] - (level ? across[0].v[n] : down[2].v[n]);
+                    }
+                }
+                // Colours at green samples of row y + 3, whose parity is the other one.
+                for (int k = 0; k < 2; ++k) {
+                    own[k] = own[k + 1];
+                    other[k] = other[k + 1];
+                    second[k] = second[k + 1];
+                    fine[k] = fine[k + 1];
+                    last_own[k] = last_own[k + 1];
+                    last_other[k] = last_other[k + 1];
+                }
+                {
+                    const Two p = around(chroma[3], odd), g = around(found[1], odd);
+                    for (int n = 0; n < 2; ++n) {
+                        const float c = green[3].v[n];
+                        own[2].v[n] = (c + 0.5f * p.v[n]) - 0.5f * g.v[n];
+                        other[2].v[n] = (c + 0.5f * (chroma[2].v[n] + chroma[4].v[n])) -
+                                        0.5f * (found[0].v[n] + found[2].v[n]);
+                    }
+                }
+                // The other colour, and refined green, at samples of a colour of row y + 2. In the
+                // rows above and below, the two colours change places.
+                {
+                    const Two o = around(other[1], odd), w = around(own[1], odd);
+                    Two less;
+                    for (int n = 0; n < 2; ++n) less.v[n] = own[1].v[n] - green[2].v[n];
+                    const float l[3] = {odd ? less.v[0] : left(less), odd ? less.v[1] : less.v[0],
+                                        odd ? right(less) : less.v[1]};
+                    for (int n = 0; n < 2; ++n) {
+                        const bool level = flat[2] >> n & 1;
+                        const float c = chroma[2].v[n], here = c - found[0].v[n];
+                        const float h = (c + 0.5f * o.v[n]) - 0.5f * w.v[n];
+                        const float v = (c + 0.5f * (own[0].v[n] + own[2].v[n])) -
+                                        0.5f * (other[0].v[n] + other[2].v[n]);
+                        second[2].v[n] = level ? h : v;
+                        const float mean_h = (l[n] + here) + l[n + 1];
+                        const float mean_v = ((other[0].v[n] - green[1].v[n]) + here) +
+                                             (other[2].v[n] - green[3].v[n]);
+                        fine[2].v[n] = c + -third * (level ? mean_h : mean_v);
+                    }
+                }
+                // Refined colours at green samples of row y + 1.
+                {
+                    Two less;
+                    for (int n = 0; n < 2; ++n) less.v[n] = chroma[1].v[n] - fine[1].v[n];
+                    const Two h = around(less, odd);
+                    for (int n = 0; n < 2; ++n) {
+                        const float w =
+                            (chroma[0].v[n] - fine[0].v[n]) + (chroma[2].v[n] - fine[2].v[n]);
+                        last_own[2].v[n] = green[1].v[n] + 0.5f * h.v[n];
+                        last_other[2].v[n] = green[1].v[n] + 0.5f * w;
+                    }
+                }
+                // The other colour at samples of a colour of row y, refined.
+                Two less, third_colour;
+                for (int n = 0; n < 2; ++n) less.v[n] = last_other[1].v[n] - last_own[1].v[n];
+                const float l[3] = {odd ? less.v[0] : left(less), odd ? less.v[1] : less.v[0],
+                                    odd ? right(less) : less.v[1]};
+                for (int n = 0; n < 2; ++n) {
+                    const bool level = flat[0] >> n & 1;
+                    const float c = chroma[0].v[n], here = second[0].v[n] - c;
+                    const float h = (l[n] + here) + l[n + 1];
+                    const float v = ((last_own[0].v[n] - last_other[0].v[n]) + here) +
+                                    (last_own[2].v[n] - last_other[2].v[n]);
+                    third_colour.v[n] = c + third * (level ? h : v);
+                }
+                if (!own_lane || y < begin || y >= end || x >= width) continue;
+                Colours result;
+                const int first = u == RED_ROW ? 0 : 2, end_colour = 2 - first;
+                for (int n = 0; n < 2; ++n) {
+                    TYPE* at = result.v + 3 * (2 * n + odd);
+                    at[first] = rounded(chroma[0].v[n]);
+                    at[1] = rounded(fine[0].v[n]);
+                    at[end_colour] = rounded(third_colour.v[n]);
+                    at = result.v + 3 * (2 * n + even);
+                    at[first] = rounded(last_own[1].v[n]);
+                    at[1] = rounded(green[0].v[n]);
+                    at[end_colour] = rounded(last_other[1].v[n]);
+                }
+                TYPE* to = colours.data + ((size_t)y * width + x) * 3;
+                if (aligned)
+                    *(Colours*)to = result;
+                else
+                    for (int i = 0; i < 12; ++i)
+                        if (x + i / 3 < width) to[i] = result.v[i];
+            }
+        }
+    }
+}

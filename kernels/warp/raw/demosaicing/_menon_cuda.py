@@ -1,0 +1,47 @@
+"""Menon's demosaicing on CUDA, in native code: a warp goes down a strip of columns.
+
+All steps are in one kernel, which keeps their rows in registers and exchanges columns by shuffles.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import launch
+from cvkern.kernels.warp.raw._types import constants
+
+OPTIONS = {"enable_backward": False, "fuse_fp": False}
+BOUNDS = 128, 3  # threads of a block, and blocks of a multiprocessor
+ROWS = 80  # rows that a warp writes: even; it begins 16 rows before
+HALO = 3  # lanes at either side of a warp that only help, of four columns each
+MOST = 2**20  # threads, whose warps take their parts in turns
+
+
+def demosaic(raw: wp.array, red_row: int, red_column: int, colours: wp.array) -> None:
+    """Find the colours of all pixels."""
+    height, width = raw.shape
+    warps = -(-height // ROWS) * -(-width // (4 * (32 - 2 * HALO)))
+    block = BOUNDS[0]
+    threads = -(-min(32 * warps, MOST) // block) * block
+    launch(kernel(raw.dtype, red_row, red_column), threads, [raw], [colours], block)
+
+
+@lru_cache
+def kernel(scalar: Any, red_row: int, red_column: int) -> wp.Kernel:
+    """Make the kernel for values of a type and a place of red."""
+    names = {
+        "RED_ROW": red_row, "RED_COLUMN": red_column, "ROWS": ROWS, "HALO": HALO,
+        **constants(scalar),
+    }  # fmt: skip
+
+    @_native.kernel("_menon_cuda.cu", OPTIONS, launch_bounds=BOUNDS, **names)
+    def interpolate_strips(
+        raw: wp.array2d[scalar],
+        # outputs
+        colours: wp.array3d[scalar],
+    ):
+        """Forward to the native code."""
+
+    return interpolate_strips

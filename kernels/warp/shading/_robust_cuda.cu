@@ -1,0 +1,184 @@
+// Robust rules of photometric stereo on CUDA. The values of a pixel stay in shared memory, where
+// each thread has a column.
+// needs KEPT, LEFT_OUT
+void rank_kept(wp::array_t<float> images, wp::array_t<float> scales, wp::array_t<wp::uint8> mask,
+               float limit, wp::array_t<wp::uint16> ranks) {
+    enum { MANY = 8 };  // values that are compared with all others at once
+    __shared__ float kept[KEPT];
+    const int count = images.shape[0], threads = blockDim.x;
+    const size_t plane = (size_t)images.shape[1] * images.shape[2];
+    const size_t here = (size_t)blockIdx.x * threads + threadIdx.x;
+    if (here >= plane) return;
+    const bool inside = mask.shape[0] == 0 || mask.data[here];
+    const float none = __int_as_float(0x7fc00000);  // in no order to any other
+    float* own = kept + threadIdx.x;
+#pragma unroll 8
+    for (int k = 0; k < count; ++k) {
+        const float value = __ldg(images.data + k * plane + here);
+        const bool finite = fabsf(value) < __int_as_float(0x7f800000);
+        own[k * threads] = inside && finite && value < limit ? value * scales.data[k] : none;
+    }
+    for (int first = 0; first < count; first += MANY) {
+        float values[MANY];
+        int below[MANY];
+#pragma unroll
+        for (int n = 0; n < MANY; ++n) {
+            values[n] = first + n < count ? own[(first + n) * threads] : none;
+            below[n] = 0;
+        }
+        for (int j = 0; j < first; ++j) {
+            const float other = own[j * threads];
+#pragma unroll
+            for (int n = 0; n < MANY; ++n) below[n] += other <= values[n];
+        }
+        for (int j = first + MANY; j < count; ++j) {
+            const float other = own[j * threads];
+#pragma unroll
+            for (int n = 0; n < MANY; ++n) below[n] += other < values[n];
+        }
+#pragma unroll
+        for (int n = 0; n < MANY; ++n) {
+            if (first + n >= count) continue;
+#pragma unroll
+            for (int m = 0; m < MANY; ++m)
+                below[n] += m < n ? values[m] <= values[n] : values[m] < values[n];
+            const bool left_out = !(values[n] == values[n]);
+            ranks.data[(first + n) * plane + here] =
+                (unsigned short)(left_out ? LEFT_OUT : below[n]);
+        }
+    }
+}
+
+// Consensus, or least squares of a window of ranks. Sums are float32. Each solution but the first is
+// the last one and a correction, which follows from what that leaves: so rounding hardly counts.
+// needs KEPT, LEFT_OUT, MOST, RIDGE, FLOOR
+void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::array_t<float> lights,
+                wp::array_t<float> windows, int consensus, int sweeps, wp::array_t<float> normals,
+                wp::array_t<float> albedo, wp::array_t<float> residual) {
+    __shared__ float kept[KEPT];
+    __shared__ unsigned char order[KEPT];
+    __shared__ float4 lamps[MOST];
+    const int count = images.shape[0], threads = blockDim.x;
+    for (int k = threadIdx.x; k < count; k += threads) {
+        const float* light = lights.data + 5 * k;
+        lamps[k] = make_float4(light[0], light[1], light[2], light[4]);
+    }
+    __syncthreads();
+    const size_t plane = (size_t)images.shape[1] * images.shape[2];
+    const size_t here = (size_t)blockIdx.x * threads + threadIdx.x;
+    if (here >= plane) return;
+    float* own = kept + threadIdx.x;
+    unsigned char* rank = order + threadIdx.x;
+    int number = 0;
+    float brightest = 0.0f;
+#pragma unroll 8
+    for (int k = 0; k < count; ++k) {
+        const float value = __ldg(images.data + k * plane + here) * lamps[k].w;
+        const int r = __ldg(ranks.data + k * plane + here);
+        own[k * threads] = value;
+        rank[k * threads] = r == LEFT_OUT ? 255 : r;
+        if (r == LEFT_OUT) continue;
+        ++number;
+        brightest = fmaxf(brightest, value);
+    }
+    const bool found = number >= 3 && brightest > 0.0f;
+    double mean[3] = {0.0, 0.0, 0.0}, strength = 0.0, total = 0.0;
+    for (int m = 0; found && m < windows.shape[0]; ++m) {
+        int low = (int)floorf(windows.data[2 * m] * (float)number + 0.5f);
+        int high = (int)floorf(windows.data[2 * m + 1] * (float)number + 0.5f);
+        // Whether the window has an image.
+        const auto has = [&](int k) {
+            const int r = rank[k * threads];
+            return r >= low && r < high && (!consensus || own[k * threads] > 0.0f);
+        };
+        int inside = 0;
+        for (int k = 0; k < count; ++k) inside += has(k);
+        if (inside < 4) {  // too few to tell their spread
+            low = 0;
+            high = number;
+        }
+        double s[3] = {0.0, 0.0, 0.0}, spread = 0.0, turn = 0.0;
+        // A rule of one sweep has a second one, for its correction.
+        const int last = sweeps > 0 ? sweeps : 1;
+        for (int sweep = 0; sweep <= last; ++sweep) {
+            const float x = (float)s[0], y = (float)s[1], z = (float)s[2];
+            const float scale = spread > 0.0 ? (float)(1.0 / spread) : 0.0f;
+            float xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
+            float bx = 0.0f, by = 0.0f, bz = 0.0f, squares = 0.0f, weights = 0.0f;
+            for (int k = 0; k < count; ++k) {
+                if (!has(k)) continue;
+                const float4 light = lamps[k];
+                const float shown = light.x * x + light.y * y + light.z * z;
+                const float off = own[k * threads] - shown;
+                float weight = 1.0f;
+                if (consensus && sweep > 0 && scale > 0.0f) {
+                    const float ratio = fabsf(off) * scale;
+                    weight = shown > 0.0f ? __fdividef(1.0f, 1.0f + ratio * ratio) : 0.0f;
+                    weight += (float)FLOOR;
+                }
+                const float wx = weight * light.x, wy = weight * light.y, wz = weight * light.z;
+                xx += wx * light.x;
+                xy += wx * light.y;
+                xz += wx * light.z;
+                yy += wy * light.y;
+                yz += wy * light.z;
+                zz += wz * light.z;
+                bx += wx * off;
+                by += wy * off;
+                bz += wz * off;
+                squares += weight * off * off;
+                weights += weight;
+            }
+            // The inverse of the matrix and the ridge, by cofactors.
+            const double ridge = RIDGE * ((double)xx + yy + zz);
+            const double a = xx + ridge, b = xy, c = xz, d = yy + ridge, e = yz, f = zz + ridge;
+            const double i = d * f - e * e, j = c * e - b * f, k = b * e - c * d;
+            const double whole = 1.0 / (a * i + b * j + c * k);
+            const double ii = i * whole, ij = j * whole, ik = k * whole;
+            const double jj = (a * f - c * c) * whole, jk = (b * c - a * e) * whole;
+            const double kk = (a * d - b * b) * whole;
+            const double p = bx - ridge * x, q = by - ridge * y, r = bz - ridge * z;
+            const double dx = ii * p + ij * q + ik * r, dy = ij * p + jj * q + jk * r;
+            const double dz = ik * p + jk * q + kk * r;
+            // What is left after the correction.
+            const double bent = dx * (xx * dx + 2.0 * (xy * dy + xz * dz)) +
+                                dy * (yy * dy + 2.0 * yz * dz) + zz * dz * dz;
+            const double left = squares - 2.0 * (dx * bx + dy * by + dz * bz) + bent;
+            s[0] = x + dx;
+            s[1] = y + dy;
+            s[2] = z + dz;
+            spread = sqrt(fmax(left, 0.0) / fmax(weights - 3.0, 0.5));
+            const double power = s[0] * s[0] + s[1] * s[1] + s[2] * s[2];
+            if (power > 0.0) {
+                const double along = s[0] * (ii * s[0] + ij * s[1] + ik * s[2]) +
+                                     s[1] * (ij * s[0] + jj * s[1] + jk * s[2]) +
+                                     s[2] * (ik * s[0] + jk * s[1] + kk * s[2]);
+                turn = (ii + jj + kk - along / power) / power;
+            }
+        }
+        const double length = sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]);
+        if (!(length > 0.0 && length < 1e300)) continue;
+        double share = 1.0;
+        if (windows.shape[0] > 1) share = 1.0 / (spread * sqrt(fmax(turn, 0.0)) + 1e-6);
+        for (int n = 0; n < 3; ++n) mean[n] += share / length * s[n];
+        strength += share * length;
+        total += share;
+    }
+    const double length = sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2]);
+    const bool told = found && length > 0.0;
+    const float none = __int_as_float(0x7fc00000);
+    for (int n = 0; n < 3; ++n)
+        normals.data[3 * here + n] = told ? (float)(mean[n] / length) : none;
+    albedo.data[here] = told ? (float)(strength / total) : 0.0f;
+    float squares = 0.0f;
+    for (int k = 0; told && k < count; ++k) {
+        if (rank[k * threads] == 255) continue;
+        const float4 light = lamps[k];
+        const float shown = albedo.data[here] * (light.x * normals.data[3 * here] +
+                                                 light.y * normals.data[3 * here + 1] +
+                                                 light.z * normals.data[3 * here + 2]);
+        const float off = (own[k * threads] - fmaxf(shown, 0.0f)) / light.w;
+        squares += off * off;
+    }
+    residual.data[here] = told ? sqrtf(squares / (float)number) : 0.0f;
+}
