@@ -27,9 +27,9 @@ def scene() -> radiance.Scene:
     return radiance.make_scene(train=4, test=1, size=12)
 
 
-@lru_cache(4)
-def _model_of(backend: str, device: str) -> radiance.Model:
-    return radiance.fit(scene(), SMALL, steps=2, progress=False)
+@lru_cache(8)
+def _model_of(backend: str, device: str, transient: bool = False) -> radiance.Model:
+    return radiance.fit(scene(), SMALL, steps=2, progress=False, transient=transient)
 
 
 def model() -> radiance.Model:
@@ -95,6 +95,12 @@ def filmed(cameras: Any, fps: Any = 20.0, background: Any = None) -> int:
         path = Path(folder) / "a.gif"
         radiance.render_path(model(), cameras, path, fps=fps, background=background)
         return path.stat().st_size > 0
+
+
+def passing(view: Any, trained: bool = True) -> Any:
+    """Render what passes in front of a photograph, by a model that was trained for it or not."""
+    found = _model_of(runtime().name, runtime().device, trained)
+    return radiance.render_transient(found, view)
 
 
 def scored(test: Any = True, views: Any = None) -> Any:
@@ -205,6 +211,9 @@ CALLS: dict[str, Call] = {
     ),
     "radiance.render_path": Call(
         filmed, {"cameras": PLACES}, {"fps": one(20.0, 1, 0, 1e9), "background": BEHIND}
+    ),
+    "radiance.render_transient": Call(
+        passing, {"view": whole(-1, 5)}, {"trained": one(True, False)}, equal=False
     ),
     "radiance.evaluate": Call(scored, {}, {"test": one(True, False), "views": VIEWS}, equal=False),
     "radiance.mesh": Call(
