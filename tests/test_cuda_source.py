@@ -83,10 +83,11 @@ def stereo_kernels():
     from cvkern.kernels.warp.stereo.refinement._gaps_cuda import fill_empty_rows, fill_rows
 
     byte, word = wp.uint8, wp.uint16
-    for radius in (0, 6, 15):
-        yield from disparity.medians(radius)
+    for radius, contrast in ((0, 1), (6, 40), (15, 3000)):
+        yield from disparity.medians(radius, contrast)
     yield from (fill_rows, fill_empty_rows)
     yield from cost_kernels()
+    yield match_costs.pack
     for aligned in (True, False):
         yield match_costs.match_costs_kernel(aligned)
     for scalar in (byte, word, wp.float32):
