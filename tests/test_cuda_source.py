@@ -162,9 +162,9 @@ def test_extrema_fuse_no_product_with_a_sum(tmp_path):
     from cvkern.kernels.warp.features.keypoints import _extrema_cuda as extrema
 
     kernels.start("cpu", None)
-    for levels in (1, 3, 8):
-        module, folder = extrema.mark(levels).module, tmp_path / f"{levels}"
-        (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=folder, use_ptx=True)
+    for n, kernel in enumerate((extrema.move, *map(extrema.mark, (1, 3, 8)))):
+        folder = tmp_path / f"{n}"
+        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
         assert "fma.rn.f" not in Path(ptx).read_text()
 
 

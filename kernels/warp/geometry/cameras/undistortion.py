@@ -19,7 +19,6 @@ from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 # Pixels of a lane on CUDA, and of these fetched at once: anywhere, and inside the image.
 STEPS, GROUP, FAST = 8, 1, 4
-NAMES = {wp.uint8: "wp::uint8", wp.float32: "float"}
 
 
 def sample(src: wp.array, numbers: wp.array, cval: float, dst: wp.array) -> None:
@@ -46,7 +45,7 @@ def sample_rows_cpu(scalar: Any, channels: int) -> wp.Kernel:
     native = _native.func_native(
         "_undistortion_cpu.h",
         BYTES=int(scalar is wp.uint8),
-        SCALAR=NAMES[scalar],
+        SCALAR=scalar,
         CHANNELS=channels,
         SEGMENT=LENS_SEGMENT,
     )
@@ -86,7 +85,7 @@ def sample_parts_cuda(scalar: Any, channels: int) -> wp.Kernel:
         OPTIONS,
         launch_bounds=(BLOCK, 4),
         BYTES=int(scalar is wp.uint8),
-        SCALAR=NAMES[scalar],
+        SCALAR=scalar,
         CHANNELS=channels,
         SEGMENT=LENS_SEGMENT,
         STEPS=STEPS,
