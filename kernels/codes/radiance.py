@@ -34,7 +34,9 @@ def network_room(inputs: int, samples: int, half: bool) -> tuple[int, int]:
     return 2 * sum(NETWORK_VALUES), samples
 
 
-PLANES_PLACE = 16  # numbers in an array of planes before the inverse depths of the planes
+# Numbers in an array of planes before the inverse depths of the planes: a pose from world to camera
+# row by row, then how texels follow from places at depth 1: two factors, and two shifts.
+PLANES_PLACE = 16
 
 
 class Background(IntEnum):

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from cvkern.app.tour import CHAPTERS, crowds, radiance, tour
+from cvkern.app.tour import crowds, radiance
 from cvkern.app.tour.clock import Clock
-from cvkern.images import read_image
 
 SHORT = 4.0  # seconds
 
@@ -36,12 +35,3 @@ def test_chapter(quick):
     assert (off**2).mean() < 0.2 * (blank**2).mean()
     assert [timing.function for timing in learnt.timings] == ["render"]
     assert f"seconds={SHORT:g}" in learnt.call
-
-
-def test_the_page_has_the_film(quick, tmp_path):
-    assert radiance.chapter in CHAPTERS
-    tour(tmp_path, chapters=(radiance.chapter,))
-    (film,) = tmp_path.rglob("radiance-orbit.*")
-    assert film.stat().st_size > 0
-    (picture,) = tmp_path.rglob("radiance-render.*")
-    assert read_image(picture).shape == (300, 300, 3)

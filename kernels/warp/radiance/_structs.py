@@ -3,8 +3,6 @@
 Each has the fields of the tuple of the same name in kernels/codes/radiance.py, in the same order.
 """
 
-from typing import Any
-
 import warp as wp
 
 
@@ -145,14 +143,6 @@ class Head:
     least: float
     rate: float
     delay: int
-
-
-def struct_of(kind: Any, values: Any) -> Any:
-    """Return a structure of these values, in the order of its fields."""
-    made = kind()
-    for name, value in zip(kind.vars, values, strict=True):
-        setattr(made, name, value)
-    return made
 
 
 # Names in native code of the structures that its own structures contain.

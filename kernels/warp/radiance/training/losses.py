@@ -17,7 +17,8 @@ from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Background, Draw
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._random import random_unit
-from cvkern.kernels.warp.radiance._structs import Comparison, struct_of
+from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.radiance._structs import Comparison
 
 wp.set_module_options({"enable_backward": False})
 

@@ -12,8 +12,9 @@ import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, scratch, view
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
-from cvkern.kernels.warp.radiance._structs import Rays, Seen, struct_of
+from cvkern.kernels.warp.radiance._structs import Rays, Seen
 
 from . import _rays_cuda as cuda
 from ._path import FIRST, corner_of, distance_of, path_of
