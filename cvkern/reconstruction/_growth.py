@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cvkern.geometry.cameras.lens import matrix_of
 from cvkern.geometry.poses import find_pose
 from cvkern.kernels.codes.reconstruction import POSE, Loss
 from cvkern.reconstruction._adjustment import Bundle, Effort, adjust, gaps_of
@@ -192,7 +193,7 @@ class Growth:
         own = np.flatnonzero(tracks.view == view)
         own = own[np.isfinite(self.points[tracks.track[own], 0])]
         lens = self.rows[self.lenses.of[view]]
-        matrix = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
+        matrix = matrix_of(*lens[:4])
         straight = self.straight[own] * lens[:2] + lens[2:4]
         pose = find_pose(
             self.points[tracks.track[own]], np.ascontiguousarray(straight[:, ::-1]), matrix,
