@@ -27,7 +27,7 @@ from tests.fuzz.families import CALLS, draw_call, name_of, parts
 
 ALLOWED = (ValueError, TypeError)
 # What messages may be about, apart from the arguments of the call.
-SHARED = {"arrays", "votes", "out", "path", "channel_axis", "points0", "points1", "model"}
+SHARED = {"arrays", "votes", "out", "path", "channel_axis", "points0", "points1"}
 # Three calls in four are drawn again, up to so often, until Warp does not refuse the arguments.
 TRIES = 6
 AGAIN = 8  # one call in so many is made again, with arrays laid out plainly

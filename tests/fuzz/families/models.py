@@ -27,9 +27,9 @@ def scene() -> radiance.Scene:
     return radiance.make_scene(train=4, test=1, size=12)
 
 
-@lru_cache(8)
-def _model_of(backend: str, device: str, transient: bool = False) -> radiance.Model:
-    return radiance.fit(scene(), SMALL, steps=2, progress=False, transient=transient)
+@lru_cache(4)
+def _model_of(backend: str, device: str) -> radiance.Model:
+    return radiance.fit(scene(), SMALL, steps=2, transient=True, progress=False)
 
 
 def model() -> radiance.Model:
@@ -84,6 +84,11 @@ def lit(image: Any, **options: Any) -> Any:
     return radiance.fit_appearance(model(), image, CAMERAS, **options)
 
 
+def passing(view: Any) -> Any:
+    """Show what passes in front of a photograph."""
+    return radiance.render_transient(model(), view)
+
+
 def rendered(cameras: Any, view: Any, background: Any = None) -> Any:
     """Render a view of a model."""
     return radiance.render(model(), cameras, view, background=background)
@@ -95,12 +100,6 @@ def filmed(cameras: Any, fps: Any = 20.0, background: Any = None) -> int:
         path = Path(folder) / "a.gif"
         radiance.render_path(model(), cameras, path, fps=fps, background=background)
         return path.stat().st_size > 0
-
-
-def passing(view: Any, trained: bool = True) -> Any:
-    """Render what passes in front of a photograph, by a model that was trained for it or not."""
-    found = _model_of(runtime().name, runtime().device, trained)
-    return radiance.render_transient(found, view)
 
 
 def scored(test: Any = True, views: Any = None) -> Any:
@@ -203,17 +202,18 @@ CALLS: dict[str, Call] = {
             "spread": number(0, 0.1),
             "seed": whole(0, 9),
             "deterministic": one(False, True),
+            "appearance": one(None, "affine", "none"),
+            "robust": one(False, True),
+            "transient": one(False, True),
         },
         equal=False,
     ),
+    "radiance.render_transient": Call(passing, {"view": whole(0, 5)}, {}, equal=False),
     "radiance.render": Call(
         rendered, {"cameras": PLACES, "view": whole(0, 1)}, {"background": BEHIND}, equal=False
     ),
     "radiance.render_path": Call(
         filmed, {"cameras": PLACES}, {"fps": one(20.0, 1, 0, 1e9), "background": BEHIND}
-    ),
-    "radiance.render_transient": Call(
-        passing, {"view": whole(-1, 5)}, {"trained": one(True, False)}, equal=False
     ),
     "radiance.evaluate": Call(scored, {}, {"test": one(True, False), "views": VIEWS}, equal=False),
     "radiance.mesh": Call(
