@@ -160,7 +160,8 @@ def planes_from_stereo(
     length = check_positive(baseline, "baseline") * matrix[0, 0]
     shift = check_number(doffs, "doffs")
     found = stereo_match(photos[0], photos[1], disparities, channel_axis=-1)
-    inverse = (found.disparity.astype(np.float64) + shift) / length
+    with np.errstate(over="ignore"):  # such points are too near to be known
+        inverse = (found.disparity.astype(np.float64) + shift) / length
     known = (inverse > 1 / REMOTE) & (inverse < REMOTE)
     if not known.any():
         raise ValueError(f"disparities must put pixels in front of the cameras, got {disparities}")
