@@ -4,6 +4,8 @@ import inspect
 import os
 import re
 import signal
+from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -54,7 +56,45 @@ def pytest_ignore_collect(collection_path, config):
     return None if OTHERS.search(text) or "LIBRARIES" in text else True
 
 
+# Seconds of the files that take longest, of 800 in all in two processes. Files go to the next free
+# process: the longest first, or one process would still have a long one when the others are done.
+SECONDS = {
+    "docs/test_docstrings.py": 150,
+    "app/test_tour.py": 80,
+    "fuzz/test_fuzz.py": 50,
+    "app/test_doctor.py": 45,
+    "radiance/training/test_training.py": 40,
+    "runtime/test_cache.py": 30,
+    "test_cuda_source.py": 30,
+    "hough/lines/test_votes.py": 25,
+    "radiance/fields/test_perceptron.py": 25,
+    "recognition/test_models.py": 20,
+    "geometry/test_solvers.py": 20,
+    "radiance/test_checkpoints.py": 20,
+    "runtime/test_runtime.py": 15,
+    "transform/test_cuda.py": 12,
+    "test_house.py": 12,
+    "app/test_tour_radiance.py": 10,
+    "radiance/training/test_deterministic.py": 10,
+    "radiance/training/test_settings.py": 10,
+    "geometry/test_epipolar.py": 10,
+}
+
+
+def pytest_configure(config):
+    """Tell pytest-xdist to keep the order below; it would sort files by their number of tests."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False
+
+
 def pytest_collection_modifyitems(config, items):
+    number, here = Counter(item.path for item in items), Path(__file__).parent
+
+    def order(item):
+        seconds = SECONDS.get(os.path.relpath(item.path, here), 0)
+        return -seconds, -number[item.path], str(item.path)
+
+    items.sort(key=order)
     if config.getoption("--arrays"):
         items[:] = [
             item

@@ -9,6 +9,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_beside, check_choice, check_image, check_number
+from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
 from cvkern.color.spaces import apply_matrix
 from cvkern.kernels.codes.color import SLOTS
@@ -167,8 +168,7 @@ def _peak(rt: Runtime, pixels: Any) -> float:
     key = int(rt.to_numpy(keys).max())
     if not key:
         return -np.inf
-    bits = np.array([key - 2**32]).astype(np.int32)
-    return float((bits ^ ((bits >> 31) & 0x7FFFFFFF)).view(np.float32)[0])
+    return float(floats_of(np.array([key - 2**32], np.int32))[0])
 
 
 def _gathered(

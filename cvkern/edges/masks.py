@@ -146,19 +146,19 @@ def canny(
 
 def canny_options(
     image: Any,
-    sigma: float = 1.0,
-    low_threshold: float | None = None,
-    high_threshold: float | None = None,
-    mask: Any = None,
-    use_quantiles: bool = False,
+    sigma: float,
+    low_threshold: float | None,
+    high_threshold: float | None,
+    mask: Any,
+    use_quantiles: bool,
     *,
-    operator: str = "sobel",
-    suppression: str = "interpolated",
-    norm: str = "l2",
-    mode: str = "constant",
-    cval: float = 0.0,
+    operator: str,
+    suppression: str,
+    norm: str,
+    mode: str,
+    cval: float,
 ) -> tuple[Any, EdgeOptions]:
-    """Check the arguments of :func:`canny`."""
+    """Check the arguments of :func:`canny`, which has the defaults."""
     image = check_photograph(image)
     check_choice(operator, OPERATORS, "operator")
     check_choice(suppression, SUPPRESSIONS, "suppression")

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from cvkern.geometry._batches import check_batch, search_options
+from cvkern.geometry._matches import gather
 from cvkern.geometry.fitting import scaled
-from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, alone, gather
+from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, alone
 from cvkern.kernels.codes.geometry import Model
 
 
@@ -251,4 +252,4 @@ def find_many(pairs: Sequence[tuple[Any, Any]], model: Model, options: Search) -
     explorer = Explorer(batched.rt, batch, options)
     matrices, marks, costs = explorer.finish(model, explorer.explore(model))
     matrices = np.linalg.inv(batch.to_unit[1]) @ matrices @ batch.to_unit[0]
-    return batched.fits(batch, np.stack([scaled(m) for m in matrices]), marks, costs)
+    return batched.fits(batch, scaled(matrices), marks, costs)

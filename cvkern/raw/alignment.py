@@ -10,6 +10,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_integer
+from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
 from cvkern.raw.demosaicing import CARRIED
@@ -108,7 +109,7 @@ def _graded(rt: Runtime, images: Any, shape: tuple[int, ...]) -> tuple[Any, np.n
     kernels.mix(rt.adopt(images, carried, (*flat, channels)), 1 / channels, grey, ends)
     found = np.array(rt.to_numpy(ends))
     keys = (np.stack([2**32 - found[:, 0], found[:, 1]]) - 2**31).astype(np.int32)
-    low, high = (keys ^ ((keys >> 31) & 0x7FFFFFFF)).view(np.float32).astype(np.float64)
+    low, high = floats_of(keys).astype(np.float64)
     units = (GREYS - 1) / np.where(high > low, high - low, 1)
     scales = np.stack([low, units], axis=1).astype(np.float32)
     kernels.grade(grey, rt.send("align.scales", scales), levels)

@@ -185,7 +185,7 @@ def _layered(rt: Runtime, logs: Any, ends: Ends, contrast: float) -> tuple[Any, 
         ).reshape(logs.shape)
     step = max(1, math.ceil(math.sqrt(logs.size / SAMPLES)))
     few = rt.scratch("tone.few", tuple(-(-n // step) for n in logs.shape))
-    rt.raw.tone.thin(found, step, few)
+    rt.transform.pyramids.thin(found, step, few)
     values = np.sort(rt.to_numpy(few), axis=None)
     white = float(values[min(int(WHITE * values.size), values.size - 1)])
     return found, 1.0, logs, -1.0, -white

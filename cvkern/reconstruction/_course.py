@@ -73,7 +73,7 @@ def find_models(course: Course, heap: Heap, lenses: Lenses) -> list[Growth]:
         if not _grow(course, more, len(models)):
             break
         models.append(more)
-    # Of models of one size, the one with most places is first.
+    # Among models of one size, that with most places is first.
     return sorted(models, key=lambda m: (-int(m.placed.sum()), -int(m.active.sum())))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cvkern.geometry.cameras.lens import Camera
+from cvkern.geometry.cameras.lens import Camera, matrix_of
 from cvkern.panorama.registration import Heap
 from cvkern.reconstruction._arguments import scaled
 from cvkern.reconstruction._growth import Growth
@@ -17,9 +17,8 @@ def cameras_of(rows: np.ndarray, of: np.ndarray, heap: Heap) -> tuple[Camera, ..
     found = []
     for n, row in enumerate(rows):
         image = int(np.flatnonzero(of == n)[0])
-        fx, fy, cx, cy, *bent = scaled(row, 1 / heap.factors[image])
-        matrix = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
-        found.append(Camera(matrix, bent, tuple(heap.images[image].shape[:2])))
+        lens = scaled(row, 1 / heap.factors[image])
+        found.append(Camera(matrix_of(*lens[:4]), lens[4:], tuple(heap.images[image].shape[:2])))
     return tuple(found)
 
 

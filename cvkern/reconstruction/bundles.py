@@ -17,7 +17,7 @@ from cvkern._checks import (
 )
 from cvkern._runtime import refuse_capture
 from cvkern.geometry._points import check_points
-from cvkern.geometry.cameras.lens import Camera, check_lens
+from cvkern.geometry.cameras.lens import Camera, check_lens, matrix_of
 from cvkern.kernels.codes.reconstruction import POSE, Loss
 from cvkern.reconstruction._adjustment import Bundle, Effort, adjust, lens_row
 
@@ -172,8 +172,7 @@ def adjust_bundle(
     eyes = -np.einsum("nij,nj->ni", back, bundle.translations)
     made = []
     for row, camera in zip(bundle.lenses, kinds, strict=True):
-        matrix = [[row[0], 0, row[2]], [0, row[1], row[3]], [0, 0, 1]]
-        made.append(Camera(matrix, row[4:], camera.shape))
+        made.append(Camera(matrix_of(*row[:4]), row[4:], camera.shape))
     adjusted = np.concatenate((back, eyes[:, :, None]), axis=2)
     return AdjustedBundle(adjusted, tuple(made), bundle.points, errors)
 
@@ -196,7 +195,8 @@ def _check_poses(poses: Any) -> np.ndarray:
 
 
 def _indices(values: Any, shape: tuple[int, ...], limit: Any, name: str) -> np.ndarray:
-    found = np.asarray(as_array(values, name)) if np.size(values) else np.zeros(shape, int)
+    found = np.asarray(as_array(values, name))
+    found = np.zeros(shape, int) if not found.size and 0 in shape else found
     if found.dtype.kind not in "iu":
         raise TypeError(f"{name} must be integers, got {found.dtype}")
     if found.shape != shape:

@@ -12,7 +12,7 @@ import numpy as np
 
 from cvkern._checks import check_choice, check_instance
 from cvkern._files import as_path, replacing, write_text
-from cvkern.geometry.cameras.lens import Camera, focal_and_center
+from cvkern.geometry.cameras.lens import Camera, focal_and_center, matrix_of
 from cvkern.radiance.scenes import _colmap
 from cvkern.reconstruction.models import Reconstruction, checked
 
@@ -55,7 +55,8 @@ def write_reconstruction(
     FileNotFoundError
         If the folder does not exist.
     TypeError
-        If `reconstruction` is not a Reconstruction, or an array of it does not hold real numbers.
+        If `reconstruction` is not a Reconstruction, an array of it does not hold real numbers, or
+        `images` is not a str.
     ValueError
         If `format` is unknown, an array of `reconstruction` has another shape than the class says,
         is not finite (poses may be NaN) or points to what is not there, no photograph has a place,
@@ -86,6 +87,7 @@ def write_reconstruction(
     """
     check_choice(format, FORMATS, "format")
     check_instance(reconstruction, Reconstruction, "reconstruction")
+    check_instance(images, str, "images")
     reconstruction = checked(reconstruction)
     folder = as_path(path)
     if not folder.is_dir():
@@ -303,10 +305,10 @@ def _read(files: list[Path], binary: bool) -> Reconstruction:
     made, number_of = [], {}
     for name in sorted(lenses):
         _, width, height, _ = lenses[name]
-        (fx, fy, cx, cy), bent = _colmap._lens(lenses[name], width, height, files[0])
+        lens, bent = _colmap._lens(lenses[name], width, height, files[0])
         number_of[name] = len(made)
         try:
-            made.append(Camera([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], bent, (height, width)))
+            made.append(Camera(matrix_of(*lens), bent, (height, width)))
         except (TypeError, ValueError) as error:
             raise ValueError(f"{files[0]}: {error}") from None
     point_of = {int(name): n for n, name in enumerate(names)}

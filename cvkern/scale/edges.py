@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable, Iterator
+from inspect import signature
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import runtime
-from cvkern.edges.masks import canny_options, find_states
+from cvkern.edges.masks import EdgeOptions, canny, canny_options, find_states
 from cvkern.edges.quantiles import ranks_of
 from cvkern.edges.slopes import find_slopes
 from cvkern.kernels.codes.edges import Edge, Norm, Thinning
@@ -26,11 +27,17 @@ Place = tuple[slice, slice]
 
 def tile_edges(window: np.ndarray, **options: Any) -> np.ndarray:
     """Return the states of the pixels of a window, uint8."""
-    image, checked = canny_options(window, **options)
+    image, checked = _checked(window, options)
     rt = runtime(image)
     states = rt.empty(tuple(image.shape[:2]), np.uint8)
     find_states(rt, image, checked, rt.adopt(states, np.uint8))
     return rt.release(states)
+
+
+def _checked(window: np.ndarray, options: dict[str, Any]) -> tuple[Any, EdgeOptions]:
+    given = signature(canny).bind(window, **options)
+    given.apply_defaults()
+    return canny_options(*given.args, **given.kwargs)
 
 
 def thresholds(
@@ -45,8 +52,7 @@ def thresholds(
     count = np.zeros(2**15, np.int64)
     for tile in tiles:
         count += np.bincount(_lengths(tile, read, options) >> 16, minlength=len(count))
-    image, _ = read(tiles[0])
-    checked = canny_options(image, **options)[1]
+    _, checked = _checked(read(tiles[0])[0], options)
     strict = checked.rule != Thinning.FRAMED
     ranks = ranks_of(checked.thresholds, int(count.sum()), strict)
     upper = [int(np.searchsorted(np.cumsum(count), rank, side="right")) for rank in ranks]
@@ -69,7 +75,7 @@ def thresholds(
 def _lengths(tile: Any, read: Callable[[Any], tuple[Any, Any]], options: dict[str, Any]) -> Any:
     """Return the bits of what thresholds are compared with, of the pixels of a tile, int32."""
     window, beside = read(tile)
-    image, checked = canny_options(window, **options, **beside)
+    image, checked = _checked(window, options | beside)
     rt = runtime(image, checked.around.mask)
     shape = tuple(image.shape[:2])
     slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)

@@ -158,5 +158,5 @@ def _threshold(rt: Runtime, modulations: list[Any]) -> float:
     shape = (len(modulations), -(-height // step), -(-width // step))
     some = rt.scratch("phase.samples", shape)
     for n, plane in enumerate(modulations):
-        rt.structured_light.phase.pick(plane, step, some[n])
+        rt.transform.pyramids.thin(plane, step, some[n])
     return min(share_of_brightest(part, BRIGHTEST, SHARE) for part in rt.to_numpy(some))

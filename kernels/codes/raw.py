@@ -26,6 +26,12 @@ class Menon(IntEnum):
 MENON_MARGINS = (2, 6, 7, 8, 9, 10, 11)
 
 
+# Merging of exposures.
+FADE = 16.0  # linear values lose their weight over the last sixteenth below saturation
+FAINTEST = 1e-30  # light, and sums of weights, are at least this before a logarithm or a division
+MIDDLE = 128  # a code below this, seen by no exposure with a weight, is taken for too dark
+
+
 class Step(IntEnum):
     """Steps of the residual interpolation of red or blue, in their order."""
 

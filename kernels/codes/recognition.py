@@ -13,11 +13,14 @@ PART = 32  # patches are padded with zeros to a multiple of so many bytes
 LARGEST_PATCH = 640  # bytes of a patch, with zeros: 25 x 25 pixels
 MOST_WORDS = 8  # words that a patch activates, at most
 
-FINE = 16
+FINE_BITS = 4
+FINE = 1 << FINE_BITS
 OCTAVE = 64
 ONE = 2**16
+SHARE_BITS = 8  # votes for pixels are divided by 2^8, because shares of figures are bytes
 FACTOR_BITS = 16  # factors of scale are in parts of 2^16
-KERNEL_ONE = 2**10  # value of the kernel of mean shift at its middle
+KERNEL_BITS = 10
+KERNEL_ONE = 1 << KERNEL_BITS  # value of the kernel of mean shift at its middle
 AROUND = 3  # votes are listed in cells that are at most so many from one of a maximum
 DEEPEST = 255  # largest radius of that kernel in steps of scale
 NOBODY = -1  # match of a patch that activates no further word

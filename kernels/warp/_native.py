@@ -12,7 +12,7 @@ The module declares one by a signature with the same parameters, in the same ord
     def blur_row(row: int, image: wp.array2d[float], out: wp.array2d[float]): ...
 
 The constants become ``#define`` lines before the body. A type is a constant too:
-``SCALAR="float"`` for ``wp::array_t<SCALAR>``. A line ``#include "NAME"`` at the top of a file
+``SCALAR=wp.uint8`` for ``wp::array_t<SCALAR>``. A line ``#include "NAME"`` at the top of a file
 inserts the text of another file, whose path is relative to the first, before every function of the
 file. A rule that several functions share is a ``struct`` with static functions in such a file. It
 names its constants in ``// needs`` lines of its own, and the functions of the including file need
@@ -108,10 +108,15 @@ def _snippet(stub: Any, file: str, constants: dict[str, Any]) -> str:
     declared = [p for p in inspect.get_annotations(stub) if p != "return"]
     if declared != list(parameters):
         raise ImportError(f"{file}: {name} takes {list(parameters)}, got {declared}")
-    defines = "".join(f"#define {key} {value}\n" for key, value in constants.items())
+    defines = "".join(f"#define {key} {_text(value)}\n" for key, value in constants.items())
     undefines = "".join(f"#undef {key}\n" for key in constants)
     # Some pragmas must directly follow a brace, so the body keeps its own braces.
     return f"\n{defines}{shared}{{{body}}}\n{undefines}"
+
+
+def _text(constant: Any) -> str:
+    """Return a constant as C++: the name of a Warp type, or else the constant itself."""
+    return f"wp::{constant.__name__}" if isinstance(constant, type) else str(constant)
 
 
 @lru_cache

@@ -12,10 +12,11 @@ import skimage.data
 from PIL import Image
 
 import cvkern
-from cvkern.app.tour import CHAPTERS, tour
+from cvkern.app.tour import CHAPTERS, clock, tour
 from cvkern.app.tour.page import Chapter, Figure, Panel, Timing
 from cvkern.images import read_image
 
+RUNS = 2  # timed calls of each function, of 7
 VOID = {"meta", "img", "br", "link"}
 
 
@@ -58,6 +59,8 @@ def made(tmp_path_factory):
         patch.setattr(socket.socket, "connect", refuse)
         patch.setattr("cvkern.app.tour.radiance.SECONDS", 4.0)
         patch.setattr("cvkern.app.tour.radiance.FRAMES", 4)
+        patch.setattr("cvkern.app.tour.crowds.STEPS", 20)
+        patch.setattr("cvkern.app.tour.clock.RUNS", RUNS)
         page = tour(folder, progress=lambda *step: steps.append(step))
     assert page == folder / "index.html"
     assert [done for done, _, _ in steps] == list(range(steps[0][1] + 1))
@@ -117,7 +120,23 @@ def test_timings(made):
     }  # fmt: skip
     for timing in data["timings"]:
         assert timing["milliseconds"] > 0
-        assert timing["runs"] >= 5
+        assert timing["runs"] == RUNS
+
+
+def test_the_clock_tells_the_median_of_seven_warm_calls(monkeypatch):
+    times, calls = iter(np.repeat([0, 1, 3, 6, 10, 15, 21, 60], 2)[1:-1]), []
+
+    def shrink(image, *, factor):
+        calls.append(factor)
+        return image[::factor]
+
+    monkeypatch.setattr(clock.time, "perf_counter", lambda: next(times))
+    timer = clock.Clock()
+    assert timer(shrink, np.zeros((8, 6), np.uint8), factor=2).shape == (4, 6)
+    assert calls == [2] * 8  # the first compiles
+    (timing,) = timer.take()
+    assert timing == Timing("shrink", "factor=2", (8, 6), "uint8", 4000.0, 7)
+    assert timer.take() == ()
 
 
 def test_page_needs_only_its_files(made):
@@ -144,6 +163,12 @@ def test_page_needs_only_its_files(made):
     assert "<td>0</td>" not in text  # no rate is rounded to nothing
     for chapter in CHAPTERS:
         assert chapter().title in tags.text
+
+
+def test_the_chapter_on_radiance_fields(made):
+    with Image.open(made / "radiance-orbit.webp") as film:
+        assert film.n_frames == 4
+    assert read_image(made / "radiance-render.webp").shape == (300, 300, 3)
 
 
 def small(text="plain", panels=None):

@@ -130,7 +130,7 @@ def test_errors(no_kernel_runs, message, arguments, options):
 def test_every_so_many_pixels(kernels):
     src = np.arange(77, dtype=np.float32).reshape(7, 11)
     out = [((3, 4), np.float32)]
-    found = kernels("structured_light.phase.pick", src, 3, out=out)
+    found = kernels("transform.pyramids.thin", src, 3, out=out)
     np.testing.assert_array_equal(found, src[::3, ::3])
 
 

@@ -22,6 +22,19 @@ Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace results that are there: tables, models, films.")
 ]
 
+Photo = Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")]
+Drawing = Annotated[Path, typer.Option("--output", "-o", help="Image to write.")]
+Csv = Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")]
+Json = Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")]
+Low = Annotated[
+    float | None,
+    typer.Option(help="Gradient above which an edge continues.", show_default="from the image"),
+]
+High = Annotated[
+    float | None,
+    typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
+]
+Seed = Annotated[int, typer.Option(help="Seed of all random numbers.")]
 
 Folder = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder to write.")]
 OverwriteFolder = Annotated[

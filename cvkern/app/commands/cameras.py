@@ -16,6 +16,7 @@ from cvkern.app.commands import (
     Device,
     Folder,
     OverwriteFolder,
+    Seed,
     check_folder,
     progress_bar,
 )
@@ -53,7 +54,7 @@ def cameras(
     binary: Annotated[
         bool, typer.Option("--binary", help="Write COLMAP's files as .bin, not .txt.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    seed: Seed = 0,
     overwrite: OverwriteFolder = False,
     backend: Backend = None,
     device: Device = None,

@@ -14,7 +14,11 @@ import cvkern
 from cvkern.app.commands import (
     Backend,
     Device,
+    Drawing,
+    High,
+    Low,
     Overwrite,
+    Photo,
     check_apart,
     check_new,
     write_csv,
@@ -25,8 +29,8 @@ COLOR = (255, 98, 41)
 
 
 def circles(
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    photo: Photo,
+    output: Drawing,
     radius: Annotated[
         tuple[float, float],
         typer.Option(metavar="LOW HIGH", help="Smallest and largest radius, pixels."),
@@ -34,14 +38,8 @@ def circles(
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the Gaussian, reduced image's pixels.")
     ] = 2.0,
-    low_threshold: Annotated[
-        float | None,
-        typer.Option(help="Gradient above which an edge continues.", show_default="from the image"),
-    ] = None,
-    high_threshold: Annotated[
-        float | None,
-        typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
-    ] = None,
+    low_threshold: Low = None,
+    high_threshold: High = None,
     polarity: Annotated[
         str, typer.Option(help="Bright discs, dark discs, or any: any, bright or dark.")
     ] = "any",

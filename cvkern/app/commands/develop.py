@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, check_apart
+from cvkern.app.commands import Backend, Device, Drawing, check_apart
 
 SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef")
 
@@ -18,7 +18,7 @@ def develop(
     photo: Annotated[
         Path, typer.Argument(metavar="RAW", help="A camera's raw file, or an image of samples.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    output: Drawing,
     pattern: Annotated[
         str | None, typer.Option(help="Colours of a cell, row by row.", show_default="RGGB")
     ] = None,

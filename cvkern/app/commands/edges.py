@@ -11,7 +11,9 @@ import cvkern
 from cvkern.app.commands import (
     Backend,
     Device,
+    Drawing,
     Overwrite,
+    Photo,
     check_apart,
     check_new,
     write_csv,
@@ -22,8 +24,8 @@ LOW, HIGH = "quantile 0.7 of the image's", "quantile 0.9 of the image's"
 
 
 def edges(
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    photo: Photo,
+    output: Drawing,
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the Gaussian, pixels.")
     ] = SIGMA,

@@ -14,6 +14,7 @@ import cvkern
 from cvkern.app.commands import (
     Backend,
     Device,
+    Drawing,
     Overwrite,
     check_apart,
     check_new,
@@ -29,7 +30,7 @@ def find(
         Path, typer.Argument(metavar="TEMPLATE", help="Image that shows mainly the shape.")
     ],
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Image to find it in.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    output: Drawing,
     rotations: Annotated[
         int, typer.Option(help="Rotations to try, over the full turn; 1 for upright only.")
     ] = 360,

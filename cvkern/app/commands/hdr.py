@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device
+from cvkern.app.commands import Backend, Device, Drawing
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 TIMES = "exposure_seconds.json"
@@ -18,7 +18,7 @@ TIMES = "exposure_seconds.json"
 
 def hdr(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the exposures.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    output: Drawing,
     seconds: Annotated[
         str | None,
         typer.Option(

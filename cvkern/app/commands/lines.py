@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -13,8 +12,14 @@ import typer
 import cvkern
 from cvkern.app.commands import (
     Backend,
+    Csv,
     Device,
+    Drawing,
+    High,
+    Json,
+    Low,
     Overwrite,
+    Photo,
     check_apart,
     check_new,
     write_csv,
@@ -26,28 +31,22 @@ COLOR = (255, 98, 41)
 
 
 def lines(
-    photo: Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    photo: Photo,
+    output: Drawing,
     whole: Annotated[
         bool, typer.Option("--lines/--segments", help="Whole lines, or segments with two ends.")
     ] = False,
     sigma: Annotated[float, typer.Option(help="Standard deviation of the Gaussian, pixels.")] = 1.0,
-    low_threshold: Annotated[
-        float | None,
-        typer.Option(help="Gradient above which an edge continues.", show_default="from the image"),
-    ] = None,
-    high_threshold: Annotated[
-        float | None,
-        typer.Option(help="Gradient above which an edge starts.", show_default="from the image"),
-    ] = None,
+    low_threshold: Low = None,
+    high_threshold: High = None,
     min_length: Annotated[float, typer.Option(help="Smallest length of a segment, pixels.")] = 20.0,
     max_gap: Annotated[float, typer.Option(help="Largest gap in a segment, pixels.")] = 3.0,
     min_votes: Annotated[
         float | None,
         typer.Option(help="Fewest edge points of a line.", show_default="a tenth of the diagonal"),
     ] = None,
-    to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
-    to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    to_csv: Csv = None,
+    to_json: Json = None,
     overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,

@@ -13,7 +13,10 @@ import typer
 import cvkern
 from cvkern.app.commands import (
     Backend,
+    Csv,
     Device,
+    Drawing,
+    Json,
     Overwrite,
     as_gray,
     check_apart,
@@ -29,15 +32,15 @@ MOST_DRAWN = 200
 def match(
     one: Annotated[Path, typer.Argument(metavar="A", help="Image to read.")],
     other: Annotated[Path, typer.Argument(metavar="B", help="Image to match it with.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Image to write.")],
+    output: Drawing,
     method: Annotated[str, typer.Option(help="sift, or orb.")] = "sift",
     max_keypoints: Annotated[int, typer.Option(help="Points of each image.", min=1)] = 2000,
     max_ratio: Annotated[
         float, typer.Option(help="Largest ratio of best to second distance; 1 keeps all.")
     ] = 0.8,
     spread: Annotated[bool, typer.Option("--spread", help="Spread the points evenly.")] = False,
-    to_csv: Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")] = None,
-    to_json: Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")] = None,
+    to_csv: Csv = None,
+    to_json: Json = None,
     overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,

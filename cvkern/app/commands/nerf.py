@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Overwrite, check_apart, check_new, progress_bar
+from cvkern.app.commands import (
+    Backend,
+    Device,
+    Overwrite,
+    Seed,
+    check_apart,
+    check_new,
+    progress_bar,
+)
 from cvkern.app.commands._scenes import FORWARD, SHAPES, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
@@ -64,7 +72,10 @@ def train(
     robust: Annotated[
         bool, typer.Option("--robust", help="Ignore passers-by and what else does not stay.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Seed of all random numbers.")] = 0,
+    transient: Annotated[
+        bool, typer.Option("--transient", help="Learn what passes in front of each photograph.")
+    ] = False,
+    seed: Seed = 0,
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
     ] = False,
@@ -124,6 +135,7 @@ def train(
             loss=loss,
             appearance=appearance,
             robust=robust,
+            transient=transient,
             seed=seed,
             deterministic=deterministic,
             checkpoint=output,

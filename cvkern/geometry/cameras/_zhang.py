@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cvkern.geometry.cameras.lens import matrix_of
 from cvkern.geometry.fitting import fit_homography
 
 LEAST_FOCAL, MOST_FOCAL = 0.2, 50.0  # range of accepted focal lengths, in sides of the image
@@ -31,8 +32,7 @@ def first_camera(maps: list[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
         found = _conic(planes, whole=False)
     if found is None:
         found = np.array([1.2, 1.2, 0.0, 0.0])
-    fx, fy, cx, cy = found
-    return np.linalg.inv(norm) @ np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+    return np.linalg.inv(norm) @ matrix_of(*found)
 
 
 def _conic(planes: list[np.ndarray], *, whole: bool) -> np.ndarray | None:

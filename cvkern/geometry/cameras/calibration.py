@@ -25,6 +25,7 @@ from cvkern.geometry.cameras.lens import (
     Camera,
     check_lens,
     focal_and_center,
+    matrix_of,
     rays_of,
 )
 
@@ -320,9 +321,8 @@ def numbers_of(camera: Camera) -> np.ndarray:
 
 def camera_of(numbers: np.ndarray, shape: tuple[int, int], name: str) -> Camera:
     """Return the camera of nine numbers, which were found from the argument `name`."""
-    fx, fy, cx, cy = numbers[:4]
     try:
-        return Camera(np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]]), numbers[4:], shape)
+        return Camera(matrix_of(*numbers[:4]), numbers[4:], shape)
     except ValueError as error:
         raise ValueError(f"{name} must be of boards that a camera can see: {error}") from None
 

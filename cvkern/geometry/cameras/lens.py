@@ -116,6 +116,11 @@ def check_lens(camera: Any, name: str = "camera") -> Camera:
     return camera
 
 
+def matrix_of(fx: float, fy: float, cx: float, cy: float) -> np.ndarray:
+    """Return the camera matrix of its four numbers."""
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
 def focal_and_center(matrix: np.ndarray) -> tuple[float, float, float, float]:
     """Return fx, fy, cx, cy of a camera matrix."""
     return matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern.geometry.cameras.lens import matrix_of
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.planes import LEAST, MOST, PlanesField, Reference
 from cvkern.radiance.multiplane.layering import extend, opacities
@@ -142,7 +143,7 @@ class _Views:
         for image, lens, bent in zip(
             scene.images, cameras.intrinsics, cameras.distortion, strict=True
         ):
-            matrix = _matrix(lens)
+            matrix = matrix_of(*lens)
             values = image.astype(np.float32) / 255
             shown = np.ones((*shape, 1), np.float32)
             if image.shape[2] == 4:
@@ -172,7 +173,7 @@ class _Views:
         # A point of the plane is (s, 1) / q in the reference camera, with s = K^-1 (x, y).
         across = turn @ pose[:, :3]
         across[:, 2] += disparity * (turn @ (pose[:, 3] - self.poses[view, :, 3]))
-        back = self.matrices[view] @ across @ np.linalg.inv(_matrix(lens))
+        back = self.matrices[view] @ across @ np.linalg.inv(matrix_of(*lens))
         if abs(np.linalg.det(across)) < 1e-9:  # the camera is in the plane
             return np.zeros((*shape, self.images[view].shape[2]), np.float32)
         found = warp_perspective(self.images[view], np.linalg.inv(back), shape, channel_axis=-1)
@@ -295,8 +296,3 @@ def _places(found: Sweep, reference: Reference, shape: tuple[int, int]) -> np.nd
     q = map_coordinates(found.disparity, at, order=1, mode="nearest")
     step = disparities[0] - disparities[1]
     return ((disparities[0] - q) / step).clip(0, len(disparities) - 1)
-
-
-def _matrix(lens: np.ndarray) -> np.ndarray:
-    fx, fy, cx, cy = lens
-    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])

@@ -9,6 +9,7 @@ import taichi as ti
 
 from cvkern.kernels.codes.color import SATURATED, SLOTS
 from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._order import ordered
 from cvkern.kernels.taichi._rounding import wide_product
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -27,9 +28,7 @@ def _peak(image: f32_2, keys: i64_1):
             most = ti.max(most, image[i, c])
             finite = finite and ti.abs(image[i, c]) < ti.math.inf
         if finite:
-            # The bits in the order of the numbers.
-            bits = ti.bit_cast(most, ti.i32)
-            key = ti.cast(bits ^ ((bits >> 31) & 0x7FFFFFFF), ti.i64) + ti.i64(2**32)
+            key = ti.cast(ordered(ti.bit_cast(most, ti.i32)), ti.i64) + ti.i64(2**32)
             ti.atomic_max(keys[i % SLOTS], key)
 
 

@@ -10,6 +10,7 @@ import taichi as ti
 
 from cvkern.kernels.taichi._borders import border_index
 from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._order import ordered
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 any_3 = ti.types.ndarray(ndim=3)  # u8 or i32
@@ -75,7 +76,7 @@ def _keys_of_floats(
         b = bits[i]
         if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN of any sign is placed above infinity
             b = 0x7FC00000
-        keys[i] = b ^ 0x7FFFFFFF if b < 0 else b
+        keys[i] = ordered(b)
 
 
 @primitive
@@ -91,7 +92,7 @@ def _floats_of_keys(
     bits: i32_1,
 ):
     for i in keys:
-        bits[i] = keys[i] ^ 0x7FFFFFFF if keys[i] < 0 else keys[i]
+        bits[i] = ordered(keys[i])
 
 
 @primitive

@@ -107,9 +107,8 @@ def _sort(
             for r in range(rows):
                 value = _value(points0, points1, i, r)
                 bits = ti.bit_cast(value, ti.u64)
-                if (
-                    ti.cast(bits >> ti.cast(52, ti.u64), ti.i32) & 2047
-                ) == 2047:  # of infinity, NaN
+                exponent = ti.cast(bits >> ti.cast(52, ti.u64), ti.i32) & 2047
+                if exponent == 2047:  # infinity, or NaN
                     finite = 0
                 hash = (hash ^ bits) * ti.u64(MULTIPLIER)
                 hash = hash ^ (hash >> ti.cast(29, ti.u64))

@@ -11,6 +11,7 @@ import taichi as ti
 
 from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
 from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._order import ordered
 from cvkern.kernels.taichi._rounding import product
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -32,9 +33,7 @@ def _mix(frames: any_3, share: ti.f32, zero: ti.i32, grey: f32_2, ends: i64_2):
             total += v if ti.abs(v) < 1e30 else 0.0
         mean = product(total, share, zero)
         grey[k, i] = mean
-        # Keys of the same order: the bits, with those below the sign turned in negative numbers.
-        bits = ti.bit_cast(mean, ti.i32)
-        key = ti.cast(bits ^ ((bits >> 31) & 0x7FFFFFFF), ti.i64) + ti.i64(2**31)
+        key = ti.cast(ordered(ti.bit_cast(mean, ti.i32)), ti.i64) + ti.i64(2**31)
         ti.atomic_max(ends[k, 0], ti.i64(2**32) - key)
         ti.atomic_max(ends[k, 1], key)
 

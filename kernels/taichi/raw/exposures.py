@@ -8,6 +8,7 @@ from the reference by more than some stops does not count, where the reference d
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes.raw import FADE, FAINTEST, MIDDLE
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._rounding import product, quotient
 
@@ -29,14 +30,17 @@ def _told(
     most: ti.f32,
     zero: ti.i32,
 ) -> vec3:
-    """Return the weight of an exposure, what it says, and that in stops."""
+    """Return the weight of an exposure at a pixel, its light, and the light in stops.
+
+    The light is linear if `most` is above 0, and log2 otherwise, as the table of the response has.
+    """
     found = vec3(0.0)
     if most > 0.0:
         value = ti.cast(frames[k, i, c], ti.f32)
-        near = quotient(product(most - value, 16.0, zero), most, zero)
+        near = quotient(product(most - value, FADE, zero), most, zero)
         squared = product(ti.math.clamp(near, 0.0, 1.0), times[k, 0], zero)
         light = quotient(value, times[k, 0], zero)
-        stops = ti.log(ti.max(light, 1e-30)) * 1.4426950408889634
+        stops = ti.log(ti.max(light, FAINTEST)) * 1.4426950408889634
         found = vec3(product(squared, times[k, 0], zero), light, stops)
     else:
         code = ti.cast(frames[k, i, c], ti.i32)
@@ -71,10 +75,10 @@ def _merge(
                 if not (known and ti.abs(told[2] - compared) > stops):
                     weights += told[0]
                     total += product(told[0], told[1], zero)
-        found = quotient(total, ti.max(weights, 1e-30), zero)
+        found = quotient(total, ti.max(weights, FAINTEST), zero)
         if not weights > 0.0:
             k = order[0]
-            if most <= 0.0 and ti.cast(frames[k, i, c], ti.i32) < 128:
+            if most <= 0.0 and ti.cast(frames[k, i, c], ti.i32) < MIDDLE:
                 k = order[frames.shape[0] - 1]
             found = _told(frames, tables, times, k, i, c, most, zero)[1]
         if most <= 0.0:

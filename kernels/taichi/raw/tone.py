@@ -78,18 +78,6 @@ def limit(lowest: float, logs: np.ndarray) -> None:
 
 
 @ti.kernel
-def _thin(src: f32_2, step: ti.i32, dst: f32_2):
-    for y, x in dst:
-        dst[y, x] = src[y * step, x * step]
-
-
-@primitive
-def thin(src: np.ndarray, step: int, dst: np.ndarray) -> None:
-    """Take every so many rows and columns; one thread a value."""
-    _thin(src, step, dst)
-
-
-@ti.kernel
 def _show(
     radiance: f32_3,
     one: f32_2,

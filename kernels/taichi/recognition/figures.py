@@ -7,6 +7,7 @@ from cvkern.kernels.codes.recognition import (
     FINE,
     KERNEL_ONE,
     OCTAVE,
+    SHARE_BITS,
     Frame,
     Occurrences,
     Patches,
@@ -113,7 +114,8 @@ def _paint(
                                 column = begin + k % side
                                 if 0 <= row < height and 0 <= column < width:
                                     share = ti.cast(figures[e, k], ti.i32)
-                                    balance[t, row, column] += weight * (2 * share - 255) // 256
+                                    product = weight * (2 * share - 255)
+                                    balance[t, row, column] += product >> SHARE_BITS
 
 
 @primitive

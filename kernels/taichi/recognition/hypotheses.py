@@ -1,8 +1,8 @@
 """Evidence of patches for objects at given places, in Taichi.
 
 A patch within the frame of an object is evidence for it: the sum of the weights of its words for
-the cell of the frame in which it lies. For patches of each size, those of
-the level whose scale is nearest count.
+the cell of the frame in which it lies. A frame has a layer of cells for patches of each size; a
+layer takes the patches of the level whose scale is nearest to its own.
 """
 
 import numpy as np
@@ -56,7 +56,7 @@ def _evidence(
     layers: ti.template(),
     box: ti.template(),
 ) -> ti.i32:
-    """Return the evidence for mode t of the patches in the box of mode `by` too, if not -1."""
+    """Return the evidence for mode t; if `by` is not -1, only that of patches in its box, too."""
     total = 0
     y = modes[t, 0]
     x = modes[t, 1]

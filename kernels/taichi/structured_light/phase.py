@@ -122,20 +122,3 @@ def _accept(
 def accept(columns: np.ndarray, rows: np.ndarray, threshold: float, valid: np.ndarray) -> None:
     """Mark the pixels whose modulation of both axes is above the threshold; one thread a pixel."""
     _accept(columns, rows, threshold, valid)
-
-
-@ti.kernel
-def _pick(
-    src: f32_2,
-    step: ti.i32,
-    # outputs
-    dst: f32_2,
-):
-    for i, j in dst:
-        dst[i, j] = src[step * i, step * j]
-
-
-@primitive
-def pick(src: np.ndarray, step: int, dst: np.ndarray) -> None:
-    """Take every `step`-th pixel along both sides; one thread a pixel of the result."""
-    _pick(src, step, dst)

@@ -1,4 +1,4 @@
-"""Differences of the levels of a Laplacian pyramid, in Taichi.
+"""Differences of the levels of a Laplacian pyramid, and every so many pixels, in Taichi.
 
 A level is the image minus what its next smaller version shows at the same size [P. Burt and
 E. Adelson, "The Laplacian pyramid as a compact image code", IEEE Trans. Communications 31, 1983].
@@ -11,6 +11,7 @@ import taichi as ti
 from cvkern.kernels.taichi._launch import primitive
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 
 
 @primitive
@@ -28,3 +29,20 @@ def _subtract(
 ):
     for i in dst:
         dst[i] = a[i] - b[i]
+
+
+@primitive
+def thin(src: np.ndarray, step: int, dst: np.ndarray) -> None:
+    """Take every `step`-th row and column; one thread a pixel of the result."""
+    _thin(src, step, dst)
+
+
+@ti.kernel
+def _thin(
+    src: f32_2,
+    step: ti.i32,
+    # outputs
+    dst: f32_2,
+):
+    for y, x in dst:
+        dst[y, x] = src[y * step, x * step]

@@ -13,13 +13,9 @@ _FILE = "_contrast_cpu.h"
 _PART = 128  # pixels that are blended at once
 
 
-def _c_name(scalar: Any) -> str:
-    return {wp.float32: "float", wp.int32: "int"}.get(scalar, f"wp::{scalar.__name__}")
-
-
 def _find_levels(scalar: Any, level: Any) -> wp.Kernel:
     """Return the kernel for images of one type, whose levels have another."""
-    types = {"TYPE": _c_name(scalar), "LEVEL": _c_name(level)}
+    types = {"TYPE": scalar, "LEVEL": level}
 
     @_native.kernel(_FILE, REAL=int(scalar is wp.float32), MOST=f"{LEVELS - 1}.0f", **types)
     def find_levels(
@@ -39,7 +35,7 @@ def _scale_colours(scalar: Any, to: Any) -> wp.Kernel:
     """Return the kernel for images of one type, and results of another."""
     whole = int(to is wp.uint8)
 
-    @_native.kernel(_FILE, TYPE=_c_name(scalar), OUT=_c_name(to), WHOLE=whole)
+    @_native.kernel(_FILE, TYPE=scalar, OUT=to, WHOLE=whole)
     def scale_colours(
         slab: int,
         first: int,
@@ -57,7 +53,7 @@ def _scale_colours(scalar: Any, to: Any) -> wp.Kernel:
 def _read_table(level: Any, bits: Any) -> wp.Kernel:
     """Return the kernel for levels of one type, and results with the bits of another."""
 
-    @_native.kernel(_FILE, LEVEL=_c_name(level), BITS=_c_name(bits))
+    @_native.kernel(_FILE, LEVEL=level, BITS=bits)
     def read_table(
         slab: int,
         first: int,
@@ -73,9 +69,9 @@ def _read_table(level: Any, bits: Any) -> wp.Kernel:
 
 def _of_levels(level: Any) -> tuple[wp.Kernel, ...]:
     """Return the kernels for levels of one type."""
-    name, in_bytes = _c_name(level), int(level is wp.uint8)
+    in_bytes = int(level is wp.uint8)
 
-    @_native.kernel(_FILE, LEVEL=name)
+    @_native.kernel(_FILE, LEVEL=level)
     def count_levels(
         slab: int,
         first: int,
@@ -85,7 +81,7 @@ def _of_levels(level: Any) -> tuple[wp.Kernel, ...]:
         parts: wp.array3d[int],
     ): ...
 
-    @_native.kernel(_FILE, LEVEL=name)
+    @_native.kernel(_FILE, LEVEL=level)
     def find_extent(
         slab: int,
         first: int,
@@ -95,7 +91,7 @@ def _of_levels(level: Any) -> tuple[wp.Kernel, ...]:
         parts: wp.array2d[int],
     ): ...
 
-    @_native.kernel(_FILE, LEVEL=name, BYTES=in_bytes)
+    @_native.kernel(_FILE, LEVEL=level, BYTES=in_bytes)
     def count_tiles(
         slab: int,
         first: int,
@@ -109,7 +105,7 @@ def _of_levels(level: Any) -> tuple[wp.Kernel, ...]:
         counts: wp.array3d[int],
     ): ...
 
-    @_native.kernel(_FILE, LEVEL=name, BYTES=in_bytes, TONES=TONES, PART=_PART)
+    @_native.kernel(_FILE, LEVEL=level, BYTES=in_bytes, TONES=TONES, PART=_PART)
     def blend_rows(
         slab: int,
         first: int,

@@ -9,6 +9,7 @@ import warp as wp
 
 from cvkern.kernels.codes.color import SATURATED, SLOTS
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._order import ordered
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -63,10 +64,8 @@ def _peak(
         b = image[i, 1]
         c = image[i, 2]
         if wp.isfinite(a) and wp.isfinite(b) and wp.isfinite(c):
-            # The bits in the order of the numbers.
             bits = wp.cast(wp.max(wp.max(a, b), c), wp.int32)
-            key = wp.int64(bits ^ ((bits >> 31) & 0x7FFFFFFF)) + wp.int64(4294967296)
-            best = wp.max(best, key)
+            best = wp.max(best, wp.int64(ordered(bits)) + wp.int64(4294967296))
     wp.atomic_max(keys, (slab + wp.tid()) % _SLOTS, best)
 
 

@@ -6,8 +6,9 @@
 
 // Mark FAST corners of rows: pixels whose score none of the eight around exceeds, of equal ones
 // the first. The score is the largest threshold under which 9 neighbouring pixels of the circle are
-// all brighter, or all darker; 0 where that is not above `threshold`. Scores of three rows stand in
-// lines. The margin is at least 4 rows, and so large that reading up to 64 pixels beyond the end
+// all brighter, or all darker; 0 where that is not above `threshold`. A corner sets its bit in
+// `words`, 32 pixels a word, and `counts` has the corners of each row. Scores of three rows are in
+// `lines`. The margin is at least 4 rows, and so large that reading up to 64 pixels beyond the end
 // of the last row that has scores stays in the image.
 void mark_rows(int slab, int start, int stop, wp::array_t<wp::int64> images, int threshold,
                int margin, wp::array_t<wp::uint8> lines, wp::array_t<int> words,

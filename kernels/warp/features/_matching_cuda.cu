@@ -78,15 +78,13 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
                     if (BINARY)
                         asm("mma.sync.aligned.m16n8k256.row.col.s32.b1.b1.s32.and.popc "
                             "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-                            : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]),
-                              "+r"(product[3])
+                            : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
                             : "r"(low.word[k]), "r"(high.word[k]), "r"(low.word[k + 1]),
                               "r"(high.word[k + 1]), "r"(other.word[k]), "r"(other.word[k + 1]));
                     else
                         asm("mma.sync.aligned.m16n8k32.row.col.s32.u8.u8.s32 "
                             "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
-                            : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]),
-                              "+r"(product[3])
+                            : "+r"(product[0]), "+r"(product[1]), "+r"(product[2]), "+r"(product[3])
                             : "r"(low.word[k]), "r"(high.word[k]), "r"(low.word[k + 1]),
                               "r"(high.word[k + 1]), "r"(other.word[k]), "r"(other.word[k + 1]));
                 }

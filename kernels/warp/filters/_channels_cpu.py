@@ -9,10 +9,10 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
-def _split(scalar: Any, c_type: str) -> wp.Kernel:
+def _split(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
 
-    @_native.kernel("_channels_cpu.h", SCALAR=c_type)
+    @_native.kernel("_channels_cpu.h", SCALAR=scalar)
     def split(
         slab: int,
         first: int,
@@ -25,7 +25,7 @@ def _split(scalar: Any, c_type: str) -> wp.Kernel:
     return split
 
 
-splits = {wp.uint8: _split(wp.uint8, "wp::uint8"), wp.float32: _split(wp.float32, "float")}
+splits = {scalar: _split(scalar) for scalar in (wp.uint8, wp.float32)}
 
 
 @_native.kernel("_channels_cpu.h")

@@ -9,10 +9,10 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
-def _depths(scalar: Any, c_type: str, most: str) -> tuple[wp.Kernel, wp.Kernel]:
+def _depths(scalar: Any, most: str) -> tuple[wp.Kernel, wp.Kernel]:
     """Return the kernels for integers of one type."""
 
-    @_native.kernel("_depths_cpu.h", SCALAR=c_type)
+    @_native.kernel("_depths_cpu.h", SCALAR=scalar)
     def widen(
         slab: int,
         first: int,
@@ -22,7 +22,7 @@ def _depths(scalar: Any, c_type: str, most: str) -> tuple[wp.Kernel, wp.Kernel]:
         dst: wp.array2d[float],
     ): ...
 
-    @_native.kernel("_depths_cpu.h", SCALAR=c_type, MOST=most)
+    @_native.kernel("_depths_cpu.h", SCALAR=scalar, MOST=most)
     def narrow(
         slab: int,
         first: int,
@@ -36,7 +36,7 @@ def _depths(scalar: Any, c_type: str, most: str) -> tuple[wp.Kernel, wp.Kernel]:
 
 
 _BOTH = {
-    wp.uint8: _depths(wp.uint8, "wp::uint8", "255.0f"),
-    wp.uint16: _depths(wp.uint16, "wp::uint16", "65535.0f"),
+    wp.uint8: _depths(wp.uint8, "255.0f"),
+    wp.uint16: _depths(wp.uint16, "65535.0f"),
 }
 widens, narrows = ({scalar: both[i] for scalar, both in _BOTH.items()} for i in (0, 1))

@@ -11,6 +11,7 @@ import warp as wp
 
 from cvkern.kernels.warp._angles import atan2
 from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, f32_lanes, f32_wide
+from cvkern.kernels.warp._structs import struct_of
 
 from ._separable_cpu import Lines, both_down, fill_margins, sum_along
 
@@ -31,10 +32,7 @@ class Outside:
 
 def outside_of(columns: int, given: Any) -> Any:
     """Return the structure of an `Outside`."""
-    made = Outside()
-    made.columns = columns
-    made.border, made.cval, made.smooth, made.slope = given
-    return made
+    return struct_of(Outside, (columns, *given))
 
 
 @wp.func

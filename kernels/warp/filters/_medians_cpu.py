@@ -29,18 +29,11 @@ class Options:
     cval: int
 
 
-def options(*given: int) -> Any:
-    """Return the structure of options in their order."""
-    made = Options()
-    made.radius, made.step, made.low, made.bits, made.border, made.cval = given
-    return made
-
-
-def _median(scalar: Any, c_type: str) -> wp.Kernel:
+def _median(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
     vector = wp.types.vector(WIDE, scalar)
 
-    @_native.func_native("_medians_cpu.h", SCALAR=c_type)
+    @_native.func_native("_medians_cpu.h", SCALAR=scalar)
     def median_row(
         slab: int,
         plane: int,
@@ -102,4 +95,4 @@ def _median(scalar: Any, c_type: str) -> wp.Kernel:
     return median
 
 
-medians = {wp.uint8: _median(wp.uint8, "wp::uint8"), wp.int32: _median(wp.int32, "int")}
+medians = {scalar: _median(scalar) for scalar in (wp.uint8, wp.int32)}

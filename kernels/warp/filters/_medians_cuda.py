@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp._borders import border_index
+from cvkern.kernels.warp._order import ordered
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 32})
 
@@ -118,7 +119,7 @@ def keys_of_floats(
     b = bits[i]
     if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN of any sign is placed above infinity
         b = 0x7FC00000
-    keys[i] = wp.where(b < 0, b ^ 0x7FFFFFFF, b)
+    keys[i] = ordered(b)
 
 
 @wp.kernel
@@ -128,4 +129,4 @@ def floats_of_keys(
     bits: wp.array[int],
 ):
     i = wp.tid()
-    bits[i] = wp.where(keys[i] < 0, keys[i] ^ 0x7FFFFFFF, keys[i])
+    bits[i] = ordered(keys[i])

@@ -8,6 +8,7 @@ import warp as wp
 
 from cvkern.kernels.warp._lanes_cpu import WIDE, padded, vectors
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _medians_cpu as cpu
 from . import _medians_cuda as cuda
@@ -43,7 +44,7 @@ def median(
     # Pixels are processed 64 at a time, so windows may reach this far beyond the end of a row.
     lines = (count * size, stored + 2 * radius * step + 64)
     window = scratch("median.window", lines, src.dtype, dst.device)
-    inputs = [wide, cpu.options(radius, *parameters), window, vectors(window, vector)]
+    inputs = [wide, struct_of(cpu.Options, (radius, *parameters)), window, vectors(window, vector)]
     launch_slabs(cpu.medians[src.dtype], rows, count, inputs, [dst])
 
 

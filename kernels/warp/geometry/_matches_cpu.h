@@ -59,7 +59,7 @@ void sort_pair(int pair, wp::array_t<double> points0, wp::array_t<double> points
 void scale_pair(int pair, wp::array_t<double> points0, wp::array_t<double> points1,
                 wp::array_t<int> spans, wp::array_t<int> order, wp::array_t<int> counts,
                 wp::array_t<double> scales, int lanes, wp::array_t<float> matches) {
-    const int *const span = spans.data + 3 * (size_t)pair;
+    const int* const span = spans.data + 3 * (size_t)pair;
     const int rows = matches.shape[0], room = (span[1] + lanes - 1) / lanes * lanes;
     const double *const scale = scales.data + 2 * (size_t)rows * pair, *const shift = scale + rows;
     for (int k = 0; k < room; ++k) {

@@ -79,8 +79,9 @@ void sort_pair(wp::array_t<double> points0, wp::array_t<double> points1, wp::arr
             }
             __syncthreads();
         }
-        if (thread < 2) boxes.data[2 * (size_t)rows * pair + thread * rows + r] =
-            number ? ends[thread][0] : 0.0;
+        if (thread < 2)
+            boxes.data[2 * (size_t)rows * pair + thread * rows + r] =
+                number ? ends[thread][0] : 0.0;
         __syncthreads();
     }
     if (thread == 0) counts.data[pair] = number;

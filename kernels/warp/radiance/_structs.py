@@ -3,8 +3,6 @@
 Each has the fields of the tuple of the same name in kernels/codes/radiance.py, in the same order.
 """
 
-from typing import Any
-
 import warp as wp
 
 
@@ -135,12 +133,16 @@ class Patches:
     side: int
 
 
-def struct_of(kind: Any, values: Any) -> Any:
-    """Return a structure of these values, in the order of its fields."""
-    made = kind()
-    for name, value in zip(kind.vars, values, strict=True):
-        setattr(made, name, value)
-    return made
+@wp.struct
+class Head:
+    """What passes in front of photographs of one size."""
+
+    nodes: wp.array4d[float]  # (N, h, w, 5)
+    width: int
+    side: int
+    least: float
+    rate: float
+    delay: int
 
 
 # Names in native code of the structures that its own structures contain.

@@ -22,10 +22,11 @@ import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import launch, launch_each
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _compositing_cuda as cuda
 from ._space import row
-from ._structs import Composited, struct_of
+from ._structs import Composited
 
 wp.set_module_options({"enable_backward": False})
 

@@ -17,7 +17,8 @@ import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import launch, launch_each
-from cvkern.kernels.warp.radiance._structs import Patches, struct_of
+from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.radiance._structs import Patches
 
 wp.set_module_options({"enable_backward": False})
 

@@ -6,9 +6,10 @@ from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Draw
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._random import random_index, random_unit
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.geometry._lens import straightened
 
-from ._structs import CameraSet, struct_of
+from ._structs import CameraSet
 
 wp.set_module_options({"enable_backward": False})
 

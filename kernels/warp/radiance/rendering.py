@@ -13,11 +13,12 @@ import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, scratch, slabs
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _rendering_cuda as cuda
 from ._next_samples import look
 from ._space import keep_sample, reach, reciprocal, row, spacing
-from ._structs import March, Rays, Samples, Space, Views, struct_of
+from ._structs import March, Rays, Samples, Space, Views
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 

@@ -26,7 +26,7 @@ def names(scalar: Any, channels: int) -> dict[str, Any]:
     types = constants(scalar)
     return {
         "TYPE": types["TYPE"], "INTEGRAL": types["INTEGRAL"], "CHANNELS": channels,
-        "SUM": "short" if types["INTEGRAL"] else "float",
+        "SUM": wp.int16 if types["INTEGRAL"] else wp.float32,
         "STEEP": f"{1 / codes.KNEE!r}f", "LEAST": f"{codes.LEAST!r}f",
     }  # fmt: skip
 

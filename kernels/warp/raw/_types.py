@@ -4,11 +4,10 @@ from typing import Any
 
 import warp as wp
 
-_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
 _HIGHEST = {wp.uint8: 255, wp.uint16: 65535, wp.float32: 0}
 
 
 def constants(scalar: Any) -> dict[str, Any]:
     """Return the name of a type in C, whether it is integral, and its highest value."""
     highest = _HIGHEST[scalar]
-    return {"TYPE": _TYPES[scalar], "INTEGRAL": int(highest > 0), "HIGHEST": highest}
+    return {"TYPE": scalar, "INTEGRAL": int(highest > 0), "HIGHEST": highest}

@@ -15,6 +15,7 @@ import warp as wp
 from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._order import ordered
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -130,9 +131,7 @@ def _mix(scalar: Any) -> wp.Kernel:
                         total += v
                 mean = total * share
                 grey[k, i] = mean
-                # Keys of the same order: the bits, with those below the sign turned if it is set.
-                bits = wp.cast(mean, wp.int32)
-                key = wp.int64(bits ^ ((bits >> 31) & 0x7FFFFFFF)) + wp.int64(2147483648)
+                key = wp.int64(ordered(wp.cast(mean, wp.int32))) + wp.int64(2147483648)
                 low = wp.max(low, wp.int64(4294967296) - key)
                 high = wp.max(high, key)
             wp.atomic_max(ends, k, 0, low)

@@ -5,9 +5,12 @@ from typing import Any
 
 import warp as wp
 
+from cvkern.kernels.codes import raw as codes
 from cvkern.kernels.warp._launch import launch_each
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
+FADE, FAINTEST = wp.constant(codes.FADE), wp.constant(codes.FAINTEST)
+MIDDLE = wp.constant(codes.MIDDLE)
 
 
 def merge(
@@ -42,13 +45,13 @@ def _kernel(scalar: Any) -> wp.Kernel:
         c: int,
         most: float,
     ):
-        # The weight of an exposure, what it says, and that in stops.
+        # The weight of an exposure at a pixel, its light (linear, or log2), and the light in stops.
         found = wp.vec3()
         if most > 0.0:
             value = float(frames[k, i, c])
-            near = wp.clamp((most - value) * 16.0 / most, 0.0, 1.0)
+            near = wp.clamp((most - value) * FADE / most, 0.0, 1.0)
             light = value / times[k, 0]
-            stops = wp.log2(wp.max(light, 1.0e-30))
+            stops = wp.log2(wp.max(light, FAINTEST))
             found = wp.vec3(near * times[k, 0] * times[k, 0], light, stops)
         else:
             code = int(frames[k, i, c])
@@ -85,11 +88,11 @@ def _kernel(scalar: Any) -> wp.Kernel:
                         if not (known and wp.abs(other[2] - best[2]) > stops):
                             weights += other[0]
                             total += other[0] * other[1]
-                found = total / wp.max(weights, 1.0e-30)
+                found = total / wp.max(weights, FAINTEST)
                 if not weights > 0.0:
                     # All too bright, as the shortest says, or all too dark.
                     k = order[0]
-                    if most <= 0.0 and int(frames[k, i, c]) < 128:
+                    if most <= 0.0 and int(frames[k, i, c]) < MIDDLE:
                         k = order[count - 1]
                     found = told(frames, tables, times, k, i, c, most)[1]
                 if most <= 0.0:

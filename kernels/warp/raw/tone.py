@@ -39,11 +39,6 @@ def limit(lowest: float, logs: wp.array) -> None:
     launch_each(_limit, logs.size, logs.size, [lowest], [logs])
 
 
-def thin(src: wp.array, step: int, dst: wp.array) -> None:
-    """Take every so many rows and columns."""
-    launch_each(_thin, dst.size, dst.size, [src, step], [dst])
-
-
 def show(
     radiance: wp.array,
     one: wp.array,
@@ -106,22 +101,6 @@ def _show(
 def _limit(stride: int, first: int, last: int, lowest: float, logs: wp.array[float]):
     for i in range(first + wp.tid(), last, stride):
         logs[i] = wp.max(logs[i], lowest)
-
-
-@wp.kernel
-def _thin(
-    stride: int,
-    first: int,
-    last: int,
-    src: wp.array2d[float],
-    step: int,
-    # outputs
-    dst: wp.array2d[float],
-):
-    for i in range(first + wp.tid(), last, stride):
-        y = i // dst.shape[1]
-        x = i - y * dst.shape[1]
-        dst[y, x] = src[y * step, x * step]
 
 
 @wp.kernel

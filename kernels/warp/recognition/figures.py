@@ -26,10 +26,13 @@ from ._space import (
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FINE = wp.constant(codes.FINE)
+FINE_BITS = wp.constant(codes.FINE_BITS)  # a shift rounds down, the quotient of Warp towards 0
+SHARE_BITS = wp.constant(codes.SHARE_BITS)
+KERNEL_BITS = wp.constant(wp.int64(codes.KERNEL_BITS))
 WIDE = wp.constant(wp.int64(codes.FINE))
 APART = wp.constant(codes.OCTAVE // 2)
 LANES = wp.constant(32)  # threads of a warp on CUDA, which share the pixels of each patch
-PARTS = wp.constant(8)  # warps of a row of patches and a mode
+PARTS = wp.constant(16)  # warps of a row of patches and a mode
 LANES_OF_ROW = 32  # threads of a row of a mask on CUDA
 WORK = 1 << 17  # pixels of the patches of a mode, roughly: for the number of threads only
 
@@ -77,7 +80,11 @@ def near_mode(
         place[1] + scaled(ballot.entries[e, 1], factor),
         place[2] + ballot.entries[e, 2],
     )
-    near = kernel_at(other - mode, reach, by.scales)
+    apart = other - mode
+    near = wp.int64(0)
+    # Most votes are far away: find that without a division.
+    if wp.abs(apart[0]) < reach and wp.abs(apart[1]) < reach and wp.abs(apart[2]) < by.scales:
+        near = kernel_at(apart, reach, by.scales)
     if near > wp.int64(0):
         s = bin_of(ballot.bins, other[2], ballot.slack)
         if cell_of(ballot.bins, s, other[0], other[1]) < 0:
@@ -123,22 +130,22 @@ def _paint(
         # First pixel of the patch in the box, halves rounded up.
         top = below(place[0] - mode[0], own) + FINE // 2 + FINE * (height - side) // 2
         left = below(place[1] - mode[1], own) + FINE // 2 + FINE * (width - side) // 2
-        top = top >> 4
-        left = left >> 4
+        top = top >> FINE_BITS
+        left = left >> FINE_BITS
         active = active_words(ballot.matches, i)
         for m in range(active):
             word = ballot.matches[i, m]
             for e in range(ballot.begins[word], ballot.begins[word + 1]):
                 near = near_mode(ballot, by, e, place, mode, reach)
                 if near > wp.int64(0):
-                    weight = int(wp.int64(ballot.entries[e, 3] // active) * near >> wp.int64(10))
+                    weight = int(wp.int64(ballot.entries[e, 3] // active) * near >> KERNEL_BITS)
                     for k in range(lane, side * side, LANES):
                         down = k // side
                         column = left + k - down * side
                         down += top
                         if down >= 0 and column >= 0 and down < height and column < width:
                             product = weight * (2 * int(figures[e, k]) - 255)
-                            wp.atomic_add(balance, t, down, column, product >> 8)
+                            wp.atomic_add(balance, t, down, column, product >> SHARE_BITS)
 
 
 def spread_figures(balance: wp.array, modes: wp.array, space: Space, masks: wp.array) -> None:
@@ -183,16 +190,16 @@ def _spread(
         row = line - t * masks.shape[1]
         factor = factor_of(factors, lowest, modes[t, 2])
         y = below(FINE * row - modes[t, 0], factor) + FINE * (height - 1) // 2
-        top = y >> 4
+        top = y >> FINE_BITS
         if top >= -1 and top < height:
             down = wp.int64(y - FINE * top)
             # The box, and some pixels more.
             half = scaled(FINE * (width + 3) // 2, factor)
-            first = wp.max((modes[t, 1] - half) >> 4, 0)
-            last = wp.min(((modes[t, 1] + half) >> 4) + 2, masks.shape[2])
+            first = wp.max((modes[t, 1] - half) >> FINE_BITS, 0)
+            last = wp.min(((modes[t, 1] + half) >> FINE_BITS) + 2, masks.shape[2])
             for column in range(first + lane, last, lanes):
                 x = below(FINE * column - modes[t, 1], factor) + FINE * (width - 1) // 2
-                left = x >> 4
+                left = x >> FINE_BITS
                 along = wp.int64(x - FINE * left)
                 upper = (WIDE - along) * balance_at(balance, t, top, left)
                 upper += along * balance_at(balance, t, top, left + 1)

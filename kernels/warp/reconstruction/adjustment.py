@@ -2,6 +2,7 @@
 
 A view sees a point W at X = R W + t; a turn w changes R to exp(w) R. All numbers are float64, and
 sums are in the order of sightings, so results do not depend on the number of threads.
+codes/reconstruction.py says what the rows and columns of each array are.
 """
 
 import warp as wp
@@ -17,7 +18,7 @@ from cvkern.kernels.codes.reconstruction import (
     Slopes,
 )
 from cvkern.kernels.warp._launch import launch_each
-from cvkern.kernels.warp.radiance._structs import struct_of
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _condensing_cuda as cuda
 from ._projection import bent, radial, turned

@@ -65,7 +65,7 @@ def match_windows(cost: int, pixel: Any) -> wp.Kernel:
     needs = {
         **constants(cost, pixel, wp.uint16),
         **CURVES,
-        "WIDE": "int",
+        "WIDE": wp.int32,
         "TILE": _TILE,
         "LOW_HALVES": _by_turns(range(0, _TILE, 8), 4, 1),
         "HIGH_HALVES": _by_turns(range(4, _TILE, 8), 4, 1),

@@ -14,8 +14,9 @@ import warp as wp
 from cvkern.kernels.codes.stereo import Rule, Winners
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, scratch
+from cvkern.kernels.warp._structs import struct_of
 
-from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule, struct_of
+from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule
 from .costs._windows_cpu import Windows
 
 wp.set_module_options(OPTIONS)
@@ -35,7 +36,7 @@ def columns_of(words: int) -> int:
 @lru_cache
 def match_kernel(words: int) -> wp.Kernel:
     """Return the kernel for up to 64 `words` disparities; it is compiled at the first use."""
-    needs = {"WORDS": words, "COLUMNS": columns_of(words), "BLOCK": _BLOCK, "WIDE": "int"}
+    needs = {"WORDS": words, "COLUMNS": columns_of(words), "BLOCK": _BLOCK, "WIDE": wp.int32}
 
     @_native.kernel("_windows_cuda.cu", OPTIONS, launch_bounds=(_BLOCK, 4), **needs, **CURVES)
     def match(

@@ -3,11 +3,9 @@
 The rule itself is in _winner.h, in C++ for both devices.
 """
 
-from typing import Any
-
 import warp as wp
 
-from cvkern.kernels.codes.stereo import Rule, Subpixel, Winners
+from cvkern.kernels.codes.stereo import Subpixel
 
 # Without fused multiply-add a disparity has the same bits on every device.
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -32,11 +30,3 @@ class WinnerRule:
     first: int
     subpixel: int
     uniqueness: int
-
-
-def struct_of(struct: Any, values: Winners | Rule | Any) -> Any:
-    """Return a Warp struct with the fields of a named tuple."""
-    instance = struct()
-    for name, value in values._asdict().items():
-        setattr(instance, name, value)
-    return instance

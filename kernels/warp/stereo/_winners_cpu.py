@@ -15,8 +15,6 @@ from cvkern.kernels.warp import _native
 
 from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule
 
-C_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
-
 
 class Kind(NamedTuple):
     """The numbers in the line of a pixel's costs."""
@@ -33,9 +31,9 @@ INTEGER = Kind(
     wp.uint16,
     wp.uint16,
     {
-        "COST": "unsigned short",
-        "PLACE": "unsigned short",
-        "WIDE": "int",
+        "COST": wp.uint16,
+        "PLACE": wp.uint16,
+        "WIDE": wp.int32,
         "MOST": "0xffff",
         **CURVES,
     },
@@ -43,7 +41,13 @@ INTEGER = Kind(
 REAL = Kind(
     wp.float32,
     wp.uint32,
-    {"COST": "float", "PLACE": "unsigned", "WIDE": "float", "MOST": "__builtin_inff()", **CURVES},
+    {
+        "COST": wp.float32,
+        "PLACE": wp.uint32,
+        "WIDE": wp.float32,
+        "MOST": "__builtin_inff()",
+        **CURVES,
+    },
 )
 
 
@@ -63,7 +67,7 @@ def pick(scalar: Any) -> wp.Kernel:
     kind = kind_of(scalar)
     line = kind.scalar
 
-    @_native.kernel("_winners_cpu.h", OPTIONS, TYPE=C_TYPES[scalar], **kind.constants)
+    @_native.kernel("_winners_cpu.h", OPTIONS, TYPE=scalar, **kind.constants)
     def pick(
         slab: int,
         first_row: int,
@@ -85,7 +89,7 @@ def pick_right(scalar: Any) -> wp.Kernel:
     kind = kind_of(scalar)
     line, number = kind.scalar, kind.place
 
-    @_native.kernel("_winners_cpu.h", OPTIONS, TYPE=C_TYPES[scalar], **kind.constants)
+    @_native.kernel("_winners_cpu.h", OPTIONS, TYPE=scalar, **kind.constants)
     def pick_right(
         slab: int,
         first_row: int,

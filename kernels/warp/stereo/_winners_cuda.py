@@ -13,17 +13,17 @@ import warp as wp
 from cvkern.kernels.codes.stereo import Rule, Winners
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch
+from cvkern.kernels.warp._structs import struct_of
 
-from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule, struct_of
-from ._winners_cpu import C_TYPES
+from ._winner import CURVES, OPTIONS, WinnerArrays, WinnerRule
 
 BLOCK = 256  # threads of a block
 
 
 def _constants(scalar: Any) -> dict[str, Any]:
     floats = scalar is wp.float32
-    wide, most = ("float", "__int_as_float(0x7f800000)") if floats else ("int", "0x7fffffff")
-    return {"TYPE": C_TYPES[scalar], "WIDE": wide, "MOST": most, "BLOCK": BLOCK, **CURVES}
+    wide, most = (wp.float32, "__int_as_float(0x7f800000)") if floats else (wp.int32, "0x7fffffff")
+    return {"TYPE": scalar, "WIDE": wide, "MOST": most, "BLOCK": BLOCK, **CURVES}
 
 
 @lru_cache

@@ -10,10 +10,11 @@ import warp as wp
 
 from cvkern.kernels.codes.stereo import Cost, Rule, Winners
 from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _windows_cpu as cpu
 from . import _windows_cuda as cuda
-from ._winner import WinnerArrays, WinnerRule, struct_of
+from ._winner import WinnerArrays, WinnerRule
 from .costs import _windows_cuda as costs_cuda
 from .costs._windows_cpu import windows_of
 from .winners import pick, pick_right

@@ -10,10 +10,11 @@ import warp as wp
 
 from cvkern.kernels.codes.stereo import Rule, Winners
 from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _winners_cpu as cpu
 from . import _winners_cuda as cuda
-from ._winner import WinnerArrays, WinnerRule, struct_of
+from ._winner import WinnerArrays, WinnerRule
 
 
 @wp.kernel(enable_backward=False)

@@ -15,7 +15,6 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 
 wp.set_module_options({"enable_backward": False})
 
-_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
 _QUAD = 8  # pixels of a thread on CUDA
 _WORDS = 2  # words of four pixels of a thread on CUDA, for bytes
 
@@ -38,7 +37,7 @@ def decode(
     if codes.device.is_cuda:
         packed = frames.dtype is wp.uint8 and bits <= 16
         kernel = _decode_bytes_cuda() if packed else _decode_cuda(frames.dtype)
-        launch(kernel, -(-codes.size // (4 * _WORDS if packed else _QUAD)), inputs, [codes])
+        launch(kernel, -(-codes.size // (4 * _WORDS if packed else _QUAD)), inputs, outputs)
         return
     height = codes.shape[0]
     launch_slabs(
@@ -69,7 +68,7 @@ def spreads(frames: wp.array, begin: int, step: int, spreads: wp.array) -> None:
 
 @lru_cache
 def _decode_cpu(scalar: Any) -> wp.Kernel:
-    @_native.func_native("_gray_code_cpu.h", TYPE=_TYPES[scalar], NONE=NONE)
+    @_native.func_native("_gray_code_cpu.h", TYPE=scalar, NONE=NONE)
     def decode_row(
         row: int,
         frames: wp.array3d[scalar],
@@ -108,7 +107,7 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
     @_native.kernel(
         "_gray_code_cuda.cu",
         {"enable_backward": False},
-        TYPE=_TYPES[scalar],
+        TYPE=scalar,
         NONE=NONE,
         QUAD=_QUAD,
     )
@@ -145,7 +144,7 @@ def _decode_bytes_cuda() -> wp.Kernel:
 
 @lru_cache
 def _accept_cpu(scalar: Any) -> wp.Kernel:
-    @_native.func_native("_gray_code_cpu.h", TYPE=_TYPES[scalar])
+    @_native.func_native("_gray_code_cpu.h", TYPE=scalar)
     def accept_row(
         row: int,
         white: wp.array2d[scalar],
@@ -173,7 +172,7 @@ def _accept_cpu(scalar: Any) -> wp.Kernel:
 
 @lru_cache
 def _accept_cuda(scalar: Any) -> wp.Kernel:
-    @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, TYPE=_TYPES[scalar])
+    @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, TYPE=scalar)
     def accept_four(
         white: wp.array2d[scalar],  # (H, W)
         black: wp.array2d[scalar],

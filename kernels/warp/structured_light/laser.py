@@ -21,7 +21,6 @@ MOVES = wp.constant(MOST_MOVES)
 OFFSET = wp.constant(MOST_OFFSET)
 LEAST = wp.constant(LEAST_BEND)
 WARPS = 32  # warps of a block on CUDA, each with some of the rows of its 32 columns
-_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
 
 
 def find(frames: wp.array, axis: int, half: int, places: wp.array) -> None:
@@ -109,7 +108,7 @@ def _select(
 
 @lru_cache
 def _find_cpu(scalar: Any) -> wp.Kernel:
-    @_native.func_native("_laser_cpu.h", TYPE=_TYPES[scalar])
+    @_native.func_native("_laser_cpu.h", TYPE=scalar)
     def find_lines(
         first: int,
         last: int,
@@ -142,7 +141,7 @@ def _warps(lines: int) -> int:
 
 @lru_cache
 def _find_in_columns_cuda(scalar: Any) -> wp.Kernel:
-    @_native.kernel("_laser_cuda.cu", OPTIONS, TYPE=_TYPES[scalar], WARPS=WARPS)
+    @_native.kernel("_laser_cuda.cu", OPTIONS, TYPE=scalar, WARPS=WARPS)
     def find_in_columns(frames: wp.array3d[scalar], half: int, places: wp.array2d[int]): ...
 
     return find_in_columns
@@ -150,7 +149,7 @@ def _find_in_columns_cuda(scalar: Any) -> wp.Kernel:
 
 @lru_cache
 def _find_in_rows_cuda(scalar: Any) -> wp.Kernel:
-    @_native.kernel("_laser_cuda.cu", OPTIONS, TYPE=_TYPES[scalar])
+    @_native.kernel("_laser_cuda.cu", OPTIONS, TYPE=scalar)
     def find_in_rows(frames: wp.array3d[scalar], half: int, places: wp.array2d[int]): ...
 
     return find_in_rows
@@ -161,7 +160,7 @@ def _find_ridges_cuda(scalar: Any) -> wp.Kernel:
     @_native.kernel(
         "_laser_cuda.cu",
         OPTIONS,
-        TYPE=_TYPES[scalar],
+        TYPE=scalar,
         MOVES=MOST_MOVES,
         OFFSET=f"{MOST_OFFSET}f",
         LEAST=f"{LEAST_BEND}f",

@@ -16,7 +16,6 @@ from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
-_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short", wp.float32: "float"}
 TURN = 1 / (2 * math.pi)
 _QUAD = 4  # pixels of a thread on CUDA
 
@@ -54,27 +53,6 @@ def accept(columns: wp.array, rows: wp.array, threshold: float, valid: wp.array)
     launch_each(_accept, valid.size, valid.size, [columns, rows, threshold], [valid])
 
 
-def pick(src: wp.array, step: int, dst: wp.array) -> None:
-    """Take every `step`-th pixel along both sides; one thread a pixel of the result."""
-    launch_each(_pick, dst.size, dst.size, [src, step], [dst])
-
-
-@wp.kernel
-def _pick(
-    stride: int,
-    first: int,
-    last: int,
-    src: wp.array2d[float],
-    step: int,
-    # outputs
-    dst: wp.array2d[float],
-):
-    for item in range(first + wp.tid(), last, stride):
-        i = item // dst.shape[1]
-        j = item - i * dst.shape[1]
-        dst[i, j] = src[step * i, step * j]
-
-
 @wp.kernel
 def _accept(
     stride: int,
@@ -95,7 +73,7 @@ def _accept(
 
 @lru_cache
 def _decode_cpu(scalar: Any) -> wp.Kernel:
-    @_native.func_native("_phase_cpu.h", TYPE=_TYPES[scalar], TURN=f"{TURN!r}f")
+    @_native.func_native("_phase_cpu.h", TYPE=scalar, TURN=f"{TURN!r}f")
     def decode_row(
         row: int,
         frames: wp.array3d[scalar],
@@ -140,7 +118,7 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
 
 @lru_cache
 def _decode_cuda(scalar: Any) -> wp.Kernel:
-    @_native.kernel("_phase_cuda.cu", OPTIONS, TYPE=_TYPES[scalar], QUAD=_QUAD, TURN=f"{TURN!r}f")
+    @_native.kernel("_phase_cuda.cu", OPTIONS, TYPE=scalar, QUAD=_QUAD, TURN=f"{TURN!r}f")
     def decode_quad(
         frames: wp.array3d[scalar],
         begin: int,

@@ -18,7 +18,7 @@ from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product
 from cvkern.kernels.taichi.features._marks import count_marks, list_marks, rows_of
 
-from .refinement import fit
+from ._paraboloid import fit
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)

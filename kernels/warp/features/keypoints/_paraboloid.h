@@ -3,7 +3,7 @@
 // The fit of a paraboloid to an extremum, for either device;
 // taichi/features/keypoints/refinement.py has the equations, in the same order of arithmetic.
 struct Paraboloid {
-    const float* base;  // levels of an octave
+    const float* base;          // levels of an octave
     int levels, height, width;  // inner levels
     double oy, ox, os, top;
 

@@ -15,8 +15,8 @@ void fit_one(int n, wp::array_t<wp::int64> octaves, float contrast, float edge, 
 
 // Set the bit of the pixel at which the fit to extremum `n` ended, and count it in its row; one
 // thread alone.
-void keep_one(int n, wp::array_t<wp::int64> octaves, wp::array_t<int> cells,
-              wp::array_t<int> words, wp::array_t<int> counts) {
+void keep_one(int n, wp::array_t<wp::int64> octaves, wp::array_t<int> cells, wp::array_t<int> words,
+              wp::array_t<int> counts) {
     const int* const cell = cells.data + 4 * (size_t)n;
     if (cell[0] < 0) return;
     size_t word = 0, row = 0;

@@ -55,7 +55,8 @@ void smooth(int first, wp::array_t<wp::int64> jobs) {
             for (int k = 0; k < ROWS; ++k) {
                 float sum = w[0] * v[k + REACH];
 #pragma unroll
-                for (int t = 1; t <= REACH; ++t) sum += w[t] * (v[k + REACH - t] + v[k + REACH + t]);
+                for (int t = 1; t <= REACH; ++t)
+                    sum += w[t] * (v[k + REACH - t] + v[k + REACH + t]);
                 ((float*)tile[k])[thread] = sum;
             }
         }
@@ -75,19 +76,26 @@ void smooth(int first, wp::array_t<wp::int64> jobs) {
             for (int e = 0; e < 4; ++e) {
                 sum[e] = w[0] * v[SIDE + e];
 #pragma unroll
-                for (int t = 1; t <= REACH; ++t) sum[e] += w[t] * (v[SIDE + e - t] + v[SIDE + e + t]);
+                for (int t = 1; t <= REACH; ++t)
+                    sum[e] += w[t] * (v[SIDE + e - t] + v[SIDE + e + t]);
             }
             store(y, x, sum);
         }
     };
     const int reach = (int)job[6];
     if (min(height, width) > reach) switch (reach) {
-            case 4: return run((char(*)[4]) nullptr);
-            case 5: return run((char(*)[5]) nullptr);
-            case 6: return run((char(*)[6]) nullptr);
-            case 7: return run((char(*)[7]) nullptr);
-            case 9: return run((char(*)[9]) nullptr);
-            case 11: return run((char(*)[11]) nullptr);
+            case 4:
+                return run((char (*)[4]) nullptr);
+            case 5:
+                return run((char (*)[5]) nullptr);
+            case 6:
+                return run((char (*)[6]) nullptr);
+            case 7:
+                return run((char (*)[7]) nullptr);
+            case 9:
+                return run((char (*)[9]) nullptr);
+            case 11:
+                return run((char (*)[11]) nullptr);
         }
     // Any other taps, or a small image.
     const int side = (reach + 3) / 4 * 4, wide = COLUMNS - 2 * side;

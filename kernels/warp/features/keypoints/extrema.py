@@ -20,10 +20,12 @@ from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
 from . import _smoothing_cuda as cuda_smoothing
 from ._smoothing_cpu import smooth_rows
-from .refinement import keep, refine
+from .refinement import refine
 from .selection import add_up
 
 LINE = 16  # floats of a line of the cache
+# Extrema that CUDA queues: at least so many, and one of so many elements of all levels.
+LEAST, SHARE = 1 << 14, 256
 
 
 def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
@@ -35,9 +37,9 @@ def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
 
 
 def double(src: wp.array, dst: wp.array) -> None:
-    """Twice the size, by means between the pixels; one thread a pixel."""
+    """Twice the size, by means between the pixels; one thread a pixel of the smaller image."""
     if dst.device.is_cuda:
-        launch(cuda.double, dst.shape, [src], [dst])
+        launch(cuda.double, src.shape, [src], [dst])
         return
     launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
@@ -94,8 +96,16 @@ def mark_keypoints(
     if words.device.is_cuda:
         clear(words)
         clear(ends)
-        mark = cuda.mark(octaves[0].shape[0] - 3)
-        launch(mark, cuda.threads(octaves), [table(octaves), *limits, margin], [words, ends])
+        device, pixels = words.device, sum(octave.size for octave in octaves)
+        queue = scratch("keypoints.queue", (max(LEAST, pixels // SHARE), 4), wp.int32, device)
+        number = scratch("keypoints.number", (1,), wp.int32, device)
+        clear(number)
+        mark, tables = cuda.mark(octaves[0].shape[0] - 3), table(octaves)
+        queued = [queue, number]
+        inputs = [tables, *limits, margin, *queued]
+        launch(mark, cuda.threads(octaves), inputs, [words, ends], cuda.BLOCK)
+        inputs = [tables, limits.contrast, limits.edge, margin, *queued]
+        launch(cuda.move, cuda.MOVING, inputs, [words, ends])
         add_up(ends)
         return
     for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
@@ -112,7 +122,7 @@ def mark_keypoints(
     clear(words)
     clear(ends)
     if total:
-        keep(octaves, cells, words, ends)
+        launch(cpu.keep, 1, [table(octaves), cells], [words, ends])
     add_up(ends)
 
 

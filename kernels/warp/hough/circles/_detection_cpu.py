@@ -25,17 +25,10 @@ class Sight:
     last_side: int
 
 
-def sight(*aim: Any) -> Any:
-    """Return the structure of an `Aim`."""
-    made = Sight()
-    made.slack, made.slope, made.first_side, made.last_side = aim
-    return made
-
-
-def _shrink(scalar: Any, c_type: str) -> wp.Kernel:
+def _shrink(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
 
-    @_native.kernel("_centers_cpu.h", SCALAR=c_type)
+    @_native.kernel("_centers_cpu.h", SCALAR=scalar)
     def shrink(
         slab: int,
         first: int,
@@ -51,7 +44,7 @@ def _shrink(scalar: Any, c_type: str) -> wp.Kernel:
     return shrink
 
 
-shrinks = {wp.uint8: _shrink(wp.uint8, "wp::uint8"), wp.float32: _shrink(wp.float32, "float")}
+shrinks = {scalar: _shrink(scalar) for scalar in (wp.uint8, wp.float32)}
 
 
 @_native.kernel("_centers_cpu.h", LINE_ONE=LINE_ONE, LINE_BITS=LINE_ONE.bit_length() - 1)

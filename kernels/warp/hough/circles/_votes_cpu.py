@@ -7,8 +7,6 @@ cost does not grow with the number of set pixels, and no two threads write the s
 gradient, a point has few votes, and these are added one by one.
 """
 
-from typing import Any
-
 import warp as wp
 
 from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS
@@ -29,13 +27,6 @@ class Circles:
     offsets: wp.array2d[int]
     codes: wp.array[int]
     starts: wp.array[int]
-
-
-def circles(*rings: Any) -> Any:
-    """Return the structure of `Rings`."""
-    made = Circles()
-    made.radii, made.offsets, made.codes, made.starts = rings
-    return made
 
 
 @wp.kernel

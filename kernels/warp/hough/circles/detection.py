@@ -17,6 +17,7 @@ from cvkern.kernels.warp._launch import (
     scratch,
     slabs,
 )
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _detection_cpu as cpu
 from . import _detection_cuda as cuda
@@ -127,7 +128,7 @@ def vote_radii(
         launch(cuda.vote_radii, centers.shape[0] * lines.shape[1], [*inputs, *aim], [histograms])
         return
     count = centers.shape[0]
-    inputs.append(cpu.sight(*aim))
+    inputs.append(struct_of(cpu.Sight, aim))
     launch_slabs(cpu.vote_radii, count, _parts(count, lines), inputs, [histograms])
 
 
@@ -151,7 +152,7 @@ def support(
         launch(cuda.support, circles.shape[0] * lines.shape[1], [*inputs, *aim], [sums, arcs])
         return
     count = circles.shape[0]
-    inputs.append(cpu.sight(*aim))
+    inputs.append(struct_of(cpu.Sight, aim))
     launch_slabs(cpu.support, count, _parts(count, lines), inputs, [sums, arcs])
 
 

@@ -8,6 +8,7 @@ import warp as wp
 
 from cvkern.kernels.codes.hough import Rings
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.hough._points_cpu import words
 
 from . import _votes_cpu as cpu
@@ -83,7 +84,15 @@ def vote_directed(
             launch(cuda.share, votes.size, [rings.starts, plane], [flat])
         return
     lines = votes.shape[0] * votes.shape[1]
-    inputs = [points, starts, orientation, directions, tolerance, cpu.circles(*rings), shares]
+    inputs = [
+        points,
+        starts,
+        orientation,
+        directions,
+        tolerance,
+        struct_of(cpu.Circles, rings),
+        shares,
+    ]
     launch_slabs(cpu.vote_directed, lines, _pieces(lines, votes), inputs, [votes])
 
 

@@ -1,7 +1,5 @@
 """The bounds of an ellipse, as a structure for the kernels of both devices."""
 
-from typing import Any
-
 import warp as wp
 
 
@@ -15,10 +13,3 @@ class Bounds:
     wide: float
     per_bin: float
     turn: float
-
-
-def bounds_of(given: Any) -> Any:
-    """Return the structure of an `EllipseBounds`."""
-    made = Bounds()
-    made.least, made.most, made.narrow, made.wide, made.per_bin, made.turn = given
-    return made

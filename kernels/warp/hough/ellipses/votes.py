@@ -8,10 +8,11 @@ import warp as wp
 
 from cvkern.kernels.codes.hough import EllipseBounds
 from cvkern.kernels.warp._launch import cpu_threads, launch, launch_slabs, scratch
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _votes_cpu as cpu
 from . import _votes_cuda as cuda
-from ._bounds import bounds_of
+from ._bounds import Bounds
 
 _SLABS = 16  # slabs per thread, because later points have more points before them
 _SLAB_TRIPLES = 1 << 20  # triples of points that are worth a second thread
@@ -26,7 +27,7 @@ def vote_pairs(
     bins) are (N, N), and 0 except for pairs whose second point precedes the first.
     """
     count = points.shape[1]
-    given = bounds_of(bounds)
+    given = struct_of(Bounds, bounds)
     if points.device.is_cuda:
         pairs = min(count * count, cuda.PAIRS)
         for first in range(0, count * count, pairs):

@@ -5,6 +5,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes.hough import SCALE_ONE, TURN_ONE, TURNED_ONE, VECTOR_ONE
+from cvkern.kernels.warp._structs import struct_of
 
 # Bits by which a rotated vector is shifted to its unit, and a scaled vector to whole pixels.
 TURNED_BITS = (TURN_ONE * VECTOR_ONE // TURNED_ONE).bit_length() - 1
@@ -29,10 +30,4 @@ class Ballot:
 
 def ballot_of(voters: Any, entries: Any, slices: Any, tolerance: int, cells: Any) -> Any:
     """Return the structure of a primitive's inputs."""
-    made = Ballot()
-    made.points, made.starts = voters
-    made.vectors, made.directions = entries
-    made.turns, made.scales = slices
-    made.tolerance = tolerance
-    made.height, made.width, made.shift = cells
-    return made
+    return struct_of(Ballot, (*voters, *entries, *slices, tolerance, *cells))

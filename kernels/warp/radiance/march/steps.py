@@ -11,8 +11,9 @@ import warp as wp
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_each
 from cvkern.kernels.warp._random import random_unit
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._space import keep_sample, reach, reciprocal, row, skip, spacing
-from cvkern.kernels.warp.radiance._structs import March, Rays, Samples, Space, struct_of
+from cvkern.kernels.warp.radiance._structs import March, Rays, Samples, Space
 
 from . import _steps_cuda as cuda
 from ._steps_cuda import JITTER

@@ -10,8 +10,9 @@ from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Pattern, Shape
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._random import random_unit
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._space import row
-from cvkern.kernels.warp.radiance._structs import Solids, struct_of
+from cvkern.kernels.warp.radiance._structs import Solids
 
 wp.set_module_options({"enable_backward": False})
 

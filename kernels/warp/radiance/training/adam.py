@@ -4,7 +4,7 @@ import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
-from cvkern.kernels.warp.radiance._structs import struct_of
+from cvkern.kernels.warp._structs import struct_of
 
 from . import _adam_cpu as cpu
 from . import _adam_cuda as cuda

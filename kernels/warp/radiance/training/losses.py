@@ -17,7 +17,8 @@ from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import Background, Draw
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._random import random_unit
-from cvkern.kernels.warp.radiance._structs import Comparison, struct_of
+from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.radiance._structs import Comparison
 
 wp.set_module_options({"enable_backward": False})
 
@@ -41,6 +42,13 @@ def background_of(comparison: Comparison, ray: int) -> wp.vec3:
     if kind == Background.LEARNT:
         return wp.vec3(comparison.learnt[0], comparison.learnt[1], comparison.learnt[2])
     return wp.vec3(0.0, 0.0, 0.0)
+
+
+@wp.func
+def error_of(error: float, target: float, seen: float, comparison: Comparison) -> float:
+    """Return the error of a channel, 0 beyond the end of the range that its photograph has."""
+    clipped = (target >= 1.0 and error > 0.0) or (target <= 0.0 and error < 0.0)
+    return wp.where(comparison.censored and seen >= 1.0 and clipped, 0.0, error)
 
 
 @wp.kernel
@@ -69,10 +77,8 @@ def loss_kernel(
             d_through = float(0.0)
             for k in range(3):
                 found = color[ray, k] + through * behind[k]
-                e = found - (seen * targets[ray, k] + (1.0 - seen) * behind[k])
-                if comparison.censored and seen >= 1.0:
-                    if (targets[ray, k] >= 1.0 and e > 0.0) or (targets[ray, k] <= 0.0 and e < 0.0):
-                        e = float(0.0)
+                wanted = seen * targets[ray, k] + (1.0 - seen) * behind[k]
+                e = error_of(found - wanted, targets[ray, k], seen, comparison)
                 error += e * e / 3.0
                 d = 2.0 * e
                 if comparison.huber > 0.0:

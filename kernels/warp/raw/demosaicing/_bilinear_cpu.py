@@ -5,7 +5,6 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp.raw._types import constants
 
 LANES = 32  # pixels at once
 _OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -27,11 +26,10 @@ _SHUFFLES = {
 }
 
 
-def _average(scalar: Any, wider: str) -> wp.Kernel:
+def _average(scalar: Any, wider: Any) -> wp.Kernel:
     """Return the kernel for samples of one type, whose sums fit into a wider one."""
-    name = constants(scalar)["TYPE"]
 
-    @_native.kernel("_bilinear_cpu.h", _OPTIONS, TYPE=name, SUM=wider, LANES=LANES, **_SHUFFLES)
+    @_native.kernel("_bilinear_cpu.h", _OPTIONS, TYPE=scalar, SUM=wider, LANES=LANES, **_SHUFFLES)
     def average(
         slab: int,
         first: int,
@@ -47,6 +45,6 @@ def _average(scalar: Any, wider: str) -> wp.Kernel:
 
 
 averages = {
-    wp.uint8: _average(wp.uint8, "unsigned short"),
-    wp.uint16: _average(wp.uint16, "unsigned int"),
+    wp.uint8: _average(wp.uint8, wp.uint16),
+    wp.uint16: _average(wp.uint16, wp.uint32),
 }

@@ -11,14 +11,14 @@ import warp as wp
 
 from cvkern.kernels.warp import _native
 
-from ._windows_cpu import C_TYPES, OPTIONS
+from ._windows_cpu import OPTIONS
 
 
 @lru_cache
 def census(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
 
-    @_native.kernel("_census_cpu.h", OPTIONS, TYPE=C_TYPES[scalar])
+    @_native.kernel("_census_cpu.h", OPTIONS, TYPE=scalar)
     def census(
         slab: int,
         first: int,

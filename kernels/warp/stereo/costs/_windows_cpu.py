@@ -12,18 +12,11 @@ import warp as wp
 from cvkern.kernels.codes.stereo import Cost
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import scratch
+from cvkern.kernels.warp._structs import struct_of
 
 # Without fused multiply-add a cost has the same bits on every device.
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
-C_TYPES = {
-    wp.uint8: "unsigned char",
-    wp.uint16: "unsigned short",
-    wp.int32: "int",
-    wp.float32: "float",
-    wp.float64: "double",
-    wp.uint64: "unsigned long long",
-}
 # Number of disparities in a vector, by the type of the sums.
 LANES_OF = {wp.uint16: 64, wp.int32: 32, wp.float32: 32, wp.float64: 16}
 
@@ -40,11 +33,7 @@ class Windows:
 
 def windows_of(first: int, octets: int, radius_y: int, radius_x: int) -> Windows:
     """Return the struct of some windows."""
-    windows = Windows()
-    windows.first, windows.octets, windows.radius_y, windows.radius_x = (
-        first, octets, radius_y, radius_x,
-    )  # fmt: skip
-    return windows
+    return struct_of(Windows, (first, octets, radius_y, radius_x))
 
 
 def sums_dtype(pixel: Any, out: Any) -> Any:
@@ -83,9 +72,9 @@ def constants(cost: int, pixel: Any, sums: Any) -> dict[str, Any]:
     return {
         "COST": int(cost),
         **{code.name: int(code) for code in Cost if code != Cost.CENSUS_SYMMETRIC},
-        "PIXEL": C_TYPES[values_dtype(pixel)],
-        "ELEMENT": C_TYPES[pixel],
-        "SUM": C_TYPES[sums],
+        "PIXEL": values_dtype(pixel),
+        "ELEMENT": pixel,
+        "SUM": sums,
         "LANES": LANES_OF[sums],
         "FLOATS": "true" if pixel is wp.float32 else "false",
     }
@@ -95,7 +84,7 @@ def constants(cost: int, pixel: Any, sums: Any) -> dict[str, Any]:
 def window_costs(cost: int, pixel: Any, out: Any) -> wp.Kernel:
     """Return the kernel of a cost, for images and costs of these types."""
     value, sums = values_dtype(pixel), sums_dtype(pixel, out)
-    needs = {**constants(cost, pixel, sums), "OUT": C_TYPES[out]}
+    needs = {**constants(cost, pixel, sums), "OUT": out}
 
     @_native.kernel("_windows_cpu.h", OPTIONS, **needs)
     def window_costs(

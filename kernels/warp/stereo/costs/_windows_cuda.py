@@ -18,7 +18,7 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, scratch
 
 from ._moments import Moments
-from ._windows_cpu import C_TYPES, OPTIONS, Windows, windows_of
+from ._windows_cpu import OPTIONS, Windows, windows_of
 
 _BLOCK = 256
 _DOWN, _ALONG = 16, 64  # sums that one thread computes
@@ -29,8 +29,8 @@ def _constants(kept: Any) -> dict[str, Any]:
     """Return the constants for sums that are stored in one type."""
     floats = kept in (wp.float32, wp.float64)
     return {
-        "KEPT": C_TYPES[kept],
-        "SUM": C_TYPES[kept] if floats else "int",
+        "KEPT": kept,
+        "SUM": kept if floats else wp.int32,
         "FLOATS": "true" if floats else "false",
         "UNROLL": 1 if floats else 8,
         "BLOCK": _BLOCK,
@@ -40,12 +40,12 @@ def _constants(kept: Any) -> dict[str, Any]:
 @lru_cache
 def sum_down(cost: int, pixel: Any, kept: Any) -> wp.Kernel:
     """Return the kernel of a cost; it is compiled at the first use."""
-    value = "int" if pixel is wp.uint8 else C_TYPES[pixel]
+    value = wp.int32 if pixel is wp.uint8 else pixel
     needs = {
         **_constants(kept),
         **{code.name: int(code) for code in Cost if code != Cost.CENSUS_SYMMETRIC},
         "COST": int(cost),
-        "PIXEL": C_TYPES[pixel],
+        "PIXEL": pixel,
         "VALUE": value,
         "DOWN": _DOWN,
     }
@@ -66,7 +66,7 @@ def sum_down(cost: int, pixel: Any, kept: Any) -> wp.Kernel:
 @lru_cache
 def sum_along(kept: Any, out: Any) -> wp.Kernel:
     """Return the kernel for sums and costs of these types."""
-    needs = {**_constants(kept), "ALONG": _ALONG, "OUT": C_TYPES[out]}
+    needs = {**_constants(kept), "ALONG": _ALONG, "OUT": out}
 
     @_native.kernel("_windows_cuda.cu", OPTIONS, **needs)
     def sum_along(

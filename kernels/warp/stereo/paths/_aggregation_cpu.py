@@ -9,7 +9,6 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp.stereo._winners_cpu import C_TYPES
 
 from ._steps_cpu import OPTIONS, WORD, Course, Paths, constants, work_of
 
@@ -19,7 +18,7 @@ def sweep(scalar: Any, paths: Paths) -> wp.Kernel:
     """Return the kernel for costs of one type and some paths."""
     work_type = work_of(WORD)
 
-    @_native.kernel("_aggregation_cpu.h", OPTIONS, TYPE=C_TYPES[scalar], **constants(paths, WORD))
+    @_native.kernel("_aggregation_cpu.h", OPTIONS, TYPE=scalar, **constants(paths, WORD))
     def sweep(
         slab: int,
         first: int,

@@ -16,7 +16,6 @@ from cvkern.kernels.warp._launch import launch, scratch
 
 from ._steps_cuda import (
     BLOCK,
-    C_TYPES,
     CHUNK,
     FAR_COSTS,
     OPTIONS,
@@ -35,7 +34,7 @@ wp.set_module_options(OPTIONS)
 def pad(cost_type: Any) -> wp.Kernel:
     """Return the kernel that pads costs with values that never win and affect no neighbour."""
     size = wp.types.type_size_in_bytes(cost_type)
-    constants = {"COST_TYPE": C_TYPES[cost_type], "COST_BYTES": size, "FAR": FAR_COSTS[cost_type]}
+    constants = {"COST_TYPE": cost_type, "COST_BYTES": size, "FAR": FAR_COSTS[cost_type]}
 
     @_native.kernel("_costs_cuda.cu", OPTIONS, BLOCK=BLOCK, **constants)
     def pad(
@@ -51,7 +50,7 @@ def pad(cost_type: Any) -> wp.Kernel:
 def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
     """Return the kernel that sums the volumes of `count` paths."""
     constants = {
-        "COST_TYPE": C_TYPES[cost_type],
+        "COST_TYPE": cost_type,
         "COST_BYTES": wp.types.type_size_in_bytes(cost_type),
         **total_constants(line_type, count),
     }
@@ -73,7 +72,7 @@ def collect(cost_type: Any, line_type: Any, count: int) -> wp.Kernel:
 def total_constants(line_type: Any, count: int) -> dict[str, Any]:
     """Return the constants of _total_cuda.h."""
     size = wp.types.type_size_in_bytes(line_type)
-    return {"PATH_TYPE": C_TYPES[line_type], "PATH_BYTES": size, "COUNT": count}
+    return {"PATH_TYPE": line_type, "PATH_BYTES": size, "COUNT": count}
 
 
 def aggregate(

@@ -13,7 +13,8 @@ import warp as wp
 from cvkern.kernels.codes.stereo import LARGEST_MATCH_COST, Penalties, Rule, View, Winners
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, scratch, view
-from cvkern.kernels.warp.stereo._winner import CURVES, WinnerArrays, WinnerRule, struct_of
+from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.stereo._winner import CURVES, WinnerArrays, WinnerRule
 from cvkern.kernels.warp.stereo._winners_cuda import pick, pick_right
 
 from ._aggregation_cuda import aggregate, total_constants, walk_paths
@@ -41,7 +42,7 @@ def winners(line_type: Any, paths: int, room: int, pixels: int) -> wp.Kernel:
         "TILE": pixels,
         "BLOCK": BLOCK,
         "NARROW": int(line_type is wp.uint8 and paths == 4),  # whether a sum has 10 bits
-        "WIDE": "int",
+        "WIDE": wp.int32,
         **CURVES,
         **total_constants(line_type, paths),
     }

@@ -42,7 +42,6 @@ class Number(NamedTuple):
     """The type of costs and of L <= C + P2; larger sums saturate at its largest number."""
 
     scalar: Any
-    c_type: str
     vector: int
     """Numbers in 32 bytes."""
     header: int
@@ -50,8 +49,8 @@ class Number(NamedTuple):
     largest: str
 
 
-BYTE = Number(wp.uint8, "unsigned char", 32, 64, "0xff")
-WORD = Number(wp.uint16, "unsigned short", 16, 32, "0xffff")
+BYTE = Number(wp.uint8, 32, 64, "0xff")
+WORD = Number(wp.uint16, 16, 32, "0xffff")
 
 
 @wp.struct
@@ -87,7 +86,7 @@ def constants(paths: Paths, number: Number) -> dict[str, Any]:
     """Return the constants of _steps_cpu.h."""
     n = number.vector
     return {
-        "NUMBER": number.c_type,
+        "NUMBER": number.scalar,
         "VECTOR": n,
         "HEADER": number.header,
         "LARGEST": number.largest,

@@ -35,7 +35,6 @@ PATHS = {
 _KNIGHTS = ((1, 2), (1, -2), (-1, 2), (-1, -2), (2, 1), (2, -1), (-2, 1), (-2, -1))
 PATHS[16] = (*PATHS[8], _KNIGHTS)
 
-C_TYPES = {wp.uint8: "unsigned char", wp.uint16: "unsigned short"}
 FAR_COSTS = {wp.uint8: 255, wp.uint16: 1 << 14}  # none is larger: 4 paths sum to less than 2^16
 
 
@@ -80,8 +79,8 @@ def walk(
         "COUNT": len(steps),
         "COST_BYTES": cost_bytes,
         "PATH_BYTES": wp.types.type_size_in_bytes(line_type),
-        "COST_TYPE": C_TYPES[cost_type],
-        "PATH_TYPE": C_TYPES[line_type],
+        "COST_TYPE": cost_type,
+        "PATH_TYPE": line_type,
         "FAR": f"{FAR_COSTS[cost_type] * (0x1010101 if cost_bytes == 1 else 0x10001):#x}u",
         "AHEAD": max(2, ahead // (chunks * cost_bytes)),
         "CHUNKS": chunks,

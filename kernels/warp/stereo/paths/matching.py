@@ -12,7 +12,8 @@ import warp as wp
 
 from cvkern.kernels.codes.stereo import LARGEST_MATCH_COST, Penalties, Rule, View, Winners
 from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs
-from cvkern.kernels.warp.stereo._winner import WinnerArrays, WinnerRule, struct_of
+from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.stereo._winner import WinnerArrays, WinnerRule
 from cvkern.kernels.warp.stereo._winners_cpu import padded
 
 from . import _costs_cuda as costs_cuda

@@ -13,10 +13,10 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
-def _left_right(scalar: Any, c_type: str) -> wp.Kernel:
+def _left_right(scalar: Any) -> wp.Kernel:
     """Return the kernel for right disparities of one type."""
 
-    @_native.kernel("_rows_cpu.h", TYPE=c_type, INDICES=int(scalar is wp.int32))
+    @_native.kernel("_rows_cpu.h", TYPE=scalar, INDICES=int(scalar is wp.int32))
     def left_right(
         slab: int,
         begin: int,
@@ -32,7 +32,7 @@ def _left_right(scalar: Any, c_type: str) -> wp.Kernel:
     return left_right
 
 
-left_rights = {wp.int32: _left_right(wp.int32, "int"), wp.float32: _left_right(wp.float32, "float")}
+left_rights = {scalar: _left_right(scalar) for scalar in (wp.int32, wp.float32)}
 
 
 @_native.kernel("_rows_cpu.h")

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from cvkern.kernels.warp._structs import struct_of
+
 
 @wp.struct
 class Product:
@@ -16,7 +18,4 @@ class Product:
 
 def product_of(columns: int, column_in: int, column_out: int, relu: bool, gated: bool) -> Product:
     """Return a product with these options."""
-    made = Product()
-    made.columns, made.column_in, made.column_out = columns, column_in, column_out
-    made.relu, made.gated = relu, gated
-    return made
+    return struct_of(Product, (columns, column_in, column_out, relu, gated))

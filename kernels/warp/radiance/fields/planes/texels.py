@@ -11,7 +11,7 @@ import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import launch_each, view
-from cvkern.kernels.warp.radiance._structs import struct_of
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance.training._structs import AdamRule
 
 wp.set_module_options({"enable_backward": False})

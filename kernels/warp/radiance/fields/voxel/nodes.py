@@ -10,7 +10,7 @@ from cvkern.kernels.warp._launch import (
     slabs,
     view,
 )
-from cvkern.kernels.warp.radiance._structs import struct_of
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance.training._structs import AdamRule, Learnt
 
 from . import _nodes_cpu as planes

@@ -30,7 +30,8 @@ from cvkern.kernels.warp._launch import (
     launch_slabs,
     scratch,
 )
-from cvkern.kernels.warp.radiance._structs import Composited, Grid, March, Rays, Space, struct_of
+from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.radiance._structs import Composited, Grid, March, Rays, Space
 
 from . import _rays_cpu as cpu
 from . import _rays_cuda as cuda
