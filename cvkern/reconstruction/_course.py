@@ -73,7 +73,7 @@ def find_models(course: Course, heap: Heap, lenses: Lenses) -> list[Growth]:
         if not _grow(course, more, len(models)):
             break
         models.append(more)
-    # Among models of one size, that with most places is first.
+    # The largest is first; if two have one size, the one with more places.
     return sorted(models, key=lambda m: (-int(m.placed.sum()), -int(m.active.sum())))
 
 

@@ -22,6 +22,8 @@ from cvkern.kernels.codes.reconstruction import (
 )
 from cvkern.kernels.taichi._launch import primitive
 
+from ._condensing import fill_rows, gather
+
 f64_1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
 f64_2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
 f64_3 = ti.types.ndarray(dtype=ti.f64, ndim=3)
@@ -62,9 +64,13 @@ def condense(
     condensed: Condensed,
 ) -> None:
     """Write the equations of the views without points; one thread a parameter of a view."""
-    _condense(
-        *slopes, sightings.ends, sightings.spans, sightings.order, sightings.ranges, *eliminated,
-        blocks.number, *condensed,
+    fill_rows(
+        slopes.slopes, slopes.weights, *sightings[1:], eliminated.inverses, blocks.number,
+        condensed.system,
+    )  # fmt: skip
+    gather(
+        *slopes, sightings.ends, sightings.order, sightings.ranges, eliminated.pulls,
+        *condensed[1:],
     )  # fmt: skip
 
 
@@ -296,70 +302,6 @@ def _eliminate(
         pulls[p, 0] = ia * gx + ib * gy + ic * gz
         pulls[p, 1] = ib * gx + jd * gy + ie * gz
         pulls[p, 2] = ic * gx + ie * gy + ig * gz
-
-
-@ti.kernel
-def _condense(
-    slopes: f64_3,
-    gaps: f64_2,
-    weights: f64_1,
-    ends: i32_2,
-    spans: i32_2,
-    order: i32_1,
-    ranges: i32_2,
-    inverses: f64_2,
-    pulls: f64_2,
-    number: i32_2,
-    # outputs
-    system: f64_3,
-    right: f64_2,
-    sizes: f64_2,
-):
-    size = right.shape[1]
-    for item in range(right.shape[0] * right.shape[1]):
-        c = item // size
-        r = item - c * size
-        for other in range(c, right.shape[0]):
-            b = number[c, other]
-            if b >= 0:
-                for s in range(size):
-                    system[b, r, s] = ti.f64(0.0)
-        own = number[c, c]
-        gradient = ti.f64(0.0)
-        diagonal = ti.f64(0.0)
-        for place in range(ranges[c, 0], ranges[c, 0] + ranges[c, 1]):
-            o = order[place]
-            p = ends[o, 2]
-            w = weights[o]
-            up = w * slopes[o, 0, 3 + r]
-            down = w * slopes[o, 1, 3 + r]
-            gradient += up * gaps[o, 0] + down * gaps[o, 1]
-            diagonal += up * slopes[o, 0, 3 + r] + down * slopes[o, 1, 3 + r]
-            for s in range(size):
-                here = up * slopes[o, 0, 3 + s] + down * slopes[o, 1, 3 + s]
-                system[own, r, s] = system[own, r, s] + here
-            x = up * slopes[o, 0, 0] + down * slopes[o, 1, 0]
-            y = up * slopes[o, 0, 1] + down * slopes[o, 1, 1]
-            z = up * slopes[o, 0, 2] + down * slopes[o, 1, 2]
-            gradient -= x * pulls[p, 0] + y * pulls[p, 1] + z * pulls[p, 2]
-            i = inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z
-            j = inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z
-            k = inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z
-            for q in range(spans[p, 0], spans[p, 0] + spans[p, 1]):
-                d = ends[q, 0]
-                if d >= c:
-                    b = number[c, d]
-                    up = weights[q] * (
-                        slopes[q, 0, 0] * i + slopes[q, 0, 1] * j + slopes[q, 0, 2] * k
-                    )
-                    down = weights[q] * (
-                        slopes[q, 1, 0] * i + slopes[q, 1, 1] * j + slopes[q, 1, 2] * k
-                    )
-                    for s in range(size):
-                        there = up * slopes[q, 0, 3 + s] + down * slopes[q, 1, 3 + s]
-                        system[b, r, s] = system[b, r, s] - there
-        right[c, r] = gradient
-        sizes[c, r] = diagonal
 
 
 @ti.kernel

@@ -20,8 +20,9 @@ import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import launch, launch_each
+from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
-from cvkern.kernels.warp.radiance._structs import Comparison, Head, struct_of
+from cvkern.kernels.warp.radiance._structs import Comparison, Head
 from cvkern.kernels.warp.radiance.training.losses import background_of, error_of
 
 OPTIONS = {"enable_backward": False}

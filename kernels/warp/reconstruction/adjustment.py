@@ -20,6 +20,7 @@ from cvkern.kernels.codes.reconstruction import (
 from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._structs import struct_of
 
+from . import _condensing_cpu as cpu
 from . import _condensing_cuda as cuda
 from ._projection import bent, radial, turned
 from ._sightings import Seen
@@ -84,10 +85,8 @@ def condense(
     seen = struct_of(Seen, sightings[1:])
     if condensed.right.device.is_cuda:
         cuda.condense(slopes, seen, eliminated, blocks, condensed)
-        return
-    count = condensed.right.size
-    inputs = [*slopes, seen, *eliminated, blocks.number]
-    launch_each(_condense, count, 512 * slopes.weights.size, inputs, [*condensed])
+    else:
+        cpu.condense(slopes, seen, eliminated, blocks, condensed)
 
 
 def substitute(
@@ -292,70 +291,6 @@ def _eliminate(
         pulls[p, 0] = ia * gx + ib * gy + ic * gz
         pulls[p, 1] = ib * gx + jd * gy + ie * gz
         pulls[p, 2] = ic * gx + ie * gy + ig * gz
-
-
-@wp.kernel
-def _condense(
-    stride: int,
-    first: int,
-    last: int,
-    slopes: wp.array3d[f64],
-    gaps: wp.array2d[f64],
-    weights: wp.array[f64],
-    seen: Seen,
-    inverses: wp.array2d[f64],
-    pulls: wp.array2d[f64],
-    number: wp.array2d[int],
-    # outputs
-    system: wp.array3d[f64],
-    right: wp.array2d[f64],
-    sizes: wp.array2d[f64],
-):
-    size = right.shape[1]
-    for item in range(first + wp.tid(), last, stride):
-        c = item // size
-        r = item - c * size
-        for other in range(c, right.shape[0]):
-            b = number[c, other]
-            if b >= 0:
-                for s in range(size):
-                    system[b, r, s] = f64(0.0)
-        own = number[c, c]
-        gradient = f64(0.0)
-        diagonal = f64(0.0)
-        for place in range(seen.ranges[c, 0], seen.ranges[c, 0] + seen.ranges[c, 1]):
-            o = seen.order[place]
-            p = seen.ends[o, 2]
-            w = weights[o]
-            up = w * slopes[o, 0, 3 + r]
-            down = w * slopes[o, 1, 3 + r]
-            gradient += up * gaps[o, 0] + down * gaps[o, 1]
-            diagonal += up * slopes[o, 0, 3 + r] + down * slopes[o, 1, 3 + r]
-            for s in range(size):
-                here = up * slopes[o, 0, 3 + s] + down * slopes[o, 1, 3 + s]
-                system[own, r, s] = system[own, r, s] + here
-            x = up * slopes[o, 0, 0] + down * slopes[o, 1, 0]
-            y = up * slopes[o, 0, 1] + down * slopes[o, 1, 1]
-            z = up * slopes[o, 0, 2] + down * slopes[o, 1, 2]
-            gradient -= x * pulls[p, 0] + y * pulls[p, 1] + z * pulls[p, 2]
-            i = inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z
-            j = inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z
-            k = inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z
-            for q in range(seen.spans[p, 0], seen.spans[p, 0] + seen.spans[p, 1]):
-                d = seen.ends[q, 0]
-                if d >= c:
-                    b = number[c, d]
-                    up = weights[q] * (
-                        slopes[q, 0, 0] * i + slopes[q, 0, 1] * j + slopes[q, 0, 2] * k
-                    )
-                    down = weights[q] * (
-                        slopes[q, 1, 0] * i + slopes[q, 1, 1] * j + slopes[q, 1, 2] * k
-                    )
-                    for s in range(size):
-                        there = up * slopes[q, 0, 3 + s] + down * slopes[q, 1, 3 + s]
-                        system[b, r, s] = system[b, r, s] - there
-        right[c, r] = gradient
-        sizes[c, r] = diagonal
 
 
 @wp.kernel
