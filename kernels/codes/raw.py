@@ -60,8 +60,7 @@ SMOOTH = 0.2  # how much texture speaks for smooth differences of colours
 FLAT = 1e-6  # change of these differences that does not count, as a share of the squared sample
 STEADY = 0.08  # change of what lines leave that does not count, as a share of green
 TINY = 1e-30
-# Estimates below its root are rounding errors of zeros, which kernel sets do not share.
-LEAST = 1e-15
+SETTLED = 1e-12  # estimates below it are rounding errors of zeros, which kernel sets do not share
 # Tone: weights of linear sRGB in luminance, the logarithm of no light, and steps of logarithms in
 # sums, whose terms are integers.
 LUMINANCE = 0.2126, 0.7152, 0.0722

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cvkern._runtime import runtime
+from cvkern.kernels.codes.radiance import Background, Comparison
 from cvkern.radiance import (
     HashField,
     PlanesField,
@@ -18,6 +19,7 @@ from cvkern.radiance import (
     render,
     render_path,
 )
+from cvkern.radiance.fields.hash import HashNetwork
 from cvkern.radiance.rendering import owned, photograph
 from profiling.experiments.wild_quality import changed
 from tests.radiance.runs import GRID, interrupt, press_ctrl_c, same
@@ -204,3 +206,44 @@ def test_refusals(scenes, model):
         fit_appearance(model, image, clean.cameras, mask=np.zeros((24, 24), bool))
     with pytest.raises(TypeError, match="mask must be bool"):
         fit_appearance(model, image, clean.cameras, mask=np.ones((24, 24)))
+
+
+def test_colours_are_the_same_from_all_sides_at_first(scenes, monkeypatch):
+    """Or a field takes the light of each photograph for one more side of the scene."""
+    field, aside = HashField(levels=8, table_bits=10, samples=2**11, rays=128, cells=32), []
+    evaluate_samples = HashNetwork.evaluate
+
+    def noting(self, directions, samples):
+        aside.append(self._sides is not None)
+        assert aside[-1] == (directions is self._sides)
+        evaluate_samples(self, directions, samples)
+
+    monkeypatch.setattr(HashNetwork, "evaluate", noting)
+    fit(scenes[1], field, steps=40, appearance="affine", progress=False)
+    assert sum(aside) == 16  # of 40 steps, in blocks of 16
+    assert not any(aside[aside.index(False) :])
+    aside.clear()
+    fit(scenes[1], field, steps=2, progress=False)
+    assert not any(aside)
+
+
+@pytest.mark.usefixtures("backend")
+def test_clipped_channels_are_bounds():
+    """A channel of 0 or 255 of an opaque pixel has no error beyond it, and any within."""
+    rt = runtime()
+    color = np.array([[1.3, -0.2, 0.5], [0.9, 0.1, 0.5], [1.3, -0.2, 0.5], [1.3, -0.2, 0.5]])
+    targets = np.array([[1.0, 0, 0.2, 1], [1, 0, 0.2, 1], [1, 0, 0.2, 0.5], [0.9, 0.1, 0.2, 1]])
+    seen, opacity, photos, active = on_device(rt, color, np.ones(4), targets, np.array([4]))
+    step, black = owned(rt, np.zeros(1, np.int32)), rt.zeros((3,))
+    errors, d_opacity = rt.zeros((4,)), rt.zeros((4,))
+    d_color, d_learnt = rt.zeros((4, 3)), rt.zeros((4, 3))
+    wanted = color - targets[:, :3] * targets[:, 3:]
+    for censored in (False, True):
+        comparison = Comparison(Background.BLACK, black, 0.0, 3.0, 0, step, censored)
+        rt.radiance.training.losses.loss(
+            seen, opacity, photos, active, comparison, errors, d_color, d_opacity, d_learnt
+        )
+        if censored:
+            wanted[0, :2] = 0
+        np.testing.assert_allclose(rt.to_numpy(d_color), 2 * wanted, atol=CLOSE)
+        np.testing.assert_allclose(rt.to_numpy(errors), (wanted**2).mean(1), atol=CLOSE)

@@ -40,3 +40,10 @@ def march_of(space: codes.Space, march: codes.March) -> Any:
     numbers = march._asdict()
     del numbers["step"]
     return March(levels=space.levels, cells=space.cells, unbounded=int(space.unbounded), **numbers)
+
+
+def comparison_of(c: codes.Comparison) -> Any:
+    """Return the numbers of a comparison as a structure."""
+    return Comparison(
+        kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed, censored=int(c.censored)
+    )

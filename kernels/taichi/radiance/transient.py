@@ -19,8 +19,8 @@ import taichi as ti
 from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.taichi._launch import on_cpu, primitive
 from cvkern.kernels.taichi.radiance._fixed_point import add
-from cvkern.kernels.taichi.radiance._structs import Comparison
-from cvkern.kernels.taichi.radiance.training.losses import background_of, comparison_of, error_of
+from cvkern.kernels.taichi.radiance._structs import Comparison, comparison_of
+from cvkern.kernels.taichi.radiance.training._comparison import background_of, error_of
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)

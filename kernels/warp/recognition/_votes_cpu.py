@@ -1,7 +1,7 @@
 """Votes and mean shift on the CPU, 16 of them at a time.
 
-3.5 million votes are cast in 66 ms of one core, and 500 maxima moved in 15; one vote at a time in
-Warp, in 215 and 43 ms.
+7 million votes are counted in 14 ms of one core, 2.4 million of them listed in 40, and 500 maxima
+moved in 21. One vote at a time in Warp takes 3 times as long.
 """
 
 import warp as wp

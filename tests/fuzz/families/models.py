@@ -29,7 +29,7 @@ def scene() -> radiance.Scene:
 
 @lru_cache(4)
 def _model_of(backend: str, device: str) -> radiance.Model:
-    return radiance.fit(scene(), SMALL, steps=2, progress=False)
+    return radiance.fit(scene(), SMALL, steps=2, transient=True, progress=False)
 
 
 def model() -> radiance.Model:
@@ -82,6 +82,11 @@ def paged(**options: Any) -> int:
 def lit(image: Any, **options: Any) -> Any:
     """Find the light of a photograph."""
     return radiance.fit_appearance(model(), image, CAMERAS, **options)
+
+
+def passing(view: Any) -> Any:
+    """Show what passes in front of a photograph."""
+    return radiance.render_transient(model(), view)
 
 
 def rendered(cameras: Any, view: Any, background: Any = None) -> Any:
@@ -197,9 +202,13 @@ CALLS: dict[str, Call] = {
             "spread": number(0, 0.1),
             "seed": whole(0, 9),
             "deterministic": one(False, True),
+            "appearance": one(None, "affine", "none"),
+            "robust": one(False, True),
+            "transient": one(False, True),
         },
         equal=False,
     ),
+    "radiance.render_transient": Call(passing, {"view": whole(0, 5)}, {}, equal=False),
     "radiance.render": Call(
         rendered, {"cameras": PLACES, "view": whole(0, 1)}, {"background": BEHIND}, equal=False
     ),

@@ -11,52 +11,17 @@ A camera clips what is too bright or too dark. If `censored`, there is no error 
 above, or P is 0 and F below, in pixels with a = 1.
 """
 
-from typing import Any
-
 import numpy as np
 import taichi as ti
 
 from cvkern.kernels.codes import radiance as codes
-from cvkern.kernels.codes.radiance import Background, Draw
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi._random import random_unit
-from cvkern.kernels.taichi.radiance._structs import Comparison
+from cvkern.kernels.taichi.radiance._structs import Comparison, comparison_of
+from cvkern.kernels.taichi.radiance.training._comparison import background_of, error_of
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
-vec3 = ti.types.vector(3, ti.f32)
-
-
-@ti.func
-def background_of(
-    comparison: ti.template(), learnt: ti.template(), step: ti.i32, ray: ti.i32
-) -> vec3:
-    """Return the background of a ray."""
-    kind, seed = comparison.kind, comparison.seed
-    color = vec3(0.0)
-    if kind == Background.WHITE:
-        color = vec3(1.0)
-    elif kind == Background.RANDOM:
-        for k in ti.static(range(3)):
-            color[k] = random_unit(seed, step, ray, Draw.RED + k)
-    elif kind == Background.LEARNT:
-        color = vec3(learnt[0], learnt[1], learnt[2])
-    return color
-
-
-@ti.func
-def error_of(error: ti.f32, target: ti.f32, seen: ti.f32, comparison: ti.template()) -> ti.f32:
-    """Return the error of a channel, 0 beyond the end of the range that its photograph has."""
-    clipped = (target >= 1.0 and error > 0.0) or (target <= 0.0 and error < 0.0)
-    return 0.0 if comparison.censored and seen >= 1.0 and clipped else error
-
-
-def comparison_of(c: codes.Comparison) -> Any:
-    """Return the numbers of a comparison as a structure."""
-    return Comparison(
-        kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed, censored=int(c.censored)
-    )
 
 
 @ti.kernel

@@ -18,9 +18,9 @@ import taichi as ti
 from cvkern.kernels.codes.raw import (
     BORDER,
     FLAT,
-    LEAST,
     MARGINS,
     PRIOR,
+    SETTLED,
     SMOOTH,
     STEADY,
     TINY,
@@ -49,7 +49,7 @@ def _sample(a: f32_3, k: ti.i32, y: ti.i32, x: ti.i32, n: ti.i32, vertical: ti.i
 @ti.func
 def _settled(value: ti.f32) -> ti.f32:
     """Return an estimate, or 0 if it is so small that it is the rounding error of a zero."""
-    return 0.0 if ti.abs(value) < ti.cast(LEAST, ti.f32) else value
+    return 0.0 if ti.abs(value) < ti.cast(SETTLED, ti.f32) else value
 
 
 @ti.func

@@ -11,8 +11,8 @@ from cvkern.kernels.warp._spans import spans
 
 LANES = 8  # lines at once on the CPU
 REACH = 20  # pixels along a line, on either side, that a difference depends on
-_FIT = {name: f"{getattr(codes, name)!r}f" for name in ("FLOOR", "TINY", "LEAST")}
-_SMOOTH = {name: f"{getattr(codes, name)!r}f" for name in ("SMOOTH", "FLAT", "TINY", "LEAST")}
+_FIT = {name: f"{getattr(codes, name)!r}f" for name in ("FLOOR", "TINY", "SETTLED")}
+_SMOOTH = {name: f"{getattr(codes, name)!r}f" for name in ("SMOOTH", "FLAT", "TINY", "SETTLED")}
 
 
 def directions(red_row: int, red_column: int, planes: wp.array) -> None:
