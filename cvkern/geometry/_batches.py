@@ -9,8 +9,9 @@ import numpy as np
 
 from cvkern._checks import as_items, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
+from cvkern.geometry._matches import Batch
 from cvkern.geometry._points import check_pairs, on_host
-from cvkern.geometry.robust import Batch, RobustFits, Search
+from cvkern.geometry.robust import RobustFits, Search
 from cvkern.kernels.codes.geometry import MAX_MATCHES
 
 

@@ -10,10 +10,11 @@ import numpy as np
 from cvkern._checks import check_integer
 from cvkern._runtime import runtime
 from cvkern.geometry._batches import check_batch, search_options
+from cvkern.geometry._matches import gather
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_pairs, check_points, finite_pairs, on_host, xy
 from cvkern.geometry.fitting import SINGULAR, normalise
-from cvkern.geometry.robust import Explorer, Found, RobustFit, RobustFits, Search, alone, gather
+from cvkern.geometry.robust import Explorer, Found, RobustFit, RobustFits, Search, alone
 from cvkern.kernels.codes.geometry import Model
 
 # Trials for a plane, and for epipoles from matches off it. Both have many matches if they matter.

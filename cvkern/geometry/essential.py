@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from cvkern.geometry._batches import check_batch, search_options
+from cvkern.geometry._matches import gather
 from cvkern.geometry._matrices import check_cameras
-from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, alone, gather
+from cvkern.geometry.robust import Explorer, RobustFit, RobustFits, Search, alone
 from cvkern.kernels.codes.geometry import Model
 
 

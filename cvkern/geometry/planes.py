@@ -9,9 +9,10 @@ import numpy as np
 from cvkern._checks import check_integer, check_number
 from cvkern._runtime import Runtime
 from cvkern.geometry._batches import batch_of, search_options
+from cvkern.geometry._matches import gather
 from cvkern.geometry._points import check_pairs
 from cvkern.geometry.fitting import scaled
-from cvkern.geometry.robust import Explorer, Search, gather
+from cvkern.geometry.robust import Explorer, Search
 from cvkern.kernels.codes.geometry import MAX_MATCHES, SAMPLE, Model
 
 NEIGHBOURS = 6  # nearest matches of a match, which should have the same label

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern.geometry._batches import batch_of, search_options
+from cvkern.geometry._matches import gather
 from cvkern.geometry._matrices import check_camera, check_matrix
 from cvkern.geometry._points import check_pairs
-from cvkern.geometry.robust import Explorer, gather
+from cvkern.geometry.robust import Explorer
 from cvkern.kernels.codes.geometry import Model
 
 

@@ -5,7 +5,7 @@ import pytest
 import scipy.optimize
 
 from cvkern._runtime import runtime
-from cvkern.geometry.robust import gather
+from cvkern.geometry._matches import gather
 from cvkern.kernels.codes.geometry import Draw, Given
 from tests.geometry import reference_robust as reference
 

@@ -12,7 +12,6 @@ from cvkern.kernels.codes.reconstruction import (
     Blocks,
     Condensed,
     Eliminated,
-    Loss,
     Scenery,
     Sightings,
     Slopes,
@@ -21,34 +20,27 @@ from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp._structs import struct_of
 
 from . import _condensing_cuda as cuda
-from ._projection import bent, radial, turned
+from . import _residuals as residuals
 from ._sightings import Seen
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 f64 = wp.float64
-NEAREST = wp.constant(f64(codes.NEAREST))
-BEHIND = wp.constant(f64(codes.BEHIND))
 FLATTEST = wp.constant(f64(codes.FLATTEST))
-
-JOINED = wp.constant(codes.JOINED)
-HUBER = wp.constant(int(Loss.HUBER))
-CAUCHY = wp.constant(int(Loss.CAUCHY))
 
 
 @wp.struct
-class Cast:
-    """Cameras and points; see `codes.reconstruction.Scenery`."""
+class Rest:
+    """What is left of the equations of points; see `codes.reconstruction.Eliminated`."""
 
-    views: wp.array2d[f64]
-    lenses: wp.array2d[f64]
-    points: wp.array2d[f64]
+    inverses: wp.array2d[f64]
+    pulls: wp.array2d[f64]
 
 
 def measure(scenery: Scenery, sightings: Sightings, gaps: wp.array) -> None:
     """Find the residuals, in pixels; one thread a sighting."""
-    inputs = [struct_of(Cast, scenery), sightings.where, sightings.ends]
-    launch_each(_measure, gaps.shape[0], 64 * gaps.shape[0], inputs, [gaps])
+    inputs = [struct_of(residuals.Cast, scenery), sightings.where, sightings.ends]
+    launch_each(residuals.measure, gaps.shape[0], 64 * gaps.shape[0], inputs, [gaps])
 
 
 def linearise(
@@ -56,8 +48,8 @@ def linearise(
 ) -> None:
     """Find residuals, their weights under a loss, and derivatives; one thread a sighting."""
     count = slopes.weights.size
-    inputs = [struct_of(Cast, scenery), sightings.where, sightings.ends, loss, scale]
-    launch_each(_linearise, count, 128 * count, inputs, [*slopes])
+    inputs = [struct_of(residuals.Cast, scenery), sightings.where, sightings.ends, loss, scale]
+    launch_each(residuals.linearise, count, 128 * count, inputs, [*slopes])
 
 
 def eliminate(slopes: Slopes, sightings: Sightings, damping: float, eliminated: Eliminated) -> None:
@@ -86,7 +78,7 @@ def condense(
         cuda.condense(slopes, seen, eliminated, blocks, condensed)
         return
     count = condensed.right.size
-    inputs = [*slopes, seen, *eliminated, blocks.number]
+    inputs = [*slopes, seen, struct_of(Rest, eliminated), blocks.number]
     launch_each(_condense, count, 512 * slopes.weights.size, inputs, [*condensed])
 
 
@@ -111,119 +103,7 @@ def join_costs(gaps: wp.array, loss: int, scale: float, costs: wp.array) -> None
     Costs are twice r^2 / 2 and so on, before Cauchy's logarithm. One thread a number.
     """
     count = costs.shape[0]
-    launch_each(_join_costs, count, 8 * gaps.shape[0], [gaps, loss, scale], [costs])
-
-
-@wp.kernel
-def _measure(
-    stride: int,
-    first: int,
-    last: int,
-    cast: Cast,
-    where: wp.array2d[f64],
-    ends: wp.array2d[int],
-    # outputs
-    gaps: wp.array2d[f64],
-):
-    for o in range(first + wp.tid(), last, stride):
-        c = ends[o, 0]
-        n = ends[o, 1]
-        q = turned(cast.views, c, cast.points, ends[o, 2])
-        z = q[2] + cast.views[c, 11]
-        gaps[o, 0] = BEHIND
-        gaps[o, 1] = BEHIND
-        if z > NEAREST:
-            there = bent(
-                cast.lenses, n, (q[0] + cast.views[c, 9]) / z, (q[1] + cast.views[c, 10]) / z
-            )
-            gaps[o, 0] = cast.lenses[n, 0] * there[0] + cast.lenses[n, 2] - where[o, 0]
-            gaps[o, 1] = cast.lenses[n, 1] * there[1] + cast.lenses[n, 3] - where[o, 1]
-
-
-@wp.kernel
-def _linearise(
-    stride: int,
-    first: int,
-    last: int,
-    cast: Cast,
-    where: wp.array2d[f64],
-    ends: wp.array2d[int],
-    loss: int,
-    scale: f64,
-    # outputs
-    slopes: wp.array3d[f64],
-    gaps: wp.array2d[f64],
-    weights: wp.array[f64],
-):
-    width = slopes.shape[2]
-    for o in range(first + wp.tid(), last, stride):
-        c = ends[o, 0]
-        n = ends[o, 1]
-        q = turned(cast.views, c, cast.points, ends[o, 2])
-        z = q[2] + cast.views[c, 11]
-        if z > NEAREST:
-            u = (q[0] + cast.views[c, 9]) / z
-            v = (q[1] + cast.views[c, 10]) / z
-            there = bent(cast.lenses, n, u, v)
-            fx = cast.lenses[n, 0]
-            fy = cast.lenses[n, 1]
-            dx = fx * there[0] + cast.lenses[n, 2] - where[o, 0]
-            dy = fy * there[1] + cast.lenses[n, 3] - where[o, 1]
-            gaps[o, 0] = dx
-            gaps[o, 1] = dy
-            square = dx * dx + dy * dy
-            weight = f64(1.0)
-            if loss == HUBER:
-                if square > scale * scale:
-                    weight = scale / wp.sqrt(square)
-            elif loss == CAUCHY:
-                weight = f64(1.0) / (f64(1.0) + square / (scale * scale))
-            weights[o] = weight
-            # Derivatives of the bent place, which are symmetric, over the depth.
-            r2 = u * u + v * v
-            k1 = cast.lenses[n, 4]
-            k2 = cast.lenses[n, 5]
-            p1 = cast.lenses[n, 6]
-            p2 = cast.lenses[n, 7]
-            grown = radial(cast.lenses, n, r2)
-            steep = f64(2.0) * (k1 + r2 * (f64(2.0) * k2 + f64(3.0) * cast.lenses[n, 8] * r2))
-            xx = (grown + steep * u * u + f64(2.0) * p1 * v + f64(6.0) * p2 * u) / z
-            xy = (steep * u * v + f64(2.0) * p1 * u + f64(2.0) * p2 * v) / z
-            yy = (grown + steep * v * v + f64(6.0) * p1 * v + f64(2.0) * p2 * u) / z
-            for k in range(2):
-                a = wp.where(k == 0, fx * xx, fy * xy)
-                b = wp.where(k == 0, fx * xy, fy * yy)
-                d = -(a * u + b * v)
-                for j in range(3):
-                    slopes[o, k, j] = (
-                        a * cast.views[c, j] + b * cast.views[c, 3 + j] + d * cast.views[c, 6 + j]
-                    )
-                slopes[o, k, 3] = d * q[1] - b * q[2]
-                slopes[o, k, 4] = a * q[2] - d * q[0]
-                slopes[o, k, 5] = b * q[0] - a * q[1]
-                slopes[o, k, 6] = a
-                slopes[o, k, 7] = b
-                slopes[o, k, 8] = d
-            if width > 9:
-                slopes[o, 0, 9] = fx * there[0]
-                slopes[o, 1, 9] = fy * there[1]
-            if width > 10:
-                slopes[o, 0, 10] = fx * u * r2
-                slopes[o, 1, 10] = fy * v * r2
-                slopes[o, 0, 11] = fx * u * r2 * r2
-                slopes[o, 1, 11] = fy * v * r2 * r2
-            if width > 12:
-                slopes[o, 0, 12] = f64(1.0)
-                slopes[o, 1, 12] = f64(0.0)
-                slopes[o, 0, 13] = f64(0.0)
-                slopes[o, 1, 13] = f64(1.0)
-        else:
-            gaps[o, 0] = BEHIND
-            gaps[o, 1] = BEHIND
-            weights[o] = f64(0.0)
-            for j in range(width):
-                slopes[o, 0, j] = f64(0.0)
-                slopes[o, 1, j] = f64(0.0)
+    launch_each(residuals.join_costs, count, 8 * gaps.shape[0], [gaps, loss, scale], [costs])
 
 
 @wp.kernel
@@ -303,8 +183,7 @@ def _condense(
     gaps: wp.array2d[f64],
     weights: wp.array[f64],
     seen: Seen,
-    inverses: wp.array2d[f64],
-    pulls: wp.array2d[f64],
+    rest: Rest,
     number: wp.array2d[int],
     # outputs
     system: wp.array3d[f64],
@@ -337,10 +216,10 @@ def _condense(
             x = up * slopes[o, 0, 0] + down * slopes[o, 1, 0]
             y = up * slopes[o, 0, 1] + down * slopes[o, 1, 1]
             z = up * slopes[o, 0, 2] + down * slopes[o, 1, 2]
-            gradient -= x * pulls[p, 0] + y * pulls[p, 1] + z * pulls[p, 2]
-            i = inverses[p, 0] * x + inverses[p, 1] * y + inverses[p, 2] * z
-            j = inverses[p, 1] * x + inverses[p, 3] * y + inverses[p, 4] * z
-            k = inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z
+            gradient -= x * rest.pulls[p, 0] + y * rest.pulls[p, 1] + z * rest.pulls[p, 2]
+            i = rest.inverses[p, 0] * x + rest.inverses[p, 1] * y + rest.inverses[p, 2] * z
+            j = rest.inverses[p, 1] * x + rest.inverses[p, 3] * y + rest.inverses[p, 4] * z
+            k = rest.inverses[p, 2] * x + rest.inverses[p, 4] * y + rest.inverses[p, 5] * z
             for q in range(seen.spans[p, 0], seen.spans[p, 0] + seen.spans[p, 1]):
                 d = seen.ends[q, 0]
                 if d >= c:
@@ -397,33 +276,3 @@ def _substitute(
         moved[p, 2] = points[p, 2] - (
             pulls[p, 2] + (inverses[p, 2] * x + inverses[p, 4] * y + inverses[p, 5] * z)
         )
-
-
-@wp.kernel
-def _join_costs(
-    stride: int,
-    first: int,
-    last: int,
-    gaps: wp.array2d[f64],
-    loss: int,
-    scale: f64,
-    # outputs
-    costs: wp.array[f64],
-):
-    for n in range(first + wp.tid(), last, stride):
-        joined = f64(0.0)
-        if loss == CAUCHY:
-            joined = f64(1.0)
-        for o in range(n * JOINED, wp.min((n + 1) * JOINED, gaps.shape[0])):
-            x = gaps[o, 0]
-            y = gaps[o, 1]
-            square = x * x + y * y
-            if loss == CAUCHY:
-                joined = joined * (f64(1.0) + square / (scale * scale))
-            else:
-                if loss == HUBER:
-                    length = wp.sqrt(square)
-                    if length > scale:
-                        square = scale * (f64(2.0) * length - scale)
-                joined = joined + square
-        costs[n] = joined

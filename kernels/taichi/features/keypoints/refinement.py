@@ -73,7 +73,7 @@ class Fit:
 
 
 @ti.func
-def fit(
+def _fitted(
     levels: ti.template(),
     s0: ti.i32,
     y0: ti.i32,
@@ -176,7 +176,9 @@ def _fit(
 ):
     for n in range(cells.shape[0]):
         if cells[n, 0] == octave:
-            end = fit(levels, cells[n, 1], cells[n, 2], cells[n, 3], contrast, edge, margin, zero)
+            end = _fitted(
+                levels, cells[n, 1], cells[n, 2], cells[n, 3], contrast, edge, margin, zero
+            )
             offsets[n, 0] = ti.cast(end.oy, ti.f32)
             offsets[n, 1] = ti.cast(end.ox, ti.f32)
             offsets[n, 2] = ti.cast(end.os, ti.f32)
