@@ -63,6 +63,7 @@ class Folder:
         from cvkern.kernels.warp.radiance import encodings as encodings
         from cvkern.kernels.warp.radiance import pinhole as pinhole
         from cvkern.kernels.warp.radiance import rendering as rendering
+        from cvkern.kernels.warp.radiance import transient as transient
         class fields:
             from cvkern.kernels.warp.radiance.fields import hash as hash
             class perceptron:

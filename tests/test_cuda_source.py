@@ -83,10 +83,11 @@ def stereo_kernels():
     from cvkern.kernels.warp.stereo.refinement._gaps_cuda import fill_empty_rows, fill_rows
 
     byte, word = wp.uint8, wp.uint16
-    for radius in (0, 6, 15):
-        yield from disparity.medians(radius)
+    for radius, contrast in ((0, 1), (6, 40), (15, 3000)):
+        yield from disparity.medians(radius, contrast)
     yield from (fill_rows, fill_empty_rows)
     yield from cost_kernels()
+    yield match_costs.pack
     for aligned in (True, False):
         yield match_costs.match_costs_kernel(aligned)
     for scalar in (byte, word, wp.float32):
@@ -161,9 +162,9 @@ def test_extrema_fuse_no_product_with_a_sum(tmp_path):
     from cvkern.kernels.warp.features.keypoints import _extrema_cuda as extrema
 
     kernels.start("cpu", None)
-    for levels in (1, 3, 8):
-        module, folder = extrema.mark(levels).module, tmp_path / f"{levels}"
-        (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=folder, use_ptx=True)
+    for n, kernel in enumerate((extrema.move, *map(extrema.mark, (1, 3, 8)))):
+        folder = tmp_path / f"{n}"
+        (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
         assert "fma.rn.f" not in Path(ptx).read_text()
 
 

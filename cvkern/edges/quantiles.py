@@ -99,14 +99,18 @@ def find_limits(
         if not strict:
             values = np.nextafter(values, np.float32(0))
         return rt.constant(values)
-    last = math.prod(dy.shape) - 1
-    nearest = math.floor if strict else math.ceil
-    # Round, so that quantiles in hundredths hit order statistics exactly, as in scikit-image.
-    ranks = [nearest(round(q * last, 9)) for q in (thresholds.low, thresholds.high)]
+    ranks = ranks_of(thresholds, math.prod(dy.shape), strict)
     limits = rt.scratch("edges.limits", (2,))
     chosen = rt.constant(np.array(ranks, np.int32))
     rt.edges.quantiles.find_limits(dy, dx, norm, chosen, strict, thresholds.faintest, limits)
     return limits
+
+
+def ranks_of(thresholds: Thresholds, count: int, strict: bool) -> list[int]:
+    """Return the order statistics of `count` lengths that two quantiles stand for."""
+    nearest = math.floor if strict else math.ceil
+    # Round, so that quantiles in hundredths hit order statistics exactly, as in scikit-image.
+    return [nearest(round(q * (count - 1), 9)) for q in (thresholds.low, thresholds.high)]
 
 
 def measures(thresholds: Thresholds, norm: Norm) -> np.ndarray:

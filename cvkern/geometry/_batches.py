@@ -28,11 +28,11 @@ class Batched(NamedTuple):
     ) -> RobustFits:
         """Give marks (M,) back in the caller's order and library."""
         kept = batch.places >= 0
-        inliers = np.zeros(len(kept), bool)
-        inliers[kept] = marks[batch.places[kept]] != 0
         # Matches that are not finite are outliers as well.
-        ignored = np.diff(np.concatenate(([0], np.cumsum(~kept)))[self.offsets])
-        return RobustFits(matrices, self.rt.give(inliers), self.offsets, costs + ignored)
+        inliers = (marks[batch.places] != 0) & kept
+        if not kept.all():
+            costs = costs + np.diff(np.concatenate(([0], np.cumsum(~kept)))[self.offsets])
+        return RobustFits(matrices, self.rt.give(inliers), self.offsets, costs)
 
 
 def check_batch(pairs: Sequence[tuple[Any, Any]]) -> Batched:

@@ -182,11 +182,11 @@ def normalise(points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.n
     return (points - centre) * scale, matrix
 
 
-def scaled(matrix: np.ndarray) -> np.ndarray:
-    """Divide by the last element, or by the norm if that element is 0."""
-    norm = np.linalg.norm(matrix)
-    last = matrix[2, 2]
-    return matrix / (last if abs(last) > 1e-12 * norm else norm)
+def scaled(matrices: np.ndarray) -> np.ndarray:
+    """Divide matrices (..., 3, 3) by their last element, or by their norm if that element is 0."""
+    norm = np.sqrt((matrices**2).sum(axis=(-2, -1), keepdims=True))
+    last = matrices[..., 2:, 2:]
+    return matrices / np.where(np.abs(last) > 1e-12 * norm, last, norm)
 
 
 def _check_count(count: int, least: int, name: str) -> None:

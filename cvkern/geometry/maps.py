@@ -252,4 +252,4 @@ def find_many(pairs: Sequence[tuple[Any, Any]], model: Model, options: Search) -
     explorer = Explorer(batched.rt, batch, options)
     matrices, marks, costs = explorer.finish(model, explorer.explore(model))
     matrices = np.linalg.inv(batch.to_unit[1]) @ matrices @ batch.to_unit[0]
-    return batched.fits(batch, np.stack([scaled(m) for m in matrices]), marks, costs)
+    return batched.fits(batch, scaled(matrices), marks, costs)

@@ -30,7 +30,7 @@ MOST_SQUARE = 1e36  # squared threshold in the unit of kernels, far from the end
 # Squared thresholds of the least-squares steps, over the square of the caller's threshold. The
 # first ones are wide, because the model of a noisy sample is far from many of its inliers.
 COARSE = np.array([25.0, 9.0, 4.0, 2.0], np.float32)
-FINE = np.array([2.0] * 4, np.float32)  # maps, whose inliers weigh alike
+FINE = np.array([4.0] * 4, np.float32)  # maps: wide, as planes of photographs bend a little
 LAST = np.array([3.0] * 6, np.float32)  # other models, whose far matches weigh less
 # Required number of samples without outliers: noise spoils some of them.
 SPARE = 2.0

@@ -23,6 +23,7 @@ from cvkern.radiance.scenes.photographs import Bounds, Scene, load_scene
 from cvkern.radiance.scenes.solids import make_scene
 from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
 from cvkern.radiance.training import fit
+from cvkern.radiance.transient import Transient, render_transient
 
 __all__ = [
     "Bounds",
@@ -40,6 +41,7 @@ __all__ = [
     "PlanesField",
     "Scene",
     "Scores",
+    "Transient",
     "VoxelField",
     "cameras",
     "composite_rays",
@@ -63,6 +65,7 @@ __all__ = [
     "psnr",
     "render",
     "render_path",
+    "render_transient",
     "spherical_harmonics",
     "ssim",
     "write_mesh",

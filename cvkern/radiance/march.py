@@ -104,6 +104,7 @@ class SampledField(Field):
         )
         self._updates: dict[bool, Any] = {}
         self._viewing: Viewing | None = None
+        self._sides: Any = None  # directions that have nothing to do with the rays
 
     @abc.abstractmethod
     def inner(self, room: int) -> dict[str, Any]:
@@ -198,7 +199,7 @@ class SampledField(Field):
         self.rt.radiance.march.steps.march_rays(
             self.space, self._march(True, step), rays, self.spans, s.total, found
         )
-        self.evaluate(rays.directions, s)
+        self.evaluate(rays.directions if self._sides is None else self._sides, s)
         self.rt.radiance.compositing.forward(
             s.sigma, s.rgb, s.distances, self.spans, STOP, self.rendered
         )
@@ -211,6 +212,18 @@ class SampledField(Field):
             gradients, s.sigma, s.rgb, s.distances, self.spans, STOP, self.d_sigma, self.d_rgb
         )
         self.evaluate_backward()
+
+    def look_aside(self, aside: bool) -> None:
+        """See :meth:`Field.look_aside`: the colour network is given any directions."""
+        if aside == (self._sides is not None):
+            return
+        self.edition += 1
+        self._sides = None
+        if aside:
+            sides = np.random.default_rng(self.seed).normal(size=(self.rays, 3))
+            sides /= np.linalg.norm(sides, axis=1, keepdims=True)
+            self._sides = self.rt.zeros(sides.shape)
+            self.rt.write(self._sides, sides.astype(np.float32))
 
     def taken(self) -> int:
         """See :meth:`Field.taken`."""

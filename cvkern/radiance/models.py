@@ -27,6 +27,8 @@ __all__ = ["Mark", "Model", "load_model"]
 MOST_VIEWS, MOST_MARKS = 2**20, 2**24  # rows that a file may have
 APPEARANCES = ("affine",)
 APPEARANCE = "appearance."  # begins the names of the arrays of photographs' lights
+TRANSIENT = "transient."  # begins the names of the arrays of what passes
+NODES, MOST_NODES = 4, 64  # least distance between nodes, pixels; most along a photograph, about
 FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField, PlanesField)}
 
 
@@ -95,6 +97,8 @@ class Model:
     """The number of the photograph whose light pictures have by default, among ``cameras``."""
     robust: bool = False
     """Whether rays were weighed by how likely they are to show the scene."""
+    transient: bool = False
+    """Whether what passes in front of photographs was learnt; see :func:`render_transient`."""
 
     @property
     def appearances(self) -> np.ndarray:
@@ -171,6 +175,7 @@ class Model:
             "appearance": self.appearance,
             "gauge": self.gauge,
             "robust": self.robust,
+            "transient": self.transient,
             "size": [views.width, views.height],
             "training": asdict(training)
             | {"marks": [], "resumable": resumable and training.resumable},
@@ -183,7 +188,9 @@ class Model:
             "cameras.distortion": views.distortion,
         }
         self.rt  # noqa: B018  (this thread may not have used the device yet)
-        arrays |= {f"extra.{name}": values for name, values in self.extra.items()}
+        needless = () if resumable else (TRANSIENT + "mean", TRANSIENT + "square")
+        kept = {name: a for name, a in self.extra.items() if name not in needless}
+        arrays |= {f"extra.{name}": values for name, values in kept.items()}
         state = self.field.state()
         state = state if resumable else self.field.to_render(state)
         arrays |= {f"state.{name}": values for name, values in state.items()}
@@ -215,6 +222,12 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     runtime()  # report a missing device first, because it is not a fault of the file
     with checkpoints.opened(path) as (header, arrays):
         return _from(header, arrays)
+
+
+def nodes_of(height: int, width: int) -> tuple[int, int, int]:
+    """Return the distance between the nodes of what passes, and their rows and columns."""
+    side = max(NODES, -(-max(height, width) // MOST_NODES))
+    return side, (height - 1) // side + 2, (width - 1) // side + 2
 
 
 def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
@@ -255,14 +268,16 @@ def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
     extra = {name: _extra(given, name, views) for name in given}
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
                  int(header["seed"]), training, extra, _appearance(header, extra),
-                 int(header.get("gauge", 0)), _robust(header, extra))  # fmt: skip
+                 int(header.get("gauge", 0)),
+                 _flag(header, extra, "robust", DISTRACTORS, "share"),
+                 _flag(header, extra, "transient", TRANSIENT, "values"))  # fmt: skip
 
 
 def _extra(given: checkpoints.Stored, name: str, cameras: Cameras) -> np.ndarray:
     """Return a colour, or numbers of each photograph, or what their optimizers need."""
     if name == DISTRACTORS + "noise":
         return taken(given, name, (1,))
-    if not name.startswith((APPEARANCE, DISTRACTORS)):
+    if not name.startswith((APPEARANCE, DISTRACTORS, TRANSIENT)):
         return taken(given, name, (3,))
     count, views = given.shape(name)[0], len(cameras)
     if count > views:
@@ -271,6 +286,8 @@ def _extra(given: checkpoints.Stored, name: str, cameras: Cameras) -> np.ndarray
         shape = (count, *patches_of(cameras.height, cameras.width)[1:])
         dtype = np.float32 if name == DISTRACTORS + "share" else np.int32
         return taken(given, name, shape, dtype)
+    if name.startswith(TRANSIENT) and not name.endswith("views"):
+        return taken(given, name, (count, *nodes_of(cameras.height, cameras.width)[1:], 5))
     if not name.endswith("views"):
         return taken(given, name, (count, 12))
     found = taken(given, name, (count,), np.int32)
@@ -288,11 +305,13 @@ def _appearance(header: dict[str, Any], extra: dict[str, np.ndarray]) -> str | N
     return found
 
 
-def _robust(header: dict[str, Any], extra: dict[str, np.ndarray]) -> bool:
-    """Return whether rays were weighed, if the arrays of the weights are there."""
-    found = header.get("robust") is True
+def _flag(
+    header: dict[str, Any], extra: dict[str, np.ndarray], option: str, prefix: str, name: str
+) -> bool:
+    """Return whether an option was set, if its arrays are there."""
+    found = header.get(option) is True
     if found:
-        _check_rows(extra, DISTRACTORS, "share")
+        _check_rows(extra, prefix, name)
     return found
 
 

@@ -19,9 +19,10 @@ from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.logs import Look, Watch
-from cvkern.radiance.models import APPEARANCE, Mark, Model
+from cvkern.radiance.models import APPEARANCE, TRANSIENT, Mark, Model
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
+from cvkern.radiance.transient import Passing
 
 LOOK = 16  # steps between checks of the device by the host
 CLOCK = 0.005  # change of the progress (a share of the time) after which the device gets an update
@@ -31,6 +32,9 @@ SHARE = 1 / 4096
 HUBER = 0.1  # error of a channel above which Huber's loss grows linearly
 BACKGROUND_RATE = 1e-2  # learning rate of a learnt background
 PARTS = 256  # partial sums of the background's gradient
+# Share of a training in light that changes during which colours are the same from all sides, or the
+# field would take the light of each photograph for one more side of the scene.
+SAME = 0.4
 FEW = 4  # held-out views of an evaluation during training
 
 Say = Callable[[float, str], None]  # the share that is done, and what it does
@@ -39,7 +43,8 @@ Say = Callable[[float, str], None]  # the share that is done, and what it does
 class Trainer:
     """The steps of a training; see :func:`cvkern.radiance.fit` for the parameters."""
 
-    def __init__(self, model: Model, scene: Scene, loss: str, spread: float):
+    def __init__(self, model: Model, scene: Scene, loss: str, spread: float, exact: bool = False):
+        """Begin, or go on; on a GPU, gradients are the same in every run if `exact`."""
         self.model, self.scene, self.field = model, scene, model.field
         rt = self.rt = model.rt
         self.background = check_code(model.background, Background, "background")
@@ -75,6 +80,12 @@ class Trainer:
             if DISTRACTORS + "share" in model.extra:
                 self.distractors.restore(model.extra)
             model.extra[DISTRACTORS + "views"] = views
+        self.passing = None
+        if model.transient:
+            self.passing = Passing(rt, images.shape[:3], count, exact)
+            if TRANSIENT + "values" in model.extra:
+                self.passing.restore(model.extra)
+            model.extra[TRANSIENT + "views"] = views
         self.d_behind, self.parts = rt.zeros((count, 3)), rt.zeros((PARTS, 3))
         self.rate, self.clip = rt.zeros((3,)), Clip(rt, None)
         self.learning = Learning(
@@ -100,15 +111,19 @@ class Trainer:
             self.background, self.behind.values, self.huber, field.gradient_scale, self.model.seed,
             at, light is not None,
         )  # fmt: skip
-        rt.radiance.training.losses.loss(
-            color, seen.opacity, self.targets, self.active, comparison, self.errors,
-            self.gradients.color, self.gradients.opacity, self.d_behind,
-        )  # fmt: skip
-        if self.distractors is not None:
-            self.distractors.weigh(
-                self.errors, self.places, self.active,
-                (self.gradients.color, self.gradients.opacity, self.d_behind),
+        gradients = self.gradients.color, self.gradients.opacity, self.d_behind
+        if self.passing is None:
+            rt.radiance.training.losses.loss(
+                color, seen.opacity, self.targets, self.active, comparison, self.errors, *gradients
+            )
+        else:
+            self.passing.loss(
+                (color, seen.opacity), self.targets, self.places, self.active, comparison,
+                self.errors, gradients,
             )  # fmt: skip
+            self.passing.learn(self.learning, SHARE / field.gradient_scale)
+        if self.distractors is not None:
+            self.distractors.weigh(self.errors, self.places, self.active, gradients)
         if light is not None:
             light.backward(self.active, self.gradients.color, self.gradients.opacity)
             light.learn(self.learning, SHARE / field.gradient_scale)
@@ -165,6 +180,8 @@ class Trainer:
 
         look_at_clock(state.step // LOOK * LOOK)  # a resumed run may have a different budget
         while (state.step < steps if steps else spent() < (seconds or 0)) and not stop.is_set():
+            if self.appearance is not None and (state.step % LOOK == 0 or state.step == first):
+                self.field.look_aside(state.progress < SAME)
             self.field.tend(state.step, self.learning)
             if self.distractors is not None:
                 self.distractors.tend(state.step)
@@ -211,6 +228,7 @@ class Trainer:
             state.progress = min(1.0, state.seconds / seconds)
         self._step, self._edition = None, -1  # Break the reference cycle.
         self.field.rest()
+        self.field.look_aside(False)
         try:
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))
@@ -262,6 +280,8 @@ class Trainer:
             self.model.extra |= self.appearance.state()
         if self.distractors is not None:
             self.model.extra |= self.distractors.state()
+        if self.passing is not None:
+            self.model.extra |= self.passing.state()
         if self.background == Background.LEARNT:
             self.model.extra |= self.behind.state("behind.", self.rt)
             self.model.behind = self.model.extra["behind.values"].clip(0, 1)

@@ -67,6 +67,7 @@ class Wild(NamedTuple):
     appearance: str | None
     gauge: int | None
     robust: bool
+    transient: bool
 
 
 def fit(
@@ -81,6 +82,7 @@ def fit(
     appearance: str | None = None,
     gauge: int | None = None,
     robust: bool = False,
+    transient: bool = False,
     seed: int = 0,
     deterministic: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -131,6 +133,9 @@ def fit(
     robust : bool, default False
         Ignore what does not stay, such as passers-by: a pixel counts as much as it is likely to
         show the scene, by its error and those of its neighbourhood. See ``model.weights``.
+    transient : bool, default False
+        Learn what passes in front of each photograph: a colour, an opacity and a doubt for every
+        few pixels, as the transient head of NeRF-W. See :func:`render_transient`.
     seed : int, default 0
         Seed of all random numbers.
     deterministic : bool, default False
@@ -252,14 +257,19 @@ def fit(
         raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
     if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
         raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
-    wild = Wild(appearance, gauge, check_flag(robust, "robust"))
+    robust, transient = check_flag(robust, "robust"), check_flag(transient, "transient")
+    if transient and (robust or loss != "squared"):
+        other = "robust" if robust else f"the loss {loss!r}"
+        raise ValueError(f"transient must not go with {other}, got both")
+    wild = Wild(appearance, gauge, robust, transient)
     if callback is not None and not callable(callback):
         raise TypeError(f"callback must be a function, got {type(callback).__name__}")
     to = None if log is None else logs.check_log(log)
     model = _begin(scene, field, background, seed, wild, checkpoint if resume else None)
     if deterministic:
         model.field.make_deterministic()
-    trainer = Trainer(model, scene, loss, spread)
+    exact = deterministic and model.rt.device != "cpu"
+    trainer = Trainer(model, scene, loss, spread, exact)
     with contextlib.ExitStack() as stack:
         write = stack.enter_context(logs.opened(to, resume)) if to is not None else None
         say, stop = stack.enter_context(shown(progress)), stack.enter_context(stoppable())
@@ -335,6 +345,7 @@ def _begin(
             ("appearance", wild.appearance or model.appearance, model.appearance),
             ("gauge", model.gauge if wild.gauge is None else wild.gauge, model.gauge),
             ("robust", wild.robust or model.robust, model.robust),
+            ("transient", wild.transient or model.transient, model.transient),
             ("scene", frame, model.frame),
         ):
             if saved != wanted:
@@ -352,7 +363,7 @@ def _begin(
     made.start(scene)
     return Model(
         made, settings, background, behind, scene.cameras, seed,
-        Training(), {}, wild.appearance, gauge, wild.robust,
+        Training(), {}, wild.appearance, gauge, wild.robust, wild.transient,
     )  # fmt: skip
 
 

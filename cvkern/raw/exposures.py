@@ -131,9 +131,11 @@ def merge_exposures(
     Notes
     -----
     The weighted mean of log exposures. Each value weighs as the inverse of the variance that a step
-    of one makes there, ``1 / g'^2`` of the response g, and less within an eighth of either end
-    [1]_. Linear values weigh as the squared time. Where no exposure counts, the shortest tells what
-    is too bright and the longest what is too dark. It agrees between devices to rounding.
+    of one makes there, ``1 / g'^2`` of the response g, times its distance from the nearer end of
+    the scale, as flare and clipping grow towards these [1]_; within an eighth of either end, it
+    weighs less. Linear values weigh as the squared time. Where no exposure counts, the shortest
+    tells what is too bright and the longest what is too dark. It agrees between devices to
+    rounding.
 
     References
     ----------
@@ -321,4 +323,5 @@ def _precision(curves: np.ndarray) -> np.ndarray:
 
 def _tables(curves: np.ndarray) -> np.ndarray:
     """Return log2 exposure and weight of each code and channel, (256, C, 2)."""
-    return np.stack([curves, _precision(curves)], axis=2).astype(np.float32)
+    weights = _precision(curves) * _centre(np.arange(CODES))[:, None]
+    return np.stack([curves, weights], axis=2).astype(np.float32)

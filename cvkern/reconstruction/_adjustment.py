@@ -269,9 +269,7 @@ class _Equations:
             self.slopes, self.sightings, self.eliminated, self._sent_blocks, self.condensed
         )
         condensed = Condensed(*(rt.to_numpy(a) for a in self.condensed))
-        whole, gradient, diagonal = joined(
-            condensed, self.blocks, bundle.lens_of, len(bundle.lenses), size
-        )
+        whole, gradient, diagonal = joined(condensed, self.blocks, bundle)
         pull, stiffness = _anchored(bundle, self.effort)
         more = np.arange(len(gradient) - pull.size, len(gradient))
         gradient[more] += pull.ravel()
@@ -319,12 +317,12 @@ def _narrow(view: np.ndarray) -> np.ndarray:
 
 
 def joined(
-    condensed: Condensed, blocks: np.ndarray, lens_of: np.ndarray, kinds: int, size: int
+    condensed: Condensed, blocks: np.ndarray, bundle: Bundle
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the equations of poses, then of lenses: matrix, gradient, and undamped diagonal."""
     system, right, sizes = condensed
-    views, more = len(right), size - POSE
-    c, d = blocks.T
+    views, kinds, more = len(right), len(bundle.lenses), right.shape[1] - POSE
+    lens_of, (c, d) = bundle.lens_of, blocks.T
     poses, lenses = views * POSE, kinds * more
     found = np.zeros((poses + lenses, poses + lenses))
     gradient, diagonal = np.zeros((2, poses + lenses))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from cvkern._runtime import Runtime
 from cvkern.features._photographs import as_host
 from cvkern.geometry.cameras.lens import Camera, check_lens
 from cvkern.images._formats import PHOTOGRAPHS
-from cvkern.panorama.registration import Heap
+from cvkern.panorama.registration import Heap, Progress, check_heap, make_small
 from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._course import Options
 from cvkern.reconstruction._photographs import Lenses
@@ -23,17 +24,42 @@ PAIRS = "auto", "all", "vocabulary", "sequence"
 GUESS = 1.2  # focal length of an unknown lens, in longest sides, where nothing tells it
 
 
-def from_folder(folder: Path) -> tuple[list[np.ndarray], list[str], list[float]]:
-    """Read the photographs of a folder, their names and their EXIF focal lengths."""
+class Photographs(NamedTuple):
+    """The photographs of a folder, without their pixels, and their small copies."""
+
+    heap: Heap
+    names: list[str]
+    focals: list[float]
+    """EXIF focal lengths, pixels; NaN where unknown."""
+
+
+def read_folder(folder: Path, white: float | None, say: Progress) -> Photographs:
+    """Read the photographs of a folder one by one; warn of those that cannot be read."""
     from cvkern.images._exif import focal_length
     from cvkern.images.files import read_image
 
     if not folder.is_dir():
         raise FileNotFoundError(f"images must be a folder that exists, got {str(folder)!r}")
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOGRAPHS and p.is_file())
-    images = [read_image(file, orient=False) for file in files]
-    told = [focal_length(f, i.shape) for f, i in zip(files, images, strict=True)]
-    return images, [f.name for f in files], [math.nan if t is None else t for t in told]
+    images, small, factors, names, focals = [], [], [], [], []
+    for n, file in enumerate(files):
+        say(n, len(files), "Reading")
+        try:
+            image = read_image(file, orient=False)
+        except ValueError as error:
+            warnings.warn(f"a photograph is left out: {error}", stacklevel=4)
+            continue
+        one = make_small(check_heap([image], white), white)
+        # Only shape and dtype are needed of the large one, not its memory.
+        images.append(np.broadcast_to(np.zeros((), image.dtype), image.shape))
+        small += one.small
+        factors.append(one.factors)
+        names.append(file.name)
+        told = focal_length(file, image.shape)
+        focals.append(math.nan if told is None else told)
+    if not images:
+        raise ValueError(f"images must not be empty, got no photograph in {str(folder)!r}")
+    return Photographs(Heap(images, small, np.concatenate(factors), white), names, focals)
 
 
 def check_names(names: Any, count: int) -> tuple[str, ...]:
@@ -101,9 +127,7 @@ def check_pairs(pairs: Any, count: int) -> str | np.ndarray:
     return np.unique(found, axis=0)
 
 
-def plan_of(
-    rt: Runtime, images: Sequence[Any], lenses: list[Any], options: Options
-) -> dict[str, Any]:
+def plan_of(rt: Runtime, heap: Heap, lenses: list[Any], options: Options) -> dict[str, Any]:
     """Return what a journal is of: the photographs, the options, and the version of the library."""
     from cvkern import __version__
 
@@ -112,7 +136,8 @@ def plan_of(
     return {
         "function": "reconstruct",
         "version": __version__,
-        "images": [as_host(rt, image) for image in images],
+        "shapes": [[*image.shape] for image in heap.images],
+        "images": [as_host(rt, image) for image in heap.small],
         "lenses": [rows, *others],
         "options": options,
     }

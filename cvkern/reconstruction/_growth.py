@@ -18,7 +18,7 @@ from cvkern.reconstruction._adjustment import Bundle, Effort, adjust, gaps_of
 from cvkern.reconstruction._pairs import Pair
 from cvkern.reconstruction._photographs import Lenses, Say, rays_through
 from cvkern.reconstruction._tracks import Tracks
-from cvkern.reconstruction._triangulation import Rays, triangulate, widest_angles
+from cvkern.reconstruction._triangulation import Rays, lengths_of, triangulate, widest_angles
 
 ERROR = 4.0  # pixels: a place farther from its projected point does not belong to it
 POSE_ERROR = 6.0  # the same while a photograph is placed
@@ -38,7 +38,8 @@ FOR_FOCAL, FOR_LENS, FOR_MIDDLE = 3, 5, 8
 NOISE = 0.05, 2.0  # pixels by which places are off, at least and at most
 SCALE, LEAST_SCALE = 3.0, 0.25  # scale of the last loss: in units of the noise, and pixels
 
-KEPT = "rows", "placed", "rotations", "translations", "points", "active"  # arrays of a state
+# Arrays of a state.
+KEPT = "rows", "placed", "rotations", "translations", "points", "active", "origin"
 
 
 class Growth:
@@ -52,6 +53,8 @@ class Growth:
         self.rotations, self.translations = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
         self.points = np.full((tracks.total, 3), np.nan)
         self.active = np.zeros(len(tracks.track), bool)
+        self.origin = np.arange(len(tracks.track))
+        """The first sighting that is of the same place of the same photograph."""
         self.failed: dict[int, int] = {}
         """The number of known points with which a photograph could not be placed."""
         self.adjusted = 0
@@ -64,12 +67,16 @@ class Growth:
         """Return what changes while it grows."""
         failed = np.array(list(self.failed.items()), int).reshape(-1, 2)
         whole = {name: getattr(self, name).copy() for name in KEPT}
-        return {**whole, "failed": failed, "counts": np.array([self.adjusted, self.rounds])}
+        tracks = {name: getattr(self.tracks, name).copy() for name in Tracks._fields[:-1]}
+        counts = np.array([self.adjusted, self.rounds])
+        return {**whole, **tracks, "failed": failed, "counts": counts}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go back to a state."""
         for name in KEPT:
             setattr(self, name, state[name].copy())
+        track, view, where, color = (state[name].copy() for name in Tracks._fields[:-1])
+        self.tracks = Tracks(track, view, where, color, len(self.points))
         self.failed = dict(state["failed"].tolist())
         self.adjusted, self.rounds = state["counts"].tolist()
         self._straighten()
@@ -125,8 +132,10 @@ class Growth:
     def _clear(self) -> None:
         self.placed[:], self.active[:], self.points[:] = False, False, np.nan
         self.rotations[:], self.translations[:] = np.eye(3), 0
-        self.rows, self.failed, self.adjusted = self.lenses.rows.copy(), {}, 0
-        self._straighten()
+        self.failed, self.adjusted = {}, 0
+        if not np.array_equal(self.rows, self.lenses.rows):
+            self.rows = self.lenses.rows.copy()
+            self._straighten()
 
     # --- further photographs ---------------------------------------------------------------------
 
@@ -217,7 +226,7 @@ class Growth:
         turns = self.rotations[view]
         ahead = np.einsum("oji,oj->oi", turns, flat)
         eyes = -np.einsum("nji,nj->ni", self.rotations, self.translations)[view]
-        ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+        ahead /= lengths_of(ahead)[:, None]
         return Rays(self.tracks.track[chosen], eyes, ahead, view)
 
     def _angles(self) -> np.ndarray:
@@ -230,7 +239,7 @@ class Growth:
         inside = np.einsum("oij,oj->oi", self.rotations[view], points) + self.translations[view]
         with np.errstate(all="ignore"):
             off = inside[:, :2] / inside[:, 2:] - self.straight[chosen]
-            off = np.linalg.norm(off * self.rows[self.lenses.of[view], :2], axis=1)
+            off = lengths_of(off * self.rows[self.lenses.of[view], :2])
         return np.where(inside[:, 2] > 0, off, np.inf)
 
     def _add_points(self) -> None:
@@ -244,6 +253,44 @@ class Growth:
         )  # fmt: skip
         self.points[found.tracks] = found.points
         self._clean()
+        self._split()
+
+    def _split(self) -> None:
+        """Give places that do not fit the point of their track a point of their own.
+
+        Things that look alike, the windows of a facade for example, may be joined to one track. The
+        places of photographs that are not placed yet stay with both points.
+        """
+        tracks, known = self.tracks, np.isfinite(self.points[:, 0])
+        free = np.ones(len(self.origin), bool)
+        free[self.origin[self.active]] = False
+        left = self.placed[tracks.view] & known[tracks.track] & free[self.origin]
+        several = np.bincount(tracks.track[left], minlength=tracks.total) > 1
+        chosen = np.flatnonzero(left & several[tracks.track])
+        found = triangulate(
+            self._rays(chosen), LEAST_ANGLE, ERROR, lambda points: self._errors(chosen, points),
+            self.seed,
+        )  # fmt: skip
+        if not len(found.tracks):
+            return
+        fresh = np.full(tracks.total, -1)
+        fresh[found.tracks] = tracks.total + np.arange(len(found.tracks))
+        points = np.concatenate((self.points, found.points))
+        own = fresh[tracks.track[chosen]]
+        fits = chosen[(own >= 0) & (self._errors(chosen, points[own]) <= ERROR)]
+        open_ = np.flatnonzero(~self.placed[tracks.view] & (fresh[tracks.track] >= 0))
+        track = tracks.track.copy()
+        track[fits] = fresh[track[fits]]
+        whole = np.concatenate((np.arange(len(track)), open_))
+        track = np.concatenate((track, fresh[tracks.track[open_]]))
+        order = np.lexsort((tracks.view[whole], track))
+        whole, self.points = whole[order], points
+        self.active[fits] = True
+        self.active = self.active[whole]
+        self.origin, self.straight = self.origin[whole], self.straight[whole]
+        self.tracks = Tracks(
+            track[order], tracks.view[whole], tracks.where[whole], tracks.color[whole], len(points)
+        )
 
     def _clean(self) -> None:
         """Decide which sightings belong to points, and drop points that too few rays fix."""
@@ -252,7 +299,10 @@ class Growth:
         chosen = np.flatnonzero(self.placed[tracks.view] & known[tracks.track])
         off = self._errors(chosen, self.points[tracks.track[chosen]])
         self.active[:] = False
-        self.active[chosen[off <= ERROR]] = True
+        # Of two points that a place fits, the nearer one gets it.
+        fits = chosen[off <= ERROR]
+        fits = fits[np.argsort(off[off <= ERROR], kind="stable")]
+        self.active[fits[np.unique(self.origin[fits], return_index=True)[1]]] = True
         wide = self._angles() >= LEAST_ANGLE
         self.points[known & ~wide] = np.nan
         self.active &= wide[tracks.track]

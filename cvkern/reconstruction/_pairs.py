@@ -209,7 +209,7 @@ def verify(found: list[Keypoints], matched: Matched, lenses: Lenses, seed: int) 
         except ValueError:  # no match is in front of both cameras
             continue
         share, other = int(plane.sum()) / number, np.full((3, 4), np.nan)
-        if share > PLANE:
+        if share > PLANE and (inliers & plane).any():
             inside = np.linalg.inv(matrices[j]) @ flat.matrices[n] @ matrices[i]
             rays = rays_through(points[n][0][inliers & plane], lenses.rows[lenses.of[i]])
             other = _other_motion(motions_of(inside, rays), pose.rotation)

@@ -61,7 +61,12 @@ def _spans(track: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return angles between unit vectors; exact for small ones."""
-    return 2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=1) / 2, 1.0))
+    return 2 * np.arcsin(np.minimum(lengths_of(a - b) / 2, 1.0))
+
+
+def lengths_of(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths of vectors (N, D)."""
+    return np.sqrt(np.einsum("nd,nd->n", vectors, vectors))
 
 
 def triangulate(

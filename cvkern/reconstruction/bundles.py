@@ -195,7 +195,8 @@ def _check_poses(poses: Any) -> np.ndarray:
 
 
 def _indices(values: Any, shape: tuple[int, ...], limit: Any, name: str) -> np.ndarray:
-    found = np.asarray(as_array(values, name)) if np.size(values) else np.zeros(shape, int)
+    found = np.asarray(as_array(values, name))
+    found = np.zeros(shape, int) if not found.size and 0 in shape else found
     if found.dtype.kind not in "iu":
         raise TypeError(f"{name} must be integers, got {found.dtype}")
     if found.shape != shape:

@@ -55,7 +55,8 @@ def write_reconstruction(
     FileNotFoundError
         If the folder does not exist.
     TypeError
-        If `reconstruction` is not a Reconstruction, or an array of it does not hold real numbers.
+        If `reconstruction` is not a Reconstruction, an array of it does not hold real numbers, or
+        `images` is not a str.
     ValueError
         If `format` is unknown, an array of `reconstruction` has another shape than the class says,
         is not finite (poses may be NaN) or points to what is not there, no photograph has a place,
@@ -86,6 +87,7 @@ def write_reconstruction(
     """
     check_choice(format, FORMATS, "format")
     check_instance(reconstruction, Reconstruction, "reconstruction")
+    check_instance(images, str, "images")
     reconstruction = checked(reconstruction)
     folder = as_path(path)
     if not folder.is_dir():

@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_numbers
+from cvkern._checks import as_array, as_numbers
 from cvkern.geometry.cameras.lens import Camera, focal_and_center
+
+COUNTED = ("points", "tracks")  # arrays whose lengths others have
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,7 +198,8 @@ def levelled(poses: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def checked(made: Reconstruction) -> Reconstruction:
     """Return a reconstruction with arrays of the class's shapes and dtypes, or refuse it."""
-    views, count, seen = len(made.names), np.shape(made.points)[:1], np.shape(made.tracks)[:1]
+    arrays = [as_array(getattr(made, field), f"reconstruction.{field}") for field in COUNTED]
+    views, count, seen = len(made.names), *(np.shape(array)[:1] for array in arrays)
     fields = {
         "poses": ((views, 3, 4), np.float64),
         "lens_of": ((views,), np.int64),

@@ -13,15 +13,15 @@ from cvkern._checks import check_choice, check_flag, check_integer
 from cvkern._files import as_path
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.geometry.cameras.lens import Camera
-from cvkern.panorama.registration import Progress, check_heap, make_small
+from cvkern.panorama.registration import Heap, Progress, check_heap, make_small
 from cvkern.reconstruction._arguments import (
     check_cameras,
     check_focals,
     check_names,
     check_pairs,
-    from_folder,
     lenses_of,
     plan_of,
+    read_folder,
 )
 from cvkern.reconstruction._course import Course, Options, find_models
 from cvkern.reconstruction._photographs import MOST_KEYPOINTS
@@ -59,7 +59,8 @@ def reconstruct(
         At least two photographs. Those of more than 0.6 megapixels are reduced to that size to find
         keypoints, whose places are between the pixels. Opacity 0 hides keypoints. From a folder,
         all photographs are read in the order of their names, as they are stored (an EXIF
-        orientation is ignored); their EXIF focal lengths are used where they have one.
+        orientation is ignored); their EXIF focal lengths are used where they have one. A file that
+        cannot be read is left out, with a warning.
     cameras : Camera or sequence of Camera, optional
         The known camera of all photographs, or of each. By default the focal length and the lens's
         k1 and k2 are found from three and five photographs on, and the principal point, near the
@@ -155,27 +156,28 @@ def reconstruct(
     most = check_integer(max_keypoints, "max_keypoints", 1, 2**18)
     neighbors = check_integer(neighbors, "neighbors", 1, 2**31 - 1)
     seed = check_integer(seed, "seed", 0, 2**31 - 1)
+    say = progress or (lambda done, total, text: None)
     if isinstance(images, (str, Path)):
-        images, found_names, told = from_folder(as_path(images, "images"))
-        names = found_names if names is None else names
+        heap, own_names, told = read_folder(as_path(images, "images"), data_range, say)
+        names = own_names if names is None else names
         focal_lengths = told if focal_lengths is None and cameras is None else focal_lengths
-    images = check_heap(images, data_range)
-    if len(images) < 2:
-        raise ValueError(f"images must be at least two, got {len(images)}")
-    count = len(images)
+    else:
+        heap = Heap(check_heap(images, data_range), [], np.zeros((0, 2)), data_range)
+    count = len(heap.images)
+    if count < 2:
+        raise ValueError(f"images must be at least two, got {count}")
     labels = check_names(names, count)
-    shapes = [tuple(image.shape[:2]) for image in images]
+    shapes = [tuple(image.shape[:2]) for image in heap.images]
     given = check_cameras(cameras, shapes)
     focals = check_focals(focal_lengths, count)
     if given is not None and np.isfinite(focals).any():
         raise ValueError("focal_lengths must not be given with cameras, got both")
     options = Options(most, check_pairs(pairs, count), neighbors, models == "all", seed)
-    rt = runtime(*images)
-    plan = {} if journal is None else plan_of(rt, images, [given, focals, lens, refine], options)
+    rt = runtime(*heap.images)
+    heap = heap if heap.small else make_small(heap.images, data_range)
+    plan = {} if journal is None else plan_of(rt, heap, [given, focals, lens, refine], options)
     book = Journal(journal, plan)
-    heap = make_small(images, data_range)
     lenses = lenses_of(heap, given, focals, lens == "own", refine)
-    say = progress or (lambda done, total, text: None)
     grown = find_models(Course(rt, options, book, say), heap, lenses)
     made = [finished(labels, growth, heap) for growth in grown]
     book.remove()

@@ -9,15 +9,17 @@ touches an edge across a seam is an edge.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from inspect import signature
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import runtime
-from cvkern.edges.masks import canny, canny_options, find_states
-from cvkern.kernels.codes.edges import Edge
+from cvkern.edges.masks import EdgeOptions, canny, canny_options, find_states
+from cvkern.edges.quantiles import ranks_of
+from cvkern.edges.slopes import find_slopes
+from cvkern.kernels.codes.edges import Edge, Norm, Thinning
 
 _EDGE = 1  # node of all pixels that are edges already; 0 is no node
 Place = tuple[slice, slice]
@@ -25,13 +27,65 @@ Place = tuple[slice, slice]
 
 def tile_edges(window: np.ndarray, **options: Any) -> np.ndarray:
     """Return the states of the pixels of a window, uint8."""
-    given = signature(canny).bind(window, **options)
-    given.apply_defaults()
-    image, checked = canny_options(*given.args, **given.kwargs)
+    image, checked = _checked(window, options)
     rt = runtime(image)
     states = rt.empty(tuple(image.shape[:2]), np.uint8)
     find_states(rt, image, checked, rt.adopt(states, np.uint8))
     return rt.release(states)
+
+
+def _checked(window: np.ndarray, options: dict[str, Any]) -> tuple[Any, EdgeOptions]:
+    given = signature(canny).bind(window, **options)
+    given.apply_defaults()
+    return canny_options(*given.args, **given.kwargs)
+
+
+def thresholds(
+    tiles: list[Any], read: Callable[[Any], tuple[Any, Any]], options: dict[str, Any]
+) -> tuple[float, float]:
+    """Return the two quantiles of the gradient's length in an image, as exact thresholds.
+
+    `options` are those of :func:`canny`, and `read` gives the window of a tile and its mask. The
+    bits of floats >= 0 have the order of their values: a first pass counts their upper halves, a
+    second one the lower halves of those whose upper half is that of the order statistic.
+    """
+    count = np.zeros(2**15, np.int64)
+    for tile in tiles:
+        count += np.bincount(_lengths(tile, read, options) >> 16, minlength=len(count))
+    _, checked = _checked(read(tiles[0])[0], options)
+    strict = checked.rule != Thinning.FRAMED
+    ranks = ranks_of(checked.thresholds, int(count.sum()), strict)
+    upper = [int(np.searchsorted(np.cumsum(count), rank, side="right")) for rank in ranks]
+    left = [rank - int(count[:digit].sum()) for rank, digit in zip(ranks, upper, strict=True)]
+    lower = np.zeros((2, 2**16), np.int64)
+    for tile in tiles:
+        bits = _lengths(tile, read, options)
+        for one, digit in zip(lower, upper, strict=True):
+            one += np.bincount(bits[bits >> 16 == digit] & 0xFFFF, minlength=len(one))
+    found = [
+        digit << 16 | int(np.searchsorted(np.cumsum(one), rank, side="right"))
+        for one, digit, rank in zip(lower, upper, left, strict=True)
+    ]
+    values = np.array(found, np.int32).view(np.float32).astype(np.float64)
+    # The square of such a root rounds to the float32 that the root was taken of.
+    low, high = values if checked.norm == Norm.L1 else np.sqrt(values)
+    return float(low), float(high)
+
+
+def _lengths(tile: Any, read: Callable[[Any], tuple[Any, Any]], options: dict[str, Any]) -> Any:
+    """Return the bits of what thresholds are compared with, of the pixels of a tile, int32."""
+    window, beside = read(tile)
+    image, checked = _checked(window, options | beside)
+    rt = runtime(image, checked.around.mask)
+    shape = tuple(image.shape[:2])
+    slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
+    bare = checked.rule == Thinning.SECTORS and checked.around.mask is None
+    given = checked.sigma, checked.operator, checked.around, bare, checked.norm
+    find_slopes(rt, image, *given, *slopes)
+    dy, dx = (rt.to_numpy(slope)[tile.inside] for slope in slopes)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.abs(dx) + np.abs(dy) if checked.norm == Norm.L1 else dy * dy + dx * dx
+    return np.where(length > 0, length, np.float32(0)).view(np.int32).ravel()
 
 
 class Piece(NamedTuple):

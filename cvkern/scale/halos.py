@@ -95,7 +95,6 @@ def halo(function: Any, **options: Any) -> int:
         "batch_axis": given.get("batch_axis") is not None,
         "out": given.get("out") is not None,
         "channel_axis": given.get("channel_axis") not in (None, -1, 2),
-        "use_quantiles": bool(given.get("use_quantiles")),
     }
     for option, wrong in refused.items():
         if wrong:
@@ -111,5 +110,4 @@ _REASONS = {
     "batch_axis": "pass the images one by one",
     "out": "pass target",
     "channel_axis": "channels must be the last axis",
-    "use_quantiles": "give low_threshold and high_threshold, of the whole image",
 }

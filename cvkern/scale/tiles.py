@@ -13,7 +13,7 @@ import cvkern
 from cvkern._checks import check_integer, check_pair
 from cvkern._runtime import refuse_capture
 from cvkern.scale._lazy import lazy_tiles
-from cvkern.scale.edges import Place, Seams, tile_edges
+from cvkern.scale.edges import Place, Seams, thresholds, tile_edges
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
 
@@ -88,7 +88,8 @@ def apply(
     Notes
     -----
     Besides the arrays of a tile, :func:`canny` keeps the weak pixels that reach the border of a
-    tile without a strong one, packed; a last pass decides about them.
+    tile without a strong one, packed; a last pass decides about them. With `use_quantiles`, two
+    passes before find the thresholds.
 
     Examples
     --------
@@ -114,6 +115,8 @@ def apply(
     if hasattr(source, "__dask_graph__"):
         if journal is not None or progress is not None:
             raise ValueError("journal and progress must be None for an array of Dask")
+        if options.get("use_quantiles"):
+            raise ValueError("use_quantiles must be False for an array of Dask: give thresholds")
         _, shapes, dtypes = results_of(name, source, **options)
         work = None if seams else call
         found = lazy_tiles(work, source, tiles, options, mask, (shapes, dtypes))
@@ -132,6 +135,9 @@ def apply(
             one[tile.inner] = result
         book.note(tile.number, kept)
 
+    if seams and options.get("use_quantiles"):
+        low, high = thresholds(tiles, read, options)
+        options |= {"low_threshold": low, "high_threshold": high, "use_quantiles": False}
     targets: list[Any] = []
     waiting = [t for t in tiles if book.kept(t.number) is None]
     with ThreadPoolExecutor(2) as pool:

@@ -234,6 +234,37 @@ class Patches(NamedTuple):
     side: int
 
 
+class Head(NamedTuple):
+    """What passes in front of photographs of one size."""
+
+    nodes: Any
+    """Density, three channels of colour, and doubt, before their functions, (N, h, w, 5) float32.
+    """
+    width: int
+    """Width of a photograph, pixels."""
+    side: int
+    """Distance between nodes, pixels."""
+    least: float
+    """Standard deviation of the colours where nothing passes."""
+    rate: float
+    """Weight of the density in the loss."""
+    delay: int
+    """Step before which nothing passes."""
+
+
+class WildGradients(NamedTuple):
+    """Gradients of the loss of rays behind what passes; kernel arrays."""
+
+    color: Any
+    """(R, 3) float32."""
+    opacity: Any
+    """(R,) float32."""
+    learnt: Any
+    """By the background, (R, 3) float32."""
+    head: Any
+    """By the numbers of a `Head`, (R, 5) float32."""
+
+
 class Views(NamedTuple):
     """Rays of a view that is being rendered; kernel arrays."""
 

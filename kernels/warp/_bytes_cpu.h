@@ -35,6 +35,19 @@ struct Bytes {
         }
     }
 
+    // Bits of the lanes that are at least `low`.
+    static inline __attribute__((always_inline)) unsigned int reached(Lanes values, int low) {
+#if defined(__AVX512F__)
+        const int not_less = 5;
+        return (unsigned short)__builtin_ia32_cmpd512_mask(
+            (__attribute__((vector_size(64))) int)values, (Lanes){} + low, not_less, (short)-1);
+#else
+        unsigned int bits = 0;
+        for (int j = 0; j < LANES; ++j) bits |= (unsigned int)(values[j] >= low) << j;
+        return bits;
+#endif
+    }
+
     // Product of unsigned with signed bytes, a multiple of 32.
     static inline __attribute__((always_inline)) int product(const unsigned char* a,
                                                              const signed char* b, int size) {

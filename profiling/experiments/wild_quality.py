@@ -1,8 +1,8 @@
 """Photographs of changing light and with occluders, made from lego as in NeRF-W's supplement.
 
 ``python -m profiling.experiments.wild_quality FOLDER`` changes the training photographs, trains
-with and without a model of their light, and writes the quality of the clean views that were held
-out. FOLDER is that of ``CVKERN_DATA``.
+with and without a model of their light and of what passes, and writes the quality of the clean
+views that were held out. FOLDER is that of ``CVKERN_DATA``.
 
 Photograph 0 stays clean. For every other one, the colours c become clip(s c + b), with s from 0.8
 to 1.2 and b from -0.2 to 0.2 for each channel, before they are composited. The occluder is a square
@@ -28,7 +28,13 @@ from profiling.record import ROOT, surroundings, write_json
 
 CHANGES = ("clean", "color", "occluder", "both")
 STRIPES = 10
-WAYS: tuple[dict[str, Any], ...] = ({}, {"appearance": "affine"})
+LIGHT: dict[str, Any] = {"appearance": "affine"}
+WAYS: dict[str, tuple[dict[str, Any], ...]] = {
+    "clean": ({}, LIGHT, {"robust": True}, {"transient": True}),
+    "color": ({}, LIGHT),
+    "occluder": ({}, {"robust": True}, {"transient": True}),
+    "both": ({}, LIGHT, LIGHT | {"robust": True}, LIGHT | {"transient": True}),
+}
 
 
 def changed(scene: Scene, change: str, seed: int = 0) -> Scene:
@@ -87,7 +93,7 @@ def main(command: list[str] | None = None) -> int:
             scene = changed(clean, change, args.seed)
             scene = scene if args.shrink == 1 else scene.resized(args.shrink)
             results[change] = []
-            for options in WAYS:
+            for options in WAYS[change]:
                 results[change].append(trained(scene, settings, args.seconds, options))
                 print(change, *(f"{k} {v}" for k, v in results[change][-1].items()), sep="  ")
     told = surroundings(args.device.partition(":")[0], [])

@@ -59,6 +59,7 @@ def made(tmp_path_factory):
         patch.setattr(socket.socket, "connect", refuse)
         patch.setattr("cvkern.app.tour.radiance.SECONDS", 4.0)
         patch.setattr("cvkern.app.tour.radiance.FRAMES", 4)
+        patch.setattr("cvkern.app.tour.crowds.STEPS", 20)
         patch.setattr("cvkern.app.tour.clock.RUNS", RUNS)
         page = tour(folder, progress=lambda *step: steps.append(step))
     assert page == folder / "index.html"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cvkern.app.tour import radiance
+from cvkern.app.tour import crowds, radiance
 from cvkern.app.tour.clock import Clock
 
 SHORT = 4.0  # seconds
@@ -13,18 +13,21 @@ SHORT = 4.0  # seconds
 def quick(monkeypatch):
     monkeypatch.setattr(radiance, "SECONDS", SHORT)
     monkeypatch.setattr(radiance, "FRAMES", 3)
+    monkeypatch.setattr(crowds, "STEPS", 40)
 
 
 def test_chapter(quick):
     clock, chapter = Clock(), radiance.chapter()
-    photographs, learnt, orbit, planes = (figure(clock) for figure in chapter.figures)
-    panels = {p.file: p.image for f in (photographs, learnt, orbit, planes) for p in f.panels}
+    figures = [figure(clock) for figure in chapter.figures]
+    learnt, panels = figures[1], {p.file: p.image for f in figures for p in f.panels}
     assert panels["radiance-photographs"].shape == (400, 800, 3)
     assert panels["radiance-truth"].shape == panels["radiance-render"].shape == (300, 300, 3)
     assert panels["radiance-orbit"].shape == (3, 200, 200, 3)
     assert panels["radiance-depth"].shape == (200, 200, 3)
     assert panels["radiance-planes"].shape == (3, 250, 371, 3)
     assert panels["radiance-planes"].std(axis=0).mean() > 3  # it moves
+    assert panels["crowds-kept"].shape == panels["crowds-taken"].shape == (192, 192, 3)
+    assert panels["crowds-lights"].std(axis=0).mean() > 1  # the light changes
     assert panels["radiance-curve"].shape == (600, 600, 3)
     assert all(image.dtype == np.uint8 for image in panels.values())
     off = panels["radiance-truth"].astype(float) - panels["radiance-render"]

@@ -120,6 +120,7 @@ def main() -> int:
         for runner in runners:
             runner.join()
     except KeyboardInterrupt:  # the calls that processes were given are made, and then it ends
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         work.end = 0.0
         for runner in runners:
             runner.join()

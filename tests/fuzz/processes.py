@@ -69,6 +69,8 @@ class Process:
                 else:
                     report(line)
         late = process.poll() is None and not self._ended
+        if late:
+            process.kill()
         self.close()
         code = process.returncode
         end = f"the process ended with {code} after calls from {chunk.first} on: {self.said}"

@@ -1,5 +1,6 @@
 """The fuzzer itself: that it calls all there is, sees what is wrong, and finds nothing today."""
 
+import argparse
 import inspect
 import subprocess
 import sys
@@ -9,8 +10,9 @@ import pytest
 
 import cvkern
 from tests.fuzz import processes, worker
+from tests.fuzz.__main__ import Work
 from tests.fuzz.arguments import Call, begin
-from tests.fuzz.families import CALLS, NOT_CALLED, draw_call
+from tests.fuzz.families import CALLS, NOT_CALLED, draw_call, models, parts, turns
 
 
 def public_functions():
@@ -42,7 +44,8 @@ def test_options_are_those_of_the_function():
 
 
 @pytest.mark.filterwarnings("ignore")  # the worker ignores them too
-def test_a_call_is_known_by_its_seed_and_number():
+def test_a_call_is_known_by_its_seed_and_number(monkeypatch):
+    monkeypatch.setattr(models, "model_file", lambda: bytes(99))  # it would be trained first
     for index in range(len(CALLS)):
         (name, first), (again, second) = (draw_call(begin(5, index), index) for _ in range(2))
         assert name == again
@@ -65,12 +68,28 @@ def test_what_is_wrong_is_seen(monkeypatch, function, said):
     assert said in worker.fault_of("wrong", {"image": np.ones((4, 5))})
 
 
-def test_a_small_budget_finds_nothing():
-    """A few calls of each family; CONTRIBUTING.md says how to make more."""
-    words = [sys.executable, "-m", "tests.fuzz", "--calls", "80", "--seed", "1"]
+@pytest.mark.parametrize(("family", "calls"), [("filters", 40), ("images", 60)])
+def test_a_small_budget_finds_nothing(family, calls):
+    """A few calls of families that compile little; CONTRIBUTING.md says how to make more."""
+    words = [sys.executable, "-m", "tests.fuzz", "--family", family, "--calls", str(calls)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.endswith("80 calls from 0 on with seed 1, 0 at fault\n")
+    assert done.stdout.endswith(f"{calls} calls from 0 on with seed 0, 0 at fault\n")
+
+
+def test_parts_are_all_calls():
+    """Each call belongs to one part, and processes that go through all parts make all calls."""
+    for family in ("", "filters"):
+        part_of = parts(family, 7)
+        assert set(turns(family)) <= set(part_of)
+        counts = np.bincount([part_of[name] for name in turns(family)], minlength=7)
+        assert len(counts) == 7
+        assert counts.min() > 0
+    work = Work(argparse.Namespace(first=5, calls=1000, workers=3, minutes=None))
+    made = {part: [] for part in range(3)}
+    while (chunk := work.take(1)) is not None:  # the others are behind, and get help at last
+        made[chunk.part] += range(chunk.first, chunk.stop)
+    assert all(made[part] == list(range(5, 1005)) for part in range(3))
 
 
 def test_a_process_that_dies_or_hangs_is_replaced(monkeypatch):

@@ -222,6 +222,20 @@ def test_the_fit_of_a_corner_is_the_least_there_is(kernels, blur):
 # --- errors --------------------------------------------------------------------------------------
 
 
+def test_a_fit_goes_on_while_one_coordinate_moves(backend):
+    """Rows are right from the first step on; columns are a quarter of a pixel beside pixels."""
+    fine, side = 8, 16
+    y, x = (np.indices((7 * side * fine, 8 * side * fine)) + 0.5) / fine - 0.5
+    row, column = np.floor((y - side) / side), np.floor((x - side - 0.25) / side)
+    board = (row >= 0) & (row < 5) & (column >= 0) & (column < 6)
+    picture = ndi.gaussian_filter(20 + 200 * np.where(board, (row + column) % 2, 1), 0.8 * fine)
+    picture = picture.reshape(7 * side, fine, 8 * side, fine).mean(axis=(1, 3))
+    found = np.asarray(cvkern.detect_chessboard(picture, (4, 5)))
+    # The blurred edge is the model of the fit, but for its truncation: right to 1e-4.
+    off = found - found.round()
+    np.testing.assert_allclose(off - [0, 0.25], 0, atol=5e-4)
+
+
 def test_errors(no_kernel_runs):
     picture = np.zeros((40, 50))
     for image, shape, said in (

@@ -19,9 +19,10 @@ from cvkern.radiance import (
 from cvkern.radiance.rendering import owned
 from profiling.experiments.wild_quality import changed
 from tests.on_cuda import LIBRARIES, give, take
-from tests.radiance import test_appearance
+from tests.radiance import test_appearance, test_distractors, test_transient
 from tests.radiance.fields import test_planes
 from tests.radiance.fields.test_hash import Trial
+from tests.radiance.runs import GRID, same
 from tests.radiance.test_primitives_compositing import bundle, draw
 
 pytestmark = pytest.mark.usefixtures("gpu")
@@ -73,6 +74,29 @@ def test_planes_and_their_gradients_are_those_of_the_cpu(backend):
         np.testing.assert_allclose(there, here, atol=test_planes.CLOSE)
 
 
+def test_planes_of_8_bits_are_those_of_the_cpu(backend):
+    """Fewer rays than a block has threads, and more; on CUDA Warp has native code."""
+    answers = []
+    case = test_planes.Case()
+    words = np.round(255 * case.texels).astype(np.uint8).view("<u4")[..., 0].astype(np.uint32)
+    for device in ("cpu", "cuda"):
+        with cvkern.use(backend=backend, device=device):
+            rt = runtime()
+            rays, planes = case.arrays(rt)
+            from_, to = (owned(rt, np.tile(rt.to_numpy(a), (10, 1))) for a in rays[:2])
+            rays = Rays(from_, to, owned(rt, np.array([390], np.int32)))
+            for stop in (0.0, 0.5):
+                seen = Seen(rt.zeros((400, 3)), rt.zeros((400,)), rt.zeros((400,)))
+                rt.radiance.fields.planes.rays.render(rays, planes, owned(rt, words), stop, seen)
+                answers.append([rt.to_numpy(a).copy() for a in seen])
+    for here, there in zip(answers[:2], answers[2:], strict=True):
+        assert not there[1][390:].any()
+        for one, two in zip(here, there, strict=True):
+            # A weight of 1 / 256 that is rounded the other way moves a sample by as much.
+            np.testing.assert_allclose(two, one, atol=0.02)
+            assert np.abs(two - one).mean() < 1e-5
+
+
 def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):
     """40 rays are repeated 100 times, so that many threads add to a texel."""
     found = []
@@ -103,6 +127,38 @@ def test_colours_in_the_light_of_photographs(backend):
             check.test_gradients_are_central_differences,
         ):
             test()
+
+
+def test_heads_and_weights_of_photographs(backend):
+    answers = []
+    for device in ("cpu", "cuda"):
+        with cvkern.use(backend=backend, device=device):
+            answers.append(test_transient.solved(test_transient.Case()))
+            if device == "cuda":
+                test_distractors.test_weights_are_probabilities()
+                test_distractors.test_patches_are_averaged_with_their_neighbours()
+                one, two = (
+                    test_transient.solved(test_transient.Case(), sums=np.int64)[4] for _ in "ab"
+                )
+                np.testing.assert_array_equal(one, two)
+                assert one.any()
+    for here, there in zip(*answers, strict=True):  # sums of some 100 products up to 100
+        np.testing.assert_allclose(there, here, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("way", ["robust", "transient"])
+def test_crowds_are_told_from_the_scene(way):
+    clean = make_scene(train=20, test=3, size=32)
+    wild, options = changed(clean, "both"), {"steps": 400, "progress": False, way: True}
+    with cvkern.use(backend="warp", device="cuda"):
+        plain = fit(wild, GRID, steps=400, progress=False)
+        one, two = (
+            fit(wild, GRID, appearance="affine", deterministic=True, **options) for _ in "ab"
+        )
+        assert evaluate(one, wild).psnr.mean() > evaluate(plain, wild).psnr.mean() + 2
+    assert same(one, two)
+    for name, values in one.extra.items():
+        np.testing.assert_array_equal(two.extra[name], values)
 
 
 def test_planes_learn_in_changing_light():

@@ -129,6 +129,9 @@ def test_voxel_backward_compiles_for_hopper(sums, add, tmp_path):
 @pytest.mark.parametrize("texel", [wp.vec4, wp.uint32])
 def test_rendering_of_planes_compiles_for_hopper(texel, tmp_path):
     compile_for_hopper(load("radiance.fields.planes.rays").renderer(texel).module, tmp_path)
+    if texel is wp.uint32:
+        code = compile_for_hopper(load("radiance.fields.planes._rays_cuda"), tmp_path / "bytes")
+        assert code.count("ld.global.nc.u32") + code.count("ld.global.nc.b32") == 16
 
 
 @pytest.mark.parametrize(
@@ -139,3 +142,11 @@ def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
     assert add in compile_for_hopper(kernel.module, tmp_path / "scatter").replace("red.", "atom.")
     for name in ("rays", "texels"):
         compile_for_hopper(load(f"radiance.fields.planes.{name}"), tmp_path / name)
+
+
+def test_heads_and_weights_of_photographs_compile_for_hopper(tmp_path):
+    for name in ("transient", "distractors"):
+        compile_for_hopper(load(f"radiance.{name}"), tmp_path / name)
+    for sums, add in ((wp.float32, "add.f32"), (wp.int64, "add.u64")):
+        kernel = load("radiance.transient").scatterer(sums, False)
+        assert f".global.{add}" in compile_for_hopper(kernel.module, tmp_path / add)

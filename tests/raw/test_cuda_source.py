@@ -41,7 +41,6 @@ MADE = {
     "show": lambda: _tone_cuda.show_four,
     "luminance": lambda: tone._luminance.cuda(),
     "fill": lambda: _grids_cuda.fill_cells,
-    "smooth": lambda: _grids_cuda.smooth_cells,
     "read": lambda: _grids_cuda.read_four,
 }
 

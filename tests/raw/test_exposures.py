@@ -90,8 +90,8 @@ def test_merging_is_the_stated_mean(backend):
     images = rng.integers(0, 256, (3, 7, 9, 3)).astype(np.uint8)
     seconds = np.array([1.0, 0.125, 4.0])
     response = np.cumsum(rng.uniform(0.02, 0.06, (256, 3)), axis=0)
-    near = np.clip((np.minimum(CODES, 255 - CODES) - 3).clip(0) / 124 * 8, 0, 1) ** 2
-    weight = near[:, None] / np.gradient(response, axis=0) ** 2
+    near = (np.minimum(CODES, 255 - CODES) - 3).clip(0) / 124
+    weight = (near * np.clip(8 * near, 0, 1) ** 2)[:, None] / np.gradient(response, axis=0) ** 2
     channel = np.arange(3)
     w = weight[images, channel]
     light = response[images, channel] - np.log2(seconds)[:, None, None, None]

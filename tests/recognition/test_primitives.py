@@ -135,8 +135,14 @@ def cast(kernels, patches, occurrences, space, maxima=None, window=None):
     return sums, starts, votes
 
 
-def test_votes(kernels):
+@pytest.mark.parametrize("half", [False, True])
+def test_votes(kernels, half):
+    """With patches of half the size, many votes are exactly halfway between two places."""
     patches, occurrences, space = scene()
+    if half:
+        patches.places[:, 2] -= 64
+        patches.levels[:, 0] -= 64
+        occurrences.entries[:, 2] += 64
     sums, starts, votes = cast(kernels, patches, occurrences, space)
     want = reference.votes(patches.places, patches.matches, *occurrences, space.bins, space.slack)
     assert len(want) > 1000

@@ -67,6 +67,7 @@ def bundle(**other):
         ({"lenses": [4]}, TypeError, r"lenses\[0\] must be a Camera"),
         ({"lens_of": [0, 1]}, ValueError, "lens_of must be indices that exist"),
         ({"lens_of": [0.0, 0.0]}, TypeError, "lens_of must be integers"),
+        ({"lens_of": []}, TypeError, "lens_of must be integers"),
         ({"points": np.ones((5, 2))}, ValueError, r"points must have shape \(N, 3\)"),
         ({"points": np.full((5, 3), np.inf)}, ValueError, "points must be finite"),
         ({"places": np.ones((3, 2))}, ValueError, r"tracks must have shape \(3, 2\)"),

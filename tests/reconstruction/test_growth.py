@@ -1,14 +1,16 @@
 """Reconstruction from given places of points, without images: noise, outliers, hard scenes."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cvkern.reconstruction import _averaging, _growth, _pairs, _planes, _tracks
+from cvkern.reconstruction import _averaging, _course, _growth, _pairs, _planes, _tracks
 from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._photographs import Keypoints, Lenses
+from cvkern.scale.journals import Journal
 from tests.reconstruction import scenes
 
 
@@ -175,13 +177,62 @@ def test_turns_of_all_photographs_from_those_of_pairs():
     assert (found.off[~wrong] < 0.1).all()
 
 
-def test_of_two_scenes_the_larger_is_found():
-    one, names_one = heap(scenes.ring(5), CLOUD)
+def test_a_repeated_facade():
+    """Windows that look alike join photographs of different places; these places stay apart."""
+    rng = np.random.default_rng(3)
+    window = rng.uniform((0, -1, -0.1), (0.8, 1, 0.3), (25, 3))
+    windows = np.concatenate([window + np.array((n, 0, 0)) for n in range(10)])
+    points = np.concatenate((windows, rng.uniform((0, -1, -0.3), (10, 1, 0.3), (150, 3))))
+    eyes = np.column_stack((np.arange(1.2, 9, 0.7), rng.uniform(-0.1, 0.1, 12), np.full(12, -3.0)))
+    poses = np.concatenate((np.tile(np.eye(3), (12, 1, 1)), eyes[:, :, None]), axis=2)
+    found, names = heap(poses, points, 0.2)
+    shown = [np.abs(points[n, 0] - eye[0]) < 1.4 for n, eye in zip(names, eyes, strict=True)]
+    names = [
+        np.where(s, n, -1 - i * 1000 - n) for i, (n, s) in enumerate(zip(names, shown, strict=True))
+    ]
+    true = matched(names)
+    pairs, places = true.pairs.tolist(), list(true.places)
+    for i in range(12):
+        for j in range(i + 1, 12):
+            # Photographs of different places: the windows in the middle of both seem to be one.
+            if eyes[j, 0] - eyes[i, 0] > 2.9:
+                middle = [25 * int(eyes[k, 0]) + np.arange(25) for k in (i, j)]
+                at = [
+                    np.flatnonzero(names[k] == p)[0]
+                    for k, w in zip((i, j), middle, strict=True)
+                    for p in w
+                ]
+                pairs.append([i, j])
+                places.append(np.array(at).reshape(2, 25).T)
+    assert len(pairs) > len(true.pairs) + 20
+    growth = grown(found, _pairs.Matched(np.array(pairs), places), fixed=True)
+    assert growth is not None
+    assert growth.placed.all()
+    centres, turns = scenes.errors(placed(growth), poses)
+    assert centres < 0.02
+    assert turns < 0.5
+
+
+@pytest.mark.parametrize("every", [False, True])
+def test_of_two_scenes_the_one_with_most_photographs_is_first(every, monkeypatch):
+    """The smaller one has more matches, and is begun with."""
+    one, names_one = heap(scenes.ring(5), CLOUD[:90])
     other, names_other = heap(scenes.ring(3, seed=1), CLOUD[::-1], seed=1)
     names = [*names_one, *(n + 1000 for n in names_other)]
-    growth = grown([*one, *other], matched(names))
-    assert growth is not None
-    assert growth.placed.tolist() == [True] * 5 + [False] * 3
+    matches = matched(names)
+    assert max(matches.pairs[np.argsort([len(p) for p in matches.places])[-1]]) > 4
+    monkeypatch.setattr(_course, "_keypoints", lambda *given: [*one, *other])
+    monkeypatch.setattr(_course, "_matches", lambda *given: matches)
+    options = _course.Options(100, "all", 1, every, 0)
+    say: Any = lambda *given: None  # noqa: E731
+    nothing: Any = None
+    course = _course.Course(nothing, options, Journal(None, {}), say)
+    lenses = Lenses(lens_row(scenes.camera())[None], np.zeros(8, int), np.array([True]), False)
+    largest, smaller = _course.find_models(course, nothing, lenses)
+    assert largest.placed.tolist() == [True] * 5 + [False] * 3
+    assert smaller.placed.tolist() == [False] * 5 + [True] * 3
+    for growth, poses in ((largest, scenes.ring(5)), (smaller, scenes.ring(3, seed=1))):
+        assert scenes.errors(placed(growth), poses)[0] < 0.02
 
 
 def test_a_photograph_of_something_else_and_a_duplicate():

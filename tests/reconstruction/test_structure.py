@@ -55,7 +55,9 @@ def test_unknown_lens_and_a_folder(heap, tmp_path):
     for name, image in zip("dabc", images[:4], strict=True):
         write_image(tmp_path / f"{name}.png", image)
     (tmp_path / "notes.txt").write_text("no photograph")
-    found = cvkern.reconstruct(tmp_path)
+    (tmp_path / "broken.png").write_bytes((tmp_path / "a.png").read_bytes()[:500])
+    with pytest.warns(UserWarning, match=r"left out: path must be a readable image.*broken\.png"):
+        found = cvkern.reconstruct(tmp_path)
     assert found.names == ("a.png", "b.png", "c.png", "d.png")
     assert found.unplaced == ()
     # Four photographs on an arc hardly fix a focal length.

@@ -177,8 +177,12 @@ def test_captured_on_cuda(gpu, count):
         for a, b in zip(replay(), want, strict=True):
             if method == "least_squares":
                 assert_equal_bits((take(a),), (b,))
-            else:  # float64 in another order, rounded to float32
-                np.testing.assert_allclose(take(a), b, atol=2e-5)
+            else:
+                # Sums of float32, which matter where four images or fewer decide on weights.
+                off = np.abs(take(a) - b)
+                np.testing.assert_array_equal(np.isnan(off), np.isnan(b))
+                assert np.nanquantile(off, 0.99) < 2e-5
+                assert np.nanmax(off) < 5e-3
 
 
 def test_where_nothing_can_be_told(backend):

@@ -72,6 +72,9 @@ def train(
     robust: Annotated[
         bool, typer.Option("--robust", help="Ignore passers-by and what else does not stay.")
     ] = False,
+    transient: Annotated[
+        bool, typer.Option("--transient", help="Learn what passes in front of each photograph.")
+    ] = False,
     seed: Seed = 0,
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
@@ -132,6 +135,7 @@ def train(
             loss=loss,
             appearance=appearance,
             robust=robust,
+            transient=transient,
             seed=seed,
             deterministic=deterministic,
             checkpoint=output,

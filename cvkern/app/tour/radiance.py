@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cvkern.app.tour import crowds
 from cvkern.app.tour.clock import Clock
 from cvkern.app.tour.page import Chapter, Figure, Panel
 from cvkern.images.colors import apply_colormap
@@ -59,6 +60,7 @@ def chapter() -> Chapter:
             lambda clock: _photographs(scene()),
             lambda clock: _learnt(clock, made()),
             lambda clock: _orbit(made()),
+            lambda clock: crowds.figure(),
             lambda clock: _planes(),
         ),
     )

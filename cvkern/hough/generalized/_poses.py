@@ -46,7 +46,11 @@ def strongest(values: np.ndarray, most: int) -> np.ndarray:
     Values below an eighth of the largest are left out, which saves work if one value is far above
     the others.
     """
-    found = np.flatnonzero(values >= values.max() // 8)
+    top = values.max()
+    found = np.flatnonzero(values >= top // 2)
+    for part in (4, 8):  # few values are large: the others need not be sorted
+        if len(found) < most:
+            found = np.flatnonzero(values >= top // part)
     if len(found) > most:
         least = np.partition(values[found], len(found) - most)[len(found) - most]
         found = found[values[found] >= least]

@@ -124,6 +124,9 @@ class Field(abc.ABC):
     def make_deterministic(self) -> None:  # noqa: B027  (some fields always are)
         """From now on, compute gradients that are equal from run to run."""
 
+    def look_aside(self, aside: bool) -> None:  # noqa: B027  (some colours never depend on it)
+        """While `aside`, learn colours that are the same from all sides."""
+
     @abc.abstractmethod
     def taken(self) -> int:
         """Return the number of samples of the last :meth:`forward`; wait for the device."""

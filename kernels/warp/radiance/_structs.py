@@ -133,5 +133,17 @@ class Patches:
     side: int
 
 
+@wp.struct
+class Head:
+    """What passes in front of photographs of one size."""
+
+    nodes: wp.array4d[float]  # (N, h, w, 5)
+    width: int
+    side: int
+    least: float
+    rate: float
+    delay: int
+
+
 # Names in native code of the structures that its own structures contain.
 NATIVE = {kind.__name__: kind.native_name for kind in (Rays, Space, March, Grid)}

@@ -14,33 +14,29 @@ void reduce_strips(int planes, wp::array_t<float> src, wp::array_t<float> dst) {
          item += gridDim.x * blockDim.x / 32) {
         const int plane = item / strips / chunks, begin = item / strips % chunks * Strip::ROWS;
         const int column = 2 * (item % strips * Strip::LANES + lane - 1);
-        const int end = begin + Strip::ROWS < tall ? begin + Strip::ROWS : tall;
         const float* from = src.data + (size_t)plane * height * width;
-        float a[4], b[4], c[4], d[4], e[4], v[4], out[2];
-        const auto load = [&](int y, float* to) {
-            const float* row = from + (size_t)Mirror::at(y, height) * width;
-            Strip::load(row, 2 * column, width, aligned, to);
-        };
-        load(2 * begin - 2, a);
-        load(2 * begin - 1, b);
-        load(2 * begin, c);
-        for (int y = begin; y < end; ++y) {
-            load(2 * y + 1, d);
-            load(2 * y + 2, e);
-            for (int i = 0; i < 4; ++i) v[i] = Pyramid::weigh(a[i], b[i], c[i], d[i], e[i]);
+        // All rows are read before any is used.
+        float rows[2 * Strip::ROWS + 3][4], v[4], out[2];
+#pragma unroll
+        for (int k = 0; k < 2 * Strip::ROWS + 3; ++k) {
+            const float* row = from + (size_t)Mirror::at(2 * begin - 2 + k, height) * width;
+            Strip::load(row, 2 * column, width, aligned, rows[k]);
+        }
+#pragma unroll
+        for (int r = 0; r < Strip::ROWS; ++r) {
+            for (int i = 0; i < 4; ++i)
+                v[i] = Pyramid::weigh(rows[2 * r][i], rows[2 * r + 1][i], rows[2 * r + 2][i],
+                                      rows[2 * r + 3][i], rows[2 * r + 4][i]);
             Strip::across(v, out);
-            Strip::write(out, lane, column, wide, dst.data + ((size_t)plane * tall + y) * wide);
-            for (int i = 0; i < 4; ++i) {
-                a[i] = c[i];
-                b[i] = d[i];
-                c[i] = e[i];
-            }
+            if (begin + r < tall)
+                Strip::write(out, lane, column, wide,
+                             dst.data + ((size_t)plane * tall + begin + r) * wide);
         }
     }
 }
 
-// A warp makes MANY planes at once.
-// needs PART, MANY
+// A warp makes LONG rows of MANY planes at once.
+// needs PART, MANY, LONG
 void begin_strips(wp::array_t<float> logs, float lowest, float step, float sigma, float slope,
                   wp::array_t<float> dst) {
     struct Row {
@@ -49,42 +45,53 @@ void begin_strips(wp::array_t<float> logs, float lowest, float step, float sigma
     const int height = logs.shape[0], width = logs.shape[1], references = dst.shape[0] - 2;
     const int tall = dst.shape[1], wide = dst.shape[2];
     const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
-    const int chunks = (tall + Strip::ROWS - 1) / Strip::ROWS;
+    const int chunks = (tall + LONG - 1) / LONG;
     const int groups = references / MANY + 1;
     const bool aligned = width % 4 == 0 && ((size_t)logs.data & 15) == 0;
     const int lane = threadIdx.x % 32;
     for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < groups * chunks * strips;
          item += gridDim.x * blockDim.x / 32) {
-        const int group = item / strips / chunks, begin = item / strips % chunks * Strip::ROWS;
+        const int group = item / strips / chunks, begin = item / strips % chunks * LONG;
         const int column = 2 * (item % strips * Strip::LANES + lane - 1);
-        const int end = begin + Strip::ROWS < tall ? begin + Strip::ROWS : tall;
+        const int end = begin + LONG < tall ? begin + LONG : tall;
         Row a, b, c, d, e;
         float v[4], out[2];
-        const auto load = [&](int y, Row& to) {
+        struct Four {
+            float v[4];
+        };
+        const auto read = [&](int y) {
+            Four given;
             const float* row = logs.data + (size_t)Mirror::at(y, height) * width;
-            float given[4];
-            Strip::load(row, 2 * column, width, aligned, given);
+            Strip::load(row, 2 * column, width, aligned, given.v);
+            return given;
+        };
+        const auto remap = [&](const Four& given, Row& to) {
 #pragma unroll
             for (int k = 0; k < MANY; ++k) {
                 const int j = group * MANY + k;
                 const float about = lowest + (float)j * step;
                 if (j == references) {  // the image as it is
-                    for (int i = 0; i < 4; ++i) to.v[k][i] = given[i];
+                    for (int i = 0; i < 4; ++i) to.v[k][i] = given.v[i];
                     continue;
                 }
                 for (int i = 0; i < 4; ++i) {
-                    const float off = given[i] - about;
+                    const float off = given.v[i] - about;
                     const float near = fminf(fmaxf(off, -sigma), sigma);
                     to.v[k][i] = (about + near) + slope * (off - near);
                 }
             }
         };
-        load(2 * begin - 2, a);
-        load(2 * begin - 1, b);
-        load(2 * begin, c);
+        Four one = read(2 * begin - 2), two = read(2 * begin - 1), three = read(2 * begin);
+        remap(one, a);
+        remap(two, b);
+        remap(three, c);
+        one = read(2 * begin + 1);
+        two = read(2 * begin + 2);
         for (int y = begin; y < end; ++y) {
-            load(2 * y + 1, d);
-            load(2 * y + 2, e);
+            remap(one, d);
+            remap(two, e);
+            one = read(2 * y + 3);  // ahead of their use
+            two = read(2 * y + 4);
 #pragma unroll
             for (int k = 0; k < MANY; ++k) {
                 const int j = group * MANY + k;

@@ -6,16 +6,17 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-LANES, ROWS = 30, 8  # lanes of a warp that write two columns each, and rows that they go down
+LANES, ROWS = 30, 2  # lanes of a warp that write two columns each, and rows that they write
+LONG = 8  # the same of an image that is remapped
 MOST = 2**22  # threads, which take parts in turns
 MANY = 4  # planes that a warp makes at once of an image
 PART = 2  # columns of a thread: even
 
 
-def warps(planes: int, rows: int, columns: int) -> int:
-    """Return the threads for so many planes of the smaller level."""
+def warps(planes: int, rows: int, columns: int, each: int = ROWS) -> int:
+    """Return the threads for planes of the smaller level, of which a warp does `each` rows."""
     strips = -(-columns // (2 * LANES))
-    return threads(32 * planes * -(-rows // ROWS) * strips)
+    return threads(32 * planes * -(-rows // each) * strips)
 
 
 def threads(count: int) -> int:
@@ -33,7 +34,9 @@ def reduce_strips(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), PART=PART, MANY=MANY)
+@_native.kernel(
+    "_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), PART=PART, MANY=MANY, LONG=LONG
+)
 def begin_strips(
     logs: wp.array2d[float],
     lowest: float,

@@ -208,7 +208,14 @@ void _finish(int row, int left, int right, wp::array_t<TYPE> frames, float scale
             }
         }
         for (int c = 0; c < CHANNELS; ++c) {
-            // Values near 0 and 1 and beyond are bent, so that no two of them become equal.
+            // Values near 0 and 1 and beyond are bent, so that no two of them become equal. Most
+            // parts have none.
+            int bends = 0;
+            for (int i = 0; i < some; ++i) {
+                const float f = total[c][i], above = 1.0f - f, off = f < above ? f : above;
+                bends |= STEEP * off - 1.0f < 0.0f;
+            }
+            if (!bends) continue;
             for (int i = 0; i < some; ++i) {
                 const float f = total[c][i], above = 1.0f - f, off = f < above ? f : above;
                 const float power = STEEP * off - 1.0f;

@@ -133,8 +133,7 @@ void frame_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weig
          item < frames.shape[0] * chunks * strips; item += gridDim.x * blockDim.x / 32) {
         const int k = item / strips / chunks, begin = item / strips % chunks * Strip::ROWS;
         const int column = 2 * (item % strips * Strip::LANES + lane - 1);
-        const int end = begin + Strip::ROWS < tall ? begin + Strip::ROWS : tall;
-        Row a, b, c, d, e;
+        Row rows[2 * Strip::ROWS + 3];
         const auto load = [&](int y, Row& to) {
             const size_t start = ((size_t)k * height + Mirror::at(y, height)) * width;
             const TYPE* row = frames.data + start * CHANNELS;
@@ -148,24 +147,27 @@ void frame_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weig
             }
             Strip::load(weights.data + start, 2 * column, width, width % 4 == 0, to.weights);
         };
-        load(2 * begin - 2, a);
-        load(2 * begin - 1, b);
-        load(2 * begin, c);
-        for (int y = begin; y < end; ++y) {
-            load(2 * y + 1, d);
-            load(2 * y + 2, e);
+        // All rows are read before any is used.
+#pragma unroll
+        for (int r = 0; r < 2 * Strip::ROWS + 3; ++r) load(2 * begin - 2 + r, rows[r]);
+#pragma unroll
+        for (int r = 0; r < Strip::ROWS; ++r) {
+            const int y = begin + r;
+            if (y >= tall) break;
+            const Row &a = rows[2 * r], &b = rows[2 * r + 1], &c = rows[2 * r + 2],
+                      &d = rows[2 * r + 3], &e = rows[2 * r + 4];
             float v[4], out[2];
             float* to = dst.data + ((size_t)k * (CHANNELS + 1) * tall + y) * wide;
 #pragma unroll
             for (int n = 0; n < CHANNELS; ++n) {
                 for (int i = 0; i < 4; ++i) {
                     const int x = i * CHANNELS + n;
-                    const TYPE p = a.pixels.v[x], q = b.pixels.v[x], r = c.pixels.v[x],
+                    const TYPE p = a.pixels.v[x], q = b.pixels.v[x], o = c.pixels.v[x],
                                s = d.pixels.v[x], t = e.pixels.v[x];
                     // Sums of bytes are exact in any order; they are scaled at the end.
                     v[i] = INTEGRAL
-                               ? (float)(((int)p + (int)t) + 4 * ((int)q + (int)s) + 6 * (int)r)
-                               : Pyramid::weigh(value(p), value(q), value(r), value(s), value(t));
+                               ? (float)(((int)p + (int)t) + 4 * ((int)q + (int)s) + 6 * (int)o)
+                               : Pyramid::weigh(value(p), value(q), value(o), value(s), value(t));
                 }
                 Strip::across(v, out);
                 for (int i = 0; i < 2; ++i) out[i] = out[i] * last;
@@ -176,9 +178,6 @@ void frame_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weig
                                       e.weights[i]);
             Strip::across(v, out);
             Strip::write(out, lane, column, wide, to + (size_t)CHANNELS * tall * wide);
-            a = c;
-            b = d;
-            c = e;
         }
     }
 }

@@ -48,7 +48,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
     def frame_strips(
         frames: wp.array4d[scalar],
         scale: float,

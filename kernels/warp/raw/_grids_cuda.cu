@@ -5,11 +5,12 @@
 // needs STEPS, SLOTS, DEEPEST
 void fill_cells(wp::array_t<float> logs, float lowest, float space, float depth,
                 wp::array_t<float> taps, wp::array_t<float> out) {
-    enum { WIDE = 64 };  // threads along a row
-    __shared__ unsigned long long sums[2 * DEEPEST];
+    enum { WIDE = 64, AHEAD = 4 };  // threads along a row, and values that one reads at once
+    // Lower and upper halves of sums, and numbers: atomic sums of 64 bits are slow.
+    __shared__ unsigned low[DEEPEST], high[DEEPEST], number[DEEPEST];
     const int height = logs.shape[0], width = logs.shape[1], size = out.shape[2];
     const int row = blockIdx.x / out.shape[1], column = blockIdx.x % out.shape[1];
-    for (int i = threadIdx.x; i < 2 * size; i += blockDim.x) sums[i] = 0;
+    for (int i = threadIdx.x; i < size; i += blockDim.x) low[i] = high[i] = number[i] = 0;
     __syncthreads();
     // The rows and the columns of pixels of the cell, at least.
     const int top = max((int)(((float)row - 3.0f) / space), 0);
@@ -18,24 +19,34 @@ void fill_cells(wp::array_t<float> logs, float lowest, float space, float depth,
     const int right = min((int)(((float)column - 1.0f) / space), width - 1);
     for (int x = left + threadIdx.x % WIDE; x <= right; x += WIDE) {
         if ((int)((float)x * space + 2.5f) != column) continue;
-        long long total = 0, count = 0;
-        int z = 0;
+        long long total = 0;
+        int z = 0, count = 0;
         const auto flush = [&] {
             if (!count) return;
-            atomicAdd(sums + 2 * z, (unsigned long long)total);
-            atomicAdd(sums + 2 * z + 1, (unsigned long long)count);
+            const unsigned part = (unsigned)total, old = atomicAdd(low + z, part);
+            const unsigned more = (unsigned)(total >> 32) + (old + part < old);
+            if (more) atomicAdd(high + z, more);
+            atomicAdd(number + z, (unsigned)count);
         };
-        for (int y = top + threadIdx.x / WIDE; y <= bottom; y += blockDim.x / WIDE) {
-            if ((int)((float)y * space + 2.5f) != row) continue;
-            const float off = logs.data[(size_t)y * width + x] - lowest;
-            const int deep = (int)(off * depth + 2.5f);
-            if (deep != z) {
-                flush();
-                total = count = 0;
-                z = deep;
+        const int step = blockDim.x / WIDE;
+        for (int y = top + threadIdx.x / WIDE; y <= bottom; y += AHEAD * step) {
+            float off[AHEAD];
+#pragma unroll
+            for (int n = 0; n < AHEAD; ++n)
+                off[n] = logs.data[(size_t)min(y + n * step, bottom) * width + x] - lowest;
+#pragma unroll
+            for (int n = 0; n < AHEAD; ++n) {
+                const int v = y + n * step;
+                if (v > bottom || (int)((float)v * space + 2.5f) != row) continue;
+                const int deep = (int)(off[n] * depth + 2.5f);
+                if (deep != z) {
+                    flush();
+                    total = count = 0;
+                    z = deep;
+                }
+                total += (long long)floorf(off[n] * STEPS + 0.5f);
+                ++count;
             }
-            total += (long long)floorf(off * STEPS + 0.5f);
-            ++count;
         }
         flush();
     }
@@ -45,31 +56,11 @@ void fill_cells(wp::array_t<float> logs, float lowest, float space, float depth,
         float total = 0.0f;
         for (int t = 0; t < taps.shape[0]; ++t) {
             const int u = i / 2 + t - taps.shape[0] / 2;
-            if (u >= 0 && u < size) total += taps.data[t] * (float)(long long)sums[2 * u + i % 2];
+            if (u < 0 || u >= size) continue;
+            const long long sum = (long long)(((unsigned long long)high[u] << 32) | low[u]);
+            total += taps.data[t] * (i % 2 ? (float)(long long)number[u] : (float)sum);
         }
         to[i] = total;
-    }
-}
-
-// needs STEPS, SLOTS, DEEPEST
-void smooth_cells(wp::array_t<float> src, wp::array_t<float> taps, wp::array_t<float> out) {
-    const int size = 2 * src.shape[2], half = taps.shape[0] / 2;
-    const int count = src.shape[0] * src.shape[1] * size;
-    for (int i = blockIdx.x * blockDim.x + threadIdx.x; i < count; i += gridDim.x * blockDim.x) {
-        const int x = i / size % src.shape[1], y = i / size / src.shape[1];
-        float total = 0.0f;
-        for (int t = 0; t < taps.shape[0]; ++t) {
-            const int u = x + t - half;
-            if (u < 0 || u >= src.shape[1]) continue;
-            float column = 0.0f;
-            for (int s = 0; s < taps.shape[0]; ++s) {
-                const int v = y + s - half;
-                if (v < 0 || v >= src.shape[0]) continue;
-                column += taps.data[s] * src.data[i + ((v - y) * src.shape[1] + u - x) * size];
-            }
-            total += taps.data[t] * column;
-        }
-        out.data[i] = total;
     }
 }
 

@@ -23,16 +23,6 @@ def fill_cells(
 
 
 @_native.kernel("_grids_cuda.cu", OPTIONS, **NAMES)
-def smooth_cells(
-    src: wp.array4d[float],
-    taps: wp.array[float],
-    # outputs
-    out: wp.array4d[float],
-):
-    """Forward to the native code."""
-
-
-@_native.kernel("_grids_cuda.cu", OPTIONS, **NAMES)
 def read_four(
     logs: wp.array2d[float],
     cells: wp.array4d[float],

@@ -7,7 +7,7 @@
 struct Strip {
     enum {
         LANES = 30,
-        ROWS = 8,
+        ROWS = 2,
         WIDE = 2 * LANES
     };  // rows and columns are those of the smaller level
 

@@ -1,5 +1,5 @@
 // Luminance with the ends and the sum of its logarithms, and colours scaled by powers of 2, of four
-// pixels a thread. Sums are those of _tone.h, in the same order.
+// pixels or values a thread. Sums are those of _tone.h, in the same order.
 #include "_powers.h"
 #include "_sums_cuda.h"
 
@@ -55,38 +55,23 @@ void show_four(wp::array_t<float> radiance, wp::array_t<float> one, float own,
         const float value = (v > 0.0f && v < 3.4e38f ? v : 0.0f) * ratio;
         return value < 1.0f ? value : 1.0f;
     };
-    for (int i = 4 * (blockIdx.x * blockDim.x + threadIdx.x); i < count;
-         i += 4 * gridDim.x * blockDim.x) {
-        const int some = count - i < 4 ? count - i : 4;
-        const size_t start = (size_t)i * channels;
-        if (aligned && some == 4) {
-            const float4 a = *(const float4*)(one.data + i), b = *(const float4*)(two.data + i);
-            const float ratios[4] = {Powers::exp2((own * a.x + other * b.x) + offset),
-                                     Powers::exp2((own * a.y + other * b.y) + offset),
-                                     Powers::exp2((own * a.z + other * b.z) + offset),
-                                     Powers::exp2((own * a.w + other * b.w) + offset)};
-            const auto each = [&](int k, int p, int q, int r, int s) {
-                const float4 v = ((const float4*)(radiance.data + start))[k];
-                ((float4*)(out.data + start))[k] =
-                    make_float4(shown(v.x, ratios[p]), shown(v.y, ratios[q]), shown(v.z, ratios[r]),
-                                shown(v.w, ratios[s]));
-            };
-            if (channels == 1) {
-                each(0, 0, 1, 2, 3);
-            } else {
-                each(0, 0, 0, 0, 1);
-                each(1, 1, 1, 2, 2);
-                each(2, 2, 3, 3, 3);
-            }
+    const auto ratio = [&](int pixel) {
+        return Powers::exp2((own * one.data[pixel] + other * two.data[pixel]) + offset);
+    };
+    const size_t values = (size_t)count * channels;
+    for (size_t i = 4 * ((size_t)blockIdx.x * blockDim.x + threadIdx.x); i < values;
+         i += 4 * (size_t)gridDim.x * blockDim.x) {
+        // Four values are those of two pixels at most if there are three channels.
+        const int first = (int)(i / channels), from = (int)(i - (size_t)first * channels);
+        if (aligned && i + 4 <= values && channels == 3) {
+            const float a = ratio(first), b = ratio(first + 1);
+            const float4 v = *(const float4*)(radiance.data + i);
+            *(float4*)(out.data + i) = make_float4(shown(v.x, a), shown(v.y, from < 2 ? a : b),
+                                                   shown(v.z, from < 1 ? a : b), shown(v.w, b));
             continue;
         }
-        for (int k = 0; k < some; ++k) {
-            const float ratio =
-                Powers::exp2((own * one.data[i + k] + other * two.data[i + k]) + offset);
-            for (int c = 0; c < channels; ++c) {
-                const size_t at = start + k * channels + c;
-                out.data[at] = shown(radiance.data[at], ratio);
-            }
-        }
+        for (int k = 0; k < 4; ++k)
+            if (i + k < values)
+                out.data[i + k] = shown(radiance.data[i + k], ratio((int)((i + k) / channels)));
     }
 }

@@ -15,7 +15,7 @@ def begin(
     inputs = [logs, lowest, step, sigma, slope]
     if dst.device.is_cuda:
         groups = (planes - 2) // _bands_cuda.MANY + 1
-        threads = _bands_cuda.warps(groups, rows, columns)
+        threads = _bands_cuda.warps(groups, rows, columns, _bands_cuda.LONG)
         launch(_bands_cuda.begin_strips, threads, inputs, [dst])
         return
     _begin.launch(rows, columns, 20 * planes * rows * columns, inputs, [dst])

@@ -38,10 +38,7 @@ def fill(
 
 
 def smooth(src: wp.array, taps: wp.array, between: wp.array, out: wp.array) -> None:
-    """Smooth along Y, then X; what is in between goes into `between`, except on CUDA."""
-    if out.device.is_cuda:
-        launch(_grids_cuda.smooth_cells, out.size, [src, taps], [out])
-        return
+    """Smooth along Y, into `between`, then along X."""
     launch_each(_smooth, out.size, 9 * out.size, [src, taps, 0], [between])
     launch_each(_smooth, out.size, 9 * out.size, [between, taps, 1], [out])
 

@@ -52,7 +52,7 @@ def show(
     rows, columns = one.shape
     inputs = [radiance, one, own, two, other, offset]
     if out.device.is_cuda:
-        count = _tone_cuda.threads(-(-one.size // 4))
+        count = _tone_cuda.threads(-(-out.size // 4))
         launch(_tone_cuda.show_four, count, inputs, [out])
     else:
         _show.launch(rows, columns, 8 * one.size, inputs, [out])

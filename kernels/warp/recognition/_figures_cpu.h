@@ -48,6 +48,9 @@ void paint_mode(int t, Ballot ballot, Painter by, wp::array_t<wp::uint8> figures
                         const int down = place[0] + scaled(entry[0], factor);
                         const int along = place[1] + scaled(entry[1], factor);
                         const wp::int64 dy = down - y, dx = along - x, dz = l[0] + entry[2] - z;
+                        // Most votes are far away: find that without a division.
+                        if (dy * dy + dx * dx >= reach * reach || dz * dz >= by.scales * by.scales)
+                            continue;
                         const wp::int64 near = ONE - ONE * (dy * dy + dx * dx) / (reach * reach) -
                                                ONE * dz * dz / (by.scales * by.scales);
                         if (near <= 0 || down < 0 || along < 0) continue;

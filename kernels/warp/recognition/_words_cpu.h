@@ -65,8 +65,8 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
             return ((wp::int64)product << 32) + (0xffffffffu - (unsigned int)word);
         }
     };
-    lanes step, bit;
-    for (int j = 0; j < LANES; ++j) step[j] = j, bit[j] = 1 << j;
+    lanes step;
+    for (int j = 0; j < LANES; ++j) step[j] = j;
     const signed char* all = (const signed char*)words.data;
     int longest = 0;
     for (int g = 0; g < groups; ++g) {
@@ -169,14 +169,12 @@ void match_rows(int first, int last, wp::array_t<wp::int8> patches, wp::array_t<
                 for (int g = number; g < CHUNK && g % AT_ONCE; ++g)
                     bounds[r][g] = (lanes){} - 0x7fffffff;
                 for (int g = 0; g < number; g += AT_ONCE) {
-                    lanes reached = {};
-                    for (int k = 0; k < AT_ONCE; ++k) reached |= bounds[r][g + k] >= low;
-                    if (!__builtin_reduce_or(reached)) continue;
-                    for (int k = g; k < g + AT_ONCE; ++k) {
-                        int left = __builtin_reduce_or((bounds[r][k] >= low) & bit);
-                        for (; left; left &= left - 1)
-                            chosen[number_chosen++] = k * LANES + __builtin_ctz(left);
-                    }
+                    wp::uint64 left = 0;
+#pragma unroll
+                    for (int k = 0; k < AT_ONCE; ++k)
+                        left |= (wp::uint64)Bytes::reached(bounds[r][g + k], low) << k * LANES;
+                    for (; left; left &= left - 1)
+                        chosen[number_chosen++] = g * LANES + __builtin_ctzll(left);
                 }
                 see();
             }

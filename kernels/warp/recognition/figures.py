@@ -32,7 +32,7 @@ KERNEL_BITS = wp.constant(wp.int64(codes.KERNEL_BITS))
 WIDE = wp.constant(wp.int64(codes.FINE))
 APART = wp.constant(codes.OCTAVE // 2)
 LANES = wp.constant(32)  # threads of a warp on CUDA, which share the pixels of each patch
-PARTS = wp.constant(8)  # warps of a row of patches and a mode
+PARTS = wp.constant(16)  # warps of a row of patches and a mode
 LANES_OF_ROW = 32  # threads of a row of a mask on CUDA
 WORK = 1 << 17  # pixels of the patches of a mode, roughly: for the number of threads only
 
@@ -80,7 +80,11 @@ def near_mode(
         place[1] + scaled(ballot.entries[e, 1], factor),
         place[2] + ballot.entries[e, 2],
     )
-    near = kernel_at(other - mode, reach, by.scales)
+    apart = other - mode
+    near = wp.int64(0)
+    # Most votes are far away: find that without a division.
+    if wp.abs(apart[0]) < reach and wp.abs(apart[1]) < reach and wp.abs(apart[2]) < by.scales:
+        near = kernel_at(apart, reach, by.scales)
     if near > wp.int64(0):
         s = bin_of(ballot.bins, other[2], ballot.slack)
         if cell_of(ballot.bins, s, other[0], other[1]) < 0:

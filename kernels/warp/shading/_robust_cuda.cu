@@ -69,16 +69,18 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
     if (here >= plane) return;
     float* own = kept + threadIdx.x;
     unsigned char* rank = order + threadIdx.x;
-    int number = 0;
+    int number = 0, dark = 0;  // images that count, and those of them that are not above 0
     float brightest = 0.0f;
 #pragma unroll 8
     for (int k = 0; k < count; ++k) {
         const float value = __ldg(images.data + k * plane + here) * lamps[k].w;
         const int r = __ldg(ranks.data + k * plane + here);
-        own[k * threads] = value;
+        // What is left out is finite, and beyond all ranks.
+        own[k * threads] = r == LEFT_OUT ? 0.0f : value;
         rank[k * threads] = r == LEFT_OUT ? 255 : r;
         if (r == LEFT_OUT) continue;
         ++number;
+        dark += !(value > 0.0f);
         brightest = fmaxf(brightest, value);
     }
     const bool found = number >= 3 && brightest > 0.0f;
@@ -86,17 +88,14 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
     for (int m = 0; found && m < windows.shape[0]; ++m) {
         int low = (int)floorf(windows.data[2 * m] * (float)number + 0.5f);
         int high = (int)floorf(windows.data[2 * m + 1] * (float)number + 0.5f);
-        // Whether the window has an image.
-        const auto has = [&](int k) {
-            const int r = rank[k * threads];
-            return r >= low && r < high && (!consensus || own[k * threads] > 0.0f);
-        };
-        int inside = 0;
-        for (int k = 0; k < count; ++k) inside += has(k);
-        if (inside < 4) {  // too few to tell their spread
+        // Ranks run from 0 to the number. The darkest do not count for a consensus.
+        const int least = consensus ? dark : 0;
+        if (high - max(low, least) < 4) {  // too few to tell their spread
             low = 0;
             high = number;
         }
+        low = max(low, least);
+        const unsigned size = max(high - low, 0);
         double s[3] = {0.0, 0.0, 0.0}, spread = 0.0, turn = 0.0;
         // A rule of one sweep has a second one, for its correction.
         const int last = sweeps > 0 ? sweeps : 1;
@@ -105,8 +104,8 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
             const float scale = spread > 0.0 ? (float)(1.0 / spread) : 0.0f;
             float xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
             float bx = 0.0f, by = 0.0f, bz = 0.0f, squares = 0.0f, weights = 0.0f;
+#pragma unroll 4
             for (int k = 0; k < count; ++k) {
-                if (!has(k)) continue;
                 const float4 light = lamps[k];
                 const float shown = light.x * x + light.y * y + light.z * z;
                 const float off = own[k * threads] - shown;
@@ -116,6 +115,8 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
                     weight = shown > 0.0f ? __fdividef(1.0f, 1.0f + ratio * ratio) : 0.0f;
                     weight += (float)FLOOR;
                 }
+                // A value that is not in the window has no weight.
+                if ((unsigned)(rank[k * threads] - low) >= size) weight = 0.0f;
                 const float wx = weight * light.x, wy = weight * light.y, wz = weight * light.z;
                 xx += wx * light.x;
                 xy += wx * light.y;

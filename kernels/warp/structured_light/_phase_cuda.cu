@@ -1,7 +1,7 @@
 // Phases of shifted fringes on CUDA: QUAD neighbouring pixels a thread, all of whose frames are read
 // once. taichi/structured_light/phase.py has the equations.
 
-#include "../_angles.h"
+#include "_fringes_cuda.h"
 
 // needs TYPE, QUAD, TURN
 void decode_quad(wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequencies,
@@ -58,11 +58,10 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequen
             }
         }
         const float f = frequencies.data[j];
-        // The reciprocal of a power of two is exact.
-        const bool power = (__float_as_int(f) & 0x7fffff) == 0;
-        const float inverse = 1.0f / f;
+        float turns[QUAD];
+#pragma unroll
         for (int i = 0; i < QUAD; ++i) {
-            const float r = Alike::angle(s[i], c[i]);
+            const float r = Fringe::angle(s[i], c[i]);
             angle[i] = r;
             // Roots and quotients keep the order, so those of the least square are the least ones.
             const float square = c[i] * c[i] + s[i] * s[i];
@@ -70,20 +69,27 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequen
             least[i] = square < least[i] ? square : least[i];
             const float p = r * TURN;
             const float k = j ? floorf(f * place[i] - p + 0.5f) : p < 0.0f ? 1.0f : 0.0f;
-            place[i] = power ? (p + k) * inverse : (p + k) / f;
+            turns[i] = p + k;
         }
+        Fringe::divide(turns, f, place);
     }
     const float lowest = frequencies.data[0], nowhere = __int_as_float(0x7fc00000);
     bool good[QUAD];
-    const bool power = (__float_as_int(lowest) & 0x7fffff) == 0;
-    const float inverse = 1.0f / lowest;
+    float part[QUAD], length[QUAD];
+#pragma unroll
     for (int i = 0; i < QUAD; ++i) {
         // Noise may have moved a place across the end of the first period.
-        const float u = lowest * place[i], part = u - floorf(u);
-        const float inside = power ? part * inverse : part / lowest;
-        place[i] = seen[i] ? inside * (float)size - 0.5f : nowhere;
+        const float u = lowest * place[i];
+        part[i] = u - floorf(u);
+        length[i] = 2.0f * sqrtf(least[i]);
+    }
+    Fringe::divide(part, lowest, place);
+    Fringe::divide(length, number, least);
+#pragma unroll
+    for (int i = 0; i < QUAD; ++i) {
+        place[i] = seen[i] ? place[i] * (float)size - 0.5f : nowhere;
         angle[i] = seen[i] ? angle[i] : nowhere;
-        least[i] = seen[i] ? 2.0f * sqrtf(least[i]) / number : nowhere;
+        least[i] = seen[i] ? least[i] : nowhere;
         good[i] = least[i] > threshold;
     }
     if (QUAD == 4 && plane % 4 == 0 && (size_t)places.data % 16 == 0 &&

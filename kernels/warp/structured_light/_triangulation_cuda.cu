@@ -14,7 +14,11 @@ void intersect_run(wp::array_t<float> places, wp::array_t<wp::uint8> valid,
     // Four pixels are read and written at once where all are aligned.
     const bool whole = width % 4 == 0 && (size_t)places.data % 16 == 0 &&
                        (size_t)points.data % 16 == 0 && (size_t)valid.data % 4 == 0;
-    float ray[2] = {0.0f, 0.0f}, line[1] = {0.0f};
+    float ray[2] = {0.0f, 0.0f}, line[1] = {0.0f}, lens[18], to[12];
+#pragma unroll
+    for (int k = 0; k < 18; ++k) lens[k] = lenses.data[k];
+#pragma unroll
+    for (int k = 0; k < 12; ++k) to[k] = pose.data[k];
     for (int k = 0; k < RUN && j + k < width; k += 4) {
         float place[4], point[12];
         bool known[4];
@@ -34,20 +38,20 @@ void intersect_run(wp::array_t<float> places, wp::array_t<wp::uint8> valid,
 #pragma unroll
         for (int n = 0; n < 4; ++n) {
             float x, y, depth = 0.0f;
-            Light::straighten(lenses.data, (float)i, (float)(j + k + n), ray, x, y);
+            Light::straighten(lens, (float)i, (float)(j + k + n), ray, x, y);
             if (place[n] >= -0.5f && known[n])
-                depth = Light::meet(lenses.data + 9, pose.data, AXIS, place[n], line, x, y);
+                depth = Light::meet(lens + 9, to, AXIS, place[n], line, x, y);
             depth = depth > 0.0f ? depth : __int_as_float(0x7fc00000);
             point[3 * n] = depth * x, point[3 * n + 1] = depth * y, point[3 * n + 2] = depth;
         }
-        float* to = points.data + 3 * (here + k);
+        float* out = points.data + 3 * (here + k);
         if (whole) {
 #pragma unroll
             for (int n = 0; n < 12; n += 4)
-                *(float4*)(to + n) =
+                *(float4*)(out + n) =
                     make_float4(point[n], point[n + 1], point[n + 2], point[n + 3]);
         } else {
-            for (int n = 0; n < 12 && j + k + n / 3 < width; ++n) to[n] = point[n];
+            for (int n = 0; n < 12 && j + k + n / 3 < width; ++n) out[n] = point[n];
         }
     }
 }

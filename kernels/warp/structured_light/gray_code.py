@@ -37,7 +37,7 @@ def decode(
     if codes.device.is_cuda:
         packed = frames.dtype is wp.uint8 and bits <= 16
         kernel = _decode_bytes_cuda() if packed else _decode_cuda(frames.dtype)
-        launch(kernel, -(-codes.size // (4 * _WORDS if packed else _QUAD)), inputs, [codes])
+        launch(kernel, -(-codes.size // (4 * _WORDS if packed else _QUAD)), inputs, outputs)
         return
     height = codes.shape[0]
     launch_slabs(

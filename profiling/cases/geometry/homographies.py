@@ -26,15 +26,17 @@ def _map(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     return q[..., :2] / q[..., 2:]
 
 
-def _inputs(pairs: int, outliers: float) -> Callable[[Shape, np.random.Generator], Arrays]:
+def _inputs(
+    pairs: int, outliers: float, matches: int = 2000
+) -> Callable[[Shape, np.random.Generator], Arrays]:
     def make(shape: Shape, rng: np.random.Generator) -> Arrays:
         """Points (P, N, 2) of both images as (row, column), and where the corners are mapped."""
-        count, matches = (min(pairs, 3), 200) if shape == TOY else (pairs, 2000)
+        count, number = (min(pairs, 3), 200) if shape == TOY else (pairs, matches)
         moved = CORNERS + rng.uniform(-150, 150, (count, 4, 2))
         maps = np.stack([cvkern.fit_homography(CORNERS[:, ::-1], m[:, ::-1]) for m in moved])
-        a = rng.uniform(0, (WIDTH, HEIGHT), (count, matches, 2))
+        a = rng.uniform(0, (WIDTH, HEIGHT), (count, number, 2))
         b = _map(maps, a) + rng.normal(0, NOISE, a.shape)
-        wild = np.argsort(rng.random((count, matches)), 1) < round(outliers * matches)
+        wild = np.argsort(rng.random((count, number)), 1) < round(outliers * number)
         b[wild] = rng.uniform(0, (WIDTH, HEIGHT), (int(wild.sum()), 2))
         return np.ascontiguousarray(a[..., ::-1]), np.ascontiguousarray(b[..., ::-1]), moved
 
@@ -47,6 +49,13 @@ def _corners(matrices: Any) -> Arrays:
 
 def _batch(a: Any, b: Any, corners: Any) -> Arrays:
     fits = cvkern.find_homographies(list(zip(a, b, strict=True)), THRESHOLD)
+    return _corners(fits.matrices)
+
+
+def _many(a: Any, b: Any, corners: Any) -> Arrays:
+    """Draw 1000 hypotheses for every pair."""
+    pairs = list(zip(a, b, strict=True))
+    fits = cvkern.find_homographies(pairs, THRESHOLD, max_trials=1000, confidence=1 - 1e-12)
     return _corners(fits.matrices)
 
 
@@ -81,11 +90,13 @@ def _degensac(pydegensac: Any, a: np.ndarray, b: np.ndarray) -> Any:
     return pydegensac.findHomography(a, b, THRESHOLD)[0]
 
 
-def _case(name: str, title: str, pairs: int, outliers: float, call: Any) -> Case:
+def _case(
+    name: str, title: str, pairs: int, outliers: float, call: Any, matches: int = 2000
+) -> Case:
     return Case(
         name=name,
         title=title,
-        image=_inputs(pairs, outliers),
+        image=_inputs(pairs, outliers, matches),
         call=call,
         oracle=lambda a, b, corners: (corners,),
         oracle_name="the corners of the map that made the matches",
@@ -109,5 +120,13 @@ def _case(name: str, title: str, pairs: int, outliers: float, call: Any) -> Case
 CASES = (
     _case("homographies_50", "100 homographies, 2000 matches, 50 % outliers", 100, 0.5, _batch),
     _case("homographies_80", "100 homographies, 2000 matches, 80 % outliers", 100, 0.8, _batch),
+    _case(
+        "homographies_1000",
+        "1000 homographies, 1000 matches, 65 % outliers, 1000 hypotheses each",
+        1000,
+        0.65,
+        _many,
+        1000,
+    ),
     _case("homography_50", "One homography, 2000 matches, 50 % outliers", 1, 0.5, _single),
 )

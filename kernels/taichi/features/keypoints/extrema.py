@@ -18,7 +18,7 @@ from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product
 from cvkern.kernels.taichi.features._marks import count_marks, list_marks, rows_of
 
-from .refinement import _fitted
+from ._paraboloid import fit
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
@@ -201,7 +201,7 @@ def _move(
         if extrema[s, y, k] != 0:
             for bit in range(WORD):
                 if (extrema[s, y, k] >> bit) & 1 == 1:
-                    end = _fitted(levels, s + 1, y, k * WORD + bit, contrast, edge, margin, zero)
+                    end = fit(levels, s + 1, y, k * WORD + bit, contrast, edge, margin, zero)
                     if end.kept == 1:
                         bits = 1 << (end.x % WORD)
                         ti.atomic_or(words[end.s - 1, end.y, end.x // WORD], bits)

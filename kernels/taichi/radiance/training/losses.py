@@ -11,6 +11,8 @@ A camera clips what is too bright or too dark. If `censored`, there is no error 
 above, or P is 0 and F below, in pixels with a = 1.
 """
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
@@ -27,10 +29,11 @@ vec3 = ti.types.vector(3, ti.f32)
 
 
 @ti.func
-def _background(
-    kind: ti.i32, learnt: ti.template(), seed: ti.i32, step: ti.i32, ray: ti.i32
+def background_of(
+    comparison: ti.template(), learnt: ti.template(), step: ti.i32, ray: ti.i32
 ) -> vec3:
     """Return the background of a ray."""
+    kind, seed = comparison.kind, comparison.seed
     color = vec3(0.0)
     if kind == Background.WHITE:
         color = vec3(1.0)
@@ -40,6 +43,20 @@ def _background(
     elif kind == Background.LEARNT:
         color = vec3(learnt[0], learnt[1], learnt[2])
     return color
+
+
+@ti.func
+def error_of(error: ti.f32, target: ti.f32, seen: ti.f32, comparison: ti.template()) -> ti.f32:
+    """Return the error of a channel, 0 beyond the end of the range that its photograph has."""
+    clipped = (target >= 1.0 and error > 0.0) or (target <= 0.0 and error < 0.0)
+    return 0.0 if comparison.censored and seen >= 1.0 and clipped else error
+
+
+def comparison_of(c: codes.Comparison) -> Any:
+    """Return the numbers of a comparison as a structure."""
+    return Comparison(
+        kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed, censored=int(c.censored)
+    )
 
 
 @ti.kernel
@@ -60,17 +77,15 @@ def _loss(
     for ray in range(opacity.shape[0]):
         if ray < active[0]:
             huber = comparison.huber
-            behind = _background(comparison.kind, learnt, comparison.seed, step[0], ray)
+            behind = background_of(comparison, learnt, step[0], ray)
             through = 1.0 - opacity[ray]
             seen = targets[ray, 3]
             error = 0.0
             d_through = 0.0
             for k in ti.static(range(3)):
                 found = color[ray, k] + through * behind[k]
-                e = found - (seen * targets[ray, k] + (1.0 - seen) * behind[k])
-                if comparison.censored and seen >= 1.0:
-                    if (targets[ray, k] >= 1.0 and e > 0.0) or (targets[ray, k] <= 0.0 and e < 0.0):
-                        e = 0.0
+                wanted = seen * targets[ray, k] + (1.0 - seen) * behind[k]
+                e = error_of(found - wanted, targets[ray, k], seen, comparison)
                 error += e * e / 3.0
                 d = 2.0 * e
                 if huber > 0.0:
@@ -104,9 +119,6 @@ def loss(
     over the channels, for every loss, and 0 for the other rays. `d_color` (R, 3), `d_opacity` (R,)
     and `d_learnt` (R, 3), one row per ray, are not written for the other rays.
     """
-    c = comparison
-    numbers = Comparison(
-        kind=c.kind, huber=c.huber, scale=c.scale, seed=c.seed, censored=int(c.censored)
-    )
+    c, numbers = comparison, comparison_of(comparison)
     inputs = color, opacity, targets, active, numbers, c.learnt, c.step
     _loss(*inputs, errors, d_color, d_opacity, d_learnt)

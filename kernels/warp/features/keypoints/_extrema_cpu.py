@@ -95,3 +95,25 @@ def mark(
 ):
     for row in range(first, last):
         mark_row(row, levels, threshold, margin, words, counts)
+
+
+@_native.func_native("_refinement.h")
+def keep_one(
+    n: int,
+    octaves: wp.array2d[wp.int64],
+    cells: wp.array2d[int],
+    words: wp.array[int],
+    counts: wp.array[int],
+): ...
+
+
+@wp.kernel
+def keep(
+    octaves: wp.array2d[wp.int64],  # (O, 4)
+    cells: wp.array2d[int],  # (N, 4)
+    # outputs, cleared
+    words: wp.array[int],
+    counts: wp.array[int],
+):
+    for n in range(cells.shape[0]):
+        keep_one(n, octaves, cells, words, counts)

@@ -1,15 +1,15 @@
-#include "_paraboloid.h"
+#include "_moves_cuda.h"
 
-// needs LEVELS, ROWS, MOVES
-// Find extrema among 26 neighbours, and set the bits of the pixels at which their fits end; count
-// the bits of each row. A warp takes 32 columns of ROWS rows of an octave, and keeps the maxima and
-// minima of three columns, of this row and of those before.
+// needs LEVELS, ROWS
+// Find extrema among 26 neighbours, and queue their octave, level, row and column for `move`; for
+// those that find no room do its work. A warp takes 32 columns of ROWS rows of an octave, and keeps
+// the maxima and minima of three columns, of this row and of those before.
 void mark(wp::array_t<wp::int64> octaves, float threshold, float contrast, float edge, int margin,
-          wp::array_t<int> words, wp::array_t<int> counts) {
+          wp::array_t<int> queue, wp::array_t<int> number, wp::array_t<int> words,
+          wp::array_t<int> counts) {
     enum { D = LEVELS + 2 };
     const int lane = threadIdx.x % 32;
-    int item = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) / 32), o = 0, row = 0;
-    size_t word = 0;
+    int item = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) / 32), o = 0;
     const wp::int64* octave = octaves.data;
     for (;; octave += 4, ++o) {
         if (o == octaves.shape[0]) return;  // the whole warp
@@ -17,8 +17,6 @@ void mark(wp::array_t<wp::int64> octaves, float threshold, float contrast, float
         const int items = ((int)octave[2] + ROWS - 1) / ROWS * stored;
         if (item < items) break;
         item -= items;
-        row += LEVELS * (int)octave[2];
-        word += (size_t)LEVELS * octave[2] * stored;
     }
     const float* const base = (const float*)octave[0];
     const int height = (int)octave[2], width = (int)octave[3], stored = (width + 31) / 32;
@@ -61,14 +59,18 @@ void mark(wp::array_t<wp::int64> octaves, float threshold, float contrast, float
                     inside &&
                     ((v > threshold && v >= fmaxf(fmaxf(up[s - 1], up[s]), up[s + 1])) ||
                      (v < -threshold && v <= fminf(fminf(down[s - 1], down[s]), down[s + 1])));
+                const unsigned all = __ballot_sync(~0u, found);
+                if (all == 0) continue;
+                int place = 0;
+                if (lane == 0) place = atomicAdd(number.data, __popc(all));
+                place = __shfl_sync(~0u, place, 0) + __popc(all & ((1u << lane) - 1));
                 if (!found) continue;
-                Paraboloid to{base, LEVELS, height, width};
-                int z = s, i = r, j = x;
-                if (!to.fit(contrast, edge, margin, MOVES, z, i, j)) continue;
-                // Bits and numbers are the same in any order.
-                const int line = (z - 1) * height + i, bit = 1 << (j % 32);
-                int* const place = words.data + word + (size_t)line * stored + j / 32;
-                if (!(atomicOr(place, bit) & bit)) atomicAdd(counts.data + row + line, 1);
+                const int4 cell = make_int4(o, s, r, x);
+                if (place < queue.shape[0])
+                    ((int4*)queue.data)[place] = cell;
+                else
+                    Moves::keep(octaves.data, cell, contrast, edge, margin, words.data,
+                                counts.data);
             }
         }
 #pragma unroll
@@ -79,4 +81,14 @@ void mark(wp::array_t<wp::int64> octaves, float threshold, float contrast, float
 #pragma unroll
         for (int s = 0; s < LEVELS; ++s) middle[s] = value[s + 1];
     }
+}
+
+// Move the queued extrema to where their fits end. Of a grid of any size, a thread takes several.
+void move(wp::array_t<wp::int64> octaves, float contrast, float edge, int margin,
+          wp::array_t<int> queue, wp::array_t<int> number, wp::array_t<int> words,
+          wp::array_t<int> counts) {
+    const int last = min(number.data[0], queue.shape[0]);
+    for (int n = blockIdx.x * blockDim.x + threadIdx.x; n < last; n += gridDim.x * blockDim.x)
+        Moves::keep(octaves.data, ((const int4*)queue.data)[n], contrast, edge, margin, words.data,
+                    counts.data);
 }

@@ -11,14 +11,15 @@ import warp as wp
 
 from cvkern.kernels.codes.features import GRAY, MOST_GRAY, MOVES, WORD
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import BLOCK
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 # Blocks are numbered along one axis.
 _OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
 ROWS = 16  # rows that a warp goes down
-REGISTERS = (BLOCK, 3)  # three blocks per multiprocessor: 80 registers a thread
+MOVING = 1 << 16  # threads that move extrema
+BLOCK = 128  # threads of a block that marks
+REGISTERS = (BLOCK, 5)  # five blocks per multiprocessor: 96 registers a thread
 BRIGHTEST = wp.constant(MOST_GRAY)
 RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
 
@@ -46,13 +47,16 @@ def double(
     # outputs
     dst: wp.array2d[float],  # (2 H, 2 W)
 ):
-    v, u = wp.tid()
-    y = v // 2
-    x = u // 2
-    below = wp.where(v % 2 == 1, wp.min(y + 1, src.shape[0] - 1), y)
-    right = wp.where(u % 2 == 1, wp.min(x + 1, src.shape[1] - 1), x)
-    left = 0.5 * (src[y, x] + src[below, x])
-    dst[v, u] = 0.5 * (left + 0.5 * (src[y, right] + src[below, right]))
+    y, x = wp.tid()
+    below = wp.min(y + 1, src.shape[0] - 1)
+    right = wp.min(x + 1, src.shape[1] - 1)
+    here = src[y, x]
+    beside = src[y, right]
+    left = 0.5 * (here + src[below, x])
+    dst[2 * y, 2 * x] = here
+    dst[2 * y, 2 * x + 1] = 0.5 * (here + beside)
+    dst[2 * y + 1, 2 * x] = left
+    dst[2 * y + 1, 2 * x + 1] = 0.5 * (left + 0.5 * (beside + src[below, right]))
 
 
 @lru_cache
@@ -60,7 +64,7 @@ def mark(levels: int) -> wp.Kernel:
     """Return the kernel for octaves with so many inner levels."""
 
     @_native.kernel(
-        "_extrema_cuda.cu", _OPTIONS, launch_bounds=REGISTERS, LEVELS=levels, ROWS=ROWS, MOVES=MOVES
+        "_extrema_cuda.cu", _OPTIONS, launch_bounds=REGISTERS, LEVELS=levels, MOVES=MOVES, ROWS=ROWS
     )
     def mark(
         octaves: wp.array2d[wp.int64],  # (O, 4)
@@ -68,12 +72,29 @@ def mark(levels: int) -> wp.Kernel:
         contrast: float,
         edge: float,
         margin: int,
+        # scratch
+        queue: wp.array2d[int],  # (Q, 4)
+        number: wp.array[int],  # cleared
         # outputs, cleared
         words: wp.array[int],
         counts: wp.array[int],  # (rows,)
     ): ...
 
     return mark
+
+
+@_native.kernel("_extrema_cuda.cu", _OPTIONS, MOVES=MOVES)
+def move(
+    octaves: wp.array2d[wp.int64],
+    contrast: float,
+    edge: float,
+    margin: int,
+    queue: wp.array2d[int],
+    number: wp.array[int],
+    # outputs
+    words: wp.array[int],
+    counts: wp.array[int],
+): ...
 
 
 def threads(octaves: Sequence[wp.array]) -> int:

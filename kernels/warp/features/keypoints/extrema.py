@@ -19,11 +19,12 @@ from cvkern.kernels.warp.features._marks import list_marks
 from . import _extrema_cpu as cpu
 from . import _extrema_cuda as cuda
 from . import _smoothing_cuda as cuda_smoothing
-from ._smoothing_cpu import smooth_rows
-from .refinement import keep, refine
+from ._smoothing_cpu import fill_level, fill_levels
+from .refinement import refine
 from .selection import add_up
 
-LINE = 16  # floats of a line of the cache
+# Extrema that CUDA queues: at least so many, and one of so many elements of all levels.
+LEAST, SHARE = 1 << 14, 256
 
 
 def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
@@ -35,9 +36,9 @@ def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
 
 
 def double(src: wp.array, dst: wp.array) -> None:
-    """Twice the size, by means between the pixels; one thread a pixel."""
+    """Twice the size, by means between the pixels; one thread a pixel of the smaller image."""
     if dst.device.is_cuda:
-        launch(cuda.double, dst.shape, [src], [dst])
+        launch(cuda.double, src.shape, [src], [dst])
         return
     launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
@@ -47,8 +48,8 @@ def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.a
 
     An octave begins with every second pixel of the larger one's level that is third from its end.
     Symmetric taps are applied down the rows and then along the columns, mirrored: the first ones
-    to the image, the others to the levels. On the CPU two rows are done together; CUDA does levels
-    of several octaves together, and repeats a graph.
+    to the image, the others to the levels. On the CPU the levels of an octave follow each other
+    through the cache; CUDA does levels of several octaves together, and repeats a graph.
     """
     if src.device.is_cuda:
         jobs = cuda_smoothing.jobs_of(src, taps, octaves)
@@ -61,18 +62,8 @@ def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.a
             before = octaves[o - 1]
             _halve(level_of(before, before.shape[0] - 3), level)
         else:
-            _smooth(src, taps[0], level)
-        for i in range(1, octave.shape[0]):
-            level, before = level_of(octave, i), level
-            _smooth(before, taps[i], level)
-
-
-def _smooth(src: wp.array, taps: wp.array, dst: wp.array) -> None:
-    height, width = src.shape
-    parts = slabs(height, src.size)
-    margin = -(-taps.shape[0] // (2 * LINE)) * LINE
-    lines = scratch("keypoints.rows", (2 * parts, width + 2 * margin), wp.float32, dst.device)
-    launch_slabs(smooth_rows, height, parts, [src, taps, margin, lines], [dst])
+            fill_level(src, taps[0], level)
+        fill_levels(taps, octave)
 
 
 def _halve(src: wp.array, dst: wp.array) -> None:
@@ -94,8 +85,16 @@ def mark_keypoints(
     if words.device.is_cuda:
         clear(words)
         clear(ends)
-        mark = cuda.mark(octaves[0].shape[0] - 3)
-        launch(mark, cuda.threads(octaves), [table(octaves), *limits, margin], [words, ends])
+        device, pixels = words.device, sum(octave.size for octave in octaves)
+        queue = scratch("keypoints.queue", (max(LEAST, pixels // SHARE), 4), wp.int32, device)
+        number = scratch("keypoints.number", (1,), wp.int32, device)
+        clear(number)
+        mark, tables = cuda.mark(octaves[0].shape[0] - 3), table(octaves)
+        queued = [queue, number]
+        inputs = [tables, *limits, margin, *queued]
+        launch(mark, cuda.threads(octaves), inputs, [words, ends], cuda.BLOCK)
+        inputs = [tables, limits.contrast, limits.edge, margin, *queued]
+        launch(cuda.move, cuda.MOVING, inputs, [words, ends])
         add_up(ends)
         return
     for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
@@ -112,7 +111,7 @@ def mark_keypoints(
     clear(words)
     clear(ends)
     if total:
-        keep(octaves, cells, words, ends)
+        launch(cpu.keep, 1, [table(octaves), cells], [words, ends])
     add_up(ends)
 
 

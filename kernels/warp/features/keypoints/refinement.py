@@ -10,7 +10,7 @@ import warp as wp
 
 from cvkern.kernels.codes.features import MOVES
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import launch, launch_each
+from cvkern.kernels.warp._launch import launch_each
 from cvkern.kernels.warp.features._levels import table
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -36,11 +36,6 @@ def refine(
     launch_each(_fit, count, 100 * count, inputs, [offsets, cells])
 
 
-def keep(octaves: Sequence[wp.array], cells: wp.array, words: wp.array, counts: wp.array) -> None:
-    """Set the bits of the pixels of refined extrema on the CPU, and count them for each row."""
-    launch(_keep, 1, [table(octaves), cells], [words, counts])
-
-
 @_native.func_native(_FILE, MOVES=MOVES)
 def fit_one(
     n: int,
@@ -52,17 +47,6 @@ def fit_one(
     cells: wp.array2d[int],
 ):
     """Fit a paraboloid to extremum `n`."""
-
-
-@_native.func_native(_FILE)
-def keep_one(
-    n: int,
-    octaves: wp.array2d[wp.int64],
-    cells: wp.array2d[int],
-    words: wp.array[int],
-    counts: wp.array[int],
-):
-    """Set the bit of extremum `n`."""
 
 
 @wp.kernel
@@ -81,15 +65,3 @@ def _fit(
 ):
     for n in range(first + wp.tid(), last, stride):
         fit_one(n, octaves, contrast, edge, margin, offsets, cells)
-
-
-@wp.kernel
-def _keep(
-    octaves: wp.array2d[wp.int64],
-    cells: wp.array2d[int],
-    # outputs
-    words: wp.array[int],
-    counts: wp.array[int],
-):
-    for n in range(cells.shape[0]):
-        keep_one(n, octaves, cells, words, counts)

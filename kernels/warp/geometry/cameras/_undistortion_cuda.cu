@@ -1,9 +1,9 @@
 #include "_distortion.h"
 
-// needs BYTES, SCALAR, CHANNELS, SEGMENT, STEPS, GROUP, WARPS
+// needs BYTES, SCALAR, CHANNELS, SEGMENT, STEPS, GROUP, WARPS, FAST, ALL_FAST
 // An image seen through a lens. A warp makes STEPS * 32 pixels of a row: its lanes first find the
-// places of the nodes, every half segment, then the parabolas between them. GROUP pixels of a lane
-// are fetched before the first of them is used.
+// places of the nodes, every half segment, then the parabolas between them. Bytes of 1 or 3 channels
+// of FAST segments that lie within the image are fetched before the first of them is weighed.
 void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval,
                  wp::array_t<SCALAR> dst) {
     enum { PART = STEPS * 32, PARABOLAS = PART / SEGMENT };
@@ -16,8 +16,10 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
     const int row = (int)(item / parts), begin = (int)(item % parts) * PART;
     if (row >= dst.shape[0]) return;  // the whole warp
     const Lens lens(numbers.data, (float)row);
+    unsigned inside;  // the segments within the image, bit 2 s
     {
         float u, v, a, b;
+        bool within = false;
         const bool met = lens.see((float)(begin + lane * (SEGMENT / 2)), u, v);
         const unsigned there = __ballot_sync(0xffffffffu, met);
         const float u1 = __shfl_down_sync(0xffffffffu, u, 1);
@@ -31,91 +33,90 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
             Lens::bend(v, v1, v2, a, b);
             to[4] = v, to[5] = a, to[6] = b;
             to[3] = numbers.data[19] > 0.0f && (there >> lane & 5u) == 5u ? 1.0f : 0.0f;
-            const bool within = to[3] > 0.0f &&
-                                Lens::within(to[0], to[1], u2, (float)width - 1.5f) &&
-                                Lens::within(to[4], to[5], v2, (float)height - 1.5f);
-            to[7] = within ? 1.0f : 0.0f;
+            within = to[3] > 0.0f && Lens::within(to[0], to[1], u2, (float)width - 1.5f) &&
+                     Lens::within(to[4], to[5], v2, (float)height - 1.5f);
         }
+        inside = __ballot_sync(0xffffffffu, within);
         __syncwarp();
     }
     const float last_x = (float)(width - 1), last_y = (float)(height - 1);
     SCALAR* to = dst.data + ((size_t)row * columns + begin) * CHANNELS;
+    const unsigned below = (unsigned)width * CHANNELS;
 #if BYTES
     const int outside = (int)(fminf(fmaxf(cval, 0.0f), 255.0f) + 0.5f);
     // Three bytes a pixel are read, and those of four lanes written, as words where these are whole.
-    const unsigned below = (unsigned)width * CHANNELS;
-    const bool reads = CHANNELS == 3 && below % 4 == 0 && (size_t)src.data % 4 == 0;
-    // Places in bytes are numbers of 32 bits where segments lie within the image.
-    const bool small = (size_t)height * below < (size_t)1 << 31;
+    const bool aligned = below % 4 == 0 && (size_t)src.data % 4 == 0;
+    const bool reads = CHANNELS == 3 && aligned;
     const bool writes = CHANNELS == 3 && columns % 4 == 0 && (size_t)dst.data % 4 == 0;
 #else
     const float outside = cval;
-    const unsigned below = (unsigned)width * CHANNELS;
 #endif
     for (int base = 0; base < STEPS && begin + 32 * base < columns; base += GROUP) {
-#if BYTES && CHANNELS == 1 && SEGMENT == 32
-        if (small && below % 4 == 0 && (size_t)src.data % 4 == 0 && parabolas[base][7] > 0.0f) {
-            const float4 p = *(const float4*)parabolas[base];
-            const float4 q = *(const float4*)(parabolas[base] + 4);
+#if BYTES && (CHANNELS == 1 || CHANNELS == 3) && SEGMENT == 32
+        // Places in bytes are numbers of 32 bits.
+        if (aligned && (CHANNELS == 1 || writes) && base + FAST <= STEPS &&
+            (size_t)height * below < (size_t)1 << 31 && begin + 32 * (base + FAST) <= columns &&
+            (inside >> 2 * base & ALL_FAST) == ALL_FAST) {
+            enum { WORDS = CHANNELS == 1 ? 2 : 3 };
+            unsigned word[FAST][2][WORDS], weights[FAST], share[FAST], first[FAST];
             const float t = (float)lane;
-            const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
-            const unsigned ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
-            const unsigned first = (iy >> 8) * below + (ix >> 8), last = first + 1;
-            const unsigned weights = (ix & 255) * 65535 + 256, low = iy & 255, high = 256 - low;
-            unsigned made[2];
 #pragma unroll
-            for (int i = 0; i < 2; ++i) {
-                // Both pixels of a row lie in one word, or else in two.
-                const char* line = (const char*)src.data + (i ? below : 0u);
-                const unsigned w0 = *(const unsigned*)(line + (first & ~3u));
-                const unsigned w1 = *(const unsigned*)(line + (last & ~3u));
-                made[i] = __dp2a_lo(weights, __funnelshift_r(w0, w1, 8 * first), 0u);
+            for (int g = 0; g < FAST; ++g) {
+                const float4 p = *(const float4*)parabolas[base + g];
+                const float4 q = *(const float4*)(parabolas[base + g] + 4);
+                const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
+                const unsigned ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
+                first[g] = (iy >> 8) * below + (ix >> 8) * CHANNELS;
+                weights[g] = (ix & 255) * 65535 + 256;  // both weights of the columns
+                share[g] = iy & 255;
+                // The bytes of both pixels of a row lie in WORDS words, or in one fewer.
+                const unsigned last = first[g] + 2 * CHANNELS - 1;
+#pragma unroll
+                for (int i = 0; i < 2; ++i) {
+                    const char* line = (const char*)src.data + (i ? below : 0u);
+#pragma unroll
+                    for (int n = 0; n < WORDS - 1; ++n)
+                        word[g][i][n] = *(const unsigned*)(line + (first[g] & ~3u) + 4 * n);
+                    word[g][i][WORDS - 1] = *(const unsigned*)(line + (last & ~3u));
+                }
             }
-            const int k = 32 * base + lane;
-            const unsigned all = made[0] * high + made[1] * low + 32768;
-            if (begin + k < columns) to[k] = (SCALAR)(all >> 16);
-            continue;
-        }
+#pragma unroll
+            for (int g = 0; g < FAST; ++g) {
+                const unsigned low = share[g], high = 256 - low, turn = 8 * first[g];
+                unsigned made[CHANNELS];
+#pragma unroll
+                for (int i = 0; i < 2; ++i) {
+                    const unsigned* w = word[g][i];
+                    const unsigned one = __funnelshift_r(w[0], w[1], turn), part = i ? low : high;
+                    unsigned line[CHANNELS];
+#if CHANNELS == 1
+                    line[0] = __dp2a_lo(weights[g], one, 0u);
+#else
+                    const unsigned two = __funnelshift_r(w[1], w[2], turn);
+                    const unsigned both = __byte_perm(one, two, 0x4130);
+                    line[0] = __dp2a_lo(weights[g], both, 0u);
+                    line[1] = __dp2a_hi(weights[g], both, 0u);
+                    line[2] = __dp2a_lo(weights[g], __byte_perm(one, two, 0x0052), 0u);
 #endif
-#if BYTES && CHANNELS == 3 && SEGMENT == 32
-        if (small && reads && writes && parabolas[base][7] > 0.0f) {
-            const float4 p = *(const float4*)parabolas[base];
-            const float4 q = *(const float4*)(parabolas[base] + 4);
-            const float t = (float)lane;
-            const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
-            const unsigned ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
-            const unsigned first = (iy >> 8) * below + (ix >> 8) * 3, last = first + 5;
-            // Both weights of the columns; six bytes lie in two words, or else in three.
-            const unsigned weights = (ix & 255) * 65535 + 256, low = iy & 255, high = 256 - low;
-            unsigned one[2], two[2];
 #pragma unroll
-            for (int i = 0; i < 2; ++i) {
-                const char* line = (const char*)src.data + (i ? below : 0u);
-                const unsigned* word = (const unsigned*)(line + (first & ~3u));
-                const unsigned w0 = word[0], w1 = word[1];
-                const unsigned w2 = *(const unsigned*)(line + (last & ~3u));
-                one[i] = __funnelshift_r(w0, w1, 8 * first);
-                two[i] = __funnelshift_r(w1, w2, 8 * first);
+                    for (int c = 0; c < CHANNELS; ++c)
+                        made[c] = line[c] * part + (i ? made[c] : 32768u);
+                }
+                const int k = 32 * (base + g) + lane;
+#if CHANNELS == 1
+                to[k] = (SCALAR)(made[0] >> 16);
+#else
+                const unsigned all =
+                    __byte_perm(__byte_perm(made[0], made[1], 0x0062), made[2], 0x7610);
+                const unsigned next = __shfl_down_sync(0xffffffffu, all, 1);
+                // Four lanes have three words: bytes 0 1 2 0, 1 2 0 1 and 2 0 1 2 of two lanes.
+                const int place = lane & 3;
+                const unsigned bytes = place == 0 ? 0x4210 : place == 1 ? 0x5421 : 0x6542;
+                if (place < 3)
+                    *(unsigned*)(to + (k >> 2) * 12 + 4 * place) = __byte_perm(all, next, bytes);
+#endif
             }
-            unsigned line[2][3];
-#pragma unroll
-            for (int i = 0; i < 2; ++i) {
-                const unsigned both = __byte_perm(one[i], two[i], 0x4130);
-                line[i][0] = __dp2a_lo(weights, both, 0u);
-                line[i][1] = __dp2a_hi(weights, both, 0u);
-                line[i][2] = __dp2a_lo(weights, __byte_perm(one[i], two[i], 0x0052), 0u);
-            }
-            unsigned made[3];
-#pragma unroll
-            for (int c = 0; c < 3; ++c) made[c] = line[0][c] * high + line[1][c] * low + 32768;
-            const unsigned all =
-                __byte_perm(__byte_perm(made[0], made[1], 0x0062), made[2], 0x7610);
-            const unsigned next = __shfl_down_sync(0xffffffffu, all, 1);
-            const int turn = lane & 3, k = 32 * base + lane;
-            // Four lanes have three words: bytes 0 1 2 0, 1 2 0 1 and 2 0 1 2 of two lanes each.
-            const unsigned bytes = turn == 0 ? 0x4210 : turn == 1 ? 0x5421 : 0x6542;
-            if (begin + k < columns && turn < 3)
-                *(unsigned*)(to + (k >> 2) * 12 + 4 * turn) = __byte_perm(all, next, bytes);
+            base += FAST - GROUP;
             continue;
         }
 #endif

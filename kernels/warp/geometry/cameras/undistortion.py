@@ -17,7 +17,8 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, slabs
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-STEPS, GROUP = 8, 1  # pixels of a lane on CUDA; fetching more than one at once was slower
+# Pixels of a lane on CUDA, and of these fetched at once: anywhere, and inside the image.
+STEPS, GROUP, FAST = 8, 1, 4
 
 
 def sample(src: wp.array, numbers: wp.array, cval: float, dst: wp.array) -> None:
@@ -82,12 +83,15 @@ def sample_parts_cuda(scalar: Any, channels: int) -> wp.Kernel:
     @_native.kernel(
         "_undistortion_cuda.cu",
         OPTIONS,
+        launch_bounds=(BLOCK, 4),
         BYTES=int(scalar is wp.uint8),
         SCALAR=scalar,
         CHANNELS=channels,
         SEGMENT=LENS_SEGMENT,
         STEPS=STEPS,
         GROUP=GROUP,
+        FAST=FAST,
+        ALL_FAST=sum(1 << 2 * n for n in range(FAST)),
         WARPS=BLOCK // 32,
     )
     def sample_part(

@@ -44,6 +44,13 @@ def background_of(comparison: Comparison, ray: int) -> wp.vec3:
     return wp.vec3(0.0, 0.0, 0.0)
 
 
+@wp.func
+def error_of(error: float, target: float, seen: float, comparison: Comparison) -> float:
+    """Return the error of a channel, 0 beyond the end of the range that its photograph has."""
+    clipped = (target >= 1.0 and error > 0.0) or (target <= 0.0 and error < 0.0)
+    return wp.where(comparison.censored and seen >= 1.0 and clipped, 0.0, error)
+
+
 @wp.kernel
 def loss_kernel(
     stride: int,
@@ -70,10 +77,8 @@ def loss_kernel(
             d_through = float(0.0)
             for k in range(3):
                 found = color[ray, k] + through * behind[k]
-                e = found - (seen * targets[ray, k] + (1.0 - seen) * behind[k])
-                if comparison.censored and seen >= 1.0:
-                    if (targets[ray, k] >= 1.0 and e > 0.0) or (targets[ray, k] <= 0.0 and e < 0.0):
-                        e = float(0.0)
+                wanted = seen * targets[ray, k] + (1.0 - seen) * behind[k]
+                e = error_of(found - wanted, targets[ray, k], seen, comparison)
                 error += e * e / 3.0
                 d = 2.0 * e
                 if comparison.huber > 0.0:

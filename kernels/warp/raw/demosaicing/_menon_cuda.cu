@@ -17,6 +17,9 @@ void interpolate_strips(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
         TYPE v[12];
     };
     const float third = 1.0f / 3.0f, shift = 8388608.0f;
+    const auto real = [=](TYPE v) {
+        return INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)v) - shift : (float)v;
+    };
     const auto rounded = [=](float value) {
         if (!INTEGRAL) return (TYPE)value;
         const float within = fminf(fmaxf(value + 0.5f, 0.0f), (float)HIGHEST);
@@ -53,6 +56,14 @@ void interpolate_strips(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
             last_own[3], last_other[3];
         float change[5][3];
         int flat[5];
+        const auto read = [&](int row) {
+            const TYPE* from = raw.data + (size_t)Mirror::at(row, height) * width;
+            if (aligned && x >= 0 && x + 4 <= width) return *(const Samples*)(from + x);
+            Samples four;
+            for (int i = 0; i < 4; ++i) four.v[i] = from[Mirror::at(x + i, width)];
+            return four;
+        };
+        Samples ahead = read(begin - BEFORE + 8);
         const Two none = {{0.0f, 0.0f}};
         for (int k = 0; k < 9; ++k) chroma[k] = green[k] = none;
         for (int k = 0; k < 5; ++k) {
@@ -74,24 +85,12 @@ void interpolate_strips(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
                     chroma[k] = chroma[k + 1];
                     green[k] = green[k + 1];
                 }
-                {
-                    const TYPE* row = raw.data + (size_t)Mirror::at(y + 8, height) * width;
-                    float v[4];
-                    if (aligned && x >= 0 && x + 4 <= width) {
-                        const Samples four = *(const Samples*)(row + x);
-                        for (int i = 0; i < 4; ++i)
-                            v[i] = INTEGRAL
-                                       ? __uint_as_float(0x4b000000u | (unsigned)four.v[i]) - shift
-                                       : (float)four.v[i];
-                    } else {
-                        for (int i = 0; i < 4; ++i) v[i] = (float)row[Mirror::at(x + i, width)];
-                    }
-                    for (int n = 0; n < 2; ++n) {
-                        chroma[8].v[n] = v[2 * n + odd];
-                        green[8].v[n] = v[2 * n + even];
-                    }
+                for (int n = 0; n < 2; ++n) {
+                    chroma[8].v[n] = real(ahead.v[2 * n + odd]);
+                    green[8].v[n] = real(ahead.v[2 * n + even]);
                 }
-                // Differences to green in row y + 6.
+                ahead = read(y + 9);  // a row before its use
+                                      // Differences to green in row y + 6.
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {
                     down[k] = down[k + 1];

@@ -25,21 +25,27 @@ void census_of_24(wp::array_t<wp::uint8> image, wp::array_t<wp::uint64> bits) {
             for (int j = 0; j < 8; ++j) value[i][j] = from[max(0, min(width - 1, x + j - 2))];
         }
     }
+    unsigned word[4] = {0, 0, 0, 0};
 #pragma unroll
     for (int p = 0; p < 4; ++p) {
-        unsigned word = 0;
         int n = 0;
 #pragma unroll
         for (int i = 0; i < 5; ++i) {
 #pragma unroll
             for (int j = 0; j < 5; ++j) {
                 if (i == 2 && j == 2) continue;
-                if (value[i][p + j] < value[2][p + 2]) word |= 1u << n;
+                if (value[i][p + j] < value[2][p + 2]) word[p] |= 1u << n;
                 ++n;
             }
         }
-        if (x + p < width) bits.data[(size_t)y * width + x + p] = word;
     }
+    wp::uint64* to = bits.data + (size_t)y * width + x;
+    if (whole && (size_t)to % 16 == 0) {
+        ((uint4*)to)[0] = make_uint4(word[0], 0, word[1], 0);
+        ((uint4*)to)[1] = make_uint4(word[2], 0, word[3], 0);
+        return;
+    }
+    for (int p = 0; p < 4 && x + p < width; ++p) to[p] = word[p];
 }
 
 // needs BLOCK, TILE

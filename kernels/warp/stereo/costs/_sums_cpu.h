@@ -125,6 +125,18 @@ struct WindowRow {
         }
         return total;
     }
+
+#if COST == CENSUS
+    // The same for fewer than 32 octets, as bytes.
+    __attribute__((always_inline)) static pixels distances(const PIXEL* l, const PIXEL* r,
+                                                           int count_of, size_t left_step,
+                                                           size_t right_step) {
+        pixels bytes = {};
+        for (int c = 0; c < count_of; ++c, l += left_step, r += right_step)
+            bytes += __builtin_elementwise_popcount((l[0] - (pixels){}) ^ *(const pixels*)r);
+        return bytes;
+    }
+#endif
 };
 #undef PLANES
 
@@ -159,26 +171,51 @@ const auto sum_windows = [](const WindowRow& row, int y, bool restart,
         row.put_row(y - row.radius_y - 1, 1);
     }
     row.put_row(y + row.radius_y, 0);
-    for (int chunk = 0; chunk < range; chunk += LANES) {
-        SUM* const column = columns + (size_t)wide * chunk;
-        sums total = {};
-        for (int x = 0; x < wide; ++x) {
-            sums* const here = (sums*)(column + x * LANES);
-            sums sum = *here + WindowRow::costs(left_new + x, right_new - x + chunk, channels,
-                                                left_step, right_step);
-            if (!anew)
-                sum -= WindowRow::costs(left_old + x, right_old - x + chunk, channels, left_step,
-                                        right_step);
-            *here = sum;
-            total += sum;
-            if (x < 2 * radius_x) continue;
-            const SUM* const oldest = column + (x - 2 * radius_x) * LANES;
-            if (FLOATS) {
-                total = *(const sums*)oldest;
-                for (int i = 1; i <= 2 * radius_x; ++i) total += *(const sums*)(oldest + i * LANES);
+    const auto run = [&](auto fixed) __attribute__((always_inline)) {
+        const int number = decltype(fixed)::VALUE ? decltype(fixed)::VALUE : channels;
+        for (int chunk = 0; chunk < range; chunk += LANES) {
+            SUM* const column = columns + (size_t)wide * chunk;
+            sums total = {};
+            for (int x = 0; x < wide; ++x) {
+                sums* const here = (sums*)(column + x * LANES);
+                const PIXEL *const one = left_new + x, *const other = right_new - x + chunk;
+                const PIXEL *const past = left_old + x, *const gone = right_old - x + chunk;
+                sums sum = *here;
+#if COST == CENSUS
+                if (decltype(fixed)::VALUE && !anew) {  // changes of fewer than 16 octets fit bytes
+                    typedef signed char changes __attribute__((vector_size(LANES)));
+                    const auto change =
+                        WindowRow::distances(one, other, number, left_step, right_step) -
+                        WindowRow::distances(past, gone, number, left_step, right_step);
+                    sum += __builtin_convertvector((changes)change, sums);
+                } else
+#endif
+                {
+                    sum += WindowRow::costs(one, other, number, left_step, right_step);
+                    if (!anew) sum -= WindowRow::costs(past, gone, number, left_step, right_step);
+                }
+                *here = sum;
+                total += sum;
+                if (x < 2 * radius_x) continue;
+                const SUM* const oldest = column + (x - 2 * radius_x) * LANES;
+                if (FLOATS) {
+                    total = *(const sums*)oldest;
+                    for (int i = 1; i <= 2 * radius_x; ++i)
+                        total += *(const sums*)(oldest + i * LANES);
+                }
+                emit(total, x, chunk);
+                total -= *(const sums*)oldest;
             }
-            emit(total, x, chunk);
-            total -= *(const sums*)oldest;
         }
-    }
+    };
+    struct Any {
+        enum { VALUE = 0 };
+    };
+    struct Three {
+        enum { VALUE = 3 };
+    };
+    if (COST == CENSUS && channels == Three::VALUE)  // a census of 5 x 5
+        run(Three());
+    else
+        run(Any());
 };

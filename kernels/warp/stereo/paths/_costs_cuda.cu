@@ -1,3 +1,28 @@
+// Four neighbouring pixels of both images: the census, shifted, and the grey value.
+void pack(wp::array_t<wp::uint64> left_bits, wp::array_t<wp::uint64> right_bits,
+          wp::array_t<wp::uint8> left, wp::array_t<wp::uint8> right,
+          wp::array_t<wp::uint32> words) {
+    const size_t plane = (size_t)words.shape[1] * words.shape[2];
+    const size_t first = ((size_t)blockIdx.x * blockDim.x + threadIdx.x) * 4;
+    if (first >= plane) return;
+#pragma unroll
+    for (int view = 0; view < 2; ++view) {
+        const wp::uint64* bits = (view ? right_bits.data : left_bits.data) + first;
+        const wp::uint8* gray = (view ? right.data : left.data) + first;
+        unsigned* to = words.data + view * plane + first;
+        if (plane % 4 == 0 && (size_t)bits % 16 == 0 && (size_t)gray % 4 == 0 &&
+            (size_t)to % 16 == 0) {
+            const uint4 one = ((const uint4*)bits)[0], two = ((const uint4*)bits)[1];
+            const uchar4 shade = *(const uchar4*)gray;
+            *(uint4*)to = make_uint4(one.x << 8 | shade.x, one.z << 8 | shade.y,
+                                     two.x << 8 | shade.z, two.z << 8 | shade.w);
+        } else {
+            for (int i = 0; i < 4 && first + i < plane; ++i)
+                to[i] = (unsigned)bits[i] << 8 | gray[i];
+        }
+    }
+}
+
 // needs BLOCK, SHIFT, WEIGHT, LIMIT, HALF, ALIGNED
 // A word is a pixel: the census in the high bits, 8 bits of grey in the low bits. All pairs of 16
 // pixels and 16 disparities need 31 adjacent words of the right image; their grey values are
@@ -12,7 +37,7 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
     if (row >= (unsigned)height) return;
     const unsigned* left = words.data + (size_t)row * width;
     const unsigned* right = left + (size_t)height * width;
-    unsigned word[31], grey[28], none[4], here[16];
+    unsigned word[31], grey[28], none[4], four[4];
     // 16 bytes at once where they are aligned and within the row.
     const int from = begin - first - k - 16;
     const bool wide = from >= 0 && from + 32 <= width && begin + 16 <= width &&
@@ -20,26 +45,18 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
     if (wide) {
 #pragma unroll
         for (int j = 0; j < 8; ++j) {
-            const uint4 four = reinterpret_cast<const uint4*>(right + from)[j];
-            if (j > 0) word[4 * j - 1] = four.x;
-            word[4 * j] = four.y, word[4 * j + 1] = four.z, word[4 * j + 2] = four.w;
-        }
-#pragma unroll
-        for (int j = 0; j < 4; ++j) {
-            const uint4 four = reinterpret_cast<const uint4*>(left + begin)[j];
-            here[4 * j] = four.x, here[4 * j + 1] = four.y;
-            here[4 * j + 2] = four.z, here[4 * j + 3] = four.w;
+            const uint4 some = reinterpret_cast<const uint4*>(right + from)[j];
+            if (j > 0) word[4 * j - 1] = some.x;
+            word[4 * j] = some.y, word[4 * j + 1] = some.z, word[4 * j + 2] = some.w;
         }
     } else {
 #pragma unroll
         for (int j = 0; j < 31; ++j) word[j] = right[max(0, min(width - 1, from + 1 + j))];
-#pragma unroll
-        for (int j = 0; j < 16; ++j) here[j] = left[min(width - 1, begin + j)];
     }
     grey[0] = __byte_perm(__byte_perm(word[3], word[2], 0x0040),
                           __byte_perm(word[1], word[0], 0x0040), 0x5410);
 #pragma unroll
-    for (int j = 1; j < 28; ++j) grey[j] = __byte_perm(grey[j - 1], word[j + 3], 0x2104);
+    for (int j = 1; j < 12; ++j) grey[j] = __byte_perm(grey[j - 1], word[j + 3], 0x2104);
 #pragma unroll
     for (int j = 0; j < 4; ++j) {
         // Places after the last disparity cost 255, more than every real cost.
@@ -50,7 +67,17 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
 #pragma unroll
     for (int p = 0; p < 16; ++p) {
         if (begin + p >= width) break;
-        const unsigned shade = (here[p] & 255) * 0x1010101u;
+        if (p % 4 == 0) {
+            if (wide) {
+                const uint4 some = reinterpret_cast<const uint4*>(left + begin)[p / 4];
+                four[0] = some.x, four[1] = some.y, four[2] = some.z, four[3] = some.w;
+            } else {
+#pragma unroll
+                for (int n = 0; n < 4; ++n) four[n] = left[min(width - 1, begin + p + n)];
+            }
+        }
+        grey[12 + p] = __byte_perm(grey[11 + p], word[15 + p], 0x2104);
+        const unsigned here = four[p % 4], shade = (here & 255) * 0x1010101u;
         unsigned packed[4];
 #pragma unroll
         for (int j = 0; j < 4; ++j) {
@@ -60,7 +87,7 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
             packed[j] = even + odd * 256;
 #pragma unroll
             for (int n = 0; n < 4; ++n) {
-                const unsigned different = (here[p] ^ word[15 + p - 4 * j - n]) & 0xffffff00u;
+                const unsigned different = (here ^ word[15 + p - 4 * j - n]) & 0xffffff00u;
                 packed[j] += __popc(different) * (WEIGHT << 8 * n);
             }
             packed[j] |= none[j];

@@ -28,7 +28,7 @@ def match_costs_kernel(aligned: bool) -> wp.Kernel:
         "ALIGNED": int(aligned),
     }
 
-    @_native.kernel("_costs_cuda.cu", OPTIONS, **constants)
+    @_native.kernel("_costs_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), **constants)
     def match_costs(
         words: wp.array3d[wp.uint32],  # (2, H, W)
         first: int,
@@ -40,7 +40,7 @@ def match_costs_kernel(aligned: bool) -> wp.Kernel:
     return match_costs
 
 
-@wp.kernel
+@_native.kernel("_costs_cuda.cu", OPTIONS)
 def pack(
     left_bits: wp.array2d[wp.uint64],
     right_bits: wp.array2d[wp.uint64],
@@ -48,17 +48,14 @@ def pack(
     right: wp.array2d[wp.uint8],
     # outputs
     words: wp.array3d[wp.uint32],  # (2, H, W)
-):
-    y, x = wp.tid()
-    words[0, y, x] = (wp.uint32(left_bits[y, x]) << wp.uint32(8)) | wp.uint32(left[y, x])
-    words[1, y, x] = (wp.uint32(right_bits[y, x]) << wp.uint32(8)) | wp.uint32(right[y, x])
+): ...
 
 
 def match_costs(left: View, right: View, first: int, depth: int, costs: wp.array) -> None:
     """Fill a volume of at least `depth` disparities; further places, up to 16, never win."""
     height, width, padded = costs.shape
     words = scratch("match.words", (2, height, width), wp.uint32, costs.device)
-    launch(pack, (height, width), [left.bits, right.bits, left.gray, right.gray], [words])
+    launch(pack, -(-height * width // 4), [left.bits, right.bits, left.gray, right.gray], [words])
     threads = height * -(-width // 16) * -(-padded // 16)
     aligned = padded % 16 == 0 and costs.ptr % 16 == 0
     launch(

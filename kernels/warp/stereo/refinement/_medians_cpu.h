@@ -4,42 +4,46 @@
 const auto medians_of_row = [](const float** values, const unsigned char** grays, int radius,
                                int contrast, int columns, float* to) {
     const int size = 2 * radius + 1;
-    const auto some = [&](int begin, auto width) {
+    const auto some = [&](int begin, auto width) __attribute__((always_inline)) {
         enum { LANES = decltype(width)::VALUE };
-        float v[MOST][LANES], best[LANES];
-        int weight[MOST][LANES], sum[MOST][LANES], total[LANES];
-        for (int k = 0; k < LANES; ++k) total[k] = 0;
-        for (int i = 0; i < size; ++i) {
-            const float* value = values[i] + begin;
-            const unsigned char* near = grays[i] + begin;
-            const unsigned char* center = grays[radius] + begin;
-#pragma clang loop vectorize(assume_safety)
-            for (int k = 0; k < LANES; ++k) {
-                const int unlike = near[k] < center[k] ? center[k] - near[k] : near[k] - center[k];
-                const int say = contrast - unlike > 1 ? contrast - unlike : 1;
-                v[i][k] = value[k] + 0.0f;
-                weight[i][k] = sum[i][k] = value[k] == value[k] ? say : 0;
-                total[k] += weight[i][k];
-            }
+        typedef float floats __attribute__((vector_size(4 * LANES), aligned(4)));
+        typedef int numbers __attribute__((vector_size(4 * LANES), aligned(4)));
+        typedef unsigned char bytes __attribute__((vector_size(LANES), aligned(1)));
+        // `sum` of a value is the weight of those before or equal to it. It begins with the weights
+        // from its own place on.
+        floats v[MOST];
+        numbers weight[MOST], sum[MOST], rest = {};
+        const numbers center =
+            __builtin_convertvector(*(const bytes*)(grays[radius] + begin), numbers);
+        for (int i = size - 1; i >= 0; --i) {
+            const floats value = *(const floats*)(values[i] + begin);
+            const numbers apart =
+                __builtin_convertvector(*(const bytes*)(grays[i] + begin), numbers) - center;
+            const numbers say = contrast - (apart < 0 ? -apart : apart);
+            v[i] = value + 0.0f;  // no -0
+            weight[i] = (value == value) & (say > 1 ? say : 1 + (numbers){});
+            rest += weight[i];
+            sum[i] = rest;
         }
-        for (int i = 0; i < size; ++i)
+        for (int i = 0; i < size; ++i) {
+            const floats one = v[i];
+            const numbers say = weight[i];
+            numbers total = sum[i];
+#pragma clang loop unroll_count(4)
             for (int j = i + 1; j < size; ++j) {
-#pragma clang loop vectorize(assume_safety)
-                for (int k = 0; k < LANES; ++k) {
-                    const bool before = v[i][k] <= v[j][k];
-                    sum[j][k] += before ? weight[i][k] : 0;
-                    sum[i][k] += before ? 0 : weight[j][k];
-                }
+                const numbers before = one <= v[j];
+                total -= before & weight[j];
+                sum[j] += before & say;
             }
-        for (int k = 0; k < LANES; ++k) best[k] = __builtin_nanf("");
-        for (int i = 0; i < size; ++i) {
-#pragma clang loop vectorize(assume_safety)
-            for (int k = 0; k < LANES; ++k) {
-                const bool enough = weight[i][k] > 0 && 2 * sum[i][k] >= total[k];
-                best[k] = enough && !(best[k] <= v[i][k]) ? v[i][k] : best[k];
-            }
+            sum[i] = total;
         }
-        for (int k = 0; k < LANES; ++k) to[begin + k] = best[k];
+        floats best = __builtin_nanf("") + (floats){};
+        for (int i = 0; i < size; ++i) {
+            const numbers enough = (weight[i] > 0) & (2 * sum[i] >= rest);
+            const numbers less = ~(best <= v[i]);
+            best = (enough & less) != 0 ? v[i] : best;
+        }
+        *(floats*)(to + begin) = best;
     };
     struct Many {
         enum { VALUE = 16 };
@@ -47,7 +51,10 @@ const auto medians_of_row = [](const float** values, const unsigned char** grays
     struct One {
         enum { VALUE = 1 };
     };
-    int begin = 0;
-    for (; begin + Many::VALUE <= columns; begin += Many::VALUE) some(begin, Many());
-    for (; begin < columns; ++begin) some(begin, One());
+    for (int begin = 0; begin + Many::VALUE <= columns; begin += Many::VALUE) some(begin, Many());
+    if (columns % Many::VALUE != 0 && columns > Many::VALUE) {
+        some(columns - Many::VALUE, Many());  // some for the second time
+        return;
+    }
+    for (int begin = 0; begin < columns % Many::VALUE; ++begin) some(begin, One());
 };

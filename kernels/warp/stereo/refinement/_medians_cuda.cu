@@ -1,9 +1,11 @@
-// needs RADIUS, DOWN
-// Weighted medians of two neighbouring windows, along the rows or down the columns. Both pixels
-// compare the same pairs of values. Weights and their sums are whole numbers, exact as floats.
+// needs RADIUS, DOWN, NUMBER, BITS
+// Weighted medians of two neighbouring windows, along the rows or down the columns. Both compare
+// the same values; the halves of a NUMBER, of BITS each, hold their weights and sums of these. A
+// value that only one of them has weighs nothing in the other.
 void median(wp::array_t<float> disparity, wp::array_t<wp::uint8> guide, int contrast,
             wp::array_t<float> smooth) {
     enum { SIZE = 2 * RADIUS + 1 };
+    const NUMBER MOST = ((NUMBER)1 << BITS) - 1;
     const int height = disparity.shape[0], width = disparity.shape[1];
     const int across = DOWN ? width : (width + 1) / 2;
     const unsigned item = blockIdx.x * blockDim.x + threadIdx.x;
@@ -14,8 +16,9 @@ void median(wp::array_t<float> disparity, wp::array_t<wp::uint8> guide, int cont
     const size_t step = DOWN ? width : 1;
     const float* const from = disparity.data + (DOWN ? (size_t)x : (size_t)y * width);
     const wp::uint8* const grays = guide.data + (DOWN ? (size_t)x : (size_t)y * width);
-    float value[SIZE + 1], weight[2][SIZE], sum[2][SIZE], total[2] = {0.0f, 0.0f};
+    float value[SIZE + 1];
     int gray[SIZE + 1];
+    NUMBER weight[SIZE + 1], sum[SIZE + 1], total = 0;
 #pragma unroll
     for (int i = 0; i < SIZE + 1; ++i) {
         const size_t place = max(0, min(last, begin + i - RADIUS)) * step;
@@ -23,38 +26,38 @@ void median(wp::array_t<float> disparity, wp::array_t<wp::uint8> guide, int cont
         gray[i] = grays[place];
     }
 #pragma unroll
-    for (int p = 0; p < 2; ++p) {
-#pragma unroll
-        for (int i = 0; i < SIZE; ++i) {
-            const int alike = max(1, contrast - abs(gray[p + i] - gray[p + RADIUS]));
-            weight[p][i] = value[p + i] == value[p + i] ? (float)alike : 0.0f;
-            sum[p][i] = weight[p][i];
-            total[p] += weight[p][i];
-        }
+    for (int i = 0; i < SIZE + 1; ++i) {
+        const int one = max(1, contrast - abs(gray[i] - gray[RADIUS]));
+        const int other = max(1, contrast - abs(gray[i] - gray[RADIUS + 1]));
+        const NUMBER both = (NUMBER)(i < SIZE ? one : 0) | (NUMBER)(i > 0 ? other : 0) << BITS;
+        weight[i] = value[i] == value[i] ? both : 0;
+        total += weight[i];
     }
+    // The sum of a value is the weight of those before or equal to it. It begins with the weights
+    // from its own place on.
+    NUMBER rest = 0;
+#pragma unroll
+    for (int i = SIZE; i >= 0; --i) sum[i] = rest += weight[i];
 #pragma unroll
     for (int i = 0; i < SIZE + 1; ++i) {
 #pragma unroll
         for (int j = i + 1; j < SIZE + 1; ++j) {
-            const bool before = value[i] <= value[j];
-#pragma unroll
-            for (int p = 0; p < 2; ++p) {
-                if (i < p || j >= SIZE + p) continue;
-                if (before)
-                    sum[p][j - p] += weight[p][i - p];
-                else
-                    sum[p][i - p] += weight[p][j - p];
+            if (value[i] <= value[j]) {
+                sum[i] -= weight[j];
+                sum[j] += weight[i];
             }
         }
     }
 #pragma unroll
     for (int p = 0; p < 2; ++p) {
         if (begin + p > last) break;
+        const unsigned half = total >> BITS * p & MOST;
         float best = __int_as_float(0x7fc00000);
 #pragma unroll
-        for (int i = 0; i < SIZE; ++i) {
-            const bool reaches = weight[p][i] > 0.0f && 2.0f * sum[p][i] >= total[p];
-            if (reaches && !(best <= value[p + i])) best = value[p + i];
+        for (int i = p; i < SIZE + p; ++i) {
+            const bool weighs = (weight[i] >> BITS * p & MOST) != 0;
+            const bool reaches = 2 * (unsigned)(sum[i] >> BITS * p & MOST) >= half;
+            if (weighs && reaches && !(best <= value[i])) best = value[i];
         }
         smooth.data[(size_t)(DOWN ? y + p : y) * width + (DOWN ? x : x + p)] = best;
     }

@@ -27,7 +27,7 @@ def guided_median(
     height, width = smooth.shape
     across = scratch("guided_median.across", (height, width), wp.float32, smooth.device)
     if smooth.device.is_cuda:
-        along, down = cuda.medians(radius)
+        along, down = cuda.medians(radius, contrast)
         launch(along, height * -(-width // 2), [disparity, guide, contrast], [across])
         launch(down, -(-height // 2) * width, [across, guide, contrast], [smooth])
         return

@@ -11,11 +11,12 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, view
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, scratch, view
 from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
 from cvkern.kernels.warp.radiance._structs import Rays, Seen
 
+from . import _rays_cuda as cuda
 from ._path import FIRST, corner_of, distance_of, path_of
 
 OPTIONS = {"enable_backward": False}
@@ -135,6 +136,10 @@ def render(
     if len(texels.shape) == 4:
         texels = view(texels, wp.vec4, texels.shape[:3])
     inputs = [struct_of(Rays, rays), planes, texels, stop]
+    if texels.device.is_cuda and texels.dtype is wp.uint32 and texels.shape[0] <= cuda.MOST:
+        whole = -(-count // BLOCK) * BLOCK
+        launch(cuda.render_bytes, whole, [count, *inputs], [struct_of(Seen, seen)])
+        return
     launch_each(
         renderer(texels.dtype), count, 8 * texels.shape[0] * count, inputs,
         [struct_of(Seen, seen)],
