@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""Matches of several pairs of images as kernels take them: scaled, in an order of their own."""
-=======
 """The matches of a batch of pairs of images, sorted and scaled for robust fits."""
->>>>>>> main
 
 from __future__ import annotations
 

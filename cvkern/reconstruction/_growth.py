@@ -299,7 +299,7 @@ class Growth:
         chosen = np.flatnonzero(self.placed[tracks.view] & known[tracks.track])
         off = self._errors(chosen, self.points[tracks.track[chosen]])
         self.active[:] = False
-        # Of two points that a place fits, the nearer one gets it.
+        # If a place fits two points, the nearer one gets it.
         fits = chosen[off <= ERROR]
         fits = fits[np.argsort(off[off <= ERROR], kind="stable")]
         self.active[fits[np.unique(self.origin[fits], return_index=True)[1]]] = True

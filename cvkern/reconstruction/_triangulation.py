@@ -66,7 +66,7 @@ def _between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def lengths_of(vectors: np.ndarray) -> np.ndarray:
     """Return the lengths of vectors (N, D)."""
-    return np.sqrt(np.einsum("nd,nd->n", vectors, vectors))
+    return np.sqrt(np.einsum("ni,ni->n", vectors, vectors))
 
 
 def triangulate(
