@@ -42,9 +42,6 @@ def _weigh(
     # outputs
     sums: i32_3,  # (N, h, w)
     counts: i32_3,  # (N, h, w)
-    d_color: f32_2,  # (R, 3): multiplied by the weight
-    d_opacity: f32_1,  # (R,)
-    d_learnt: f32_2,  # (R, 3)
     moments: f32_2,  # (R, 3): weighted error, weight, 0
 ):
     for ray in range(ti.min(active[0], errors.shape[0])):
@@ -54,15 +51,28 @@ def _weigh(
         p = share[view, i, j]
         z = ti.log(p / (1.0 - p)) - 1.5 * (e / v + ti.log(FULL * v))
         w = 1.0 / (1.0 + ti.exp(-z))
-        for k in range(3):
-            d_color[ray, k] *= w
-            d_learnt[ray, k] *= w
-        d_opacity[ray] *= w
         moments[ray, 0] = w * e
         moments[ray, 1] = w
         moments[ray, 2] = 0.0
         sums[view, i, j] += ti.cast(UNIT * w + 0.5, ti.i32)
         counts[view, i, j] += 1
+
+
+@ti.kernel
+def _multiply(
+    moments: f32_2,  # (R, 3): the weight is the second
+    active: i32_1,  # (1,)
+    # outputs
+    d_color: f32_2,  # (R, 3)
+    d_opacity: f32_1,  # (R,)
+    d_learnt: f32_2,  # (R, 3)
+):
+    for ray in range(ti.min(active[0], moments.shape[0])):
+        w = moments[ray, 1]
+        for k in range(3):
+            d_color[ray, k] *= w
+            d_learnt[ray, k] *= w
+        d_opacity[ray] *= w
 
 
 @primitive
@@ -85,8 +95,9 @@ def weigh(
     """
     _weigh(
         errors, views, pixels, active, patches.share, patches.noise, patches.width, patches.side,
-        patches.sums, patches.counts, d_color, d_opacity, d_learnt, moments,
+        patches.sums, patches.counts, moments,
     )  # fmt: skip
+    _multiply(moments, active, d_color, d_opacity, d_learnt)
 
 
 @ti.kernel

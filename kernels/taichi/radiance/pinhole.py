@@ -13,6 +13,7 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
@@ -73,10 +74,8 @@ def _random_rays(
     poses: f32_3,  # (N, 3, 4)
     lenses: f32_2,  # (N, 9)
     images: u8_2,  # (N H W, C)
-    width: ti.i32,
-    height: ti.i32,
+    given: vec3i,  # width, height, seed
     spread: ti.f32,
-    seed: ti.i32,
     step: i32_1,  # (1,)
     chosen: i32_1,  # (V,)
     # outputs
@@ -86,6 +85,7 @@ def _random_rays(
     views: i32_1,  # (R,)
     pixels: i32_1,  # (R,)
 ):
+    width, height, seed = given[0], given[1], given[2]
     for ray in range(origins.shape[0]):
         count = images.shape[0] if chosen[0] < 0 else chosen.shape[0]
         pixel = random_index(seed, step[0], ray, Draw.PIXEL, count)
@@ -131,6 +131,6 @@ def random_rays(
     """
     poses, lenses, width, height = cameras
     _random_rays(
-        poses, lenses, images, width, height, spread, seed, step, chosen,
+        poses, lenses, images, vec3i(width, height, seed), spread, step, chosen,
         origins, directions, targets, views, pixels,
     )  # fmt: skip

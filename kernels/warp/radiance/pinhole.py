@@ -84,6 +84,17 @@ def view_rays(
     )
 
 
+@wp.struct
+class Drawn:
+    """Rays through random pixels, and what these show."""
+
+    origins: wp.array2d[float]  # (R, 3)
+    directions: wp.array2d[float]  # (R, 3)
+    targets: wp.array2d[float]  # (R, 4)
+    views: wp.array[int]  # (R,)
+    pixels: wp.array[int]  # (R,)
+
+
 @wp.kernel
 def random_rays_kernel(
     stride: int,
@@ -96,11 +107,7 @@ def random_rays_kernel(
     step: wp.array[int],  # (1,)
     chosen: wp.array[int],  # (V,)
     # outputs
-    origins: wp.array2d[float],  # (R, 3)
-    directions: wp.array2d[float],  # (R, 3)
-    targets: wp.array2d[float],  # (R, 4)
-    views: wp.array[int],  # (R,)
-    pixels: wp.array[int],  # (R,)
+    drawn: Drawn,
 ):
     """Write the ray through a random pixel."""
     width = cameras.width
@@ -117,15 +124,15 @@ def random_rays_kernel(
         column = within - row * width
         y = float(row) + spread * (random_unit(seed, step[0], ray, PIXEL_Y) - 0.5)
         x = float(column) + spread * (random_unit(seed, step[0], ray, PIXEL_X) - 0.5)
-        write_ray(cameras.poses, cameras.lenses, view, y, x, ray, origins, directions)
+        write_ray(cameras.poses, cameras.lenses, view, y, x, ray, drawn.origins, drawn.directions)
         for k in range(3):
-            targets[ray, k] = float(images[pixel, k]) / 255.0
+            drawn.targets[ray, k] = float(images[pixel, k]) / 255.0
         opacity = float(1.0)
         if images.shape[1] == 4:
             opacity = float(images[pixel, 3]) / 255.0
-        targets[ray, 3] = opacity
-        views[ray] = view
-        pixels[ray] = within
+        drawn.targets[ray, 3] = opacity
+        drawn.views[ray] = view
+        drawn.pixels[ray] = within
 
 
 def random_rays(
@@ -154,5 +161,5 @@ def random_rays(
         count,
         64 * count,
         [struct_of(CameraSet, cameras), images, spread, seed, step, chosen],
-        [origins, directions, targets, views, pixels],
+        [struct_of(Drawn, (origins, directions, targets, views, pixels))],
     )

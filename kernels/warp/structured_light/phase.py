@@ -12,12 +12,24 @@ import warp as wp
 
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._structs import struct_of
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
 TURN = 1 / (2 * math.pi)
 _QUAD = 4  # pixels of a thread on CUDA
+
+
+@wp.struct
+class Fringes:
+    """What the frames of an axis are decoded by."""
+
+    frequencies: wp.array[float]
+    waves: wp.array2d[float]  # (steps, 2): sine, cosine
+    size: int
+    threshold: float
+    joins: bool
 
 
 def decode(
@@ -38,11 +50,13 @@ def decode(
     Writes the place in the axis, the phase of the last frequency, the least modulation, and whether
     that is above the threshold; with `joins`, only for pixels that were valid before.
     """
-    inputs = [frames, begin, frequencies, waves, size, threshold, joins]
+    rule = [frequencies, waves, size, threshold, joins]
     outputs = [places, phases, modulations, valid]
     if places.device.is_cuda:
+        inputs = [frames, begin, *rule]
         launch(_decode_cuda(frames.dtype), -(-places.size // _QUAD), inputs, outputs)
         return
+    inputs = [frames, begin, struct_of(Fringes, rule)]
     height = places.shape[0]
     work = waves.shape[0] * frequencies.size * places.size
     launch_slabs(_decode_cpu(frames.dtype), height, slabs(height, work), inputs, outputs)
@@ -96,11 +110,7 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
         last: int,
         frames: wp.array3d[scalar],  # (K, H, W)
         begin: int,
-        frequencies: wp.array[float],
-        waves: wp.array2d[float],  # (steps, 2): sine, cosine
-        size: int,
-        threshold: float,
-        joins: bool,
+        fringes: Fringes,
         # outputs
         places: wp.array2d[float],
         phases: wp.array2d[float],
@@ -109,8 +119,8 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
     ):
         for row in range(first, last):
             decode_row(
-                row, frames, begin, frequencies, waves, size, threshold, joins,
-                places, phases, modulations, valid,
+                row, frames, begin, fringes.frequencies, fringes.waves, fringes.size,
+                fringes.threshold, fringes.joins, places, phases, modulations, valid,
             )  # fmt: skip
 
     return decode_slab

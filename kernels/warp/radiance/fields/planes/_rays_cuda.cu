@@ -44,7 +44,7 @@ void walk(bool active, int ray, float x, float right, float y, float down, float
         }
 #pragma unroll
         for (int n = 0; n < TOGETHER; ++n) {
-            const unsigned *c = corners[n];
+            const unsigned* c = corners[n];
             if (through > stop && (c[0] | c[1] | c[2] | c[3])) {
                 const int across = shares[n][0], along = shares[n][1];
                 const unsigned both = (across * along + 128) >> 8;
