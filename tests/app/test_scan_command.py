@@ -5,7 +5,7 @@ import pytest
 
 import cvkern
 from cvkern.images import read_image, write_image
-from tests.clouds.test_clouds import read_ply
+from tests.clouds.test_clouds import columns_of
 
 SHAPE, PROJECTOR = (90, 120), (240, 320)
 
@@ -33,7 +33,7 @@ def test_a_cloud(command, tmp_path, kind, code):
     known = np.isfinite(depth) & scan.lit
     assert known.sum() > 0.6 * scan.lit.sum()
     assert np.median(np.abs(depth - scan.points[..., 2])[known]) < 0.05
-    cloud = read_ply(out / "cloud.ply")
+    cloud = columns_of(out / "cloud.ply")
     assert f"cloud.ply: {np.isfinite(depth).sum()} points" in said
     assert len(cloud["x"]) == np.isfinite(depth).sum()
     assert read_image(out / "columns.png").shape == (*SHAPE, 3)

@@ -8,7 +8,7 @@ import cvkern
 from cvkern.images import read_image, write_image
 from profiling.case import TOY
 from profiling.cases.stereo import matching as pairs
-from tests.clouds.test_clouds import read_ply
+from tests.clouds.test_clouds import columns_of
 
 CAMERA = {"focal": 200.0, "baseline": 0.5, "doffs": 1.5}
 WORDS = [word for name, value in CAMERA.items() for word in (f"--{name}", value)]
@@ -58,7 +58,7 @@ def test_everything(command, pair, made, tmp_path):
     np.testing.assert_array_equal(depth[valid], want[valid])
     assert f"depth.tif: {want[valid].min():.6g} to {want[valid].max():.6g}" in said
 
-    cloud = read_ply(out / "cloud.ply")
+    cloud = columns_of(out / "cloud.ply")
     assert f"cloud.ply: {valid.sum()} points" in said
     np.testing.assert_allclose(cloud["z"], depth[valid], rtol=1e-6)
     row, column = np.nonzero(valid)

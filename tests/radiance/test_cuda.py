@@ -19,11 +19,12 @@ from cvkern.radiance import (
 from cvkern.radiance.rendering import owned
 from profiling.experiments.wild_quality import changed
 from tests.on_cuda import LIBRARIES, give, take
-from tests.radiance import test_appearance, test_distractors, test_transient
+from tests.radiance import test_distractors, test_transient
 from tests.radiance.fields import test_planes
 from tests.radiance.fields.test_hash import Trial
 from tests.radiance.runs import GRID, same
 from tests.radiance.test_primitives_compositing import bundle, draw
+from tests.radiance.training import test_appearance
 
 pytestmark = pytest.mark.usefixtures("gpu")
 

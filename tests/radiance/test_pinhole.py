@@ -74,7 +74,7 @@ def test_random_rays_are_those_of_the_pixels_they_show(kernels, channels):
     images = np.stack([pixels & 255, pixels >> 8, 9 * pixels & 255, 5 * pixels & 255], 1)
     images = images[:, :channels].astype(U8)
 
-    def draw(spread, step=7, chosen=-1):
+    def draw(spread, step=7, chosen: int | np.ndarray = -1):
         step, chosen = np.array([step], I32), np.atleast_1d(chosen).astype(I32)
         given = CameraSet(poses, lenses, width, height), images, spread, 11, step, chosen
         out = [((rays, 3), F32), ((rays, 3), F32), ((rays, 4), F32), (rays, I32), (rays, I32)]
