@@ -46,9 +46,12 @@ def test_bits_are_those_of_the_cpu(gpu, backend, dtype):
     # Taichi's float64 is not IEEE's on CUDA: robust fitting agrees to rounding there.
     rounding = 1e-7 if backend == "taichi" else 0
     np.testing.assert_allclose(found.matrices, expected.matrices, rtol=rounding, atol=rounding)
-    # Places that are off by 1e-5 pixels, where neighbours differ by 100 at most.
-    most = 1e-3 if rounding and dtype == np.float32 else 0
-    np.testing.assert_allclose(found.image, expected.image, rtol=0, atol=most)
+    # Places that are off by 1e-5 pixels, where neighbours differ by 100 at most. Of integers, a few
+    # that lie half way are rounded to the other side.
+    off = np.abs(found.image.astype(np.float64) - expected.image)
+    most = (1e-3 if dtype == np.float32 else 1) if rounding else 0
+    assert off.max() <= most
+    assert dtype == np.float32 or (off > 0).mean() < 1e-5
 
 
 @pytest.mark.parametrize("library", LIBRARIES)

@@ -37,7 +37,7 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
     if (row >= (unsigned)height) return;
     const unsigned* left = words.data + (size_t)row * width;
     const unsigned* right = left + (size_t)height * width;
-    unsigned word[31], grey[28], none[4], four[4];
+    unsigned word[31], grey[28], none[4], here[16];
     // 16 bytes at once where they are aligned and within the row.
     const int from = begin - first - k - 16;
     const bool wide = from >= 0 && from + 32 <= width && begin + 16 <= width &&
@@ -45,18 +45,26 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
     if (wide) {
 #pragma unroll
         for (int j = 0; j < 8; ++j) {
-            const uint4 some = reinterpret_cast<const uint4*>(right + from)[j];
-            if (j > 0) word[4 * j - 1] = some.x;
-            word[4 * j] = some.y, word[4 * j + 1] = some.z, word[4 * j + 2] = some.w;
+            const uint4 four = reinterpret_cast<const uint4*>(right + from)[j];
+            if (j > 0) word[4 * j - 1] = four.x;
+            word[4 * j] = four.y, word[4 * j + 1] = four.z, word[4 * j + 2] = four.w;
+        }
+#pragma unroll
+        for (int j = 0; j < 4; ++j) {
+            const uint4 four = reinterpret_cast<const uint4*>(left + begin)[j];
+            here[4 * j] = four.x, here[4 * j + 1] = four.y;
+            here[4 * j + 2] = four.z, here[4 * j + 3] = four.w;
         }
     } else {
 #pragma unroll
         for (int j = 0; j < 31; ++j) word[j] = right[max(0, min(width - 1, from + 1 + j))];
+#pragma unroll
+        for (int j = 0; j < 16; ++j) here[j] = left[min(width - 1, begin + j)];
     }
     grey[0] = __byte_perm(__byte_perm(word[3], word[2], 0x0040),
                           __byte_perm(word[1], word[0], 0x0040), 0x5410);
 #pragma unroll
-    for (int j = 1; j < 12; ++j) grey[j] = __byte_perm(grey[j - 1], word[j + 3], 0x2104);
+    for (int j = 1; j < 28; ++j) grey[j] = __byte_perm(grey[j - 1], word[j + 3], 0x2104);
 #pragma unroll
     for (int j = 0; j < 4; ++j) {
         // Places after the last disparity cost 255, more than every real cost.
@@ -67,17 +75,7 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
 #pragma unroll
     for (int p = 0; p < 16; ++p) {
         if (begin + p >= width) break;
-        if (p % 4 == 0) {
-            if (wide) {
-                const uint4 some = reinterpret_cast<const uint4*>(left + begin)[p / 4];
-                four[0] = some.x, four[1] = some.y, four[2] = some.z, four[3] = some.w;
-            } else {
-#pragma unroll
-                for (int n = 0; n < 4; ++n) four[n] = left[min(width - 1, begin + p + n)];
-            }
-        }
-        grey[12 + p] = __byte_perm(grey[11 + p], word[15 + p], 0x2104);
-        const unsigned here = four[p % 4], shade = (here & 255) * 0x1010101u;
+        const unsigned shade = (here[p] & 255) * 0x1010101u;
         unsigned packed[4];
 #pragma unroll
         for (int j = 0; j < 4; ++j) {
@@ -87,7 +85,7 @@ void match_costs(wp::array_t<wp::uint32> words, int first, int depth,
             packed[j] = even + odd * 256;
 #pragma unroll
             for (int n = 0; n < 4; ++n) {
-                const unsigned different = (here ^ word[15 + p - 4 * j - n]) & 0xffffff00u;
+                const unsigned different = (here[p] ^ word[15 + p - 4 * j - n]) & 0xffffff00u;
                 packed[j] += __popc(different) * (WEIGHT << 8 * n);
             }
             packed[j] |= none[j];

@@ -28,7 +28,7 @@ def match_costs_kernel(aligned: bool) -> wp.Kernel:
         "ALIGNED": int(aligned),
     }
 
-    @_native.kernel("_costs_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), **constants)
+    @_native.kernel("_costs_cuda.cu", OPTIONS, **constants)
     def match_costs(
         words: wp.array3d[wp.uint32],  # (2, H, W)
         first: int,
