@@ -13,10 +13,10 @@ from tests.reconstruction import scenes, test_primitives
 
 def test_compiles_without_fused_products(tmp_path):
     import cvkern.kernels.warp as kernel_set
-    from cvkern.kernels.warp.reconstruction import _condensing_cuda, _residuals, adjustment
+    from cvkern.kernels.warp.reconstruction import _condensing_cuda, adjustment
 
     kernel_set.start("cpu", None)
-    modules = {_residuals: "linearise", adjustment: "_eliminate", _condensing_cuda: "_fill_blocks"}
+    modules = {adjustment: "_linearise", _condensing_cuda: "_fill_blocks"}
     for module, name in modules.items():
         (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
         code = Path(ptx).read_text()

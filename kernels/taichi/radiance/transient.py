@@ -27,6 +27,9 @@ f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 f32_4 = ti.types.ndarray(dtype=ti.f32, ndim=4)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
+Numbers = ti.types.struct(width=ti.i32, side=ti.i32, least=ti.f32, rate=ti.f32, delay=ti.i32)
+"""The numbers of a head."""
+
 
 @ti.func
 def _place_of(pixel: ti.i32, width: ti.i32, side: ti.i32):
@@ -49,10 +52,7 @@ def _logistic(x: ti.f32) -> ti.f32:
 
 
 @ti.kernel
-def _loss(
-    color: f32_2,  # (R, 3)
-    opacity: f32_1,  # (R,)
-    targets: f32_2,  # (R, 4)
+def _look(
     views: i32_1,  # (R,)
     pixels: i32_1,  # (R,)
     active: i32_1,  # (1,)
@@ -60,30 +60,47 @@ def _loss(
     learnt: f32_1,  # (3,)
     step: i32_1,  # (1,)
     nodes: f32_4,  # (N, h, w, 5)
-    width: ti.i32,
-    side: ti.i32,
-    least: ti.f32,
-    rate: ti.f32,
-    delay: ti.i32,
+    head: Numbers,
     # outputs
-    errors: f32_1,  # (R,)
-    d_color: f32_2,  # (R, 3)
-    d_opacity: f32_1,  # (R,)
-    d_learnt: f32_2,  # (R, 3)
-    d_head: f32_2,  # (R, 5)
+    backgrounds: f32_2,  # (R, 3)
+    numbers: f32_2,  # (R, 5): interpolated
 ):
-    for ray in range(opacity.shape[0]):
+    for ray in range(views.shape[0]):
         if ray < active[0]:
             behind = background_of(comparison, learnt, step[0], ray)
+            for k in ti.static(range(3)):
+                backgrounds[ray, k] = behind[k]
             view = views[ray]
-            i, j, down, right = _place_of(pixels[ray], width, side)
-            x = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0])
+            i, j, down, right = _place_of(pixels[ray], head.width, head.side)
             for k in ti.static(range(5)):
                 upper = nodes[view, i, j, k] * (1.0 - right) + nodes[view, i, j + 1, k] * right
                 lower = nodes[view, i + 1, j, k] * (1.0 - right)
                 lower += nodes[view, i + 1, j + 1, k] * right
-                x[k] = upper * (1.0 - down) + lower * down
-            learns = step[0] >= delay
+                numbers[ray, k] = upper * (1.0 - down) + lower * down
+
+
+@ti.kernel
+def _loss(
+    color: f32_2,  # (R, 3)
+    opacity: f32_1,  # (R,)
+    targets: f32_2,  # (R, 4)
+    active: i32_1,  # (1,)
+    comparison: Comparison,
+    step: i32_1,  # (1,)
+    head: Numbers,
+    # outputs
+    errors: f32_1,  # (R,)
+    d_color: f32_2,  # (R, 3)
+    d_opacity: f32_1,  # (R,)
+    d_learnt: f32_2,  # (R, 3): before, the backgrounds
+    d_head: f32_2,  # (R, 5): before, the numbers
+):
+    for ray in range(opacity.shape[0]):
+        if ray < active[0]:
+            behind = ti.Vector([d_learnt[ray, k] for k in range(3)])
+            x = ti.Vector([d_head[ray, k] for k in range(5)])
+            least = head.least
+            learns = step[0] >= head.delay
             left = ti.exp(-_softplus(x[0])) if learns else 1.0
             a = 1.0 - left
             doubt = _softplus(x[4])
@@ -111,7 +128,7 @@ def _loss(
             share = 2.0 / 3.0 * comparison.scale * least**2
             d_b = share * (1.0 / b - total / b**3)
             d_a += d_b * doubt
-            d_head[ray, 0] = (d_a * left + share * rate) * _logistic(x[0]) if learns else 0.0
+            d_head[ray, 0] = (d_a * left + share * head.rate) * _logistic(x[0]) if learns else 0.0
             d_head[ray, 4] = d_b * a * _logistic(x[4])
         else:
             errors[ray] = 0.0
@@ -135,10 +152,11 @@ def loss(
     As `losses.loss`, for rays through the `pixels` (R,) of the photographs `views` (R,), behind
     what the `head` has there. The errors are those of what is seen, with it.
     """
-    _loss(
-        color, opacity, targets, views, pixels, active, comparison_of(comparison),
-        comparison.learnt, comparison.step, *head, errors, *gradients,
-    )  # fmt: skip
+    c, numbers = comparison_of(comparison), Numbers(*head[1:])
+    step, looked = comparison.step, (gradients.learnt, gradients.head)
+    # Two kernels, because one would have 20 parameters.
+    _look(views, pixels, active, c, comparison.learnt, step, head.nodes, numbers, *looked)
+    _loss(color, opacity, targets, active, c, step, numbers, errors, *gradients)
 
 
 @ti.kernel

@@ -145,5 +145,15 @@ class Head:
     delay: int
 
 
+@wp.struct
+class WildGradients:
+    """Gradients of the loss of rays behind what passes."""
+
+    color: wp.array2d[float]  # (R, 3)
+    opacity: wp.array[float]  # (R,)
+    learnt: wp.array2d[float]  # (R, 3)
+    head: wp.array2d[float]  # (R, 5)
+
+
 # Names in native code of the structures that its own structures contain.
 NATIVE = {kind.__name__: kind.native_name for kind in (Rays, Space, March, Grid)}

@@ -22,7 +22,7 @@ from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.warp._launch import launch, launch_each
 from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
-from cvkern.kernels.warp.radiance._structs import Comparison, Head
+from cvkern.kernels.warp.radiance._structs import Comparison, Head, WildGradients
 from cvkern.kernels.warp.radiance.training.losses import background_of, error_of
 
 OPTIONS = {"enable_backward": False}
@@ -30,6 +30,15 @@ wp.set_module_options(OPTIONS)
 
 LOST = wp.constant(wp.int64(-3 * 2**61))  # a sum with a NaN, which no summands bring back
 vec5 = wp.types.vector(5, wp.float32)
+
+
+@wp.struct
+class Aims:
+    """Where a batch of rays goes through photographs."""
+
+    views: wp.array[int]  # (R,)
+    pixels: wp.array[int]  # (R,)
+    active: wp.array[int]  # (1,)
 
 
 @wp.struct
@@ -75,30 +84,26 @@ def loss_kernel(
     color: wp.array2d[float],  # (R, 3)
     opacity: wp.array[float],  # (R,)
     targets: wp.array2d[float],  # (R, 4)
-    views: wp.array[int],  # (R,)
-    pixels: wp.array[int],  # (R,)
-    active: wp.array[int],  # (1,)
+    aims: Aims,
     comparison: Comparison,
     head: Head,
     # outputs
     errors: wp.array[float],  # (R,)
-    d_color: wp.array2d[float],  # (R, 3)
-    d_opacity: wp.array[float],  # (R,)
-    d_learnt: wp.array2d[float],  # (R, 3)
-    d_head: wp.array2d[float],  # (R, 5)
+    gradients: WildGradients,
 ):
     """Compare a ray, behind what passes, with its target."""
     least = head.least
     for ray in range(first + wp.tid(), last, stride):
-        if ray < active[0]:
+        if ray < aims.active[0]:
             behind = background_of(comparison, ray)
-            at = place_of(pixels[ray], head.width, head.side)
+            view = aims.views[ray]
+            at = place_of(aims.pixels[ray], head.width, head.side)
             x = vec5()
             for k in range(5):
-                upper = head.nodes[views[ray], at.row, at.column, k] * (1.0 - at.right)
-                upper += head.nodes[views[ray], at.row, at.column + 1, k] * at.right
-                lower = head.nodes[views[ray], at.row + 1, at.column, k] * (1.0 - at.right)
-                lower += head.nodes[views[ray], at.row + 1, at.column + 1, k] * at.right
+                upper = head.nodes[view, at.row, at.column, k] * (1.0 - at.right)
+                upper += head.nodes[view, at.row, at.column + 1, k] * at.right
+                lower = head.nodes[view, at.row + 1, at.column, k] * (1.0 - at.right)
+                lower += head.nodes[view, at.row + 1, at.column + 1, k] * at.right
                 x[k] = upper * (1.0 - at.down) + lower * at.down
             learns = comparison.step[0] >= head.delay
             density = softplus(x[0])
@@ -122,20 +127,20 @@ def loss_kernel(
                 e = error_of(found - wanted, targets[ray, k], seen, comparison)
                 total += e * e
                 d = steep * e
-                d_color[ray, k] = left * d
+                gradients.color[ray, k] = left * d
                 d_through += left * d * behind[k]
-                d_learnt[ray, k] = d * (left * through - (1.0 - seen))
+                gradients.learnt[ray, k] = d * (left * through - (1.0 - seen))
                 d_a += d * (c - f)
-                d_head[ray, 1 + k] = d * a * c * (1.0 - c)
+                gradients.head[ray, 1 + k] = d * a * c * (1.0 - c)
             errors[ray] = total / 3.0
-            d_opacity[ray] = -d_through
+            gradients.opacity[ray] = -d_through
             share = 2.0 / 3.0 * comparison.scale * least * least
             d_b = share * (1.0 / b - total / (b * b * b))
             d_a += d_b * doubt
-            d_head[ray, 0] = (d_a * left + share * head.rate) * logistic(x[0])
-            d_head[ray, 4] = d_b * a * logistic(x[4])
+            gradients.head[ray, 0] = (d_a * left + share * head.rate) * logistic(x[0])
+            gradients.head[ray, 4] = d_b * a * logistic(x[4])
             if not learns:
-                d_head[ray, 0] = 0.0
+                gradients.head[ray, 0] = 0.0
         else:
             errors[ray] = 0.0
 
@@ -159,10 +164,11 @@ def loss(
     """
     count = opacity.shape[0]
     inputs = [
-        color, opacity, targets, views, pixels, active, struct_of(Comparison, comparison),
-        struct_of(Head, head),
+        color, opacity, targets, struct_of(Aims, (views, pixels, active)),
+        struct_of(Comparison, comparison), struct_of(Head, head),
     ]  # fmt: skip
-    launch_each(loss_kernel, count, 128 * count, inputs, [errors, *gradients])
+    outputs = [errors, struct_of(WildGradients, gradients)]
+    launch_each(loss_kernel, count, 128 * count, inputs, outputs)
 
 
 @cache

@@ -220,7 +220,7 @@ def test_colours_are_the_same_from_all_sides_at_first(scenes, monkeypatch):
 
     monkeypatch.setattr(HashNetwork, "evaluate", noting)
     fit(scenes[1], field, steps=40, appearance="affine", progress=False)
-    assert sum(aside) == 16  # of 40 steps, in blocks of 16
+    assert sum(aside) == 16  # There are 40 steps, in blocks of 16.
     assert not any(aside[aside.index(False) :])
     aside.clear()
     fit(scenes[1], field, steps=2, progress=False)

@@ -1,7 +1,6 @@
-// needs FIRST, SIDEWAYS, MOST, TOGETHER
-void walk(bool active, int ray, float x, float right, float y, float down, float eye, float ahead,
-          wp::array_t<float> planes, wp::array_t<wp::uint32> texels, float stop,
-          wp::array_t<float> color, wp::array_t<float> opacity, wp::array_t<float> depth) {
+// needs FIRST, SIDEWAYS, MOST, TOGETHER, Path, Seen
+void walk(bool active, int ray, Path path, wp::array_t<float> planes,
+          wp::array_t<wp::uint32> texels, float stop, Seen seen) {
     // The texels of TOGETHER planes are loaded before any is used, so that loads wait together.
     __shared__ float2 at[MOST];  // inverse depths of the planes, and depths
     const int count = texels.shape[0], height = texels.shape[1], width = texels.shape[2];
@@ -16,7 +15,7 @@ void walk(bool active, int ray, float x, float right, float y, float down, float
     const size_t area = (size_t)height * width;
     float red = 0.0f, green = 0.0f, blue = 0.0f, weight = 0.0f, far = 0.0f, through = 1.0f;
     const unsigned* plane = texels.data;
-    const int end = ahead > SIDEWAYS ? count : 0;
+    const int end = path.ahead > SIDEWAYS ? count : 0;
     for (int k = 0; k < end && through > stop; k += TOGETHER, plane += TOGETHER * area) {
         unsigned corners[TOGETHER][4];
         int shares[TOGETHER][2];
@@ -26,9 +25,9 @@ void walk(bool active, int ray, float x, float right, float y, float down, float
             shares[n][0] = shares[n][1] = 0;
             if (k + n < count) {
                 const float q = at[k + n].x;
-                float column = x + right * q, row = y + down * q;
-                if (q * eye < 1.0f && row >= -0.5f && column >= -0.5f && row <= height - 0.5f &&
-                    column <= width - 0.5f) {
+                float column = path.x + path.right * q, row = path.y + path.down * q;
+                if (q * path.eye < 1.0f && row >= -0.5f && column >= -0.5f &&
+                    row <= height - 0.5f && column <= width - 0.5f) {
                     row = fminf(fmaxf(row, 0.0f), (float)(height - 1));
                     column = fminf(fmaxf(column, 0.0f), (float)(width - 1));
                     const int i = min((int)row, height - 2), j = min((int)column, width - 2);
@@ -67,9 +66,9 @@ void walk(bool active, int ray, float x, float right, float y, float down, float
             }
         }
     }
-    color.data[3 * ray] = red;
-    color.data[3 * ray + 1] = green;
-    color.data[3 * ray + 2] = blue;
-    opacity.data[ray] = 1.0f - through;
-    depth.data[ray] = ahead > SIDEWAYS ? (far - eye * weight) / ahead : 0.0f;
+    seen.color.data[3 * ray] = red;
+    seen.color.data[3 * ray + 1] = green;
+    seen.color.data[3 * ray + 2] = blue;
+    seen.opacity.data[ray] = 1.0f - through;
+    seen.depth.data[ray] = path.ahead > SIDEWAYS ? (far - path.eye * weight) / path.ahead : 0.0f;
 }

@@ -5,21 +5,27 @@ import warp as wp
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance._structs import Rays, Seen
 
-from ._path import FIRST, SIDEWAYS, path_of
+from ._path import FIRST, SIDEWAYS, Path, path_of
 
 wp.set_module_options({"enable_backward": False})
 
 MOST = 512  # most planes
-_CONSTANTS = {"FIRST": FIRST, "SIDEWAYS": f"{SIDEWAYS!r}f", "MOST": MOST, "TOGETHER": 4}
+_CONSTANTS = {
+    "FIRST": FIRST, "SIDEWAYS": f"{SIDEWAYS!r}f", "MOST": MOST, "TOGETHER": 4,
+    "Path": Path.native_name, "Seen": Seen.native_name,
+}  # fmt: skip
 
 
 @_native.func_native("_rays_cuda.cu", **_CONSTANTS)
 def walk(
-    active: bool, ray: int, x: float, right: float, y: float, down: float, eye: float,
-    ahead: float, planes: wp.array[float], texels: wp.array3d[wp.uint32], stop: float,
-    color: wp.array2d[float], opacity: wp.array[float], depth: wp.array[float],
-):  # fmt: skip
-    ...
+    active: bool,
+    ray: int,
+    path: Path,
+    planes: wp.array[float],
+    texels: wp.array3d[wp.uint32],
+    stop: float,
+    seen: Seen,
+): ...
 
 
 @wp.kernel
@@ -36,8 +42,4 @@ def render_bytes(
     i = wp.tid()
     ray = wp.min(i, count - 1)
     active = i < count and ray < rays.active[0]
-    p = path_of(planes, rays, ray)
-    walk(
-        active, ray, p.x, p.right, p.y, p.down, p.eye, p.ahead, planes, texels, stop, seen.color,
-        seen.opacity, seen.depth,
-    )  # fmt: skip
+    walk(active, ray, path_of(planes, rays, ray), planes, texels, stop, seen)
