@@ -154,7 +154,8 @@ def differ(first: Any, second: Any) -> str:
         with np.errstate(all="ignore"):  # denormal squares are 0 to Taichi, as docs/built.md says
             same |= (np.abs(a) < TINY) & (np.abs(b) < TINY) & (a != b)
             largest = np.max(np.abs(a), initial=0, where=np.isfinite(a))
-            same |= np.abs(a.astype(np.float64) - b) <= DENORMAL * largest  # by denormal weights
+            apart = np.abs(a.astype(np.float64) - b)
+            same |= (apart > 0) & (apart <= DENORMAL * largest)  # denormal weights were lost
     else:
         same = a == b
     if np.all(same):
