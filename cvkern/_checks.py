@@ -98,7 +98,8 @@ def _brief(value: Any) -> str:
 def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
     """Return the items of a sequence; `rule` says what they should be."""
     try:
-        return tuple(values)
+        # The items of a buffer would be Python's, of an array NumPy's: True is an integer or not.
+        return tuple(np.asarray(values) if isinstance(values, memoryview) else values)
     except Exception:  # another library may raise anything when asked for its values
         raise TypeError(f"{name} must be {rule}, got {_brief(values)}") from None
 
@@ -256,8 +257,16 @@ def check_instance(value: Any, kind: type, name: str) -> None:
         raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
 
 
+def refuse_masks(**options: Any) -> None:
+    """Refuse masked arrays among options that a call ignores, and so does not check further."""
+    for name, value in options.items():
+        _arrays.library(value, name)
+
+
 def check_flag(value: Any, name: str) -> bool:
     """Return `value` as a bool if it is True or False of Python or NumPy; refuse others."""
+    if not isinstance(value, bool):
+        _arrays.library(value, name)  # refuses masks and placeholders
     if isinstance(value, (bool, np.bool_)) or (isinstance(value, int) and value in (0, 1)):
         return bool(value)
     raise TypeError(f"{name} must be True or False, got {value!r}")
@@ -267,6 +276,7 @@ def check_pair(value: Any, name: str) -> tuple[Any, Any]:
     """Return a pair, for the rows and the columns: one value twice, or the two values given."""
     if isinstance(value, (int, float)):
         return value, value
+    _arrays.library(value, name)  # refuses masks and placeholders
     try:
         if np.ndim(value) == 0:
             return value, value

@@ -19,6 +19,7 @@ from cvkern.kernels.codes.geometry import Model
 
 # Trials for a plane, and for epipoles from matches off it. Both have many matches if they matter.
 PLANE_TRIALS, EPIPOLE_TRIALS = 2048, 1024
+LEAST = 2.0**-60  # of the largest entry of a matrix: what is less is rounding
 
 
 def fit_fundamental(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
@@ -225,6 +226,10 @@ def _find(pairs: Sequence[tuple[Any, Any]], options: Search) -> RobustFits:
     explorer = Explorer(batched.rt, batch, options)
     found = _beside_planes(explorer, explorer.explore(Model.FUNDAMENTAL))
     matrices, marks, costs = explorer.finish(Model.FUNDAMENTAL, found)
+    # In units of the points' spread, entries so small are what rounding has left, down to denormal
+    # numbers; the points' distance from the origin would make digits of them.
+    largest = np.abs(matrices).max(axis=(1, 2), keepdims=True)
+    matrices = np.where(np.abs(matrices) < LEAST * largest, 0.0, matrices)
     matrices = batch.to_unit[1].swapaxes(1, 2) @ matrices @ batch.to_unit[0]
     return batched.fits(batch, rank_two(matrices), marks, costs)
 

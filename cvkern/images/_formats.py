@@ -36,7 +36,9 @@ TIFF_SIGNATURES = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 # is for those that code equal pixels without a bound that matters.
 TIFF_RATIOS = {1: 1, 5: 4096, 8: 1032, 32773: 64, 32946: 1032}
 TIFF_RATIO = 2**17
-PIXELS_A_BYTE = {"PNG": 8 * 1032, "PPM": 8}  # the most that a byte of a file can hold
+# The most pixels that a byte of a file can hold, by its format or by the decoder of its pixels.
+PIXELS_A_BYTE = {"PNG": 8 * 1032, "PPM": 8, "raw": 8}
+SKIPPED = 64  # rows that a byte of a run-length coded bitmap can skip, nearly: 255 by 4 bytes
 ORIENTATION = 274  # the TIFF and EXIF tag
 # Pillow's modes, and the modes to read them as. Other modes (LAB, HSV, ...) are not RGB.
 MODES = {
@@ -140,12 +142,15 @@ def _decode_by_pillow(file: Path, sides: list[int] | None) -> tuple[np.ndarray, 
     try:
         with Image.open(file) as opened:  # reports a file that is too large; the reader does not
             (width, height), kind = opened.size, opened.format or ""
+            decoders = {part[0] for part in opened.tile}
         reader: Any = iio.imopen(file, "r", plugin="pillow")
     except OSError:
         raise ValueError("it has no format that Pillow knows") from None
     if sides is not None and sorted((width, height)) != sides:
         raise ValueError(f"its sides are {sides} or {sorted((width, height))}, and not both")
-    most = PIXELS_A_BYTE.get(kind, MAX_ELEMENTS) * file.stat().st_size
+    ratios = {**PIXELS_A_BYTE, "bmp_rle": SKIPPED * (width + 1)}
+    ratio = min(ratios.get(key, MAX_ELEMENTS) for key in (kind, *decoders))
+    most = ratio * file.stat().st_size
     if width * height > most:
         raise ValueError(f"it has {height} x {width} pixels, and its bytes hold at most {most}")
     with reader:

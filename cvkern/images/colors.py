@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cvkern._checks import check_choice, check_number
+from cvkern._checks import check_choice, check_number, refuse_masks
 from cvkern.images._colormaps import COLORMAPS, STEPS, table
 from cvkern.images._overlay import check_color, check_numbers
 
@@ -33,6 +33,7 @@ def luma(image: ArrayLike, *, channel_axis: int = -1) -> np.ndarray:
         If the shape is wrong, or `image` is empty or does not hold real numbers.
     """
     array = check_numbers(image, "image")
+    refuse_masks(channel_axis=channel_axis)
     if array.ndim == 2:
         return _narrow(array)
     if not isinstance(channel_axis, (int, np.integer)):

@@ -20,6 +20,7 @@ from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._course import Options
 from cvkern.reconstruction._photographs import Lenses
 
+LEAST_FOCAL = 1e-3  # pixels: no picture has a smaller focal length, and no quotient overflows
 PAIRS = "auto", "all", "vocabulary", "sequence"
 GUESS = 1.2  # focal length of an unknown lens, in longest sides, where nothing tells it
 
@@ -103,9 +104,10 @@ def check_focals(focal_lengths: Any, count: int) -> np.ndarray:
     found = np.full(count, float(found)) if found.ndim == 0 else found
     if found.shape != (count,):
         raise ValueError(f"focal_lengths must be one, or {count}, got shape {found.shape}")
-    wrong = found[~(np.isnan(found) | (np.isfinite(found) & (found > 0)))]
+    wrong = found[~(np.isnan(found) | (np.isfinite(found) & (found >= LEAST_FOCAL)))]
     if len(wrong):
-        raise ValueError(f"focal_lengths must be > 0 and finite, or NaN, got {wrong[0]:g}")
+        rule = f">= {LEAST_FOCAL:g} pixels and finite, or NaN"
+        raise ValueError(f"focal_lengths must be {rule}, got {wrong[0]:g}")
     return found
 
 

@@ -15,6 +15,7 @@ from cvkern._checks import (
     check_image,
     check_integer,
     check_pair,
+    refuse_masks,
 )
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.stereo import MAX_COSTS, Cost
@@ -133,6 +134,7 @@ def stereo_cost(
     census = code in (Cost.CENSUS, Cost.CENSUS_SYMMETRIC)
     radii = check_sides(window if window is not None else 1 if census else 9, "window", MAX_SIDE)
     around, bits = (0, 0), 0
+    refuse_masks(neighborhood=neighborhood, spacing=spacing)
     if census:
         around = check_sides(neighborhood, "neighborhood", WORD + 1)
         spacing = check_integer(spacing, "spacing", 1, 16)

@@ -108,7 +108,7 @@ def make_scan(
     height, width = check_sides(shape, "shape")
     projector = check_sides(projector_shape, "projector_shape")
     frames = check_integer(frames, "frames", 1, 10**5)
-    noise = check_number(noise, "noise", low=0)
+    noise = abs(check_number(noise, "noise", low=0))  # the generator refuses -0.0
     rng = np.random.default_rng(check_integer(seed, "seed", 0, 2**63 - 1))
     calibration = _stand((height, width), projector)
     rays = _rays(calibration.left)

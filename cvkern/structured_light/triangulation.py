@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import as_items, as_numbers, check_choice, check_image, check_integer
+from cvkern._checks import (
+    as_items,
+    as_numbers,
+    check_choice,
+    check_image,
+    check_integer,
+    refuse_masks,
+)
 from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry._points import check_points, on_host, xy
@@ -323,6 +330,7 @@ def triangulate_lines(
     camera = check_lens(camera)
     axis = check_integer(axis, "axis", 0, 1)
     flat = check_matrix(plane, (4,), "plane")
+    refuse_masks(spindle=spindle)
     if (angles is None) != (pivot is None):
         raise ValueError("angles and pivot must be given together, got one of them")
     shape = tuple(positions.shape)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cvkern._checks import check_integer, check_number
+from cvkern._checks import check_integer, check_number, refuse_masks
 from cvkern._runtime import runtime
 from cvkern.filters.linear import gaussian
 from cvkern.transform.resampling import check_pyramid, resample
@@ -64,6 +64,7 @@ def pyramid_gaussian(
     [(5, 8), (3, 4), (2, 2)]
     """
     image, axis, layers, sigma = _check(image, max_layer, downscale, sigma, channel_axis)
+    refuse_masks(mode=mode, cval=cval)
     levels = [_real(image)]
     # A level is smaller than the one before, or the loop ends.
     while len(levels) - 1 != layers:
@@ -124,6 +125,7 @@ def pyramid_laplacian(
     [(4, 4), (2, 2)]
     """
     image, axis, layers, sigma = _check(image, max_layer, downscale, sigma, channel_axis)
+    refuse_masks(mode=mode, cval=cval)
     if layers < 0:
         largest = max(layout(tuple(image.shape), axis)[1:3])
         layers = math.ceil(math.log(largest, downscale) - 1e-9)

@@ -24,4 +24,4 @@ def atan2(y: float, x: float) -> float:
     r = p * a
     r = wp.where(ay > ax, HALF_PI - r, r)
     r = wp.where(x < 0.0, PI - r, r)
-    return wp.where(y < 0.0, -r, r)
+    return wp.where(y < 0.0, r * -1.0, r)  # Warp takes -r from 0, which would lose the sign of 0

@@ -3,6 +3,7 @@
 # pyright: reportArgumentType=false
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ TILTED = [cvkern.project_points(BOARD, CAMERA, t, (-1, -1, 6)) for t in ((0.4, 0
 UNSEEN = list(np.random.default_rng(0).random((4, 12, 2)) * 60)  # boards behind the camera
 POSES = np.stack([np.eye(3)] * 2), np.ones((2, 3))
 SURFACE = radiance.Mesh(np.eye(3, dtype="f4"), np.array([[0, 1, 2]]), np.zeros((3, 3), "u1"))
+MASKED: Any = np.ma.masked_array([1.0, 2.0], [True, False])
 REFUSED = {
     "center": lambda: cvkern.rotate(IMAGE, 3, center=2.0),
     "shape": lambda: cvkern.resize(IMAGE, 0.5),
@@ -169,6 +171,15 @@ REFUSED = {
         np.zeros((64, 64), np.uint8), np.zeros((64, 64), np.int64)
     ),
     "channel_axis": lambda: cvkern.box(COLOURS, channel_axis=np.ma.masked_array(2, True)),  # type: ignore
+    "channel_axis must": lambda: cvkern.images.luma(IMAGE, channel_axis=MASKED),
+    "use_quantiles": lambda: cvkern.canny(IMAGE, use_quantiles=MASKED),
+    "high_threshold": lambda: cvkern.r_table(IMAGE, orientation=IMAGE, high_threshold=MASKED),
+    "cval": lambda: cvkern.pyramid_gaussian(IMAGE, 0, mode="wrap", cval=MASKED),
+    "neighborhood": lambda: cvkern.stereo_cost(
+        IMAGE, IMAGE, (0, 2), cost="zncc", neighborhood=MASKED
+    ),
+    "spindle": lambda: cvkern.triangulate_lines(IMAGE, CAMERA, (0, 0, 1, 1), spindle=MASKED),
+    "focal_lengths": lambda: cvkern.reconstruct([COLOURS, COLOURS], focal_lengths=1e-320),
 }
 
 
@@ -201,6 +212,7 @@ def test_refusals_name_their_argument(name):
         lambda: cvkern.equalize_adapthist(IMAGE, clip_limit=1e30),
         lambda: cvkern.lateral_inhibition(IMAGE + np.eye(4, 5), weight=3e38),
         lambda: cvkern.images.luma(np.full((4, 5), 1e300)),
+        lambda: cvkern.make_scan("laser", (1, 1), (1, 1), frames=1, noise=-0.0),
         lambda: cvkern.subpixel_edges(np.array([[0, 3e38, -3e38, 1e30, 5]] * 5, "f4"), 0.6, 1, 2),
     ],
 )
@@ -257,6 +269,9 @@ EQUAL = {
     "resize": lambda s: cvkern.resize(spoilt(9, 7, seed=s), (5, 8), dtype="uint8"),
     "remap of zeros": lambda s: cvkern.warp_perspective([[-0.0]], np.eye(3), (3, 3), mode="mirror"),
     "median": lambda s: cvkern.median(spoilt(9, 9, seed=s), 1),
+    "gradient whose orientation is -0.0": lambda s: cvkern.gradient(
+        np.array([[0, 3.4e38], [0, 3.3e38], [0, 3.2e38]], "f4"), sigma=0, operator="sobel"
+    ),
     "gradient": lambda s: cvkern.gradient(spoilt(9, 9, seed=s, share=0.05)),
     "detect_laser_lines of a flat frame": lambda s: cvkern.detect_laser_lines(
         np.full((2, 40, 8), 9.5e-6 / 3**s, np.float32), sigma=1.7762824562096369, threshold=0

@@ -284,6 +284,16 @@ def test_truncated_files(tmp_path, suffix, dtype):
         images.read_image(path)
 
 
+def test_a_bitmap_of_more_pixels_than_its_bytes_hold(tmp_path):
+    path = tmp_path / "i.bmp"
+    images.write_image(path, noise("uint8", (40, 1, 3)))
+    data = bytearray(path.read_bytes())
+    data[25] = 16  # the height is 2^28 + 40 rows, for which Pillow would take 4 GB
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match="its bytes hold at most"):
+        images.read_image(path)
+
+
 def test_damaged_deep_png(tmp_path):
     path = tmp_path / "i.png"
     images.write_image(path, noise("uint16", (40, 50, 3)))

@@ -29,7 +29,7 @@ CAMERA = cvkern.Camera([[30, 0, 15], [0, 30, 10], [0, 0, 1]], shape=(20, 30))
         (IMAGES, {"cameras": [CAMERA]}, ValueError, "cameras must be one, or 2, got 1"),
         (IMAGES, {"cameras": [CAMERA, 3]}, TypeError, r"cameras\[1\] must be a Camera"),
         (IMAGES, {"cameras": scenes.camera()}, ValueError, r"cameras\[0\] must be for an image"),
-        (IMAGES, {"focal_lengths": -3}, ValueError, "focal_lengths must be > 0"),
+        (IMAGES, {"focal_lengths": 1e-320}, ValueError, "focal_lengths must be >= 0.001"),
         (IMAGES, {"focal_lengths": [3, 4, 5]}, ValueError, "focal_lengths must be one, or 2"),
         (IMAGES, {"focal_lengths": 9, "cameras": CAMERA}, ValueError, "must not be given with"),
         (IMAGES, {"pairs": "near"}, ValueError, "pairs must be one of"),

@@ -7,7 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._checks import MAX_ELEMENTS, as_numbers, check_image, check_integer, check_number
+from cvkern._checks import (
+    MAX_ELEMENTS,
+    as_numbers,
+    check_image,
+    check_integer,
+    check_number,
+    refuse_masks,
+)
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.hough.generalized._poses import Scene, apart, strongest
@@ -24,6 +31,7 @@ from cvkern.kernels.codes.hough import (
     Voters,
 )
 
+EDGE_OPTIONS = ("sigma", "low_threshold", "high_threshold", "use_quantiles")
 CELLS = (1, 2, 4, 8, 16)
 LEAST_TOLERANCE, MOST_TOLERANCE = math.radians(0.5), math.radians(3)
 SPARE = 16  # points that a kernel may read beyond the last
@@ -170,6 +178,7 @@ def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
         mask = rt.scratch("shapes.mask", shape, bool)
         dy, dx = find_edges(rt, image, photograph_options(image, *options), mask)
     else:
+        refuse_masks(**dict(zip(EDGE_OPTIONS, options, strict=True)))
         orientation = check_image(orientation, name="orientation")
         if len(image.shape) != 2:
             raise ValueError(

@@ -52,6 +52,8 @@ def mapped(paths: Any, radius: Any, suffix: Any) -> Any:
         again = cvkern.scale.map_images(files, "median", folder + "/out", **options)
         if again.kept != found.done or list(again.failed) != list(found.failed):
             raise AssertionError("the second run did something else")
+        if found.failed and not found.done:
+            raise ValueError("radius or suffix fails, as the report says of each file")
         return np.array([len(part) for part in found])
 
 
