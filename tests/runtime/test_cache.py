@@ -114,7 +114,7 @@ def test_a_broken_file_is_compiled_again(suffix, left, compiled, right):
 
 def test_a_lock_of_a_killed_process_is_removed(compiled, right):
     """With it, no process would use the kernels, nor keep new ones."""
-    places, environment = compiled
+    places, environment, _ = compiled
     lock = Path(places["taichi"]) / "ticache.lock"
     lock.touch()
     _cache.unlock(lock)

@@ -22,8 +22,8 @@ def _exposures(shape: Shape, rng: np.random.Generator) -> np.ndarray:
 def _merged(images: np.ndarray) -> np.ndarray:
     """Take the weighted mean of what each exposure says, in float64."""
     codes = np.arange(256)
-    near = np.clip((np.minimum(codes, 255 - codes) - 3).clip(0) / 124 * 8, 0, 1) ** 2
-    weight = near / np.gradient(CURVE[:, 0]) ** 2
+    centre = (np.minimum(codes, 255 - codes) - 3).clip(0) / 124
+    weight = centre * np.clip(8 * centre, 0, 1) ** 2 / np.gradient(CURVE[:, 0]) ** 2
     w = weight[images]
     light = CURVE[:, 0][images] - np.log2(np.array(SECONDS))[:, None, None, None]
     total = w.sum(axis=0)
