@@ -19,7 +19,7 @@ from cvkern.kernels.codes.geometry import Model
 
 # Trials for a plane, and for epipoles from matches off it. Both have many matches if they matter.
 PLANE_TRIALS, EPIPOLE_TRIALS = 2048, 1024
-LEAST = 2.0**-60  # of the largest entry of a matrix: what is less is rounding
+LEAST = 2.0**-60  # share of the largest entry of a matrix; smaller entries are rounding errors
 
 
 def fit_fundamental(points0: Any, points1: Any, weights: Any = None) -> np.ndarray:
