@@ -78,7 +78,8 @@ class use:
         _chosen.reset(self._token)
 
 
-def _choice() -> tuple[str, str]:
+def choice() -> tuple[str, str]:
+    """Return the kernel set and the device in use; other threads do not inherit them."""
     return _chosen.get() or _default()
 
 
@@ -349,7 +350,7 @@ class Runtime(Folder):
 
 def pinned() -> Callable[[], use]:
     """Return a function that makes a context with the current kernel set and device."""
-    backend, device = _choice()
+    backend, device = choice()
     return lambda: use(backend, device)
 
 
@@ -358,7 +359,7 @@ _runtimes: dict[tuple[str, str, Library], Runtime] = {}
 
 def runtime(*arrays: Any) -> Runtime:
     """Return the chosen kernel set, ready on the device and the stream of `arrays`."""
-    name, device = _choice()
+    name, device = choice()
     library, places = NUMPY, set()
     for array in arrays:
         of = _arrays.library(array)

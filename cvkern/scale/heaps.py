@@ -15,7 +15,7 @@ import numpy as np
 import cvkern
 from cvkern._checks import as_items, check_flag, check_integer
 from cvkern._files import as_path, replacing
-from cvkern._runtime import refuse_capture
+from cvkern._runtime import choice, refuse_capture
 from cvkern.images._formats import PHOTOGRAPHS
 from cvkern.images.files import read_image, write_image
 
@@ -41,7 +41,8 @@ class Task(NamedTuple):
     target: str
     function: Any
     options: dict[str, Any]
-    device: str | None
+    backend: str
+    device: str
 
 
 def map_images(
@@ -83,7 +84,8 @@ def map_images(
     workers : int, default 2
         Number of threads, of workers, or of actors.
     device : str, optional
-        As :class:`cvkern.use` takes it; by default that in use. With 'cuda', threads share the GPUs
+        As :class:`cvkern.use` takes it; by default that in use, with the kernel
+        set in use. With 'cuda', threads share the GPUs
         of this machine in turn, and each actor of Ray has a GPU of its own. A worker of Dask uses
         the first GPU that its environment shows.
     overwrite : bool, default False
@@ -144,10 +146,12 @@ def map_images(
         twice = next(r for r in results if results.count(r) > 1)
         raise ValueError(f"paths must have different names, got {twice.stem!r} twice")
     with cvkern.use(device=device):  # refuses a device that is not there
-        started = _engine(engine, workers, device)
+        backend, place = choice()
+    place = "cuda" if device == "cuda" else place  # any GPU
+    started = _engine(engine, workers, place)
     folder.mkdir(parents=True, exist_ok=True)
     tasks = [
-        Task(str(file.absolute()), str(result.absolute()), call, options, device)
+        Task(str(file.absolute()), str(result.absolute()), call, options, backend, place)
         for file, result in zip(files, results, strict=True)
         if overwrite or not result.exists()
     ]
@@ -170,7 +174,7 @@ def map_images(
 def process(task: Task) -> str:
     """Compute and write the result of one file; return why it failed, or nothing."""
     try:
-        with cvkern.use(device=task.device):
+        with cvkern.use(task.backend, task.device):
             result = task.function(read_image(task.path), **task.options)
         _write(Path(task.target), result)
     except Exception as error:  # whatever it is, the other files go on
@@ -226,7 +230,7 @@ Results = Iterator[tuple[str, str]]
 """The path of each finished file, and why it failed or nothing."""
 
 
-def _engine(engine: Any, workers: int, device: str | None) -> Any:
+def _engine(engine: Any, workers: int, device: str) -> Any:
     if engine == "threads":
         return _threads(workers, device)
     if engine == "ray":
@@ -237,7 +241,7 @@ def _engine(engine: Any, workers: int, device: str | None) -> Any:
 
 
 @contextmanager
-def _threads(workers: int, device: str | None) -> Iterator[Callable[[list[Task]], Results]]:
+def _threads(workers: int, device: str) -> Iterator[Callable[[list[Task]], Results]]:
     places = [d for d in cvkern.devices() if d != "cpu"] if device == "cuda" else [device]
 
     def run(tasks: list[Task]) -> Results:
@@ -284,13 +288,12 @@ def _dask(workers: int, client: Any) -> Iterator[Callable[[list[Task]], Results]
 
 
 @contextmanager
-def _ray(workers: int, device: str | None) -> Iterator[Callable[[list[Task]], Results]]:
+def _ray(workers: int, device: str) -> Iterator[Callable[[list[Task]], Results]]:
     ray = optional("ray", "engine 'ray'")
-
     own = not ray.is_initialized()
     if own:
         ray.init(num_cpus=workers, include_dashboard=False, logging_level="error")
-    cuda = device is not None and device.startswith("cuda")
+    cuda = device.startswith("cuda")
     remote = ray.remote(num_gpus=1 if cuda else 0, max_restarts=-1, max_task_retries=RETRIES)(
         _Actor
     )
@@ -302,8 +305,8 @@ def _ray(workers: int, device: str | None) -> Iterator[Callable[[list[Task]], Re
             while free and (task := next(waiting, None)):
                 actor = free.pop()
                 # An actor sees its own GPU only, as the first one.
-                own = task._replace(device="cuda" if cuda else device)
-                running[actor.process.remote(own)] = task.path, actor
+                sent = task._replace(device="cuda" if cuda else device)
+                running[actor.process.remote(sent)] = task.path, actor
             if not running:
                 return
             for reference in ray.wait(list(running))[0]:

@@ -221,11 +221,11 @@ def tiles_of(shape: tuple[int, ...], sides: list[int], reach: int) -> Iterator[T
 def _cut(source: Any, window: Place, name: str) -> np.ndarray:
     try:
         part = source[window]
-    except (TypeError, IndexError, NotImplementedError):
+    except (TypeError, IndexError, NotImplementedError) as error:  # a memoryview has the last one
         got = type(source).__name__
         raise TypeError(
             f"{name} must give arrays for slices of rows and columns, got {got}"
-        ) from None
+        ) from error
     if isinstance(part, np.ma.MaskedArray):
         raise TypeError(f"{name} must not be masked, got {type(source).__name__}")
     return np.ascontiguousarray(part)

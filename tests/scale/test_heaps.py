@@ -86,6 +86,21 @@ def test_a_killed_run_does_what_is_left(tmp_path):
     assert len(list((tmp_path / "out").glob("*.npy"))) == 6
 
 
+@pytest.mark.parametrize("engine", ["threads", "dask"])
+def test_workers_use_the_kernel_set_in_use(tmp_path, engine):
+    pytest.importorskip({"threads": "os", "dask": "distributed"}[engine])
+    folder = heap(tmp_path / "in", 1)
+
+    def name(image):
+        import cvkern._runtime
+
+        return np.array(list(cvkern._runtime.choice()))
+
+    with cvkern.use(backend="taichi"):
+        map_images([folder / "0.png"], name, tmp_path, engine=engine, workers=1)
+    assert np.load(tmp_path / "0.npy").tolist() == ["taichi", "cpu"]
+
+
 def test_forms_of_results(tmp_path):
     folder = heap(tmp_path / "in", 1)
     (folder / "broken.png").unlink()

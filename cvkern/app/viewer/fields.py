@@ -14,6 +14,7 @@ from cvkern.app.viewer.server import HOST, PORT, Page
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras
 from cvkern.radiance.rendering import render
+from cvkern.radiance.scenes._colmap import rotation_of
 from cvkern.radiance.scenes.photographs import focus_of
 
 Callback = Callable[[int, float, Model], Any]
@@ -93,15 +94,7 @@ class FieldPage:
         width, height = (side, round(side / aspect)) if aspect > 1 else (round(side * aspect), side)
         width, height = max(width, 1), max(height, 1)
         focal = height / 2 / math.tan(camera.fov / 2)
-        w, x, y, z = camera.wxyz
-        turn = np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
-        pose = np.concatenate((turn, np.asarray(camera.position)[:, None]), axis=1)
+        pose = np.column_stack((rotation_of(camera.wxyz), camera.position))
         lens = np.array([[focal, focal, (width - 1) / 2, (height - 1) / 2]])
         view = Cameras(pose[None], lens, np.zeros((1, 5)), width, height)
         begin = time.perf_counter()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import cvkern
-from cvkern.app.viewer.server import HOST, PORT, Page, fitted
+from cvkern.app.viewer.server import HOST, PORT, Page, fitted, framed
 from cvkern.images import apply_colormap, draw_circles, draw_lines, overlay_mask
 
 KINDS = "edges", "segments", "circles", "photograph"
@@ -100,11 +100,9 @@ def map_page(values: np.ndarray, host: str = HOST, port: int = PORT) -> Page:
 
     @page.server.scene.on_click()
     def _(event: Any) -> None:
-        aspect = event.client.camera.aspect
-        height, width = max(rows, round(columns / aspect)), max(columns, round(rows * aspect))
+        height, width, top, left = framed(rows, columns, event.client.camera.aspect)
         x, y = event.screen_pos
-        row = int(y * height) - (height - rows) // 2
-        column = int(x * width) - (width - columns) // 2
+        row, column = int(y * height) - top, int(x * width) - left
         if 0 <= row < rows and 0 <= column < columns:
             text.content = f"row {row}, column {column}: **{values[row, column]:.6g}**"
 

@@ -58,7 +58,12 @@ class Page:
 def fitted(image: np.ndarray, aspect: float) -> np.ndarray:
     """Return an image between black bars, in the aspect (width / height) of a window."""
     high, wide = image.shape[:2]
-    height, width = max(high, round(wide / aspect)), max(wide, round(high * aspect))
-    top, left = (height - high) // 2, (width - wide) // 2
+    height, width, top, left = framed(high, wide, aspect)
     around = ((top, height - high - top), (left, width - wide - left), (0, 0))
     return np.pad(image, around)
+
+
+def framed(high: int, wide: int, aspect: float) -> tuple[int, int, int, int]:
+    """Return the size of an image with its bars, and the place of its first pixel there."""
+    height, width = max(high, round(wide / aspect)), max(wide, round(high * aspect))
+    return height, width, (height - high) // 2, (width - wide) // 2

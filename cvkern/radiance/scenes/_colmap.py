@@ -96,15 +96,20 @@ def _lens(lens: Lens, width: int, height: int, file: Path) -> tuple[list[float],
 
 def _pose(place: tuple[float, ...]) -> np.ndarray:
     """Return the pose, camera to world, from quaternion and translation of its inverse."""
-    w, x, y, z = np.array(place[:4]) / np.linalg.norm(place[:4])
-    turn = np.array(
+    turn = rotation_of(place[:4])
+    return np.column_stack((turn.T, -turn.T @ np.array(place[4:])))
+
+
+def rotation_of(quaternion: Any) -> np.ndarray:
+    """Return the rotation of a quaternion (w, x, y, z) of any length."""
+    w, x, y, z = np.array(quaternion) / np.linalg.norm(quaternion)
+    return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
             [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
             [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
         ]
     )
-    return np.column_stack((turn.T, -turn.T @ np.array(place[4:])))
 
 
 def _extent(poses: np.ndarray, points: np.ndarray) -> tuple[Bounds, float, float]:
