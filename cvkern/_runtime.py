@@ -293,6 +293,10 @@ class Runtime(Folder):
         """Copy host values of the same shape and dtype into a kernel array."""
         self._set.write(array, np.ascontiguousarray(values))
 
+    def stream(self) -> int:
+        """Return the address of the CUDA stream that this thread's launches go to."""
+        return self._set.stream(self.device)
+
     def free_memory(self) -> int:
         """Return the number of free bytes on a GPU."""
         return self._set.free_memory(self.device)

@@ -254,6 +254,10 @@ class MLPNetwork(SampledField):
                     self.d_sigma, s.sigma, total, g["view"]
                 )
 
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self.parameters.gradients]
+
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         adam, s = self.rt.radiance.training.adam, self.settings
