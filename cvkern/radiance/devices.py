@@ -7,6 +7,7 @@ without them, and on the CPU, the host does.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.util import find_spec
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._arrays import library
 from cvkern._checks import as_items
 from cvkern._runtime import Runtime, choice, use
 
@@ -68,13 +70,12 @@ def _by_cupy(runtimes: Sequence[Runtime]) -> Add:
         streams = [rt.stream() for rt in runtimes]
         nccl.groupStart()
         for same in zip(*arrays, strict=True):
-            for communicator, stream, array in zip(communicators, streams, same, strict=True):
-                seen = array.__cuda_array_interface__
-                marks = np.dtype(seen["typestr"]) == np.uint8
-                kind = nccl.NCCL_UINT8 if marks else nccl.NCCL_FLOAT32
-                rule = nccl.NCCL_MAX if marks else nccl.NCCL_SUM
-                at, count = seen["data"][0], int(np.prod(seen["shape"]))
-                communicator.allReduce(at, at, count, kind, rule, stream)
+            marks = library(same[0]).dtype(same[0]) == np.uint8
+            kind = nccl.NCCL_UINT8 if marks else nccl.NCCL_FLOAT32
+            rule = nccl.NCCL_MAX if marks else nccl.NCCL_SUM
+            for rt, to, stream, array in zip(runtimes, communicators, streams, same, strict=True):
+                at, _ = library(array).memory(array, rt.device)
+                to.allReduce(at, at, math.prod(array.shape), kind, rule, stream)
         nccl.groupEnd()
 
     return add

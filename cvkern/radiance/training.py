@@ -24,7 +24,6 @@ from cvkern._checks import (
 from cvkern._runtime import refuse_capture, runtime, use
 from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints, logs
-from cvkern.radiance.backgrounds import seen_behind
 from cvkern.radiance.devices import places_of
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.hash import HashField
@@ -33,6 +32,7 @@ from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.models import APPEARANCES, Model, Training, load_model
 from cvkern.radiance.progress import shown, stoppable
+from cvkern.radiance.scenes.backgrounds import seen_behind
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Trainer
 
