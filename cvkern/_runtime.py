@@ -10,7 +10,7 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from functools import lru_cache
@@ -20,6 +20,7 @@ import numpy as np
 
 from cvkern import _arrays
 from cvkern._arrays import NUMPY, Library, Order
+from cvkern._checks import as_items
 from cvkern._kernels import Folder
 from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
@@ -350,6 +351,19 @@ class Runtime(Folder):
         """Wait for a kernel array and copy it to the host."""
         refuse_capture("a value needed on the host")
         return self._set.to_numpy(array)
+
+
+def check_devices(devices: Sequence[str] | None) -> list[str]:
+    """Return the devices that a call names, all of which exist; by default that in use."""
+    if devices is None:
+        return [choice()[1]]
+    found = list(as_items(devices, "devices", "names of devices"))
+    if not found:
+        raise ValueError("devices must name at least one, got none")
+    for place in found:
+        with use(device=place):
+            pass
+    return found
 
 
 def pinned() -> Callable[[], use]:

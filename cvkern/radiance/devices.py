@@ -16,27 +16,13 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import as_items
-from cvkern._runtime import Runtime, choice, use
+from cvkern._runtime import Runtime
 
 Add = Callable[[Sequence[Sequence[Any]]], None]
 """Called with a list of arrays for each device; replaces each by the sum over the devices.
 
 Bytes are marks: of these, the largest is kept.
 """
-
-
-def places_of(devices: Sequence[str] | None) -> list[str]:
-    """Return the devices to train on, all of which exist."""
-    if devices is None:
-        return [choice()[1]]
-    found = list(as_items(devices, "devices", "names of devices"))
-    if not found:
-        raise ValueError("devices must name at least one, got none")
-    for place in found:
-        with use(device=place):
-            pass
-    return found
 
 
 def adder(runtimes: Sequence[Runtime]) -> Add:

@@ -21,10 +21,9 @@ from cvkern._checks import (
     check_number,
     check_positive,
 )
-from cvkern._runtime import refuse_capture, runtime, use
+from cvkern._runtime import check_devices, refuse_capture, runtime, use
 from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints, logs
-from cvkern.radiance.devices import places_of
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
@@ -266,7 +265,7 @@ def fit(
     if transient and (robust or loss != "squared"):
         other = "robust" if robust else f"the loss {loss!r}"
         raise ValueError(f"transient must not go with {other}, got both")
-    places = places_of(devices)
+    places = check_devices(devices)
     if robust and len(places) > 1:
         raise ValueError(f"robust must not go with several devices, got {len(places)}")
     wild = Wild(appearance, gauge, robust, transient)

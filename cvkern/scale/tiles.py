@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import cvkern
 from cvkern._checks import check_integer, check_pair
-from cvkern._runtime import refuse_capture
+from cvkern._runtime import check_devices, choice, refuse_capture, use
 from cvkern.scale._lazy import lazy_tiles
 from cvkern.scale.edges import Place, Seams, thresholds, tile_edges
 from cvkern.scale.halos import halo
@@ -43,6 +46,7 @@ def apply(
     *,
     tile: int | tuple[int, int] = TILE,
     journal: Any = None,
+    devices: Sequence[str] | None = None,
     progress: Callable[[int, int], object] | None = None,
     **options: Any,
 ) -> Any:
@@ -71,6 +75,9 @@ def apply(
         same call goes on with the others. It is removed at the end. The function, its options and
         the shapes must be the same; pixels are not compared. Not for arrays of Dask, which
         computes the tasks of a lost worker again.
+    devices : sequence of str, optional
+        Compute tiles on several GPUs in turn, such as ``("cuda:0", "cuda:1")``; by default on the
+        device in use. Not for arrays of Dask.
     progress : callable, optional
         Called with the number of finished tiles and that of all of them; not for arrays of Dask,
         which have progress bars of their own.
@@ -127,6 +134,7 @@ def apply(
         if np.shape(values) != shape[:2]:
             raise ValueError(f"{key} must have shape {shape[:2]}, got {np.shape(values)}")
     tiles = list(tiles_of(shape[:2], sides, reach))
+    places = check_devices(devices)
     if hasattr(sources[0], "__dask_graph__"):
         if journal is not None or progress is not None:
             raise ValueError("journal and progress must be None for an array of Dask")
@@ -160,8 +168,8 @@ def apply(
     waiting = [t for t in tiles if book.kept(t.number) is None]
     with ThreadPoolExecutor(1) as pool:
         written: Future[None] | None = None
-        for n, (part, (windows, beside)) in enumerate(_ahead(waiting, read)):
-            found = call(*windows, **options, **beside)
+        work = partial(call, **options)
+        for n, (part, found) in enumerate(_computed(_ahead(waiting, read), work, places)):
             parts = found if isinstance(found, tuple) else (found,)
             results = [r[_at(name, part.inside)] for r in parts]
             kept = {}
@@ -221,6 +229,34 @@ def _ahead(tiles: list[Tile], read: Callable[[Tile], Any]) -> Iterator[tuple[Til
             if n + 1 < len(tiles):
                 coming = pool.submit(read, tiles[n + 1])
             yield tile, found
+
+
+def _computed(
+    coming: Iterator[tuple[Tile, Any]], call: Callable[..., Any], places: list[str]
+) -> Iterator[tuple[Tile, Any]]:
+    """Yield each tile with its results, in order; the devices take tiles in turn."""
+    backend, _ = choice()  # other threads do not inherit it
+
+    def on(place: str, windows: tuple[np.ndarray, ...], beside: dict[str, np.ndarray]) -> Any:
+        with use(backend, place):
+            return call(*windows, **beside)
+
+    if len(places) == 1:
+        for tile, (windows, beside) in coming:
+            yield tile, on(places[0], windows, beside)
+        return
+    with contextlib.ExitStack() as stack:
+        # A thread for each device, which keeps its scratch memory.
+        threads = [stack.enter_context(ThreadPoolExecutor(1)) for _ in places]
+        running: deque[tuple[Tile, Future[Any]]] = deque()
+        for n, (tile, (windows, beside)) in enumerate(coming):
+            at = n % len(places)
+            running.append((tile, threads[at].submit(on, places[at], windows, beside)))
+            if len(running) > len(places):
+                first, future = running.popleft()
+                yield first, future.result()
+        for first, future in running:
+            yield first, future.result()
 
 
 def _told(

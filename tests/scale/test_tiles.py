@@ -125,6 +125,25 @@ def test_strips_of_a_pair(backend):
         apply("stereo_match", left, **given)
 
 
+def test_devices_take_tiles_in_turn(backend):
+    image = skimage.data.camera()[100:300, 50:261]
+    options: dict[str, Any] = {"sigma": 1.5, "low_threshold": 1, "high_threshold": 40}
+    got = apply("canny", image, tile=40, devices=("cpu", "cpu", "cpu"), **options)
+    same(got, cvkern.canny(image, **options))
+    with pytest.raises(ValueError, match="device must be one that"):
+        apply("box", image, devices=("cpu", "cuda:77"))
+
+
+def test_arrays_of_zarr(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    image = skimage.data.camera()[100:300, 50:261]
+    source = zarr.create_array(tmp_path / "in", shape=image.shape, chunks=(64, 50), dtype="u1")
+    target = zarr.create_array(tmp_path / "out", shape=image.shape, chunks=(32, 64), dtype=bool)
+    source[:] = image
+    apply("canny", source, target, tile=64, sigma=2)
+    same(target[:], cvkern.canny(image, 2))
+
+
 def test_colours_and_masks(backend):
     color = skimage.data.astronaut()[:90, :130]
     mask = np.random.default_rng(1).random(color.shape[:2]) > 0.01
