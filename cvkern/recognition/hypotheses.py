@@ -81,6 +81,7 @@ def explain(
     loss = np.maximum(rt.to_numpy(shared), 0).astype(np.int64)
     left = evidence[order].astype(np.int64)
     chosen, saved = [], []
+    # What is chosen falls below `least` and does not rise again, so each is chosen once at most.
     while left.max() >= least:
         best = int(left.argmax())
         chosen.append(best)
