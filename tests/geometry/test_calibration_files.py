@@ -87,7 +87,7 @@ def test_what_opencv_writes_is_read(tmp_path, ending):
 @pytest.mark.parametrize(
     "names",
     ["M1 D1 M2 D2 R T", "cam1_intrinsics cam1_distorsion cam2_intrinsics cam2_distorsion R T",
-     "cam_int cam_dist proj_int proj_dist roration translation"],
+     "cam_int cam_dist proj_int proj_dist roration translation"],  # codespell:ignore roration
 )  # fmt: skip
 def test_pairs_that_opencv_writes_under_several_names(tmp_path, ending, names):
     path, mine = tmp_path / f"pair.{ending}", two()

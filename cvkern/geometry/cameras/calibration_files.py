@@ -40,7 +40,7 @@ _ALIASES = {
     "D1": ("distCoeffs1", "cam1_distorsion", "cam_dist"),
     "M2": ("cameraMatrix2", "K2", "cam2_intrinsics", "proj_int"),
     "D2": ("distCoeffs2", "cam2_distorsion", "proj_dist"),
-    "R": ("rotation", "roration"),
+    "R": ("rotation", "roration"),  # codespell:ignore roration
     "T": ("translation",),
 }
 
