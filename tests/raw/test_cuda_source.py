@@ -30,6 +30,7 @@ MADE = {
     "extend u16": lambda: planes._extend(wp.uint16).cuda(),
     "join u8": lambda: planes._join(wp.uint8).cuda(),
     "weigh u8": lambda: _fusion_cuda.kernels(wp.uint8, 3).weigh,
+    "begin u8": lambda: _fusion_cuda.kernels(wp.uint8, 3).quick,
     "begin f32": lambda: _fusion_cuda.kernels(wp.float32, 1).begin,
     "blend": lambda: _fusion_cuda.kernels(wp.float32, 3).blend,
     "finish u8": lambda: _fusion_cuda.kernels(wp.uint8, 3).finish,

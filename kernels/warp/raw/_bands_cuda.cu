@@ -2,35 +2,46 @@
 #include "_pyramid.h"
 #include "_strips_cuda.h"
 
+// A warp makes `each` rows, one after the other, and reads the next two while it adds up.
 // needs PART
-void reduce_strips(int planes, wp::array_t<float> src, wp::array_t<float> dst) {
+void reduce_strips(int planes, wp::array_t<float> src, int each, wp::array_t<float> dst) {
+    struct Four {
+        float v[4];
+    };
     const int height = src.shape[1], width = src.shape[2];
     const int tall = dst.shape[1], wide = dst.shape[2];
     const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
-    const int chunks = (tall + Strip::ROWS - 1) / Strip::ROWS;
+    const int chunks = (tall + each - 1) / each;
     const bool aligned = width % 4 == 0 && ((size_t)src.data & 15) == 0;
     const int lane = threadIdx.x % 32;
     for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < planes * chunks * strips;
          item += gridDim.x * blockDim.x / 32) {
-        const int plane = item / strips / chunks, begin = item / strips % chunks * Strip::ROWS;
+        const int plane = item / strips / chunks, begin = item / strips % chunks * each;
+        const int end = begin + each < tall ? begin + each : tall;
         const int column = 2 * (item % strips * Strip::LANES + lane - 1);
         const float* from = src.data + (size_t)plane * height * width;
-        // All rows are read before any is used.
-        float rows[2 * Strip::ROWS + 3][4], v[4], out[2];
-#pragma unroll
-        for (int k = 0; k < 2 * Strip::ROWS + 3; ++k) {
-            const float* row = from + (size_t)Mirror::at(2 * begin - 2 + k, height) * width;
-            Strip::load(row, 2 * column, width, aligned, rows[k]);
-        }
-#pragma unroll
-        for (int r = 0; r < Strip::ROWS; ++r) {
+        float* to = dst.data + (size_t)plane * tall * wide;
+        const auto load = [&](int y) {
+            Four four;
+            Strip::load(from + (size_t)Mirror::at(y, height) * width, 2 * column, width, aligned,
+                        four.v);
+            return four;
+        };
+        Four a = load(2 * begin - 2), b = load(2 * begin - 1), c = load(2 * begin);
+        Four d = load(2 * begin + 1), e = load(2 * begin + 2);
+#pragma unroll 1
+        for (int y = begin; y < end; ++y) {
+            const Four next = load(2 * y + 3), after = load(2 * y + 4);
+            float v[4], out[2];
             for (int i = 0; i < 4; ++i)
-                v[i] = Pyramid::weigh(rows[2 * r][i], rows[2 * r + 1][i], rows[2 * r + 2][i],
-                                      rows[2 * r + 3][i], rows[2 * r + 4][i]);
+                v[i] = Pyramid::weigh(a.v[i], b.v[i], c.v[i], d.v[i], e.v[i]);
             Strip::across(v, out);
-            if (begin + r < tall)
-                Strip::write(out, lane, column, wide,
-                             dst.data + ((size_t)plane * tall + begin + r) * wide);
+            Strip::write(out, lane, column, wide, to + (size_t)y * wide);
+            a = c;
+            b = d;
+            c = e;
+            d = next;
+            e = after;
         }
     }
 }
@@ -125,16 +136,12 @@ void collapse_four(wp::array_t<float> fine, wp::array_t<float> coarse, int below
          item += gridDim.x * blockDim.x) {
         const int y = item / columns, x = item % columns;
         const Square square(y, x, height, width, tall, wide);
-        const bool right = 2 * x + 1 < width, lower = 2 * y + 1 < height;
-        // Values beyond the border are those of the first pixel, and are not written.
-        const size_t own = (size_t)(2 * y) * width + 2 * x;
-        const size_t at[4] = {own, right ? own + 1 : own, lower ? own + width : own,
-                              right && lower ? own + width + 1 : own};
-        float total[4], place[4], other[4], least = (float)references, most = 0.0f;
+        float total[4], place[4], other[4], own[4], least = (float)references, most = 0.0f;
         square.expand(coarse.data + below * small, total);
+        square.read(base, own);
         for (int i = 0; i < 4; ++i) {
             total[i] = share * total[i];
-            place[i] = (base[at[i]] - lowest) * scale;
+            place[i] = (own[i] - lowest) * scale;
             least = fminf(least, place[i]);
             most = fmaxf(most, place[i]);
         }
@@ -149,10 +156,10 @@ void collapse_four(wp::array_t<float> fine, wp::array_t<float> coarse, int below
             }
             if (!(any > 0.0f)) continue;
             const float about = lowest + (float)j * step;
-            const float* from = fine.data + (single ? 0 : j) * plane;
+            if (!single) square.read(fine.data + j * plane, own);
             square.expand(coarse.data + j * small, other);
             for (int i = 0; i < 4; ++i) {
-                float value = from[at[i]];
+                float value = own[i];
                 if (sigma > 0.0f) {
                     const float off = value - about;
                     const float near = fminf(fmaxf(off, -sigma), sigma);
@@ -161,9 +168,6 @@ void collapse_four(wp::array_t<float> fine, wp::array_t<float> coarse, int below
                 total[i] += weight[i] * (value - other[i]);
             }
         }
-        to[at[0]] = total[0];
-        if (right) to[at[1]] = total[1];
-        if (lower) to[at[2]] = total[2];
-        if (right && lower) to[at[3]] = total[3];
+        square.write(total, to);
     }
 }

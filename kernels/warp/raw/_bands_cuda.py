@@ -6,14 +6,20 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-LANES, ROWS = 30, 2  # lanes of a warp that write two columns each, and rows that they write
-LONG = 8  # the same of an image that is remapped
+LANES = 30  # lanes of a warp that write two columns each
+LONG = 8  # rows of a warp, at most
+LEAST = 2**12  # warps, about, from which on they have more rows than one
 MOST = 2**22  # threads, which take parts in turns
-MANY = 4  # planes that a warp makes at once of an image
+MANY = 2  # planes that a warp makes at once of an image
 PART = 2  # columns of a thread: even
 
 
-def warps(planes: int, rows: int, columns: int, each: int = ROWS) -> int:
+def rows_each(planes: int, rows: int, columns: int) -> int:
+    """Return the rows of a warp, so that there are enough warps of small levels too."""
+    return min(max(planes * rows * -(-columns // (2 * LANES)) // LEAST, 1), LONG)
+
+
+def warps(planes: int, rows: int, columns: int, each: int) -> int:
     """Return the threads for planes of the smaller level, of which a warp does `each` rows."""
     strips = -(-columns // (2 * LANES))
     return threads(32 * planes * -(-rows // each) * strips)
@@ -28,6 +34,7 @@ def threads(count: int) -> int:
 def reduce_strips(
     planes: int,
     src: wp.array3d[float],
+    each: int,
     # outputs
     dst: wp.array3d[float],
 ):
@@ -35,7 +42,7 @@ def reduce_strips(
 
 
 @_native.kernel(
-    "_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), PART=PART, MANY=MANY, LONG=LONG
+    "_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), PART=PART, MANY=MANY, LONG=LONG
 )
 def begin_strips(
     logs: wp.array2d[float],

@@ -17,6 +17,7 @@ class Fusion(NamedTuple):
 
     weigh: wp.Kernel
     begin: wp.Kernel
+    quick: wp.Kernel  # the same, if rows of bytes are whole groups of four
     blend: wp.Kernel
     finish: wp.Kernel
 
@@ -36,7 +37,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     """Make the kernels for frames of a type."""
     own = {"PART": PART, **names(scalar, channels)}
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
     def weigh_block(
         frames: wp.array4d[scalar],
         scale: float,
@@ -48,11 +49,23 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
     def frame_strips(
         frames: wp.array4d[scalar],
         scale: float,
         weights: wp.array3d[float],
+        each: int,
+        # outputs
+        dst: wp.array4d[float],
+    ):
+        """Forward to the native code."""
+
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    def byte_strips(
+        frames: wp.array4d[scalar],
+        scale: float,
+        weights: wp.array3d[float],
+        each: int,
         # outputs
         dst: wp.array4d[float],
     ):
@@ -69,7 +82,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, THREADS=BLOCK, **own)
     def finish_four(
         frames: wp.array4d[scalar],
         scale: float,
@@ -82,4 +95,4 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    return Fusion(weigh_block, frame_strips, blend_four, finish_four)
+    return Fusion(weigh_block, frame_strips, byte_strips, blend_four, finish_four)

@@ -25,8 +25,9 @@ def reduce(src: wp.array, planes: int, dst: wp.array) -> None:
     """Smooth the first planes, and keep every second row and column."""
     _, rows, columns = dst.shape
     if dst.device.is_cuda:
-        threads = _bands_cuda.warps(planes, rows, columns)
-        launch(_bands_cuda.reduce_strips, threads, [planes, src], [dst])
+        each = _bands_cuda.rows_each(planes, rows, columns)
+        threads = _bands_cuda.warps(planes, rows, columns, each)
+        launch(_bands_cuda.reduce_strips, threads, [planes, src, each], [dst])
         return
     work = 4 * planes * rows * columns
     _reduce.launch(planes * rows, columns, work, [src], [dst])
