@@ -1,6 +1,7 @@
 // The levels of _bands.h on CUDA, with the same sums in the same order.
 #include "_pyramid.h"
 #include "_strips_cuda.h"
+#include "_layers_cuda.h"
 
 // A warp makes `each` rows, one after the other, and reads the next two while it adds up.
 // needs PART
@@ -121,53 +122,73 @@ void begin_strips(wp::array_t<float> logs, float lowest, float step, float sigma
     }
 }
 
+// All small levels of a plane, in one block.
+// needs PART
+void reduce_rest(int planes, int count, wp::array_t<float> src, wp::array_t<float> a,
+                 wp::array_t<float> b, wp::array_t<float> c, wp::array_t<float> d,
+                 wp::array_t<float> e, wp::array_t<float> f, wp::array_t<float> g) {
+    float* const levels[8] = {src.data, a.data, b.data, c.data, d.data, e.data, f.data, g.data};
+    for (int plane = blockIdx.x; plane < planes; plane += gridDim.x) {
+        int height = src.shape[1], width = src.shape[2];
+#pragma unroll 1
+        for (int n = 0; n < count; ++n) {
+            const int tall = (height + 1) / 2, wide = (width + 1) / 2;
+            const float* from = levels[n] + (size_t)plane * height * width;
+            float* to = levels[n + 1] + (size_t)plane * tall * wide;
+            for (int i = threadIdx.x; i < tall * wide; i += blockDim.x) {
+                const int y = i / wide, x = i % wide;
+                int rows[5];
+                float line[5];
+#pragma unroll
+                for (int k = 0; k < 5; ++k) rows[k] = Mirror::at(2 * y - 2 + k, height) * width;
+#pragma unroll
+                for (int k = 0; k < 5; ++k) {
+                    const float* at = from + Mirror::at(2 * x - 2 + k, width);
+                    line[k] = Pyramid::weigh(at[rows[0]], at[rows[1]], at[rows[2]], at[rows[3]],
+                                             at[rows[4]]);
+                }
+                to[i] = Pyramid::weigh(line[0], line[1], line[2], line[3], line[4]);
+            }
+            __syncthreads();
+            height = tall;
+            width = wide;
+        }
+    }
+}
+
 // needs PART
 void collapse_four(wp::array_t<float> fine, wp::array_t<float> coarse, int below, float share,
                    float lowest, float step, float sigma, float slope, wp::array_t<float> out) {
-    const int height = out.shape[1], width = out.shape[2];
-    const int tall = coarse.shape[1], wide = coarse.shape[2], references = coarse.shape[0] - 2;
-    const size_t plane = (size_t)height * width, small = (size_t)tall * wide;
-    const bool single = fine.shape[0] == 1;
-    const float* base = fine.data + (single ? 0 : references) * plane;
-    float* to = out.data + (out.shape[0] - 1) * plane;
-    const float scale = 1.0f / step;
-    const int columns = (width + 1) / 2, items = (height + 1) / 2 * columns;
-    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
-         item += gridDim.x * blockDim.x) {
-        const int y = item / columns, x = item % columns;
-        const Square square(y, x, height, width, tall, wide);
-        float total[4], place[4], other[4], own[4], least = (float)references, most = 0.0f;
-        square.expand(coarse.data + below * small, total);
-        square.read(base, own);
-        for (int i = 0; i < 4; ++i) {
-            total[i] = share * total[i];
-            place[i] = (own[i] - lowest) * scale;
-            least = fminf(least, place[i]);
-            most = fmaxf(most, place[i]);
+    const int height = out.shape[1], width = out.shape[2], references = coarse.shape[0] - 2;
+    const Bands bands = {lowest, step, sigma, slope, references, fine.shape[0] == 1};
+    float* to = out.data + (size_t)(out.shape[0] - 1) * height * width;
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x;
+         item < (height + 1) / 2 * ((width + 1) / 2); item += gridDim.x * blockDim.x)
+        bands.add(fine.data, coarse.data, below, share, item, height, width, to);
+}
+
+// All small levels, in one block: of `count` the last is the smallest, and adds to nothing.
+// needs PART
+void collapse_rest(int count, float lowest, float step, float slope, wp::array_t<float> a,
+                   wp::array_t<float> b, wp::array_t<float> c, wp::array_t<float> d,
+                   wp::array_t<float> e, wp::array_t<float> f, wp::array_t<float> g,
+                   wp::array_t<float> h) {
+    float* const levels[8] = {a.data, b.data, c.data, d.data, e.data, f.data, g.data, h.data};
+    const int references = a.shape[0] - 2;
+    const Bands bands = {lowest, step, 0.0f, slope, references, false};
+    if (blockIdx.x) return;
+#pragma unroll 1
+    for (int n = count - 2; n >= 0; --n) {
+        int height = a.shape[1], width = a.shape[2];
+        for (int i = 0; i < n; ++i) {
+            height = (height + 1) / 2;
+            width = (width + 1) / 2;
         }
-        // References further off have no weight.
-        const int last = most + 1.0f < (float)references ? (int)most + 1 : references - 1;
-        for (int j = least > 0.0f ? (int)least : 0; j <= last; ++j) {
-            float weight[4], any = 0.0f;
-            for (int i = 0; i < 4; ++i) {
-                const float off = place[i] - (float)j;
-                weight[i] = fmaxf(1.0f - fabsf(off), 0.0f);
-                any = fmaxf(any, weight[i]);
-            }
-            if (!(any > 0.0f)) continue;
-            const float about = lowest + (float)j * step;
-            if (!single) square.read(fine.data + j * plane, own);
-            square.expand(coarse.data + j * small, other);
-            for (int i = 0; i < 4; ++i) {
-                float value = own[i];
-                if (sigma > 0.0f) {
-                    const float off = value - about;
-                    const float near = fminf(fmaxf(off, -sigma), sigma);
-                    value = (about + near) + slope * (off - near);
-                }
-                total[i] += weight[i] * (value - other[i]);
-            }
-        }
-        square.write(total, to);
+        const int first = n == count - 2;
+        const int below = first ? references : references + 1;
+        float* to = levels[n] + (size_t)(references + 1) * height * width;
+        for (int i = threadIdx.x; i < (height + 1) / 2 * ((width + 1) / 2); i += blockDim.x)
+            bands.add(levels[n], levels[n + 1], below, first ? slope : 1.0f, i, height, width, to);
+        __syncthreads();
     }
 }

@@ -1,5 +1,7 @@
 """Levels of pyramids on CUDA, in native code: a warp goes down strips, a thread has four values."""
 
+from collections.abc import Sequence
+
 import warp as wp
 
 from cvkern.kernels.warp import _native
@@ -12,6 +14,9 @@ LEAST = 2**12  # warps, about, from which on they have more rows than one
 MOST = 2**22  # threads, which take parts in turns
 MANY = 2  # planes that a warp makes at once of an image
 PART = 2  # columns of a thread: even
+REST = 2**12  # pixels of a level that one block makes with all smaller ones, at most
+MOST_LEVELS = 7  # levels of such a block, at most, and one that they are made from
+THREADS = 2**10  # threads of such a block
 
 
 def rows_each(planes: int, rows: int, columns: int) -> int:
@@ -56,6 +61,23 @@ def begin_strips(
     """Forward to the native code."""
 
 
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), PART=PART)
+def reduce_rest(
+    planes: int,
+    count: int,
+    src: wp.array3d[float],
+    # outputs
+    a: wp.array3d[float],
+    b: wp.array3d[float],
+    c: wp.array3d[float],
+    d: wp.array3d[float],
+    e: wp.array3d[float],
+    f: wp.array3d[float],
+    g: wp.array3d[float],
+):
+    """Forward to the native code."""
+
+
 @_native.kernel("_bands_cuda.cu", OPTIONS, PART=PART)
 def collapse_four(
     fine: wp.array3d[float],
@@ -70,3 +92,33 @@ def collapse_four(
     out: wp.array3d[float],
 ):
     """Forward to the native code."""
+
+
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), PART=PART)
+def collapse_rest(
+    count: int,
+    lowest: float,
+    step: float,
+    slope: float,
+    # outputs
+    a: wp.array3d[float],
+    b: wp.array3d[float],
+    c: wp.array3d[float],
+    d: wp.array3d[float],
+    e: wp.array3d[float],
+    f: wp.array3d[float],
+    g: wp.array3d[float],
+    h: wp.array3d[float],
+):
+    """Forward to the native code."""
+
+
+def rest(levels: Sequence[wp.array]) -> int:
+    """Return how many levels, the largest first, have launches of their own."""
+    few = next((n for n, a in enumerate(levels) if a.shape[1] * a.shape[2] <= REST), len(levels))
+    return max(few, len(levels) - MOST_LEVELS)
+
+
+def filled(levels: Sequence[wp.array], count: int) -> list[wp.array]:
+    """Return so many levels: the last one again in place of those that are not there."""
+    return [*levels, *[levels[-1]] * (count - len(levels))]

@@ -3,32 +3,37 @@
 #include "_powers.h"
 #include "_pyramid.h"
 #include "_strips_cuda.h"
+#include "_shares_cuda.h"
 
 // needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
-void blend_four(wp::array_t<float> fine, wp::array_t<float> coarse, int alone,
-                wp::array_t<float> below, wp::array_t<float> out) {
-    const int height = out.shape[1], width = out.shape[2], count = fine.shape[0];
-    const int tall = coarse.shape[1], wide = coarse.shape[2];
-    const size_t size = (size_t)height * width, small = (size_t)tall * wide;
-    const int columns = (width + 1) / 2, items = (height + 1) / 2 * columns;
-    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
-         item += gridDim.x * blockDim.x) {
-        const int y = item / columns, x = item % columns;
-        const Square square(y, x, height, width, tall, wide);
-        for (int c = 0; c < CHANNELS; ++c) {
-            float total[4] = {0.0f, 0.0f, 0.0f, 0.0f}, other[4] = {0.0f, 0.0f, 0.0f, 0.0f};
-            if (!alone) square.expand(below.data + c * small, total);
-            for (int k = 0; k < count; ++k) {
-                const float* from = fine.data + (k * (CHANNELS + 1) + c) * size;
-                const float* weight = fine.data + (k * (CHANNELS + 1) + CHANNELS) * size;
-                if (!alone) square.expand(coarse.data + (k * (CHANNELS + 1) + c) * small, other);
-                float own[4], share[4];
-                square.read(from, own);
-                square.read(weight, share);
-                for (int i = 0; i < 4; ++i) total[i] += share[i] * (own[i] - other[i]);
-            }
-            square.write(total, out.data + c * size);
+void blend_four(wp::array_t<float> coarse, int alone, wp::array_t<float> fine) {
+    const int height = fine.shape[1], width = fine.shape[2], end = fine.shape[0] - CHANNELS;
+    const Shares shares = {end, alone != 0};
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x;
+         item < (height + 1) / 2 * ((width + 1) / 2); item += gridDim.x * blockDim.x)
+        for (int c = 0; c < CHANNELS; ++c)
+            shares.add(fine.data, coarse.data, c, item, height, width);
+}
+
+// All small levels of a channel, in one block: of `count` the last is the smallest.
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
+void blend_rest(int count, wp::array_t<float> a, wp::array_t<float> b, wp::array_t<float> c,
+                wp::array_t<float> d, wp::array_t<float> e, wp::array_t<float> f,
+                wp::array_t<float> g) {
+    float* const levels[7] = {a.data, b.data, c.data, d.data, e.data, f.data, g.data};
+    if (blockIdx.x >= CHANNELS) return;
+#pragma unroll 1
+    for (int n = count - 1; n >= 0; --n) {
+        int height = a.shape[1], width = a.shape[2];
+        for (int i = 0; i < n; ++i) {
+            height = (height + 1) / 2;
+            width = (width + 1) / 2;
         }
+        const Shares shares = {a.shape[0] - CHANNELS, n == count - 1};
+        const float* coarse = levels[n == count - 1 ? n : n + 1];
+        for (int i = threadIdx.x; i < (height + 1) / 2 * ((width + 1) / 2); i += blockDim.x)
+            shares.add(levels[n], coarse, blockIdx.x, i, height, width);
+        __syncthreads();
     }
 }
 
@@ -36,8 +41,7 @@ void blend_four(wp::array_t<float> fine, wp::array_t<float> coarse, int alone,
 // shared memory, so that it writes whole sectors.
 // needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST, THREADS
 void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights,
-                 wp::array_t<float> coarse, int alone, wp::array_t<float> below,
-                 wp::array_t<float> out) {
+                 wp::array_t<float> coarse, int alone, wp::array_t<float> out) {
     struct alignas(2 * sizeof(TYPE)) Two {
         TYPE v[2];
     };
@@ -65,7 +69,8 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
 #pragma unroll
         for (int c = 0; c < CHANNELS; ++c) {
             for (int i = 0; i < 4; ++i) total[c][i] = 0.0f;
-            if (!alone) square.expand(below.data + c * small, total[c]);
+            if (!alone)
+                square.expand(coarse.data + (count * (CHANNELS + 1) + c) * small, total[c]);
         }
         for (int k = 0; k < count; ++k) {
             const TYPE* from = frames.data + k * size * CHANNELS;

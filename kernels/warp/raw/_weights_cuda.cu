@@ -143,7 +143,7 @@ void byte_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
         float weights[4];
     };
     const int height = frames.shape[1], width = frames.shape[2];
-    const int tall = dst.shape[2], wide = dst.shape[3];
+    const int tall = dst.shape[1], wide = dst.shape[2];
     const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
     const int chunks = (tall + each - 1) / each;
     const int lane = threadIdx.x % 32;
@@ -259,7 +259,7 @@ void frame_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weig
         float weights[4];
     };
     const int height = frames.shape[1], width = frames.shape[2];
-    const int tall = dst.shape[2], wide = dst.shape[3];
+    const int tall = dst.shape[1], wide = dst.shape[2];
     const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
     const int chunks = (tall + each - 1) / each;
     const bool aligned = width % 4 == 0 && ((size_t)frames.data & (4 * sizeof(TYPE) - 1)) == 0;
