@@ -69,8 +69,7 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
 #pragma unroll
         for (int c = 0; c < CHANNELS; ++c) {
             for (int i = 0; i < 4; ++i) total[c][i] = 0.0f;
-            if (!alone)
-                square.expand(coarse.data + (count * (CHANNELS + 1) + c) * small, total[c]);
+            if (!alone) square.expand(coarse.data + (count * (CHANNELS + 1) + c) * small, total[c]);
         }
         for (int k = 0; k < count; ++k) {
             const TYPE* from = frames.data + k * size * CHANNELS;

@@ -2,7 +2,7 @@
 // needs CHANNELS
 // Bands of exposures, weighted and added up, of two by two pixels.
 struct Shares {
-    int end;     // planes of exposures: channels and the weight of each; then come those of the result
+    int end;  // planes of exposures: channels and the weight of each; then come those of the result
     bool alone;  // whether there is no smaller level
 
     // Add the bands of square `item` in channel c.
