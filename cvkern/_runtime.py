@@ -10,7 +10,7 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from functools import lru_cache
@@ -314,6 +314,14 @@ class Runtime(Folder):
         This thread must have run `call` before: the launches use the same scratch memory again.
         """
         return self._set.record(call, self.device)
+
+    def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
+        """Launch what `call` launches; Warp on CUDA does it by one graph from the second time on.
+
+        All that `call` does must follow from its key and from the addresses and shapes of the
+        arrays, which include its inputs and all scratch memory that is used after it.
+        """
+        self._set.repeat(key, call, arrays)
 
     @property
     def matrix_dtype(self) -> np.dtype:
