@@ -15,6 +15,7 @@ from cvkern._checks import check_code
 from cvkern.kernels.codes.radiance import AdamRule, Background, Comparison, Composited, Rays
 from cvkern.radiance.appearance import Appearance
 from cvkern.radiance.distractors import DISTRACTORS, Distractors
+from cvkern.radiance.embeddings import Embedding
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
@@ -68,9 +69,10 @@ class Trainer:
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
         views = np.flatnonzero(used).astype(np.int32)
-        self.appearance = None
+        self.appearance: Appearance | Embedding | None = None
         if model.appearance is not None:
-            self.appearance = Appearance(rt, len(views), count)
+            kind = Embedding if model.appearance == "embedding" else Appearance
+            self.appearance = kind(rt, len(views), count)
             if model.extra.get(APPEARANCE + "values") is not None:
                 self.appearance.restore(model.extra)
             model.extra[APPEARANCE + "views"] = views
@@ -103,13 +105,16 @@ class Trainer:
             self.views, self.images, self.spread, self.model.seed, at, self.chosen, *self.rays[:2],
             self.targets, *self.places,
         )  # fmt: skip
+        light = self.appearance
+        if isinstance(light, Embedding):
+            field.light(light.lights(self.places[0]))
         seen = field.forward(self.rays, at)
-        color, light = seen.color, self.appearance
-        if light is not None:
+        color = seen.color
+        if isinstance(light, Appearance):
             color = light.forward(seen.color, seen.opacity, self.places[0])
         comparison = Comparison(
             self.background, self.behind.values, self.huber, field.gradient_scale, self.model.seed,
-            at, light is not None,
+            at, isinstance(light, Appearance),
         )  # fmt: skip
         gradients = self.gradients.color, self.gradients.opacity, self.d_behind
         if self.passing is None:
@@ -124,10 +129,13 @@ class Trainer:
             self.passing.learn(self.learning, SHARE / field.gradient_scale)
         if self.distractors is not None:
             self.distractors.weigh(self.errors, self.places, self.active, gradients)
-        if light is not None:
+        if isinstance(light, Appearance):
             light.backward(self.active, self.gradients.color, self.gradients.opacity)
-            light.learn(self.learning, SHARE / field.gradient_scale)
         field.backward(self.gradients)
+        if isinstance(light, Embedding):
+            light.backward(field, self.places[0], self.active)
+        if light is not None:
+            light.learn(self.learning, SHARE / field.gradient_scale)
         field.learn(self.learning)
         if self.background == Background.LEARNT:
             adam = rt.radiance.training.adam
