@@ -221,8 +221,8 @@ class MLPNetwork(SampledField):
         )
         if self.lit:
             rt.radiance.embeddings.gather(
-                self.lights.table, self.lights.views, samples.rays, samples.total, light_column(self.settings),
-                samples.inner["view"],
+                self.lights.table, self.lights.views, samples.rays, samples.total,
+                light_column(self.settings), samples.inner["view"],
             )  # fmt: skip
         self._forward(self.layers, samples, samples.total)
 
