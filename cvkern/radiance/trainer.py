@@ -16,6 +16,7 @@ from cvkern.kernels.codes.radiance import AdamRule, Background, Comparison, Comp
 from cvkern.radiance.appearance import Appearance
 from cvkern.radiance.devices import adder
 from cvkern.radiance.distractors import DISTRACTORS, Distractors
+from cvkern.radiance.embeddings import Embedding
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
@@ -85,9 +86,10 @@ class Trainer:
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
         views = np.flatnonzero(used).astype(np.int32)
-        self.appearance = None
+        self.appearance: Appearance | Embedding | None = None
         if model.appearance is not None:
-            self.appearance = Appearance(rt, len(views), count)
+            kind = Embedding if model.appearance == "embedding" else Appearance
+            self.appearance = kind(rt, len(views), count)
             if model.extra.get(APPEARANCE + "values") is not None:
                 self.appearance.restore(model.extra)
             model.extra[APPEARANCE + "views"] = views
@@ -134,13 +136,16 @@ class Trainer:
             self.views, self.images, self.spread, self.seed, at, self.chosen, *self.rays[:2],
             self.targets, *self.places,
         )  # fmt: skip
+        light = self.appearance
+        if isinstance(light, Embedding):
+            field.light(light.lights(self.places[0]))
         seen = field.forward(self.rays, at)
-        color, light = seen.color, self.appearance
-        if light is not None:
+        color = seen.color
+        if isinstance(light, Appearance):
             color = light.forward(seen.color, seen.opacity, self.places[0])
         comparison = Comparison(
             self.background, self.behind.values, self.huber, field.gradient_scale, self.seed,
-            at, light is not None,
+            at, isinstance(light, Appearance),
         )  # fmt: skip
         gradients = self.gradients.color, self.gradients.opacity, self.d_behind
         if self.passing is None:
@@ -154,9 +159,11 @@ class Trainer:
             )  # fmt: skip
         if self.distractors is not None:
             self.distractors.weigh(self.errors, self.places, self.active, gradients)
-        if light is not None:
+        if isinstance(light, Appearance):
             light.backward(self.active, self.gradients.color, self.gradients.opacity)
         field.backward(self.gradients)
+        if isinstance(light, Embedding):
+            light.backward(field, self.places[0], self.active)
         if self.background == Background.LEARNT:
             rt.radiance.training.background.gather(
                 self.d_behind, self.active, self.parts, self.behind.gradients

@@ -29,7 +29,7 @@ from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
-from cvkern.radiance.models import APPEARANCES, Model, Training, load_model
+from cvkern.radiance.models import APPEARANCES, Model, Training, built, load_model
 from cvkern.radiance.progress import shown, stoppable
 from cvkern.radiance.scenes.backgrounds import seen_behind
 from cvkern.radiance.scenes.photographs import Scene
@@ -123,10 +123,12 @@ def fit(
     spread : float, default 0.0
         A ray goes through a random point of its pixel, within a square of this side, from 0 (its
         centre) to 1 (the whole pixel).
-    appearance : {'affine'}, optional
+    appearance : {'affine', 'embedding'}, optional
         Learn the light of each photograph, for photographs of changing light or exposure. 'affine'
         learns a matrix (A, b) for each, which maps the colours c of the field to A c + b before
-        they are compared with the photograph. See ``model.appearances`` and :func:`render`.
+        they are compared with the photograph. 'embedding' learns 16 numbers for each, inputs of
+        the perceptron of colours of a 'hash' or 'mlp' field: light may then change in parts of the
+        scene. See ``model.appearances`` and :func:`render`.
     gauge : int, optional
         The number of the photograph, among all of the scene, whose light pictures have by default.
         By default the first one that is trained on.
@@ -256,7 +258,7 @@ def fit(
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     if appearance is not None:
-        check_choice(appearance, APPEARANCES, "appearance")
+        check_choice(appearance, tuple(APPEARANCES), "appearance")
     elif gauge is not None:
         raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
     if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
@@ -373,7 +375,7 @@ def _begin(
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
-    made = settings.build(runtime(), frame, seed)
+    made = built(settings, frame, seed, wild.appearance)
     made.start(scene)
     return Model(
         made, settings, background, behind, scene.cameras, seed,
