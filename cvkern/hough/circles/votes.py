@@ -69,9 +69,9 @@ def hough_circle(
         If an array does not hold real numbers, or a radius is not an integer.
     ValueError
         If an array is empty, of another rank, or longer than 65536 on a side, or the arrays differ
-        in shape; if there is no radius, or one is below 1, above 16384, or above the diagonal without
-        `full_output`; if the result would have more than 2^29 elements; if `orientation` is NaN or
-        beyond a full turn at a set pixel, or the tolerance is negative or not below pi / 2.
+        in shape; if there is no radius, or one is below 1, above 16384, or above the diagonal
+        without `full_output`; if the result would have more than 2^29 elements; if `orientation` is
+        NaN or beyond a full turn at a set pixel, or the tolerance is negative or not below pi / 2.
 
     Notes
     -----
