@@ -50,7 +50,8 @@ def values_at(rt: Runtime, found: Points, values: Any, name: str) -> Any:
     if len(values.shape) == 1:
         return rt.adopt(values) if len(values) else rt.scratch(f"lines.{name}", (1,))
     taken = rt.scratch(f"lines.{name}", (max(found.capacity, 1),))
-    rt.hough.lines.votes.take(found.points, found.starts, rt.adopt(values), taken)
+    image = rt.adopt(values, shape=(found.height, values.shape[-1]))
+    rt.hough.lines.votes.take(found.points, found.starts, image, taken)
     return taken
 
 
@@ -74,7 +75,9 @@ def _fixed_weights(rt: Runtime, found: Points, weights: Any, crossing: int) -> A
     listed = check_listed(rt, found, values_at(rt, found, weights, "weights"), "weights", 0)
     fixed = np.floor(listed.astype(np.float64) * WEIGHT + 0.5)
     most = fixed.sum()
-    if len(weights.shape) == 2 and len(fixed):
+    if len(weights.shape) > 1 and len(fixed):
+        ends = rt.to_numpy(found.starts)[:: weights.shape[-2]]  # points of each image
+        most = np.diff(np.concatenate(([0], np.cumsum(fixed)))[ends]).max()
         most = min(most, fixed.max() * crossing)
     if most >= 2**31:
         raise ValueError(
