@@ -363,9 +363,7 @@ class Runtime(Folder):
 
 def check_devices(devices: Sequence[str] | None) -> list[str]:
     """Return the devices that a call names, all of which exist; by default that in use."""
-    if devices is None:
-        return [choice()[1]]
-    found = list(as_items(devices, "devices", "names of devices"))
+    found = (choice()[1],) if devices is None else as_items(devices, "devices", "names of devices")
     if not found:
         raise ValueError("devices must name at least one, got none")
     return [_checked(choice()[0], place)[1] for place in found]
