@@ -138,6 +138,11 @@ def test_commands(monkeypatch, capsys, tmp_path):
     code, said = run(monkeypatch, capsys, "hdr", folder, "-o", folder / "1.png", "--tone", "fuse")
     assert code == 2
     assert "output must not be a file that is read" in said.err.replace("\n", " ")
+    for broken in ("[" * 100_000, '{"0.png": null, "1.png": 1, "2.png": 2}', "[1, 2, 3]"):
+        (folder / "exposure_seconds.json").write_text(broken)
+        code, said = run(monkeypatch, capsys, *words)
+        assert code == 2
+        assert "exposure_seconds.json must have a time" in said.err.replace("\n", " ")
     times = {f"{k}.png": t for k, t in enumerate((0.25, 0.5, 1))}
     (folder / "exposure_seconds.json").write_text(json.dumps(times))
     assert run(monkeypatch, capsys, *words)[0] == 0
