@@ -61,10 +61,11 @@ def test_develop_undoes_what_a_camera_does(backend):
     np.testing.assert_allclose(real * 255, got, atol=0.51)
 
 
-def test_highlights_are_white():
-    raw = cvkern.mosaic(np.minimum(np.full((16, 16, 3), 2.0) * [0.5, 1, 0.7], 1))
+@pytest.mark.parametrize("light", [(0.5, 1, 0.7), (1, 0.5, 0.7)])
+def test_highlights_are_white(light):
+    raw = cvkern.mosaic(np.minimum(np.full((16, 16, 3), 2.0) * light, 1))
     for highlights in ("rebuild", "clip"):
-        got = cvkern.develop(raw, white=1, illuminant=(0.5, 1, 0.7), highlights=highlights)
+        got = cvkern.develop(raw, white=1, illuminant=light, highlights=highlights)
         assert (got == 255).all()
 
 
