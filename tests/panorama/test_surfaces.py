@@ -73,13 +73,6 @@ def test_a_round_view_is_closed(surface):
     np.testing.assert_allclose(canvas.columns(-5, 3), canvas.columns(canvas.width - 5, 3))
 
 
-def test_cameras_that_look_backwards_lie_beside_each_other():
-    """Their directions are 150, 180 and -150 degrees of the axes that they are given in."""
-    canvas = laid_out([turned(angle) for angle in (150, 180, 210)], "cylinder")
-    width = math.radians(60) + 2 * math.atan(200 / FOCAL)
-    assert canvas.width == pytest.approx(width * FOCAL, abs=2)
-
-
 def test_the_ends_are_in_the_gap():
     yaws = [100, 140, 180, -140, -100, -60]
     canvas = laid_out([turned(y) for y in yaws])
