@@ -90,10 +90,9 @@ def mark_keypoints(
         number = scratch("keypoints.number", (1,), wp.int32, device)
         clear(number)
         mark, tables = cuda.mark(octaves[0].shape[0] - 3), table(octaves)
-        queued = [queue, number]
-        inputs = [tables, *limits, margin, *queued]
-        launch(mark, cuda.threads(octaves), inputs, [words, ends], cuda.BLOCK)
-        inputs = [tables, limits.contrast, limits.edge, margin, *queued]
+        inputs = [tables, limits.threshold, margin]
+        launch(mark, cuda.threads(octaves, margin), inputs, [queue, number], cuda.BLOCK)
+        inputs = [tables, *limits, margin, queue, number]
         launch(cuda.move, cuda.MOVING, inputs, [words, ends])
         add_up(ends)
         return
