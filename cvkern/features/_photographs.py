@@ -12,13 +12,13 @@ from cvkern._runtime import Runtime
 
 
 def check_photograph(
-    image: Any, mask: Any, max_keypoints: int | None
+    image: Any, mask: Any, max_keypoints: int | None, name: str = "image"
 ) -> tuple[Any, Any, int | None]:
     """Check a photograph, the mask of its points, and their number."""
-    image = check_image(image, ndim=(2, 3))
+    image = check_image(image, ndim=(2, 3), name=name)
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):
-        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
+        raise ValueError(f"{name} must have 3 or 4 channels, got shape {shape}")
     if mask is not None:
         mask = check_image(mask, name="mask")
         if tuple(mask.shape) != shape[:2]:
