@@ -77,6 +77,10 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     gains = np.ones((count, channels), np.float32)
     if compensate and count > 1:
         gains = find_gains(rt.to_numpy(values), rt.to_numpy(weights), coarse, sources.white)
+    gray = np.array([len(i.shape) == 2 or i.shape[2] == 1 for i in sources.images])
+    if channels > 1 and gray.any() and not gray.all():
+        gains[gray] = np.exp(np.log(gains[gray]).mean(axis=1, keepdims=True))
+        rt.write(weights, _behind(np.array(rt.to_numpy(weights)), gray, coarse))
     shape = coarse.height, coarse.width
     costs = rt.scratch("panorama.costs", shape, np.int32)
     most, second = (rt.scratch(f"panorama.{name}", shape) for name in ("most", "second"))
@@ -96,6 +100,21 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     labels = rt.scratch("panorama.labels", shape, np.int32)
     kernels.choose(distances, weights, rects, labels)
     return Seams(labels, gains, coarse)
+
+
+def _behind(weights: np.ndarray, gray: np.ndarray, coarse: Canvas) -> np.ndarray:
+    """Return weights that are 0 where a grey image lies on one with colours: it stays behind."""
+    seen = np.zeros((coarse.height, coarse.width), bool)
+    for last in (False, True):
+        for n in np.flatnonzero(gray == last):
+            left, top, right, bottom = coarse.rects[n]
+            columns, rows = np.arange(left, right) % coarse.width, np.arange(top, bottom)
+            part = weights[n, : len(rows), : len(columns)]
+            if last:
+                part[seen[np.ix_(rows, columns)]] = 0
+            else:
+                seen[np.ix_(rows, columns)] |= part > 0
+    return weights
 
 
 def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float) -> np.ndarray:
