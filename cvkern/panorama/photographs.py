@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
-from cvkern.features._photographs import as_host, check_photograph, white_of
+from cvkern.features._photographs import as_host, check_photograph, prepared, white_of
 from cvkern.features.keypoints import Features, sift
 from cvkern.features.matching import match_descriptors
 from cvkern.geometry.fitting import scaled
@@ -187,11 +187,8 @@ def match_photographs(
 
 def _gray(rt: Runtime, image: Any, white: float) -> Any:
     """Return the grey of a photograph in parts of white, as an array of its library."""
-    shape = tuple(image.shape)
-    gray = rt.empty(shape[:2], np.float32)
-    src = rt.adopt(image, shape=(shape[0], shape[1], shape[2] if len(shape) == 3 else 1))
-    scale = float(np.float32(1.0 / white))
-    rt.features.keypoints.extrema.prepare(src, scale, rt.adopt(gray, np.float32))
+    gray = rt.empty(tuple(image.shape[:2]), np.float32)
+    prepared(rt, image, white, rt.adopt(gray, np.float32))
     return rt.release(gray)
 
 

@@ -64,3 +64,13 @@ def test_photographs_of_planes(names, file, limit):
     a, b = (cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE) for name in names)
     found = cvkern.match_photographs(a, b)
     assert corners_off(found.matrix, np.loadtxt(folder / file), a.shape) < limit
+
+
+def test_cuda_finds_what_the_cpu_finds(gpu):
+    photo = skimage.data.immunohistochemistry()[60:300, 150:400]
+    other = through(photo, TILTED, (300, 240))
+    want = cvkern.match_photographs(photo, other, max_keypoints=400)
+    with cvkern.use(device="cuda"):
+        found = cvkern.match_photographs(photo, other, max_keypoints=400)
+    # Drawn photographs may differ in their last bits, and so a few of their points.
+    assert corners_off(found.matrix, want.matrix, photo.shape) < 0.05

@@ -4,6 +4,8 @@ The code (_extrema_cpu.h) is native, because it compares 32 pixels at once, and 
 first neighbours that exceed all.
 """
 
+from typing import Any
+
 import warp as wp
 
 from cvkern.kernels.codes.features import GRAY, MOST_GRAY
@@ -33,26 +35,34 @@ def mark_row(
 def halve_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
 
 
-@_native.func_native(
-    FILE,
-    MOST_GRAY=f"{MOST_GRAY}f",
-    **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
-)
-def gray_row(row: int, src: wp.array3d[float], scale: float, dst: wp.array2d[float]): ...
+def _gray(scalar: Any) -> wp.Kernel:
+    """Return the kernel for photographs of `scalar`."""
+
+    @_native.func_native(
+        FILE,
+        SCALAR=scalar,
+        MOST_GRAY=f"{MOST_GRAY}f",
+        **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
+    )
+    def gray_row(row: int, src: wp.array3d[scalar], scale: float, dst: wp.array2d[float]): ...
+
+    @wp.kernel
+    def gray(
+        slab: int,
+        first: int,
+        last: int,
+        src: wp.array3d[scalar],  # (H, W, C)
+        scale: float,
+        # outputs
+        dst: wp.array2d[float],  # (H, W)
+    ):
+        for row in range(first, last):
+            gray_row(row, src, scale, dst)
+
+    return gray
 
 
-@wp.kernel
-def gray(
-    slab: int,
-    first: int,
-    last: int,
-    src: wp.array3d[float],  # (H, W, C)
-    scale: float,
-    # outputs
-    dst: wp.array2d[float],  # (H, W)
-):
-    for row in range(first, last):
-        gray_row(row, src, scale, dst)
+grays = {scalar: _gray(scalar) for scalar in (wp.float32, wp.uint8)}
 
 
 @wp.kernel
