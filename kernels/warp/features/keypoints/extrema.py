@@ -33,7 +33,7 @@ def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
         launch(cuda.grays[src.dtype], dst.shape, [src, scale], [dst])
         return
     launch_slabs(
-        cpu.grays[src.dtype], dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst]
+        cpu.gray_rows[src.dtype], dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst]
     )
 
 
@@ -42,7 +42,7 @@ def double(src: wp.array, dst: wp.array) -> None:
     if dst.device.is_cuda:
         launch(cuda.double, src.shape, [src], [dst])
         return
-    launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+    launch_slabs(cpu.double_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
 def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> None:
@@ -69,7 +69,7 @@ def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.a
 
 
 def _halve(src: wp.array, dst: wp.array) -> None:
-    launch_slabs(cpu.halve, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+    launch_slabs(cpu.halve_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
 def mark_keypoints(
@@ -101,7 +101,7 @@ def mark_keypoints(
     for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
         inputs = [levels, limits.threshold, margin]
         height = levels.shape[1]
-        launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
+        launch_slabs(cpu.mark_row, height, slabs(height, levels.size), inputs, [marks, counts])
     add_up(ends)
     total = int(ends.numpy()[-1])
     cells = scratch("keypoints.extrema", (max(total, 1), 4), wp.int32, words.device)[:total]
