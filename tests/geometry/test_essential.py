@@ -42,7 +42,7 @@ def test_finds_the_truth(outliers, noise, limits):
 
 
 def test_a_wide_threshold_loses_little():
-    """The last weights suit the noise, .2 pixels; those of 4 pixels alone are off by 1.1 degrees."""
+    """The last weights suit the noise, .2 pixels; with those of 4 pixels the error is a degree."""
     found = {1.0: [], 4.0: []}
     for seed in range(4):
         a, b, _ = scene(seed, 300, 0.4, 0.2)
