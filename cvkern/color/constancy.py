@@ -185,7 +185,7 @@ class Scene:
         self.valid = np.array(rt.to_numpy(valid)) != 0
         self._inner = rt.scratch("constancy.inner", self.shape, np.uint8)
         rt.color.constancy.inner(valid, self._inner)
-        # Of a scene too small, all that count.
+        # A scene too small has no such pixels: then all that count serve.
         inner = np.array(rt.to_numpy(self._inner)) != 0
         if not inner.any():
             self._inner, inner = valid, self.valid
