@@ -14,12 +14,14 @@ from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.recognition import MOST_HYPOTHESES, UNIT, Occurrences
 from cvkern.recognition._arguments import check_picture, check_scales
 from cvkern.recognition._kept import kept
+from cvkern.recognition.choices import explain
 from cvkern.recognition.figures import PAINTED, Painter
 from cvkern.recognition.fitting import Fitted, frame_on
-from cvkern.recognition.hypotheses import Judge, climb, explain, weigh
+from cvkern.recognition.hypotheses import Judge, climb, weigh
+from cvkern.recognition.modes import find_modes
 from cvkern.recognition.patches import Places, cut, fill, find_places, prepare, pyramid_of, sent
 from cvkern.recognition.training import Settings
-from cvkern.recognition.votes import Hall, activate, find_modes, hall_on, layout
+from cvkern.recognition.votes import Hall, activate, hall_on, layout
 
 HOPE = 6  # evidence below the threshold from which on a mode climbs
 ROOM = 2**20  # votes that a GPU has room for, at first
