@@ -20,6 +20,7 @@ import numpy as np
 
 from cvkern import _arrays
 from cvkern._arrays import NUMPY, Library, Order
+from cvkern._checks import as_items
 from cvkern._kernels import Folder
 from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
@@ -293,6 +294,10 @@ class Runtime(Folder):
         """Copy host values of the same shape and dtype into a kernel array."""
         self._set.write(array, np.ascontiguousarray(values))
 
+    def stream(self) -> int:
+        """Return the address of the CUDA stream that this thread's launches go to."""
+        return self._set.stream(self.device)
+
     def free_memory(self) -> int:
         """Return the number of free bytes on a GPU."""
         return self._set.free_memory(self.device)
@@ -354,6 +359,19 @@ class Runtime(Folder):
         """Wait for a kernel array and copy it to the host."""
         refuse_capture("a value needed on the host")
         return self._set.to_numpy(array)
+
+
+def check_devices(devices: Sequence[str] | None) -> list[str]:
+    """Return the devices that a call names, all of which exist; by default that in use."""
+    if devices is None:
+        return [choice()[1]]
+    found = list(as_items(devices, "devices", "names of devices"))
+    if not found:
+        raise ValueError("devices must name at least one, got none")
+    for place in found:
+        with use(device=place):
+            pass
+    return found
 
 
 def pinned() -> Callable[[], use]:

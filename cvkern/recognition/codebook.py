@@ -200,6 +200,9 @@ def _agglomerate(rt: Runtime, patches: np.ndarray, least: int) -> np.ndarray:
     partners = rt.scratch("recognition.partners", (count,), np.int32)
     labels, index = np.arange(count), np.arange(count)
     stale = np.ones(count, np.int32)
+    # A round merges a pair, or asks all clusters for fresh partners. Then the first cluster that
+    # reaches the largest similarity of all and its partner choose each other. So every second round
+    # merges a pair at least, and there are fewer than 2 `count` rounds.
     while True:
         kernels.find_partners(sums, sizes, least, rt.send("recognition.stale", stale), partners)
         found = np.array(rt.to_numpy(partners))

@@ -89,6 +89,11 @@ def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
     return array
 
 
+def stream(device: str) -> int:
+    """Return the address of the CUDA stream that launches go to: the default stream."""
+    return 0
+
+
 def free_memory(device: str) -> int:
     """Return the number of free bytes on a GPU."""
     from . import _cuda

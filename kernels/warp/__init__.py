@@ -169,6 +169,11 @@ def to_numpy(array: wp.array) -> np.ndarray:
     return found
 
 
+def stream(device: str) -> int:
+    """Return the address of the CUDA stream that this thread's launches go to."""
+    return _streams.current_stream(wp.get_device(device)).cuda_stream
+
+
 def free_memory(device: str) -> int:
     """Return the number of free bytes on a GPU."""
     return wp.get_device(device).free_memory
