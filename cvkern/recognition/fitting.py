@@ -66,6 +66,8 @@ class Fitted(NamedTuple):
     """Evidence of an empty frame."""
     threshold: float
     """Least score of what is found by default."""
+    usual: float = 1.0
+    """Size of the median object that was learnt, in sizes of the model."""
 
 
 def fit(

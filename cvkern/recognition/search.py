@@ -34,6 +34,7 @@ class Found(NamedTuple):
 
     rt: Runtime
     shape: tuple[int, int]
+    scales: tuple[float, ...]
     hall: Hall
     sums: Any
     """Sum of the weights of votes in each cell, (C,) int32, for kernels."""
@@ -56,7 +57,7 @@ def search(
 ) -> Found:
     """Return what is found in a picture; figures are painted if asked for."""
     image, white = check_picture(image, "image", data_range)
-    sizes = check_scales(scales)
+    sizes = check_scales(scales, fitted.usual)
     least = fitted.threshold if threshold is None else check_number(threshold, "threshold")
     floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
     rt = runtime(image)
@@ -74,7 +75,7 @@ def search(
         balance = rt.scratch("recognition.balance", (PAINTED, *sides), np.int32)
     if not len(places.places):
         rt.clear(sums)
-        return Found(rt, shape, hall, sums, 0, modes, None)
+        return Found(rt, shape, sizes, hall, sums, 0, modes, None)
     corners, *there = (
         sent(rt, name, array, sampling) for name, array in zip(Places._fields, places, strict=True)
     )
@@ -114,7 +115,7 @@ def search(
         if rt.device == "cpu" or votes <= room:
             break
         room = _rooms[rt.device] = 1 << (votes - 1).bit_length()
-    return Found(rt, shape, hall, sums, number, modes, painters[0] if painters else None)
+    return Found(rt, shape, sizes, hall, sums, number, modes, painters[0] if painters else None)
 
 
 def cells_of(shape: tuple[int, int], sizes: tuple[float, ...]) -> int:
@@ -123,9 +124,9 @@ def cells_of(shape: tuple[int, int], sizes: tuple[float, ...]) -> int:
     return int(bins[-1, 0] + bins[-1, 1] * bins[-1, 2])
 
 
-def votes_of(found: Found, scales: Any) -> list[np.ndarray]:
+def votes_of(found: Found) -> list[np.ndarray]:
     """Return the sums of the cells of each scale, on the host."""
-    bins = layout(found.shape, check_scales(scales))[0].bins.tolist()
+    bins = layout(found.shape, found.scales)[0].bins.tolist()
     sums = np.array(found.rt.to_numpy(found.sums))
     return [
         sums[first : first + rows * columns].reshape(rows, columns)
