@@ -49,12 +49,12 @@ void rank_kept(wp::array_t<float> images, wp::array_t<float> scales, wp::array_t
     }
 }
 
-// Consensus, or least squares of a window of ranks. The values of a pixel are kept in the order of
+// Consensus, least absolute residuals, or least squares of a window of ranks. The values of a pixel are kept in the order of
 // their ranks, so that a window is a part of them. Sums are float32. Each solution but the first is
 // the last one and a correction, which follows from what that leaves: so rounding hardly counts.
-// needs KEPT, LEFT_OUT, MOST, RIDGE, FLOOR
+// needs KEPT, LEFT_OUT, MOST, RIDGE, FLOOR, L1, CONSENSUS
 void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::array_t<float> lights,
-                wp::array_t<float> windows, int consensus, int sweeps, wp::array_t<float> normals,
+                wp::array_t<float> windows, int method, int sweeps, wp::array_t<float> normals,
                 wp::array_t<float> albedo, wp::array_t<float> residual) {
     __shared__ float kept[KEPT];
     __shared__ unsigned char order[KEPT];
@@ -88,7 +88,7 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
         int low = (int)floorf(windows.data[2 * m] * (float)number + 0.5f);
         int high = (int)floorf(windows.data[2 * m + 1] * (float)number + 0.5f);
         // Ranks run from 0 to the number. The darkest do not count for a consensus.
-        const int least = consensus ? dark : 0;
+        const int least = method == CONSENSUS ? dark : 0;
         if (high - max(low, least) < 4) {  // too few to tell their spread
             low = 0;
             high = number;
@@ -108,10 +108,12 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
                 const float shown = light.x * x + light.y * y + light.z * z;
                 const float off = own[k * threads] - shown;
                 float weight = 1.0f;
-                if (consensus && sweep > 0 && scale > 0.0f) {
-                    const float ratio = fabsf(off) * scale;
+                const float ratio = fabsf(off) * scale;
+                if (method == CONSENSUS && sweep > 0 && scale > 0.0f) {
                     weight = shown > 0.0f ? __fdividef(1.0f, 1.0f + ratio * ratio) : 0.0f;
                     weight += (float)FLOOR;
+                } else if (method == L1 && sweep > 0 && scale > 0.0f) {
+                    weight = __fdividef(1.0f, fmaxf(ratio, 1e-3f));
                 }
                 const float wx = weight * light.x, wy = weight * light.y, wz = weight * light.z;
                 xx += wx * light.x;
