@@ -329,11 +329,7 @@ class Runtime(Folder):
         return self._set.record(call, self.device)
 
     def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
-        """Launch what `call` launches; Warp on CUDA does it by one graph from the second time on.
-
-        All that `call` does must follow from its key and from the addresses and shapes of the
-        arrays, which include its inputs and all scratch memory that is used after it.
-        """
+        """Launch what `call`, its key and arrays determine; Warp on CUDA repeats it by a graph."""
         self._set.repeat(key, call, arrays)
 
     @property

@@ -188,7 +188,11 @@ def release_memory() -> None:
 
 
 def repeat(key: Hashable, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
-    """Launch what `call` launches; on CUDA from the second time on as one graph."""
+    """Launch what `call` launches; on CUDA from the second time on as one graph.
+
+    All that `call` does must follow from its key and from the addresses and shapes of the arrays,
+    which include its inputs and all scratch memory that is used after it.
+    """
     if arrays[0].device.is_cuda:
         _replays.repeat(key, call, arrays)
     else:
