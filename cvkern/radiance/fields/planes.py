@@ -164,18 +164,18 @@ class PlaneStack(Field):
             if self.parameters is not None:
                 self.parameters.make_deterministic(self.rt)
 
-    def see(self, origins: Any, directions: Any, seen: View) -> None:
+    def see(self, origins: Any, directions: Any, seen: View, row: int = 0) -> None:
         """See :meth:`Field.see`."""
         active = self.rt.constant(np.array([2**31 - 1], np.int32))
         stop = LAST_BYTE if self.parameters is None else STOP
         self.rt.radiance.fields.planes.rays.render(
-            Rays(origins, directions, active), self.planes, self.texels, stop, Seen(*seen)
+            Rays(origins, directions, active), self.planes, self.texels, stop, row, Seen(*seen)
         )
 
     def forward(self, rays: Rays, step: Any) -> Composited:
         """See :meth:`Field.forward`; there is no distortion."""
         self._last = rays, self.planes, self.texels, STOP
-        self.rt.radiance.fields.planes.rays.render(*self._last, Seen(*self.rendered[:3]))
+        self.rt.radiance.fields.planes.rays.render(*self._last, 0, Seen(*self.rendered[:3]))
         return self.rendered
 
     def backward(self, gradients: Composited) -> None:

@@ -56,7 +56,7 @@ class Case:
 
 def seen_by(rt, case, texels, stop=0.0):
     seen = Seen(rt.zeros((RAYS, 3)), rt.zeros((RAYS,)), rt.zeros((RAYS,)))
-    rt.radiance.fields.planes.rays.render(*case.arrays(rt), texels, stop, seen)
+    rt.radiance.fields.planes.rays.render(*case.arrays(rt), texels, stop, 0, seen)
     return seen
 
 

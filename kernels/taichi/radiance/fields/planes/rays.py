@@ -180,13 +180,20 @@ def _render(
 
 @primitive
 def render(
-    rays: codes.Rays, planes: np.ndarray, texels: np.ndarray, stop: float, seen: codes.Seen
+    rays: codes.Rays,
+    planes: np.ndarray,
+    texels: np.ndarray,
+    stop: float,
+    row: int,
+    seen: codes.Seen,
 ) -> None:
     """Render the first `active` rays; a ray ends where at most the share `stop` of light is left.
 
     `texels` are (D, H, W, 4) float32, or (D, H, W) uint32 with the bytes red, green, blue, alpha
     from the lowest on; colours are premultiplied, H and W at least 2. Texels of 8 bits are
-    interpolated with weights that are multiples of 1 / 256.
+    interpolated with weights that are multiples of 1 / 256, and must not change after they were
+    first rendered. `row` is the width of the picture if the rays are those of its pixels, row by
+    row, or 0; here it makes no difference.
     """
     small = texels.dtype == np.uint32
     other = scratch((1, 1, 1, 1) if small else (1, 1, 1), np.float32 if small else np.uint32)

@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
-from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, scratch, view
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, view
 from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
 from cvkern.kernels.warp.radiance._structs import Rays, Seen
@@ -124,21 +124,24 @@ def renderer(texel: Any) -> wp.Kernel:
 
 
 def render(
-    rays: codes.Rays, planes: wp.array, texels: wp.array, stop: float, seen: codes.Seen
+    rays: codes.Rays, planes: wp.array, texels: wp.array, stop: float, row: int, seen: codes.Seen
 ) -> None:
     """Render the first `active` rays; a ray ends where at most the share `stop` of light is left.
 
     `texels` are (D, H, W, 4) float32, or (D, H, W) uint32 with the bytes red, green, blue, alpha
     from the lowest on; colours are premultiplied, H and W at least 2. Texels of 8 bits are
-    interpolated with weights that are multiples of 1 / 256.
+    interpolated with weights that are multiples of 1 / 256, and must not change after they were
+    first rendered: on CUDA they are kept as textures. `row` is the width of the picture if the rays
+    are those of its pixels, row by row, or 0.
     """
     count = rays.origins.shape[0]
     if len(texels.shape) == 4:
         texels = view(texels, wp.vec4, texels.shape[:3])
     inputs = [struct_of(Rays, rays), planes, texels, stop]
     if texels.device.is_cuda and texels.dtype is wp.uint32 and texels.shape[0] <= cuda.MOST:
-        whole = -(-count // BLOCK) * BLOCK
-        launch(cuda.render_bytes, whole, [count, *inputs], [struct_of(Seen, seen)])
+        kept = cuda.stack_of(texels)
+        given = [count, row, *inputs[:2], kept.textures, kept.filled, *texels.shape[1:], stop]
+        launch(cuda.render_bytes, cuda.threads(count, row), given, [struct_of(Seen, seen)])
         return
     launch_each(
         renderer(texels.dtype), count, 8 * texels.shape[0] * count, inputs,
