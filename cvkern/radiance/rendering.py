@@ -29,7 +29,7 @@ from cvkern.radiance.scenes.photographs import Scene, focus_of
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
 
 SOLID = 0.5  # smallest opacity of a ray that has a depth
-RAYS = 2**20  # most rays rendered at a time, which bounds the memory
+RAYS = 2**20  # most rays rendered at a time, in whole rows, which bounds the memory
 
 
 class Picture(NamedTuple):
