@@ -142,8 +142,10 @@ def test_rendering_of_planes_compiles_for_hopper(texel, tmp_path):
     ("sums", "add"), [(wp.float32, "atom.global.add.f32"), (wp.int64, "add.u64")]
 )
 def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
-    kernel = load("radiance.fields.planes.rays").scatterer(sums, False)
-    assert add in compile_for_hopper(kernel.module, tmp_path / "scatter").replace("red.", "atom.")
+    for name in ("scatterer", "shine_scatterer"):
+        kernel = getattr(load("radiance.fields.planes._sums"), name)(sums, False)
+        code = compile_for_hopper(kernel.module, tmp_path / name).replace("red.", "atom.")
+        assert add in code
     for name in ("rays", "texels"):
         compile_for_hopper(load(f"radiance.fields.planes.{name}"), tmp_path / name)
 
