@@ -161,6 +161,13 @@ def check_channel_axis(shape: tuple[int, ...], channel_axis: int | None) -> int 
     return check_integer(channel_axis, "channel_axis", -3, 2) % 3
 
 
+def check_colors(shape: tuple[int, ...], channel_axis: int | None) -> int | None:
+    """Return the axis of the channels of a photograph; without one, the last if it has 3 or 4."""
+    if channel_axis is None and len(shape) == 3 and shape[2] in (3, 4):
+        return 2
+    return check_channel_axis(shape, channel_axis)
+
+
 def check_axes(
     shape: tuple[int, ...], channel_axis: int | None, batch_axis: int | None
 ) -> int | None:

@@ -14,7 +14,8 @@ from cvkern._runtime import Runtime, runtime
 from cvkern._tape import capturing
 from cvkern.edges.quantiles import SHARES, Thresholds, check_thresholds, find_limits, measures
 from cvkern.edges.slopes import OPERATORS, Surroundings, find_slopes
-from cvkern.filters.channels import Planes
+from cvkern.filters.channels import Planes, planes_of
+from cvkern.filters.gradients import without_channels
 from cvkern.filters.linear import NO_SIGMA
 from cvkern.kernels.codes.edges import Norm, Thinning
 from cvkern.kernels.codes.filters import Border
@@ -31,6 +32,7 @@ class EdgeOptions(NamedTuple):
     norm: Norm = Norm.L2
     rule: Thinning = Thinning.INTERPOLATED
     around: Surroundings = Surroundings(Border.REFLECT, 0.0)
+    batch_axis: int | None = None
 
 
 def canny(
@@ -46,6 +48,7 @@ def canny(
     norm: str = "l2",
     mode: str = "constant",
     cval: float = 0.0,
+    batch_axis: int | None = None,
 ) -> Any:
     """Find edges by the Canny algorithm.
 
@@ -55,7 +58,7 @@ def canny(
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype. Of a colour image, each pixel has the gradient of the channel where it is
         longest by `norm`, the first of equal ones; alpha is ignored.
     sigma : float, default 1.0
@@ -64,11 +67,11 @@ def canny(
         Thresholds on the length of the gradient, in the units of Sobel's kernels applied to
         `image`: 8 times a slope per pixel. By default 10 % and 20 % of the dtype's range, which
         is 1 for floating-point images.
-    mask : array of shape (H, W), optional
+    mask : array of the result's shape, optional
         Pixels where it is 0 are ignored: a pixel can be an edge only if the mask is nonzero there
         and at all neighbours.
     use_quantiles : bool, default False
-        Take the thresholds as quantiles, in [0, 1], of the gradient lengths of this image.
+        Take the thresholds as quantiles, in [0, 1], of the gradient lengths of each image.
     operator : {'sobel', 'scharr', 'gaussian'}, default 'sobel'
         'sobel' and 'scharr' apply their kernels after the Gaussian; 'gaussian' applies derivatives
         of the Gaussian, which favour no direction. All use the units of Sobel's kernels.
@@ -83,25 +86,28 @@ def canny(
         image is divided by a smoothed image of ones, so that no edge appears along the border.
     cval : float, default 0.0
         Value outside the image when `mode` is 'constant', in the units of `image`.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or (N, H, W, 3 or 4). On a GPU each step takes all
+        images in one launch.
 
     Returns
     -------
-    array of shape (H, W), bool
+    array of shape (H, W), or (N, H, W) of a stack, bool
 
     Raises
     ------
     TypeError
         If `image` or `mask` does not hold real numbers.
     ValueError
-        If `image` is empty or of another shape, `mask` is not (H, W), `sigma` is negative or not
-        finite (or 0 with 'gaussian'), a threshold is negative (or above 1 as a quantile),
-        `low_threshold` is above `high_threshold`, only `low_threshold` is given with a `sigma`
-        above 16, or an option is unknown.
+        If `image` is empty or of another shape, `mask` is not of the result's shape, `sigma` is
+        negative or not finite (or 0 with 'gaussian'), a threshold is negative (or above 1 as a
+        quantile), `low_threshold` is above `high_threshold`, only `low_threshold` is given with a
+        `sigma` above 16, or an option is unknown.
 
     Warns
     -----
     UserWarning
-        If a NumPy image on the CPU has no gradient as long as `high_threshold`.
+        If a NumPy image, or stack, on the CPU has no gradient as long as `high_threshold`.
 
     Notes
     -----
@@ -137,9 +143,10 @@ def canny(
     image, options = canny_options(
         image, sigma, low_threshold, high_threshold, mask, use_quantiles,
         operator=operator, suppression=suppression, norm=norm, mode=mode, cval=cval,
+        batch_axis=batch_axis,
     )  # fmt: skip
     rt = runtime(image, options.around.mask)
-    edges = rt.empty(tuple(image.shape[:2]), bool)
+    edges = rt.empty(without_channels(image, batch_axis), bool)
     find_edges(rt, image, options, rt.adopt(edges, bool))
     return rt.release(edges)
 
@@ -157,9 +164,10 @@ def canny_options(
     norm: str,
     mode: str,
     cval: float,
+    batch_axis: int | None = None,
 ) -> tuple[Any, EdgeOptions]:
     """Check the arguments of :func:`canny`, which has the defaults."""
-    image = check_photograph(image)
+    image = check_photograph(image, batch_axis=batch_axis)
     check_choice(operator, OPERATORS, "operator")
     check_choice(suppression, SUPPRESSIONS, "suppression")
     border = check_code(mode, Border, "mode")
@@ -167,11 +175,11 @@ def canny_options(
     cval = check_number(cval, "cval")
     sigma = check_number(sigma, "sigma", low=0)
     if mask is not None:
-        mask = check_image(mask, name="mask")
-        if tuple(mask.shape) != tuple(image.shape[:2]):
+        shape = without_channels(image, batch_axis)
+        mask = check_image(mask, ndim=(len(shape),), name="mask")
+        if tuple(mask.shape) != shape:
             raise ValueError(
-                f"mask must have the shape of the image, {tuple(image.shape[:2])}, "
-                f"got {tuple(mask.shape)}"
+                f"mask must have the shape of the image, {shape}, got {tuple(mask.shape)}"
             )
     dtype = library(image).dtype(image)
     thresholds = check_thresholds(low_threshold, high_threshold, use_quantiles, dtype, sigma)
@@ -179,7 +187,7 @@ def canny_options(
     if suppression == "interpolated":
         rule = Thinning.INTERPOLATED if operator == "gaussian" else Thinning.FRAMED
     around = Surroundings(border, cval, mask)
-    return image, EdgeOptions(sigma, thresholds, operator, length, rule, around)
+    return image, EdgeOptions(sigma, thresholds, operator, length, rule, around, batch_axis)
 
 
 def photograph_options(
@@ -208,7 +216,7 @@ def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tupl
 
     `image` is the caller's, or `Planes` of it.
     """
-    states = rt.scratch("canny.states", tuple(image.shape[:2]), np.uint8)
+    states = rt.scratch("canny.states", tuple(mask.shape), np.uint8)
     slopes = find_states(rt, image, options, states)
     rt.edges.masks.hysteresis(states, mask)
     _warn_of_none(rt, image, options, mask)
@@ -217,20 +225,21 @@ def find_edges(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> tupl
 
 def find_states(rt: Runtime, image: Any, options: EdgeOptions, states: Any) -> tuple[Any, Any]:
     """Fill the kernel array `states` with codes of `Edge`; return slopes as `find_edges` does."""
-    sigma, thresholds, operator, norm, rule, around = options
-    shape = tuple(image.shape[:2])
+    sigma, thresholds, operator, norm, rule, around, batch_axis = options
+    shape = tuple(states.shape)
     slopes: tuple[Any, Any] = (None, None)
     strict = rule != Thinning.FRAMED
     sectors = rule == Thinning.SECTORS
     exact = sectors and sigma <= NO_SIGMA and _is_exact(image, options)
-    if exact and len(image.shape) == 2 and not isinstance(image, Planes):
+    if exact and tuple(image.shape) == shape and not isinstance(image, Planes):
         low, high = _integral(measures(thresholds, norm))
         src = rt.adopt(image, np.uint8)
         rt.edges.masks.thin_sobel(src, around.border, around.cval, norm, low, high, states)
     else:
         slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
         bare = sectors and around.mask is None
-        find_slopes(rt, image, sigma, operator, around, bare, norm, *slopes)
+        planes = planes_of(rt, image, batch_axis=batch_axis)
+        find_slopes(rt, planes, sigma, operator, around, bare, norm, *slopes)
         if exact:
             limits = rt.constant(np.array(_integral(measures(thresholds, norm)), np.float32))
         else:
@@ -269,11 +278,11 @@ def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> N
         return
     if thresholds.quantiles or thresholds.high <= 0 or rt.to_numpy(mask).any():
         return
-    shape = tuple(image.shape[:2])
+    shape = tuple(mask.shape)
     slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
     bare = options.rule == Thinning.SECTORS and options.around.mask is None
     given = options.sigma, options.operator, options.around, bare, options.norm
-    find_slopes(rt, image, *given, *slopes)
+    find_slopes(rt, planes_of(rt, image, batch_axis=options.batch_axis), *given, *slopes)
     y, x = (np.nan_to_num(rt.to_numpy(a), posinf=0, neginf=0).astype(np.float64) for a in slopes)
     most = float((np.hypot(y, x) if options.norm == Norm.L2 else np.abs(y) + np.abs(x)).max())
     if 0 < most < thresholds.high:

@@ -90,6 +90,8 @@ def find_limits(
 ) -> Any:
     """Return a kernel array of limits on the length of the gradient, or on its square.
 
+    There are two for all images of a stack, or two for each if they are quantiles.
+
     A pixel must exceed a limit. If it may equal the threshold (not `strict`), the limit is the next
     smaller float. A quantile between two order statistics separates pixels as either of them does,
     so no interpolation is needed.
@@ -99,8 +101,9 @@ def find_limits(
         if not strict:
             values = np.nextafter(values, np.float32(0))
         return rt.constant(values)
-    ranks = ranks_of(thresholds, math.prod(dy.shape), strict)
-    limits = rt.scratch("edges.limits", (2,))
+    ranks = ranks_of(thresholds, math.prod(dy.shape[-2:]), strict)
+    images = 1 if len(dy.shape) == 2 else dy.shape[0]
+    limits = rt.scratch("edges.limits", (2 * images,))
     chosen = rt.constant(np.array(ranks, np.int32))
     rt.edges.quantiles.find_limits(dy, dx, norm, chosen, strict, thresholds.faintest, limits)
     return limits

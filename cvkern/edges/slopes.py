@@ -48,7 +48,9 @@ def find_slopes(
     dy: Any,
     dx: Any,
 ) -> None:
-    """Fill the kernel arrays dy and dx; `bare` uses the border values plainly, as OpenCV does.
+    """Fill the kernel arrays dy and dx, (H, W), or (N, H, W) of a stack that `planes_of` read.
+
+    `bare` uses the border values plainly, as OpenCV does.
 
     A colour image has the gradient of the channel where it is longest by `norm`.
     """
@@ -129,14 +131,14 @@ def _blurred(
         _smooth(rt, weight, taps, around.border, cval, share)
         rt.edges.slopes.recover(share, _least(dtype), blurred)
         return blurred
-    rows, columns = _seen(shape[0], sigma, cval), _seen(shape[1], sigma, 0.0)
-    reach = min(len(taps) // 2, max(shape))
+    rows, columns = _seen(shape[-2], sigma, cval), _seen(shape[-1], sigma, 0.0)
+    reach = min(len(taps) // 2, max(shape[-2:]))
     rt.edges.slopes.recover_frame(rt.constant(rows), rt.constant(columns), cval, reach, blurred)
     return blurred
 
 
 def _smooth(rt: Runtime, src: Any, taps: np.ndarray, border: Border, cval: float, dst: Any) -> None:
-    planes = (1, *src.shape)
+    planes = (1, *src.shape)[-3:]
     weights = rt.constant(taps)
     rt.filters.linear.correlate_separable(
         src.reshape(planes), weights, weights, 1, border, cval, dst.reshape(planes)
@@ -153,7 +155,7 @@ def _covered(rt: Runtime, plane: Any, around: Surroundings) -> tuple[Any, Any]:
 
 
 @lru_cache(maxsize=4)
-def _ones(shape: tuple[int, int]) -> np.ndarray:
+def _ones(shape: tuple[int, ...]) -> np.ndarray:
     return np.ones(shape, bool)
 
 

@@ -81,17 +81,17 @@ def sobel(
     return _edge_strength(image, "sobel", axis, _Options(mask, mode, cval, batch_axis))
 
 
-def sobel_h(image: Any, mask: Any = None) -> Any:
+def sobel_h(image: Any, mask: Any = None, *, batch_axis: int | None = None) -> Any:
     """Find horizontal edges by the Sobel operator: ``sobel(image, mask, axis=0)``.
 
     Parameters
     ----------
-    image, mask
+    image, mask, batch_axis
         As in :func:`sobel`.
 
     Returns
     -------
-    array of shape (H, W), float32
+    array of shape (H, W), or (N, H, W) of a stack, float32
 
     Raises
     ------
@@ -104,20 +104,20 @@ def sobel_h(image: Any, mask: Any = None) -> Any:
     >>> cvkern.sobel_h([[0, 0, 0], [0, 0, 0], [4, 4, 4]])[:, 1]
     array([0., 4., 4.], dtype=float32)
     """
-    return sobel(image, mask, axis=0)
+    return sobel(image, mask, axis=0, batch_axis=batch_axis)
 
 
-def sobel_v(image: Any, mask: Any = None) -> Any:
+def sobel_v(image: Any, mask: Any = None, *, batch_axis: int | None = None) -> Any:
     """Find vertical edges by the Sobel operator: ``sobel(image, mask, axis=1)``.
 
     Parameters
     ----------
-    image, mask
+    image, mask, batch_axis
         As in :func:`sobel`.
 
     Returns
     -------
-    array of shape (H, W), float32
+    array of shape (H, W), or (N, H, W) of a stack, float32
 
     Raises
     ------
@@ -130,7 +130,7 @@ def sobel_v(image: Any, mask: Any = None) -> Any:
     >>> cvkern.sobel_v([[0, 0, 4]] * 3)[1]
     array([0., 4., 4.], dtype=float32)
     """
-    return sobel(image, mask, axis=1)
+    return sobel(image, mask, axis=1, batch_axis=batch_axis)
 
 
 def scharr(

@@ -10,8 +10,8 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import (
-    check_channel_axis,
     check_choice,
+    check_colors,
     check_disparities,
     check_integer,
     check_number,
@@ -177,7 +177,7 @@ class Plan(NamedTuple):
 
 def plan_of(rt: Runtime, shape: tuple[int, ...], given: Mapping[str, Any]) -> Plan:
     """Check the options of :func:`cvkern.stereo_match`, by name, for images of one shape."""
-    axis = check_channel_axis(shape, given["channel_axis"])
+    axis = check_colors(shape, given["channel_axis"])
     height, width = (n for i, n in enumerate(shape) if i != axis)
     channels = 1 if axis is None else shape[axis]
     if channels not in ((1,) if axis is None else (3, 4)):

@@ -9,8 +9,8 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import (
-    check_channel_axis,
     check_code,
+    check_colors,
     check_disparities,
     check_image,
     check_integer,
@@ -74,7 +74,7 @@ def stereo_cost(
     spacing : int, default 1
         Distance of the neighbours of a census, in pixels; 1 to 16.
     channel_axis : int, optional
-        Axis of the colours; needed for 3-D images.
+        Axis of the channels; by default the last of (H, W, 3 or 4).
 
     Returns
     -------
@@ -126,7 +126,7 @@ def stereo_cost(
         raise ValueError(
             f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
         )
-    axis = check_channel_axis(left.shape, channel_axis)
+    axis = check_colors(left.shape, channel_axis)
     sizes = [n for i, n in enumerate(left.shape) if i != axis]
     height, width, channels = shape = (*sizes, 1 if axis is None else left.shape[axis])
     first, stop = check_disparities(disparities, width)

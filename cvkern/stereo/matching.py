@@ -10,8 +10,8 @@ import numpy as np
 
 from cvkern._arrays import device, library
 from cvkern._capture import capture
-from cvkern._checks import MAX_ELEMENTS, as_items, check_image, check_integer
-from cvkern._runtime import pinned, runtime
+from cvkern._checks import MAX_ELEMENTS, as_items, check_axes, check_image, check_integer
+from cvkern._runtime import Runtime, pinned, runtime
 from cvkern.geometry.cameras.rectification import Rectification, rectify_stereo
 from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
 from cvkern.stereo._plan import plan_of, white
@@ -66,6 +66,7 @@ def stereo_match(
     speckle_difference: float = 2.0,
     smoothing: int = 6,
     max_bytes: int | None = None,
+    batch_axis: int | None = None,
 ) -> StereoResult:
     """Find the disparity of each pixel of a rectified pair.
 
@@ -75,7 +76,7 @@ def stereo_match(
 
     Parameters
     ----------
-    left, right : array of shape (H, W), or with 3 or 4 channels
+    left, right : array of shape (H, W), or with 3 or 4 channels, or stacks of them
         A rectified pair. Matching uses 8-bit grey values; those of a colour image are
         ``(77 R + 150 G + 29 B + 128) >> 8``. A fourth channel is ignored.
     disparities : (int, int), default (0, 64)
@@ -90,7 +91,7 @@ def stereo_match(
         Odd side of the windows of the method 'window', 1 to 51. A small window keeps detail and
         noise; a large one smooths and makes near objects wider.
     channel_axis : int, optional
-        Axis of the colours; needed for 3-D images.
+        Axis of the channels; by default the last of (H, W, 3 or 4).
     data_range : float, optional
         The value of white, for dtypes other than uint8. By default the largest value of an integer
         dtype, and 1 for floating-point images. Values below 0 count as black, values above white
@@ -117,12 +118,15 @@ def stereo_match(
     max_bytes : int, optional
         Bound on the memory of semi-global matching; none by default. If its volumes take more
         bytes, the work is done in strips of rows, as in :func:`aggregate_semi_global`.
+    batch_axis : {0}, optional
+        Axis of the pairs in stacks. They are matched one after the other, with the memory of one.
 
     Returns
     -------
     StereoResult
         Named tuple of `disparity` (H, W) float32, `valid` (H, W) bool and `confidence` (H, W)
-        float32. Disparities are NaN only if no pixel of the image is valid.
+        float32, each (N, H, W) of stacks. Disparities are NaN only if no pixel of the image is
+        valid.
 
     Raises
     ------
@@ -160,13 +164,19 @@ def stereo_match(
     5.0
     """
     options = locals()
-    left = check_image(left, ndim=(2, 3), name="left")
-    right = check_image(right, ndim=(2, 3), name="right")
+    ranks = (2, 3) if batch_axis is None else (3, 4)
+    left = check_image(left, ndim=ranks, name="left")
+    right = check_image(right, ndim=ranks, name="right")
     if tuple(left.shape) != tuple(right.shape):
         raise ValueError(
             f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
         )
     rt = runtime(left, right)
+    if batch_axis is not None:
+        if channel_axis is None and len(left.shape) == 4:
+            channel_axis = -1
+        options["channel_axis"] = check_axes(left.shape, channel_axis, batch_axis)
+        return _match_stack(rt, left, right, options)
     plan = plan_of(rt, tuple(left.shape), options)
     shape = plan.images.shape
     result = StereoResult(rt.empty(shape), rt.empty(shape, bool), rt.empty(shape))
@@ -174,6 +184,19 @@ def stereo_match(
         rt, left, right,
         rt.adopt(result.disparity), rt.adopt(result.valid, bool), rt.adopt(result.confidence),
     )  # fmt: skip
+    return StereoResult(*(rt.release(a) for a in result))
+
+
+def _match_stack(rt: Runtime, left: Any, right: Any, options: dict[str, Any]) -> StereoResult:
+    """Match the pairs of two stacks, one after the other."""
+    images, *one = left.shape
+    plan = plan_of(rt, tuple(one), options)
+    shape = images, *plan.images.shape
+    result = StereoResult(rt.empty(shape), rt.empty(shape, bool), rt.empty(shape))
+    dtypes = np.float32, bool, np.float32
+    filled = [rt.adopt(a, dtype) for a, dtype in zip(result, dtypes, strict=True)]
+    for n in range(images):
+        plan.match(rt, left[n], right[n], *(a[n] for a in filled))
     return StereoResult(*(rt.release(a) for a in result))
 
 
@@ -223,6 +246,8 @@ class StereoMatcher:
         check_image(blank, ndim=(2, 3), name="shape")
         call = inspect.signature(stereo_match).bind(blank, blank, disparities, **options)
         call.apply_defaults()
+        if call.arguments["batch_axis"] is not None:
+            raise ValueError("batch_axis must be None: a matcher takes one pair at a time")
         plan_of(runtime(blank), self.shape, call.arguments)
         self._options = call.arguments
         self._match: Callable[..., Any] = stereo_match

@@ -123,6 +123,20 @@ def test_disparities_of_the_callers_arrays(library, backend):
         np.testing.assert_array_equal(take(a), b)
 
 
+def test_stacks(backend):
+    """The pairs of odd sizes begin at any address."""
+    torch = pytest.importorskip("torch")
+    pairs = [stereo_pair(33, 71, 3 + n, n) for n in range(3)]
+    left, right = (np.stack(images) for images in zip(*pairs, strict=True))
+    for images in ((left, right), (left[..., 0].copy(), right[..., 0].copy())):
+        for method in ("semi-global", "window"):
+            given = [torch.from_numpy(i).cuda() for i in images]
+            got = cvkern.stereo_match(*given, (0, 16), method=method, batch_axis=0)
+            want = cvkern.stereo_match(*images, (0, 16), method=method, batch_axis=0)
+            for a, b in zip(got, want, strict=True):
+                np.testing.assert_array_equal(a.cpu().numpy(), b)
+
+
 @pytest.mark.parametrize("library", ["numpy", *LIBRARIES])
 def test_a_matcher_follows_a_video(library, backend):
     place = "cuda" if library == "numpy" else "cpu"

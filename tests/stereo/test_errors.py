@@ -34,7 +34,8 @@ def test_pairs():
     )
     cost_refused(ValueError, "right must have the shape of left, (4, 5), got (4, 5, 3)", right=DEEP)
     message = "channel_axis must be given for 3-D images and for no others, got None for shape "
-    cost_refused(ValueError, message + "(4, 5, 3)", DEEP, DEEP)
+    other = np.zeros((4, 5, 2))
+    cost_refused(ValueError, message + "(4, 5, 2)", other, other)
     cost_refused(ValueError, "channel_axis must be in [-3, 2], got 3", DEEP, DEEP, channel_axis=3)
 
 

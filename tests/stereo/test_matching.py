@@ -261,6 +261,7 @@ def test_colours_and_dtypes(backend, method):
         assert_same(match(moved, channel_axis=axis, **call), want)
     alpha = [np.dstack([p, rng.integers(0, 256, p.shape[:2], np.uint8)]) for p in pair]
     assert_same(match(alpha, channel_axis=2, **call), want)
+    assert_same(match(alpha, **call), want)  # the last axis, if it has 3 or 4 channels
     for images, range_ in (
         ([g.astype(np.uint16) * 257 for g in grays], None),
         ([g.astype(np.uint16) * 4 for g in grays], 1020),
@@ -269,6 +270,22 @@ def test_colours_and_dtypes(backend, method):
         ([g.astype(np.int32) for g in grays], 255.0),
     ):
         assert_same(match(images, data_range=range_, **call), want)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_stacks(backend, method):
+    rng = np.random.default_rng(6)
+    left = rng.integers(0, 256, (3, 21, 37, 3), np.uint8)
+    right = np.stack([np.roll(one, -n - 3, axis=1) for n, one in enumerate(left)])
+    call = {"disparities": (0, 9), "method": method}
+    for pair in ((left[..., 1], right[..., 1]), (left, right)):
+        want = [match((one, other), **call) for one, other in zip(*pair, strict=True)]
+        got = match(pair, batch_axis=0, **call)
+        assert_same(got, cvkern.StereoResult(*map(np.stack, zip(*want, strict=True))))
+    moved = [np.moveaxis(p, -1, 1) for p in (left, right)]
+    assert_same(match(moved, batch_axis=0, channel_axis=1, **call), got)
+    with pytest.raises(ValueError, match="batch_axis must be None: a matcher takes one pair"):
+        cvkern.StereoMatcher((21, 37), batch_axis=0)
 
 
 def test_strips(backend):

@@ -88,6 +88,10 @@ def train(
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
     ] = False,
+    devices: Annotated[
+        str | None,
+        typer.Option(metavar="cuda:0,cuda:1,...", help="Train on several GPUs together."),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue from the output, if it exists.")
     ] = False,
@@ -148,6 +152,7 @@ def train(
             transient=transient,
             seed=seed,
             deterministic=deterministic,
+            devices=devices.split(",") if devices else None,
             checkpoint=output,
             resume=resume,
             log=log,

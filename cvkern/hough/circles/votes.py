@@ -13,13 +13,11 @@ from cvkern._checks import (
     check_accumulator,
     check_beside,
     check_flag,
-    check_image,
     check_integer,
     check_number,
-    check_sides,
 )
 from cvkern._runtime import runtime
-from cvkern.hough._points import check_at_points, mask_points
+from cvkern.hough._points import check_at_points, check_masks, mask_points
 from cvkern.kernels.codes.hough import DIRECTIONS, Rings
 
 MAX_RADIUS = 2**14  # times 2^16 (the scale of the direction tables), it stays within 32 bits
@@ -34,12 +32,13 @@ def hough_circle(
     full_output: bool = False,
     orientation: Any = None,
     orientation_tolerance: float = 0.0,
+    batch_axis: int | None = None,
 ) -> Any:
     """Count, for every centre and radius, the set pixels on the circle.
 
     Parameters
     ----------
-    mask : array of shape (H, W)
+    mask : array of shape (H, W), or a stack of them
         Edge pixels: any real dtype, set where it is not 0.
     radius : int or sequence of R ints
         Radii in pixels, from 1 to the diagonal of the image.
@@ -47,7 +46,7 @@ def hough_circle(
         Divide the votes by the number of offsets of the circle, which gives its visible share.
     full_output : bool, default False
         Also count for centres outside the image, as far away as the largest radius.
-    orientation : array of shape (H, W), optional
+    orientation : array of the shape of `mask`, optional
         Direction of the gradient in radians (:func:`cvkern.gradient`). A set pixel then votes only
         along its gradient, to both sides, instead of in all directions. This gives far fewer wrong
         votes.
@@ -55,22 +54,24 @@ def hough_circle(
         Radians. With 0, a pixel p votes for the two centres ``p +- round(radius * direction)``.
         Above 0, it votes for the offsets of the circle whose direction differs from the gradient's,
         or from its opposite, by at most this angle.
+    batch_axis : {0}, optional
+        Axis of the masks in a stack, (N, H, W); on a GPU all vote in one launch.
 
     Returns
     -------
     array of shape (R, H, W), or (R, H + 2 M, W + 2 M) with `full_output`, M the largest radius
         float32 shares, or int32 votes where `normalize` is False. The centre (row, column) is at
-        ``[:, row + M, column + M]`` of the full output.
+        ``[:, row + M, column + M]`` of the full output. A stack has one more axis in front.
 
     Raises
     ------
     TypeError
         If an array does not hold real numbers, or a radius is not an integer.
     ValueError
-        If an array is empty, not 2-D, or longer than 65536 on a side, or the arrays differ in
-        shape; if there is no radius, or one is below 1, above 16384, or above the diagonal without
-        `full_output`; if the result would have more than 2^29 elements; if `orientation` is NaN or
-        beyond a full turn at a set pixel, or the tolerance is negative or not below pi / 2.
+        If an array is empty, of another rank, or longer than 65536 on a side, or the arrays differ
+        in shape; if there is no radius, or one is below 1, above 16384, or above the diagonal
+        without `full_output`; if the result would have more than 2^29 elements; if `orientation` is
+        NaN or beyond a full turn at a set pixel, or the tolerance is negative or not below pi / 2.
 
     Notes
     -----
@@ -97,8 +98,7 @@ def hough_circle(
     >>> np.unravel_index(votes.argmax(), votes.shape)
     (np.int64(1), np.int64(12), np.int64(9))
     """
-    mask = check_image(mask, name="mask")
-    shape = check_sides(mask.shape, "mask")
+    mask, shape = check_masks(mask, batch_axis)
     normalize = check_flag(normalize, "normalize")
     full_output = check_flag(full_output, "full_output")
     farthest = MAX_RADIUS if full_output else int(math.hypot(shape[0] - 1, shape[1] - 1))
@@ -106,9 +106,10 @@ def hough_circle(
     tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)
     if tolerance >= math.pi / 2:
         raise ValueError(f"orientation_tolerance must be < pi / 2, got {tolerance:g}")
-    orientation = check_beside(orientation, shape, "orientation")
+    orientation = check_beside(orientation, tuple(mask.shape), "orientation")
     pad = max(radii) if full_output else 0
-    size = (len(radii), shape[0] + 2 * pad, shape[1] + 2 * pad)
+    stack = tuple(mask.shape)[:-2]
+    size = (*stack, len(radii), shape[0] + 2 * pad, shape[1] + 2 * pad)
     check_accumulator(size, "votes")
     rt = runtime(mask, orientation)
     rings = Rings(*map(rt.constant, _rings(radii)))

@@ -50,7 +50,8 @@ def values_at(rt: Runtime, found: Points, values: Any, name: str) -> Any:
     if len(values.shape) == 1:
         return rt.adopt(values) if len(values) else rt.scratch(f"lines.{name}", (1,))
     taken = rt.scratch(f"lines.{name}", (max(found.capacity, 1),))
-    rt.hough.lines.votes.take(found.points, found.starts, rt.adopt(values), taken)
+    image = rt.adopt(values, shape=(found.height, values.shape[-1]))
+    rt.hough.lines.votes.take(found.points, found.starts, image, taken)
     return taken
 
 
@@ -74,7 +75,9 @@ def _fixed_weights(rt: Runtime, found: Points, weights: Any, crossing: int) -> A
     listed = check_listed(rt, found, values_at(rt, found, weights, "weights"), "weights", 0)
     fixed = np.floor(listed.astype(np.float64) * WEIGHT + 0.5)
     most = fixed.sum()
-    if len(weights.shape) == 2 and len(fixed):
+    if len(weights.shape) > 1 and len(fixed):
+        ends = rt.to_numpy(found.starts)[:: weights.shape[-2]]  # points of each image
+        most = np.diff(np.concatenate(([0], np.cumsum(fixed)))[ends]).max()
         most = min(most, fixed.max() * crossing)
     if most >= 2**31:
         raise ValueError(
@@ -106,11 +109,24 @@ def reach(size: tuple[int, int], step: float) -> int:
     return math.ceil(min(math.sqrt(size[0] ** 2 + size[1] ** 2) / step, MAX_ELEMENTS))
 
 
+def crossing(size: tuple[int, int], step: float) -> int:
+    """Return the largest number of pixels of a line that fall into one bin."""
+    # A line has at most one side of the image, times those per row.
+    return max(size) * (math.floor(math.sqrt(2) * step) + 1)
+
+
 @lru_cache(maxsize=32)
 def line_tables(angles: bytes, step: float, size: tuple[int, int], parts: int) -> LineTables:
     """Return the tables for float64 angles, and for points in units of 1 / `parts` of a pixel."""
     theta = np.frombuffer(angles)
     return fixed_tables(np.cos(theta) / step, np.sin(theta) / step, reach(size, step), size, parts)
+
+
+def moved(tables: LineTables, corner: tuple[int, int]) -> LineTables:
+    """Return the tables for points that are counted from the pixel `corner` of the image."""
+    y, x = corner
+    offset = tables.offset + y * tables.sine.astype(np.int64) + x * tables.cosine.astype(np.int64)
+    return tables._replace(offset=offset)
 
 
 def fixed_tables(

@@ -18,10 +18,11 @@ from cvkern._checks import (
     check_sides,
 )
 from cvkern._runtime import runtime
-from cvkern.hough._points import mask_points
+from cvkern.hough._points import check_masks, mask_points
 from cvkern.hough.lines._tables import (
     SUBPIXEL,
     cast_votes,
+    crossing,
     direction_windows,
     fixed_tables,
     line_tables,
@@ -37,7 +38,7 @@ class HoughLine(NamedTuple):
     """An accumulator of lines and the meaning of its axes."""
 
     votes: Any
-    """The votes for each distance and angle, (R, T) int32."""
+    """The votes for each distance and angle, (R, T) int32, or (N, R, T) of a stack."""
     theta: np.ndarray
     """The angle of a line's normal from the x axis towards the y axis, radians, (T,) float64."""
     rho: np.ndarray
@@ -76,6 +77,7 @@ def hough_line(
     orientation: Any = None,
     orientation_tolerance: float = 0.0,
     weights: Any = None,
+    batch_axis: int | None = None,
 ) -> HoughLine:
     """Count the votes of the points of an image for the lines through them.
 
@@ -84,7 +86,7 @@ def hough_line(
 
     Parameters
     ----------
-    mask : array of shape (H, W)
+    mask : array of shape (H, W), or a stack of them
         The points are the pixels that are not zero; bool or any real dtype.
     theta : array of shape (T,), optional
         Angles, radians. By default 180 angles, one degree apart, beginning at -pi/2.
@@ -94,21 +96,23 @@ def hough_line(
         Height and width of the image that contains `points`; required with them.
     rho_step : float, default 1.0
         Distance between neighbouring bins of rho, pixels.
-    orientation : array of shape (H, W) or (N,), optional
+    orientation : array of the shape of `mask`, or (N,), optional
         Direction of the gradient at the points, radians, as :func:`gradient` and
         :func:`subpixel_edges` return it. A point then votes only for lines across its gradient:
         for `theta` within `orientation_tolerance` of it, or for the nearest `theta` if there is
         none. `theta` must ascend, and span less than half a turn.
     orientation_tolerance : float, default 0.0
         Radians.
-    weights : array of shape (H, W) or (N,), optional
+    weights : array of the shape of `mask`, or (N,), optional
         Votes are sums of ``round(256 weight)`` over the points, instead of their number.
+    batch_axis : {0}, optional
+        Axis of the masks in a stack, (N, H, W); all vote in one launch. Not for `points`.
 
     Returns
     -------
     HoughLine
-        Named tuple of `votes` (R, T) int32, `theta` (T,) and `rho` (R,). The last two are always
-        NumPy arrays.
+        Named tuple of `votes` (R, T) int32, or (N, R, T) of a stack, `theta` (T,) and `rho` (R,).
+        The last two are always NumPy arrays.
 
     Raises
     ------
@@ -157,17 +161,19 @@ def hough_line(
     step = check_positive(rho_step, "rho_step")
     tolerance = check_number(orientation_tolerance, "orientation_tolerance", low=0)
     if points is None:
-        mask = check_image(mask, name="mask")
-        size = check_sides(mask.shape, "mask")
+        mask, size = check_masks(mask, batch_axis)
     else:
+        if batch_axis is not None:
+            raise ValueError(f"batch_axis must be None with points, got {batch_axis!r}")
         points = check_points(points)
         size = check_sides(shape, "shape")
-    expected = size if points is None else (len(points),)
+    expected = tuple(mask.shape) if points is None else (len(points),)
     orientation = check_beside(orientation, expected, "orientation")
     weights = check_beside(weights, expected, "weights")
     distances = reach(size, step)
     bins = 2 * distances + 1
-    check_accumulator((bins, len(angles)), "votes")
+    shape_of_votes = (*expected[: len(expected) - 2], bins, len(angles))
+    check_accumulator(shape_of_votes, "votes")
     windows = None
     if orientation is not None:
         windows = direction_windows(angles.tobytes(), tolerance)
@@ -178,11 +184,9 @@ def hough_line(
     else:
         found = subpixel_points(rt, points, size)
         tables = line_tables(angles.tobytes(), step, size, SUBPIXEL)
-    votes = rt.empty((bins, len(angles)), np.int32)
-    # A line has at most this many pixels in its bin: one side of the image, times those per row.
-    crossing = max(size) * (math.floor(math.sqrt(2) * step) + 1)
+    votes = rt.empty(shape_of_votes, np.int32)
     view = rt.adopt(votes, np.int32)
-    cast_votes(rt, found, tables, windows, orientation, weights, crossing, view)
+    cast_votes(rt, found, tables, windows, orientation, weights, crossing(size, step), view)
     rho = step * np.arange(-distances, distances + 1.0)
     return HoughLine(rt.release(votes), angles, rho)
 

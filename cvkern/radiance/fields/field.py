@@ -121,6 +121,13 @@ class Field(abc.ABC):
         """Add to the parameters' gradients, given those of the last result of :meth:`forward`."""
 
     @abc.abstractmethod
+    def collected(self) -> list[Any]:
+        """Return the arrays that :meth:`backward` adds to, as :meth:`learn` takes them.
+
+        Training on several devices adds them up; of bytes, which are marks, it keeps the largest.
+        """
+
+    @abc.abstractmethod
     def learn(self, learning: Learning) -> None:
         """Update the parameters by their gradients, and reset the gradients."""
 

@@ -199,6 +199,10 @@ class HashNetwork(SampledField):
             self.gradient_scale = LIFT
             self.table.make_deterministic(self.rt)
 
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self.table.gradients, self.layers.gradients]
+
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         adam, s = self.rt.radiance.training.adam, self.settings

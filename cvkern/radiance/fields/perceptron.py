@@ -269,6 +269,10 @@ class MLPNetwork(SampledField):
                     self.d_sigma, s.sigma, total, g["view"]
                 )
 
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self.parameters.gradients]
+
     def d_lights(self) -> Any:
         """See :meth:`SampledField.d_lights`."""
         return self._d_lights

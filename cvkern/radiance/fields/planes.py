@@ -236,6 +236,10 @@ class PlaneStack(Field):
         if shown is not None:
             shown.collect(self.rt)
 
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self._learnt().gradients]
+
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         s, p = self.settings, self._learnt()

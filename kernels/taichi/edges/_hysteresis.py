@@ -10,9 +10,14 @@ import taichi as ti
 from cvkern.kernels.codes.edges import Edge
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
-u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)  # (images, rows, columns)
 
 _BEFORE = ((0, -1), (-1, -1), (-1, 0), (-1, 1))  # neighbours that precede a pixel in the raster
+
+
+@ti.func
+def label_of(states: ti.template(), n: ti.i32, y: ti.i32, x: ti.i32) -> ti.i32:
+    return (n * states.shape[1] + y) * states.shape[2] + x + 1
 
 
 @ti.func
@@ -41,44 +46,44 @@ def join(first: ti.i32, second: ti.i32, parents: ti.template()):
 
 @ti.kernel
 def plant(
-    states: u8_2,
+    states: u8_3,
     # outputs
     parents: i32_1,  # (1 + pixels,)
 ):
     """Make 0 the parent of strong pixels, and all other pixels roots; one thread per pixel."""
     parents[0] = 0
-    for y, x in states:
-        label = y * states.shape[1] + x + 1
-        parents[label] = 0 if states[y, x] == Edge.STRONG else label
+    for n, y, x in states:
+        label = label_of(states, n, y, x)
+        parents[label] = 0 if states[n, y, x] == Edge.STRONG else label
 
 
 @ti.kernel
 def unite(
-    states: u8_2,
+    states: u8_3,
     # outputs
     parents: i32_1,
 ):
     """Join every edge pixel with the edge pixels that precede it; one thread per pixel."""
-    for y, x in states:
-        if states[y, x] != Edge.NONE:
+    for n, y, x in states:
+        if states[n, y, x] != Edge.NONE:
             for dy, dx in ti.static(_BEFORE):
-                if y + dy >= 0 and 0 <= x + dx < states.shape[1]:
-                    if states[y + dy, x + dx] != Edge.NONE:
-                        label = y * states.shape[1] + x + 1
-                        join(label, label + dy * states.shape[1] + dx, parents)
+                if y + dy >= 0 and 0 <= x + dx < states.shape[2]:
+                    if states[n, y + dy, x + dx] != Edge.NONE:
+                        label = label_of(states, n, y, x)
+                        join(label, label + dy * states.shape[2] + dx, parents)
 
 
 @ti.kernel
 def keep(
-    states: u8_2,
+    states: u8_3,
     parents: i32_1,
     # outputs
-    mask: u8_2,
+    mask: u8_3,
 ):
     """Mark the edge pixels whose root is 0; one thread per pixel."""
-    for y, x in states:
+    for n, y, x in states:
         kept = 0
-        if states[y, x] != Edge.NONE:
-            if find(y * states.shape[1] + x + 1, parents) == 0:
+        if states[n, y, x] != Edge.NONE:
+            if find(label_of(states, n, y, x), parents) == 0:
                 kept = 1
-        mask[y, x] = ti.cast(kept, ti.u8)
+        mask[n, y, x] = ti.cast(kept, ti.u8)

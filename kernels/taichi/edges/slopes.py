@@ -13,6 +13,7 @@ from cvkern.kernels.taichi._rounding import product, quotient
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 
 
 @ti.kernel
@@ -31,7 +32,8 @@ def _cover(
 @primitive
 def cover(image: np.ndarray, mask: np.ndarray, covered: np.ndarray, weight: np.ndarray) -> None:
     """Set masked pixels to 0, and write the weights 1 and, for masked pixels, 0."""
-    _cover(image, mask, covered, weight)
+    tall = -1, image.shape[-1]  # the rows of all images of a stack
+    _cover(*(a.reshape(tall) for a in (image, mask, covered, weight)))
 
 
 @ti.kernel
@@ -49,7 +51,8 @@ def _recover(
 @primitive
 def recover(weight: np.ndarray, least: float, image: np.ndarray) -> None:
     """Divide smoothed pixels by the smoothed weight; one thread per pixel."""
-    _recover(weight, least, 0, image)
+    tall = -1, image.shape[-1]
+    _recover(weight.reshape(tall), least, 0, image.reshape(tall))
 
 
 @ti.kernel
@@ -62,9 +65,10 @@ def _recover_frame(
     image: f32_2,
 ):
     for y, x in image:
-        if rows[y] != 1.0 or columns[x] != 1.0:
+        row = rows[y % rows.shape[0]]
+        if row != 1.0 or columns[x] != 1.0:
             beyond = product(cval, 1.0 - columns[x], zero)
-            share = product(rows[y], columns[x], zero) + beyond
+            share = product(row, columns[x], zero) + beyond
             image[y, x] = quotient(image[y, x], share, zero)
 
 
@@ -73,7 +77,7 @@ def recover_frame(
     rows: np.ndarray, columns: np.ndarray, cval: float, reach: int, image: np.ndarray
 ) -> None:
     """Divide pixels near the border by their weight; one thread per pixel; `reach` is not used."""
-    _recover_frame(rows, columns, cval, 0, image)
+    _recover_frame(rows, columns, cval, 0, image.reshape((-1, image.shape[-1])))
 
 
 @ti.kernel
@@ -106,26 +110,29 @@ def recover_slopes(
     dx: np.ndarray,
 ) -> None:
     """Differentiate a quotient, (s / w)' = (s' - s / w w') / w; one thread per pixel."""
-    _recover_slopes(smooth, weight, weight_dy, weight_dx, least, 0, dy, dx)
+    tall = -1, dy.shape[-1]
+    given = (a.reshape(tall) for a in (smooth, weight, weight_dy, weight_dx))
+    _recover_slopes(*given, least, 0, dy.reshape(tall), dx.reshape(tall))
 
 
 @ti.kernel
 def _confine(
-    mask: u8_2,
+    mask: u8_3,
     # outputs
-    states: u8_2,
+    states: u8_3,
 ):
-    for y, x in states:
-        whole = 0 < y < states.shape[0] - 1 and 0 < x < states.shape[1] - 1
+    for n, y, x in states:
+        whole = 0 < y < states.shape[1] - 1 and 0 < x < states.shape[2] - 1
         if whole:
             for below, beside in ti.static(ti.ndrange((-1, 2), (-1, 2))):
-                if mask[y + below, x + beside] == 0:
+                if mask[n, y + below, x + beside] == 0:
                     whole = False
         if not whole:
-            states[y, x] = ti.cast(0, ti.u8)
+            states[n, y, x] = ti.cast(0, ti.u8)
 
 
 @primitive
 def confine(mask: np.ndarray, states: np.ndarray) -> None:
     """Remove edges where a pixel or one of its eight neighbours is masked; one thread per pixel."""
-    _confine(mask, states)
+    planes = (1, *states.shape)[-3:]
+    _confine(mask.reshape(planes), states.reshape(planes))

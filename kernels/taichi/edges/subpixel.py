@@ -17,6 +17,7 @@ from .masks import _measure
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 
@@ -45,12 +46,12 @@ def _peak(dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, zero: ti.i
     """
     sy = 0
     sx = 1
-    if ti.abs(dy[y, x]) > ti.abs(dx[y, x]):
+    if ti.abs(dy[0, y, x]) > ti.abs(dx[0, y, x]):
         sy = 1
         sx = 0
-    before = _measure(dy, dx, y - sy, x - sx, Norm.L2, zero)
-    here = _measure(dy, dx, y, x, Norm.L2, zero)
-    after = _measure(dy, dx, y + sy, x + sx, Norm.L2, zero)
+    before = _measure(dy, dx, 0, y - sy, x - sx, Norm.L2, zero)
+    here = _measure(dy, dx, 0, y, x, Norm.L2, zero)
+    after = _measure(dy, dx, 0, y + sy, x + sx, Norm.L2, zero)
     peak = ti.Vector([0.0, 0.0, 0.0])
     bounded = here < ti.math.inf  # the logarithm of infinity tells nothing
     if before > 0.0 and after > 0.0 and here > before and here >= after and bounded:
@@ -60,16 +61,16 @@ def _peak(dy: ti.template(), dx: ti.template(), y: ti.i32, x: ti.i32, zero: ti.i
 
 @ti.kernel
 def _count_edges(
-    dy: f32_2,
-    dx: f32_2,
+    dy: f32_3,  # (1, H, W)
+    dx: f32_3,
     mask: u8_2,
     zero: ti.i32,
     # outputs
     counts: i32_1,
 ):
-    for y in range(dy.shape[0]):
+    for y in range(dy.shape[1]):
         count = 0
-        for x in range(dy.shape[1]):
+        for x in range(dy.shape[2]):
             if mask[y, x] != 0 and _peak(dy, dx, y, x, zero)[1] > 0.0:
                 count += 1
         counts[y] = count
@@ -78,13 +79,14 @@ def _count_edges(
 @primitive
 def count_edges(dy: np.ndarray, dx: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> None:
     """Count the sub-pixel edges of each row; one thread per row."""
-    _count_edges(dy, dx, mask, 0, counts)
+    planes = 1, *dy.shape
+    _count_edges(dy.reshape(planes), dx.reshape(planes), mask, 0, counts)
 
 
 @ti.kernel
 def _gather_edges(
-    dy: f32_2,
-    dx: f32_2,
+    dy: f32_3,  # (1, H, W)
+    dx: f32_3,
     mask: u8_2,
     starts: i32_1,
     zero: ti.i32,
@@ -93,19 +95,19 @@ def _gather_edges(
     orientation: f32_1,
     strength: f32_1,
 ):
-    for y in range(dy.shape[0]):
+    for y in range(dy.shape[1]):
         n = starts[y]
-        for x in range(dy.shape[1]):
+        for x in range(dy.shape[2]):
             if mask[y, x] != 0:
                 peak = _peak(dy, dx, y, x, zero)
                 if peak[1] > 0.0:
                     p = _log_of_ratio(peak[0], peak[1], zero)
                     q = _log_of_ratio(peak[2], peak[1], zero)
                     offset = quotient(0.5 * (p - q), p + q, zero)
-                    along_rows = ti.abs(dy[y, x]) > ti.abs(dx[y, x])
+                    along_rows = ti.abs(dy[0, y, x]) > ti.abs(dx[0, y, x])
                     points[n, 0] = y + (offset if along_rows else 0.0)
                     points[n, 1] = x + (0.0 if along_rows else offset)
-                    orientation[n] = gradient_angle(dy[y, x], dx[y, x], zero)
+                    orientation[n] = gradient_angle(dy[0, y, x], dx[0, y, x], zero)
                     strength[n] = root(peak[1], zero)
                     n += 1
 
@@ -121,4 +123,6 @@ def gather_edges(
     strength: np.ndarray,
 ) -> None:
     """Write the sub-pixel edges of each row in raster order; one thread per row."""
-    _gather_edges(dy, dx, mask, starts, 0, points, orientation, strength)
+    planes = 1, *dy.shape
+    slopes = dy.reshape(planes), dx.reshape(planes)
+    _gather_edges(*slopes, mask, starts, 0, points, orientation, strength)

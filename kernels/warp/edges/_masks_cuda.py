@@ -36,6 +36,14 @@ def store_word(dst: wp.array2d[wp.uint8], offset: int, word: wp.uint32): ...
 
 
 @wp.func
+def place_of(strip: int, height: int):
+    """Return the first row of a strip's image among those of all images, and its row there."""
+    strips = (height + STRIP - 1) // STRIP
+    image = strip // strips
+    return image * height, (strip - image * strips) * STRIP
+
+
+@wp.func
 def byte_of(word: wp.uint32, k: int) -> float:
     """Return byte `k` of a word."""
     return float((word >> wp.uint32(8 * k)) & wp.uint32(255))
@@ -43,12 +51,23 @@ def byte_of(word: wp.uint32, k: int) -> float:
 
 @wp.func
 def eight_pixels(
-    src: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, border: int, cval: float
+    src: wp.array2d[wp.uint8],
+    first: int,
+    height: int,
+    y: int,
+    x: int,
+    in_words: bool,
+    border: int,
+    cval: float,
 ) -> vec8:
-    """Return the pixels x - 2 to x + 5 of row `y`; `border` gives those outside the image."""
+    """Return the pixels x - 2 to x + 5 of row `y`; `border` gives those outside the image.
+
+    The image has `height` rows of `src`, beginning with `first`.
+    """
     v = vec8(cval)
-    i = border_index(y, src.shape[0], border)
+    i = border_index(y, height, border)
     if i >= 0:
+        i += first
         width = src.shape[1]
         if in_words and x >= 4 and x + 8 <= width:
             at = i * width + x
@@ -115,7 +134,8 @@ def write_states(states: wp.array2d[wp.uint8], y: int, x: int, in_words: bool, w
 
 @wp.kernel
 def thin_sobel(
-    src: wp.array2d[wp.uint8],  # (H, W)
+    src: wp.array2d[wp.uint8],  # (N H, W)
+    height: int,
     in_words: bool,  # whether rows consist of aligned words
     border: int,
     cval: float,
@@ -123,24 +143,23 @@ def thin_sobel(
     low: float,
     high: float,
     # outputs
-    states: wp.array2d[wp.uint8],  # (H, W)
+    states: wp.array2d[wp.uint8],  # (N H, W)
 ):
     # One thread walks down a strip of four columns, with three rows of pixels and three of
     # gradient lengths in registers.
     strip, quad = wp.tid()
     x = quad * QUAD
-    top = strip * STRIP
-    height = src.shape[0]
+    first, top = place_of(strip, height)
     width = src.shape[1]
-    a = eight_pixels(src, top - 2, x, in_words, border, cval)
-    b = eight_pixels(src, top - 1, x, in_words, border, cval)
+    a = eight_pixels(src, first, height, top - 2, x, in_words, border, cval)
+    b = eight_pixels(src, first, height, top - 1, x, in_words, border, cval)
     above = vec6()
     here = vec6()
     dy_here = vec6()
     dx_here = vec6()
     for t in range(STRIP + 2):
         y = top + t - 1
-        c = eight_pixels(src, y + 1, x, in_words, border, cval)
+        c = eight_pixels(src, first, height, y + 1, x, in_words, border, cval)
         total = a + b + b + c
         difference = c - a
         a = b
@@ -162,7 +181,7 @@ def thin_sobel(
                     Thinning.SECTORS, low, high,
                 )  # fmt: skip
                 word = word | (state << wp.uint32(8 * k))
-            write_states(states, y - 1, x, in_words, word)
+            write_states(states, first + y - 1, x, in_words, word)
         above = here
         here = below
         dy_here = dy
@@ -170,29 +189,30 @@ def thin_sobel(
 
 
 @wp.func
-def on_frame(states: wp.array2d[wp.uint8], y: int, x: int) -> bool:
+def on_frame(height: int, width: int, y: int, x: int) -> bool:
     """Tell whether a pixel is in an outermost row or column."""
-    return y == 0 or x == 0 or y == states.shape[0] - 1 or x == states.shape[1] - 1
+    return y == 0 or x == 0 or y == height - 1 or x == width - 1
 
 
 @wp.kernel
 def thin(
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
+    dy: wp.array2d[float],  # (N H, W)
+    dx: wp.array2d[float],  # (N H, W)
+    height: int,
     in_words: bool,
     norm: int,
     rule: int,
-    limits: wp.array[float],  # (2,): what a weak and a strong pixel exceed
+    limits: wp.array[float],  # (2,) or (2 N,): what a weak and a strong pixel exceed
     # outputs
-    states: wp.array2d[wp.uint8],  # (H, W)
+    states: wp.array2d[wp.uint8],  # (N H, W)
 ):
     # The same as thin_sobel, but with the gradients as inputs.
     strip, quad = wp.tid()
     x = quad * QUAD
-    top = strip * STRIP
-    low = limits[0]
-    high = limits[1]
-    height = dy.shape[0]
+    first, top = place_of(strip, height)
+    at = wp.min(first // height * 2, limits.shape[0] - 2)
+    low = limits[at]
+    high = limits[at + 1]
     width = dy.shape[1]
     above = vec6()
     here = vec6()
@@ -206,8 +226,8 @@ def thin(
         if y >= 0 and y < height:
             for k in range(6):
                 if x + k >= 1 and x + k <= width:
-                    down[k] = dy[y, x + k - 1]
-                    along[k] = dx[y, x + k - 1]
+                    down[k] = dy[first + y, x + k - 1]
+                    along[k] = dx[first + y, x + k - 1]
                     below[k] = compared(measure(down[k], along[k], norm), norm, rule)
         if t >= 2 and y - 1 < height:
             word = wp.uint32(0)
@@ -215,10 +235,10 @@ def thin(
                 state = state_of(
                     dy_here[k + 1], dx_here[k + 1], above, here, below, k, norm, rule, low, high
                 )
-                if rule == Thinning.FRAMED and on_frame(states, y - 1, x + k):
+                if rule == Thinning.FRAMED and on_frame(height, width, y - 1, x + k):
                     state = wp.uint32(0)
                 word = word | (state << wp.uint32(8 * k))
-            write_states(states, y - 1, x, in_words, word)
+            write_states(states, first + y - 1, x, in_words, word)
         above = here
         here = below
         dy_here = down
@@ -258,27 +278,30 @@ def plant(
 
 @wp.kernel
 def merge(
-    states: wp.array[wp.uint8],  # (H W,)
+    states: wp.array[wp.uint8],  # (N H W,)
+    height: int,
     width: int,
     # outputs
-    parents: wp.array[int],  # (H W + 1,)
+    parents: wp.array[int],  # (N H W + 1,)
 ):
     # One thread per pixel. Two preceding neighbours that are adjacent to each other are united by
     # their own threads.
     i = wp.tid()
     if int(states[i]) == Edge.WEAK:
-        x = i % width
+        row = i // width
+        x = i - row * width
+        y = row % height
         label = i + 1
-        if touches_strong(states, width, i, x):
+        if touches_strong(states, height, width, i, y, x):
             unite(parents, label, 0)
-        if is_weak(states, width, i - width, x):
+        if is_weak(states, width, i - width, y - 1, x):
             unite(parents, label, label - width)
         else:
-            if is_weak(states, width, i - 1, x - 1):
+            if is_weak(states, width, i - 1, y, x - 1):
                 unite(parents, label, label - 1)
-            elif is_weak(states, width, i - width - 1, x - 1):
+            elif is_weak(states, width, i - width - 1, y - 1, x - 1):
                 unite(parents, label, label - width - 1)
-            if is_weak(states, width, i - width + 1, x + 1):
+            if is_weak(states, width, i - width + 1, y - 1, x + 1):
                 unite(parents, label, label - width + 1)
 
 
@@ -299,20 +322,21 @@ def select(
 
 
 @wp.func
-def is_weak(states: wp.array[wp.uint8], width: int, i: int, x: int) -> bool:
-    """Tell whether pixel `i`, in column `x`, lies in the image and is weak."""
-    if i < 0 or x < 0 or x >= width:
+def is_weak(states: wp.array[wp.uint8], width: int, i: int, y: int, x: int) -> bool:
+    """Tell whether pixel `i`, in row `y` and column `x`, lies in its image and is weak."""
+    if y < 0 or x < 0 or x >= width:
         return False
     return int(states[i]) == Edge.WEAK
 
 
 @wp.func
-def touches_strong(states: wp.array[wp.uint8], width: int, i: int, x: int) -> bool:
-    """Tell whether one of the eight neighbours of pixel `i`, in column `x`, is strong."""
+def touches_strong(
+    states: wp.array[wp.uint8], height: int, width: int, i: int, y: int, x: int
+) -> bool:
+    """Tell whether one of the eight neighbours of pixel `i`, in row `y`, is strong."""
     for dy in range(-1, 2):
         for dx in range(-1, 2):
-            j = i + dy * width + dx
-            if x + dx >= 0 and x + dx < width and j >= 0 and j < states.shape[0]:
-                if int(states[j]) == Edge.STRONG:
+            if x + dx >= 0 and x + dx < width and y + dy >= 0 and y + dy < height:
+                if int(states[i + dy * width + dx]) == Edge.STRONG:
                     return True
     return False

@@ -22,23 +22,23 @@ def bits_of(dy: float, dx: float, norm: int) -> int:
 def begin(
     ranks: wp.array[int],  # (2,)
     # outputs
-    found: wp.array2d[int],  # (2, 2): the digits found so far, and the rank among those that match
+    found: wp.array2d[int],  # (2 N, 2): the digits so far, and the rank among those that match
 ):
     i = wp.tid()
     found[i, 0] = 0
-    found[i, 1] = ranks[i]
+    found[i, 1] = ranks[i % 2]
 
 
 @wp.kernel
 def clear(
     # outputs
-    counts: wp.array3d[int],  # (1, 2, BINS)
-    most: wp.array[int],  # (1,)
+    counts: wp.array3d[int],  # (N, 2, BINS)
+    most: wp.array[int],  # (N,)
 ):
-    i = wp.tid()
-    counts[0, 0, i] = 0
-    counts[0, 1, i] = 0
-    most[0] = 0
+    image, i = wp.tid()
+    counts[image, 0, i] = 0
+    counts[image, 1, i] = 0
+    most[image] = 0
 
 
 @wp.kernel
@@ -110,14 +110,14 @@ def choose(
 
 @wp.kernel
 def finish(
-    found: wp.array2d[int],  # (2, 2)
-    most: wp.array[int],  # (slabs,)
+    found: wp.array2d[int],  # (2 N, 2)
+    most: wp.array[int],  # (N slabs,)
     slabs: int,
     norm: int,
     strict: bool,
     share: float,
     # outputs
-    limits: wp.array[float],  # (2,)
+    limits: wp.array[float],  # (2 N,)
 ):
     # A pixel must exceed the limit. If it may equal the threshold, the limit is the float below.
     i = wp.tid()
@@ -126,7 +126,7 @@ def finish(
         bits = wp.max(bits - 1, 0)
     largest = int(0)
     for slab in range(slabs):
-        largest = wp.max(largest, most[slab])
+        largest = wp.max(largest, most[i // 2 * slabs + slab])
     least = float(0.0)
     if share > 0.0:  # 0 times infinity would be NaN
         least = wp.cast(largest, wp.float32) * share

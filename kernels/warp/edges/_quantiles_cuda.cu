@@ -1,16 +1,20 @@
 // needs BLOCK, BINS, L1
-// Count the digits of the values of some of the pixels in shared memory; _quantiles.py has the rule.
+// Count the digits of the values of some pixels of an image in shared memory; _quantiles.py has the
+// rule.
 void count_pixels(wp::array_t<float> dy, wp::array_t<float> dx, int norm, int level, int shift,
                   int width, wp::array_t<int> found, wp::array_t<int> counts,
                   wp::array_t<int> most) {
     __shared__ int own[2 * BINS];
-    const int pixels = dy.shape[0] * dy.shape[1], bins = 1 << width;
-    const int one = found.data[0], two = found.data[2];
+    const int images = most.shape[0], parts = gridDim.x / images, image = blockIdx.x / parts;
+    const int part = blockIdx.x - image * parts;
+    const int pixels = dy.shape[0] / images * dy.shape[1], bins = 1 << width;
+    const int one = found.data[4 * image], two = found.data[4 * image + 2];
+    const float *down = dy.data + (size_t)image * pixels, *along = dx.data + (size_t)image * pixels;
     for (int k = threadIdx.x; k < 2 * BINS; k += BLOCK) own[k] = 0;
     __syncthreads();
     int largest = 0;
-    for (int i = blockIdx.x * BLOCK + threadIdx.x; i < pixels; i += gridDim.x * BLOCK) {
-        const float y = dy.data[i], x = dx.data[i];
+    for (int i = part * BLOCK + threadIdx.x; i < pixels; i += parts * BLOCK) {
+        const float y = down[i], x = along[i];
         const float m = norm == L1 ? __fadd_rn(fabsf(x), fabsf(y))
                                    : __fadd_rn(__fmul_rn(x, x), __fmul_rn(y, y));
         const int bits = m > 0.0f ? __float_as_int(m) : 0;
@@ -21,10 +25,10 @@ void count_pixels(wp::array_t<float> dy, wp::array_t<float> dx, int norm, int le
     }
     for (int apart = 16; apart; apart /= 2)
         largest = max(largest, __shfl_xor_sync(~0u, largest, apart));
-    if (threadIdx.x % 32 == 0) atomicMax(most.data, largest);
+    if (threadIdx.x % 32 == 0) atomicMax(most.data + image, largest);
     __syncthreads();
     for (int k = threadIdx.x; k < 2 * BINS; k += BLOCK)
-        if (own[k]) atomicAdd(counts.data + k, own[k]);
+        if (own[k]) atomicAdd(counts.data + (size_t)image * 2 * BINS + k, own[k]);
 }
 
 // needs BLOCK, BINS
@@ -35,7 +39,7 @@ void choose(wp::array_t<int> counts, int level, int width, wp::array_t<int> foun
     const int each = ((1 << width) + BLOCK - 1) / BLOCK, rank = found.data[2 * i + 1];
     const int first = min(thread * each, 1 << width), last = min(first + each, 1 << width);
     // Both thresholds use the same counts of the first digit.
-    const int* row = counts.data + (level ? i * BINS : 0);
+    const int* row = counts.data + (size_t)(level ? i : i & ~1) * BINS;
     int count = 0;
     for (int k = first; k < last; ++k) count += row[k];
     int sum = count;

@@ -14,24 +14,24 @@ COUNTING = 528  # blocks of threads that count: some for each multiprocessor
 
 @_native.kernel(FILE, BLOCK=BLOCK, BINS=BINS, L1=int(Norm.L1))
 def count_pixels(
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
+    dy: wp.array2d[float],  # (N H, W)
+    dx: wp.array2d[float],  # (N H, W)
     norm: int,
     level: int,
     shift: int,
     width: int,
-    found: wp.array2d[int],  # (2, 2)
+    found: wp.array2d[int],  # (2 N, 2)
     # outputs
-    counts: wp.array3d[int],  # (1, 2, BINS)
-    most: wp.array[int],  # (1,)
+    counts: wp.array3d[int],  # (N, 2, BINS)
+    most: wp.array[int],  # (N,)
 ): ...
 
 
 @_native.kernel(FILE, BLOCK=BLOCK, BINS=BINS)
 def choose(
-    counts: wp.array3d[int],  # (1, 2, BINS)
+    counts: wp.array3d[int],  # (N, 2, BINS)
     level: int,
     width: int,
     # outputs
-    found: wp.array2d[int],  # (2, 2)
+    found: wp.array2d[int],  # (2 N, 2)
 ): ...

@@ -63,11 +63,12 @@ def recover_frame(
     columns: wp.array[float],  # (W,)
     cval: float,
     # outputs
-    image: wp.array2d[float],  # (H, W)
+    image: wp.array2d[float],  # (N H, W)
 ):
     y, x = wp.tid()
-    if rows[y] != 1.0 or columns[x] != 1.0:
-        image[y, x] = recovered(image[y, x], rows[y], columns[x], cval)
+    row = rows[y % rows.shape[0]]
+    if row != 1.0 or columns[x] != 1.0:
+        image[y, x] = recovered(image[y, x], row, columns[x], cval)
 
 
 @wp.kernel
@@ -84,7 +85,7 @@ def recover_frame_rows(
 ):
     width = image.shape[1]
     for y in range(first + wp.tid(), last, stride):
-        row = rows[y]
+        row = rows[y % rows.shape[0]]
         left = width
         right = width
         if row == 1.0 and 2 * reach < width:
@@ -126,20 +127,21 @@ def confine(
     stride: int,
     first: int,
     last: int,
-    mask: wp.array2d[wp.uint8],  # (H, W)
+    mask: wp.array2d[wp.uint8],  # (N H, W)
+    height: int,
     # outputs
-    states: wp.array2d[wp.uint8],  # (H, W)
+    states: wp.array2d[wp.uint8],  # (N H, W)
 ):
-    height = states.shape[0]
     width = states.shape[1]
     for i in range(first + wp.tid(), last, stride):
-        y = i // width
-        x = i - y * width
+        row = i // width
+        y = row % height
+        x = i - row * width
         whole = y > 0 and x > 0 and y < height - 1 and x < width - 1
         if whole:
             for below in range(-1, 2):
                 for beside in range(-1, 2):
-                    if mask[y + below, x + beside] == wp.uint8(0):
+                    if mask[row + below, x + beside] == wp.uint8(0):
                         whole = False
         if not whole:
-            states[y, x] = wp.uint8(0)
+            states[row, x] = wp.uint8(0)

@@ -4,6 +4,8 @@ Thinning keeps the maxima along the gradient; hysteresis keeps weak pixels that 
 strong one (Canny, TPAMI 1986). On the CPU, thinning works row by row and hysteresis is a flood
 fill, both in slabs of rows. On CUDA a thread thins a strip of columns, and hysteresis is a
 union-find over all pixels at once.
+
+Images are (H, W), or (N, H, W) of a stack. On CUDA all images are thinned in one launch.
 """
 
 import warp as wp
@@ -13,6 +15,7 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, vi
 
 from . import _masks_cpu as cpu
 from . import _masks_cuda as cuda
+from .slopes import tall
 
 
 def thin_sobel(
@@ -20,12 +23,14 @@ def thin_sobel(
 ) -> None:
     """Apply Sobel's kernels, non-maximum suppression, and both thresholds to a uint8 image."""
     if src.device.is_cuda:
-        launch(
-            cuda.thin_sobel,
-            _strips(src),
-            [src, _in_words(src, states), border, cval, norm, low, high],
-            [states],
-        )
+        strips, height = _strips(src)
+        src, states = (tall(a, wp.uint8) for a in (src, states))
+        inputs = [src, height, _in_words(src, states), border, cval, norm, low, high]
+        launch(cuda.thin_sobel, strips, inputs, [states])
+        return
+    if src.ndim == 3:
+        for n in range(src.shape[0]):
+            thin_sobel(src[n], border, cval, norm, low, high, states[n])
         return
     wide = vectors(padded(src, "thin.src", WIDE), cpu.u8_wide)
     count = slabs(src.shape[0], src.size)
@@ -36,14 +41,20 @@ def thin_sobel(
 def thin(
     dy: wp.array, dx: wp.array, norm: int, rule: int, limits: wp.array, states: wp.array
 ) -> None:
-    """Apply non-maximum suppression and both thresholds to a gradient."""
+    """Apply non-maximum suppression and both thresholds to a gradient.
+
+    There are two limits for all images, or for each.
+    """
     if dy.device.is_cuda:
-        launch(
-            cuda.thin,
-            _strips(dy),
-            [dy, dx, _in_words(states), norm, rule, limits],
-            [states],
-        )
+        strips, height = _strips(dy)
+        dy, dx, states = tall(dy), tall(dx), tall(states, wp.uint8)
+        inputs = [dy, dx, height, _in_words(states), norm, rule, limits]
+        launch(cuda.thin, strips, inputs, [states])
+        return
+    if dy.ndim == 3:
+        for n in range(dy.shape[0]):
+            at = min(2 * n, limits.shape[0] - 2)
+            thin(dy[n], dx[n], norm, rule, limits[at : at + 2], states[n])
         return
     wide = [vectors(padded(a, f"thin.{i}", WIDE), f32_wide) for i, a in enumerate((dy, dx))]
     count = slabs(dy.shape[0], dy.size)
@@ -53,14 +64,18 @@ def thin(
 
 def hysteresis(states: wp.array, mask: wp.array) -> None:
     """Keep strong pixels, and the weak ones connected with them."""
-    height, width = states.shape
-    size = height * width
+    if states.ndim == 3 and not states.device.is_cuda:
+        for n in range(states.shape[0]):
+            hysteresis(states[n], mask[n])
+        return
+    height, width = states.shape[-2:]
+    size = states.size
     states, mask = (view(a, wp.uint8, (size,)) for a in (states, mask))
     if states.device.is_cuda:
         words, mask_words = _words(states, mask)
         parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
         launch(cuda.plant, -(-size // 8), [states, words], [parents, mask, mask_words])
-        launch(cuda.merge, size, [states, width], [parents])
+        launch(cuda.merge, size, [states, height, width], [parents])
         launch(cuda.select, size, [states, parents], [mask])
         return
     count = slabs(height, size)
@@ -73,8 +88,10 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
         launch(cpu.flood_seams, 1, [count, states, width, stack], [mask])
 
 
-def _strips(image: wp.array) -> tuple[int, int]:
-    return -(-image.shape[0] // cuda.ROWS), -(-image.shape[1] // cuda.QUAD)
+def _strips(image: wp.array) -> tuple[tuple[int, int], int]:
+    """Return the numbers of strips down and across all images, and the rows of one."""
+    images, height, width = (1, *image.shape)[-3:]
+    return (images * -(-height // cuda.ROWS), -(-width // cuda.QUAD)), height
 
 
 def _in_words(*images: wp.array) -> bool:

@@ -1,20 +1,34 @@
-"""Smoothing that ignores masked pixels, in Warp; _slopes.py has the equations."""
+"""Smoothing that ignores masked pixels, in Warp; _slopes.py has the equations.
+
+Images are (H, W), or (N, H, W) of a stack, whose rows kernels see as those of one image.
+"""
+
+from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_each
+from cvkern.kernels.warp._launch import launch, launch_each, view
 
 from . import _slopes as pixels
 
 
+def tall(image: wp.array, dtype: Any = wp.float32) -> wp.array:
+    """View the rows of all images of a stack as those of one image."""
+    if image.ndim == 2:
+        return image
+    return view(image, dtype, (image.shape[0] * image.shape[1], image.shape[2]))
+
+
 def cover(image: wp.array, mask: wp.array, covered: wp.array, weight: wp.array) -> None:
     """Set masked pixels to 0, and write the weights 1 and, for masked pixels, 0."""
-    launch_each(pixels.cover, image.size, image.size, [image, mask], [covered, weight])
+    inputs = [tall(image), tall(mask, wp.uint8)]
+    launch_each(pixels.cover, image.size, image.size, inputs, [tall(covered), tall(weight)])
 
 
 def recover(weight: wp.array, least: float, image: wp.array) -> None:
     """Divide smoothed pixels by the smoothed weight."""
-    launch_each(pixels.recover, image.size, image.size, [weight, least], [image])
+    inputs = [tall(weight), least]
+    launch_each(pixels.recover, image.size, image.size, inputs, [tall(image)])
 
 
 def recover_frame(
@@ -22,6 +36,7 @@ def recover_frame(
 ) -> None:
     """Divide pixels nearer to the border than `reach` by their weight, a product of two weights."""
     inputs = [rows, columns, cval]
+    image = tall(image)
     if image.device.is_cuda:
         launch(pixels.recover_frame, image.shape, inputs, [image])
         return
@@ -40,10 +55,11 @@ def recover_slopes(
     dx: wp.array,
 ) -> None:
     """Differentiate the quotient of smoothed pixels and their weights."""
-    inputs = [smooth, weight, weight_dy, weight_dx, least]
-    launch_each(pixels.recover_slopes, dy.size, dy.size, inputs, [dy, dx])
+    inputs = [*map(tall, (smooth, weight, weight_dy, weight_dx)), least]
+    launch_each(pixels.recover_slopes, dy.size, dy.size, inputs, [tall(dy), tall(dx)])
 
 
 def confine(mask: wp.array, states: wp.array) -> None:
     """Remove edges where a pixel or one of its eight neighbours is masked."""
-    launch_each(pixels.confine, states.size, states.size, [mask], [states])
+    inputs = [tall(mask, wp.uint8), states.shape[-2]]
+    launch_each(pixels.confine, states.size, states.size, inputs, [tall(states, wp.uint8)])

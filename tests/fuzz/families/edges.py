@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cvkern
-from tests.fuzz.arguments import BORDER, EDGES, IMAGE, MASK, Call, one
+from tests.fuzz.arguments import BORDER, EDGES, IMAGE, MASK, Call, channels, one
 
 CALLS: dict[str, Call] = {
     "canny": Call(
@@ -17,6 +17,11 @@ CALLS: dict[str, Call] = {
             "suppression": one("interpolated", "sectors"),
             "norm": one("l1", "l2"),
         },
+    ),
+    "canny of stacks": Call(
+        cvkern.canny,
+        {"image": channels, "batch_axis": one(0, 0, 0, None, 1)},
+        {**EDGES, **BORDER, "norm": one("l1", "l2")},
     ),
     "subpixel_edges": Call(cvkern.subpixel_edges, IMAGE, {**EDGES, **BORDER}, equal=False),
 }

@@ -17,7 +17,7 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
-u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 
 
 @ti.func
@@ -28,7 +28,7 @@ def _vote(votes: ti.template(), ring: ti.i32, y: ti.i32, x: ti.i32):
 
 @ti.kernel
 def _vote_rings(
-    mask: u8_2,
+    mask: u8_3,  # (N, H, W)
     offsets: i32_2,
     starts: i32_1,
     # outputs
@@ -36,12 +36,15 @@ def _vote_rings(
 ):
     for ring, y, x in votes:
         votes[ring, y, x] = 0
-    pad = (votes.shape[2] - mask.shape[1]) // 2
-    for y, x in mask:
-        if mask[y, x] != 0:
-            for ring in range(votes.shape[0]):
+    pad = (votes.shape[2] - mask.shape[2]) // 2
+    number = starts.shape[0] - 1
+    for n, y, x in mask:
+        if mask[n, y, x] != 0:
+            for ring in range(number):
                 for k in range(starts[ring], starts[ring + 1]):
-                    _vote(votes, ring, y + pad - offsets[k, 0], x + pad - offsets[k, 1])
+                    _vote(
+                        votes, n * number + ring, y + pad - offsets[k, 0], x + pad - offsets[k, 1]
+                    )
 
 
 @ti.kernel
@@ -57,27 +60,31 @@ def _vote_directed(
     offset_starts: i32_1,
     zero: ti.i32,
     # outputs
-    votes: i32_3,
+    votes: i32_3,  # (N R, H + 2 pad, W + 2 pad)
 ):
-    for ring, y, x in votes:
-        votes[ring, y, x] = 0
+    for plane, y, x in votes:
+        votes[plane, y, x] = 0
     pad = (votes.shape[2] - orientation.shape[1]) // 2
+    number = radii.shape[0]
+    height = orientation.shape[0] * number // votes.shape[0]
     for i in range(starts[starts.shape[0] - 1]):
-        y = points[i, 0] + pad
+        n = points[i, 0] // height
+        y = points[i, 0] - n * height + pad
         x = points[i, 1] + pad
         code = direction_code(orientation[points[i, 0], points[i, 1]], zero)
-        for ring in range(votes.shape[0]):
+        for ring in range(number):
+            plane = n * number + ring
             if tolerance < 0:
                 down = (radii[ring] * directions[code, 0] + 32768) >> 16
                 along = (radii[ring] * directions[code, 1] + 32768) >> 16
-                _vote(votes, ring, y + down, x + along)
-                _vote(votes, ring, y - down, x - along)
+                _vote(votes, plane, y + down, x + along)
+                _vote(votes, plane, y - down, x - along)
             else:
                 for k in range(offset_starts[ring], offset_starts[ring + 1]):
                     for side in range(2):
                         apart = codes[k] - code + side * (DIRECTIONS // 2) + tolerance
                         if (apart & (DIRECTIONS - 1)) <= 2 * tolerance:
-                            _vote(votes, ring, y + offsets[k, 0], x + offsets[k, 1])
+                            _vote(votes, plane, y + offsets[k, 0], x + offsets[k, 1])
 
 
 @ti.kernel
@@ -88,9 +95,15 @@ def _share(
     # outputs
     shares: f32_3,
 ):
-    for ring, y, x in votes:
+    for plane, y, x in votes:
+        ring = plane % (starts.shape[0] - 1)
         size = ti.cast(starts[ring + 1] - starts[ring], ti.f32)
-        shares[ring, y, x] = quotient(ti.cast(votes[ring, y, x], ti.f32), size, zero)
+        shares[plane, y, x] = quotient(ti.cast(votes[plane, y, x], ti.f32), size, zero)
+
+
+def _rings_of_all(votes: np.ndarray) -> np.ndarray:
+    """View the planes of all images of a stack, or of one image, one after the other."""
+    return votes.reshape((-1, *votes.shape[-2:]))
 
 
 def _counts(votes: np.ndarray) -> np.ndarray:
@@ -101,8 +114,9 @@ def _counts(votes: np.ndarray) -> np.ndarray:
 @primitive
 def vote_rings(mask: np.ndarray, rings: Rings, reach: int, votes: np.ndarray) -> None:
     """Cast a vote for each offset of each ring from each set pixel; one thread per pixel."""
+    votes = _rings_of_all(votes)
     counts = _counts(votes)
-    _vote_rings(mask, rings.offsets, rings.starts, counts)
+    _vote_rings(mask.reshape((1, *mask.shape)[-3:]), rings.offsets, rings.starts, counts)
     if counts is not votes:
         _share(counts, rings.starts, 0, votes)
 
@@ -118,6 +132,8 @@ def vote_directed(
     votes: np.ndarray,
 ) -> None:
     """Cast the votes along the gradient; one thread per point."""
+    votes = _rings_of_all(votes)
+    orientation = orientation.reshape((-1, orientation.shape[-1]))
     counts = _counts(votes)
     radii, offsets, codes, offset_starts = rings
     _vote_directed(

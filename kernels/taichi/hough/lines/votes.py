@@ -16,6 +16,7 @@ i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)  # (images, rho, theta)
 
 
 @ti.kernel
@@ -40,13 +41,22 @@ def _bin(
     return ti.cast(rho >> ti.cast(shift, ti.i64), ti.i32)
 
 
+@ti.func
+def _place(row: ti.i32, rows: ti.i32, images: ti.i32):
+    """Return the image of a point, and its row there; images of a stack have as many rows each."""
+    n = 0
+    if images > 1:
+        n = row // (rows // images)
+    return n, row - n * (rows // images)
+
+
 @ti.kernel
 def _clear(
     # outputs
-    votes: i32_2,
+    votes: i32_3,
 ):
-    for r, t in votes:
-        votes[r, t] = 0
+    for n, r, t in votes:
+        votes[n, r, t] = 0
 
 
 @ti.kernel
@@ -60,16 +70,17 @@ def _vote(
     weighted: ti.i32,
     weights: i32_1,
     # outputs
-    votes: i32_2,
+    votes: i32_3,
 ):
     for i in range(points.shape[0]):
         if i < starts[starts.shape[0] - 1]:
             vote = 1
             if weighted != 0:
                 vote = weights[i]
-            for t in range(votes.shape[1]):
-                r = _bin(points[i, 0], points[i, 1], cosine[t], sine[t], offset[t], shift)
-                ti.atomic_add(votes[r, t], vote)
+            n, y = _place(points[i, 0], starts.shape[0] - 1, votes.shape[0])
+            for t in range(votes.shape[2]):
+                r = _bin(y, points[i, 1], cosine[t], sine[t], offset[t], shift)
+                ti.atomic_add(votes[n, r, t], vote)
 
 
 @ti.kernel
@@ -100,17 +111,18 @@ def _vote_directed(
     weighted: ti.i32,
     weights: i32_1,
     # outputs
-    votes: i32_2,
+    votes: i32_3,
 ):
     for i in range(points.shape[0]):
         if i < starts[starts.shape[0] - 1]:
             vote = 1
             if weighted != 0:
                 vote = weights[i]
+            n, y = _place(points[i, 0], starts.shape[0] - 1, votes.shape[0])
             for k in range(number[codes[i]]):
-                t = (first[codes[i]] + k) % votes.shape[1]
-                r = _bin(points[i, 0], points[i, 1], cosine[t], sine[t], offset[t], shift)
-                ti.atomic_add(votes[r, t], vote)
+                t = (first[codes[i]] + k) % votes.shape[2]
+                r = _bin(y, points[i, 1], cosine[t], sine[t], offset[t], shift)
+                ti.atomic_add(votes[n, r, t], vote)
 
 
 @primitive
@@ -127,7 +139,11 @@ def vote(
     weights: np.ndarray | None,
     votes: np.ndarray,
 ) -> None:
-    """Count the votes of all points at all angles, by 1 or their weight; one thread per point."""
+    """Count the votes of all points at all angles, by 1 or their weight; one thread per point.
+
+    `votes` are (R, T), or (N, R, T) of a stack, in whose list each image has as many rows.
+    """
+    votes = votes.reshape((1, *votes.shape)[-3:])
     _clear(votes)
     given = starts if weights is None else weights  # without weights, any array of the same type
     _vote(points, starts, *tables, int(weights is not None), given, votes)
@@ -145,6 +161,7 @@ def vote_directed(
     """Count the votes of all points at the angles of their direction; one thread per point."""
     directions = scratch((points.shape[0],), np.int32)
     _code(points, starts, windows.orientation, 0, directions)
+    votes = votes.reshape((1, *votes.shape)[-3:])
     _clear(votes)
     given = starts if weights is None else weights
     weighted = int(weights is not None)

@@ -1,9 +1,10 @@
 // needs DIRECTIONS DIRECTION_FACTOR
 // The rows of a slab are rows of the accumulators, ring after ring. They are set to 0; then each
-// point that is near enough casts its votes that fall into these rows.
+// point that is near enough casts its votes that fall into these rows. The rows of the points are
+// `lift` larger than in their image.
 void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::array_t<int> starts,
                    wp::array_t<float> orientation, wp::array_t<int> directions, int tolerance,
-                   Circles rings, bool shares, wp::array_t<int> votes) {
+                   Circles rings, bool shares, int lift, wp::array_t<int> votes) {
 #pragma clang fp contract(off)
     const int rows = votes.shape[1], columns = votes.shape[2];
     const int height = orientation.shape[0], width = orientation.shape[1];
@@ -24,7 +25,7 @@ void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::a
         const auto before = [&](int y) { return starts.data[y < 0 ? 0 : y > height ? height : y]; };
         const int stop = before(high_row - pad + radius);
         for (int i = before(low_row - pad - radius); i < stop; ++i) {
-            const int y = points.data[2 * i], x = points.data[2 * i + 1];
+            const int y = points.data[2 * i] - lift, x = points.data[2 * i + 1];
             const float angle = orientation.data[(size_t)y * width + x];
             const int code =
                 (int)__builtin_floorf(angle * (float)DIRECTION_FACTOR + 0.5f) & (DIRECTIONS - 1);

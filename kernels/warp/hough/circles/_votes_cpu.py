@@ -114,6 +114,7 @@ def vote_directed(
     tolerance: int,
     rings: Circles,
     shares: bool,
+    lift: int,  # rows of the points above those of their image
     # outputs
     votes: wp.array3d[int],  # (R, H + 2 pad, W + 2 pad), of float32 if `shares`
 ): ...

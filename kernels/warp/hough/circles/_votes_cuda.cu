@@ -1,25 +1,29 @@
 // needs BLOCK
 // One thread per pixel, one warp per word of 32 pixels.
 void pack(wp::array_t<wp::uint8> mask, int top, int left, wp::array_t<wp::uint32> bits) {
-    const int pitch = bits.shape[1], i = blockIdx.x * BLOCK + threadIdx.x;
-    const int row = i / (32 * pitch), y = row - top, x = i - row * 32 * pitch - left;
-    const bool inside = y >= 0 && y < mask.shape[0] && x >= 0 && x < mask.shape[1];
-    const unsigned word =
-        __ballot_sync(0xffffffffu, inside && mask.data[(size_t)y * mask.shape[1] + x] != 0);
-    if (threadIdx.x % 32 == 0 && row < bits.shape[0]) bits.data[i / 32] = word;
+    const int rows = bits.shape[1], pitch = bits.shape[2], height = mask.shape[1];
+    const size_t i = (size_t)blockIdx.x * BLOCK + threadIdx.x;
+    const int line = i / (32 * pitch), image = line / rows;
+    const int y = line - image * rows - top, width = mask.shape[2];
+    const int x = (int)(i - (size_t)line * 32 * pitch) - left;
+    const bool inside = image < bits.shape[0] && y >= 0 && y < height && x >= 0 && x < width;
+    const unsigned word = __ballot_sync(
+        0xffffffffu, inside && mask.data[((size_t)image * height + y) * width + x] != 0);
+    if (threadIdx.x % 32 == 0 && image < bits.shape[0]) bits.data[i / 32] = word;
 }
 
 // needs BLOCK
-// A thread has a word of 32 pixels in two rows of one ring. The number of the ring's offsets is a
+// A thread has a word of 32 pixels in two rows of one ring of an image. The number of the ring's offsets is a
 // multiple of eight. Bit p of the counts of row r is `sums[r][p]`. The threads of a warp exchange
 // their counts in shared memory: each has 32 pixels of one word, and writes one pixel of 32 words.
 void vote_rings(wp::array_t<wp::uint32> bits, wp::array_t<wp::uint32> places,
                 wp::array_t<int> starts, bool shares, wp::array_t<int> votes) {
-    const int columns = votes.shape[2], rows = votes.shape[1], pitch = bits.shape[1];
+    const int columns = votes.shape[2], rows = votes.shape[1], pitch = bits.shape[2];
     const int words = (columns + 31) / 32, items = words * ((rows + 1) / 2);
-    const int blocks = (items + BLOCK - 1) / BLOCK, ring = blockIdx.x / blocks;
+    const int blocks = (items + BLOCK - 1) / BLOCK, plane = blockIdx.x / blocks;
+    const int image = plane / (starts.shape[0] - 1), ring = plane % (starts.shape[0] - 1);
     const int lane = threadIdx.x % 32;
-    const int item = (blockIdx.x - ring * blocks) * BLOCK + threadIdx.x;
+    const int item = (blockIdx.x - plane * blocks) * BLOCK + threadIdx.x;
     const bool works = item < items;
     const int row = works ? item / words * 2 : rows, word = works ? item % words : 0;
     const int first = starts.data[ring], last = starts.data[ring + 1];
@@ -33,7 +37,7 @@ void vote_rings(wp::array_t<wp::uint32> bits, wp::array_t<wp::uint32> places,
         return carry;
     };
     if (works) {
-        const unsigned* from = bits.data + (size_t)row * pitch + word;
+        const unsigned* from = bits.data + ((size_t)image * bits.shape[1] + row) * pitch + word;
         for (int k = first; k < last; k += 8) {
             unsigned moved[2][8];
 #pragma unroll
@@ -81,7 +85,7 @@ void vote_rings(wp::array_t<wp::uint32> bits, wp::array_t<wp::uint32> places,
             if (y < rows && x < columns) {
                 const wp::float32 share = (wp::float32)count / (wp::float32)(last - first);
                 if (shares) count = __float_as_int(share);
-                votes.data[((size_t)ring * rows + y) * columns + x] = count;
+                votes.data[((size_t)plane * rows + y) * columns + x] = count;
             }
         }
     }

@@ -21,11 +21,11 @@ LAST = wp.constant(DIRECTIONS - 1)
 
 @_native.kernel("_votes_cuda.cu", BLOCK=BLOCK)
 def pack(
-    mask: wp.array2d[wp.uint8],  # (H, W)
+    mask: wp.array3d[wp.uint8],  # (N, H, W)
     top: int,
     left: int,
     # outputs
-    bits: wp.array2d[wp.uint32],  # (H + 2 top + 1, pitch)
+    bits: wp.array3d[wp.uint32],  # (N, H + 2 top + 1, pitch)
 ): ...
 
 
@@ -34,25 +34,25 @@ def place(
     offsets: wp.array2d[int],  # (N, 2)
     top: int,
     left: int,
-    bits: wp.array2d[wp.uint32],
+    bits: wp.array3d[wp.uint32],
     # outputs
     places: wp.array[wp.uint32],  # (N,)
 ):
     """Return the place at which the words moved by an offset begin: 27 bits word, 5 bits bit."""
     i = wp.tid()
     column = left + offsets[i, 1]
-    word = (top + offsets[i, 0]) * bits.shape[1] + column // 32
+    word = (top + offsets[i, 0]) * bits.shape[2] + column // 32
     places[i] = wp.uint32(word) * wp.uint32(32) + wp.uint32(column % 32)
 
 
 @_native.kernel("_votes_cuda.cu", BLOCK=BLOCK)
 def vote_rings(
-    bits: wp.array2d[wp.uint32],  # (H + 2 top + 1, pitch)
+    bits: wp.array3d[wp.uint32],  # (N, H + 2 top + 1, pitch)
     places: wp.array[wp.uint32],  # (N,)
     starts: wp.array[int],  # (R + 1,)
     shares: bool,
     # outputs
-    votes: wp.array3d[int],  # (R, H + 2 pad, W + 2 pad), of float32 if `shares`
+    votes: wp.array3d[int],  # (N R, H + 2 pad, W + 2 pad), of float32 if `shares`
 ): ...
 
 
@@ -75,7 +75,7 @@ def vote(votes: wp.array3d[int], ring: int, y: int, x: int):
 def vote_directed(
     points: wp.array2d[int],  # (N, 2)
     starts: wp.array[int],  # (H + 1,)
-    orientation: wp.array2d[float],  # (H, W)
+    orientation: wp.array2d[float],  # (N H, W)
     radii: wp.array[int],  # (R,)
     directions: wp.array2d[int],  # (DIRECTIONS, 2)
     tolerance: int,
@@ -83,22 +83,26 @@ def vote_directed(
     codes: wp.array[int],  # (M,)
     offset_starts: wp.array[int],  # (R + 1,)
     # outputs
-    votes: wp.array3d[int],  # (R, H + 2 pad, W + 2 pad)
+    votes: wp.array3d[int],  # (N R, H + 2 pad, W + 2 pad)
 ):
     # One thread per point; the host does not know the number of points.
     i = wp.tid()
     if i >= starts[starts.shape[0] - 1]:
         return
     pad = (votes.shape[2] - orientation.shape[1]) // 2
-    y = points[i, 0] + pad
+    number = radii.shape[0]
+    height = orientation.shape[0] * number // votes.shape[0]
+    image = points[i, 0] // height
+    y = points[i, 0] - image * height + pad
     x = points[i, 1] + pad
     code = direction_code(orientation[points[i, 0], points[i, 1]])
-    for ring in range(votes.shape[0]):
+    for ring in range(number):
+        plane = image * number + ring
         if tolerance < 0:
             down = (radii[ring] * directions[code, 0] + 32768) >> 16
             along = (radii[ring] * directions[code, 1] + 32768) >> 16
-            vote(votes, ring, y + down, x + along)
-            vote(votes, ring, y - down, x - along)
+            vote(votes, plane, y + down, x + along)
+            vote(votes, plane, y - down, x - along)
         else:
             begin = offset_starts[ring]
             size = offset_starts[ring + 1] - begin
@@ -116,7 +120,7 @@ def vote_directed(
                     at = begin + (low + k) % size
                     if ((codes[at] - least) & LAST) > 2 * tolerance:
                         break
-                    vote(votes, ring, y + offsets[at, 0], x + offsets[at, 1])
+                    vote(votes, plane, y + offsets[at, 0], x + offsets[at, 1])
 
 
 @wp.kernel
@@ -124,9 +128,9 @@ def share(
     offset_starts: wp.array[int],  # (R + 1,)
     plane: int,
     # outputs
-    votes: wp.array[int],  # (R plane,), then of float32
+    votes: wp.array[int],  # (N R plane,), then of float32
 ):
     i = wp.tid()
-    ring = i // plane
+    ring = i // plane % (offset_starts.shape[0] - 1)
     size = offset_starts[ring + 1] - offset_starts[ring]
     votes[i] = wp.cast(float(votes[i]) / float(size), wp.int32)

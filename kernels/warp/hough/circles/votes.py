@@ -20,16 +20,23 @@ _SLABS = 4  # slabs per thread, because rows of small rings take less time
 def vote_rings(mask: wp.array, rings: Rings, reach: int, votes: wp.array) -> None:
     """Cast a vote for each offset of each ring from each set pixel; fill all votes.
 
-    `votes`, (R, H + 2 pad, W + 2 pad), are int32, or float32 for shares of the ring.
+    `votes`, (R, H + 2 pad, W + 2 pad), are int32, or float32 for shares of the ring. Of a stack,
+    masks and votes have one more axis.
     """
+    if mask.ndim == 3 and not mask.device.is_cuda:
+        for n in range(mask.shape[0]):
+            vote_rings(mask[n], rings, reach, votes[n])
+        return
     shares, votes = _integers(votes)
-    pad = (votes.shape[2] - mask.shape[1]) // 2
+    images, height, width = (1, *mask.shape)[-3:]
+    pad = (votes.shape[2] - width) // 2
     top = pad + reach
     count = rings.offsets.shape[0]
     if mask.device.is_cuda:
         left = -(-top // 32) * 32
         across = -(-votes.shape[2] // 32)
-        shape = (mask.shape[0] + 2 * top + 1, across + (left + reach) // 32 + 2)
+        shape = (images, height + 2 * top + 1, across + (left + reach) // 32 + 2)
+        mask = view(mask, wp.uint8, (images, height, width))
         bits = scratch("circles.bits", shape, wp.uint32, mask.device)
         places = scratch("circles.places", (count,), wp.uint32, mask.device)
         launch(cuda.pack, _in_blocks(32 * bits.size), [mask, top, left], [bits])
@@ -43,8 +50,8 @@ def vote_rings(mask: wp.array, rings: Rings, reach: int, votes: wp.array) -> Non
         )
         return
     left = -(-top // 8) * 8
-    width = -(-votes.shape[2] // cpu.LANES) * cpu.LANES
-    shape = (8, mask.shape[0] + 2 * top, (width + left + reach) // 64 * 8 + 8)
+    lanes = -(-votes.shape[2] // cpu.LANES) * cpu.LANES
+    shape = (8, height + 2 * top, (lanes + left + reach) // 64 * 8 + 8)
     bits = scratch("circles.bits", shape, wp.uint8, mask.device)
     places = scratch("circles.places", (count,), wp.int64, mask.device)
     bit_words = view(bits, wp.uint64, (*shape[:2], shape[2] // 8))
@@ -70,12 +77,15 @@ def vote_directed(
 
     Without a tolerance (-1) a point votes for the two pixels at one radius along its direction.
     Otherwise it votes, on both sides, for the offsets whose direction codes differ from its own by
-    at most the tolerance.
+    at most the tolerance. The points of a stack have the rows of all its images.
     """
+    stack = None if orientation.ndim == 2 else orientation.shape
     shares, votes = _integers(votes)
     if votes.device.is_cuda:
         flat = view(votes, wp.int32, (votes.size,))
         launch(cuda.clear, votes.size, [], [flat])
+        if stack:
+            orientation = view(orientation, wp.float32, (stack[0] * stack[1], stack[2]))
         radii, *listed = rings
         inputs = [points, starts, orientation, radii, directions, tolerance, *listed]
         launch(cuda.vote_directed, points.shape[0], inputs, [votes])
@@ -83,22 +93,21 @@ def vote_directed(
             plane = votes.shape[1] * votes.shape[2]
             launch(cuda.share, votes.size, [rings.starts, plane], [flat])
         return
-    lines = votes.shape[0] * votes.shape[1]
-    inputs = [
-        points,
-        starts,
-        orientation,
-        directions,
-        tolerance,
-        struct_of(cpu.Circles, rings),
-        shares,
-    ]
-    launch_slabs(cpu.vote_directed, lines, _pieces(lines, votes), inputs, [votes])
+    circles = struct_of(cpu.Circles, rings)
+    number, lines = rings.radii.shape[0], rings.radii.shape[0] * votes.shape[1]
+    for n in range(stack[0] if stack else 1):
+        first = n * stack[1] if stack else 0
+        of_image = starts[first : first + stack[1] + 1] if stack else starts
+        angles = orientation[n] if stack else orientation
+        filled = votes[n * number : (n + 1) * number] if stack else votes
+        inputs = [points, of_image, angles, directions, tolerance, circles, shares, first]
+        launch_slabs(cpu.vote_directed, lines, _pieces(lines, filled), inputs, [filled])
 
 
 def _integers(votes: wp.array) -> tuple[bool, wp.array]:
-    """Tell whether the votes are shares, and view their memory as integers."""
-    return votes.dtype is wp.float32, view(votes, wp.int32, votes.shape)
+    """Tell whether the votes are shares; view their memory as integers, one plane a ring."""
+    planes = votes.size // (votes.shape[-2] * votes.shape[-1])
+    return votes.dtype is wp.float32, view(votes, wp.int32, (planes, *votes.shape[-2:]))
 
 
 def _pieces(count: int, votes: wp.array) -> int:

@@ -27,12 +27,13 @@ def _vote(weighted: bool) -> wp.Kernel:
         first: int,
         last: int,
         points: wp.array2d[int],  # (capacity, 2)
-        starts: wp.array[int],  # its last element is the number of points
+        starts: wp.array[int],  # its last element is the end of the points; see _votes_cpu.h
         cosine: wp.array[int],  # (T + up to 7,)
         sine: wp.array[int],
         offset: wp.array[wp.int64],
         shift: int,
         weights: wp.array[int],  # (capacity,), if they count
+        lift: int,  # rows of the points above those of their image
         # scratch
         lines: wp.array2d[int],  # (slabs GROUP, R)
         # outputs
@@ -58,6 +59,7 @@ def _vote_directed(weighted: bool) -> wp.Kernel:
         offset: wp.array[wp.int64],
         shift: int,
         weights: wp.array[int],  # (capacity,), if they count
+        lift: int,  # rows of the points above those of their image
         # outputs
         votes: wp.array2d[int],  # (R, T)
     ): ...

@@ -30,8 +30,9 @@ def _vote(size: int, weighted: bool) -> wp.Kernel:
         shift: int,
         parts: int,  # how many parts of the bins there are
         weights: wp.array[int],  # (capacity,), if they count
+        images: int,
         # outputs
-        shares: wp.array3d[int],  # (shares, T, R)
+        shares: wp.array3d[int],  # (N shares, T, R)
     ): ...
 
     return vote
@@ -44,20 +45,18 @@ votes = {
 
 @_native.kernel("_votes_cuda.cu", TILE=TILE)
 def add_up(
-    shares: wp.array3d[int],  # (shares, T, R)
+    shares: wp.array3d[int],  # (N shares, T, R)
     # outputs
-    votes: wp.array2d[int],  # (R, T)
+    votes: wp.array3d[int],  # (N, R, T)
 ): ...
 
 
 @wp.kernel
 def clear(
     # outputs
-    votes: wp.array2d[int],  # (R, T)
+    votes: wp.array[int],  # (N R T,)
 ):
-    i = wp.tid()
-    bin = i // votes.shape[1]
-    votes[bin, i - bin * votes.shape[1]] = 0
+    votes[wp.tid()] = 0
 
 
 @wp.kernel
@@ -73,19 +72,24 @@ def vote_directed(
     weights: wp.array[int],  # (capacity,), if they count
     threads: int,
     # outputs
-    votes: wp.array2d[int],  # (R, T)
+    votes: wp.array3d[int],  # (N, R, T)
 ):
     # A thread takes points at a constant stride, because the host may not know their number.
     i = wp.tid()
+    height = (starts.shape[0] - 1) // votes.shape[0]  # rows of an image, if there are several
     while i < starts[starts.shape[0] - 1]:
-        y = wp.int64(points[i, 0])
+        row = points[i, 0]
+        image = int(0)
+        if votes.shape[0] > 1:
+            image = row // height
+        y = wp.int64(row - image * height)
         x = wp.int64(points[i, 1])
         vote = wp.where(weighted, weights[wp.where(weighted, i, 0)], 1)
         angle = windows[i, 0]
         for _k in range(windows[i, 1]):
             rho = x * wp.int64(cosine[angle]) + y * wp.int64(sine[angle]) + offset[angle]
-            wp.atomic_add(votes, int(rho >> wp.int64(shift)), angle, vote)
+            wp.atomic_add(votes, image, int(rho >> wp.int64(shift)), angle, vote)
             angle += 1
-            if angle == votes.shape[1]:
+            if angle == votes.shape[2]:
                 angle = 0
         i += threads

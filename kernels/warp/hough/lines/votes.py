@@ -5,10 +5,12 @@ source. On the CPU each slab of angles has its own histograms; on CUDA a block h
 memory.
 """
 
+from collections.abc import Iterator
+
 import warp as wp
 
 from cvkern.kernels.codes.hough import DIRECTIONS, LineTables, LineWindows
-from cvkern.kernels.warp._launch import cpu_threads, launch, launch_slabs, scratch
+from cvkern.kernels.warp._launch import cpu_threads, launch, launch_slabs, scratch, view
 from cvkern.kernels.warp.hough._directions import direction_code
 
 from . import _votes_cpu as cpu
@@ -67,29 +69,33 @@ def vote(
     weights: wp.array | None,
     votes: wp.array,
 ) -> None:
-    """Count the votes of all points at all angles, by 1 or their weight; fill `votes`."""
-    bins, angles = votes.shape
+    """Count the votes of all points at all angles, by 1 or their weight; fill `votes`.
+
+    `votes` are (R, T), or (N, R, T) of a stack, in whose list each image has as many rows.
+    """
+    images, bins, angles = (1, *votes.shape)[-3:]
     weighted = weights is not None
     given = weights if weighted else starts  # without weights, any array of the same type
     if votes.device.is_cuda:
         size = cuda.SMALL if bins <= cuda.SMALL else cuda.LARGE
         parts = -(-bins // size)
-        count = max(1, min(8, _SHARES // (angles * parts)))
-        shares = scratch("lines.shares", (count, angles, bins), wp.int32, votes.device)
+        count = max(1, min(8, _SHARES // (images * angles * parts)))
+        shares = scratch("lines.shares", (images * count, angles, bins), wp.int32, votes.device)
         launch(
             cuda.votes[size, weighted],
-            count * parts * angles * cuda.BLOCK,
-            [points, starts, *tables, parts, given],
+            images * count * parts * angles * cuda.BLOCK,
+            [points, starts, *tables, parts, given, images],
             [shares],
         )
         squares = -(-bins // cuda.TILE) * -(-angles // cuda.TILE)
-        launch(cuda.add_up, squares * cuda.BLOCK, [shares], [votes])
+        launch(cuda.add_up, images * squares * cuda.BLOCK, [shares], [_planes(votes)])
         return
     groups = -(-angles // cpu.ANGLES)
     count = min(4 * cpu_threads(), groups)
     lines = scratch("lines.lines", (count * cpu.GROUP, bins), wp.int32, votes.device)
-    inputs = [points, starts, *tables, given, lines]
-    launch_slabs(cpu.votes[weighted], groups, count, inputs, [votes])
+    for lift, of_image, filled in _images(starts, votes):
+        inputs = [points, of_image, *tables, given, lift, lines]
+        launch_slabs(cpu.votes[weighted], groups, count, inputs, [filled])
 
 
 def vote_directed(
@@ -108,13 +114,28 @@ def vote_directed(
     given = weights if weighted else starts
     if votes.device.is_cuda:
         inputs = [points, starts, found, *tables, weighted, given, threads]
-        launch(cuda.clear, votes.size, [], [votes])
-        launch(cuda.vote_directed, threads, inputs, [votes])
+        launch(cuda.clear, votes.size, [], [view(votes, wp.int32, (votes.size,))])
+        launch(cuda.vote_directed, threads, inputs, [_planes(votes)])
         return
-    angles = votes.shape[1]
-    inputs = [points, starts, found, *tables, given]
+    angles = votes.shape[-1]
     count = min(2 * cpu_threads(), angles)
-    launch_slabs(cpu.directed_votes[weighted], angles, count, inputs, [votes])
+    for lift, of_image, filled in _images(starts, votes):
+        inputs = [points, of_image, found, *tables, given, lift]
+        launch_slabs(cpu.directed_votes[weighted], angles, count, inputs, [filled])
+
+
+def _planes(votes: wp.array) -> wp.array:
+    return view(votes, wp.int32, (1, *votes.shape)[-3:])
+
+
+def _images(starts: wp.array, votes: wp.array) -> Iterator[tuple[int, wp.array, wp.array]]:
+    """Yield the first row of each image, the starts of its rows, and its votes."""
+    if votes.ndim == 2:
+        yield 0, starts, votes
+        return
+    height = (starts.shape[0] - 1) // votes.shape[0]
+    for n in range(votes.shape[0]):
+        yield n * height, starts[n * height : (n + 1) * height + 1], votes[n]
 
 
 def _threads(points: wp.array) -> int:
