@@ -19,12 +19,12 @@ from cvkern._checks import (
 )
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import LIGHT, CameraSet, Lights
-from cvkern.radiance.embeddings import light_of
 from cvkern.radiance.fields.field import Field, Frame, View
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import MOST_SIDE, Cameras, cameras, look_at
 from cvkern.radiance.scenes.photographs import Scene, focus_of
+from cvkern.radiance.wild.embeddings import light_of
 
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
 
@@ -153,7 +153,7 @@ class Renderer:
             self.field.light(Lights(table, views))
         self.field.see(origins, directions, seen, row)
         if light.shape[1] != LIGHT:
-            rt.radiance.appearance.apply(seen.color, seen.opacity, views, table, seen.color)
+            rt.radiance.wild.appearance.apply(seen.color, seen.opacity, views, table, seen.color)
 
 
 def render_path(

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from cvkern._runtime import Runtime
-from cvkern.radiance.distractors import EVERY, Distractors
+from cvkern.radiance.wild.distractors import EVERY, Distractors
 
 KEPT = 0.85  # share of the patches that is kept
 FADE = 0.9  # what remains of the sums at each update
@@ -35,7 +35,7 @@ class Trimmed(Distractors):
         self, errors: Any, places: tuple[Any, Any], active: Any, gradients: tuple[Any, Any, Any]
     ) -> None:
         """See :meth:`Distractors.weigh`."""
-        self.rt.radiance.distractors.weigh(
+        self.rt.radiance.wild.distractors.weigh(
             errors, *places, active, self.patches, *gradients, self._moments
         )
         self._last = errors, *places, active

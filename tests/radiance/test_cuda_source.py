@@ -88,7 +88,7 @@ def made(scalar):
     for family, names in {
         "radiance.training._adam_cuda": ["adam"],
         "radiance.encodings": ["_spherical", "_positional", "_gather"],
-        "radiance.embeddings": ["gatherer", "copier"],
+        "radiance.wild.embeddings": ["gatherer", "copier"],
         "radiance.fields.perceptron.heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -152,7 +152,7 @@ def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
 
 def test_heads_and_weights_of_photographs_compile_for_hopper(tmp_path):
     for name in ("transient", "distractors", "embeddings", "appearance"):
-        compile_for_hopper(load(f"radiance.{name}"), tmp_path / name)
+        compile_for_hopper(load(f"radiance.wild.{name}"), tmp_path / name)
     for sums, add in ((wp.float32, "add.f32"), (wp.int64, "add.u64")):
-        kernel = load("radiance.transient").scatterer(sums, False)
+        kernel = load("radiance.wild.transient").scatterer(sums, False)
         assert f".global.{add}" in compile_for_hopper(kernel.module, tmp_path / add)

@@ -18,7 +18,15 @@ from cvkern.app.commands import (
     check_new,
     progress_bar,
 )
-from cvkern.app.commands._scenes import FORWARD, SHAPES, fade, scene_at, with_settings, within
+from cvkern.app.commands._scenes import (
+    FORWARD,
+    SHAPES,
+    check_kind,
+    fade,
+    scene_at,
+    with_settings,
+    within,
+)
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -233,10 +241,7 @@ def render(
     if orbit and path:
         raise ValueError(f"path must not go with an orbit, got {str(path)!r}")
     film = orbit or path is not None
-    if film and depth:
-        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with a film")
-    if light_to is not None and not film:
-        raise ValueError(f"light-to must go with a film, got {light_to} with a single view")
+    check_kind(film, depth, light_to)
     raw = depth is not None and depth.suffix.lower() == ".npy"
     check_new(output if film else None, "output", overwrite)
     check_new(depth if raw else None, "depth", overwrite)

@@ -238,7 +238,8 @@ class PlaneStack(Field):
 
     def collected(self) -> list[Any]:
         """See :meth:`Field.collected`."""
-        return [self._learnt().gradients]
+        beside = [] if self.coefficients is None else [self.coefficients.gradients]
+        return [self._learnt().gradients, *beside]
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
