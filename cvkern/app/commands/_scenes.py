@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 SHAPES, FORWARD = "shapes", "shapes-forward"  # names of synthetic scenes
+SceneAt = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SCENE",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
+    ),
+]
 
 
 def within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:

@@ -18,26 +18,10 @@ from cvkern.app.commands import (
     check_new,
     progress_bar,
 )
-from cvkern.app.commands._scenes import (
-    FORWARD,
-    SHAPES,
-    check_kind,
-    fade,
-    scene_at,
-    with_settings,
-    within,
-)
+from cvkern.app.commands._scenes import SceneAt, check_kind, fade, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SceneAt = Annotated[
-    Path,
-    typer.Argument(
-        metavar="SCENE",
-        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
-        "photographed from one side. If no file there has the cameras, they are found.",
-    ),
-]
 PAGES = ".html", ".png"  # files of planes
 ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
 Shrink = Annotated[
