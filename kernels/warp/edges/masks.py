@@ -15,7 +15,7 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, vi
 
 from . import _masks_cpu as cpu
 from . import _masks_cuda as cuda
-from .slopes import tall
+from ._stacks import tall
 
 
 def thin_sobel(

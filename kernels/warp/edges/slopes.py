@@ -3,20 +3,12 @@
 Images are (H, W), or (N, H, W) of a stack, whose rows kernels see as those of one image.
 """
 
-from typing import Any
-
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_each, view
+from cvkern.kernels.warp._launch import launch, launch_each
 
 from . import _slopes as pixels
-
-
-def tall(image: wp.array, dtype: Any = wp.float32) -> wp.array:
-    """View the rows of all images of a stack as those of one image."""
-    if image.ndim == 2:
-        return image
-    return view(image, dtype, (image.shape[0] * image.shape[1], image.shape[2]))
+from ._stacks import tall
 
 
 def cover(image: wp.array, mask: wp.array, covered: wp.array, weight: wp.array) -> None:
